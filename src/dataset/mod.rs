@@ -1,0 +1,82 @@
+//! Session folders: reading what was measured, writing what was run.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::signal::FilterSpec;
+use crate::wrist::Lever;
+
+/// A measured session, loaded and checked.
+#[derive(Debug, Clone)]
+pub struct Session {
+    /// Who was measured.
+    pub subject: Subject,
+    /// Samples a second, all channels.
+    pub sample_rate_hz: f64,
+    /// The lever between motor and handle; `None` for a rigid one (theta_l = theta_m, T_l = T_h).
+    pub lever: Option<Lever>,
+    /// What the rig applied to both channels before recording.
+    pub recorded_filter: Option<FilterSpec>,
+    /// The trials in the order they were run, whatever their status.
+    pub trials: Vec<Trial>,
+}
+
+/// Who was measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Subject {
+    /// Identifier, such as `S01`.
+    pub id: String,
+}
+
+/// What became of a trial. Only `Ok` trials are analysed; nothing is deleted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// Complete and usable.
+    Ok,
+    /// Interrupted by a fault, the operator or the end of the program.
+    Aborted,
+    /// Complete, but the person did not hold the torque as asked.
+    Rejected,
+}
+
+/// One ramp and its record.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// Number in the table.
+    pub number: u32,
+    /// Path of the record inside the session folder, with `/`.
+    pub file: String,
+    /// Ramp velocity, rad/s; negative turns the other way.
+    pub velocity_rad_s: f64,
+    /// Target torque, N m.
+    pub torque_nm: f64,
+    /// Which repetition of its condition.
+    pub repetition: u32,
+    /// Label of the condition where the table has such a column.
+    pub condition: Option<String>,
+    /// Onset of the ramp on the record's time axis, s; `None` asks the analysis to find it.
+    pub onset_s: Option<f64>,
+    /// What became of it.
+    pub status: Status,
+    /// Further columns of the table, as written.
+    pub extra: BTreeMap<String, String>,
+    /// The signals.
+    pub record: Record,
+}
+
+/// The raw signals of a trial: unfiltered, offsets not removed, one value a sample.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Record {
+    /// Time of the first sample, s.
+    pub start_s: f64,
+    /// Motor angle, rad.
+    pub theta_m_rad: Vec<f64>,
+    /// Torque measured in the lever, N m.
+    pub torque_l_nm: Vec<f64>,
+    /// Flexor carpi radialis EMG, fraction of MVC, where measured.
+    pub emg_fcr_mvc: Option<Vec<f64>>,
+    /// Extensor carpi radialis EMG, fraction of MVC, where measured.
+    pub emg_ecr_mvc: Option<Vec<f64>>,
+}
