@@ -1,5 +1,9 @@
 //! From raw samples to what the fit compares: the filter, the onset, the noise of the hold.
 
 mod filter;
+mod noise;
+mod onset;
 
 pub use filter::{FilterError, FilterSpec, Section, SectionState, filter, filter_both_ways};
+pub use noise::Noise;
+pub use onset::onset;

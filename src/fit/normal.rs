@@ -1,0 +1,322 @@
+//! Cost, gradient and Gauss-Newton matrix of a component, kept in arrowhead form.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::layout::{Component, Layout};
+use super::prepare::Prepared;
+use super::solve::factor;
+use crate::wrist::mechanisms::Kind;
+use crate::wrist::{Request, Response, Width, simulate, substeps};
+
+/// What is minimised.
+#[derive(Debug, Clone)]
+pub enum Objective {
+    /// The sum of squared torque residuals (section 2.4 of the paper).
+    LeastSquares,
+    /// The same after a matrix, one a noise of the session, has made the noise independent and of variance one.
+    Whitened(Vec<DMatrix<f64>>),
+}
+
+/// One trial's part of the normal equations, by the estimated parameters.
+#[derive(Debug, Clone)]
+pub struct TrialNormal {
+    /// Sum of products of derivatives.
+    pub matrix: DMatrix<f64>,
+    /// Sum of derivatives times residual (predicted less measured).
+    pub gradient: DVector<f64>,
+    /// Half the sum of squares.
+    pub cost: f64,
+}
+
+/// The normal equations of a component.
+#[derive(Debug, Clone)]
+pub struct Normal {
+    /// Half the sum of squares.
+    pub cost: f64,
+    /// Block by block: its own matrix, its matrix with the border, its gradient.
+    blocks: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)>,
+    border: DMatrix<f64>,
+    border_gradient: DVector<f64>,
+}
+
+/// Predicted torques and derivatives of some trials.
+pub fn predict(
+    prepared: &Prepared,
+    layout: &Layout,
+    kinds: &[Kind],
+    trials: &[usize],
+    parameters: &[f64],
+    response: &mut Response,
+) {
+    let count = layout.links[0].len();
+    let most = (0..trials.len())
+        .map(|place| {
+            substeps(prepared.lever, &parameters[place * count..(place + 1) * count], prepared.period_s)
+        })
+        .max()
+        .unwrap_or(1);
+    let request = Request {
+        lever: prepared.lever,
+        kinds,
+        period_s: prepared.period_s,
+        samples: prepared.samples,
+        lead: prepared.lead,
+        // In powers of two, so that a small step of the parameters seldom changes the integrator.
+        substeps: most.next_power_of_two(),
+        filter: &prepared.sections,
+        wanted: &layout.estimated,
+        width: Width::fastest(),
+    };
+    let inputs: Vec<_> = trials.iter().map(|trial| &prepared.trials[*trial].input).collect();
+    simulate(&request, &inputs, parameters, response);
+}
+
+/// The normal equations of `components` at `coordinates`.
+pub fn evaluate(
+    prepared: &Prepared,
+    layout: &Layout,
+    kinds: &[Kind],
+    objective: &Objective,
+    components: &[&Component],
+    coordinates: &[f64],
+) -> Vec<Normal> {
+    let trials: Vec<usize> = components.iter().flat_map(|component| &component.trials).copied().collect();
+    let mut parameters = Vec::new();
+    for trial in &trials {
+        layout.parameters(*trial, coordinates, &mut parameters);
+    }
+    let mut response = Response::default();
+    predict(prepared, layout, kinds, &trials, &parameters, &mut response);
+    let mut place = 0;
+    let count = layout.links[0].len();
+    let mut result = Vec::with_capacity(components.len());
+    for component in components {
+        let mut normal = Normal::empty(component);
+        for (own, trial) in component.trials.iter().enumerate() {
+            let part = trial_normal(prepared, objective, *trial, &response, place, layout.estimated.len());
+            let parameters = &parameters[place * count..(place + 1) * count];
+            normal.add(component, layout, own, *trial, parameters, &part);
+            place += 1;
+        }
+        result.push(normal);
+    }
+    result
+}
+
+/// Residuals (predicted less measured) and derivatives of the trial at `place` in the response.
+fn trial_normal(
+    prepared: &Prepared,
+    objective: &Objective,
+    trial: usize,
+    response: &Response,
+    place: usize,
+    wanted: usize,
+) -> TrialNormal {
+    let samples = prepared.samples;
+    let torque = &response.torque_nm[place * samples..(place + 1) * samples];
+    let slopes = &response.slopes[place * samples * wanted..(place + 1) * samples * wanted];
+    let residual: Vec<f64> = torque
+        .iter()
+        .zip(&prepared.trials[trial].measured_nm)
+        .map(|(predicted, measured)| predicted - measured)
+        .collect();
+    match (objective, prepared.noise_of[trial]) {
+        (Objective::Whitened(whiteners), Some(noise)) => {
+            let whitener = &whiteners[noise];
+            let jacobian = whitener * DMatrix::from_row_slice(samples, wanted, slopes);
+            let residual = whitener * DVector::from_vec(residual);
+            TrialNormal {
+                cost: 0.5 * residual.norm_squared(),
+                gradient: jacobian.tr_mul(&residual),
+                matrix: jacobian.tr_mul(&jacobian),
+            }
+        }
+        _ => {
+            let mut matrix = DMatrix::zeros(wanted, wanted);
+            let mut gradient = DVector::zeros(wanted);
+            let mut cost = 0.0;
+            for (row, residual) in slopes.chunks_exact(wanted.max(1)).zip(&residual) {
+                for a in 0..wanted {
+                    gradient[a] += row[a] * residual;
+                    for b in 0..=a {
+                        matrix[(a, b)] += row[a] * row[b];
+                    }
+                }
+            }
+            for residual in &residual {
+                cost += 0.5 * residual * residual;
+            }
+            matrix.fill_upper_triangle_with_lower_triangle();
+            TrialNormal { matrix, gradient, cost }
+        }
+    }
+}
+
+impl Normal {
+    fn empty(component: &Component) -> Self {
+        let border = component.border.len();
+        Self {
+            cost: 0.0,
+            blocks: component
+                .blocks
+                .iter()
+                .map(|own| {
+                    (
+                        DMatrix::zeros(own.len(), own.len()),
+                        DMatrix::zeros(own.len(), border),
+                        DVector::zeros(own.len()),
+                    )
+                })
+                .collect(),
+            border: DMatrix::zeros(border, border),
+            border_gradient: DVector::zeros(border),
+        }
+    }
+
+    /// Adds a trial's part.
+    fn add(
+        &mut self,
+        component: &Component,
+        layout: &Layout,
+        own: usize,
+        trial: usize,
+        parameters: &[f64],
+        part: &TrialNormal,
+    ) {
+        let block_index = component.block_of_trial[own];
+        // The trial's parameters as places in the block or in the border, with how they change.
+        let mut places: Vec<(usize, Result<usize, usize>, f64)> = Vec::with_capacity(layout.estimated.len());
+        for (row, parameter) in layout.estimated.iter().enumerate() {
+            layout.slopes(trial, *parameter, parameters[*parameter], |coordinate, slope| {
+                let place = match component.blocks[block_index].iter().position(|c| *c == coordinate) {
+                    Some(place) => Ok(place),
+                    None => Err(component.border.iter().position(|c| *c == coordinate).unwrap_or(0)),
+                };
+                places.push((row, place, slope));
+            });
+        }
+        self.cost += part.cost;
+        let (block, with_border, gradient) = &mut self.blocks[block_index];
+        for (row, place, slope) in &places {
+            match place {
+                Ok(place) => gradient[*place] += slope * part.gradient[*row],
+                Err(place) => self.border_gradient[*place] += slope * part.gradient[*row],
+            }
+            for (other_row, other_place, other_slope) in &places {
+                let value = slope * other_slope * part.matrix[(*row, *other_row)];
+                match (place, other_place) {
+                    (Ok(a), Ok(b)) => block[(*a, *b)] += value,
+                    (Ok(a), Err(b)) => with_border[(*a, *b)] += value,
+                    (Err(_), Ok(_)) => {}
+                    (Err(a), Err(b)) => self.border[(*a, *b)] += value,
+                }
+            }
+        }
+    }
+
+    /// The gradient in the component's order.
+    pub fn gradient(&self, component: &Component) -> DVector<f64> {
+        let blocks = self.blocks.iter().flat_map(|(_, _, gradient)| gradient.iter());
+        let values = blocks.chain(self.border_gradient.iter()).copied();
+        DVector::from_iterator(component.order().len(), values)
+    }
+
+    /// The Levenberg-Marquardt step, `held` coordinates staying; `None` if the damped matrix is singular.
+    pub fn damped_step(
+        &self,
+        component: &Component,
+        layout: &Layout,
+        damping: f64,
+        held: &[bool],
+    ) -> Option<DVector<f64>> {
+        let border_start = held.len() - component.border.len();
+        let border_held = &held[border_start..];
+        let dampen = |matrix: &mut DMatrix<f64>, coordinates: &[usize], held: &[bool]| {
+            for (i, coordinate) in coordinates.iter().enumerate() {
+                if held[i] {
+                    matrix.row_mut(i).fill(0.0);
+                    matrix.column_mut(i).fill(0.0);
+                    matrix[(i, i)] = 1.0;
+                } else {
+                    // A floor under the diagonal keeps coordinates without influence where they are.
+                    let scale = layout.coordinates[*coordinate].scale;
+                    let floor = 1e-9 * self.cost.max(1e-12) / (scale * scale);
+                    matrix[(i, i)] += damping * matrix[(i, i)] + floor;
+                }
+            }
+        };
+        let mut border = self.border.clone();
+        dampen(&mut border, &component.border, border_held);
+        let mut right = -&self.border_gradient;
+        for (i, held) in border_held.iter().enumerate() {
+            if *held {
+                right[i] = 0.0;
+            }
+        }
+        let mut solved = Vec::with_capacity(self.blocks.len());
+        let mut start = 0;
+        for ((block, with_border, gradient), coordinates) in self.blocks.iter().zip(&component.blocks) {
+            let own_held = &held[start..start + coordinates.len()];
+            start += coordinates.len();
+            let (mut block, mut with_border, mut gradient) = (block.clone(), with_border.clone(), -gradient);
+            dampen(&mut block, coordinates, own_held);
+            for (i, held) in own_held.iter().enumerate() {
+                if *held {
+                    with_border.row_mut(i).fill(0.0);
+                    gradient[i] = 0.0;
+                }
+            }
+            for (j, held) in border_held.iter().enumerate() {
+                if *held {
+                    with_border.column_mut(j).fill(0.0);
+                }
+            }
+            let factor = factor(block)?;
+            let (across, own) = (factor.solve(&with_border), factor.solve(&gradient));
+            border -= with_border.tr_mul(&across);
+            right -= with_border.tr_mul(&own);
+            solved.push((across, own));
+        }
+        let border_step = if right.is_empty() { right } else { factor(border)?.solve(&right) };
+        let blocks =
+            solved.iter().flat_map(|(across, own)| (own - across * &border_step).data.as_vec().clone());
+        let step: Vec<f64> = blocks.chain(border_step.iter().copied()).collect();
+        step.iter().all(|x| x.is_finite()).then(|| DVector::from_vec(step))
+    }
+
+    /// Decrease of the cost that the quadratic model promises for a step.
+    pub fn promised_decrease(
+        &self,
+        component: &Component,
+        gradient: &DVector<f64>,
+        step: &DVector<f64>,
+    ) -> f64 {
+        let border_start = step.len() - component.border.len();
+        let border_step = step.rows(border_start, component.border.len());
+        let mut curvature = (border_step.transpose() * &self.border * border_step)[(0, 0)];
+        let mut start = 0;
+        for (block, with_border, _) in &self.blocks {
+            let own = step.rows(start, block.nrows());
+            start += block.nrows();
+            curvature += own.dot(&(block * own)) + 2.0 * own.dot(&(with_border * border_step));
+        }
+        -gradient.dot(step) - 0.5 * curvature
+    }
+
+    /// The whole Gauss-Newton matrix in the component's order.
+    pub fn dense(&self, component: &Component) -> DMatrix<f64> {
+        let size = component.order().len();
+        let border_start = size - component.border.len();
+        let mut dense = DMatrix::zeros(size, size);
+        let mut start = 0;
+        for (block, with_border, _) in &self.blocks {
+            let (rows, columns) = (block.nrows(), with_border.ncols());
+            dense.view_mut((start, start), (rows, rows)).copy_from(block);
+            dense.view_mut((start, border_start), (rows, columns)).copy_from(with_border);
+            dense.view_mut((border_start, start), (columns, rows)).copy_from(&with_border.transpose());
+            start += rows;
+        }
+        dense.view_mut((border_start, border_start), self.border.shape()).copy_from(&self.border);
+        dense
+    }
+}

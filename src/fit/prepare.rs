@@ -1,0 +1,357 @@
+//! From a measured session to what the fit compares (section 2.4 of the paper): levels before the ramp subtracted, torque
+//! filtered, the window cut; and the same done to the hold, which tells the noise.
+
+use crate::dataset::{Session, Status};
+use crate::signal::{FilterSpec, Noise, Section, filter, onset};
+use crate::wrist::mechanisms::Covariates;
+use crate::wrist::{self, Lever};
+
+/// How the analysis looks at a record.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// The analysed time after the onset, s.
+    pub window_s: f64,
+    /// The low-pass that measured and predicted torque go through, unless the rig filtered already.
+    pub filter: FilterSpec,
+}
+
+impl Default for View {
+    /// The paper's: 40 ms, 50 Hz, third order.
+    fn default() -> Self {
+        Self { window_s: 0.040, filter: FilterSpec::PAPER }
+    }
+}
+
+/// Torque and angle before the ramp are means over this time, s.
+const LEVEL_S: f64 = 0.010;
+
+/// The simulation starts this long before the onset, s: room for the speed's difference formula.
+const LEAD_S: f64 = 0.004;
+
+/// Angle before and after the simulated time that is kept for mechanisms that shift it, s.
+const MARGIN_S: f64 = 0.012;
+
+/// Time that the filter is given to settle at the start of a record, s.
+const SETTLING_S: f64 = 0.025;
+
+/// A session ready to be fitted.
+#[derive(Debug, Clone)]
+pub struct Prepared {
+    /// The lever; `None` for a rigid one.
+    pub lever: Option<Lever>,
+    /// Time between samples, s.
+    pub period_s: f64,
+    /// Samples in the window.
+    pub samples: usize,
+    /// Samples before the onset at which the simulation starts.
+    pub lead: usize,
+    /// What the predicted torque goes through; empty if the rig filtered angle and torque alike before recording.
+    pub sections: Vec<Section>,
+    /// The trials that can be fitted.
+    pub trials: Vec<PreparedTrial>,
+    /// What could not be used, and why.
+    pub left_out: Vec<LeftOut>,
+    /// Noise by trial: index into [`Prepared::noises`]; `None` where the hold is too short to measure any.
+    pub noise_of: Vec<Option<usize>>,
+    /// The noises measured.
+    pub noises: Vec<Noise>,
+}
+
+/// A trial that is not fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeftOut {
+    /// Its number.
+    pub trial: u32,
+    /// Why, for a person.
+    pub reason: String,
+}
+
+/// A trial ready to be fitted.
+#[derive(Debug, Clone)]
+pub struct PreparedTrial {
+    /// Its number in the session.
+    pub number: u32,
+    /// Index of its condition in order of first appearance by velocity and torque, or by label.
+    pub condition: usize,
+    /// Its label, where the session has labels.
+    pub label: Option<String>,
+    /// Which repetition.
+    pub repetition: u32,
+    /// Ramp velocity as the session states it, rad/s.
+    pub velocity_rad_s: f64,
+    /// Target torque as the session states it, N m.
+    pub torque_nm: f64,
+    /// +1, or -1 where the ramp turns the other way and the model is mirrored.
+    pub direction: f64,
+    /// Onset, s on the record's time axis.
+    pub onset_s: f64,
+    /// The onset was found rather than given.
+    pub onset_found: bool,
+    /// Motor angle before the ramp, rad.
+    pub theta_0_rad: f64,
+    /// Torque before the ramp, N m.
+    pub torque_0_nm: f64,
+    /// What the model needs.
+    pub input: wrist::Trial,
+    /// The filtered torque of the window less the level before, N m, mirrored where the model is.
+    pub measured_nm: Vec<f64>,
+    /// Stretches of the hold, each treated as the window is.
+    pub hold_stretches: Vec<Vec<f64>>,
+}
+
+impl Prepared {
+    /// Prepares the trials of `session` whose status is ok.
+    ///
+    /// # Errors
+    /// If no trial is left, or the filter cannot be made at this sampling rate.
+    pub fn new(session: &Session, view: View) -> Result<Self, PrepareError> {
+        let period_s = 1.0 / session.sample_rate_hz;
+        let sections = match session.recorded_filter {
+            Some(_) => Vec::new(),
+            None => view.filter.sections(session.sample_rate_hz)?,
+        };
+        let both_ways = session.recorded_filter.is_none() && view.filter.zero_phase();
+        if both_ways {
+            return Err(PrepareError::ZeroPhase);
+        }
+        let samples = libm::round(view.window_s / period_s) as usize;
+        if samples < FEWEST_SAMPLES {
+            return Err(PrepareError::WindowTooShort { window_s: view.window_s, samples });
+        }
+        let mut prepared = Self {
+            lever: session.lever,
+            period_s,
+            samples,
+            lead: libm::ceil(LEAD_S / period_s) as usize,
+            sections,
+            trials: Vec::new(),
+            left_out: Vec::new(),
+            noise_of: Vec::new(),
+            noises: Vec::new(),
+        };
+        let usable: Vec<_> = session.trials.iter().filter(|trial| trial.status == Status::Ok).collect();
+        for trial in &usable {
+            match prepared.trial(trial) {
+                Ok(ready) => prepared.trials.push(ready),
+                Err(reason) => prepared.left_out.push(LeftOut { trial: trial.number, reason }),
+            }
+        }
+        if prepared.trials.is_empty() {
+            return Err(PrepareError::NoTrial { of: session.trials.len(), left_out: prepared.left_out });
+        }
+        prepared.number_conditions();
+        prepared.fill_covariates(&usable);
+        prepared.measure_noise();
+        Ok(prepared)
+    }
+}
+
+/// Fewest samples in a window that six parameters can be fitted to.
+const FEWEST_SAMPLES: usize = 12;
+
+/// Stretches of hold that a torque level needs for a noise of its own; with fewer, all levels share one.
+const STRETCHES_FOR_OWN_NOISE: usize = 60;
+
+/// Longest hold that is looked at, s: the gate guarantees this much.
+const HOLD_S: f64 = 0.5;
+
+impl Prepared {
+    /// How many samples of filtered torque or raw angle make the level before the ramp.
+    fn level_samples(&self) -> usize {
+        (libm::round(LEVEL_S / self.period_s) as usize).max(2)
+    }
+
+    /// Cuts, filters and levels one trial, or says why it cannot be used.
+    fn trial(&self, trial: &crate::dataset::Trial) -> Result<PreparedTrial, String> {
+        let record = &trial.record;
+        let (at, onset_found) = match trial.onset_s {
+            Some(onset_s) => (libm::round((onset_s - record.start_s) / self.period_s) as usize, false),
+            None => match onset(&record.theta_m_rad) {
+                Some(at) => (at, true),
+                None => return Err("no movement of the motor stands out of the noise: no onset found".into()),
+            },
+        };
+        let count = record.theta_m_rad.len();
+        let level = self.level_samples();
+        let before = level.max(self.lead + 2);
+        if at < before {
+            return Err(format!(
+                "only {:.1} ms before the onset: at least {:.1} ms are needed",
+                at as f64 * self.period_s * 1e3,
+                before as f64 * self.period_s * 1e3
+            ));
+        }
+        if at + self.samples + 2 >= count {
+            return Err(format!(
+                "the record ends {:.1} ms after the onset, within the window of {:.1} ms",
+                (count - 1 - at) as f64 * self.period_s * 1e3,
+                self.samples as f64 * self.period_s * 1e3
+            ));
+        }
+        let torque = filter(&self.sections, &record.torque_l_nm);
+        let theta_0_rad = mean(&record.theta_m_rad[at + 1 - level..=at]);
+        let torque_0_nm = mean(&torque[at + 1 - level..=at]);
+        let direction = if trial.velocity_rad_s < 0.0 { -1.0 } else { 1.0 };
+        let measured_nm: Vec<f64> =
+            torque[at + 1..=at + self.samples].iter().map(|t| direction * (t - torque_0_nm)).collect();
+        if measured_nm.iter().all(|t| t.abs() < 1e-9) {
+            return Err("the torque does not change in the window: nothing can be estimated from it".into());
+        }
+        let margin = libm::ceil(MARGIN_S / self.period_s) as usize;
+        let first = at.saturating_sub(self.lead + margin);
+        let last = (at + self.samples + margin).min(count - 1);
+        let angle: Vec<f64> =
+            record.theta_m_rad[first..=last].iter().map(|x| direction * (x - theta_0_rad)).collect();
+        if angle.iter().all(|x| x.abs() < 1e-9) {
+            return Err("the motor angle does not change in the window".into());
+        }
+        Ok(PreparedTrial {
+            number: trial.number,
+            condition: 0,
+            label: trial.condition.clone(),
+            repetition: trial.repetition,
+            velocity_rad_s: trial.velocity_rad_s,
+            torque_nm: trial.torque_nm,
+            direction,
+            onset_s: record.start_s + at as f64 * self.period_s,
+            onset_found,
+            theta_0_rad,
+            torque_0_nm,
+            input: wrist::Trial {
+                motion: wrist::knots(&angle, self.period_s),
+                onset: at - first,
+                covariates: Covariates::default(),
+            },
+            measured_nm,
+            hold_stretches: self.hold_stretches(&torque[..=at]),
+        })
+    }
+
+    /// Stretches of the hold (which ends at the onset), each a window long less the level before it, half overlapping.
+    fn hold_stretches(&self, hold: &[f64]) -> Vec<Vec<f64>> {
+        let level = self.level_samples();
+        let settling =
+            if self.sections.is_empty() { 0 } else { libm::ceil(SETTLING_S / self.period_s) as usize };
+        let longest = libm::round(HOLD_S / self.period_s) as usize;
+        let begin = settling.max(hold.len().saturating_sub(longest));
+        let mut stretches = Vec::new();
+        let mut end = hold.len();
+        while end >= begin + level + self.samples {
+            let window = &hold[end - self.samples..end];
+            let base = mean(&hold[end - self.samples - level..end - self.samples]);
+            stretches.push(window.iter().map(|t| t - base).collect());
+            end -= self.samples / 2;
+        }
+        stretches
+    }
+
+    /// Conditions are numbered by velocity, then torque, then label.
+    fn number_conditions(&mut self) {
+        let key = |trial: &PreparedTrial| match &trial.label {
+            Some(label) => (0.0, 0.0, label.clone()),
+            None => (trial.velocity_rad_s, trial.torque_nm, String::new()),
+        };
+        let mut keys: Vec<_> = self.trials.iter().map(key).collect();
+        keys.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+        keys.dedup();
+        for trial in &mut self.trials {
+            let own = key(trial);
+            trial.condition = keys.iter().position(|other| *other == own).unwrap_or(0);
+        }
+    }
+
+    /// What the trial mechanisms need to know: place in the session, rest, EMG in the hold.
+    fn fill_covariates(&mut self, usable: &[&crate::dataset::Trial]) {
+        let last = usable.len().max(2) as f64 - 1.0;
+        let mut emg = Vec::new();
+        for trial in &mut self.trials {
+            let Some(place) = usable.iter().position(|source| source.number == trial.number) else {
+                continue;
+            };
+            let source = usable[place];
+            let hold_end = libm::round((trial.onset_s - source.record.start_s) / self.period_s) as usize;
+            let longest = libm::round(HOLD_S / self.period_s) as usize;
+            let in_hold = |channel: &Option<Vec<f64>>| {
+                channel.as_ref().map_or(0.0, |c| mean(&c[hold_end.saturating_sub(longest)..hold_end]))
+            };
+            emg.push((trial.torque_nm, in_hold(&source.record.emg_fcr_mvc)));
+            trial.input.covariates = Covariates {
+                velocity_rad_s: trial.velocity_rad_s.abs(),
+                torque_before_nm: trial.direction * trial.torque_0_nm,
+                progress: place as f64 / last,
+                rest_s: source.extra.get("rest_s").and_then(|text| text.parse().ok()).unwrap_or(0.0),
+                flexor_emg_excess_mvc: 0.0,
+                extensor_emg_mvc: in_hold(&source.record.emg_ecr_mvc),
+            };
+        }
+        for (trial, (torque, own)) in self.trials.iter_mut().zip(&emg) {
+            let same: Vec<f64> = emg.iter().filter(|(t, _)| t == torque).map(|(_, level)| *level).collect();
+            trial.input.covariates.flexor_emg_excess_mvc = own - mean(&same);
+        }
+    }
+
+    /// The covariance of the noise, by torque level where the holds are long enough, else over all trials.
+    fn measure_noise(&mut self) {
+        let mut levels: Vec<f64> = self.trials.iter().map(|trial| trial.torque_nm).collect();
+        levels.sort_by(f64::total_cmp);
+        levels.dedup();
+        let stretches = |wanted: Option<f64>| -> Vec<Vec<f64>> {
+            let of_level = |trial: &&PreparedTrial| wanted.is_none_or(|level| trial.torque_nm == level);
+            self.trials
+                .iter()
+                .filter(of_level)
+                .flat_map(|trial| trial.hold_stretches.iter().cloned())
+                .collect()
+        };
+        let by_level: Vec<_> = levels.iter().map(|level| stretches(Some(*level))).collect();
+        if by_level.iter().all(|own| own.len() >= STRETCHES_FOR_OWN_NOISE) {
+            self.noises = by_level.iter().filter_map(|own| Noise::measure(own)).collect();
+            let level_of = |trial: &PreparedTrial| levels.iter().position(|level| *level == trial.torque_nm);
+            self.noise_of = self.trials.iter().map(level_of).collect();
+        } else {
+            self.noises = Noise::measure(&stretches(None)).into_iter().collect();
+            self.noise_of = vec![(!self.noises.is_empty()).then_some(0); self.trials.len()];
+        }
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// A session that cannot be analysed at all.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PrepareError {
+    /// The filter cannot be made.
+    #[error(transparent)]
+    Filter(#[from] crate::signal::FilterError),
+    /// The filter would bring in what happens after the window.
+    #[error(
+        "a zero-phase filter carries torque from after the window (stretch reflexes) back into it; \
+         use \"zero_phase\": false"
+    )]
+    ZeroPhase,
+    /// Too few samples for six parameters.
+    #[error("a window of {window_s} s holds {samples} samples here; at least {FEWEST_SAMPLES} are needed")]
+    WindowTooShort {
+        /// The window asked for, s.
+        window_s: f64,
+        /// How many samples it holds.
+        samples: usize,
+    },
+    /// No trial is left.
+    #[error("no usable trial among {of}: {}", first_reasons(left_out))]
+    NoTrial {
+        /// How many trials the session has.
+        of: usize,
+        /// Why each was left out.
+        left_out: Vec<LeftOut>,
+    },
+}
+
+fn first_reasons(left_out: &[LeftOut]) -> String {
+    match left_out.first() {
+        None => "none has the status ok".into(),
+        Some(first) => format!("trial {}: {}", first.trial, first.reason),
+    }
+}

@@ -1,0 +1,224 @@
+//! Bounded Levenberg-Marquardt on arrowhead normal equations, all separate problems of a session side by side.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::layout::{Component, Layout};
+use super::normal::{Normal, Objective};
+use super::prepare::Prepared;
+use crate::wrist::mechanisms::Kind;
+
+/// Why an optimisation ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stop {
+    /// No step promises a notable decrease of the cost.
+    Converged,
+    /// The last steps changed nothing, though the gradient is not zero: the problem is flat or singular there.
+    Stalled,
+    /// The number of iterations allowed was used up.
+    Iterations,
+    /// The model cannot be evaluated at the start.
+    NotFinite,
+}
+
+/// Limits of the optimisation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Effort {
+    /// Most iterations.
+    pub iterations: usize,
+    /// Decrease of the cost, relative to it, that is not worth another step.
+    pub decrease: f64,
+    /// Longest step of a logarithmic coordinate.
+    pub longest_step: f64,
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self { iterations: 150, decrease: 1e-8, longest_step: 0.7 }
+    }
+}
+
+/// What came out for one component.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// Half the sum of squared residuals.
+    pub cost: f64,
+    /// Why it ended.
+    pub stop: Stop,
+    /// How many steps were tried.
+    pub iterations: usize,
+}
+
+/// A solved layout.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// The coordinates at the optimum.
+    pub coordinates: Vec<f64>,
+    /// One outcome a component.
+    pub outcomes: Vec<Outcome>,
+}
+
+/// One component on its way down.
+struct Descent<'a> {
+    component: &'a Component,
+    damping: f64,
+    growth: f64,
+    /// The point reached, its cost and normal equations.
+    reached: Option<(f64, Normal)>,
+    trial_point: Vec<(usize, f64)>,
+    /// Decrease of the cost that the quadratic model promises for the trial point.
+    promised: f64,
+    small_steps: usize,
+    outcome: Option<Outcome>,
+    iterations: usize,
+}
+
+/// Minimises the objective over the layout's coordinates from `start`.
+pub fn solve(
+    prepared: &Prepared,
+    layout: &Layout,
+    kinds: &[Kind],
+    objective: &Objective,
+    start: &[f64],
+    effort: Effort,
+) -> Solution {
+    let mut coordinates = start.to_vec();
+    let mut descents: Vec<Descent> =
+        layout.components.iter().map(|component| Descent::new(component)).collect();
+    loop {
+        let active: Vec<usize> = (0..descents.len()).filter(|i| descents[*i].outcome.is_none()).collect();
+        if active.is_empty() {
+            break;
+        }
+        let mut candidate = coordinates.clone();
+        for index in &active {
+            for (coordinate, value) in &descents[*index].trial_point {
+                candidate[*coordinate] = *value;
+            }
+        }
+        let components: Vec<&Component> = active.iter().map(|index| descents[*index].component).collect();
+        let evaluated = super::normal::evaluate(prepared, layout, kinds, objective, &components, &candidate);
+        for (index, normal) in active.iter().zip(evaluated) {
+            descents[*index].judge(layout, &mut coordinates, normal, effort);
+        }
+    }
+    let outcomes = descents.iter().filter_map(|descent| descent.outcome).collect();
+    Solution { coordinates, outcomes }
+}
+
+impl<'a> Descent<'a> {
+    fn new(component: &'a Component) -> Self {
+        Self {
+            component,
+            damping: 1e-2,
+            growth: 2.0,
+            reached: None,
+            trial_point: Vec::new(),
+            promised: 0.0,
+            small_steps: 0,
+            outcome: None,
+            iterations: 0,
+        }
+    }
+
+    /// Takes or refuses the point just evaluated, and chooses the next.
+    fn judge(&mut self, layout: &Layout, coordinates: &mut [f64], normal: Normal, effort: Effort) {
+        self.iterations += 1;
+        let cost = normal.cost;
+        match &self.reached {
+            None if !cost.is_finite() => return self.end(Stop::NotFinite, f64::INFINITY),
+            None => self.reached = Some((cost, normal)),
+            Some((before, _)) => {
+                let before = *before;
+                let decrease = before - cost;
+                if decrease > 0.0 && cost.is_finite() {
+                    for (coordinate, value) in &self.trial_point {
+                        coordinates[*coordinate] = *value;
+                    }
+                    let gain = decrease / self.promised.max(f64::MIN_POSITIVE);
+                    let excess = 2.0 * gain - 1.0;
+                    self.damping *= (1.0 - excess * excess * excess).clamp(1.0 / 5.0, 2.0);
+                    self.damping = self.damping.max(1e-12);
+                    self.growth = 2.0;
+                    self.reached = Some((cost, normal));
+                    let small =
+                        decrease <= effort.decrease * cost && self.promised <= 10.0 * effort.decrease * cost;
+                    self.small_steps = if small { self.small_steps + 1 } else { 0 };
+                    if self.small_steps >= 2 {
+                        return self.end(Stop::Converged, cost);
+                    }
+                } else {
+                    if self.promised <= effort.decrease * before {
+                        return self.end(Stop::Converged, before);
+                    }
+                    self.damping *= self.growth;
+                    self.growth *= 2.0;
+                    if self.damping > 1e12 {
+                        return self.end(Stop::Stalled, before);
+                    }
+                }
+            }
+        }
+        let cost = self.reached.as_ref().map_or(f64::INFINITY, |(cost, _)| *cost);
+        if self.iterations >= effort.iterations {
+            return self.end(Stop::Iterations, cost);
+        }
+        self.propose(layout, coordinates, effort);
+        if self.promised <= 1e-3 * effort.decrease * cost {
+            self.end(Stop::Converged, cost);
+        }
+    }
+
+    fn end(&mut self, stop: Stop, cost: f64) {
+        self.outcome = Some(Outcome { cost, stop, iterations: self.iterations });
+    }
+
+    /// The next point: a damped Gauss-Newton step within the bounds.
+    fn propose(&mut self, layout: &Layout, coordinates: &[f64], effort: Effort) {
+        let Some((_, normal)) = &self.reached else { return };
+        let order = self.component.order();
+        let gradient = normal.gradient(self.component);
+        // A coordinate at a bound that the gradient pushes against stays there.
+        let held: Vec<bool> = order
+            .iter()
+            .zip(gradient.iter())
+            .map(|(index, slope)| {
+                let (c, x) = (&layout.coordinates[*index], coordinates[*index]);
+                let edge = 1e-9 * c.scale.abs().max(1e-9);
+                (x <= c.low + edge && *slope > 0.0) || (x >= c.high - edge && *slope < 0.0)
+            })
+            .collect();
+        let mut damping = self.damping;
+        let step = loop {
+            match normal.damped_step(self.component, layout, damping, &held) {
+                Some(step) => break step,
+                None if damping < 1e15 => damping = (damping * 10.0).max(1e-10),
+                None => break DVector::zeros(order.len()),
+            }
+        };
+        self.damping = damping;
+        self.trial_point.clear();
+        let mut taken = DVector::zeros(order.len());
+        for (place, index) in order.iter().enumerate() {
+            let c = &layout.coordinates[*index];
+            let longest = if c.logarithmic { effort.longest_step } else { f64::INFINITY };
+            let x = coordinates[*index];
+            let to = (x + step[place].clamp(-longest, longest)).clamp(c.low, c.high);
+            taken[place] = to - x;
+            self.trial_point.push((*index, to));
+        }
+        self.promised = normal.promised_decrease(self.component, &gradient, &taken);
+    }
+}
+
+impl Component {
+    /// Its coordinates in the order of the solver: block by block, then the border.
+    pub fn order(&self) -> Vec<usize> {
+        self.blocks.iter().flatten().chain(&self.border).copied().collect()
+    }
+}
+
+/// The Cholesky factor of a small matrix; `None` if it is not positive definite.
+pub(super) fn factor(matrix: DMatrix<f64>) -> Option<nalgebra::Cholesky<f64, nalgebra::Dyn>> {
+    nalgebra::Cholesky::new(matrix)
+}

@@ -1,0 +1,65 @@
+//! When the ramp began, where the session does not say.
+
+/// Index of the last sample at rest before the motor moved: the angle is followed back from where it has gone a tenth of
+/// its way to where it last stood within the noise of the rest before.
+///
+/// `None` if the record shows no movement that stands out of the noise.
+pub fn onset(theta_rad: &[f64]) -> Option<usize> {
+    let count = theta_rad.len();
+    if count < 40 {
+        return None;
+    }
+    let rest = &theta_rad[..count / 20];
+    let level = mean(rest);
+    let noise = libm::sqrt(rest.iter().map(|x| (x - level) * (x - level)).sum::<f64>() / rest.len() as f64);
+    let way = theta_rad
+        .iter()
+        .map(|x| x - level)
+        .fold(0.0, |far: f64, x| if x.abs() > far.abs() { x } else { far });
+    if way.abs() < 20.0 * noise || way == 0.0 {
+        return None;
+    }
+    let moved = theta_rad.iter().position(|x| (x - level) / way > 0.1)?;
+    // The rest just before the movement, rather than that at the start: a person may have drifted in between.
+    let near = &theta_rad[moved.saturating_sub(count / 10).min(moved / 2)..=moved / 2 + moved / 4];
+    let level = mean(near);
+    let spread = near.iter().map(|x| (x - level).abs()).fold(0.0, f64::max);
+    let band = spread.max(3e-4 * way.abs());
+    theta_rad[..moved].iter().rposition(|x| (x - level) * way.signum() <= band)
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    fn ramp(onset: usize, velocity: f64, noise: f64) -> Vec<f64> {
+        let mut stream = Stream::new(3, "onset");
+        (0..2000)
+            .map(|i| {
+                let t = (i as f64 - onset as f64).max(0.0) * 4e-4;
+                let smooth = if t < 0.02 { t * t / 0.04 } else { t - 0.01 };
+                0.3 + (velocity * smooth).clamp(-0.14, 0.14) + noise * stream.normal()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn finds_the_onset_to_a_few_samples_for_every_velocity_and_direction() {
+        for velocity in [1.3, 3.25, -2.0] {
+            let found = onset(&ramp(1200, velocity, 1.4e-5)).unwrap();
+            assert!((1200..1208).contains(&found), "{velocity} rad/s: {found}");
+        }
+    }
+
+    #[test]
+    fn a_record_without_movement_has_no_onset() {
+        assert_eq!(onset(&ramp(1200, 0.0, 1.4e-5)), None);
+        assert_eq!(onset(&[0.1; 2000]), None);
+        assert_eq!(onset(&[0.1; 10]), None);
+    }
+}
