@@ -1,11 +1,21 @@
 //! Session folders: reading what was measured, writing what was run.
 
+mod error;
+mod load;
+mod record;
+mod text;
+
 use std::collections::BTreeMap;
 
+pub use error::{DatasetError, Place};
+pub use load::load;
 use serde::{Deserialize, Serialize};
 
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
+
+/// The version of the session format that this program reads and writes.
+pub const FORMAT: &str = "ramphold-session/1";
 
 /// A measured session, loaded and checked.
 #[derive(Debug, Clone)]
@@ -80,3 +90,6 @@ pub struct Record {
     /// Extensor carpi radialis EMG, fraction of MVC, where measured.
     pub emg_ecr_mvc: Option<Vec<f64>>,
 }
+
+#[cfg(test)]
+mod tests;
