@@ -1,0 +1,61 @@
+//! Where words go: results to standard output, messages to standard error.
+
+use std::fmt::Display;
+use std::io::{self, StdoutLock, Write};
+
+use tracing_subscriber::EnvFilter;
+
+/// The two streams of the terminal, as loud as the user asked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Console {
+    quiet: bool,
+}
+
+impl Console {
+    /// Sets the loudness for the whole program: `--quiet`, nothing, `-v` or `-vv`.
+    pub fn new(quiet: bool, verbose: u8) -> Self {
+        let level = match (quiet, verbose) {
+            (true, _) => "error",
+            (false, 0) => "warn",
+            (false, 1) => "info",
+            (false, _) => "debug",
+        };
+        tracing_subscriber::fmt()
+            .with_env_filter(EnvFilter::new(level))
+            .with_writer(io::stderr)
+            .without_time()
+            .with_target(false)
+            .with_ansi(false)
+            .init();
+        Self { quiet }
+    }
+
+    /// Standard output. A reader that went away ends the program in silence, see [`super::Failure`].
+    pub fn results(&self) -> StdoutLock<'static> {
+        io::stdout().lock()
+    }
+
+    /// A line for the person at the terminal; not with `--quiet`.
+    #[allow(dead_code, reason = "for verbs that say more than their results")]
+    pub fn message(&self, message: impl Display) {
+        if !self.quiet {
+            to_stderr(&message);
+        }
+    }
+
+    /// Why the program ends without having done its work; always said.
+    pub fn error(&self, error: impl Display) {
+        to_stderr(&format_args!("error: {error}"));
+    }
+
+    /// Whether the user asked for silence; progress bars respect it.
+    #[allow(dead_code, reason = "for verbs that show progress")]
+    pub fn is_quiet(&self) -> bool {
+        self.quiet
+    }
+}
+
+/// Nobody may be listening on standard error either, and then there is no one left to tell.
+fn to_stderr(message: &dyn Display) {
+    let _ = writeln!(io::stderr().lock(), "{message}");
+}

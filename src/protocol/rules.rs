@@ -1,0 +1,128 @@
+//! What the schema cannot say: how the fields of a protocol must fit together.
+//!
+//! The rules read the document rather than the typed protocol, so that a mistake in one place does not hide those in
+//! another. They pass over what is missing or already known to be wrong.
+
+mod limits;
+mod order;
+
+use std::collections::HashSet;
+
+use super::Problem;
+use super::source::{Content, Node};
+use super::units::significant;
+
+/// Adds everything that does not fit together in `document`.
+pub(super) fn add_problems(document: &Node, problems: &mut Vec<Problem>) {
+    let known = problems.iter().map(|problem| problem.path.clone()).collect();
+    let mut rules = Rules { document, known, problems };
+    rules.conditions_differ_from_each_other_and_from_zero("velocities_rad_s", 0.01, "rad/s");
+    rules.conditions_differ_from_each_other_and_from_zero("torques_nm", 0.01, "N m");
+    rules.gate_can_open_in_time();
+    rules.antagonist_is_measured_against_its_maximum();
+    rules.signal_is_sampled_fast_enough();
+    limits::check(&mut rules);
+    order::check(&mut rules);
+}
+
+struct Rules<'a> {
+    document: &'a Node,
+    /// Paths whose value is already known to be wrong.
+    known: HashSet<String>,
+    problems: &'a mut Vec<Problem>,
+}
+
+impl Rules<'_> {
+    /// The number at `path`, if one is there that may be reasoned with.
+    fn number(&self, path: &str) -> Option<f64> {
+        self.document.at(path).filter(|_| !self.known.contains(path))?.number()
+    }
+
+    /// The paths and numbers of a list.
+    fn numbers(&self, list: &str) -> Vec<(String, f64)> {
+        let paths = (0..self.length(list)).map(|index| format!("{list}[{index}]"));
+        paths.filter_map(|path| self.number(&path).map(|number| (path, number))).collect()
+    }
+
+    fn length(&self, list: &str) -> usize {
+        match self.document.at(list).map(|node| &node.content) {
+            Some(Content::Array(items)) => items.len(),
+            _ => 0,
+        }
+    }
+
+    fn add(&mut self, path: &str, expected: String, advice: String) {
+        let Some(node) = self.document.at(path) else { return };
+        let value = Some(node.to_string());
+        self.problems.push(Problem { path: path.to_owned(), line: node.line, value, expected, advice });
+    }
+
+    fn conditions_differ_from_each_other_and_from_zero(&mut self, list: &str, least: f64, unit: &str) {
+        let numbers = self.numbers(list);
+        for (index, (path, number)) in numbers.iter().enumerate() {
+            if number.abs() < least {
+                let expected = format!("at least {least} {unit} in size; the sign is the direction");
+                self.add(path, expected, "take it away, or write it in SI units".to_owned());
+            }
+            if let Some((earlier, _)) = numbers[..index].iter().find(|(_, other)| other == number) {
+                let expected = format!("each value once; {earlier} is the same");
+                self.add(path, expected, "take it away; \"repetitions\" says how often it is run".to_owned());
+            }
+        }
+    }
+
+    fn gate_can_open_in_time(&mut self) {
+        if let (Some(duration_s), Some(timeout_s)) =
+            (self.number("gate.duration_s"), self.number("gate.timeout_s"))
+            && timeout_s <= duration_s
+        {
+            let expected = format!("more than gate.duration_s, {duration_s} s; otherwise no gate ever opens");
+            self.add(
+                "gate.timeout_s",
+                expected,
+                "give the person some seconds to find the target".to_owned(),
+            );
+        }
+        if let [(_, low), (path, high)] = &self.numbers("gate.delay_s")[..]
+            && high < low
+        {
+            let expected = format!("the shortest delay first, then the longest: at least {low} s here");
+            self.add(path, expected, "exchange the two".to_owned());
+        }
+    }
+
+    fn antagonist_is_measured_against_its_maximum(&mut self) {
+        let has_mvc =
+            self.document.at("before.mvc").is_some_and(|mvc| matches!(mvc.content, Content::Object(_)));
+        if self.number("gate.antagonist_limit_mvc").is_some() && !has_mvc {
+            let expected = "null as long as before.mvc is not measured: EMG has no scale then".to_owned();
+            let advice = "add \"mvc\" to \"before\", or write null here".to_owned();
+            self.add("gate.antagonist_limit_mvc", expected, advice);
+        }
+    }
+
+    fn signal_is_sampled_fast_enough(&mut self) {
+        if let Some(order) = self.number("signal.filter.order")
+            && !(1.0..=10.0).contains(&order)
+        {
+            let expected = "a whole number from 1 to 10: Order of the filter.".to_owned();
+            self.add("signal.filter.order", expected, "the paper's is 3".to_owned());
+        }
+        if self.number("signal.filter.cutoff_hz").is_some_and(|cutoff_hz| cutoff_hz <= 0.0) {
+            let expected = "a frequency above 0 Hz".to_owned();
+            self.add("signal.filter.cutoff_hz", expected, "the paper's is 50".to_owned());
+        }
+        let Some(rate_hz) = self.number("signal.sample_rate_hz") else { return };
+        if self.number("signal.filter.cutoff_hz").is_some_and(|cutoff_hz| cutoff_hz >= rate_hz / 2.0) {
+            let expected = format!("below half the sample rate, {} Hz", rate_hz / 2.0);
+            self.add("signal.filter.cutoff_hz", expected, "lower it, or sample faster".to_owned());
+        }
+        for (path, least) in [("window_s", 10.0), ("ramp.rise_time_s", 5.0)] {
+            if self.number(path).is_some_and(|time_s| time_s * rate_hz < least) {
+                let least_s = significant(least / rate_hz);
+                let expected = format!("at least {least} samples: {least_s} s at {rate_hz} Hz");
+                self.add(path, expected, "make it longer, or sample faster".to_owned());
+            }
+        }
+    }
+}

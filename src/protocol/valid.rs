@@ -1,0 +1,108 @@
+//! A protocol that was parsed is a protocol that is valid.
+
+use std::fs;
+use std::ops::Deref;
+use std::path::Path;
+
+use super::source::Node;
+use super::{Duration, Problem, Protocol, ProtocolError, RampAndHold, TooShort, rules, shape};
+
+/// A [`Protocol`] that passed every check, and the text it was read from.
+///
+/// It can be read like a protocol and not be changed; there is no way to one but through the checks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ValidProtocol {
+    protocol: Protocol,
+    text: String,
+}
+
+impl Protocol {
+    /// Reads a protocol from its JSON `text`; `file` is the name for messages.
+    pub fn parse(text: &str, file: &str) -> Result<ValidProtocol, ProtocolError> {
+        ValidProtocol::parse(text, file)
+    }
+
+    /// Checks a protocol that was made by a program; its text is the protocol as indented JSON.
+    pub fn validate(self) -> Result<ValidProtocol, ProtocolError> {
+        // A number that JSON does not have (NaN, infinity) becomes null and is found as such.
+        let value = serde_json::json!(self);
+        ValidProtocol::parse(&format!("{value:#}\n"), "protocol")
+    }
+}
+
+impl ValidProtocol {
+    /// Reads a protocol file.
+    pub fn read(path: &Path) -> Result<Self, ProtocolError> {
+        let file = path.display().to_string();
+        let bytes =
+            fs::read(path).map_err(|source| ProtocolError::Unreadable { file: file.clone(), source })?;
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let text = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+            let line = 1 + text.iter().filter(|byte| **byte == b'\n').count();
+            ProtocolError::NotText { file: file.clone(), line }
+        })?;
+        Self::parse(&text, &file)
+    }
+
+    /// Reads a protocol from its JSON `text`; `file` is the name for messages.
+    pub fn parse(text: &str, file: &str) -> Result<Self, ProtocolError> {
+        let source = Node::parse(text, file)?;
+        let mut problems = shape::problems(&source);
+        rules::add_problems(&source, &mut problems);
+        if problems.is_empty() {
+            match typed(&source) {
+                Ok(protocol) => return Ok(Self { protocol, text: text.to_owned() }),
+                Err(problem) => problems.push(problem),
+            }
+        }
+        problems.sort_by_key(|problem| problem.line);
+        Err(ProtocolError::Invalid { file: file.to_owned(), problems })
+    }
+
+    /// The text it was read from, byte for byte; the session folder keeps it.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The movement of a trial at a velocity; for the velocities of the protocol there always is one.
+    pub fn ramp_and_hold(&self, velocity_rad_s: f64) -> Result<RampAndHold, TooShort> {
+        RampAndHold::new(&self.protocol.ramp, velocity_rad_s)
+    }
+
+    /// How many trials will be recorded and analysed, if none is rejected.
+    pub fn trial_count(&self) -> usize {
+        self.velocities_rad_s.len() * self.torques_nm.len() * self.repetitions as usize
+    }
+
+    /// How long the session takes.
+    pub fn duration(&self) -> Duration {
+        Duration::of(self)
+    }
+}
+
+impl Deref for ValidProtocol {
+    type Target = Protocol;
+
+    fn deref(&self) -> &Protocol {
+        &self.protocol
+    }
+}
+
+/// The typed protocol. What the schema and the rules let through and the types do not is a problem like any other.
+fn typed(source: &Node) -> Result<Protocol, Problem> {
+    let mut value = source.value();
+    if let Some(members) = value.as_object_mut() {
+        members.remove("$schema");
+    }
+    serde_path_to_error::deserialize(value).map_err(|error| {
+        let path = error.path().to_string();
+        let place = source.at(&path);
+        Problem {
+            line: place.map_or(1, |node| node.line),
+            value: place.map(Node::to_string),
+            expected: error.inner().to_string(),
+            advice: "compare with protocols/quick.json".to_owned(),
+            path,
+        }
+    })
+}
