@@ -7,6 +7,7 @@ mod text;
 
 use std::collections::BTreeMap;
 
+pub use crate::session::Status;
 pub use error::{DatasetError, Place};
 pub use load::load;
 use serde::{Deserialize, Serialize};
@@ -37,18 +38,6 @@ pub struct Session {
 pub struct Subject {
     /// Identifier, such as `S01`.
     pub id: String,
-}
-
-/// What became of a trial. Only `Ok` trials are analysed; nothing is deleted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Status {
-    /// Complete and usable.
-    Ok,
-    /// Interrupted by a fault, the operator or the end of the program.
-    Aborted,
-    /// Complete, but the person did not hold the torque as asked.
-    Rejected,
 }
 
 /// One ramp and its record.

@@ -13,7 +13,9 @@ pub enum Fault {
         channel: Channel,
     },
     /// A measured quantity is beyond the protocol's limit.
-    #[error("the measured {quantity} of {measured} is beyond the limit of {limit}; see limits in the protocol")]
+    #[error(
+        "the measured {quantity} of {measured} is beyond the limit of {limit}; see limits in the protocol"
+    )]
     Limit {
         /// Which quantity.
         quantity: Quantity,

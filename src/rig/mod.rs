@@ -4,6 +4,7 @@
 //! so a program that forgets to ask does not build.
 
 mod fault;
+pub mod virtual_wrist;
 
 pub use fault::{Channel, Fault, Quantity};
 
@@ -58,8 +59,8 @@ pub enum Cue {
         target_nm: f64,
         /// The torque on the display, offset removed and smoothed, N m.
         shown_nm: f64,
-        /// Which trial this is.
-        trial: TrialKey,
+        /// The trial that this is for.
+        trial: Upcoming,
     },
     /// Keep on as before: the motor is moving.
     Moving,
@@ -76,7 +77,7 @@ pub enum Direction {
 
 /// Names a trial by its place in the schedule, so that a trial that is run again after an interruption draws the same
 /// random numbers, and one that was rejected draws new ones.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TrialKey {
     /// Run for practice, before the measured trials.
     pub practice: bool,
@@ -84,13 +85,49 @@ pub struct TrialKey {
     pub position: u32,
     /// How often it was rejected before.
     pub rejections: u32,
-    /// Ramp velocity, rad/s. A person is not told; a virtual person's muscle needs it.
+}
+
+/// A trial before its ramp. A person is told nothing of it; a virtual person's muscle needs it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Upcoming {
+    /// Which trial.
+    pub key: TrialKey,
+    /// Ramp velocity, rad/s.
     pub velocity_rad_s: f64,
+    /// Its place in the schedule, from 0 (first) to 1 (last).
+    pub progress: f64,
+    /// Rest since the motor was last home, s.
+    pub rest_s: f64,
 }
 
 /// The operator has said that the motor may move.
 #[derive(Debug)]
 pub struct OperatorsWord(());
+
+/// How many steps a radian, a newton metre, a second and the MVC are divided into in a record.
+///
+/// The session is told what the record keeps, no more, so that a replay of the record is told the same.
+pub mod resolution {
+    /// Angles, 1/rad.
+    pub const ANGLE_PER_RAD: f64 = 1e7;
+    /// Torques, 1/(N m).
+    pub const TORQUE_PER_NM: f64 = 1e5;
+    /// EMG, 1/MVC.
+    pub const EMG_PER_MVC: f64 = 1e5;
+}
+
+impl Sample {
+    /// The sample as a record keeps it.
+    pub fn rounded(&self) -> Self {
+        let round = |value: f64, steps: f64| (value * steps).round_ties_even() / steps;
+        Self {
+            theta_m_rad: round(self.theta_m_rad, resolution::ANGLE_PER_RAD),
+            torque_l_nm: round(self.torque_l_nm, resolution::TORQUE_PER_NM),
+            emg_fcr_mvc: round(self.emg_fcr_mvc, resolution::EMG_PER_MVC),
+            emg_ecr_mvc: round(self.emg_ecr_mvc, resolution::EMG_PER_MVC),
+        }
+    }
+}
 
 impl OperatorsWord {
     /// To be called where the operator has just said so, and nowhere else.

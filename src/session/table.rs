@@ -112,6 +112,7 @@ pub const TRANSITIONS: &[Transition] = {
         row(Ready, On::Start, If::OffsetDue, Offset, Do::None),
         row(Ready, On::Start, If::EffortsDue, MvcEffort, Do::None),
         row(Ready, On::Start, If::TrialsLeft, Rest, Do::None),
+        row(Ready, On::Start, If::Always, Finished, Do::None),
         row(Ready, On::Abort, If::Always, Aborted, Do::None),
         row(Ready, On::Fault, If::Always, Faulted, Do::None),
         row(Offset, On::OffsetMeasured, If::EffortsDue, MvcEffort, Do::KeepOffset),
@@ -222,7 +223,8 @@ pub fn text() -> String {
 pub fn mermaid() -> String {
     let mut text = String::from("stateDiagram-v2\n    [*] --> ready\n");
     for line in TRANSITIONS.iter().filter(|line| !matches!(line.event, Event::Fault | Event::Abort)) {
-        let guard = if line.guard == Guard::Always { String::new() } else { format!(" [{}]", line.guard.text()) };
+        let guard =
+            if line.guard == Guard::Always { String::new() } else { format!(" [{}]", line.guard.text()) };
         text += &format!("    {} --> {}: {}{guard}\n", line.from.name(), line.to.name(), line.event.name());
     }
     text += "    finished --> [*]\n";
@@ -238,7 +240,8 @@ pub fn dot() -> String {
             Event::Abort => ", color=gray, fontcolor=gray",
             _ => "",
         };
-        let guard = if line.guard == Guard::Always { String::new() } else { format!("\\n[{}]", line.guard.text()) };
+        let guard =
+            if line.guard == Guard::Always { String::new() } else { format!("\\n[{}]", line.guard.text()) };
         text += &format!(
             "    {} -> {} [label=\"{}{guard}\"{style}];\n",
             line.from.name(),
