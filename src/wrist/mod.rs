@@ -1,16 +1,27 @@
-//! The wrist model: Eq. 1-7 of de Vlugt et al. 2011.
+//! The wrist model: Eq. 1-7 of de Vlugt et al. 2011, and the mechanisms that it may lack.
+//!
+//! Written once, over any [`Number`]: plain, with derivatives, several trials at once. The virtual wrist advances it sample
+//! by sample, the fit and the diagnosis run whole trials through [`simulate`].
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+pub mod mechanisms;
 
-/// The compliant lever between motor and handle (Table 1 of the paper, fixed parameters).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Lever {
-    /// I_l, kg m2.
-    pub inertia_kg_m2: f64,
-    /// b_l, N m s/rad.
-    pub damping_nm_s_per_rad: f64,
-    /// k_l, N m/rad.
-    pub stiffness_nm_per_rad: f64,
-}
+mod elementary;
+mod group;
+mod integrate;
+mod jet;
+mod motion;
+mod number;
+mod plant;
+mod simulate;
+#[cfg(target_arch = "x86_64")]
+mod vector;
+
+pub use integrate::{Drive, Given, Glide, LONGEST_STEP, Varied, advance, substeps};
+pub use jet::Jet;
+pub use motion::{knots, servo_response};
+pub use number::{Number, Plain};
+pub use plant::{
+    BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Knot, Lever, LeverCoefficients, MEMORY, Mechanics, Moment,
+    Plant, State, Torques, YIELD_SMOOTHNESS_PER_NM,
+};
+pub use simulate::{Request, Response, Trial, Width, simulate};

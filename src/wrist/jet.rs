@@ -1,0 +1,116 @@
+//! A number with its first derivatives: what makes the model's sensitivities exact and free of hand-written formulas.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::number::{Number, Plain};
+
+/// A value and its derivatives with respect to `N` parameters.
+///
+/// ```
+/// use ramphold::wrist::{Jet, Number};
+/// let x = Jet::<f64, 1>::variable(0.5, 0);
+/// assert_eq!((x * x).slope, [1.0]);
+/// ```
+#[derive(Debug, Clone, Copy)]
+pub struct Jet<P, const N: usize> {
+    /// The value.
+    pub value: P,
+    /// Its derivatives.
+    pub slope: [P; N],
+}
+
+// Loops instead of iterator adaptors or `array::from_fn`: a closure is compiled without the vector instructions of the
+// function it ends up in, and is then called instead of inlined.
+macro_rules! each_slope {
+    ($n:expr, |$i:ident| $slope:expr) => {{
+        let mut slope = [P::splat(0.0); N];
+        let mut $i = 0;
+        while $i < $n {
+            slope[$i] = $slope;
+            $i += 1;
+        }
+        slope
+    }};
+}
+
+impl<P: Plain, const N: usize> Number for Jet<P, N> {
+    type Plain = P;
+
+    #[inline(always)]
+    fn lift(value: P) -> Self {
+        Self { value, slope: [P::splat(0.0); N] }
+    }
+
+    #[inline(always)]
+    fn variable(value: P, index: usize) -> Self {
+        let mut slope = [P::splat(0.0); N];
+        if index < N {
+            slope[index] = P::splat(1.0);
+        }
+        Self { value, slope }
+    }
+
+    #[inline(always)]
+    fn derivative(self, index: usize) -> P {
+        self.slope[index]
+    }
+
+    #[inline(always)]
+    fn plain(self) -> P {
+        self.value
+    }
+
+    #[inline(always)]
+    fn times(self, factor: P) -> Self {
+        Self { value: self.value * factor, slope: each_slope!(N, |i| self.slope[i] * factor) }
+    }
+
+    #[inline(always)]
+    fn chain(self, value: P, slope: P) -> Self {
+        Self { value, slope: each_slope!(N, |i| self.slope[i] * slope) }
+    }
+}
+
+impl<P: Plain, const N: usize> Add for Jet<P, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self { value: self.value + other.value, slope: each_slope!(N, |i| self.slope[i] + other.slope[i]) }
+    }
+}
+
+impl<P: Plain, const N: usize> Sub for Jet<P, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { value: self.value - other.value, slope: each_slope!(N, |i| self.slope[i] - other.slope[i]) }
+    }
+}
+
+impl<P: Plain, const N: usize> Mul for Jet<P, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Self {
+            value: self.value * other.value,
+            slope: each_slope!(N, |i| self.slope[i] * other.value + self.value * other.slope[i]),
+        }
+    }
+}
+
+impl<P: Plain, const N: usize> Div for Jet<P, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        let value = self.value / other.value;
+        Self { value, slope: each_slope!(N, |i| (self.slope[i] - value * other.slope[i]) / other.value) }
+    }
+}
+
+impl<P: Plain, const N: usize> Neg for Jet<P, N> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self { value: -self.value, slope: each_slope!(N, |i| -self.slope[i]) }
+    }
+}

@@ -1,0 +1,25 @@
+//! Stiffness that follows the EMG of the flexor rather than the target torque.
+
+use super::{Class, Covariates, Mechanism, Need, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::Plant;
+
+/// See the module.
+pub struct ActivationScaling;
+
+impl Mechanism for ActivationScaling {
+    const ID: &'static str = "activation_scaling";
+    const TITLE: &'static str = "stiffness follows the EMG rather than the target torque";
+    const CLASS: Class = Class::Trial;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("slope_nm_per_rad_per_mvc", "stiffness per flexor EMG in excess of what the target asks", (-500.0, 500.0), Some(0.0), 30.0),
+    ];
+    const SOURCE: &'static str = "Linear in the flexor EMG";
+    const NEEDS: &'static [Need] = &[Need::FlexorEmg];
+
+    #[inline(always)]
+    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {
+        let added = p[0].times(trial.flexor_emg_excess_mvc);
+        plant.short_range_stiffness = plant.short_range_stiffness + added;
+    }
+}

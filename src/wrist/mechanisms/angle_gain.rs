@@ -1,0 +1,23 @@
+//! A calibration error of the angle.
+
+use super::{Channels, Class, Mechanism, Parameter};
+use crate::wrist::number::Number;
+
+/// See the module.
+pub struct AngleGain;
+
+impl Mechanism for AngleGain {
+    const ID: &'static str = "angle_gain";
+    const TITLE: &'static str = "the angle is recorded too large or too small";
+    const CLASS: Class = Class::Sensor;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("factor", "recorded over true angle", (0.3, 3.0), Some(1.0), 1.05),
+    ];
+    const SOURCE: &'static str = "Calibration factor";
+    const ALTERS_ANGLE: bool = true;
+
+    #[inline(always)]
+    fn channels<T: Number>(p: &[T], channels: &mut Channels<T>) {
+        channels.angle_gain = p[0];
+    }
+}

@@ -1,0 +1,111 @@
+//! Turns the list of mechanisms into a type: the only place that leads from an id to code.
+
+/// Declares the mechanisms' modules and [`Kind`], which dispatches to them.
+macro_rules! catalogue {
+    ($($module:ident :: $name:ident,)*) => {
+        $(mod $module;)*
+
+        /// A mechanism of the catalogue.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Kind {
+            $(#[doc = concat!("`", stringify!($module), "`")] $name,)*
+        }
+
+        /// Every mechanism, in the order of the design's table.
+        pub const CATALOGUE: &[Kind] = &[$(Kind::$name,)*];
+
+        impl Kind {
+            /// The id that results print.
+            pub fn id(self) -> &'static str {
+                match self { $(Self::$name => <$module::$name as Mechanism>::ID,)* }
+            }
+
+            /// What it is, in a few words.
+            pub fn title(self) -> &'static str {
+                match self { $(Self::$name => <$module::$name as Mechanism>::TITLE,)* }
+            }
+
+            /// Where it acts.
+            pub fn class(self) -> Class {
+                match self { $(Self::$name => <$module::$name as Mechanism>::CLASS,)* }
+            }
+
+            /// Where its form comes from.
+            pub fn source(self) -> &'static str {
+                match self { $(Self::$name => <$module::$name as Mechanism>::SOURCE,)* }
+            }
+
+            /// Its parameters.
+            pub fn parameters(self) -> &'static [Parameter] {
+                match self { $(Self::$name => <$module::$name as Mechanism>::PARAMETERS,)* }
+            }
+
+            /// What data it needs.
+            pub fn needs(self) -> &'static [Need] {
+                match self { $(Self::$name => <$module::$name as Mechanism>::NEEDS,)* }
+            }
+
+            /// Whether it alters how the recorded angle becomes the motor's.
+            pub fn alters_angle(self) -> bool {
+                match self { $(Self::$name => <$module::$name as Mechanism>::ALTERS_ANGLE,)* }
+            }
+
+            /// See [`Mechanism::disturbance`].
+            pub fn disturbance(self, p: &[f64], session_time_s: f64) -> f64 {
+                match self { $(Self::$name => $module::$name::disturbance(p, session_time_s),)* }
+            }
+
+            /// How many parameters it has.
+            #[inline(always)]
+            pub fn parameter_count(self) -> usize {
+                match self { $(Self::$name => <$module::$name as Mechanism>::PARAMETERS.len(),)* }
+            }
+
+            /// How many states it adds.
+            #[inline(always)]
+            pub fn memory(self) -> usize {
+                match self { $(Self::$name => <$module::$name as Mechanism>::MEMORY,)* }
+            }
+
+            /// See [`Mechanism::shape`].
+            #[inline(always)]
+            pub fn shape<T: Number>(self, p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {
+                match self { $(Self::$name => $module::$name::shape(p, plant, trial),)* }
+            }
+
+            /// See [`Mechanism::channels`].
+            #[inline(always)]
+            pub fn channels<T: Number>(self, p: &[T], channels: &mut Channels<T>) {
+                match self { $(Self::$name => $module::$name::channels(p, channels),)* }
+            }
+
+            /// See [`Mechanism::act`].
+            #[inline(always)]
+            pub fn act<T: Number>(
+                self,
+                p: &[T],
+                moment: &Moment<'_, T>,
+                past: &Past<T>,
+                slot: usize,
+                torques: &mut Torques<T>,
+                rates: &mut [T; MEMORY],
+            ) {
+                match self { $(Self::$name => $module::$name::act(p, moment, past, slot, torques, rates),)* }
+            }
+
+            /// See [`Mechanism::measure`].
+            #[inline(always)]
+            pub fn measure<T: Number>(
+                self,
+                p: &[T],
+                moment: &Moment<'_, T>,
+                trial: &Covariates<T::Plain>,
+                slot: usize,
+                torque: T,
+                rates: &mut [T; MEMORY],
+            ) -> T {
+                match self { $(Self::$name => $module::$name::measure(p, moment, trial, slot, torque, rates),)* }
+            }
+        }
+    };
+}

@@ -1,0 +1,23 @@
+//! The torque record is late (or early) against the angle record.
+
+use super::{Channels, Class, Mechanism, Parameter};
+use crate::wrist::number::Number;
+
+/// See the module.
+pub struct ChannelSkew;
+
+impl Mechanism for ChannelSkew {
+    const ID: &'static str = "channel_skew";
+    const TITLE: &'static str = "torque and angle are not recorded at the same time";
+    const CLASS: Class = Class::Sensor;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("delay_s", "how much the torque lags behind the angle", (-0.01, 0.01), Some(0.0), 0.0005),
+    ];
+    const SOURCE: &'static str = "Pure delay between the channels";
+    const ALTERS_ANGLE: bool = true;
+
+    #[inline(always)]
+    fn channels<T: Number>(p: &[T], channels: &mut Channels<T>) {
+        channels.torque_delay_s = p[0];
+    }
+}

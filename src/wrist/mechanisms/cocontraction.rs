@@ -1,0 +1,25 @@
+//! Stiffness that the antagonist adds in proportion to its EMG.
+
+use super::{Class, Covariates, Mechanism, Need, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::Plant;
+
+/// See the module.
+pub struct Cocontraction;
+
+impl Mechanism for Cocontraction {
+    const ID: &'static str = "cocontraction";
+    const TITLE: &'static str = "antagonist activity adds stiffness";
+    const CLASS: Class = Class::Trial;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("stiffness_nm_per_rad_per_mvc", "stiffness per extensor EMG", (-500.0, 500.0), Some(0.0), 20.0),
+    ];
+    const SOURCE: &'static str = "Stiffness of the antagonist, proportional to its EMG";
+    const NEEDS: &'static [Need] = &[Need::ExtensorEmg];
+
+    #[inline(always)]
+    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {
+        let added = p[0].times(trial.extensor_emg_mvc);
+        plant.short_range_stiffness = plant.short_range_stiffness + added;
+    }
+}

@@ -1,0 +1,24 @@
+//! Short range stiffness that falls with the order of the trials.
+
+use super::{Class, Covariates, Mechanism, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::Plant;
+
+/// See the module.
+pub struct Fatigue;
+
+impl Mechanism for Fatigue {
+    const ID: &'static str = "fatigue";
+    const TITLE: &'static str = "stiffness falls with trial order";
+    const CLASS: Class = Class::Trial;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("fraction", "part of k_srs lost from the first trial to the last", (-0.9, 0.9), Some(0.0), 0.05),
+    ];
+    const SOURCE: &'static str = "Linear in the place in the session";
+
+    #[inline(always)]
+    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {
+        let one = T::constant(1.0);
+        plant.short_range_stiffness = plant.short_range_stiffness * (one - p[0].times(trial.progress));
+    }
+}

@@ -1,0 +1,23 @@
+//! A smoother transition at the elastic limit than a_s = 100 gives (Eq. 2).
+
+use super::{Class, Covariates, Mechanism, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::{Plant, YIELD_SMOOTHNESS_PER_NM};
+
+/// See the module.
+pub struct GradualYield;
+
+impl Mechanism for GradualYield {
+    const ID: &'static str = "gradual_yield";
+    const TITLE: &'static str = "a yield more gradual than a_s = 100";
+    const CLASS: Class = Class::Plant;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("smoothness_per_nm", "a_s in Eq. 2", (3.0, 100.0), Some(YIELD_SMOOTHNESS_PER_NM), 20.0),
+    ];
+    const SOURCE: &'static str = "a_s of Eq. 2 of de Vlugt et al. 2011, there fixed at 100";
+
+    #[inline(always)]
+    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
+        plant.smoothness = p[0];
+    }
+}

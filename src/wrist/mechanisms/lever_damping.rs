@@ -1,0 +1,26 @@
+//! A lever whose damping b_l is not the one that the session states.
+
+use super::{Class, Covariates, Mechanism, Need, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::Plant;
+
+/// See the module.
+pub struct LeverDamping;
+
+impl Mechanism for LeverDamping {
+    const ID: &'static str = "lever_damping";
+    const TITLE: &'static str = "the lever's damping is not as assumed";
+    const CLASS: Class = Class::Rig;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("damping_nm_s_per_rad", "b_l", (0.0, 20.0), None, 0.4),
+    ];
+    const SOURCE: &'static str = "b_l of Table 1 of de Vlugt et al. 2011";
+    const NEEDS: &'static [Need] = &[Need::Lever];
+
+    #[inline(always)]
+    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
+        if let Some(lever) = &mut plant.lever {
+            lever.damping = p[0];
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! The recorded angle is the command; the motor follows it with a finite bandwidth.
+
+use super::{Channels, Class, Mechanism, Parameter};
+use crate::wrist::number::Number;
+
+/// See the module.
+pub struct ServoFollowing;
+
+impl Mechanism for ServoFollowing {
+    const ID: &'static str = "servo_following";
+    const TITLE: &'static str = "the recorded angle is the command, not the motor's";
+    const CLASS: Class = Class::Rig;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("bandwidth_hz", "bandwidth of the servo", (5.0, 2000.0), None, 100.0),
+    ];
+    const SOURCE: &'static str = "Two equal real poles at the bandwidth";
+    const ALTERS_ANGLE: bool = true;
+
+    #[inline(always)]
+    fn channels<T: Number>(p: &[T], channels: &mut Channels<T>) {
+        channels.following_hz = Some(p[0]);
+    }
+}

@@ -1,0 +1,34 @@
+//! A Maxwell branch beside k_j: a spring whose torque fades.
+
+use super::{Class, Mechanism, Parameter, Past};
+use crate::wrist::number::Number;
+use crate::wrist::plant::{MEMORY, Moment, Torques};
+
+/// See the module.
+pub struct StressRelaxation;
+
+impl Mechanism for StressRelaxation {
+    const ID: &'static str = "stress_relaxation";
+    const TITLE: &'static str = "stress relaxation in the muscle";
+    const CLASS: Class = Class::Plant;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("stiffness_nm_per_rad", "stiffness of the Maxwell branch", (0.0, 100.0), Some(0.0), 3.0),
+        Parameter::new("time_constant_s", "its relaxation time", (0.001, 0.5), None, 0.01),
+    ];
+    const SOURCE: &'static str = "Maxwell element in parallel with k_j";
+    const MEMORY: usize = 1;
+
+    #[inline(always)]
+    fn act<T: Number>(
+        p: &[T],
+        moment: &Moment<'_, T>,
+        _past: &Past<T>,
+        slot: usize,
+        torques: &mut Torques<T>,
+        rates: &mut [T; MEMORY],
+    ) {
+        let branch = moment.state.memory[slot];
+        rates[slot] = p[0] * moment.state.omega_j - branch / p[1];
+        torques.joint = torques.joint + branch;
+    }
+}

@@ -1,0 +1,35 @@
+//! Torque from the delayed, rectified stretch velocity through a lag.
+
+use super::{Class, Mechanism, Parameter, Past};
+use crate::wrist::number::Number;
+use crate::wrist::plant::{MEMORY, Moment, Torques};
+
+/// See the module.
+pub struct StretchReflex;
+
+impl Mechanism for StretchReflex {
+    const ID: &'static str = "stretch_reflex";
+    const TITLE: &'static str = "a stretch reflex inside the window";
+    const CLASS: Class = Class::Plant;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("gain_nm_s_per_rad", "torque per stretch velocity", (0.0, 20.0), Some(0.0), 0.3),
+        Parameter::new("latency_s", "delay between stretch and torque", (0.012, 0.2), None, 0.025),
+        Parameter::new("time_constant_s", "lag of the activation", (0.002, 0.1), None, 0.01),
+    ];
+    const SOURCE: &'static str = "Delayed, half-wave rectified stretch velocity through a first-order lag";
+    const MEMORY: usize = 1;
+
+    #[inline(always)]
+    fn act<T: Number>(
+        p: &[T],
+        moment: &Moment<'_, T>,
+        past: &Past<T>,
+        slot: usize,
+        torques: &mut Torques<T>,
+        rates: &mut [T; MEMORY],
+    ) {
+        let lagged = moment.state.memory[slot];
+        rates[slot] = (moment.state.omega_j.positive_part() - lagged) / p[2];
+        torques.joint = torques.joint + p[0] * past.read(slot, moment.time_s, p[1]);
+    }
+}

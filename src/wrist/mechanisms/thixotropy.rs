@@ -1,0 +1,26 @@
+//! Short range stiffness that a movement has lowered and rest restores.
+
+use super::{Class, Covariates, Mechanism, Need, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::Plant;
+
+/// See the module.
+pub struct Thixotropy;
+
+impl Mechanism for Thixotropy {
+    const ID: &'static str = "thixotropy";
+    const TITLE: &'static str = "stiffness depends on the rest before the trial";
+    const CLASS: Class = Class::Trial;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("amount", "part of k_srs missing right after a movement", (-0.9, 0.9), Some(0.0), 0.1),
+        Parameter::new("time_constant_s", "how fast it comes back at rest", (0.5, 60.0), None, 5.0),
+    ];
+    const SOURCE: &'static str = "Lakie et al. 1984: exponential recovery with rest";
+    const NEEDS: &'static [Need] = &[Need::Rest];
+
+    #[inline(always)]
+    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {
+        let missing = p[0] * (-(T::lift(trial.rest_s) / p[1])).exp();
+        plant.short_range_stiffness = plant.short_range_stiffness * (T::constant(1.0) - missing);
+    }
+}

@@ -1,0 +1,31 @@
+//! Voluntary torque that starts to change about the onset.
+
+use super::{Class, Covariates, Mechanism, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::{MEMORY, Moment};
+
+/// See the module.
+pub struct TorqueDrift;
+
+impl Mechanism for TorqueDrift {
+    const ID: &'static str = "torque_drift";
+    const TITLE: &'static str = "the voluntary torque is not steady at the onset";
+    const CLASS: Class = Class::Trial;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("slope_nm_per_s", "slope of the torque", (-50.0, 50.0), Some(0.0), 1.0),
+        Parameter::new("start_s", "when it starts, from the onset", (0.0, 0.03), None, 0.005),
+    ];
+    const SOURCE: &'static str = "Linear change of the voluntary torque from a moment on";
+
+    #[inline(always)]
+    fn measure<T: Number>(
+        p: &[T],
+        moment: &Moment<'_, T>,
+        _trial: &Covariates<T::Plain>,
+        _slot: usize,
+        torque: T,
+        _rates: &mut [T; MEMORY],
+    ) -> T {
+        torque + p[0] * (T::constant(moment.time_s) - p[1]).positive_part()
+    }
+}

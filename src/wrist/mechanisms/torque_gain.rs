@@ -1,0 +1,30 @@
+//! A calibration error of the torque.
+
+use super::{Class, Covariates, Mechanism, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::{MEMORY, Moment};
+
+/// See the module.
+pub struct TorqueGain;
+
+impl Mechanism for TorqueGain {
+    const ID: &'static str = "torque_gain";
+    const TITLE: &'static str = "the torque is recorded too large or too small";
+    const CLASS: Class = Class::Sensor;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("factor", "recorded over true torque", (0.3, 3.0), Some(1.0), 1.05),
+    ];
+    const SOURCE: &'static str = "Calibration factor";
+
+    #[inline(always)]
+    fn measure<T: Number>(
+        p: &[T],
+        _moment: &Moment<'_, T>,
+        _trial: &Covariates<T::Plain>,
+        _slot: usize,
+        torque: T,
+        _rates: &mut [T; MEMORY],
+    ) -> T {
+        torque * p[0]
+    }
+}

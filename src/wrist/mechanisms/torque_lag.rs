@@ -1,0 +1,33 @@
+//! A low-pass in the torque channel that the angle channel does not have.
+
+use super::{Class, Covariates, Mechanism, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::{MEMORY, Moment};
+
+/// See the module.
+pub struct TorqueLag;
+
+impl Mechanism for TorqueLag {
+    const ID: &'static str = "torque_lag";
+    const TITLE: &'static str = "a low-pass in the torque channel alone";
+    const CLASS: Class = Class::Sensor;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("cutoff_hz", "cut-off of the first-order low-pass", (10.0, 5000.0), None, 150.0),
+    ];
+    const SOURCE: &'static str = "First-order low-pass";
+    const MEMORY: usize = 1;
+
+    #[inline(always)]
+    fn measure<T: Number>(
+        p: &[T],
+        moment: &Moment<'_, T>,
+        _trial: &Covariates<T::Plain>,
+        slot: usize,
+        torque: T,
+        rates: &mut [T; MEMORY],
+    ) -> T {
+        let lagged = moment.state.memory[slot];
+        rates[slot] = (torque - lagged) * p[0].scale(std::f64::consts::TAU);
+        lagged
+    }
+}

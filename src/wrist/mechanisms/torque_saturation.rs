@@ -1,0 +1,32 @@
+//! A torque channel that clips at a level.
+
+use super::{Class, Covariates, Mechanism, Parameter};
+use crate::wrist::number::Number;
+use crate::wrist::plant::{MEMORY, Moment};
+
+/// See the module.
+pub struct TorqueSaturation;
+
+impl Mechanism for TorqueSaturation {
+    const ID: &'static str = "torque_saturation";
+    const TITLE: &'static str = "the torque channel clips";
+    const CLASS: Class = Class::Sensor;
+    const PARAMETERS: &'static [Parameter] = &[
+        Parameter::new("level_nm", "largest torque the channel shows", (0.5, 100.0), None, 5.0),
+    ];
+    const SOURCE: &'static str = "Clipping of the measured torque";
+
+    #[inline(always)]
+    fn measure<T: Number>(
+        p: &[T],
+        _moment: &Moment<'_, T>,
+        trial: &Covariates<T::Plain>,
+        _slot: usize,
+        torque: T,
+        _rates: &mut [T; MEMORY],
+    ) -> T {
+        // The level is that of the torque itself; the model's torque is a change from the steady state.
+        let room = p[0] - T::lift(trial.torque_before_nm);
+        torque - (torque - room).positive_part()
+    }
+}

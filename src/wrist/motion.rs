@@ -1,0 +1,122 @@
+//! From the recorded angle to the motor's motion: speeds at the samples, and what the angle channel may have done.
+
+use super::mechanisms::{Channels, hermite};
+use super::number::{Number, Plain};
+use super::plant::Knot;
+
+/// Angle and speed at every sample; the speed by the fourth-order central difference, of lower order near the ends.
+///
+/// # Panics
+/// If there are fewer than two samples.
+pub fn knots(theta_rad: &[f64], period_s: f64) -> Vec<Knot<f64>> {
+    let last = theta_rad.len() - 1;
+    assert!(last > 0, "speed needs at least two samples");
+    let speed = |i: usize| {
+        if i >= 2 && i + 2 <= last {
+            (8.0 * (theta_rad[i + 1] - theta_rad[i - 1]) - (theta_rad[i + 2] - theta_rad[i - 2]))
+                / (12.0 * period_s)
+        } else {
+            let (before, after) = (i.saturating_sub(1), (i + 1).min(last));
+            (theta_rad[after] - theta_rad[before]) / ((after - before) as f64 * period_s)
+        }
+    };
+    (0..=last).map(|i| Knot { theta: theta_rad[i], omega: speed(i) }).collect()
+}
+
+/// The motor's motion behind records whose channels are not faithful: undoes the gain, shifts the time, and follows a
+/// recorded command. `records` are the lanes' records, `starts` where in them the result begins.
+#[inline(always)]
+pub(super) fn unrecord<T: Number>(
+    records: &[&[Knot<f64>]; 16],
+    starts: &[usize; 16],
+    count: usize,
+    channels: &Channels<T>,
+    period_s: f64,
+) -> Vec<Knot<T>> {
+    let mut motion = Vec::with_capacity(count);
+    let shift = channels.torque_delay_s.scale(1.0 / period_s);
+    let mut sample = 0;
+    while sample < count {
+        motion.push(at_shifted(records, starts, sample, shift, channels.angle_gain, period_s));
+        sample += 1;
+    }
+    if let Some(bandwidth) = channels.following_hz {
+        motion = servo_response(&motion, bandwidth, period_s);
+    }
+    motion
+}
+
+/// The recorded motion `shift` samples before `sample`, divided by `gain`.
+///
+/// The torque is late by the shift, so the torque at a sample belongs to the angle a shift earlier; the mechanics do not
+/// depend on time, so shifting the angle shifts the predicted torque.
+#[inline(always)]
+fn at_shifted<T: Number>(
+    records: &[&[Knot<f64>]; 16],
+    starts: &[usize; 16],
+    sample: usize,
+    shift: T,
+    gain: T,
+    period_s: f64,
+) -> Knot<T> {
+    let (mut from, mut to) = ([Knot::default(); 16], [Knot::default(); 16]);
+    let mut whole = [0.0; 16];
+    let mut lane = 0;
+    while lane < T::Plain::LANES {
+        let record = records[lane];
+        let place = (starts[lane] + sample) as f64 - shift.plain().lane(lane);
+        let index = (libm::floor(place).max(0.0) as usize).min(record.len() - 2);
+        from[lane] = record[index];
+        to[lane] = record[index + 1];
+        whole[lane] = (starts[lane] + sample) as f64 - index as f64;
+        lane += 1;
+    }
+    let u = T::lift(T::Plain::load(&whole)) - shift;
+    let (start, end) = (gather::<T>(&from), gather::<T>(&to));
+    let (start_slope, end_slope) = (start.omega.scale(period_s), end.omega.scale(period_s));
+    let theta = hermite(u, start.theta, end.theta, start_slope, end_slope);
+    let rise = end.theta - start.theta;
+    let c2 = rise.scale(3.0) - start_slope.scale(2.0) - end_slope;
+    let c3 = start_slope + end_slope - rise.scale(2.0);
+    let omega = (start_slope + u * (c2.scale(2.0) + u * c3.scale(3.0))).scale(1.0 / period_s);
+    Knot { theta: theta / gain, omega: omega / gain }
+}
+
+/// One knot a lane, side by side.
+#[inline(always)]
+pub(super) fn gather<T: Number>(lanes: &[Knot<f64>; 16]) -> Knot<T> {
+    let (mut theta, mut omega) = ([0.0; 16], [0.0; 16]);
+    let mut lane = 0;
+    while lane < T::Plain::LANES {
+        theta[lane] = lanes[lane].theta;
+        omega[lane] = lanes[lane].omega;
+        lane += 1;
+    }
+    Knot { theta: T::lift(T::Plain::load(&theta)), omega: T::lift(T::Plain::load(&omega)) }
+}
+
+/// How a servo with two equal real poles at `bandwidth_hz` follows a command; the command is taken as straight between
+/// samples, for which the response is exact.
+#[inline(always)]
+pub fn servo_response<T: Number>(command: &[Knot<T>], bandwidth_hz: T, period_s: f64) -> Vec<Knot<T>> {
+    let rate = bandwidth_hz.scale(std::f64::consts::TAU);
+    let one = T::constant(1.0);
+    let x = rate.scale(period_s);
+    let keep = (-x).exp();
+    // y' = rate (u - y) with u straight from u0 to u1: y1 = keep y0 + early u0 + late u1
+    let mean = (one - keep) / x;
+    let (early, late) = (mean - keep, one - mean);
+    let mut response = Vec::with_capacity(command.len());
+    let (mut first, mut second) = (command[0].theta, command[0].theta);
+    let mut sample = 0;
+    while sample < command.len() {
+        if sample > 0 {
+            let previous = first;
+            first = keep * first + early * command[sample - 1].theta + late * command[sample].theta;
+            second = keep * second + early * previous + late * first;
+        }
+        response.push(Knot { theta: second, omega: rate * (first - second) });
+        sample += 1;
+    }
+    response
+}
