@@ -72,8 +72,11 @@ impl TryFrom<Vec<Written>> for Mechanisms {
                 let known: Vec<&str> = CATALOGUE.iter().map(|kind| kind.id()).collect();
                 return Err(UnknownMechanism::Id { found: mechanism, known: known.join(", ") });
             };
-            let values: Vec<f64> =
-                kind.parameters().iter().filter_map(|parameter| parameters.get(parameter.name).copied()).collect();
+            let values: Vec<f64> = kind
+                .parameters()
+                .iter()
+                .filter_map(|parameter| parameters.get(parameter.name).copied())
+                .collect();
             if values.len() != parameters.len()
                 || values.len() != kind.parameters().len()
                 || values.iter().any(|value| !value.is_finite())

@@ -13,7 +13,7 @@ mod setup;
 mod voluntary;
 
 pub use mechanisms::{Mechanisms, UnknownMechanism};
-pub use person::Person;
+pub use person::{FORMAT as PERSON_FORMAT, Person, PersonError, Surface};
 pub use setup::Setup;
 
 use emg::Emg;
@@ -52,7 +52,6 @@ impl Rig for VirtualWrist {
 }
 
 /// The virtual wrist, able to move.
-#[derive(Debug, Clone)]
 pub struct ArmedVirtualWrist {
     rig: VirtualWrist,
     servo: Servo,
@@ -104,8 +103,8 @@ impl ArmedVirtualWrist {
             if self.trial != Some(trial.key) {
                 self.begin_trial(trial.key);
                 let spread = self.voluntary.draw_trial();
-                self.limb.prepare(&self.rig.person, trial, *target_nm, &spread);
-                self.emg.prepare(&spread);
+                let emg = self.emg.prepare(&spread, *target_nm);
+                self.limb.prepare(&self.rig.person, trial, *target_nm, &spread, emg);
             }
         }
         if matches!(cue, Cue::Moving) && !self.moving {
@@ -131,7 +130,7 @@ impl Armed for ArmedVirtualWrist {
         };
         self.servo.step(angle_rad, self.lever_torque_nm);
         let voluntary_nm = self.voluntary.step(&command.cue);
-        let response = self.limb.step(self.servo.knot(), matches!(command.cue, Cue::Rest), &self.voluntary);
+        let response = self.limb.step(self.servo.knot(), matches!(command.cue, Cue::Rest));
         self.lever_torque_nm = voluntary_nm + response.lever_nm;
         let emg = self.emg.step(&self.voluntary, response.since_onset_s, response.speed_rad_s);
         self.sample += 1;

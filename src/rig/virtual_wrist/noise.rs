@@ -133,7 +133,9 @@ mod tests {
 
     fn deviation(values: &[f64]) -> f64 {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        libm::sqrt(values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / values.len() as f64)
+        libm::sqrt(
+            values.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / values.len() as f64,
+        )
     }
 
     #[test]
@@ -157,8 +159,9 @@ mod tests {
     #[test]
     fn filters_pass_what_they_are_named_for() {
         let gain = |mut filter: Biquad, frequency_hz: f64| {
-            let outputs: Vec<f64> =
-                (0..20_000).map(|n| filter.step(libm::sin(TAU * frequency_hz * f64::from(n) / 2500.0))).collect();
+            let outputs: Vec<f64> = (0..20_000)
+                .map(|n| filter.step(libm::sin(TAU * frequency_hz * f64::from(n) / 2500.0)))
+                .collect();
             deviation(&outputs[10_000..]) * std::f64::consts::SQRT_2
         };
         assert!((gain(Biquad::low_pass(450.0, 2500.0), 450.0) - 0.7071).abs() < 0.01);

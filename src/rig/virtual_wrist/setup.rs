@@ -35,7 +35,11 @@ pub struct Setup {
 impl Default for Setup {
     fn default() -> Self {
         Self {
-            lever: Some(Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 }),
+            lever: Some(Lever {
+                inertia_kg_m2: 0.0016,
+                damping_nm_s_per_rad: 0.4,
+                stiffness_nm_per_rad: 900.0,
+            }),
             servo_stiffness_nm_per_rad: 1000.0,
             servo_bandwidth_hz: 80.0,
             servo_damping_ratio: 1.0,
