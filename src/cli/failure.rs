@@ -3,6 +3,7 @@
 use std::io;
 
 use ramphold::protocol::ProtocolError;
+use ramphold::schedule::DrawError;
 
 /// Why a verb did not do its work. One variant for each layer that can fail.
 #[derive(Debug, thiserror::Error)]
@@ -10,6 +11,9 @@ pub enum Failure {
     /// The protocol cannot be run.
     #[error(transparent)]
     Protocol(#[from] ProtocolError),
+    /// The trials cannot be ordered as asked.
+    #[error(transparent)]
+    Draw(#[from] DrawError),
     /// Results could not be printed.
     #[error("standard output cannot be written: {0}. Is the disk it is redirected to full?")]
     Output(#[from] io::Error),
@@ -19,7 +23,7 @@ impl Failure {
     /// 1: the work failed; 2: what was given to it was bad.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Protocol(_) => 2,
+            Self::Protocol(_) | Self::Draw(_) => 2,
             Self::Output(_) if self.is_broken_pipe() => 0,
             Self::Output(_) => 1,
         }

@@ -6,6 +6,7 @@
 mod check;
 mod console;
 mod failure;
+mod schedule;
 mod schema;
 
 use std::process::ExitCode;
@@ -41,6 +42,7 @@ macro_rules! verbs {
 
 verbs! {
     Check(check::Check),
+    Schedule(schedule::Schedule),
     Schema(schema::Schema),
 }
 

@@ -120,7 +120,7 @@ impl Walk {
     fn scalar(&mut self, node: &Node, value: &Value, schema: &Value, path: &str) {
         if let Some(only) = schema.get("const").filter(|only| *only != value) {
             let advice = format!("write {only}; this version reads no other");
-            return self.add(path, node, format!("{only}: {}", description(schema)), advice);
+            return self.add(path, node, expectation(schema), advice);
         }
         if let Some(number) = value.as_f64() {
             let (low, high) = (schema["minimum"].as_f64(), schema["maximum"].as_f64());
@@ -201,6 +201,9 @@ fn description(schema: &Value) -> &str {
 
 /// What belongs in a place, in words: "a number from 0.001 to 1: How far the motor turns, rad."
 fn expectation(schema: &Value) -> String {
+    if let Some(only) = schema.get("const") {
+        return format!("{only}: {}", description(schema));
+    }
     let range = match (schema["minimum"].as_f64(), schema["maximum"].as_f64()) {
         (Some(low), Some(high)) => format!(" from {low} to {high}"),
         (Some(low), None) => format!(" of {low} or more"),

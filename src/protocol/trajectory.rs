@@ -176,3 +176,73 @@ impl RampAndHold {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn ramp_and_hold(velocity_rad_s: f64) -> RampAndHold {
+        let ramp = Ramp { amplitude_rad: 0.14, rise_time_s: 0.02, hold_s: 0.2, return_velocity_rad_s: 0.5 };
+        RampAndHold::new(&ramp, velocity_rad_s).unwrap()
+    }
+
+    /// Speed is the derivative of the angle, and acceleration that of the speed, by central differences.
+    fn assert_derivatives_agree(at: impl Fn(f64) -> Motion, t_s: f64, acceleration_slope: f64) {
+        let h = 1e-6;
+        let (before, now, after) = (at(t_s - h), at(t_s), at(t_s + h));
+        let speed = (after.angle_rad - before.angle_rad) / (2.0 * h);
+        let acceleration = (after.velocity_rad_s - before.velocity_rad_s) / (2.0 * h);
+        // The acceleration has kinks, where a central difference is off by up to h / 2 of its slope.
+        let tolerance = acceleration_slope * h;
+        assert!((speed - now.velocity_rad_s).abs() < tolerance * h + 1e-8, "speed at {t_s} s");
+        assert!((acceleration - now.acceleration_rad_s2).abs() < tolerance + 1e-6, "acceleration at {t_s} s");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn speed_and_acceleration_are_derivatives_everywhere(
+            velocity in prop_oneof![-3.25..-0.3, 0.3..3.25f64], part in -0.1..1.1f64,
+        ) {
+            let movement = ramp_and_hold(velocity);
+            let slope = velocity.abs() * PI * PI / (2.0 * 0.02 * 0.02);
+            assert_derivatives_agree(|t_s| movement.at(t_s), part * movement.duration_s(), slope.max(1e4));
+        }
+
+        #[test]
+        fn no_motion_exceeds_speed_peak_acceleration_and_amplitude(
+            speed in 0.1..3.25f64, rise_time in 0.002..0.04f64, part in 0.0..1.0f64,
+        ) {
+            let sweep = Sweep::new(0.14, speed, rise_time).unwrap();
+            let motion = sweep.at(part * sweep.duration_s());
+            prop_assert!((0.0..=0.14 + 1e-15).contains(&motion.angle_rad));
+            prop_assert!((0.0..=speed).contains(&motion.velocity_rad_s));
+            prop_assert!(motion.acceleration_rad_s2.abs() <= sweep.peak_acceleration_rad_s2());
+        }
+    }
+
+    #[test]
+    fn the_movement_ends_where_it_began_and_rests_between() {
+        for velocity in [3.25, -1.3] {
+            let movement = ramp_and_hold(velocity);
+            let end = Motion { angle_rad: 0.14 * f64::signum(velocity), ..Motion::default() };
+            assert_eq!(movement.at(0.0), Motion::default());
+            assert_eq!(movement.at(movement.ramp().duration_s()), end);
+            assert_eq!(movement.at(movement.start_of_return_s()), end);
+            assert_eq!(movement.at(movement.duration_s()), Motion::default());
+            assert_eq!(movement.at(1e9), Motion::default());
+        }
+    }
+
+    #[test]
+    fn a_movement_of_no_speed_or_too_short_for_its_speed_is_refused() {
+        assert!(Sweep::new(0.14, 0.0, 0.02).is_err());
+        assert!(Sweep::new(0.14, f64::NAN, 0.02).is_err());
+        let error = Sweep::new(0.06, 3.25, 0.02).unwrap_err();
+        assert!(error.to_string().contains("at least 0.0650 rad"), "{error}");
+        assert!(Sweep::new(0.065, 3.25, 0.02).is_ok());
+    }
+}
