@@ -1,11 +1,22 @@
 //! Session folders: reading what was measured, writing what was run.
 
+mod error;
+mod load;
+mod record;
+mod text;
+
 use std::collections::BTreeMap;
 
+pub use crate::session::Status;
+pub use error::{DatasetError, Place};
+pub use load::load;
 use serde::{Deserialize, Serialize};
 
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
+
+/// The version of the session format that this program reads and writes.
+pub const FORMAT: &str = "ramphold-session/1";
 
 /// A measured session, loaded and checked.
 #[derive(Debug, Clone)]
@@ -27,18 +38,6 @@ pub struct Session {
 pub struct Subject {
     /// Identifier, such as `S01`.
     pub id: String,
-}
-
-/// What became of a trial. Only `Ok` trials are analysed; nothing is deleted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Status {
-    /// Complete and usable.
-    Ok,
-    /// Interrupted by a fault, the operator or the end of the program.
-    Aborted,
-    /// Complete, but the person did not hold the torque as asked.
-    Rejected,
 }
 
 /// One ramp and its record.
@@ -80,3 +79,6 @@ pub struct Record {
     /// Extensor carpi radialis EMG, fraction of MVC, where measured.
     pub emg_ecr_mvc: Option<Vec<f64>>,
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,1 +1,21 @@
-//! (in the making)
+//! The experiment as a state machine: `(state, input) -> (state, output)`, stepped once a sample.
+//!
+//! It has no clock, file or socket: time is a number of samples, and what it must remember over a crash is told in
+//! [`Happening`]s that a journal keeps. Which phase may follow which is data, see [`table`].
+
+mod display;
+mod ledger;
+mod machine;
+mod names;
+mod settings;
+mod step;
+pub mod table;
+mod watch;
+mod words;
+
+pub use display::Display;
+pub use ledger::Ledger;
+pub use machine::Machine;
+pub use settings::{Planned, Settings};
+pub use step::{Attempt, Detail, Happening, Input, Output, Reading, Recording, Status};
+pub use words::{Event, Phase, Source};

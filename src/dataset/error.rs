@@ -1,0 +1,219 @@
+//! What can be wrong with a session folder, said so that it can be mended.
+
+use std::fmt;
+use std::io;
+
+/// Where in a session folder something is: file, and line and column where they are known.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    /// Path of the file, as the user would type it.
+    pub file: Box<str>,
+    /// Line in the file, the first being 1.
+    pub line: Option<u64>,
+    /// Column of a table, or path of a field in a JSON file.
+    pub column: Option<Box<str>>,
+}
+
+impl Place {
+    /// A field of a JSON file, by its path.
+    pub fn field(file: impl Into<Box<str>>, path: &str) -> Self {
+        Self { file: file.into(), line: None, column: Some(format!("field {path}").into()) }
+    }
+
+    /// The file as a whole.
+    pub fn file(file: impl Into<Box<str>>) -> Self {
+        Self { file: file.into(), line: None, column: None }
+    }
+
+    /// A line of the file.
+    pub fn line(file: impl Into<Box<str>>, line: u64) -> Self {
+        Self { file: file.into(), line: Some(line), column: None }
+    }
+
+    /// A column in a line of the file.
+    pub fn cell(file: impl Into<Box<str>>, line: u64, column: impl Into<Box<str>>) -> Self {
+        Self { file: file.into(), line: Some(line), column: Some(column.into()) }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}", self.file)?;
+        if let Some(line) = self.line {
+            write!(formatter, ", line {line}")?;
+        }
+        if let Some(column) = &self.column {
+            write!(formatter, ", {column}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Why a session folder cannot be read. The message names file, line, column and what was expected.
+#[derive(Debug, thiserror::Error)]
+pub enum DatasetError {
+    /// A file that must be there is not.
+    #[error("{at}: not found; expected {expected}")]
+    Missing {
+        /// The file.
+        at: Place,
+        /// What it should have been, and who names it.
+        expected: String,
+    },
+    /// The operating system does not let it be read.
+    #[error("{at}: cannot be read ({source}); expected a readable file")]
+    Unreadable {
+        /// The file.
+        at: Place,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// Nothing in it.
+    #[error("{at}: the file is empty; expected {expected}")]
+    Empty {
+        /// The file.
+        at: Place,
+        /// What should be there.
+        expected: String,
+    },
+    /// Bytes that are not UTF-8 text.
+    #[error("{at}: not UTF-8 text; expected a table or JSON saved as UTF-8")]
+    NotText {
+        /// The first line that is not.
+        at: Place,
+    },
+    /// `session.json` is not JSON, or not of the shape the format asks for.
+    #[error("{at}: {message}; expected a session description of format {format}", format = super::FORMAT)]
+    Json {
+        /// File, line and the path of the field.
+        at: Place,
+        /// The parser's words.
+        message: String,
+    },
+    /// Written in a version of the format that this program does not know.
+    #[error("{at}: format version {found:?} is not known; expected {expected:?}, or a newer program")]
+    UnknownFormat {
+        /// The field.
+        at: Place,
+        /// What is there.
+        found: String,
+        /// What this program reads.
+        expected: &'static str,
+    },
+    /// A column that must be there is not, or is there twice.
+    #[error("{at}: column {column} is {problem}; expected exactly one, the header is: {header}")]
+    Column {
+        /// The header line.
+        at: Place,
+        /// Its name.
+        column: String,
+        /// `missing` or `there twice`.
+        problem: &'static str,
+        /// The header as it is.
+        header: String,
+    },
+    /// A row that has more or fewer fields than the header.
+    #[error("{at}: {found} fields; expected {expected} as in the header")]
+    FieldCount {
+        /// The row.
+        at: Place,
+        /// Its number of fields.
+        found: usize,
+        /// The header's.
+        expected: usize,
+    },
+    /// A value that is not what the column or field holds.
+    #[error("{at}: {found:?} is not valid; expected {expected}")]
+    Value {
+        /// File, line and column.
+        at: Place,
+        /// What is there.
+        found: String,
+        /// What should be.
+        expected: String,
+    },
+    /// Time stands still or runs backwards.
+    #[error("{at}: time goes from {before_s} s to {after_s} s; expected a step forward of {step_s} s")]
+    StepBack {
+        /// The later row.
+        at: Place,
+        /// Time of the row before.
+        before_s: f64,
+        /// Time of this row.
+        after_s: f64,
+        /// One sample period.
+        step_s: f64,
+    },
+    /// Samples are missing.
+    #[error("{at}: gap in time from {before_s} s to {after_s} s; expected a step of {step_s} s")]
+    Gap {
+        /// The row after the gap.
+        at: Place,
+        /// Time of the row before.
+        before_s: f64,
+        /// Time of this row.
+        after_s: f64,
+        /// One sample period.
+        step_s: f64,
+    },
+    /// The times in a record do not go at the session's rate.
+    #[error(
+        "{at}: the times run at {found_hz:.6} samples a second; expected the sample_rate_hz of session.json, {expected_hz}"
+    )]
+    Rate {
+        /// The row where it became certain.
+        at: Place,
+        /// Rate of the record.
+        found_hz: f64,
+        /// Rate of the session.
+        expected_hz: f64,
+    },
+    /// The onset is not inside the record, or too near its end to be analysed.
+    #[error(
+        "{at}: onset at {onset_s} s; expected it {expected}, the record {record} runs from {first_s} s to {last_s} s"
+    )]
+    Onset {
+        /// Cell of the table.
+        at: Place,
+        /// The onset given.
+        onset_s: f64,
+        /// What is asked of it.
+        expected: &'static str,
+        /// File of the record.
+        record: String,
+        /// First time in the record.
+        first_s: f64,
+        /// Last time in the record.
+        last_s: f64,
+    },
+    /// A record that would be read from outside the session folder.
+    #[error(
+        "{at}: {found:?} leads out of the session folder; expected a path inside it, such as trials/trial-001.csv"
+    )]
+    Outside {
+        /// Cell of the table, or the file.
+        at: Place,
+        /// The path given.
+        found: String,
+    },
+    /// The same trial number twice.
+    #[error("{at}: trial {number} is already in line {first_line}; expected each number once")]
+    DuplicateTrial {
+        /// Cell of the second.
+        at: Place,
+        /// The number.
+        number: u32,
+        /// Line of the first.
+        first_line: u64,
+    },
+    /// A complete trial without enough samples.
+    #[error("{at}: {found} samples; expected at least {expected} in a trial of status ok")]
+    TooShort {
+        /// The record.
+        at: Place,
+        /// Samples there.
+        found: usize,
+        /// Samples needed.
+        expected: usize,
+    },
+}

@@ -1,0 +1,241 @@
+//! Reading a session folder: everything is checked here, once, and nothing is guessed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+
+use super::error::{DatasetError, Place};
+use super::text::{Folder, Table};
+use super::{FORMAT, Record, Session, Status, Subject, Trial, record};
+use crate::signal::FilterSpec;
+use crate::wrist::Lever;
+
+/// What must lie before and after the onset of a trial that is analysed, s.
+const AROUND_ONSET_S: f64 = 0.040;
+
+/// Reads and checks the session in `folder`.
+///
+/// Trials of status `aborted` or `rejected` are read too, if they have a record: their `file` may be empty, and their
+/// record may be short or have no rows at all, but what is there must be sound.
+///
+/// # Errors
+/// The first thing wrong, in the order session.json, trials.csv, records; it names file, line, column and what was
+/// expected. No file is changed, none outside the folder is opened.
+pub fn load(folder: &Path) -> Result<Session, DatasetError> {
+    let folder = Folder::open(folder)?;
+    let about = read_description(&folder)?;
+    let rows = read_table(&folder)?;
+    // Every record is read before the first error is chosen, so that the message does not depend on threads.
+    let trials: Vec<Result<Trial, DatasetError>> =
+        rows.into_par_iter().map(|row| row.with_record(&folder, about.sample_rate_hz)).collect();
+    Ok(Session {
+        subject: about.subject,
+        sample_rate_hz: about.sample_rate_hz,
+        lever: about.rig.lever,
+        recorded_filter: about.recorded_filter,
+        trials: trials.into_iter().collect::<Result<_, _>>()?,
+    })
+}
+
+#[derive(Deserialize)]
+struct Version {
+    format: String,
+}
+
+/// `session.json`; further fields are allowed and belong to whoever wrote them.
+#[derive(Deserialize)]
+struct Description {
+    subject: Subject,
+    sample_rate_hz: f64,
+    rig: RigDescription,
+    // `null` says that nothing was filtered; not to say anything is not the same.
+    #[serde(deserialize_with = "Option::deserialize")]
+    recorded_filter: Option<FilterSpec>,
+}
+
+#[derive(Deserialize)]
+struct RigDescription {
+    #[serde(deserialize_with = "Option::deserialize")]
+    lever: Option<Lever>,
+}
+
+fn read_description(folder: &Folder) -> Result<Description, DatasetError> {
+    let name = folder.name("session.json");
+    let text = folder.text("session.json", None)?;
+    if text.trim().is_empty() {
+        let expected = "a JSON object that describes the session".to_owned();
+        return Err(DatasetError::Empty { at: Place::file(name), expected });
+    }
+    // The version comes before everything else: of an unknown one, no field can be judged.
+    let version: Version = parse_json(&name, &text)?;
+    if version.format != FORMAT {
+        return Err(DatasetError::UnknownFormat {
+            at: Place::field(name, "format"),
+            found: version.format,
+            expected: FORMAT,
+        });
+    }
+    let about: Description = parse_json(&name, &text)?;
+    check_values(&name, &about)?;
+    Ok(about)
+}
+
+fn parse_json<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, DatasetError> {
+    let mut deserializer = serde_json::Deserializer::from_str(text);
+    let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
+        let path = error.path().to_string();
+        json_error(name, (path != ".").then_some(path), error.inner())
+    })?;
+    deserializer.end().map_err(|error| json_error(name, None, &error))?;
+    Ok(value)
+}
+
+fn json_error(name: &str, path: Option<String>, error: &serde_json::Error) -> DatasetError {
+    let column = path.map(|path| format!("field {path}").into());
+    let place = Place { file: name.into(), line: Some(error.line() as u64), column };
+    DatasetError::Json { at: place, message: error.to_string() }
+}
+
+fn check_values(name: &str, about: &Description) -> Result<(), DatasetError> {
+    let field = |field: &str, found: f64, good: bool, expected: &str| {
+        if good {
+            return Ok(());
+        }
+        Err(DatasetError::Value {
+            at: Place::field(name, field),
+            found: found.to_string(),
+            expected: expected.to_owned(),
+        })
+    };
+    let rate = about.sample_rate_hz;
+    field("sample_rate_hz", rate, rate.is_finite() && rate > 0.0, "a number of samples a second above 0")?;
+    if let Some(lever) = &about.rig.lever {
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        let (inertia, damping, stiffness) =
+            (lever.inertia_kg_m2, lever.damping_nm_s_per_rad, lever.stiffness_nm_per_rad);
+        field("rig.lever.inertia_kg_m2", inertia, positive(inertia), "an inertia above 0")?;
+        let damped = damping.is_finite() && damping >= 0.0;
+        field("rig.lever.damping_nm_s_per_rad", damping, damped, "a damping from 0 up")?;
+        field("rig.lever.stiffness_nm_per_rad", stiffness, positive(stiffness), "a stiffness above 0")?;
+    }
+    if let Some(FilterSpec::Butterworth { order, cutoff_hz, .. }) = about.recorded_filter {
+        field("recorded_filter.order", f64::from(order), (1..=10).contains(&order), "an order from 1 to 10")?;
+        let possible = cutoff_hz > 0.0 && cutoff_hz < rate / 2.0;
+        field("recorded_filter.cutoff_hz", cutoff_hz, possible, "a frequency below half the sample rate")?;
+    }
+    Ok(())
+}
+
+/// A row of `trials.csv`, whose record is still to be read.
+struct Row {
+    trial: Trial,
+    file_at: Place,
+    onset_at: Place,
+}
+
+fn read_table(folder: &Folder) -> Result<Vec<Row>, DatasetError> {
+    let text = folder.text("trials.csv", None)?;
+    let header = "a header trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status and a row a trial";
+    let mut table = Table::new(folder.name("trials.csv"), &text, header)?;
+    let number = table.column("trial")?;
+    let file = table.column("file")?;
+    let velocity = table.column("velocity_rad_s")?;
+    let torque = table.column("torque_nm")?;
+    let repetition = table.column("repetition")?;
+    let onset = table.column("onset_s")?;
+    let status = table.column("status")?;
+    let condition = table.find("condition");
+    let known = [number, file, velocity, torque, repetition, onset, status];
+
+    let mut rows = Vec::new();
+    let mut seen = BTreeMap::new();
+    while table.next_row()? {
+        let trial_number = table.count(number)?;
+        if let Some(first_line) = seen.insert(trial_number, table.line()) {
+            return Err(DatasetError::DuplicateTrial {
+                at: table.place(number),
+                number: trial_number,
+                first_line,
+            });
+        }
+        let trial_status = match table.text(status) {
+            "ok" => Status::Ok,
+            "aborted" => Status::Aborted,
+            "rejected" => Status::Rejected,
+            _ => return Err(table.invalid(status, "ok, aborted or rejected")),
+        };
+        if table.text(file).is_empty() && trial_status == Status::Ok {
+            return Err(table.invalid(file, "the path of the trial's record, such as trials/trial-001.csv"));
+        }
+        let velocity_rad_s = table.number(velocity)?;
+        if velocity_rad_s == 0.0 {
+            return Err(table.invalid(velocity, "a velocity other than 0"));
+        }
+        let onset_s = if table.text(onset).is_empty() { None } else { Some(table.number(onset)?) };
+        let extra = (0..table.header().len())
+            .filter(|column| !known.contains(column) && Some(*column) != condition)
+            .map(|column| (table.header()[column].clone(), table.text(column).to_owned()))
+            .collect();
+        rows.push(Row {
+            trial: Trial {
+                number: trial_number,
+                file: table.text(file).to_owned(),
+                velocity_rad_s,
+                torque_nm: table.number(torque)?,
+                repetition: table.count(repetition)?,
+                condition: condition
+                    .map(|column| table.text(column).to_owned())
+                    .filter(|label| !label.is_empty()),
+                onset_s,
+                status: trial_status,
+                extra,
+                record: Record::default(),
+            },
+            file_at: table.place(file),
+            onset_at: table.place(onset),
+        });
+    }
+    Ok(rows)
+}
+
+impl Row {
+    fn with_record(mut self, folder: &Folder, sample_rate_hz: f64) -> Result<Trial, DatasetError> {
+        if self.trial.file.is_empty() {
+            return Ok(self.trial);
+        }
+        let text = folder.text(&self.trial.file, Some(&self.file_at))?;
+        let name = folder.name(&self.trial.file);
+        self.trial.record = record::parse(&name, &text, sample_rate_hz)?;
+        self.check_onset(&name, sample_rate_hz)?;
+        Ok(self.trial)
+    }
+
+    fn check_onset(&self, name: &str, sample_rate_hz: f64) -> Result<(), DatasetError> {
+        let record = &self.trial.record;
+        let samples = record.theta_m_rad.len();
+        let analysed = self.trial.status == Status::Ok;
+        let needed = (2.0 * AROUND_ONSET_S * sample_rate_hz).floor() as usize;
+        if analysed && samples < needed {
+            return Err(DatasetError::TooShort { at: Place::file(name), found: samples, expected: needed });
+        }
+        let Some(onset_s) = self.trial.onset_s else { return Ok(()) };
+        let (first_s, last_s) =
+            (record.start_s, record.start_s + samples.saturating_sub(1) as f64 / sample_rate_hz);
+        // Onsets are printed with few digits too.
+        let rounding_s = 0.5 / sample_rate_hz;
+        let margin_s = if analysed { AROUND_ONSET_S - 2.0 * rounding_s } else { 0.0 };
+        let inside = |margin_s: f64| {
+            onset_s >= first_s + margin_s - rounding_s && onset_s <= last_s - margin_s + rounding_s
+        };
+        let expected = match (inside(0.0) && samples > 0, inside(margin_s)) {
+            (false, _) => "inside the record",
+            (true, false) => "with at least 40 ms of the record before and after it",
+            (true, true) => return Ok(()),
+        };
+        let at = self.onset_at.clone();
+        Err(DatasetError::Onset { at, onset_s, expected, record: name.to_owned(), first_s, last_s })
+    }
+}

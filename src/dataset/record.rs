@@ -1,0 +1,87 @@
+//! The record of one trial: reading `trials/*.csv`, and whether its time axis is sound.
+
+use super::Record;
+use super::error::{DatasetError, Place};
+use super::text::Table;
+
+/// How far a sample may be from its place on an even time axis, in sample periods. Times are often printed with few
+/// digits, so a step is not exactly a period; half a period is where a sample would be nearer to its neighbour's place.
+const PLACE_TOLERANCE: f64 = 0.5;
+
+/// How much the clock of a recording may differ from the rate of the session.
+const CLOCK_TOLERANCE: f64 = 1e-3;
+
+/// Reads a record; `file` is its name for messages.
+pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Record, DatasetError> {
+    let mut table =
+        Table::new(file.to_owned(), text, "a header t_s,theta_m_rad,torque_l_nm and a row a sample")?;
+    let time = table.column("t_s")?;
+    let angle = table.column("theta_m_rad")?;
+    let torque = table.column("torque_l_nm")?;
+    let fcr = table.find("emg_fcr_mvc");
+    let ecr = table.find("emg_ecr_mvc");
+
+    let rows = text.len() / 24;
+    let mut times_s = Vec::with_capacity(rows);
+    let mut record = Record {
+        theta_m_rad: Vec::with_capacity(rows),
+        torque_l_nm: Vec::with_capacity(rows),
+        emg_fcr_mvc: fcr.map(|_| Vec::with_capacity(rows)),
+        emg_ecr_mvc: ecr.map(|_| Vec::with_capacity(rows)),
+        start_s: 0.0,
+    };
+    let mut lines = Vec::with_capacity(rows);
+    while table.next_row()? {
+        times_s.push(table.number(time)?);
+        record.theta_m_rad.push(table.number(angle)?);
+        record.torque_l_nm.push(table.number(torque)?);
+        if let (Some(column), Some(signal)) = (fcr, &mut record.emg_fcr_mvc) {
+            signal.push(table.number(column)?);
+        }
+        if let (Some(column), Some(signal)) = (ecr, &mut record.emg_ecr_mvc) {
+            signal.push(table.number(column)?);
+        }
+        lines.push(table.line());
+    }
+    check_times(file, &times_s, &lines, sample_rate_hz)?;
+    record.start_s = times_s.first().copied().unwrap_or(0.0);
+    Ok(record)
+}
+
+/// Whether the samples lie where an even time axis of the session's rate puts them.
+fn check_times(file: &str, times_s: &[f64], lines: &[u64], sample_rate_hz: f64) -> Result<(), DatasetError> {
+    let Some(&first_s) = times_s.first() else { return Ok(()) };
+    let step_s = 1.0 / sample_rate_hz;
+    let at = |row: usize| Place::cell(file, lines[row], "column t_s");
+    let rate = |row: usize| DatasetError::Rate {
+        at: at(row),
+        found_hz: 1.0 / median_step(times_s),
+        expected_hz: sample_rate_hz,
+    };
+    for (row, pair) in times_s.windows(2).enumerate() {
+        let (before_s, after_s, row) = (pair[0], pair[1], row + 1);
+        if after_s <= before_s {
+            return Err(DatasetError::StepBack { at: at(row), before_s, after_s, step_s });
+        }
+        let periods = (after_s - before_s) * sample_rate_hz;
+        if (periods - 1.0).abs() > PLACE_TOLERANCE {
+            let usual_periods = median_step(times_s) * sample_rate_hz;
+            if (usual_periods - 1.0).abs() > PLACE_TOLERANCE {
+                return Err(rate(row));
+            }
+            return Err(DatasetError::Gap { at: at(row), before_s, after_s, step_s });
+        }
+        let slip = (after_s - first_s) * sample_rate_hz - row as f64;
+        if slip.abs() > PLACE_TOLERANCE + CLOCK_TOLERANCE * row as f64 {
+            return Err(rate(row));
+        }
+    }
+    Ok(())
+}
+
+/// The step from sample to sample that half of the steps do not exceed.
+fn median_step(times_s: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps[steps.len() / 2]
+}

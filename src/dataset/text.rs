@@ -1,0 +1,214 @@
+//! Reading a text file of a session folder without leaving the folder, and a table out of it.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Component, Path, PathBuf};
+
+use super::error::{DatasetError, Place};
+
+/// A session folder that is being read; no file outside it is ever opened.
+#[derive(Debug, Clone)]
+pub(super) struct Folder {
+    shown: PathBuf,
+    real: PathBuf,
+}
+
+impl Folder {
+    /// Finds the folder, following links, so that what lies in it can be told from what does not.
+    pub fn open(path: &Path) -> Result<Self, DatasetError> {
+        let at = || Place::file(path.display().to_string());
+        let expected = "a session folder with session.json, trials.csv and the records";
+        match fs::canonicalize(path) {
+            Ok(real) if real.is_dir() => Ok(Self { shown: path.to_owned(), real }),
+            Ok(_) => Err(DatasetError::Value {
+                at: at(),
+                found: "a file".to_owned(),
+                expected: expected.to_owned(),
+            }),
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                Err(DatasetError::Missing { at: at(), expected: expected.to_owned() })
+            }
+            Err(source) => Err(DatasetError::Unreadable { at: at(), source }),
+        }
+    }
+
+    /// How a file of the folder is called in messages.
+    pub fn name(&self, file: &str) -> String {
+        self.shown.join(file).display().to_string()
+    }
+
+    /// The text of `file`, a path with `/` inside the folder; `named_at` is who asks for it.
+    ///
+    /// A byte order mark at the start is taken off: spreadsheets write it.
+    pub fn text(&self, file: &str, named_at: Option<&Place>) -> Result<String, DatasetError> {
+        let at = named_at.cloned().unwrap_or_else(|| Place::file(self.name(file)));
+        let outside = || DatasetError::Outside { at: at.clone(), found: file.to_owned() };
+        if !stays_inside(file) {
+            return Err(outside());
+        }
+        let real = match fs::canonicalize(self.real.join(file)) {
+            Ok(real) => real,
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                let by = named_at.map_or(String::new(), |place| format!(", which {place} names"));
+                return Err(DatasetError::Missing {
+                    at: Place::file(self.name(file)),
+                    expected: format!("a file of the session{by}"),
+                });
+            }
+            Err(source) => return Err(self.unreadable(file, source)),
+        };
+        if !real.starts_with(&self.real) {
+            return Err(outside());
+        }
+        // A pipe or a device would make the reader wait for ever.
+        if !real.is_file() {
+            return Err(DatasetError::Value {
+                at,
+                found: file.to_owned(),
+                expected: "an ordinary file".to_owned(),
+            });
+        }
+        let mut bytes = fs::read(&real).map_err(|source| self.unreadable(file, source))?;
+        if bytes.starts_with(b"\xEF\xBB\xBF") {
+            bytes.drain(..3);
+        }
+        String::from_utf8(bytes).map_err(|error| {
+            let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+            let line = 1 + good.iter().filter(|&&byte| byte == b'\n').count() as u64;
+            DatasetError::NotText { at: Place::line(self.name(file), line) }
+        })
+    }
+
+    fn unreadable(&self, file: &str, source: std::io::Error) -> DatasetError {
+        DatasetError::Unreadable { at: Place::file(self.name(file)), source }
+    }
+}
+
+/// Whether a relative path never climbs above where it starts, links aside.
+fn stays_inside(file: &str) -> bool {
+    let mut depth = 0i32;
+    for component in Path::new(file).components() {
+        match component {
+            Component::Normal(_) => depth += 1,
+            Component::CurDir => {}
+            Component::ParentDir => depth -= 1,
+            Component::RootDir | Component::Prefix(_) => return false,
+        }
+        if depth < 0 {
+            return false;
+        }
+    }
+    depth > 0
+}
+
+/// A table with a header line, read row by row.
+pub(super) struct Table<'text> {
+    file: String,
+    reader: csv::Reader<&'text [u8]>,
+    header: Vec<String>,
+    places: BTreeMap<String, usize>,
+    row: csv::ByteRecord,
+}
+
+impl<'text> Table<'text> {
+    /// Reads the header of `text`; `file` is its name for messages.
+    pub fn new(file: String, text: &'text str, expected: &str) -> Result<Self, DatasetError> {
+        if text.trim().is_empty() {
+            return Err(DatasetError::Empty { at: Place::file(file), expected: expected.to_owned() });
+        }
+        // Row lengths are checked here, so that the message can name the line.
+        let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
+        let header: Vec<String> = match reader.headers() {
+            Ok(header) => header.iter().map(|name| name.trim().to_owned()).collect(),
+            Err(_) => return Err(DatasetError::NotText { at: Place::line(file, 1) }),
+        };
+        let mut places = BTreeMap::new();
+        for (place, name) in header.iter().enumerate() {
+            if places.insert(name.clone(), place).is_some() && !name.is_empty() {
+                return Err(DatasetError::Column {
+                    at: Place::line(file, 1),
+                    column: name.clone(),
+                    problem: "there twice",
+                    header: header.join(","),
+                });
+            }
+        }
+        Ok(Self { file, reader, header, places, row: csv::ByteRecord::new() })
+    }
+
+    /// Where `column` is, if it is there.
+    pub fn find(&self, column: &str) -> Option<usize> {
+        self.places.get(column).copied()
+    }
+
+    /// Where `column` is, which must be there.
+    pub fn column(&self, column: &str) -> Result<usize, DatasetError> {
+        self.find(column).ok_or_else(|| DatasetError::Column {
+            at: Place::line(self.file.clone(), 1),
+            column: column.to_owned(),
+            problem: "missing",
+            header: self.header.join(","),
+        })
+    }
+
+    /// The names of the columns.
+    pub fn header(&self) -> &[String] {
+        &self.header
+    }
+
+    /// Goes to the next row; `false` at the end. Blank lines are passed over.
+    pub fn next_row(&mut self) -> Result<bool, DatasetError> {
+        let more = self.reader.read_byte_record(&mut self.row);
+        match more {
+            Ok(true) if self.row.len() != self.header.len() => Err(DatasetError::FieldCount {
+                at: Place::line(self.file.clone(), self.line()),
+                found: self.row.len(),
+                expected: self.header.len(),
+            }),
+            Ok(more) => Ok(more),
+            Err(_) => Err(DatasetError::NotText { at: Place::line(self.file.clone(), self.line()) }),
+        }
+    }
+
+    /// Line of the present row.
+    pub fn line(&self) -> u64 {
+        self.row.position().map_or(1, csv::Position::line)
+    }
+
+    /// A cell of the present row, without blanks around it.
+    pub fn text(&self, column: usize) -> &str {
+        // The table was made from a str, and fields end at ASCII bytes, so a cell is a str too.
+        std::str::from_utf8(self.row.get(column).unwrap_or_default()).unwrap_or_default().trim()
+    }
+
+    /// A cell that holds a finite number.
+    pub fn number(&self, column: usize) -> Result<f64, DatasetError> {
+        match self.text(column).parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(value),
+            _ => Err(self.invalid(column, "a finite number, with a point")),
+        }
+    }
+
+    /// A cell that holds a whole number from 1 up.
+    pub fn count(&self, column: usize) -> Result<u32, DatasetError> {
+        match self.text(column).parse::<u32>() {
+            Ok(value) if value > 0 => Ok(value),
+            _ => Err(self.invalid(column, "a whole number from 1 up")),
+        }
+    }
+
+    /// File, line and column of a cell of the present row.
+    pub fn place(&self, column: usize) -> Place {
+        Place::cell(self.file.clone(), self.line(), format!("column {}", self.header[column]))
+    }
+
+    /// The error for a cell of the present row that is not as `expected`.
+    pub fn invalid(&self, column: usize, expected: &str) -> DatasetError {
+        DatasetError::Value {
+            at: self.place(column),
+            found: self.text(column).to_owned(),
+            expected: expected.to_owned(),
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Mechanisms of the catalogue that are at work in a virtual person or rig.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::wrist::mechanisms::{CATALOGUE, Kind};
+
+/// A list of mechanisms and the values of their parameters, as written in a file:
+/// `[{ "mechanism": "joint_damping", "parameters": { "b_j_nm_s_per_rad": 0.05 } }]`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "Vec<Written>", into = "Vec<Written>")]
+#[schemars(with = "Vec<Written>")]
+pub struct Mechanisms {
+    /// Which, in order.
+    pub kinds: Vec<Kind>,
+    /// Their parameters, one after the other.
+    pub parameters: Vec<f64>,
+}
+
+impl Mechanisms {
+    /// These, and then those of `other`.
+    pub fn and(&self, other: &Self) -> Self {
+        Self {
+            kinds: [&self.kinds[..], &other.kinds].concat(),
+            parameters: [&self.parameters[..], &other.parameters].concat(),
+        }
+    }
+}
+
+/// One mechanism in a file.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    /// Id in the catalogue.
+    mechanism: String,
+    /// Values of its parameters, every one by its name.
+    parameters: BTreeMap<String, f64>,
+}
+
+/// A mechanism in a file that the catalogue does not have, or not with these parameters.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum UnknownMechanism {
+    /// No such id.
+    #[error("mechanism {found:?} is not in the catalogue; expected one of {known}")]
+    Id {
+        /// The id given.
+        found: String,
+        /// Those there are.
+        known: String,
+    },
+    /// A parameter is missing, too much, or not a number.
+    #[error("mechanism {mechanism}: parameters {found:?}; expected finite numbers for {expected:?}")]
+    Parameters {
+        /// The mechanism.
+        mechanism: String,
+        /// The names given.
+        found: Vec<String>,
+        /// Its own.
+        expected: Vec<String>,
+    },
+}
+
+impl TryFrom<Vec<Written>> for Mechanisms {
+    type Error = UnknownMechanism;
+
+    fn try_from(list: Vec<Written>) -> Result<Self, UnknownMechanism> {
+        let mut mechanisms = Self::default();
+        for Written { mechanism, parameters } in list {
+            let Some(&kind) = CATALOGUE.iter().find(|kind| kind.id() == mechanism) else {
+                let known: Vec<&str> = CATALOGUE.iter().map(|kind| kind.id()).collect();
+                return Err(UnknownMechanism::Id { found: mechanism, known: known.join(", ") });
+            };
+            let values: Vec<f64> = kind
+                .parameters()
+                .iter()
+                .filter_map(|parameter| parameters.get(parameter.name).copied())
+                .collect();
+            if values.len() != parameters.len()
+                || values.len() != kind.parameters().len()
+                || values.iter().any(|value| !value.is_finite())
+            {
+                return Err(UnknownMechanism::Parameters {
+                    mechanism,
+                    found: parameters.into_keys().collect(),
+                    expected: kind.parameters().iter().map(|parameter| parameter.name.to_owned()).collect(),
+                });
+            }
+            mechanisms.kinds.push(kind);
+            mechanisms.parameters.extend(values);
+        }
+        Ok(mechanisms)
+    }
+}
+
+impl From<Mechanisms> for Vec<Written> {
+    fn from(mechanisms: Mechanisms) -> Self {
+        let mut values = mechanisms.parameters.into_iter();
+        mechanisms
+            .kinds
+            .iter()
+            .map(|kind| Written {
+                mechanism: kind.id().to_owned(),
+                parameters: kind
+                    .parameters()
+                    .iter()
+                    .zip(values.by_ref())
+                    .map(|(parameter, value)| (parameter.name.to_owned(), value))
+                    .collect(),
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_of_mechanisms_survives_writing_and_reading() {
+        let text = r#"[{"mechanism":"fatigue","parameters":{"fraction":0.05}},
+            {"mechanism":"torque_drift","parameters":{"slope_nm_per_s":1.0,"start_s":0.005}}]"#;
+        let read: Mechanisms = serde_json::from_str(text).unwrap();
+        assert_eq!(read.parameters, [0.05, 1.0, 0.005]);
+        let again: Mechanisms = serde_json::from_str(&serde_json::to_string(&read).unwrap()).unwrap();
+        assert_eq!(again, read);
+    }
+
+    #[test]
+    fn an_unknown_mechanism_or_parameter_is_refused_with_what_there_is() {
+        let refuse = |text: &str| serde_json::from_str::<Mechanisms>(text).unwrap_err().to_string();
+        let message = refuse(r#"[{"mechanism":"ghost","parameters":{}}]"#);
+        assert!(message.contains("\"ghost\"") && message.contains("joint_damping"), "{message}");
+        for parameters in ["{}", r#"{"fraction":1.0,"more":2.0}"#, r#"{"part":1.0}"#] {
+            let message = refuse(&format!(r#"[{{"mechanism":"fatigue","parameters":{parameters}}}]"#));
+            assert!(message.contains("mechanism fatigue") && message.contains("fraction"), "{message}");
+        }
+    }
+}

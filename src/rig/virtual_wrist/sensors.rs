@@ -1,0 +1,151 @@
+//! What the encoder, the strain gauges and the EMG amplifier make of the truth.
+
+use std::f64::consts::TAU;
+
+use super::limb::channels;
+use super::mechanisms::Mechanisms;
+use super::person::Person;
+use super::setup::Setup;
+use crate::random::Stream;
+use crate::rig::Sample;
+
+/// The sensors.
+#[derive(Debug, Clone)]
+pub struct Sensors {
+    setup: Setup,
+    disturbances: Mechanisms,
+    stream: Stream,
+    count_rad: f64,
+    angle_gain: f64,
+    angle: Delay,
+    torque: Delay,
+}
+
+impl Sensors {
+    /// The sensors of a rig.
+    pub fn new(setup: &Setup, person: &Person, sample_rate_hz: f64, stream: Stream) -> Self {
+        let switched = person.mechanisms.and(&setup.mechanisms);
+        let channels = channels(&switched);
+        // Which of the two channels is late is all that can be told.
+        let torque_delay = channels.torque_delay_s * sample_rate_hz;
+        Self {
+            count_rad: TAU / setup.encoder_counts_per_revolution,
+            setup: setup.clone(),
+            disturbances: switched,
+            stream,
+            angle_gain: channels.angle_gain,
+            angle: Delay::new((-torque_delay).max(0.0)),
+            torque: Delay::new(torque_delay.max(0.0)),
+        }
+    }
+
+    /// Begins anew, with random numbers of its own.
+    pub fn restart(&mut self, stream: Stream) {
+        self.stream = stream;
+        self.angle.restart();
+        self.torque.restart();
+    }
+
+    /// What is read off at `time_s` of the session.
+    #[inline]
+    pub fn measure(&mut self, angle_rad: f64, torque_nm: f64, emg_mvc: [f64; 2], time_s: f64) -> Sample {
+        let angle_rad = self.angle_gain * self.angle.step(angle_rad);
+        let torque_nm = self.torque.step(torque_nm)
+            + self.setup.gauge_offset_nm
+            + self.setup.gauge_noise_nm * self.stream.normal()
+            + self.disturbance(time_s);
+        let step =
+            |value: f64, step: f64| if step > 0.0 { (value / step).round_ties_even() * step } else { value };
+        Sample {
+            theta_m_rad: step(angle_rad, self.count_rad),
+            torque_l_nm: step(torque_nm, self.setup.gauge_step_nm),
+            emg_fcr_mvc: step(emg_mvc[0], self.setup.emg_step_mvc),
+            emg_ecr_mvc: step(emg_mvc[1], self.setup.emg_step_mvc),
+        }
+    }
+
+    fn disturbance(&self, time_s: f64) -> f64 {
+        let mut first = 0;
+        let mut sum_nm = 0.0;
+        for kind in &self.disturbances.kinds {
+            let next = first + kind.parameter_count();
+            sum_nm += kind.disturbance(&self.disturbances.parameters[first..next], time_s);
+            first = next;
+        }
+        sum_nm
+    }
+}
+
+/// A delay by any number of samples, whole or not.
+#[derive(Debug, Clone)]
+struct Delay {
+    samples: f64,
+    /// The latest values, the newest last; three more than the delay, for the cubic between samples.
+    values: Vec<f64>,
+    started: bool,
+}
+
+impl Delay {
+    fn new(samples: f64) -> Self {
+        let length = if samples > 0.0 { samples as usize + 4 } else { 0 };
+        Self { samples, values: vec![0.0; length], started: false }
+    }
+
+    fn restart(&mut self) {
+        self.started = false;
+    }
+
+    #[inline]
+    fn step(&mut self, value: f64) -> f64 {
+        if self.values.is_empty() {
+            return value;
+        }
+        if !self.started {
+            self.started = true;
+            self.values.fill(value);
+        }
+        self.values.rotate_left(1);
+        let newest = self.values.len() - 1;
+        self.values[newest] = value;
+        // Lagrange's cubic through the four samples about the wanted moment; near the newest, through the last four.
+        let place = newest as f64 - self.samples;
+        let first = (place.floor() as usize).saturating_sub(1).min(newest - 3);
+        let x = place - first as f64;
+        let y = &self.values[first..first + 4];
+        -y[0] * (x - 1.0) * (x - 2.0) * (x - 3.0) / 6.0 + y[1] * x * (x - 2.0) * (x - 3.0) / 2.0
+            - y[2] * x * (x - 1.0) * (x - 3.0) / 2.0
+            + y[3] * x * (x - 1.0) * (x - 2.0) / 6.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delay_of_any_number_of_samples_delays_by_that_many() {
+        for samples in [0.3, 1.0, 1.5, 2.0, 7.25] {
+            let mut delay = Delay::new(samples);
+            let wave = |n: f64| libm::sin(TAU * 50.0 / 2500.0 * n);
+            for n in 0..200 {
+                let late = delay.step(wave(f64::from(n)));
+                if n > 20 {
+                    assert!((late - wave(f64::from(n) - samples)).abs() < 1e-4, "delay {samples} at {n}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_sensors_show_steps_of_their_size_and_noise_of_their_size() {
+        let setup = Setup::default();
+        let mut sensors = Sensors::new(&setup, &Person::default(), 2500.0, Stream::new(1, "noise"));
+        let samples: Vec<Sample> = (0..20_000).map(|_| sensors.measure(0.1, 1.5, [0.2, 0.02], 0.0)).collect();
+        let counts = samples[0].theta_m_rad / (TAU / 131_072.0);
+        assert!((counts - counts.round()).abs() < 1e-6 && (samples[0].theta_m_rad - 0.1).abs() < 3e-5);
+        let mean = samples.iter().map(|sample| sample.torque_l_nm).sum::<f64>() / 2e4;
+        let variance = samples.iter().map(|sample| (sample.torque_l_nm - mean).powi(2)).sum::<f64>() / 2e4;
+        assert!((mean - 1.53).abs() < 5e-4, "mean {mean}");
+        assert!((variance.sqrt() / setup.gauge_noise_nm - 1.0).abs() < 0.03);
+    }
+}

@@ -1,0 +1,130 @@
+//! The motor under position control: a stiff spring to the commanded angle, with finite bandwidth.
+
+use super::setup::Setup;
+use crate::wrist::Knot;
+
+/// A motor of inertia J held to its reference by stiffness K and damping D:
+/// `J e'' = -K e - D e' - T_l`, where e is the motor's angle less the reference.
+///
+/// Within a period the reference is straight and the torque constant; for that the step is exact, so that the stiffest
+/// servo is stable at any rate.
+#[derive(Debug, Clone)]
+pub struct Servo {
+    /// The exact transition of (e + T_l / K, e') over a period.
+    transition: [[f64; 2]; 2],
+    compliance: f64,
+    sample_rate_hz: f64,
+    reference_rad: f64,
+    angle_rad: f64,
+    speed_rad_s: f64,
+}
+
+impl Servo {
+    /// At rest at the start position.
+    pub fn new(setup: &Setup, sample_rate_hz: f64) -> Self {
+        let natural = std::f64::consts::TAU * setup.servo_bandwidth_hz;
+        let damping = setup.servo_damping_ratio;
+        Self {
+            transition: oscillator(natural, damping, 1.0 / sample_rate_hz),
+            compliance: 1.0 / setup.servo_stiffness_nm_per_rad,
+            sample_rate_hz,
+            reference_rad: 0.0,
+            angle_rad: 0.0,
+            speed_rad_s: 0.0,
+        }
+    }
+
+    /// At rest where it is commanded to be, with no torque on it.
+    pub fn settle(&mut self) {
+        (self.angle_rad, self.speed_rad_s) = (self.reference_rad, 0.0);
+    }
+
+    /// One period: on to `reference_rad`, against the torque in the lever.
+    #[inline]
+    pub fn step(&mut self, reference_rad: f64, lever_torque_nm: f64) {
+        let reference_speed = (reference_rad - self.reference_rad) * self.sample_rate_hz;
+        let sag = lever_torque_nm * self.compliance;
+        let error = self.angle_rad - self.reference_rad + sag;
+        let error_speed = self.speed_rad_s - reference_speed;
+        let [[a, b], [c, d]] = self.transition;
+        self.reference_rad = reference_rad;
+        self.angle_rad = reference_rad - sag + a * error + b * error_speed;
+        self.speed_rad_s = reference_speed + c * error + d * error_speed;
+    }
+
+    /// Angle and speed of the motor.
+    pub fn knot(&self) -> Knot<f64> {
+        Knot { theta: self.angle_rad, omega: self.speed_rad_s }
+    }
+
+    /// Where it was last told to be.
+    pub fn reference_rad(&self) -> f64 {
+        self.reference_rad
+    }
+}
+
+/// The transition over `t` of `x'' = -w^2 x - 2 z w x'`, as a matrix on (x, x').
+fn oscillator(w: f64, z: f64, t: f64) -> [[f64; 2]; 2] {
+    let decay = libm::exp(-z * w * t);
+    let discriminant = 1.0 - z * z;
+    // cosine-like and sine-like solutions, with the limit at critical damping
+    let (cosine, sine) = if discriminant > 1e-9 {
+        let wd = w * libm::sqrt(discriminant);
+        (libm::cos(wd * t), libm::sin(wd * t) / wd)
+    } else if discriminant < -1e-9 {
+        let wd = w * libm::sqrt(-discriminant);
+        (libm::cosh(wd * t), libm::sinh(wd * t) / wd)
+    } else {
+        (1.0, t)
+    };
+    [
+        [decay * (cosine + z * w * sine), decay * sine],
+        [-decay * w * w * sine, decay * (cosine - z * w * sine)],
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn servo() -> Servo {
+        Servo::new(&Setup::default(), 2500.0)
+    }
+
+    #[test]
+    fn a_steady_torque_bends_it_by_its_stiffness() {
+        let mut servo = servo();
+        (0..2500).for_each(|_| servo.step(0.0, 2.0));
+        assert!((servo.knot().theta + 0.002).abs() < 1e-12);
+        assert!(servo.knot().omega.abs() < 1e-9);
+    }
+
+    #[test]
+    fn it_follows_a_ramp_without_lag_once_it_has_settled() {
+        let mut servo = servo();
+        (1..=2500).for_each(|sample| servo.step(f64::from(sample) * 1e-3, 0.0));
+        assert!((servo.knot().theta - 2.5).abs() < 1e-9);
+        assert!((servo.knot().omega - 2.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn its_step_is_the_solution_of_its_equation() {
+        // Against many small steps of the differential equation itself, from an arbitrary state.
+        for damping in [0.5, 1.0, 1.5] {
+            let setup = Setup { servo_damping_ratio: damping, ..Setup::default() };
+            let mut servo = Servo::new(&setup, 2500.0);
+            servo.step(0.01, 0.0);
+            let w = std::f64::consts::TAU * setup.servo_bandwidth_hz;
+            let (mut x, mut v) = (servo.knot().theta - 0.01, servo.knot().omega);
+            servo.step(0.01, 0.0);
+            let h = 0.0004 / 100_000.0;
+            for _ in 0..100_000 {
+                let a = |x: f64, v: f64| -w * w * x - 2.0 * damping * w * v;
+                let (xm, vm) = (x + h / 2.0 * v, v + h / 2.0 * a(x, v));
+                (x, v) = (x + h * vm, v + h * a(xm, vm));
+            }
+            assert!((servo.knot().theta - 0.01 - x).abs() < 1e-9);
+            assert!((servo.knot().omega - v).abs() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! What has been done and what is left: changed by happenings alone, so that the journal can build it again.
+
+use std::collections::VecDeque;
+
+use super::names;
+use super::settings::{Planned, Settings};
+use super::step::{Attempt, Detail, Happening, Status};
+use super::table::{self, Effect, Guard};
+use super::words::{Event, Phase};
+use crate::rig::Direction;
+
+/// The session's memory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ledger {
+    seed: u64,
+    offset_due: bool,
+    efforts_planned: u32,
+    queue: VecDeque<Planned>,
+    attempts: Vec<Attempt>,
+    put_back: u64,
+    offset_nm: f64,
+    efforts: u32,
+    peak_fcr: f64,
+    peak_ecr: f64,
+    pause_asked: bool,
+}
+
+impl Ledger {
+    /// Nothing is done yet.
+    pub fn new(settings: &Settings) -> Self {
+        Self {
+            seed: settings.seed,
+            offset_due: settings.offset_samples.is_some(),
+            efforts_planned: settings.mvc.as_ref().map_or(0, |mvc| 2 * mvc.efforts),
+            queue: settings.plan.iter().copied().collect(),
+            // Room for every trial to be rejected a few times: the loop of a motor must not wait for memory.
+            attempts: Vec::with_capacity(8 * settings.plan.len() + 64),
+            put_back: 0,
+            offset_nm: 0.0,
+            efforts: 0,
+            peak_fcr: 0.0,
+            peak_ecr: 0.0,
+            pause_asked: false,
+        }
+    }
+
+    /// Every trial that has begun, in order.
+    pub fn attempts(&self) -> &[Attempt] {
+        &self.attempts
+    }
+
+    /// The trials left, the next one first.
+    pub fn queue(&self) -> impl ExactSizeIterator<Item = &Planned> {
+        self.queue.iter()
+    }
+
+    /// The trial under way.
+    pub fn current(&self) -> Option<&Attempt> {
+        self.attempts.last().filter(|attempt| attempt.ended.is_none())
+    }
+
+    /// Torque with the hand relaxed, N m; 0 if the protocol does not measure it.
+    pub fn offset_nm(&self) -> f64 {
+        self.offset_nm
+    }
+
+    /// The direction of the next maximal effort: flexion and extension in turn.
+    pub fn effort_direction(&self) -> Direction {
+        if self.efforts % 2 == 0 { Direction::Flexion } else { Direction::Extension }
+    }
+
+    /// Number of the maximal effort that is under way or comes next, from 1.
+    pub fn effort_number(&self) -> u32 {
+        self.efforts + 1
+    }
+
+    /// The size of a maximal effort in the units of EMG used so far (FCR, ECR), once all efforts are done.
+    pub fn emg_factors(&self) -> Option<[f64; 2]> {
+        (self.efforts > 0 && self.efforts == self.efforts_planned).then_some([self.peak_fcr, self.peak_ecr])
+    }
+
+    /// Whether a guard of the table holds.
+    pub fn holds(&self, guard: Guard) -> bool {
+        match guard {
+            Guard::Always => true,
+            Guard::OffsetDue => self.offset_due,
+            Guard::EffortsDue => self.efforts < self.efforts_planned,
+            Guard::TrialsLeft => !self.queue.is_empty(),
+            Guard::OneTrialLeft => self.queue.len() == 1,
+            Guard::PauseAsked => self.pause_asked,
+            Guard::LastTrialCounts => self.last_counts(),
+        }
+    }
+
+    /// The line of the table that an event takes from a phase.
+    pub fn line(&self, from: Phase, event: Event) -> Option<&'static table::Transition> {
+        table::lines(from, event).find(|line| self.holds(line.guard))
+    }
+
+    /// Takes note of what happened.
+    pub fn apply(&mut self, happening: &Happening) {
+        let line = table::lines(happening.from, happening.event).find(|line| line.to == happening.to);
+        let Some(line) = line else { return };
+        if line.to == Phase::Paused && line.from != Phase::Paused {
+            self.pause_asked = false;
+        }
+        match line.effect {
+            Effect::None => {}
+            Effect::NotePause => self.pause_asked = true,
+            Effect::KeepOffset => self.keep_offset(happening),
+            Effect::KeepEffort => self.keep_effort(happening),
+            Effect::Begin => self.begin(happening),
+            Effect::Ok => self.end(Status::Ok, happening),
+            Effect::Reject => {
+                self.end(Status::Rejected, happening);
+                self.put_back_later(1);
+            }
+            Effect::Abort => {
+                self.end(Status::Aborted, happening);
+                self.put_back_later(0);
+            }
+            Effect::LeaveOut => self.end(Status::Aborted, happening),
+            Effect::LeaveOutNext => {
+                self.queue.pop_front();
+            }
+            Effect::TakeBack => self.take_back(),
+        }
+        if line.effect == Effect::None && happening.event == Event::Onset {
+            self.note_onset(happening);
+        }
+    }
+
+    /// A trial that the program did not live to end: it is aborted and put back, as by a fault.
+    pub fn interrupt(&mut self, samples: u64) -> Option<Attempt> {
+        let attempt = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none())?;
+        attempt.ended = Some((Status::Aborted, Event::Abort));
+        attempt.samples = samples;
+        let attempt = *attempt;
+        self.put_back_later(0);
+        Some(attempt)
+    }
+
+    /// The number the next trial gets in its table.
+    pub fn next_number(&self) -> u32 {
+        let practice = self.queue.front().is_some_and(|planned| planned.key.practice);
+        1 + self.attempts.iter().filter(|attempt| attempt.planned.key.practice == practice).count() as u32
+    }
+
+    fn keep_offset(&mut self, happening: &Happening) {
+        if let Some(Detail::OffsetNm(offset_nm)) = happening.detail {
+            self.offset_nm = offset_nm;
+            self.offset_due = false;
+        }
+    }
+
+    fn keep_effort(&mut self, happening: &Happening) {
+        if let Some(Detail::Effort { peak_fcr, peak_ecr, .. }) = happening.detail {
+            match self.effort_direction() {
+                Direction::Flexion => self.peak_fcr = self.peak_fcr.max(peak_fcr),
+                Direction::Extension => self.peak_ecr = self.peak_ecr.max(peak_ecr),
+            }
+            self.efforts += 1;
+        }
+    }
+
+    fn begin(&mut self, happening: &Happening) {
+        let (Some(planned), Some(Detail::Began { number, rest_samples, .. })) =
+            (self.queue.pop_front(), happening.detail)
+        else {
+            return;
+        };
+        self.attempts.push(Attempt {
+            number,
+            planned,
+            rest_samples,
+            onset_sample: None,
+            ended: None,
+            samples: 0,
+        });
+    }
+
+    fn note_onset(&mut self, happening: &Happening) {
+        if let (Some(attempt), Some(Detail::Onset { trial_sample, .. })) =
+            (self.attempts.last_mut(), happening.detail)
+        {
+            attempt.onset_sample = Some(trial_sample);
+        }
+    }
+
+    fn end(&mut self, status: Status, happening: &Happening) {
+        let samples = match happening.detail {
+            Some(Detail::Ended { samples, .. } | Detail::FaultInTrial { samples, .. }) => samples,
+            _ => 0,
+        };
+        if let Some(attempt) = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none()) {
+            attempt.ended = Some((status, happening.event));
+            attempt.samples = samples;
+        }
+    }
+
+    /// Puts the last trial back among those that are left. Practice has served its purpose anyway.
+    fn put_back_later(&mut self, rejections: u32) {
+        let Some(mut planned) = self.last_measured() else { return };
+        planned.key.rejections += rejections;
+        self.put_back += 1;
+        let place = names::stream(self.seed, "put back", &[self.put_back]).below(self.queue.len() as u64 + 1);
+        self.queue.insert(place as usize, planned);
+    }
+
+    /// The last trial does not count after all: it comes next again, with new random numbers.
+    fn take_back(&mut self) {
+        let Some(mut planned) = self.last_measured() else { return };
+        if let Some(attempt) = self.attempts.last_mut() {
+            attempt.ended = Some((Status::Rejected, Event::Repeat));
+        }
+        planned.key.rejections += 1;
+        self.queue.push_front(planned);
+    }
+
+    fn last_measured(&self) -> Option<Planned> {
+        self.attempts.last().map(|attempt| attempt.planned).filter(|planned| !planned.key.practice)
+    }
+
+    fn last_counts(&self) -> bool {
+        self.last_measured().is_some()
+            && self.attempts.last().is_some_and(|attempt| matches!(attempt.ended, Some((Status::Ok, _))))
+    }
+}

@@ -1,0 +1,401 @@
+//! The experiment as a state machine: stepped once a sample, and nothing but its input decides what it does.
+
+use std::sync::Arc;
+
+use super::display::Display;
+use super::ledger::Ledger;
+use super::names;
+use super::settings::Settings;
+use super::step::{Detail, Happening, Input, Output, Reading, Recording, Status};
+use super::table::{Effect, Transition};
+use super::watch::Watch;
+use super::words::{Event, Phase, Source};
+use crate::protocol::Sweep;
+use crate::rig::{Channel, Command, Cue, Direction, Fault, Motor, Sample, Upcoming};
+
+/// An effort below this fraction of the nominal MVC is a fallen-off electrode.
+const SILENT_EFFORT_MVC: f64 = 1e-3;
+
+/// The session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Machine {
+    settings: Arc<Settings>,
+    ledger: Ledger,
+    phase: Phase,
+    watch: Watch,
+    display: Display,
+    /// Steps so far.
+    sample: u64,
+    /// Samples since the phase was entered.
+    in_phase: u64,
+    /// Samples since the motor was last home.
+    at_home: u64,
+    /// Samples since the trial began.
+    in_trial: u64,
+    /// Samples since the onset.
+    since_onset: u64,
+    /// Samples in the band without a break.
+    in_band: u64,
+    /// Delay drawn for this trial, samples.
+    delay: u64,
+    /// Sum of the torque while the offset is measured.
+    offset_sum_nm: f64,
+    /// Highest values of the effort under way: torque, FCR, ECR.
+    peaks: [f64; 3],
+    /// The way home after a fault: where from, and how.
+    homing: Option<(f64, Sweep)>,
+}
+
+impl Machine {
+    /// A session that has not begun.
+    pub fn new(settings: Arc<Settings>) -> Self {
+        let ledger = Ledger::new(&settings);
+        Self::with_ledger(settings, ledger)
+    }
+
+    /// A session of which `ledger` is already done; it waits for the operator's word.
+    pub fn with_ledger(settings: Arc<Settings>, ledger: Ledger) -> Self {
+        Self {
+            ledger,
+            phase: Phase::Ready,
+            watch: Watch::new(settings.limits.clone(), settings.sample_rate_hz),
+            display: Display::new(settings.display_cutoff_hz, settings.sample_rate_hz),
+            settings,
+            sample: 0,
+            in_phase: 0,
+            at_home: 0,
+            in_trial: 0,
+            since_onset: 0,
+            in_band: 0,
+            delay: 0,
+            offset_sum_nm: 0.0,
+            peaks: [0.0; 3],
+            homing: None,
+        }
+    }
+
+    /// Where the session is.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// What has been done and what is left.
+    pub fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// The settings it runs by.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The signals as the person sees them.
+    pub fn display(&self) -> &Display {
+        &self.display
+    }
+
+    /// One sample. At most one thing happens at a sample: a fault before the operator's word, and that before the rest.
+    pub fn step(&mut self, input: &Input) -> Output {
+        self.count();
+        let mut refused = None;
+        let mut happened = None;
+        match self.measured(&input.reading) {
+            Err(fault) => {
+                refused = input.operator;
+                happened = self.fire(Event::Fault, Some(Detail::Fault(fault)));
+            }
+            Ok(sample) => {
+                if let Some(word) = input.operator.filter(|word| word.source() == Source::Operator) {
+                    happened = self.obey(word, sample);
+                    refused = if happened.is_none() { Some(word) } else { None };
+                }
+                if let (None, Some(sample)) = (&happened, sample) {
+                    happened = self
+                        .natural(&sample, input.on_disk)
+                        .and_then(|(event, detail)| self.fire(event, detail));
+                }
+            }
+        }
+        self.sample += 1;
+        Output {
+            command: Command { motor: self.motor(), cue: self.cue() },
+            phase: self.phase,
+            happened,
+            refused,
+            recording: self.recording(),
+            gate_fraction: self.in_band as f64 / self.settings.gate_samples as f64,
+        }
+    }
+
+    fn count(&mut self) {
+        self.in_phase += 1;
+        self.at_home += 1;
+        self.in_trial += 1;
+        self.since_onset += 1;
+    }
+
+    /// The sample, if there is one; a fault, if the rig has one or the sample breaks a limit.
+    fn measured(&mut self, reading: &Reading) -> Result<Option<Sample>, Fault> {
+        match *reading {
+            Reading::Sample(sample) => {
+                self.watch.check(&sample)?;
+                self.display.update(&sample);
+                Ok(Some(sample))
+            }
+            Reading::Fault(fault) => Err(fault),
+            Reading::Disarmed if self.phase.is_armed() => Err(Fault::NoSample),
+            Reading::Disarmed => Ok(None),
+        }
+    }
+
+    fn obey(&mut self, word: Event, sample: Option<Sample>) -> Option<Happening> {
+        // To arm is the loop's work; that it was done shows in there being a sample.
+        let sample = match word {
+            Event::Start | Event::Rearm => Some(sample?),
+            _ => sample,
+        };
+        if let (Event::Rearm, Some(sample)) = (word, sample) {
+            self.plan_homing(sample.theta_m_rad);
+        }
+        self.fire(word, None)
+    }
+
+    /// What time, movement and person bring about at this sample.
+    fn natural(&mut self, sample: &Sample, on_disk: bool) -> Option<(Event, Option<Detail>)> {
+        match self.phase {
+            Phase::Offset => self.measure_offset(sample),
+            Phase::MvcEffort => self.measure_effort(),
+            Phase::MvcRest => {
+                let rest_s = self.settings.mvc.as_ref().map_or(0.0, |mvc| mvc.rest_s);
+                (self.in_phase >= self.settings.samples(rest_s)).then_some((Event::RestOver, None))
+            }
+            Phase::Rest => (self.in_phase >= self.settings.rest_samples).then_some((Event::RestOver, None)),
+            Phase::Hold => self.watch_gate().map(|event| (event, None)),
+            Phase::Delay => self.watch_delay(on_disk),
+            Phase::Ramp | Phase::RampHold | Phase::Return => {
+                self.follow_movement().map(|event| (event, None))
+            }
+            Phase::Homing => {
+                let duration_s = self.homing.as_ref().map_or(0.0, |(_, sweep)| sweep.duration_s());
+                (self.seconds(self.in_phase) >= duration_s).then_some((Event::Home, None))
+            }
+            Phase::Ready | Phase::Paused | Phase::Faulted | Phase::Finished | Phase::Aborted => None,
+        }
+    }
+
+    fn measure_offset(&mut self, sample: &Sample) -> Option<(Event, Option<Detail>)> {
+        self.offset_sum_nm += sample.torque_l_nm;
+        let done = self.in_phase >= self.settings.offset_samples.unwrap_or(0);
+        done.then(|| {
+            (Event::OffsetMeasured, Some(Detail::OffsetNm(self.offset_sum_nm / self.in_phase as f64)))
+        })
+    }
+
+    fn measure_effort(&mut self) -> Option<(Event, Option<Detail>)> {
+        let now = [self.display.torque_nm, self.display.fcr_mvc, self.display.ecr_mvc];
+        if now[0].abs() > self.peaks[0].abs() {
+            self.peaks[0] = now[0];
+        }
+        self.peaks[1] = self.peaks[1].max(now[1]);
+        self.peaks[2] = self.peaks[2].max(now[2]);
+        let duration_s = self.settings.mvc.as_ref().map_or(0.0, |mvc| mvc.duration_s);
+        if self.in_phase < self.settings.samples(duration_s) {
+            return None;
+        }
+        let [peak_torque_nm, peak_fcr, peak_ecr] = self.peaks;
+        let (agonist, channel) = match self.ledger.effort_direction() {
+            Direction::Flexion => (peak_fcr, Channel::EmgFcr),
+            Direction::Extension => (peak_ecr, Channel::EmgEcr),
+        };
+        if agonist < SILENT_EFFORT_MVC {
+            return Some((Event::Fault, Some(Detail::Fault(Fault::SilentEffort { channel }))));
+        }
+        Some((Event::EffortOver, Some(Detail::Effort { peak_torque_nm, peak_fcr, peak_ecr })))
+    }
+
+    /// The gate of the paper: the difference to the target stays within the band for the gate's time, without a break.
+    fn watch_gate(&mut self) -> Option<Event> {
+        self.in_band = if self.is_in_band() { self.in_band + 1 } else { 0 };
+        if self.in_band > 0 && self.antagonist_is_active() {
+            Some(Event::AntagonistActive)
+        } else if self.in_band >= self.settings.gate_samples {
+            Some(Event::GateOpened)
+        } else if self.in_phase >= self.settings.timeout_samples {
+            Some(Event::GateTimedOut)
+        } else {
+            None
+        }
+    }
+
+    fn watch_delay(&mut self, on_disk: bool) -> Option<(Event, Option<Detail>)> {
+        if !self.is_in_band() {
+            return Some((Event::LeftBand, None));
+        }
+        if self.antagonist_is_active() {
+            return Some((Event::AntagonistActive, None));
+        }
+        let shortest = self.delay.max(1);
+        (self.in_phase >= shortest && on_disk).then(|| {
+            let waited_samples = self.in_phase - shortest;
+            (Event::Onset, Some(Detail::Onset { trial_sample: self.in_trial, waited_samples }))
+        })
+    }
+
+    fn is_in_band(&self) -> bool {
+        let Some(trial) = self.ledger.current() else { return false };
+        let target_nm = trial.planned.torque_nm;
+        (self.shown_nm() - target_nm).abs() < self.settings.gate.band_fraction * target_nm.abs()
+    }
+
+    fn antagonist_is_active(&self) -> bool {
+        self.settings.gate.antagonist_limit_mvc.is_some_and(|limit| self.display.ecr_mvc > limit)
+    }
+
+    fn shown_nm(&self) -> f64 {
+        self.display.torque_nm - self.ledger.offset_nm()
+    }
+
+    fn follow_movement(&self) -> Option<Event> {
+        let movement = &self.ledger.attempts().last()?.planned.movement;
+        let t_s = self.seconds(self.since_onset);
+        let (event, due_s) = match self.phase {
+            Phase::Ramp => (Event::RampOver, movement.ramp().duration_s()),
+            Phase::RampHold => (Event::HoldOver, movement.start_of_return_s()),
+            _ => (Event::Home, movement.duration_s()),
+        };
+        (t_s >= due_s).then_some(event)
+    }
+
+    fn plan_homing(&mut self, from_rad: f64) {
+        let (speed, rise_s) = (self.settings.return_velocity_rad_s.abs(), self.settings.rise_time_s);
+        // A short way does not let the motor reach the full speed.
+        let speed = speed.min(0.99 * from_rad.abs() / rise_s);
+        self.homing = Sweep::new(from_rad.abs(), -from_rad.signum() * speed, rise_s)
+            .ok()
+            .map(|sweep| (from_rad, sweep));
+    }
+
+    /// Takes the line of the table for an event, if there is one.
+    fn fire(&mut self, event: Event, detail: Option<Detail>) -> Option<Happening> {
+        let line = self.ledger.line(self.phase, event)?;
+        let happening = Happening {
+            sample: self.sample,
+            from: line.from,
+            event,
+            to: line.to,
+            detail: self.detail(line, detail),
+        };
+        self.ledger.apply(&happening);
+        if line.to != line.from {
+            self.enter(line);
+        }
+        Some(happening)
+    }
+
+    /// What the journal must know of a transition beside its names.
+    fn detail(&self, line: &Transition, detail: Option<Detail>) -> Option<Detail> {
+        let last = self.ledger.attempts().last();
+        let (number, samples) = (last.map_or(0, |attempt| attempt.number), self.in_trial);
+        let ended = |status| Some(Detail::Ended { number, status, samples });
+        match (line.effect, detail) {
+            (Effect::Begin, _) => self.ledger.queue().next().map(|planned| Detail::Began {
+                number: self.ledger.next_number(),
+                practice: planned.key.practice,
+                position: planned.key.position,
+                rest_samples: self.at_home,
+            }),
+            (Effect::Ok, _) => ended(Status::Ok),
+            (Effect::Reject, _) => ended(Status::Rejected),
+            (Effect::Abort, Some(Detail::Fault(fault))) => {
+                Some(Detail::FaultInTrial { fault, number, samples })
+            }
+            (Effect::Abort | Effect::LeaveOut, _) => ended(Status::Aborted),
+            (Effect::TakeBack, _) => Some(Detail::TakenBack { number }),
+            (_, detail) => detail,
+        }
+    }
+
+    fn enter(&mut self, line: &Transition) {
+        self.phase = line.to;
+        self.in_phase = 0;
+        match line.to {
+            Phase::Offset => self.offset_sum_nm = 0.0,
+            Phase::MvcEffort => self.peaks = [0.0; 3],
+            Phase::Hold => {
+                self.in_trial = 0;
+                self.in_band = 0;
+            }
+            Phase::Delay => self.delay = self.draw_delay(),
+            Phase::Ramp => self.since_onset = 0,
+            Phase::Homing => {
+                self.watch.restart();
+                self.display.restart();
+            }
+            _ => {}
+        }
+        if line.event == Event::Home {
+            self.at_home = 0;
+        }
+        if line.effect == Effect::KeepEffort && self.ledger.emg_factors().is_some() {
+            // From here on, EMG comes in other units.
+            self.display.restart();
+        }
+    }
+
+    fn draw_delay(&self) -> u64 {
+        let Some(trial) = self.ledger.current() else { return 0 };
+        let key = trial.planned.key;
+        let names = [u64::from(key.practice), u64::from(key.position), u64::from(key.rejections)];
+        let [shortest, longest] = self.settings.delay_samples;
+        shortest
+            + names::stream(self.settings.seed, "delay", &names).below(longest.saturating_sub(shortest) + 1)
+    }
+
+    fn motor(&self) -> Motor {
+        let angle_rad = match self.phase {
+            Phase::Ready | Phase::Faulted | Phase::Finished | Phase::Aborted => return Motor::Safe,
+            Phase::Ramp | Phase::RampHold | Phase::Return => {
+                self.ledger.attempts().last().map_or(0.0, |attempt| {
+                    attempt.planned.movement.at(self.seconds(self.since_onset + 1)).angle_rad
+                })
+            }
+            Phase::Homing => self.homing.as_ref().map_or(0.0, |(from_rad, sweep)| {
+                from_rad + sweep.at(self.seconds(self.in_phase + 1)).angle_rad
+            }),
+            _ => 0.0,
+        };
+        Motor::Follow { angle_rad }
+    }
+
+    fn cue(&self) -> Cue {
+        match (self.phase, self.ledger.current()) {
+            (Phase::Offset, _) => Cue::Relax,
+            (Phase::MvcEffort, _) => Cue::Effort(self.ledger.effort_direction()),
+            (Phase::Hold | Phase::Delay, Some(trial)) => Cue::Target {
+                target_nm: trial.planned.torque_nm,
+                shown_nm: self.shown_nm(),
+                trial: Upcoming {
+                    key: trial.planned.key,
+                    velocity_rad_s: trial.planned.velocity_rad_s,
+                    progress: trial.planned.progress,
+                    rest_s: self.seconds(trial.rest_samples),
+                },
+            },
+            (Phase::Ramp | Phase::RampHold, _) => Cue::Moving,
+            _ => Cue::Rest,
+        }
+    }
+
+    fn recording(&self) -> Recording {
+        match self.phase {
+            Phase::Offset => Recording::Offset,
+            Phase::MvcEffort => Recording::Effort(self.ledger.effort_number()),
+            phase if phase.in_trial() => Recording::Trial,
+            _ => Recording::None,
+        }
+    }
+
+    fn seconds(&self, samples: u64) -> f64 {
+        samples as f64 / self.settings.sample_rate_hz
+    }
+}

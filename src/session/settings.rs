@@ -1,0 +1,84 @@
+//! What the machine needs of a protocol, with times in samples.
+
+use crate::protocol::{Gate, Limits, Mvc, RampAndHold, TooShort, ValidProtocol};
+use crate::rig::TrialKey;
+
+/// A protocol as the state machine sees it: all times in samples, the trials in the order drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Seed of every random draw of the session.
+    pub seed: u64,
+    /// Samples a second.
+    pub sample_rate_hz: f64,
+    /// The trials to run, those for practice first.
+    pub plan: Vec<Planned>,
+    /// When a ramp may start.
+    pub gate: Gate,
+    /// How long the torque must stay in the band.
+    pub gate_samples: u64,
+    /// When a trial is given up.
+    pub timeout_samples: u64,
+    /// Shortest and longest delay after the gate.
+    pub delay_samples: [u64; 2],
+    /// Rest before each trial.
+    pub rest_samples: u64,
+    /// How long the offset is measured, if it is.
+    pub offset_samples: Option<u64>,
+    /// The maximal efforts, if there are any.
+    pub mvc: Option<Mvc>,
+    /// Speed on the way back and to the start position, rad/s.
+    pub return_velocity_rad_s: f64,
+    /// Rise time of the speed, s.
+    pub rise_time_s: f64,
+    /// Cut-off of the smoothing of the torque on the display, Hz.
+    pub display_cutoff_hz: f64,
+    /// What no measurement may exceed.
+    pub limits: Limits,
+}
+
+/// A trial that is to be run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Planned {
+    /// Where in the schedule, and how often it was rejected already.
+    pub key: TrialKey,
+    /// Ramp velocity, rad/s.
+    pub velocity_rad_s: f64,
+    /// Target torque, N m.
+    pub torque_nm: f64,
+    /// Which repetition of its condition.
+    pub repetition: u32,
+    /// Its place in the schedule, from 0 (first) to 1 (last).
+    pub progress: f64,
+    /// What the motor does.
+    pub movement: RampAndHold,
+}
+
+impl Settings {
+    /// The settings of `protocol`, whose trials are run in the order of `plan`.
+    pub fn new(protocol: &ValidProtocol, seed: u64, plan: Vec<Planned>) -> Self {
+        let rate = protocol.signal.sample_rate_hz;
+        let samples = |seconds: f64| (seconds * rate).round() as u64;
+        let crate::signal::FilterSpec::Butterworth { cutoff_hz, .. } = protocol.signal.filter;
+        Self {
+            seed,
+            sample_rate_hz: rate,
+            plan,
+            gate: protocol.gate.clone(),
+            gate_samples: samples(protocol.gate.duration_s).max(1),
+            timeout_samples: samples(protocol.gate.timeout_s),
+            delay_samples: protocol.gate.delay_s.map(samples),
+            rest_samples: samples(protocol.rest_s),
+            offset_samples: protocol.before.offset_s.map(samples),
+            mvc: protocol.before.mvc.clone(),
+            return_velocity_rad_s: protocol.ramp.return_velocity_rad_s,
+            rise_time_s: protocol.ramp.rise_time_s,
+            display_cutoff_hz: cutoff_hz,
+            limits: protocol.limits.clone(),
+        }
+    }
+
+    /// Seconds as samples.
+    pub fn samples(&self, seconds: f64) -> u64 {
+        (seconds * self.sample_rate_hz).round() as u64
+    }
+}
