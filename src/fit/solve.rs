@@ -188,27 +188,43 @@ impl<'a> Descent<'a> {
                 (x <= c.low + edge && *slope > 0.0) || (x >= c.high - edge && *slope < 0.0)
             })
             .collect();
-        let mut damping = self.damping;
-        let step = loop {
-            match normal.damped_step(self.component, layout, damping, &held) {
-                Some(step) => break step,
-                None if damping < 1e15 => damping = (damping * 10.0).max(1e-10),
-                None => break DVector::zeros(order.len()),
+        loop {
+            if let Some(step) = normal.damped_step(self.component, layout, self.damping, &held) {
+                let taken = within_bounds(layout, &order, coordinates, &step, effort.longest_step);
+                self.promised = normal.promised_decrease(self.component, &gradient, &taken);
+                // A step cut off at the bounds may lead up; a shorter one, more along the gradient, does not.
+                if self.promised > 0.0 || self.damping > 1e12 {
+                    self.trial_point.clear();
+                    self.trial_point.extend(order.iter().zip(&taken).map(|(index, by)| (*index, coordinates[*index] + by)));
+                    return;
+                }
+            } else if self.damping > 1e12 {
+                self.promised = 0.0;
+                return;
             }
-        };
-        self.damping = damping;
-        self.trial_point.clear();
-        let mut taken = DVector::zeros(order.len());
-        for (place, index) in order.iter().enumerate() {
-            let c = &layout.coordinates[*index];
-            let longest = if c.logarithmic { effort.longest_step } else { f64::INFINITY };
-            let x = coordinates[*index];
-            let to = (x + step[place].clamp(-longest, longest)).clamp(c.low, c.high);
-            taken[place] = to - x;
-            self.trial_point.push((*index, to));
+            self.damping = (self.damping * 10.0).max(1e-10);
         }
-        self.promised = normal.promised_decrease(self.component, &gradient, &taken);
     }
+}
+
+/// The step shortened as a whole until no logarithmic coordinate goes further than `longest`, then cut off at the bounds.
+fn within_bounds(
+    layout: &Layout,
+    order: &[usize],
+    coordinates: &[f64],
+    step: &DVector<f64>,
+    longest: f64,
+) -> DVector<f64> {
+    let logarithmic = order.iter().zip(step).filter(|(index, _)| layout.coordinates[**index].logarithmic);
+    let furthest = logarithmic.map(|(_, by)| by.abs()).fold(0.0, f64::max);
+    let shorten = if furthest > longest { longest / furthest } else { 1.0 };
+    DVector::from_iterator(
+        order.len(),
+        order.iter().zip(step).map(|(index, by)| {
+            let (c, x) = (&layout.coordinates[*index], coordinates[*index]);
+            (x + shorten * by).clamp(c.low, c.high) - x
+        }),
+    )
 }
 
 impl Component {
