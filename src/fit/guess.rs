@@ -1,14 +1,14 @@
-//! Where a fit starts and what it may try. One pilot trial is searched widely, over scales read off its record, so that an
-//! ankle starts as an ankle; the other trials start where the pilot ended.
+//! Where a fit starts and what it may try. One pilot trial is looked at widely, over scales read off its record, so that an
+//! ankle starts as an ankle; a fit of few parameters to some trials goes on from there, and all trials start where it ends.
 
-use super::layout::Layout;
-use super::model::{Model, Scope, Treatment};
+use super::layout::{Component, Coordinate, Layout, Link};
+use super::model::{Model, Treatment};
 use super::normal::{Objective, predict};
 use super::prepare::{Prepared, PreparedTrial};
 use super::solve::{Effort, solve};
 use crate::random::Stream;
-use crate::wrist::{BASE_PARAMETERS, Response};
 use crate::wrist::mechanisms::Kind;
+use crate::wrist::{BASE_PARAMETERS, Response};
 
 /// First values of each trial's six base parameters.
 #[derive(Debug, Clone)]
@@ -32,20 +32,44 @@ pub struct Range {
 
 /// How far from its first value a base parameter may go, as a factor: below and above. The elastic limit is bounded by the
 /// angle that the motor reaches instead.
-const FREEDOM: [(f64, f64); 5] = [(30.0, 30.0), (100.0, 30.0), (30.0, 60.0), (10.0, 10.0), (100.0, 15.0)];
+const FREEDOM: [(f64, f64); 5] = [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5.0), (20.0, 4.0)];
 
 impl Guess {
-    /// Searches the pilot trial and hands its values to all.
-    pub fn new(prepared: &Prepared) -> Self {
+    /// Fits a few parameters that some trials share, from each of `points` (the pilot's, see [`looks`]), and hands what came
+    /// out best to all trials: the shared fit is determined well enough to have one optimum where single trials have several.
+    pub fn pooled(prepared: &Prepared, objective: &Objective, points: &[[f64; 6]]) -> Self {
         let reach_rad: Vec<f64> = prepared.trials.iter().map(|trial| reach(prepared, trial)).collect();
-        let pilot = pilot(prepared);
-        let found = search(prepared, pilot, &reach_rad);
-        let for_trial = |reach: &f64| {
-            let mut own = found;
-            own[5] *= reach / reach_rad[pilot];
-            own
+        let some = representatives(prepared);
+        let few = prepared.only(&some);
+        let mut best: Option<(f64, Pooled, Vec<f64>)> = None;
+        for point in points {
+            for place in LIMIT_PLACES {
+                let mut point = *point;
+                point[5] = place;
+                let pooled = Pooled::new(&few, &point);
+                let start = pooled.layout.start();
+                let solution = solve(&few, &pooled.layout, &[], objective, &start, APPROACH);
+                let cost = solution.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>();
+                if best.as_ref().is_none_or(|(lowest, ..)| cost < *lowest) {
+                    best = Some((cost, pooled, solution.coordinates));
+                }
+            }
+        }
+        let trials = match best {
+            Some((_, pooled, coordinates)) => {
+                let own = |(trial, reach): (&PreparedTrial, &f64)| {
+                    pooled.values(&coordinates, trial.torque_nm, *reach)
+                };
+                prepared.trials.iter().zip(&reach_rad).map(own).collect()
+            }
+            None => vec![[1e-3, 1.0, 100.0, 10.0, 5.0, 0.01]; prepared.trials.len()],
         };
-        Self { trials: reach_rad.iter().map(for_trial).collect(), reach_rad, lever: prepared.lever }
+        Self { trials, reach_rad, lever: prepared.lever }
+    }
+
+    /// How far the motor goes in a trial's window, rad.
+    pub fn reach_rad(&self, trial: usize) -> f64 {
+        self.reach_rad[trial]
     }
 
     /// The range of a parameter that `members` share.
@@ -78,7 +102,7 @@ impl Guess {
             Some((below, above)) => Range { low: start / below, high: start * above, start },
             None => {
                 let reach = geometric_mean(&|trial| self.reach_rad[trial]);
-                Range { low: 0.03 * reach, high: 1.2 * reach, start }
+                Range { low: 0.08 * reach, high: 1.05 * reach, start }
             }
         }
     }
@@ -125,44 +149,103 @@ fn pilot(prepared: &Prepared) -> usize {
     order[order.len() / 2]
 }
 
-/// How many points of the pilot's parameter space are looked at, and from how many of the best a fit is tried.
-const LOOKS: usize = 160;
-const TRIES: usize = 4;
+/// How many points of the pilot's parameter space are looked at, and how many of the best are handed on.
+const LOOKS: usize = 128;
+const KEPT: usize = 2;
 
-/// The best parameters of the pilot trial: many points, a fit from the best few.
-fn search(prepared: &Prepared, pilot: usize, reach_rad: &[f64]) -> [f64; 6] {
-    let mut alone = prepared.clone();
-    alone.trials = vec![prepared.trials[pilot].clone()];
-    alone.noise_of = vec![prepared.noise_of[pilot]];
-    let mut looks = points(&alone, reach_rad[pilot]);
-    let cost_of = |points: &[[f64; 6]]| {
-        let trials = vec![0; points.len()];
-        let mut response = Response::default();
-        let flat: Vec<f64> = points.iter().flatten().copied().collect();
-        predict(&alone, &[], &[], &trials, &flat, &mut response);
-        let measured = &alone.trials[0].measured_nm;
-        let cost = |torque: &[f64]| torque.iter().zip(measured).map(|(p, m)| (p - m) * (p - m)).sum::<f64>();
-        response.torque_nm.chunks_exact(alone.samples).map(cost).collect::<Vec<f64>>()
-    };
-    let costs = cost_of(&looks);
-    let mut order: Vec<usize> = (0..looks.len()).filter(|i| costs[*i].is_finite()).collect();
-    order.sort_by(|a, b| costs[*a].total_cmp(&costs[*b]));
-    let mut best = (f64::INFINITY, looks[order.first().copied().unwrap_or(0)]);
-    let mut model = Model::paper();
-    model.base.iter_mut().for_each(|treatment| *treatment = Treatment::free(Scope::Trial));
-    for index in order.into_iter().take(TRIES) {
-        let start = Guess { trials: vec![looks[index]], reach_rad: vec![reach_rad[pilot]], lever: alone.lever };
-        let layout = Layout::new(&alone, &model, &start);
-        let solution =
-            solve(&alone, &layout, &[], &Objective::LeastSquares, &layout.start(), Effort::default());
-        if solution.outcomes[0].cost < best.0 {
-            let mut found = Vec::new();
-            layout.parameters(0, &solution.coordinates, &mut found);
-            looks[index].copy_from_slice(&found);
-            best = (solution.outcomes[0].cost, looks[index]);
-        }
+/// Where the elastic limit starts, as a part of the way that the motor goes in the window.
+const LIMIT_PLACES: [f64; 3] = [0.35, 0.5, 0.65];
+
+/// The shared fit need not be exact.
+const APPROACH: Effort = Effort { iterations: 40, decrease: 1e-3, longest_step: 0.7 };
+
+/// The most promising points of the pilot trial's parameter space, best first, by the sum of squares.
+pub fn looks(prepared: &Prepared) -> Vec<[f64; 6]> {
+    let pilot = prepared.only(&[pilot(prepared)]);
+    let points = points(&pilot, reach(&pilot, &pilot.trials[0]));
+    let flat: Vec<f64> = points.iter().flatten().copied().collect();
+    let mut response = Response::default();
+    predict(&pilot, &[], &[], &vec![0; points.len()], &flat, &mut response);
+    let measured = &pilot.trials[0].measured_nm;
+    let cost = |torque: &[f64]| torque.iter().zip(measured).map(|(p, m)| (p - m) * (p - m)).sum::<f64>();
+    let mut ranked: Vec<(f64, [f64; 6])> = response
+        .torque_nm
+        .chunks_exact(pilot.samples)
+        .map(cost)
+        .zip(points)
+        .filter(|(c, _)| c.is_finite())
+        .collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ranked.into_iter().take(KEPT).map(|(_, point)| point).collect()
+}
+
+/// Up to eight trials, as many as go through the model at once: spread over velocities and torques.
+fn representatives(prepared: &Prepared) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..prepared.trials.len()).collect();
+    order.sort_by_key(|trial| (prepared.trials[*trial].condition, prepared.trials[*trial].repetition));
+    let most = order.len().min(8);
+    (0..most).map(|i| order[(2 * i + 1) * order.len() / (2 * most)]).collect()
+}
+
+/// Few parameters for many trials: inertia, interface and decrement in common, k_srs by torque, x_e as a part of the way.
+struct Pooled {
+    layout: Layout,
+    torques: Vec<f64>,
+}
+
+impl Pooled {
+    fn new(few: &Prepared, point: &[f64; 6]) -> Self {
+        let mut torques: Vec<f64> = few.trials.iter().map(|trial| trial.torque_nm).collect();
+        torques.sort_by(f64::total_cmp);
+        torques.dedup();
+        let freedom = |parameter: usize| FREEDOM.get(parameter).copied().unwrap_or((4.0, 2.0));
+        let coordinate = |parameter: usize| {
+            let (below, above) = freedom(parameter);
+            let start = libm::log(point[parameter]);
+            Coordinate {
+                parameter,
+                term: None,
+                logarithmic: true,
+                low: start - libm::log(below),
+                high: start + libm::log(above),
+                start,
+                scale: 1.0,
+            }
+        };
+        let mut coordinates: Vec<Coordinate> = [0, 1, 2, 4, 5].into_iter().map(coordinate).collect();
+        let first_stiffness = coordinates.len();
+        coordinates.extend(torques.iter().map(|_| coordinate(3)));
+        let link = |coordinate: usize| Link::Logarithmic { coordinate, factor: 1.0 };
+        let links = |trial: &PreparedTrial| {
+            let level = torques.iter().position(|torque| *torque == trial.torque_nm).unwrap_or(0);
+            let way = Link::Logarithmic { coordinate: 4, factor: reach(few, trial) };
+            vec![link(0), link(1), link(2), link(first_stiffness + level), link(3), way]
+        };
+        let component = Component {
+            trials: (0..few.trials.len()).collect(),
+            blocks: vec![Vec::new()],
+            block_of_trial: vec![0; few.trials.len()],
+            border: (0..coordinates.len()).collect(),
+        };
+        let layout = Layout {
+            links: few.trials.iter().map(links).collect(),
+            coordinates,
+            components: vec![component],
+            estimated: (0..BASE_PARAMETERS.len()).collect(),
+        };
+        Self { layout, torques }
     }
-    best.1
+
+    /// The parameters of a trial at this torque, where the motor goes so far.
+    fn values(&self, coordinates: &[f64], torque_nm: f64, reach_rad: f64) -> [f64; 6] {
+        let nearest = (0..self.torques.len())
+            .min_by(|a, b| {
+                (self.torques[*a] - torque_nm).abs().total_cmp(&(self.torques[*b] - torque_nm).abs())
+            })
+            .unwrap_or(0);
+        let value = |coordinate: usize| libm::exp(coordinates[coordinate]);
+        [value(0), value(1), value(2), value(5 + nearest), value(3), reach_rad * value(4)]
+    }
 }
 
 /// Points of the parameter space, log-uniform about scales of the record.
@@ -182,7 +265,7 @@ fn points(alone: &Prepared, reach_rad: f64) -> Vec<[f64; 6]> {
             let k_srs = stiffness * spread(0.1, 5.0);
             let k_h = k_srs * spread(3.0, 60.0);
             let b_h = 2.0 * spread(0.05, 1.0) * libm::sqrt(k_h * i_j);
-            [i_j, b_h, k_h, k_srs, k_srs * spread(0.2, 0.9), reach_rad * spread(0.2, 0.8)]
+            [i_j, b_h, k_h, k_srs, k_srs * spread(0.2, 0.9), reach_rad * spread(0.3, 0.8)]
         })
         .collect()
 }

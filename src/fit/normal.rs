@@ -103,6 +103,24 @@ pub fn evaluate(
     result
 }
 
+/// Half the sum of squares of each trial at `coordinates`.
+pub fn trial_costs(
+    prepared: &Prepared,
+    layout: &Layout,
+    kinds: &[Kind],
+    objective: &Objective,
+    coordinates: &[f64],
+) -> Vec<f64> {
+    let trials: Vec<usize> = (0..prepared.trials.len()).collect();
+    let mut parameters = Vec::new();
+    for trial in &trials {
+        layout.parameters(*trial, coordinates, &mut parameters);
+    }
+    let mut response = Response::default();
+    predict(prepared, kinds, &[], &trials, &parameters, &mut response);
+    trials.iter().map(|trial| trial_normal(prepared, objective, *trial, &response, *trial, 0).cost).collect()
+}
+
 /// Residuals (predicted less measured) and derivatives of the trial at `place` in the response.
 fn trial_normal(
     prepared: &Prepared,

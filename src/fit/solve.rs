@@ -34,7 +34,7 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { iterations: 150, decrease: 1e-8, longest_step: 0.7 }
+        Self { iterations: 150, decrease: 1e-6, longest_step: 0.7 }
     }
 }
 
@@ -190,12 +190,20 @@ impl<'a> Descent<'a> {
             .collect();
         loop {
             if let Some(step) = normal.damped_step(self.component, layout, self.damping, &held) {
-                let taken = within_bounds(layout, &order, coordinates, &step, effort.longest_step);
+                // Cut off one by one, so that a coordinate that hardly matters does not hold up the others; if that leads
+                // up, shortened as a whole.
+                let mut taken = within_bounds(layout, &order, coordinates, &step, effort.longest_step, false);
                 self.promised = normal.promised_decrease(self.component, &gradient, &taken);
+                if self.promised <= 0.0 {
+                    taken = within_bounds(layout, &order, coordinates, &step, effort.longest_step, true);
+                    self.promised = normal.promised_decrease(self.component, &gradient, &taken);
+                }
                 // A step cut off at the bounds may lead up; a shorter one, more along the gradient, does not.
                 if self.promised > 0.0 || self.damping > 1e12 {
                     self.trial_point.clear();
-                    self.trial_point.extend(order.iter().zip(&taken).map(|(index, by)| (*index, coordinates[*index] + by)));
+                    self.trial_point.extend(
+                        order.iter().zip(&taken).map(|(index, by)| (*index, coordinates[*index] + by)),
+                    );
                     return;
                 }
             } else if self.damping > 1e12 {
@@ -207,22 +215,25 @@ impl<'a> Descent<'a> {
     }
 }
 
-/// The step shortened as a whole until no logarithmic coordinate goes further than `longest`, then cut off at the bounds.
+/// The step with no logarithmic coordinate going further than `longest`, by shortening it as a whole or by cutting each off;
+/// then cut off at the bounds.
 fn within_bounds(
     layout: &Layout,
     order: &[usize],
     coordinates: &[f64],
     step: &DVector<f64>,
     longest: f64,
+    as_a_whole: bool,
 ) -> DVector<f64> {
     let logarithmic = order.iter().zip(step).filter(|(index, _)| layout.coordinates[**index].logarithmic);
     let furthest = logarithmic.map(|(_, by)| by.abs()).fold(0.0, f64::max);
-    let shorten = if furthest > longest { longest / furthest } else { 1.0 };
+    let shorten = if as_a_whole && furthest > longest { longest / furthest } else { 1.0 };
     DVector::from_iterator(
         order.len(),
         order.iter().zip(step).map(|(index, by)| {
             let (c, x) = (&layout.coordinates[*index], coordinates[*index]);
-            (x + shorten * by).clamp(c.low, c.high) - x
+            let most = if c.logarithmic { longest } else { f64::INFINITY };
+            (x + (shorten * by).clamp(-most, most)).clamp(c.low, c.high) - x
         }),
     )
 }
