@@ -6,8 +6,11 @@
 mod check;
 mod console;
 mod failure;
+mod operator;
+mod run;
 mod schedule;
 mod schema;
+mod states;
 
 use std::process::ExitCode;
 
@@ -41,8 +44,10 @@ macro_rules! verbs {
 }
 
 verbs! {
+    Run(run::Run),
     Check(check::Check),
     Schedule(schedule::Schedule),
+    States(states::States),
     Schema(schema::Schema),
 }
 

@@ -1,9 +1,14 @@
-//! Where a fit starts and what it may try: values read off the record, so that an ankle starts as an ankle.
+//! Where a fit starts and what it may try. One pilot trial is looked at widely, over scales read off its record, so that an
+//! ankle starts as an ankle; a fit of few parameters to some trials goes on from there, and all trials start where it ends.
 
+use super::layout::{Component, Coordinate, Layout, Link};
 use super::model::{Model, Treatment};
+use super::normal::{Objective, predict};
 use super::prepare::{Prepared, PreparedTrial};
-use crate::wrist::BASE_PARAMETERS;
+use super::solve::{Effort, solve};
+use crate::random::Stream;
 use crate::wrist::mechanisms::Kind;
+use crate::wrist::{BASE_PARAMETERS, Response};
 
 /// First values of each trial's six base parameters.
 #[derive(Debug, Clone)]
@@ -27,16 +32,44 @@ pub struct Range {
 
 /// How far from its first value a base parameter may go, as a factor: below and above. The elastic limit is bounded by the
 /// angle that the motor reaches instead.
-const FREEDOM: [(f64, f64); 5] = [(30.0, 30.0), (100.0, 30.0), (30.0, 60.0), (10.0, 10.0), (100.0, 15.0)];
+const FREEDOM: [(f64, f64); 5] = [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5.0), (20.0, 4.0)];
 
 impl Guess {
-    /// Reads first values off the records.
-    pub fn new(prepared: &Prepared) -> Self {
-        Self {
-            trials: prepared.trials.iter().map(|trial| guess(prepared, trial)).collect(),
-            reach_rad: prepared.trials.iter().map(|trial| reach(prepared, trial)).collect(),
-            lever: prepared.lever,
+    /// Fits a few parameters that some trials share, from each of `points` (the pilot's, see [`looks`]), and hands what came
+    /// out best to all trials: the shared fit is determined well enough to have one optimum where single trials have several.
+    pub fn pooled(prepared: &Prepared, objective: &Objective, points: &[[f64; 6]]) -> Self {
+        let reach_rad: Vec<f64> = prepared.trials.iter().map(|trial| reach(prepared, trial)).collect();
+        let some = representatives(prepared);
+        let few = prepared.only(&some);
+        let mut best: Option<(f64, Pooled, Vec<f64>)> = None;
+        for point in points {
+            for place in LIMIT_PLACES {
+                let mut point = *point;
+                point[5] = place;
+                let pooled = Pooled::new(&few, &point);
+                let start = pooled.layout.start();
+                let solution = solve(&few, &pooled.layout, &[], objective, &start, APPROACH);
+                let cost = solution.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>();
+                if best.as_ref().is_none_or(|(lowest, ..)| cost < *lowest) {
+                    best = Some((cost, pooled, solution.coordinates));
+                }
+            }
         }
+        let trials = match best {
+            Some((_, pooled, coordinates)) => {
+                let own = |(trial, reach): (&PreparedTrial, &f64)| {
+                    pooled.values(&coordinates, trial.torque_nm, *reach)
+                };
+                prepared.trials.iter().zip(&reach_rad).map(own).collect()
+            }
+            None => vec![[1e-3, 1.0, 100.0, 10.0, 5.0, 0.01]; prepared.trials.len()],
+        };
+        Self { trials, reach_rad, lever: prepared.lever }
+    }
+
+    /// How far the motor goes in a trial's window, rad.
+    pub fn reach_rad(&self, trial: usize) -> f64 {
+        self.reach_rad[trial]
     }
 
     /// The range of a parameter that `members` share.
@@ -69,7 +102,7 @@ impl Guess {
             Some((below, above)) => Range { low: start / below, high: start * above, start },
             None => {
                 let reach = geometric_mean(&|trial| self.reach_rad[trial]);
-                Range { low: 0.03 * reach, high: 1.2 * reach, start }
+                Range { low: 0.08 * reach, high: 1.05 * reach, start }
             }
         }
     }
@@ -105,26 +138,134 @@ fn reach(prepared: &Prepared, trial: &PreparedTrial) -> f64 {
     input.motion[input.onset..=input.onset + prepared.samples].iter().map(|k| k.theta).fold(1e-6, f64::max)
 }
 
-/// Inertia off the first torque peak, stiffness off the end of the window, the rest in proportion.
-fn guess(prepared: &Prepared, trial: &PreparedTrial) -> [f64; 6] {
-    let reach = reach(prepared, trial);
-    let tail = &trial.measured_nm[prepared.samples - prepared.samples / 5..];
-    let last = tail.iter().sum::<f64>() / tail.len() as f64;
-    let slope = (last / reach).max(0.5);
-    // While the motor gains speed the torque is that of the inertias: the integral of torque is inertia times speed.
+fn peak_nm(trial: &PreparedTrial) -> f64 {
+    trial.measured_nm.iter().map(|t| t.abs()).fold(0.0, f64::max)
+}
+
+/// The trial with the median torque peak.
+fn pilot(prepared: &Prepared) -> usize {
+    let mut order: Vec<usize> = (0..prepared.trials.len()).collect();
+    order.sort_by(|a, b| peak_nm(&prepared.trials[*a]).total_cmp(&peak_nm(&prepared.trials[*b])));
+    order[order.len() / 2]
+}
+
+/// How many points of the pilot's parameter space are looked at, and how many of the best are handed on.
+const LOOKS: usize = 128;
+const KEPT: usize = 2;
+
+/// Where the elastic limit starts, as a part of the way that the motor goes in the window.
+const LIMIT_PLACES: [f64; 3] = [0.35, 0.5, 0.65];
+
+/// The shared fit need not be exact.
+const APPROACH: Effort = Effort { iterations: 40, decrease: 1e-3, longest_step: 0.7 };
+
+/// The most promising points of the pilot trial's parameter space, best first, by the sum of squares.
+pub fn looks(prepared: &Prepared) -> Vec<[f64; 6]> {
+    let pilot = prepared.only(&[pilot(prepared)]);
+    let points = points(&pilot, reach(&pilot, &pilot.trials[0]));
+    let flat: Vec<f64> = points.iter().flatten().copied().collect();
+    let mut response = Response::default();
+    predict(&pilot, &[], &[], &vec![0; points.len()], &flat, &mut response);
+    let measured = &pilot.trials[0].measured_nm;
+    let cost = |torque: &[f64]| torque.iter().zip(measured).map(|(p, m)| (p - m) * (p - m)).sum::<f64>();
+    let mut ranked: Vec<(f64, [f64; 6])> = response
+        .torque_nm
+        .chunks_exact(pilot.samples)
+        .map(cost)
+        .zip(points)
+        .filter(|(c, _)| c.is_finite())
+        .collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ranked.into_iter().take(KEPT).map(|(_, point)| point).collect()
+}
+
+/// Up to eight trials, as many as go through the model at once: spread over velocities and torques.
+fn representatives(prepared: &Prepared) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..prepared.trials.len()).collect();
+    order.sort_by_key(|trial| (prepared.trials[*trial].condition, prepared.trials[*trial].repetition));
+    let most = order.len().min(8);
+    (0..most).map(|i| order[(2 * i + 1) * order.len() / (2 * most)]).collect()
+}
+
+/// Few parameters for many trials: inertia, interface and decrement in common, k_srs by torque, x_e as a part of the way.
+struct Pooled {
+    layout: Layout,
+    torques: Vec<f64>,
+}
+
+impl Pooled {
+    fn new(few: &Prepared, point: &[f64; 6]) -> Self {
+        let mut torques: Vec<f64> = few.trials.iter().map(|trial| trial.torque_nm).collect();
+        torques.sort_by(f64::total_cmp);
+        torques.dedup();
+        let freedom = |parameter: usize| FREEDOM.get(parameter).copied().unwrap_or((4.0, 2.0));
+        let coordinate = |parameter: usize| {
+            let (below, above) = freedom(parameter);
+            let start = libm::log(point[parameter]);
+            Coordinate {
+                parameter,
+                term: None,
+                logarithmic: true,
+                low: start - libm::log(below),
+                high: start + libm::log(above),
+                start,
+                scale: 1.0,
+            }
+        };
+        let mut coordinates: Vec<Coordinate> = [0, 1, 2, 4, 5].into_iter().map(coordinate).collect();
+        let first_stiffness = coordinates.len();
+        coordinates.extend(torques.iter().map(|_| coordinate(3)));
+        let link = |coordinate: usize| Link::Logarithmic { coordinate, factor: 1.0 };
+        let links = |trial: &PreparedTrial| {
+            let level = torques.iter().position(|torque| *torque == trial.torque_nm).unwrap_or(0);
+            let way = Link::Logarithmic { coordinate: 4, factor: reach(few, trial) };
+            vec![link(0), link(1), link(2), link(first_stiffness + level), link(3), way]
+        };
+        let component = Component {
+            trials: (0..few.trials.len()).collect(),
+            blocks: vec![Vec::new()],
+            block_of_trial: vec![0; few.trials.len()],
+            border: (0..coordinates.len()).collect(),
+        };
+        let layout = Layout {
+            links: few.trials.iter().map(links).collect(),
+            coordinates,
+            components: vec![component],
+            estimated: (0..BASE_PARAMETERS.len()).collect(),
+        };
+        Self { layout, torques }
+    }
+
+    /// The parameters of a trial at this torque, where the motor goes so far.
+    fn values(&self, coordinates: &[f64], torque_nm: f64, reach_rad: f64) -> [f64; 6] {
+        let nearest = (0..self.torques.len())
+            .min_by(|a, b| {
+                (self.torques[*a] - torque_nm).abs().total_cmp(&(self.torques[*b] - torque_nm).abs())
+            })
+            .unwrap_or(0);
+        let value = |coordinate: usize| libm::exp(coordinates[coordinate]);
+        [value(0), value(1), value(2), value(5 + nearest), value(3), reach_rad * value(4)]
+    }
+}
+
+/// Points of the parameter space, log-uniform about scales of the record.
+fn points(alone: &Prepared, reach_rad: f64) -> Vec<[f64; 6]> {
+    let trial = &alone.trials[0];
+    let peak = peak_nm(trial);
+    // The first peak is that of the inertias gaining speed.
     let top_speed = trial.input.motion.iter().map(|k| k.omega).fold(1e-3, f64::max);
-    let peak = (trial.measured_nm.iter().enumerate())
-        .fold((0, 0.0), |best, (i, t)| if *t > best.1 { (i, *t) } else { best });
-    let early = prepared.samples.min((2 * peak.0).max(prepared.samples / 8)).min(prepared.samples / 2);
-    let impulse: f64 = trial.measured_nm[..early].iter().sum::<f64>() * prepared.period_s;
-    let spring: f64 = (trial.input.motion[trial.input.onset..trial.input.onset + early].iter())
-        .map(|k| 0.5 * slope * k.theta.max(0.0))
-        .sum::<f64>()
-        * prepared.period_s;
-    let lever_inertia = prepared.lever.map_or(0.0, |lever| lever.inertia_kg_m2);
-    let inertia =
-        ((impulse - spring) / top_speed - lever_inertia).clamp(2e-4 * slope.min(50.0) / 5.0, 2e-4 * slope);
-    let interface = 15.0 * slope;
-    let damping = 1.0 * libm::sqrt(interface * inertia);
-    [inertia, damping, interface, 1.4 * slope, 0.7 * slope, 0.55 * reach]
+    let peak_at = trial.measured_nm.iter().position(|t| t.abs() == peak).unwrap_or(1).max(1);
+    let inertia = 0.5 * peak * peak_at as f64 * alone.period_s / top_speed;
+    let stiffness = peak / reach_rad;
+    let mut stream = Stream::new(0, "pilot");
+    let mut spread = |low: f64, high: f64| low * libm::exp(stream.uniform() * libm::log(high / low));
+    (0..LOOKS)
+        .map(|_| {
+            let i_j = inertia * spread(0.1, 3.0);
+            let k_srs = stiffness * spread(0.1, 5.0);
+            let k_h = k_srs * spread(3.0, 60.0);
+            let b_h = 2.0 * spread(0.05, 1.0) * libm::sqrt(k_h * i_j);
+            [i_j, b_h, k_h, k_srs, k_srs * spread(0.2, 0.9), reach_rad * spread(0.3, 0.8)]
+        })
+        .collect()
 }

@@ -32,8 +32,13 @@ pub struct Coordinate {
 pub enum Link {
     /// It does not.
     Fixed(f64),
-    /// It is e to the power of a coordinate.
-    Logarithmic(usize),
+    /// It is e to the power of a coordinate, times a factor.
+    Logarithmic {
+        /// Which coordinate.
+        coordinate: usize,
+        /// The factor.
+        factor: f64,
+    },
     /// It is a sum of coordinates times factors.
     Sum(Vec<(usize, f64)>),
 }
@@ -127,7 +132,7 @@ impl Layout {
             let index = self.coordinates.len() - 1;
             for trial in members {
                 self.links[*trial].push(if logarithmic {
-                    Link::Logarithmic(index)
+                    Link::Logarithmic { coordinate: index, factor: 1.0 }
                 } else {
                     Link::Sum(vec![(index, 1.0)])
                 });
@@ -234,7 +239,7 @@ impl Layout {
         for link in &self.links[trial] {
             into.push(match link {
                 Link::Fixed(value) => *value,
-                Link::Logarithmic(index) => libm::exp(coordinates[*index]),
+                Link::Logarithmic { coordinate, factor } => factor * libm::exp(coordinates[*coordinate]),
                 Link::Sum(terms) => terms.iter().map(|(index, factor)| factor * coordinates[*index]).sum(),
             });
         }
@@ -244,7 +249,7 @@ impl Layout {
     pub fn slopes(&self, trial: usize, parameter: usize, value: f64, mut each: impl FnMut(usize, f64)) {
         match &self.links[trial][parameter] {
             Link::Fixed(_) => {}
-            Link::Logarithmic(index) => each(*index, value),
+            Link::Logarithmic { coordinate, .. } => each(*coordinate, value),
             Link::Sum(terms) => terms.iter().for_each(|(index, factor)| each(*index, *factor)),
         }
     }

@@ -5,11 +5,19 @@ mod layout;
 mod model;
 mod normal;
 mod prepare;
+mod run;
 mod solve;
+mod uncertainty;
+mod weights;
 
-pub use guess::Guess;
+pub use guess::{Guess, looks};
 pub use layout::{Component, Coordinate, Layout, Link};
 pub use model::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};
 pub use normal::{Normal, Objective};
 pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View};
+pub use run::{Fit, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};
+pub use uncertainty::{
+    Prediction, Uncertainty, covariance, predictions, uncertainties, variance_accounted_for,
+};
+pub use weights::{covariances, whiteners};

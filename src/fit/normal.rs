@@ -39,16 +39,16 @@ pub struct Normal {
     border_gradient: DVector<f64>,
 }
 
-/// Predicted torques and derivatives of some trials.
+/// Predicted torques of some trials, and derivatives with respect to the parameters `wanted`.
 pub fn predict(
     prepared: &Prepared,
-    layout: &Layout,
     kinds: &[Kind],
+    wanted: &[usize],
     trials: &[usize],
     parameters: &[f64],
     response: &mut Response,
 ) {
-    let count = layout.links[0].len();
+    let count = parameters.len() / trials.len().max(1);
     let most = (0..trials.len())
         .map(|place| {
             substeps(prepared.lever, &parameters[place * count..(place + 1) * count], prepared.period_s)
@@ -64,7 +64,7 @@ pub fn predict(
         // In powers of two, so that a small step of the parameters seldom changes the integrator.
         substeps: most.next_power_of_two(),
         filter: &prepared.sections,
-        wanted: &layout.estimated,
+        wanted,
         width: Width::fastest(),
     };
     let inputs: Vec<_> = trials.iter().map(|trial| &prepared.trials[*trial].input).collect();
@@ -86,7 +86,7 @@ pub fn evaluate(
         layout.parameters(*trial, coordinates, &mut parameters);
     }
     let mut response = Response::default();
-    predict(prepared, layout, kinds, &trials, &parameters, &mut response);
+    predict(prepared, kinds, &layout.estimated, &trials, &parameters, &mut response);
     let mut place = 0;
     let count = layout.links[0].len();
     let mut result = Vec::with_capacity(components.len());
@@ -101,6 +101,24 @@ pub fn evaluate(
         result.push(normal);
     }
     result
+}
+
+/// Half the sum of squares of each trial at `coordinates`.
+pub fn trial_costs(
+    prepared: &Prepared,
+    layout: &Layout,
+    kinds: &[Kind],
+    objective: &Objective,
+    coordinates: &[f64],
+) -> Vec<f64> {
+    let trials: Vec<usize> = (0..prepared.trials.len()).collect();
+    let mut parameters = Vec::new();
+    for trial in &trials {
+        layout.parameters(*trial, coordinates, &mut parameters);
+    }
+    let mut response = Response::default();
+    predict(prepared, kinds, &[], &trials, &parameters, &mut response);
+    trials.iter().map(|trial| trial_normal(prepared, objective, *trial, &response, *trial, 0).cost).collect()
 }
 
 /// Residuals (predicted less measured) and derivatives of the trial at `place` in the response.

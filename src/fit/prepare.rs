@@ -51,6 +51,10 @@ pub struct Prepared {
     pub trials: Vec<PreparedTrial>,
     /// What could not be used, and why.
     pub left_out: Vec<LeftOut>,
+    /// Noise is measured on every `stride`th sample of the window: the filter leaves nothing in between.
+    pub stride: usize,
+    /// Standard deviation of the recorded angle's error, rad: measured in the holds, at least that of its steps.
+    pub angle_noise_rad: f64,
     /// Noise by trial: index into [`Prepared::noises`]; `None` where the hold is too short to measure any.
     pub noise_of: Vec<Option<usize>>,
     /// The noises measured.
@@ -126,6 +130,8 @@ impl Prepared {
             sections,
             trials: Vec::new(),
             left_out: Vec::new(),
+            stride: stride(session, view, samples),
+            angle_noise_rad: 0.0,
             noise_of: Vec::new(),
             noises: Vec::new(),
         };
@@ -139,6 +145,7 @@ impl Prepared {
         if prepared.trials.is_empty() {
             return Err(PrepareError::NoTrial { of: session.trials.len(), left_out: prepared.left_out });
         }
+        prepared.angle_noise_rad = angle_noise(&usable);
         prepared.number_conditions();
         prepared.fill_covariates(&usable);
         prepared.measure_noise();
@@ -150,12 +157,34 @@ impl Prepared {
 const FEWEST_SAMPLES: usize = 12;
 
 /// Stretches of hold that a torque level needs for a noise of its own; with fewer, all levels share one.
-const STRETCHES_FOR_OWN_NOISE: usize = 60;
+const STRETCHES_FOR_OWN_NOISE: usize = 300;
 
 /// Longest hold that is looked at, s: the gate guarantees this much.
 const HOLD_S: f64 = 0.5;
 
 impl Prepared {
+    /// The same preparation for some of the trials.
+    pub fn only(&self, trials: &[usize]) -> Self {
+        Self {
+            lever: self.lever,
+            period_s: self.period_s,
+            samples: self.samples,
+            lead: self.lead,
+            sections: self.sections.clone(),
+            trials: trials.iter().map(|trial| self.trials[*trial].clone()).collect(),
+            left_out: Vec::new(),
+            stride: self.stride,
+            angle_noise_rad: self.angle_noise_rad,
+            noise_of: trials.iter().map(|trial| self.noise_of[*trial]).collect(),
+            noises: self.noises.clone(),
+        }
+    }
+
+    /// The samples of the window that noise is measured on; the last is among them.
+    pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
+        (0..self.samples).rev().step_by(self.stride).collect::<Vec<_>>().into_iter().rev()
+    }
+
     /// How many samples of filtered torque or raw angle make the level before the ramp.
     fn level_samples(&self) -> usize {
         (libm::round(LEVEL_S / self.period_s) as usize).max(2)
@@ -227,7 +256,7 @@ impl Prepared {
         })
     }
 
-    /// Stretches of the hold (which ends at the onset), each a window long less the level before it, half overlapping.
+    /// Stretches of the hold (which ends at the onset), each a window long, less the level before it; they overlap.
     fn hold_stretches(&self, hold: &[f64]) -> Vec<Vec<f64>> {
         let level = self.level_samples();
         let settling =
@@ -239,8 +268,8 @@ impl Prepared {
         while end >= begin + level + self.samples {
             let window = &hold[end - self.samples..end];
             let base = mean(&hold[end - self.samples - level..end - self.samples]);
-            stretches.push(window.iter().map(|t| t - base).collect());
-            end -= self.samples / 2;
+            stretches.push(self.noise_samples().map(|i| window[i] - base).collect());
+            end -= (self.samples / 10).max(1);
         }
         stretches
     }
@@ -313,6 +342,37 @@ impl Prepared {
             self.noise_of = vec![(!self.noises.is_empty()).then_some(0); self.trials.len()];
         }
     }
+}
+
+/// Every how many samples the noise is measured: six times the cut-off stays below half the rate of what is left, and a
+/// long window keeps at most a hundred values.
+fn stride(session: &Session, view: View, samples: usize) -> usize {
+    let FilterSpec::Butterworth { cutoff_hz, .. } = session.recorded_filter.unwrap_or(view.filter);
+    let by_filter = libm::floor(session.sample_rate_hz / (12.0 * cutoff_hz)) as usize;
+    by_filter.max(samples.div_ceil(100)).max(1)
+}
+
+/// The error of the recorded angle: from its second differences in the holds, at least that of the encoder's steps, which
+/// a still motor does not show.
+fn angle_noise(trials: &[&crate::dataset::Trial]) -> f64 {
+    let (mut squares, mut count, mut step) = (0.0, 0.0, f64::INFINITY);
+    for trial in trials {
+        let theta = &trial.record.theta_m_rad;
+        for pair in theta.windows(2) {
+            let change = (pair[1] - pair[0]).abs();
+            if change > 1e-9 && change < step {
+                step = change;
+            }
+        }
+        for three in theta[..theta.len() / 5].windows(3) {
+            let second = three[0] - 2.0 * three[1] + three[2];
+            squares += second * second;
+            count += 1.0;
+        }
+    }
+    let step = if step.is_finite() { step } else { 0.0 };
+    // White noise has second differences of six times its variance, rounding to steps a variance of step^2 / 12.
+    libm::sqrt((squares / 6.0 / f64::max(count, 1.0)).max(step * step / 12.0))
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -34,7 +34,7 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { iterations: 150, decrease: 1e-8, longest_step: 0.7 }
+        Self { iterations: 150, decrease: 1e-6, longest_step: 0.7 }
     }
 }
 
@@ -188,27 +188,54 @@ impl<'a> Descent<'a> {
                 (x <= c.low + edge && *slope > 0.0) || (x >= c.high - edge && *slope < 0.0)
             })
             .collect();
-        let mut damping = self.damping;
-        let step = loop {
-            match normal.damped_step(self.component, layout, damping, &held) {
-                Some(step) => break step,
-                None if damping < 1e15 => damping = (damping * 10.0).max(1e-10),
-                None => break DVector::zeros(order.len()),
+        loop {
+            if let Some(step) = normal.damped_step(self.component, layout, self.damping, &held) {
+                // Cut off one by one, so that a coordinate that hardly matters does not hold up the others; if that leads
+                // up, shortened as a whole.
+                let mut taken = within_bounds(layout, &order, coordinates, &step, effort.longest_step, false);
+                self.promised = normal.promised_decrease(self.component, &gradient, &taken);
+                if self.promised <= 0.0 {
+                    taken = within_bounds(layout, &order, coordinates, &step, effort.longest_step, true);
+                    self.promised = normal.promised_decrease(self.component, &gradient, &taken);
+                }
+                // A step cut off at the bounds may lead up; a shorter one, more along the gradient, does not.
+                if self.promised > 0.0 || self.damping > 1e12 {
+                    self.trial_point.clear();
+                    self.trial_point.extend(
+                        order.iter().zip(&taken).map(|(index, by)| (*index, coordinates[*index] + by)),
+                    );
+                    return;
+                }
+            } else if self.damping > 1e12 {
+                self.promised = 0.0;
+                return;
             }
-        };
-        self.damping = damping;
-        self.trial_point.clear();
-        let mut taken = DVector::zeros(order.len());
-        for (place, index) in order.iter().enumerate() {
-            let c = &layout.coordinates[*index];
-            let longest = if c.logarithmic { effort.longest_step } else { f64::INFINITY };
-            let x = coordinates[*index];
-            let to = (x + step[place].clamp(-longest, longest)).clamp(c.low, c.high);
-            taken[place] = to - x;
-            self.trial_point.push((*index, to));
+            self.damping = (self.damping * 10.0).max(1e-10);
         }
-        self.promised = normal.promised_decrease(self.component, &gradient, &taken);
     }
+}
+
+/// The step with no logarithmic coordinate going further than `longest`, by shortening it as a whole or by cutting each off;
+/// then cut off at the bounds.
+fn within_bounds(
+    layout: &Layout,
+    order: &[usize],
+    coordinates: &[f64],
+    step: &DVector<f64>,
+    longest: f64,
+    as_a_whole: bool,
+) -> DVector<f64> {
+    let logarithmic = order.iter().zip(step).filter(|(index, _)| layout.coordinates[**index].logarithmic);
+    let furthest = logarithmic.map(|(_, by)| by.abs()).fold(0.0, f64::max);
+    let shorten = if as_a_whole && furthest > longest { longest / furthest } else { 1.0 };
+    DVector::from_iterator(
+        order.len(),
+        order.iter().zip(step).map(|(index, by)| {
+            let (c, x) = (&layout.coordinates[*index], coordinates[*index]);
+            let most = if c.logarithmic { longest } else { f64::INFINITY };
+            (x + (shorten * by).clamp(-most, most)).clamp(c.low, c.high) - x
+        }),
+    )
 }
 
 impl Component {

@@ -4,19 +4,19 @@
 //! and a person wanders and trembles besides. So stretches of the hold go through exactly what the ramp goes through
 //! (filter, level before, window), and their covariance is the noise.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 /// Covariance of the noise in the analysed window.
 #[derive(Debug, Clone)]
 pub struct Noise {
     /// Covariance of the samples of the window, (N m)^2.
     pub covariance: DMatrix<f64>,
-    /// How many stretches of hold it was measured on; neighbours overlap by half.
+    /// How many stretches of hold it was measured on; neighbours overlap.
     pub stretches: usize,
 }
 
 impl Noise {
-    /// Measures the covariance on `stretches`: torque over a window, less the level before it.
+    /// Measures the covariance on `stretches`: torque over a window, less the level before it, some samples of it.
     ///
     /// `None` if there are fewer than two.
     pub fn measure(stretches: &[Vec<f64>]) -> Option<Self> {
@@ -36,19 +36,17 @@ impl Noise {
         libm::sqrt(self.covariance[(last, last)])
     }
 
-    /// The matrix that turns a window into independent values of variance one: the leading `components` of the covariance.
+    /// The matrix that turns a window into independent values of variance one.
     ///
-    /// The filtered noise's covariance is numerically singular, so that a full inverse would weigh the integrator's
-    /// rounding; what the leading components leave out is below the measured floor.
-    pub fn whitener(&self, components: usize) -> DMatrix<f64> {
+    /// Directions of the covariance with a variance below `floor` (N m)^2 are left out: the filtered noise's covariance is
+    /// numerically singular, and an inverse that trusted its smallest values would weigh rounding and model error.
+    pub fn whitener(&self, floor: f64) -> DMatrix<f64> {
         let eigen = self.covariance.clone().symmetric_eigen();
-        let mut order: Vec<usize> = (0..eigen.eigenvalues.len()).collect();
-        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-        let largest = eigen.eigenvalues[order[0]];
-        order.truncate(components);
-        order.retain(|i| eigen.eigenvalues[*i] > 1e-9 * largest);
-        DMatrix::from_fn(order.len(), self.covariance.nrows(), |row, column| {
-            eigen.eigenvectors[(column, order[row])] / libm::sqrt(eigen.eigenvalues[order[row]])
+        let mut kept: Vec<usize> =
+            (0..eigen.eigenvalues.len()).filter(|i| eigen.eigenvalues[*i] > floor).collect();
+        kept.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        DMatrix::from_fn(kept.len(), self.covariance.nrows(), |row, column| {
+            eigen.eigenvectors[(column, kept[row])] / libm::sqrt(eigen.eigenvalues[kept[row]])
         })
     }
 
@@ -57,18 +55,12 @@ impl Noise {
         let trace = self.covariance.trace();
         trace * trace / self.covariance.norm_squared()
     }
-
-    /// A draw of noise with this covariance: `normals` are standard normal, one a sample of the window.
-    pub fn draw(&self, normals: &DVector<f64>) -> DVector<f64> {
-        let eigen = self.covariance.clone().symmetric_eigen();
-        let scaled =
-            DVector::from_fn(normals.len(), |i, _| normals[i] * libm::sqrt(eigen.eigenvalues[i].max(0.0)));
-        &eigen.eigenvectors * scaled
-    }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::DVector;
+
     use super::*;
     use crate::random::Stream;
     use crate::signal::{FilterSpec, filter};
@@ -91,7 +83,7 @@ mod tests {
     #[test]
     fn the_whitener_makes_fresh_noise_white() {
         let stretches = filtered_stretches(4000);
-        let whitener = Noise::measure(&stretches[..2000]).unwrap().whitener(8);
+        let whitener = Noise::measure(&stretches[..2000]).unwrap().whitener(1e-9);
         let fresh: Vec<DVector<f64>> =
             stretches[2000..].iter().map(|s| &whitener * DVector::from_column_slice(s)).collect();
         for component in 0..8 {

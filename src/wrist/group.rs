@@ -193,7 +193,7 @@ fn recorded<P: Plain>(job: &Job, sample: usize) -> Knot<P> {
 
 /// The motor's motion from the start of the simulation on, with what the channels did to the record undone.
 #[inline(always)]
-fn motion<P: Plain, T: Number<Plain = P>>(job: &Job, channels: &Channels<T>) -> Vec<Knot<T>> {
+pub(super) fn motion<P: Plain, T: Number<Plain = P>>(job: &Job, channels: &Channels<T>) -> Vec<Knot<T>> {
     let request = job.request;
     let count = request.lead + request.samples + 2;
     if !request.kinds.iter().any(|kind| kind.alters_angle()) {

@@ -13,6 +13,7 @@ mod motion;
 mod number;
 mod plant;
 mod simulate;
+mod trace;
 #[cfg(target_arch = "x86_64")]
 mod vector;
 
@@ -25,3 +26,4 @@ pub use plant::{
     Plant, State, Torques, YIELD_SMOOTHNESS_PER_NM,
 };
 pub use simulate::{Request, Response, Trial, Width, simulate};
+pub use trace::{Instant, srs_period_s, trace};

@@ -1,0 +1,205 @@
+//! How well the parameters are known: Eq. 9 of the paper, and standard errors from the noise that the holds show.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::normal::{Objective, evaluate, predict};
+use super::prepare::Prepared;
+use super::run::Fit;
+use crate::wrist::{BASE_PARAMETERS, Response};
+
+/// One trial's uncertainty, by the six base parameters; relative to the parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Uncertainty {
+    /// Eq. 9: counts every sample as independent.
+    pub sem: [Option<f64>; 6],
+    /// From the measured noise covariance; `None` without a hold, or where the data do not determine the parameter.
+    pub se: [Option<f64>; 6],
+}
+
+/// Predicted torque of a trial, its residuals (measured less predicted) and derivatives by the estimated parameters.
+pub struct Prediction {
+    /// Predicted torque, N m.
+    pub torque_nm: Vec<f64>,
+    /// Measured less predicted, N m.
+    pub residual_nm: Vec<f64>,
+    /// Derivatives of the prediction: samples by estimated parameters.
+    pub jacobian: DMatrix<f64>,
+}
+
+/// Predictions of all trials at the optimum.
+pub fn predictions(prepared: &Prepared, fit: &Fit) -> Vec<Prediction> {
+    let trials: Vec<usize> = (0..prepared.trials.len()).collect();
+    let flat: Vec<f64> = fit.parameters.iter().flatten().copied().collect();
+    let wanted = &fit.layout.estimated;
+    let mut response = Response::default();
+    predict(prepared, &fit.kinds, wanted, &trials, &flat, &mut response);
+    let samples = prepared.samples;
+    trials
+        .iter()
+        .map(|trial| {
+            let torque_nm = response.torque_nm[trial * samples..(trial + 1) * samples].to_vec();
+            let slopes =
+                &response.slopes[trial * samples * wanted.len()..(trial + 1) * samples * wanted.len()];
+            let measured = &prepared.trials[*trial].measured_nm;
+            Prediction {
+                residual_nm: measured.iter().zip(&torque_nm).map(|(m, p)| m - p).collect(),
+                torque_nm,
+                jacobian: DMatrix::from_row_slice(samples, wanted.len(), slopes),
+            }
+        })
+        .collect()
+}
+
+/// Variance accounted for, of torque: Eq. 8 prints the angle, but what is fitted and judged is the torque.
+pub fn variance_accounted_for(measured_nm: &[f64], residual_nm: &[f64]) -> f64 {
+    let square = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
+    1.0 - square(residual_nm) / square(measured_nm)
+}
+
+/// The uncertainty of every trial's parameters.
+pub fn uncertainties(prepared: &Prepared, fit: &Fit, predictions: &[Prediction]) -> Vec<Uncertainty> {
+    let honest = covariance(prepared, fit, predictions);
+    (0..prepared.trials.len())
+        .map(|trial| Uncertainty {
+            sem: sem(fit, trial, &predictions[trial]),
+            se: standard_errors(fit, trial, honest.as_deref()),
+        })
+        .collect()
+}
+
+/// Eq. 9, relative to the parameter: sqrt(1/n diag((J'J)^-1) sum E^2).
+fn sem(fit: &Fit, trial: usize, prediction: &Prediction) -> [Option<f64>; 6] {
+    let mut sem = [None; 6];
+    let parameters = &fit.parameters[trial];
+    let mut scaled = prediction.jacobian.clone();
+    for (column, parameter) in fit.layout.estimated.iter().enumerate() {
+        scaled.column_mut(column).scale_mut(parameters[*parameter]);
+    }
+    let squares: f64 = prediction.residual_nm.iter().map(|e| e * e).sum();
+    let Some(inverse) = invert(scaled.tr_mul(&scaled)) else { return sem };
+    for (column, parameter) in fit.layout.estimated.iter().enumerate() {
+        if *parameter < BASE_PARAMETERS.len() {
+            let variance = inverse[(column, column)] * squares / prediction.residual_nm.len() as f64;
+            sem[*parameter] = finite(libm::sqrt(variance));
+        }
+    }
+    sem
+}
+
+/// The covariance of the coordinates, component by component; `None` where no noise could be measured.
+///
+/// For a whitened fit it is the inverse of the Gauss-Newton matrix; for plain least squares the sandwich
+/// H^-1 J'CJ H^-1 with the measured covariance C. Coordinates at a bound count as known.
+pub fn covariance(prepared: &Prepared, fit: &Fit, predictions: &[Prediction]) -> Option<Vec<DMatrix<f64>>> {
+    if fit.covariances.is_empty() {
+        return None;
+    }
+    let components: Vec<_> = fit.layout.components.iter().collect();
+    let at = &fit.solution.coordinates;
+    let normals = evaluate(prepared, &fit.layout, &fit.kinds, &fit.objective, &components, at);
+    let of_component = |(component, normal): (&&super::layout::Component, &super::normal::Normal)| {
+        let order = component.order();
+        let mut matrix = normal.dense(component);
+        let held: Vec<bool> = order
+            .iter()
+            .map(|index| {
+                let (c, x) = (&fit.layout.coordinates[*index], at[*index]);
+                x <= c.low + 1e-6 || x >= c.high - 1e-6
+            })
+            .collect();
+        for (i, held) in held.iter().enumerate() {
+            if *held {
+                matrix.row_mut(i).fill(0.0);
+                matrix.column_mut(i).fill(0.0);
+                matrix[(i, i)] = 1.0;
+            }
+        }
+        let Some(mut inverse) = invert(matrix) else {
+            return DMatrix::from_element(order.len(), order.len(), f64::INFINITY);
+        };
+        if let Objective::LeastSquares = fit.objective {
+            let filling = filling(prepared, fit, predictions, component, &order);
+            inverse = &inverse * filling * &inverse;
+        }
+        for (i, held) in held.iter().enumerate() {
+            if *held {
+                inverse.row_mut(i).fill(0.0);
+                inverse.column_mut(i).fill(0.0);
+            }
+        }
+        inverse
+    };
+    Some(components.iter().zip(&normals).map(of_component).collect())
+}
+
+/// The filling of the sandwich: the sum over trials of J'CJ, C being the measured covariance between all samples.
+fn filling(
+    prepared: &Prepared,
+    fit: &Fit,
+    predictions: &[Prediction],
+    component: &super::layout::Component,
+    order: &[usize],
+) -> DMatrix<f64> {
+    let places: Vec<usize> = prepared.noise_samples().collect();
+    let mut filling = DMatrix::zeros(order.len(), order.len());
+    for trial in &component.trials {
+        let Some(noise) = prepared.noise_of[*trial] else { continue };
+        let jacobian = &predictions[*trial].jacobian;
+        // The covariance is known on every stride-th sample; between them noise and derivatives are smooth, so that the sum
+        // over all samples is that over these, each standing for its neighbours.
+        let weight = prepared.samples as f64 / places.len() as f64;
+        let rows = DMatrix::from_fn(places.len(), jacobian.ncols(), |i, j| weight * jacobian[(places[i], j)]);
+        let mut to_coordinates = DMatrix::zeros(jacobian.ncols(), order.len());
+        for (row, parameter) in fit.layout.estimated.iter().enumerate() {
+            fit.layout.slopes(*trial, *parameter, fit.parameters[*trial][*parameter], |coordinate, slope| {
+                if let Some(column) = order.iter().position(|index| *index == coordinate) {
+                    to_coordinates[(row, column)] = slope;
+                }
+            });
+        }
+        let full = rows * to_coordinates;
+        filling += full.tr_mul(&(&fit.covariances[noise].covariance * &full));
+    }
+    filling
+}
+
+/// Standard errors of a trial's base parameters relative to them.
+fn standard_errors(fit: &Fit, trial: usize, covariances: Option<&[DMatrix<f64>]>) -> [Option<f64>; 6] {
+    let mut se = [None; 6];
+    let Some(covariances) = covariances else { return se };
+    for (index, component) in fit.layout.components.iter().enumerate() {
+        if !component.trials.contains(&trial) {
+            continue;
+        }
+        let order = component.order();
+        for (parameter, slot) in se.iter_mut().enumerate() {
+            let value = fit.parameters[trial][parameter];
+            if fit.at_bound(trial, parameter) || !fit.layout.estimated.contains(&parameter) {
+                continue;
+            }
+            let mut gradient = DVector::zeros(order.len());
+            fit.layout.slopes(trial, parameter, value, |coordinate, slope| {
+                if let Some(place) = order.iter().position(|own| *own == coordinate) {
+                    gradient[place] = slope;
+                }
+            });
+            let variance = gradient.dot(&(&covariances[index] * &gradient));
+            *slot = finite(libm::sqrt(variance) / value.abs());
+        }
+    }
+    se
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+/// The inverse of a positive definite matrix, scaled first; `None` if it is singular.
+fn invert(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let scale: Vec<f64> =
+        matrix.diagonal().iter().map(|x| 1.0 / libm::sqrt(x.max(f64::MIN_POSITIVE))).collect();
+    let scaled =
+        DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] * scale[i] * scale[j]);
+    let inverse = nalgebra::Cholesky::new(scaled)?.inverse();
+    Some(DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| inverse[(i, j)] * scale[i] * scale[j]))
+}
