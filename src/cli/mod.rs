@@ -6,6 +6,7 @@
 mod check;
 mod console;
 mod failure;
+mod fit;
 mod schedule;
 mod schema;
 
@@ -42,6 +43,7 @@ macro_rules! verbs {
 
 verbs! {
     Check(check::Check),
+    Fit(fit::Fit),
     Schedule(schedule::Schedule),
     Schema(schema::Schema),
 }

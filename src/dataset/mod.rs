@@ -1,5 +1,6 @@
 //! Session folders: reading what was measured, writing what was run.
 
+mod disk;
 mod error;
 mod load;
 mod record;
@@ -8,6 +9,7 @@ mod text;
 use std::collections::BTreeMap;
 
 pub use crate::session::Status;
+pub use disk::Disk;
 pub use error::{DatasetError, Place};
 pub use load::load;
 use serde::{Deserialize, Serialize};

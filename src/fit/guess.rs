@@ -135,7 +135,7 @@ impl Guess {
 /// Greatest angle in the window.
 fn reach(prepared: &Prepared, trial: &PreparedTrial) -> f64 {
     let input = &trial.input;
-    input.motion[input.onset..=input.onset + prepared.samples].iter().map(|k| k.theta).fold(1e-6, f64::max)
+    input.motion[input.onset..input.onset + prepared.samples].iter().map(|k| k.theta).fold(1e-6, f64::max)
 }
 
 fn peak_nm(trial: &PreparedTrial) -> f64 {
