@@ -1,10 +1,12 @@
 //! How errors of the layers end the program: message and exit code.
 
 use std::io;
+use std::path::PathBuf;
 
-use ramphold::dataset::DatasetError;
+use ramphold::dataset::{DatasetError, RecordError};
 use ramphold::fit::{ModelError, PrepareError, WriteError};
-use ramphold::protocol::ProtocolError;
+use ramphold::protocol::{ProtocolError, TooShort};
+use ramphold::rig::virtual_wrist::{PersonError, RigFileError};
 use ramphold::schedule::DrawError;
 
 /// Why a verb did not do its work. One variant for each layer that can fail.
@@ -57,6 +59,33 @@ pub enum Failure {
     /// What was asked for makes no sense.
     #[error("{0}")]
     Usage(String),
+    /// A velocity that the ramp cannot reach.
+    #[error(transparent)]
+    TooShort(#[from] TooShort),
+    /// The virtual person cannot be made.
+    #[error(transparent)]
+    Person(#[from] PersonError),
+    /// The rig cannot be made.
+    #[error(transparent)]
+    Rig(#[from] RigFileError),
+    /// The session cannot be kept.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The session was ended before its time.
+    #[error(
+        "the session ended with {left} trials left to do; everything up to here is in {}. Go on with: ramphold resume {}",
+        .folder.display(),
+        .folder.display()
+    )]
+    Ended {
+        /// Its folder.
+        folder: PathBuf,
+        /// Trials left.
+        left: usize,
+    },
+    /// The system does not let the program listen for Ctrl-C.
+    #[error("cannot listen for signals: {0}")]
+    Signals(io::Error),
     /// Results could not be printed.
     #[error("standard output cannot be written: {0}. Is the disk it is redirected to full?")]
     Output(#[from] io::Error),
@@ -72,8 +101,12 @@ impl Failure {
             | Self::Prepare { .. }
             | Self::Model { .. }
             | Self::Read { .. }
-            | Self::Usage(_) => 2,
-            Self::Write(_) | Self::Some { .. } => 1,
+            | Self::Usage(_)
+            | Self::TooShort(_)
+            | Self::Person(_)
+            | Self::Rig(_)
+            | Self::Record(RecordError::Exists(_)) => 2,
+            Self::Write(_) | Self::Some { .. } | Self::Record(_) | Self::Ended { .. } | Self::Signals(_) => 1,
             Self::Output(_) if self.is_broken_pipe() => 0,
             Self::Output(_) => 1,
         }

@@ -7,8 +7,11 @@ mod check;
 mod console;
 mod failure;
 mod fit;
+mod operator;
+mod run;
 mod schedule;
 mod schema;
+mod states;
 
 use std::process::ExitCode;
 
@@ -42,9 +45,11 @@ macro_rules! verbs {
 }
 
 verbs! {
+    Run(run::Run),
     Check(check::Check),
     Fit(fit::Fit),
     Schedule(schedule::Schedule),
+    States(states::States),
     Schema(schema::Schema),
 }
 

@@ -2,8 +2,13 @@
 
 mod disk;
 mod error;
+mod folder;
+mod journal;
 mod load;
 mod record;
+mod recorder;
+mod rows;
+mod tables;
 mod text;
 
 use std::collections::BTreeMap;
@@ -11,7 +16,10 @@ use std::collections::BTreeMap;
 pub use crate::session::Status;
 pub use disk::Disk;
 pub use error::{DatasetError, Place};
+pub use folder::{NewSession, PROGRAM};
+pub use journal::{JOURNAL, JOURNAL_FORMAT};
 pub use load::load;
+pub use recorder::{RecordError, Recorder};
 use serde::{Deserialize, Serialize};
 
 use crate::signal::FilterSpec;

@@ -93,11 +93,6 @@ impl Estimate {
 pub fn estimates(prepared: &Prepared, fit: &Fit) -> Vec<Estimate> {
     let predictions = predictions(prepared, fit);
     let uncertainties = uncertainties(prepared, fit, &predictions);
-    let mut order: Vec<usize> = (0..prepared.trials.len()).collect();
-    order.sort_by_key(|index| {
-        let trial = &prepared.trials[*index];
-        (trial.condition, trial.repetition, trial.number)
-    });
     let of_trial = |index: usize| {
         let trial = &prepared.trials[index];
         let mut values = [0.0; 6];
@@ -120,7 +115,7 @@ pub fn estimates(prepared: &Prepared, fit: &Fit) -> Vec<Estimate> {
             values,
         }
     };
-    order.into_iter().map(of_trial).collect()
+    (0..prepared.trials.len()).map(of_trial).collect()
 }
 
 /// The wrist during a trial as the fit sees it, for as long as the record was kept.

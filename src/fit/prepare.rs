@@ -148,6 +148,8 @@ impl Prepared {
         prepared.angle_noise_rad = angle_noise(&usable);
         prepared.number_conditions();
         prepared.fill_covariates(&usable);
+        // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
+        prepared.trials.sort_by_key(|trial| (trial.condition, trial.repetition, trial.number));
         prepared.measure_noise();
         Ok(prepared)
     }

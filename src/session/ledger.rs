@@ -2,12 +2,12 @@
 
 use std::collections::VecDeque;
 
-use super::names;
 use super::settings::{Planned, Settings};
 use super::step::{Attempt, Detail, Happening, Status};
 use super::table::{self, Effect, Guard};
 use super::words::{Event, Phase};
 use crate::rig::Direction;
+use crate::schedule;
 
 /// The session's memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +17,6 @@ pub struct Ledger {
     efforts_planned: u32,
     queue: VecDeque<Planned>,
     attempts: Vec<Attempt>,
-    put_back: u64,
     offset_nm: f64,
     efforts: u32,
     peak_fcr: f64,
@@ -35,7 +34,6 @@ impl Ledger {
             queue: settings.plan.iter().copied().collect(),
             // Room for every trial to be rejected a few times: the loop of a motor must not wait for memory.
             attempts: Vec::with_capacity(8 * settings.plan.len() + 64),
-            put_back: 0,
             offset_nm: 0.0,
             efforts: 0,
             peak_fcr: 0.0,
@@ -66,7 +64,7 @@ impl Ledger {
 
     /// The direction of the next maximal effort: flexion and extension in turn.
     pub fn effort_direction(&self) -> Direction {
-        if self.efforts % 2 == 0 { Direction::Flexion } else { Direction::Extension }
+        if self.efforts.is_multiple_of(2) { Direction::Flexion } else { Direction::Extension }
     }
 
     /// Number of the maximal effort that is under way or comes next, from 1.
@@ -202,9 +200,8 @@ impl Ledger {
     fn put_back_later(&mut self, rejections: u32) {
         let Some(mut planned) = self.last_measured() else { return };
         planned.key.rejections += rejections;
-        self.put_back += 1;
-        let place = names::stream(self.seed, "put back", &[self.put_back]).below(self.queue.len() as u64 + 1);
-        self.queue.insert(place as usize, planned);
+        let number = self.attempts.last().map_or(0, |attempt| attempt.number);
+        self.queue.insert(schedule::put_back(self.seed, number, self.queue.len()), planned);
     }
 
     /// The last trial does not count after all: it comes next again, with new random numbers.

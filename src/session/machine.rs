@@ -89,6 +89,11 @@ impl Machine {
         &self.settings
     }
 
+    /// Samples since the session was started or resumed.
+    pub fn sample(&self) -> u64 {
+        self.sample
+    }
+
     /// The signals as the person sees them.
     pub fn display(&self) -> &Display {
         &self.display
@@ -327,7 +332,8 @@ impl Machine {
             }
             Phase::Delay => self.delay = self.draw_delay(),
             Phase::Ramp => self.since_onset = 0,
-            Phase::Homing => {
+            Phase::Faulted => {
+                // The next sample comes after the rig was armed again, from wherever the motor is then.
                 self.watch.restart();
                 self.display.restart();
             }

@@ -2,6 +2,7 @@
 
 use crate::protocol::{Gate, Limits, Mvc, RampAndHold, TooShort, ValidProtocol};
 use crate::rig::TrialKey;
+use crate::schedule;
 
 /// A protocol as the state machine sees it: all times in samples, the trials in the order drawn.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,12 +55,16 @@ pub struct Planned {
 }
 
 impl Settings {
-    /// The settings of `protocol`, whose trials are run in the order of `plan`.
-    pub fn new(protocol: &ValidProtocol, seed: u64, plan: Vec<Planned>) -> Self {
+    /// The settings of a session of `protocol` with the trials in `order`, as [`schedule::draw`] gives it.
+    ///
+    /// # Errors
+    /// If the order has a velocity that the protocol's amplitude does not suffice for.
+    pub fn new(protocol: &ValidProtocol, seed: u64, order: &[schedule::Planned]) -> Result<Self, TooShort> {
+        let plan = plan(protocol, seed, order)?;
         let rate = protocol.signal.sample_rate_hz;
         let samples = |seconds: f64| (seconds * rate).round() as u64;
         let crate::signal::FilterSpec::Butterworth { cutoff_hz, .. } = protocol.signal.filter;
-        Self {
+        Ok(Self {
             seed,
             sample_rate_hz: rate,
             plan,
@@ -74,11 +79,38 @@ impl Settings {
             rise_time_s: protocol.ramp.rise_time_s,
             display_cutoff_hz: cutoff_hz,
             limits: protocol.limits.clone(),
-        }
+        })
     }
 
     /// Seconds as samples.
     pub fn samples(&self, seconds: f64) -> u64 {
         (seconds * self.sample_rate_hz).round() as u64
     }
+}
+
+/// The trials for practice, then those of the order.
+fn plan(protocol: &ValidProtocol, seed: u64, order: &[schedule::Planned]) -> Result<Vec<Planned>, TooShort> {
+    let last = order.len().saturating_sub(1).max(1) as f64;
+    let mut plan = Vec::with_capacity(order.len() + protocol.before.familiarisation_trials as usize);
+    for (condition, position) in schedule::familiarisation(protocol, seed).iter().zip(1..) {
+        plan.push(Planned {
+            key: TrialKey { practice: true, position, rejections: 0 },
+            velocity_rad_s: condition.velocity_rad_s,
+            torque_nm: condition.torque_nm,
+            repetition: 1,
+            progress: 0.0,
+            movement: protocol.ramp_and_hold(condition.velocity_rad_s)?,
+        });
+    }
+    for trial in order {
+        plan.push(Planned {
+            key: TrialKey { practice: false, position: trial.position, rejections: 0 },
+            velocity_rad_s: trial.velocity_rad_s,
+            torque_nm: trial.torque_nm,
+            repetition: trial.repetition,
+            progress: f64::from(trial.position.saturating_sub(1)) / last,
+            movement: protocol.ramp_and_hold(trial.velocity_rad_s)?,
+        });
+    }
+    Ok(plan)
 }

@@ -14,7 +14,7 @@ mod voluntary;
 
 pub use mechanisms::{Mechanisms, UnknownMechanism};
 pub use person::{FORMAT as PERSON_FORMAT, Person, PersonError, Surface};
-pub use setup::Setup;
+pub use setup::{RigFile, RigFileError, Setup};
 
 use emg::Emg;
 use limb::Limb;
@@ -22,9 +22,25 @@ use sensors::Sensors;
 use servo::Servo;
 use voluntary::Voluntary;
 
+use schemars::{JsonSchema, schema_for};
+
 use super::{Armed, Command, Cue, Fault, Motor, OperatorsWord, Rig, Sample, TrialKey};
 use crate::protocol::Limits;
 use crate::random::Stream;
+
+/// The JSON schema of the files of virtual persons, as text.
+pub fn person_schema_text() -> String {
+    schema_text::<Person>()
+}
+
+/// The JSON schema of rig files, as text.
+pub fn rig_schema_text() -> String {
+    schema_text::<RigFile>()
+}
+
+fn schema_text<T: JsonSchema>() -> String {
+    format!("{:#}\n", schema_for!(T).to_value())
+}
 
 /// The virtual wrist, unable to move.
 #[derive(Debug, Clone)]
@@ -99,13 +115,13 @@ impl ArmedVirtualWrist {
     }
 
     fn follow_cue(&mut self, cue: &Cue) {
-        if let Cue::Target { trial, target_nm, .. } = cue {
-            if self.trial != Some(trial.key) {
-                self.begin_trial(trial.key);
-                let spread = self.voluntary.draw_trial();
-                let emg = self.emg.prepare(&spread, *target_nm);
-                self.limb.prepare(&self.rig.person, trial, *target_nm, &spread, emg);
-            }
+        if let Cue::Target { trial, target_nm, .. } = cue
+            && self.trial != Some(trial.key)
+        {
+            self.begin_trial(trial.key);
+            let spread = self.voluntary.draw_trial();
+            let emg = self.emg.prepare(&spread, *target_nm);
+            self.limb.prepare(&self.rig.person, trial, *target_nm, &spread, emg);
         }
         if matches!(cue, Cue::Moving) && !self.moving {
             self.moving = true;
@@ -153,3 +169,6 @@ impl Armed for ArmedVirtualWrist {
         self.rig
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -129,6 +129,8 @@ impl SlowNoise {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::FRAC_1_SQRT_2;
+
     use super::*;
 
     fn deviation(values: &[f64]) -> f64 {
@@ -164,8 +166,8 @@ mod tests {
                 .collect();
             deviation(&outputs[10_000..]) * std::f64::consts::SQRT_2
         };
-        assert!((gain(Biquad::low_pass(450.0, 2500.0), 450.0) - 0.7071).abs() < 0.01);
-        assert!((gain(Biquad::high_pass(20.0, 2500.0), 20.0) - 0.7071).abs() < 0.01);
+        assert!((gain(Biquad::low_pass(450.0, 2500.0), 450.0) - FRAC_1_SQRT_2).abs() < 0.01);
+        assert!((gain(Biquad::high_pass(20.0, 2500.0), 20.0) - FRAC_1_SQRT_2).abs() < 0.01);
         assert!((gain(Biquad::high_pass(20.0, 2500.0), 200.0) - 1.0).abs() < 0.01);
         assert!((gain(Biquad::band_pass(8.5, 10.5, 2500.0), 9.45) - 1.0).abs() < 0.01);
         assert!(gain(Biquad::band_pass(8.5, 10.5, 2500.0), 2.0) < 0.1);

@@ -1,5 +1,8 @@
 //! The virtual rig: servo, lever and sensors.
 
+use std::fs;
+use std::path::{Path, PathBuf};
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -50,5 +53,104 @@ impl Default for Setup {
             emg_step_mvc: 0.0001,
             mechanisms: Mechanisms::default(),
         }
+    }
+}
+
+/// A rig as its file describes it: `{ "kind": "virtual", ... }`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum RigFile {
+    /// The virtual wrist.
+    Virtual(Setup),
+}
+
+impl Default for RigFile {
+    fn default() -> Self {
+        Self::Virtual(Setup::default())
+    }
+}
+
+/// Why a file does not describe a rig.
+#[derive(Debug, thiserror::Error)]
+pub enum RigFileError {
+    /// The file cannot be read.
+    #[error("{}: cannot be read ({source}); expected the JSON file of a rig", .file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// It is not JSON, or a field is not known, missing or of another kind.
+    #[error("{}: {message}; see the schema of rigs", .file.display())]
+    Json {
+        /// The file.
+        file: PathBuf,
+        /// The parser's words.
+        message: String,
+    },
+    /// A value that no rig has.
+    #[error("{}, field {field}: {found}; expected {expected}", .file.display())]
+    Value {
+        /// The file.
+        file: PathBuf,
+        /// Path of the field.
+        field: &'static str,
+        /// The value.
+        found: f64,
+        /// What it can be.
+        expected: &'static str,
+    },
+}
+
+impl RigFile {
+    /// Reads the file of a rig.
+    pub fn read(file: &Path) -> Result<Self, RigFileError> {
+        let text = fs::read_to_string(file)
+            .map_err(|source| RigFileError::Unreadable { file: file.to_owned(), source })?;
+        let rig: Self = serde_json::from_str(&text)
+            .map_err(|error| RigFileError::Json { file: file.to_owned(), message: error.to_string() })?;
+        let Self::Virtual(setup) = &rig;
+        setup.check(file)?;
+        Ok(rig)
+    }
+}
+
+impl Setup {
+    fn check(&self, file: &Path) -> Result<(), RigFileError> {
+        let lever = self.lever.map_or([1.0, 0.0, 1.0], |lever| {
+            [lever.inertia_kg_m2, lever.damping_nm_s_per_rad, lever.stiffness_nm_per_rad]
+        });
+        let positive = [
+            ("lever.inertia_kg_m2", lever[0]),
+            ("lever.stiffness_nm_per_rad", lever[2]),
+            ("servo_stiffness_nm_per_rad", self.servo_stiffness_nm_per_rad),
+            ("servo_bandwidth_hz", self.servo_bandwidth_hz),
+            ("servo_damping_ratio", self.servo_damping_ratio),
+            ("encoder_counts_per_revolution", self.encoder_counts_per_revolution),
+        ];
+        let not_negative = [
+            ("lever.damping_nm_s_per_rad", lever[1]),
+            ("gauge_noise_nm", self.gauge_noise_nm),
+            ("gauge_step_nm", self.gauge_step_nm),
+            ("emg_step_mvc", self.emg_step_mvc),
+        ];
+        let refuse = |field, found, expected| {
+            Err(RigFileError::Value { file: file.to_owned(), field, found, expected })
+        };
+        for (field, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return refuse(field, value, "a number above 0");
+            }
+        }
+        for (field, value) in not_negative {
+            if !(value >= 0.0 && value.is_finite()) {
+                return refuse(field, value, "a number from 0 up");
+            }
+        }
+        if !self.gauge_offset_nm.is_finite() {
+            return refuse("gauge_offset_nm", self.gauge_offset_nm, "a number");
+        }
+        Ok(())
     }
 }

@@ -1,0 +1,158 @@
+//! `ramphold run`: a session from its protocol to its folder.
+
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use ramphold::dataset::{Disk, NewSession, RecordError};
+use ramphold::fit::{Model, Weighting};
+use ramphold::protocol::ValidProtocol;
+use ramphold::rig::virtual_wrist::{Person, RigFile, VirtualWrist};
+use ramphold::schedule;
+use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Status, conduct};
+
+use super::fit::{fit_session, table};
+use super::operator::CommandLineOperator;
+use super::{Console, Failure, Verb};
+
+/// Run a session of a protocol and write its folder.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  ramphold run protocols/quick.json --seed 1\n  \
+                        ramphold run protocols/de-vlugt-2011.json --subject S03 --out sessions/s03")]
+pub struct Run {
+    /// The protocol file.
+    protocol: PathBuf,
+    /// The seed of every random draw; drawn and printed if not given.
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// The virtual person: a JSON file, or an identifier that a person is drawn from (the average one if not given).
+    #[arg(long, value_name = "FILE|ID")]
+    subject: Option<String>,
+    /// The session's folder, which must not be there yet; a new one under sessions/ if not given.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// The rig: a JSON file (the virtual wrist as it comes if not given).
+    #[arg(long, value_name = "FILE")]
+    rig: Option<PathBuf>,
+    /// At true speed rather than as fast as it goes.
+    #[arg(long)]
+    real_time: bool,
+}
+
+impl Verb for Run {
+    fn run(self, console: &Console) -> Result<(), Failure> {
+        let protocol = ValidProtocol::read(&self.protocol)?;
+        let person = person(self.subject.as_deref())?;
+        let rig = self.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
+        let seed = self.seed.unwrap_or_else(drawn_seed);
+        let order = schedule::draw(&protocol, seed, subject_number(&person.id))?;
+        // A protocol was checked against its own amplitude; what is left is an order that was changed by hand.
+        let settings = Settings::new(&protocol, seed, &order)?;
+        let folder = self.folder(&person.id, seed)?;
+        let RigFile::Virtual(setup) = &rig;
+        let recorder = NewSession {
+            protocol: &protocol,
+            order: &order,
+            seed,
+            subject: &person.id,
+            lever: setup.lever,
+            rig: &serde_json::json!({ "rig": rig, "person": person }),
+        }
+        .create(&folder, Disk::default())?;
+        console.message(format_args!("session {}, subject {}, seed {seed}", folder.display(), person.id));
+
+        let wrist = VirtualWrist::new(person, setup.clone(), seed, settings.sample_rate_hz);
+        let machine = Machine::new(Arc::new(settings));
+        let machine = run_to_its_end(wrist, machine, recorder, self.real_time, console)?;
+        report(&machine, &folder, console)
+    }
+}
+
+impl Run {
+    fn folder(&self, subject: &str, seed: u64) -> Result<PathBuf, Failure> {
+        let folder = match &self.out {
+            Some(folder) => folder.clone(),
+            None => {
+                let stem = self.protocol.file_stem().unwrap_or_default().to_string_lossy();
+                let subject: String =
+                    subject.chars().map(|c| if c.is_alphanumeric() { c } else { '-' }).collect();
+                new_folder(&Path::new("sessions").join(format!("{stem}-{subject}-{seed}")))
+            }
+        };
+        if let Some(parent) = folder.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+            std::fs::create_dir_all(parent).map_err(RecordError::at(parent))?;
+        }
+        Ok(folder)
+    }
+}
+
+/// `path`, or `path-2`, `path-3`... if it is there already.
+fn new_folder(path: &Path) -> PathBuf {
+    let numbered = |number: u32| PathBuf::from(format!("{}-{number}", path.display()));
+    if !path.exists() {
+        return path.to_owned();
+    }
+    (2..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| path.to_owned())
+}
+
+fn run_to_its_end(
+    wrist: VirtualWrist,
+    mut machine: Machine,
+    mut recorder: ramphold::dataset::Recorder,
+    real_time: bool,
+    console: &Console,
+) -> Result<Machine, Failure> {
+    let mut operator = CommandLineOperator::new(&machine, console)?;
+    let ended = if real_time {
+        let mut clock = RealTime::new(machine.settings().sample_rate_hz);
+        conduct(wrist, &mut machine, &mut operator, &mut clock, &mut recorder)
+    } else {
+        conduct(wrist, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut recorder)
+    };
+    operator.finish();
+    ended?;
+    Ok(machine)
+}
+
+/// Says what became of the trials, fits them and writes the results.
+fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Failure> {
+    let count = |wanted: Status| {
+        let measured = machine.ledger().attempts().iter().filter(|attempt| !attempt.planned.key.practice);
+        measured.filter(|attempt| matches!(attempt.ended, Some((status, _)) if status == wanted)).count()
+    };
+    console.message(format_args!(
+        "{} trials ok, {} rejected, {} aborted; {}",
+        count(Status::Ok),
+        count(Status::Rejected),
+        count(Status::Aborted),
+        folder.display()
+    ));
+    if machine.phase() != Phase::Finished {
+        return Err(Failure::Ended { folder: folder.to_owned(), left: machine.ledger().queue().len() });
+    }
+    let results = fit_session(folder, &Model::paper(), None, Weighting::default())?;
+    results.write(&Disk::default(), &folder.join("results"))?;
+    table(console, &results)
+}
+
+/// A file if there is one, or a name that looks like one; else the person drawn from the identifier.
+fn person(subject: Option<&str>) -> Result<Person, Failure> {
+    match subject {
+        None => Ok(Person::default()),
+        Some(file) if file.ends_with(".json") || Path::new(file).is_file() => {
+            Ok(Person::read(Path::new(file))?)
+        }
+        Some(id) => Ok(Person::drawn(id)),
+    }
+}
+
+/// The number in an identifier: 3 in `S03`.
+fn subject_number(id: &str) -> Option<u32> {
+    let digits = id.rsplit(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
+    digits.parse().ok().filter(|number| *number > 0)
+}
+
+/// Short enough to be typed again.
+fn drawn_seed() -> u64 {
+    RandomState::new().build_hasher().finish() >> 32
+}

@@ -1,0 +1,135 @@
+//! Making the folder of a new session.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use super::disk::Disk;
+use super::journal::{JOURNAL_FORMAT, Journal, Record};
+use super::recorder::{RecordError, Recorder};
+use super::{FORMAT, Subject};
+use crate::protocol::ValidProtocol;
+use crate::schedule;
+use crate::wrist::Lever;
+
+/// What is known of a session before it begins.
+#[derive(Debug, Clone)]
+pub struct NewSession<'a> {
+    /// The protocol.
+    pub protocol: &'a ValidProtocol,
+    /// The order drawn.
+    pub order: &'a [schedule::Planned],
+    /// Seed of every random draw.
+    pub seed: u64,
+    /// Who is measured.
+    pub subject: &'a str,
+    /// The lever of the rig.
+    pub lever: Option<Lever>,
+    /// The rig, with all that it takes to make it again.
+    pub rig: &'a serde_json::Value,
+}
+
+/// `session.json` as this program writes it.
+#[derive(Debug, Serialize, Deserialize)]
+struct Description {
+    format: String,
+    subject: Subject,
+    sample_rate_hz: f64,
+    rig: RigDescription,
+    recorded_filter: Option<crate::signal::FilterSpec>,
+    seed: u64,
+    program: String,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct RigDescription {
+    lever: Option<Lever>,
+}
+
+/// The program and its version, as files name it.
+pub const PROGRAM: &str = concat!("ramphold ", env!("CARGO_PKG_VERSION"));
+
+impl NewSession<'_> {
+    /// Makes the folder `path`, which must not be there, and everything that is known before the session begins.
+    ///
+    /// # Errors
+    /// If the folder is there, or it cannot be written.
+    pub fn create(&self, path: &Path, disk: Disk) -> Result<Recorder, RecordError> {
+        make(&disk, path)?;
+        for folder in ["trials", "familiarisation", "before"] {
+            if folder == "trials" || self.has(folder) {
+                make(&disk, &path.join(folder))?;
+            }
+        }
+        let rate = self.protocol.signal.sample_rate_hz;
+        let write = |name: &str, bytes: &[u8]| {
+            let file = path.join(name);
+            disk.write(&file, bytes).map_err(RecordError::at(&file))
+        };
+        write("protocol.json", self.protocol.text().as_bytes())?;
+        write("schedule.csv", &self.schedule())?;
+        write("rig.json", &pretty(self.rig))?;
+        write("trials.csv", super::tables::empty())?;
+        // What makes the folder a session comes last.
+        write("session.json", &pretty(&self.description(rate)))?;
+        let file = path.join(super::JOURNAL);
+        let mut journal = Journal::create(&disk, path).map_err(RecordError::at(&file))?;
+        journal.append(&disk, &self.first_record()).map_err(RecordError::at(&file))?;
+        Ok(Recorder::new(path, disk, journal, rate))
+    }
+
+    fn has(&self, folder: &str) -> bool {
+        let before = &self.protocol.before;
+        match folder {
+            "familiarisation" => before.familiarisation_trials > 0,
+            _ => before.offset_s.is_some() || before.mvc.is_some(),
+        }
+    }
+
+    fn schedule(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        // Writing into memory does not fail.
+        let _ = schedule::write_csv(self.order, &mut bytes);
+        bytes
+    }
+
+    fn description(&self, sample_rate_hz: f64) -> Description {
+        Description {
+            format: FORMAT.to_owned(),
+            subject: Subject { id: self.subject.to_owned() },
+            sample_rate_hz,
+            rig: RigDescription { lever: self.lever },
+            recorded_filter: None,
+            seed: self.seed,
+            program: PROGRAM.to_owned(),
+        }
+    }
+
+    fn first_record(&self) -> Record {
+        Record::Session {
+            format: JOURNAL_FORMAT.to_owned(),
+            program: PROGRAM.to_owned(),
+            seed: self.seed,
+            protocol_sha256: hex(&Sha256::digest(self.protocol.text().as_bytes())),
+        }
+    }
+}
+
+fn make(disk: &Disk, path: &Path) -> Result<(), RecordError> {
+    disk.create_folder(path).map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => RecordError::Exists(PathBuf::from(path)),
+        _ => RecordError::at(path)(error),
+    })
+}
+
+fn pretty(value: &impl Serialize) -> Vec<u8> {
+    // Values made by this program always have a JSON form.
+    let mut bytes = serde_json::to_vec_pretty(value).unwrap_or_default();
+    bytes.push(b'\n');
+    bytes
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}

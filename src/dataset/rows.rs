@@ -1,0 +1,104 @@
+//! The rows of a record: decimal numbers with a fixed number of places, which read back to the very same value.
+
+use crate::rig::{Sample, resolution};
+
+/// Writes the rows of one record.
+#[derive(Debug, Clone)]
+pub struct Rows {
+    sample_rate_hz: f64,
+    time_places: usize,
+}
+
+/// The columns of a record.
+pub const HEADER: &[u8] = b"t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc\n";
+
+impl Rows {
+    /// Rows at a rate; times get as many places as it takes to be exact, at most 9.
+    pub fn new(sample_rate_hz: f64) -> Self {
+        let exact = |places: &usize| {
+            let ticks = 10f64.powi(*places as i32) / sample_rate_hz;
+            ticks >= 1.0 && ticks.fract() == 0.0
+        };
+        Self { sample_rate_hz, time_places: (3..9).find(exact).unwrap_or(9) }
+    }
+
+    /// Time of a sample, s.
+    pub fn time_s(&self, sample: u64) -> f64 {
+        sample as f64 / self.sample_rate_hz
+    }
+
+    /// Adds the row of a sample. Values that a converter cannot give (NaN, infinity) are not in any record.
+    pub fn push(&self, rows: &mut Vec<u8>, sample: u64, values: &Sample) {
+        let ticks = self.time_s(sample) * 10f64.powi(self.time_places as i32);
+        push_decimal(rows, ticks.round() as i64, self.time_places);
+        for (value, steps, places) in [
+            (values.theta_m_rad, resolution::ANGLE_PER_RAD, 7),
+            (values.torque_l_nm, resolution::TORQUE_PER_NM, 5),
+            (values.emg_fcr_mvc, resolution::EMG_PER_MVC, 5),
+            (values.emg_ecr_mvc, resolution::EMG_PER_MVC, 5),
+        ] {
+            rows.push(b',');
+            // Half a step away from zero and the cut towards it round to the nearest step.
+            push_decimal(rows, (value * steps + f64::copysign(0.5, value)) as i64, places);
+        }
+        rows.push(b'\n');
+    }
+}
+
+/// Adds `number / 10^places` as a decimal.
+fn push_decimal(text: &mut Vec<u8>, number: i64, places: usize) {
+    let mut digits = [b'0'; 24];
+    let mut first = digits.len();
+    let mut rest = number.unsigned_abs();
+    while rest > 0 || digits.len() - first < places + 2 {
+        first -= 1;
+        if digits.len() - first == places + 1 {
+            digits[first] = b'.';
+            continue;
+        }
+        digits[first] = b'0' + (rest % 10) as u8;
+        rest /= 10;
+    }
+    if number < 0 {
+        text.push(b'-');
+    }
+    text.extend_from_slice(&digits[first..]);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_row_has_time_and_channels_with_fixed_places() {
+        let sample =
+            Sample { theta_m_rad: -0.0014123, torque_l_nm: 2.1, emg_fcr_mvc: 0.0, emg_ecr_mvc: -1.5 };
+        let mut text = Vec::new();
+        Rows::new(2500.0).push(&mut text, 3, &sample);
+        assert_eq!(String::from_utf8(text).unwrap(), "0.0012,-0.0014123,2.10000,0.00000,-1.50000\n");
+    }
+
+    #[test]
+    fn times_have_as_many_places_as_the_rate_needs() {
+        let places = |rate| Rows::new(rate).time_places;
+        assert_eq!([places(1000.0), places(2500.0), places(4096.0), places(3000.0)], [3, 4, 9, 9]);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_reads_back_to_the_same_bits(
+            angle in -3.0..3.0f64, torque in -50.0..50.0f64, fcr in -5.0..5.0f64, ecr in -5.0..5.0f64
+        ) {
+            let sample =
+                Sample { theta_m_rad: angle, torque_l_nm: torque, emg_fcr_mvc: fcr, emg_ecr_mvc: ecr }.rounded();
+            let mut text = Vec::new();
+            Rows::new(2500.0).push(&mut text, 0, &sample);
+            let text = String::from_utf8(text).unwrap();
+            let read: Vec<f64> = text.trim().split(',').map(|cell| cell.parse().unwrap()).collect();
+            prop_assert_eq!(&read[1..], &[
+                sample.theta_m_rad, sample.torque_l_nm, sample.emg_fcr_mvc, sample.emg_ecr_mvc
+            ]);
+        }
+    }
+}

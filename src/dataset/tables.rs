@@ -1,0 +1,56 @@
+//! The tables of a session: `trials.csv`, and beside it what came before the trials.
+
+use super::rows::Rows;
+use crate::session::{Attempt, Ledger, Settings};
+
+/// The columns of `trials.csv`; the first seven are what every session has.
+const TRIALS: &str = "trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status,\
+                      reason,position,amplitude_rad,rest_s,torque_offset_nm\n";
+
+/// `trials.csv` of a session without trials.
+pub fn empty() -> &'static [u8] {
+    TRIALS.as_bytes()
+}
+
+/// Where the record of a trial goes; practice is kept apart, so that nobody analyses it by mistake.
+pub fn trial_file(attempt: &Attempt) -> String {
+    let folder = if attempt.planned.key.practice { "familiarisation" } else { "trials" };
+    format!("{folder}/trial-{:03}.csv", attempt.number)
+}
+
+/// The tables as they are now: name and bytes.
+pub fn of_session(ledger: &Ledger, settings: &Settings, rows: &Rows) -> Vec<(&'static str, Vec<u8>)> {
+    let table = |practice: bool| {
+        let mut text = TRIALS.to_owned();
+        for attempt in ledger.attempts().iter().filter(|attempt| attempt.planned.key.practice == practice) {
+            push_row(&mut text, attempt, ledger, settings, rows);
+        }
+        text.into_bytes()
+    };
+    let mut tables = vec![("trials.csv", table(false))];
+    if ledger.attempts().iter().any(|attempt| attempt.planned.key.practice) {
+        tables.push(("familiarisation.csv", table(true)));
+    }
+    tables
+}
+
+fn push_row(text: &mut String, attempt: &Attempt, ledger: &Ledger, settings: &Settings, rows: &Rows) {
+    // A trial under way has no row yet: its record is not complete.
+    let Some((status, reason)) = attempt.ended else { return };
+    let planned = &attempt.planned;
+    let onset_s = attempt.onset_sample.map_or(String::new(), |sample| rows.time_s(sample).to_string());
+    *text += &format!(
+        "{},{},{},{},{},{onset_s},{},{},{},{},{},{}\n",
+        attempt.number,
+        trial_file(attempt),
+        planned.velocity_rad_s,
+        planned.torque_nm,
+        planned.repetition,
+        status.name(),
+        reason.name(),
+        planned.key.position,
+        planned.movement.at(planned.movement.ramp().duration_s()).angle_rad,
+        attempt.rest_samples as f64 / settings.sample_rate_hz,
+        ledger.offset_nm(),
+    );
+}

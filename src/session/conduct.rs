@@ -1,0 +1,164 @@
+//! The loop around the machine: reads the rig, steps the session, hands what happened to the recorder, writes the command.
+
+use std::time::{Duration, Instant};
+
+use super::machine::Machine;
+use super::step::{Detail, Input, Output, Reading};
+use super::words::{Event, Phase};
+use crate::rig::{Armed, Command, Cue, Fault, Motor, OperatorsWord, Rig};
+
+/// The operator, at a console or on a command line.
+pub trait Operator {
+    /// What was said since the last sample, if anything. Must not make the loop wait.
+    fn heard(&mut self, machine: &Machine) -> Option<Event>;
+
+    /// Waits for a word while the rig is disarmed.
+    fn asked(&mut self, machine: &Machine) -> Event;
+
+    /// A word was not possible.
+    fn refused(&mut self, word: Event, phase: Phase);
+
+    /// The rig could not be armed.
+    fn not_armed(&mut self, fault: Fault);
+
+    /// A fault stopped the session; the motor is safe.
+    fn faulted(&mut self, fault: Fault);
+}
+
+/// Who owns the time: as fast as it goes, or true periods.
+pub trait Clock {
+    /// Waits for the next period.
+    fn wait(&mut self);
+}
+
+/// Simulated time: as fast as it goes.
+#[derive(Debug, Default)]
+pub struct AsFastAsItGoes;
+
+impl Clock for AsFastAsItGoes {
+    fn wait(&mut self) {}
+}
+
+/// True time: each period begins at its own moment, however long the one before took.
+#[derive(Debug)]
+pub struct RealTime {
+    period: Duration,
+    next: Option<Instant>,
+}
+
+impl RealTime {
+    /// So many periods a second.
+    pub fn new(rate_hz: f64) -> Self {
+        Self { period: Duration::from_secs_f64(1.0 / rate_hz), next: None }
+    }
+}
+
+impl Clock for RealTime {
+    fn wait(&mut self) {
+        let now = Instant::now();
+        let next = self.next.map_or(now, |last| last + self.period);
+        if let Some(left) = next.checked_duration_since(now) {
+            std::thread::sleep(left);
+        }
+        self.next = Some(next);
+    }
+}
+
+/// Who keeps what happens. What it was told must be safe when it returns: the session then acts on it.
+pub trait Recorder {
+    /// Why something could not be kept.
+    type Error;
+
+    /// One step of the session.
+    fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), Self::Error>;
+}
+
+/// Runs the session until it is over.
+///
+/// # Errors
+/// The recorder's, after the motor was made safe and the rig disarmed.
+pub fn conduct<R: Rig, K: Recorder>(
+    mut rig: R,
+    machine: &mut Machine,
+    operator: &mut impl Operator,
+    clock: &mut impl Clock,
+    recorder: &mut K,
+) -> Result<R, K::Error> {
+    while !machine.phase().is_final() {
+        let word = operator.asked(machine);
+        if !matches!(word, Event::Start | Event::Rearm) {
+            let input = Input { reading: Reading::Disarmed, operator: Some(word), on_disk: true };
+            take(input, machine, operator, recorder)?;
+            continue;
+        }
+        rig = match rig.arm(OperatorsWord::given(), &machine.settings().limits) {
+            Err((rig, fault)) => {
+                operator.not_armed(fault);
+                rig
+            }
+            Ok(mut armed) => {
+                if let Some(factors) = machine.ledger().emg_factors() {
+                    armed.rescale_emg(factors);
+                }
+                let ended = run_armed(&mut armed, word, machine, operator, clock, recorder);
+                // Whatever ended it, the motor is made safe before anything else.
+                let _ = armed.exchange(&SAFE);
+                let rig = armed.disarm();
+                ended?;
+                rig
+            }
+        };
+    }
+    Ok(rig)
+}
+
+const SAFE: Command = Command { motor: Motor::Safe, cue: Cue::Rest };
+
+fn run_armed<A: Armed, K: Recorder>(
+    armed: &mut A,
+    word: Event,
+    machine: &mut Machine,
+    operator: &mut impl Operator,
+    clock: &mut impl Clock,
+    recorder: &mut K,
+) -> Result<(), K::Error> {
+    let mut command = SAFE;
+    let mut word = Some(word);
+    loop {
+        let reading = match armed.exchange(&command) {
+            Ok(sample) => Reading::Sample(sample.rounded()),
+            Err(fault) => Reading::Fault(fault),
+        };
+        let said = word.take().or_else(|| operator.heard(machine));
+        let scaled_before = machine.ledger().emg_factors().is_some();
+        let input = Input { reading, operator: said, on_disk: true };
+        let output = take(input, machine, operator, recorder)?;
+        if !output.phase.is_armed() {
+            return Ok(());
+        }
+        if let (false, Some(factors)) = (scaled_before, machine.ledger().emg_factors()) {
+            armed.rescale_emg(factors);
+        }
+        command = output.command;
+        clock.wait();
+    }
+}
+
+fn take<K: Recorder>(
+    input: Input,
+    machine: &mut Machine,
+    operator: &mut impl Operator,
+    recorder: &mut K,
+) -> Result<Output, K::Error> {
+    let output = machine.step(&input);
+    if let Some(Detail::Fault(fault) | Detail::FaultInTrial { fault, .. }) =
+        output.happened.and_then(|it| it.detail)
+    {
+        operator.faulted(fault);
+    }
+    if let Some(word) = output.refused {
+        operator.refused(word, output.phase);
+    }
+    recorder.take(&input, &output, machine)?;
+    Ok(output)
+}

@@ -1,0 +1,159 @@
+//! The state machine on a bench: a motor that follows at once, and a torque that the test decides.
+
+mod docs;
+mod faults;
+mod gate;
+mod operator;
+mod properties;
+mod transitions;
+
+use std::sync::Arc;
+
+use super::*;
+use crate::protocol::{Mvc, Protocol};
+use crate::rig::{Command, Cue, Motor, Sample};
+use crate::schedule;
+
+/// The quick protocol with short times: 2 velocities x 2 torques, gate 0.1 s, 500 samples a second.
+fn settings() -> Settings {
+    let text = include_str!("../../../protocols/quick.json");
+    let protocol = Protocol::parse(text, "quick.json").unwrap();
+    let order = schedule::draw(&protocol, 1, None).unwrap();
+    let mut settings = Settings::new(&protocol, 1, &order[..4]).unwrap();
+    settings.plan.retain(|planned| !planned.key.practice);
+    settings.sample_rate_hz = 500.0;
+    settings.gate_samples = 50;
+    settings.timeout_samples = 400;
+    settings.delay_samples = [5, 25];
+    settings.rest_samples = 20;
+    settings.offset_samples = None;
+    settings.mvc = None;
+    settings
+}
+
+/// Settings with an offset, two efforts each way and one trial for practice.
+fn settings_with_everything() -> Settings {
+    let mut settings = settings();
+    settings.offset_samples = Some(30);
+    settings.mvc = Some(Mvc { efforts: 2, duration_s: 0.1, rest_s: 0.05 });
+    let mut practice = settings.plan[0];
+    practice.key.practice = true;
+    settings.plan.insert(0, practice);
+    settings
+}
+
+/// A machine, and what the rig would show it.
+#[derive(Clone)]
+struct Bench {
+    machine: Machine,
+    command: Command,
+    /// Added to the target while a trial waits for its gate, N m.
+    error_nm: f64,
+    /// What the torque shows when nothing is asked, N m.
+    offset_nm: f64,
+    ecr_mvc: f64,
+    happened: Vec<Happening>,
+}
+
+impl Bench {
+    fn new(settings: Settings) -> Self {
+        Self {
+            machine: Machine::new(Arc::new(settings)),
+            command: Command { motor: Motor::Safe, cue: Cue::Rest },
+            error_nm: 0.0,
+            offset_nm: 0.0,
+            ecr_mvc: 0.0,
+            happened: Vec::new(),
+        }
+    }
+
+    /// Started.
+    fn started(settings: Settings) -> Self {
+        let mut bench = Self::new(settings);
+        bench.say(Event::Start);
+        bench
+    }
+
+    /// Run up to the first sample in `phase`.
+    fn in_phase(settings: Settings, phase: Phase) -> Self {
+        let mut bench = Self::started(settings);
+        bench.run_to(phase);
+        bench
+    }
+
+    /// What a person on target with a motor that follows would give.
+    fn sample(&self) -> Sample {
+        let theta_m_rad = match self.command.motor {
+            Motor::Follow { angle_rad } => angle_rad,
+            Motor::Safe => 0.0,
+        };
+        let (torque_nm, emg) = match self.command.cue {
+            Cue::Target { target_nm, .. } => (target_nm + self.error_nm, 0.2),
+            Cue::Moving => (2.0, 0.2),
+            Cue::Effort(_) => (8.0, 1.0),
+            Cue::Rest | Cue::Relax => (0.0, 0.0),
+        };
+        let ecr = if matches!(self.command.cue, Cue::Effort(_)) { 1.0 } else { self.ecr_mvc };
+        Sample { theta_m_rad, torque_l_nm: torque_nm + self.offset_nm, emg_fcr_mvc: emg, emg_ecr_mvc: ecr }
+    }
+
+    fn feed(&mut self, input: Input) -> Output {
+        let output = self.machine.step(&input);
+        self.command = output.command;
+        self.happened.extend(output.happened);
+        output
+    }
+
+    fn give(&mut self, reading: Reading, operator: Option<Event>) -> Output {
+        self.feed(Input { reading, operator, on_disk: true })
+    }
+
+    /// One sample.
+    fn tick(&mut self) -> Output {
+        self.give(Reading::Sample(self.sample()), None)
+    }
+
+    /// So many samples.
+    fn ticks(&mut self, samples: usize) {
+        for _ in 0..samples {
+            self.tick();
+        }
+    }
+
+    /// One sample with a word of the operator.
+    fn say(&mut self, word: Event) -> Output {
+        self.give(Reading::Sample(self.sample()), Some(word))
+    }
+
+    /// Samples until something happens.
+    #[track_caller]
+    fn run_to_event(&mut self) -> Happening {
+        for _ in 0..100_000 {
+            if let Some(happening) = self.tick().happened {
+                return happening;
+            }
+        }
+        panic!("nothing happens in {:?}", self.machine.phase());
+    }
+
+    /// Samples until `phase` is entered.
+    #[track_caller]
+    fn run_to(&mut self, phase: Phase) {
+        for _ in 0..1000 {
+            if self.machine.phase() == phase {
+                return;
+            }
+            self.run_to_event();
+        }
+        panic!("{phase:?} is not reached");
+    }
+
+    fn statuses(&self) -> Vec<Option<Status>> {
+        self.machine
+            .ledger()
+            .attempts()
+            .iter()
+            .map(|attempt| attempt.ended.map(|(status, _)| status))
+            .collect()
+    }
+}

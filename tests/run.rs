@@ -1,0 +1,316 @@
+//! `ramphold run`: a session from its protocol to its folder, and what becomes of it when something goes wrong.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use assert_cmd::Command;
+use assert_cmd::cargo::cargo_bin;
+use ramphold::dataset::{self, Status};
+use serde_json::{Value, json};
+
+/// A folder to work in.
+struct Desk(tempfile::TempDir);
+
+impl Desk {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// The quick protocol after a change.
+    fn protocol(&self, change: impl FnOnce(&mut Value)) -> PathBuf {
+        let mut protocol: Value = serde_json::from_str(include_str!("../protocols/quick.json")).unwrap();
+        change(&mut protocol);
+        let path = self.path("protocol.json");
+        fs::write(&path, format!("{protocol:#}\n")).unwrap();
+        path
+    }
+
+    fn quick(&self) -> PathBuf {
+        self.protocol(|_| {})
+    }
+
+    fn run(&self, protocol: &Path, out: &str, more: &[&str]) -> assert_cmd::assert::Assert {
+        let mut command = Command::cargo_bin("ramphold").unwrap();
+        command.current_dir(self.0.path()).arg("run").arg(protocol).args(["--out", out]).args(more).assert()
+    }
+}
+
+/// Every file under a folder: its path and bytes.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_string_lossy().into_owned();
+                files.insert(name, fs::read(&path).unwrap());
+            }
+        }
+    }
+    files
+}
+
+fn stderr(assert: &assert_cmd::assert::Assert) -> String {
+    String::from_utf8_lossy(&assert.get_output().stderr).into_owned()
+}
+
+#[test]
+fn a_session_is_run_and_kept_as_the_format_says() {
+    let desk = Desk::new();
+    let protocol = desk.protocol(|protocol| protocol["before"]["familiarisation_trials"] = json!(1));
+    desk.run(&protocol, "s", &["--seed", "3", "--subject", "S01"]).code(0);
+
+    let session = dataset::load(&desk.path("s")).unwrap();
+    assert_eq!((session.subject.id.as_str(), session.sample_rate_hz), ("S01", 2500.0));
+    assert_eq!(session.lever.unwrap().inertia_kg_m2, 0.0016);
+    let ok: Vec<_> = session.trials.iter().filter(|trial| trial.status == Status::Ok).collect();
+    let mut conditions: Vec<_> =
+        ok.iter().map(|trial| (trial.velocity_rad_s, trial.torque_nm, trial.repetition)).collect();
+    conditions.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    let all: Vec<_> = [1.3, 3.25]
+        .into_iter()
+        .flat_map(|velocity| [0.9, 2.1].map(|torque| (velocity, torque)))
+        .flat_map(|(velocity, torque)| [1, 2].map(|repetition| (velocity, torque, repetition)))
+        .collect();
+    assert_eq!(conditions, all);
+    for trial in ok {
+        let onset = (trial.onset_s.unwrap() * 2500.0).round() as usize;
+        assert!(onset > 1500, "0.6 s of hold before the onset of trial {}", trial.number);
+        assert_eq!(trial.record.start_s, 0.0);
+        let angle = &trial.record.theta_m_rad;
+        assert!((angle[onset] - angle[onset - 500]).abs() < 1e-3, "the motor moves before the onset");
+        assert!(angle[onset + 100] - angle[onset] > 0.02, "the motor does not move after the onset");
+        assert!(trial.record.emg_fcr_mvc.is_some() && trial.record.emg_ecr_mvc.is_some());
+    }
+
+    let kept = files(&desk.path("s"));
+    assert_eq!(kept["protocol.json"], fs::read(&protocol).unwrap(), "the protocol is kept byte for byte");
+    let schedule = String::from_utf8(kept["schedule.csv"].clone()).unwrap();
+    assert!(
+        schedule.starts_with("position,velocity_rad_s,torque_nm,repetition\n")
+            && schedule.lines().count() == 9
+    );
+    for file in ["before/offset.csv", "before/effort-1.csv", "before/effort-2.csv", "journal.log", "rig.json"]
+    {
+        assert!(kept.contains_key(file), "{file} is missing");
+    }
+    assert!(kept.contains_key("familiarisation/trial-001.csv") && kept.contains_key("familiarisation.csv"));
+    assert!(!kept.keys().any(|file| file.ends_with(".part") || file.ends_with(".new")), "{:?}", kept.keys());
+    let text = kept.values().map(|bytes| String::from_utf8_lossy(bytes)).collect::<String>();
+    assert!(!text.contains(desk.0.path().to_str().unwrap()), "a path of this machine is in the session");
+}
+
+#[test]
+fn the_same_protocol_seed_and_subject_give_the_same_bytes() {
+    let desk = Desk::new();
+    let quick = desk.quick();
+    desk.run(&quick, "a", &["--seed", "7"]).code(0);
+    desk.run(&quick, "b", &["--seed", "7"]).code(0);
+    desk.run(&quick, "other-seed", &["--seed", "8"]).code(0);
+    desk.run(&quick, "other-subject", &["--seed", "7", "--subject", "S02"]).code(0);
+    assert!(files(&desk.path("a")) == files(&desk.path("b")));
+    for other in ["other-seed", "other-subject"] {
+        assert_ne!(
+            files(&desk.path("a"))["trials/trial-001.csv"],
+            files(&desk.path(other))["trials/trial-001.csv"]
+        );
+    }
+}
+
+#[test]
+fn a_folder_is_never_overwritten() {
+    let desk = Desk::new();
+    let quick = desk.quick();
+    desk.run(&quick, "s", &["--seed", "7"]).code(0);
+    let before = files(&desk.path("s"));
+    let again = desk.run(&quick, "s", &["--seed", "8"]).code(2);
+    assert!(stderr(&again).contains("s: is there already"), "{}", stderr(&again));
+    assert!(files(&desk.path("s")) == before);
+    fs::create_dir(desk.path("empty")).unwrap();
+    desk.run(&quick, "empty", &[]).code(2);
+}
+
+#[test]
+fn without_out_every_session_gets_a_new_folder() {
+    let desk = Desk::new();
+    let quick = desk.quick();
+    for _ in 0..2 {
+        let mut command = Command::cargo_bin("ramphold").unwrap();
+        command.current_dir(desk.0.path()).arg("run").arg(&quick).args(["--seed", "7"]).assert().code(0);
+    }
+    let mut names: Vec<_> =
+        fs::read_dir(desk.path("sessions")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["protocol-V00-7", "protocol-V00-7-2"]);
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_an_error_that_names_it() {
+    let desk = Desk::new();
+    fs::write(desk.path("file"), "").unwrap();
+    for out in ["file/session", "/proc/session"] {
+        let assert = desk.run(&desk.quick(), out, &["--seed", "7"]).code(1);
+        assert!(stderr(&assert).contains("cannot be written"), "{}", stderr(&assert));
+    }
+}
+
+#[test]
+fn bad_input_is_refused_with_code_2_and_no_folder_is_made() {
+    let desk = Desk::new();
+    let quick = desk.quick();
+    fs::write(desk.path("person.json"), "{}").unwrap();
+    fs::write(desk.path("rig.json"), r#"{"kind": "virtual", "lever": 3}"#).unwrap();
+    fs::write(desk.path("bad.json"), "not JSON").unwrap();
+    let williams = {
+        let path = desk.path("williams.json");
+        let text = fs::read_to_string(&quick).unwrap().replace("\"shuffled\"", "\"williams\"");
+        fs::write(&path, text).unwrap();
+        path
+    };
+    for (protocol, more, part) in [
+        (desk.path("bad.json"), vec![], "bad.json"),
+        (desk.path("none.json"), vec![], "none.json"),
+        (quick.clone(), vec!["--subject", "person.json"], "person.json"),
+        (quick.clone(), vec!["--subject", "missing.json"], "missing.json"),
+        (quick.clone(), vec!["--rig", "rig.json"], "rig.json"),
+        (quick.clone(), vec!["--seed", "one"], "--seed"),
+        (williams, vec!["--subject", "nobody"], "williams"),
+    ] {
+        let assert = desk.run(&protocol, "s", &more).code(2);
+        assert!(stderr(&assert).contains(part), "{part:?} is not in: {}", stderr(&assert));
+        assert!(!desk.path("s").exists());
+    }
+}
+
+#[test]
+fn a_person_and_a_rig_can_be_given_as_files() {
+    let desk = Desk::new();
+    fs::write(desk.path("person.json"), r#"{"format": "ramphold-person/1", "id": "Ada"}"#).unwrap();
+    fs::write(desk.path("rig.json"), r#"{"kind": "virtual", "lever": null, "gauge_noise_nm": 0.0}"#).unwrap();
+    desk.run(&desk.quick(), "s", &["--seed", "1", "--subject", "person.json", "--rig", "rig.json"]).code(0);
+    let session = dataset::load(&desk.path("s")).unwrap();
+    assert_eq!((session.subject.id.as_str(), session.lever), ("Ada", None));
+}
+
+#[test]
+fn quiet_says_nothing() {
+    let desk = Desk::new();
+    let assert = desk.run(&desk.quick(), "s", &["--quiet"]).code(0);
+    assert_eq!(stderr(&assert), "");
+}
+
+/// Short trials at true speed: there is time to interrupt them.
+fn slow(desk: &Desk) -> PathBuf {
+    desk.protocol(|protocol| {
+        protocol["before"] = json!({});
+        protocol["rest_s"] = json!(0.1);
+    })
+}
+
+/// Waits for something that the running program does; gives up after a minute.
+fn wait_for(child: &mut Child, what: impl Fn() -> bool) {
+    for _ in 0..6000 {
+        if what() {
+            return;
+        }
+        assert_eq!(child.try_wait().unwrap().map(|status| status.to_string()), None, "the program has ended");
+        sleep(Duration::from_millis(10));
+    }
+    panic!("it never happened");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_the_session_cleanly_with_all_trials_so_far() {
+    for signal in ["INT", "TERM"] {
+        let desk = Desk::new();
+        let mut child = std::process::Command::new(cargo_bin("ramphold"))
+            .args(["run", "--real-time", "--seed", "7", "--out"])
+            .arg(desk.path("s"))
+            .arg(slow(&desk))
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let second = desk.path("s/trials/trial-002.csv.part");
+        wait_for(&mut child, || second.exists());
+        let kill = std::process::Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
+        assert!(kill.unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(message.contains("trials left to do"), "{message}");
+        let session = dataset::load(&desk.path("s")).unwrap();
+        let statuses: Vec<Status> = session.trials.iter().map(|trial| trial.status).collect();
+        assert_eq!(statuses, [Status::Ok, Status::Aborted]);
+        assert!(!second.exists(), "the interrupted trial is kept under its name");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_session_is_loadable_up_to_the_last_finished_trial() {
+    let desk = Desk::new();
+    let mut child = std::process::Command::new(cargo_bin("ramphold"))
+        .args(["run", "--real-time", "--quiet", "--seed", "7", "--out"])
+        .arg(desk.path("s"))
+        .arg(slow(&desk))
+        .spawn()
+        .unwrap();
+    let second = desk.path("s/trials/trial-002.csv.part");
+    wait_for(&mut child, || second.exists());
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let session = dataset::load(&desk.path("s")).unwrap();
+    assert_eq!(session.trials.iter().map(|trial| trial.status).collect::<Vec<_>>(), [Status::Ok]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_an_error_that_says_so_and_what_was_kept_is_loadable() {
+    let desk = Desk::new();
+    let quick = desk.quick();
+    let mount = desk.path("disk");
+    fs::create_dir(&mount).unwrap();
+    // In a name space of its own, where anyone may mount; the folder is copied out before the disk goes away.
+    let script = "mount -t tmpfs -o size=2m tmpfs \"$1\" || exit 77; \"$2\" run \"$3\" --seed 7 --out \"$1/s\"; \
+                  code=$?; cp -r \"$1/s\" \"$4\"; exit $code";
+    let output = std::process::Command::new("unshare")
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", script, "sh"])
+        .arg(&mount)
+        .arg(cargo_bin("ramphold"))
+        .arg(&quick)
+        .arg(desk.path("kept"))
+        .output();
+    let output = match output {
+        Ok(output) if output.status.code() != Some(77) => output,
+        _ => return eprintln!("skipped: this system lets nobody mount a tmpfs"),
+    };
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("cannot be written") && message.contains("Make room on the disk"), "{message}");
+    let session = dataset::load(&desk.path("kept")).unwrap();
+    assert!(!session.trials.is_empty() && session.trials.iter().all(|trial| trial.status == Status::Ok));
+}
+
+#[test]
+fn states_prints_the_table_as_text_and_as_graphs() {
+    let states = |arguments: &[&str]| {
+        let mut command = Command::cargo_bin("ramphold").unwrap();
+        let output = command.arg("states").args(arguments).assert().code(0).get_output().stdout.clone();
+        String::from_utf8(output).unwrap()
+    };
+    assert_eq!(states(&[]), ramphold::session::table::text());
+    assert!(states(&["--dot"]).starts_with("digraph session {"));
+    assert!(states(&["--mermaid"]).starts_with("stateDiagram-v2\n"));
+}
