@@ -3,6 +3,7 @@
 use std::fmt::Display;
 use std::io::{self, StdoutLock, Write};
 
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing_subscriber::EnvFilter;
 
 /// The two streams of the terminal, as loud as the user asked for.
@@ -36,11 +37,20 @@ impl Console {
     }
 
     /// A line for the person at the terminal; not with `--quiet`.
-    #[allow(dead_code, reason = "for verbs that say more than their results")]
     pub fn message(&self, message: impl Display) {
         if !self.quiet {
             to_stderr(&message);
         }
+    }
+
+    /// A bar with the time left on standard error; hidden with `--quiet` and where that is no terminal.
+    pub fn progress(&self, length: u64, what: &'static str) -> ProgressBar {
+        let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let bar = ProgressBar::with_draw_target(Some(length), target).with_message(what);
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta} left") {
+            bar.set_style(style);
+        }
+        bar
     }
 
     /// Why the program ends without having done its work; always said.

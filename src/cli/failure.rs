@@ -3,7 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
-use ramphold::dataset::RecordError;
+use ramphold::dataset::{DatasetError, RecordError};
+use ramphold::fit::{ModelError, PrepareError, WriteError};
 use ramphold::protocol::{ProtocolError, TooShort};
 use ramphold::rig::virtual_wrist::{PersonError, RigFileError};
 use ramphold::schedule::DrawError;
@@ -17,6 +18,47 @@ pub enum Failure {
     /// The trials cannot be ordered as asked.
     #[error(transparent)]
     Draw(#[from] DrawError),
+    /// A session folder cannot be read.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
+    /// A session cannot be analysed.
+    #[error("{session}: {source}")]
+    Prepare {
+        /// The session's folder.
+        session: String,
+        /// Why.
+        source: PrepareError,
+    },
+    /// A model file cannot be used.
+    #[error("{file}: {source}")]
+    Model {
+        /// The file.
+        file: String,
+        /// Why.
+        source: ModelError,
+    },
+    /// A file cannot be read.
+    #[error("{file}: cannot be read: {source}")]
+    Read {
+        /// The file.
+        file: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// Results could not be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// Some of the sessions could not be fitted; each has been told of.
+    #[error("{failed} of {of} sessions could not be fitted")]
+    Some {
+        /// How many failed.
+        failed: usize,
+        /// How many there were.
+        of: usize,
+    },
+    /// What was asked for makes no sense.
+    #[error("{0}")]
+    Usage(String),
     /// A velocity that the ramp cannot reach.
     #[error(transparent)]
     TooShort(#[from] TooShort),
@@ -53,9 +95,18 @@ impl Failure {
     /// 1: the work failed; 2: what was given to it was bad.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Protocol(_) | Self::Draw(_) | Self::TooShort(_) | Self::Person(_) | Self::Rig(_) => 2,
-            Self::Record(RecordError::Exists(_)) => 2,
-            Self::Record(_) | Self::Ended { .. } | Self::Signals(_) => 1,
+            Self::Protocol(_)
+            | Self::Draw(_)
+            | Self::Dataset(_)
+            | Self::Prepare { .. }
+            | Self::Model { .. }
+            | Self::Read { .. }
+            | Self::Usage(_)
+            | Self::TooShort(_)
+            | Self::Person(_)
+            | Self::Rig(_)
+            | Self::Record(RecordError::Exists(_)) => 2,
+            Self::Write(_) | Self::Some { .. } | Self::Record(_) | Self::Ended { .. } | Self::Signals(_) => 1,
             Self::Output(_) if self.is_broken_pipe() => 0,
             Self::Output(_) => 1,
         }

@@ -6,6 +6,7 @@
 mod check;
 mod console;
 mod failure;
+mod fit;
 mod operator;
 mod run;
 mod schedule;
@@ -46,6 +47,7 @@ macro_rules! verbs {
 verbs! {
     Run(run::Run),
     Check(check::Check),
+    Fit(fit::Fit),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ramphold::dataset::{Disk, NewSession, RecordError};
+use ramphold::fit::{Model, Weighting};
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::virtual_wrist::{Person, RigFile, VirtualWrist};
 use ramphold::schedule;
 use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Status, conduct};
 
+use super::fit::{fit_session, table};
 use super::operator::CommandLineOperator;
 use super::{Console, Failure, Verb};
 
@@ -112,6 +114,7 @@ fn run_to_its_end(
     Ok(machine)
 }
 
+/// Says what became of the trials, fits them and writes the results.
 fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Failure> {
     let count = |wanted: Status| {
         let measured = machine.ledger().attempts().iter().filter(|attempt| !attempt.planned.key.practice);
@@ -124,10 +127,12 @@ fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Fai
         count(Status::Aborted),
         folder.display()
     ));
-    if machine.phase() == Phase::Finished {
-        return Ok(());
+    if machine.phase() != Phase::Finished {
+        return Err(Failure::Ended { folder: folder.to_owned(), left: machine.ledger().queue().len() });
     }
-    Err(Failure::Ended { folder: folder.to_owned(), left: machine.ledger().queue().len() })
+    let results = fit_session(folder, &Model::paper(), None, Weighting::default())?;
+    results.write(&Disk::default(), &folder.join("results"))?;
+    table(console, &results)
 }
 
 /// A file if there is one, or a name that looks like one; else the person drawn from the identifier.

@@ -135,7 +135,7 @@ impl Guess {
 /// Greatest angle in the window.
 fn reach(prepared: &Prepared, trial: &PreparedTrial) -> f64 {
     let input = &trial.input;
-    input.motion[input.onset..=input.onset + prepared.samples].iter().map(|k| k.theta).fold(1e-6, f64::max)
+    input.motion[input.onset..input.onset + prepared.samples].iter().map(|k| k.theta).fold(1e-6, f64::max)
 }
 
 fn peak_nm(trial: &PreparedTrial) -> f64 {
@@ -181,10 +181,9 @@ pub fn looks(prepared: &Prepared) -> Vec<[f64; 6]> {
 
 /// Up to eight trials, as many as go through the model at once: spread over velocities and torques.
 fn representatives(prepared: &Prepared) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..prepared.trials.len()).collect();
-    order.sort_by_key(|trial| (prepared.trials[*trial].condition, prepared.trials[*trial].repetition));
-    let most = order.len().min(8);
-    (0..most).map(|i| order[(2 * i + 1) * order.len() / (2 * most)]).collect()
+    let count = prepared.trials.len();
+    let most = count.min(8);
+    (0..most).map(|i| (2 * i + 1) * count / (2 * most)).collect()
 }
 
 /// Few parameters for many trials: inertia, interface and decrement in common, k_srs by torque, x_e as a part of the way.

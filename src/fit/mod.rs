@@ -1,20 +1,24 @@
 //! The wrist's parameters out of the recorded torque, and how well they are known.
 
+mod estimates;
 mod guess;
 mod layout;
 mod model;
 mod normal;
 mod prepare;
+mod results;
 mod run;
 mod solve;
 mod uncertainty;
 mod weights;
 
+pub use estimates::{ConditionEstimate, Estimate, QUANTITIES, by_condition, estimates, simulated};
 pub use guess::{Guess, looks};
 pub use layout::{Component, Coordinate, Layout, Link};
 pub use model::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};
 pub use normal::{Normal, Objective};
 pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View};
+pub use results::{FIT_FORMAT, Results, WriteError};
 pub use run::{Fit, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};
 pub use uncertainty::{

@@ -148,6 +148,8 @@ impl Prepared {
         prepared.angle_noise_rad = angle_noise(&usable);
         prepared.number_conditions();
         prepared.fill_covariates(&usable);
+        // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
+        prepared.trials.sort_by_key(|trial| (trial.condition, trial.repetition, trial.number));
         prepared.measure_noise();
         Ok(prepared)
     }
@@ -210,7 +212,7 @@ impl Prepared {
                 before as f64 * self.period_s * 1e3
             ));
         }
-        if at + self.samples + 2 >= count {
+        if at + self.samples > count {
             return Err(format!(
                 "the record ends {:.1} ms after the onset, within the window of {:.1} ms",
                 (count - 1 - at) as f64 * self.period_s * 1e3,
@@ -222,7 +224,7 @@ impl Prepared {
         let torque_0_nm = mean(&torque[at + 1 - level..=at]);
         let direction = if trial.velocity_rad_s < 0.0 { -1.0 } else { 1.0 };
         let measured_nm: Vec<f64> =
-            torque[at + 1..=at + self.samples].iter().map(|t| direction * (t - torque_0_nm)).collect();
+            torque[at..at + self.samples].iter().map(|t| direction * (t - torque_0_nm)).collect();
         if measured_nm.iter().all(|t| t.abs() < 1e-9) {
             return Err("the torque does not change in the window: nothing can be estimated from it".into());
         }

@@ -83,8 +83,7 @@ pub fn solve(
     effort: Effort,
 ) -> Solution {
     let mut coordinates = start.to_vec();
-    let mut descents: Vec<Descent> =
-        layout.components.iter().map(|component| Descent::new(component)).collect();
+    let mut descents: Vec<Descent> = layout.components.iter().map(Descent::new).collect();
     loop {
         let active: Vec<usize> = (0..descents.len()).filter(|i| descents[*i].outcome.is_none()).collect();
         if active.is_empty() {

@@ -51,13 +51,13 @@ fn angle_covariance(prepared: &Prepared, point: &[f64; 6]) -> DMatrix<f64> {
     alone.trials[0].input.onset = alone.lead;
     let mut response = Response::default();
     predict(&alone, &[], &[], &[0], point, &mut response);
-    // response[k] is the torque k - 3 samples after the wrong one.
+    // response[k] is the torque k - 4 samples after the wrong one.
     let mut covariance = DMatrix::zeros(places.len(), places.len());
     for wrong in -(prepared.samples as isize)..prepared.samples as isize + 4 {
         let error = DVector::from_iterator(
             places.len(),
             places.iter().map(|place| {
-                let since = *place as isize - wrong + 3;
+                let since = *place as isize - wrong + 4;
                 usize::try_from(since).ok().and_then(|k| response.torque_nm.get(k)).copied().unwrap_or(0.0)
                     / error_rad
             }),

@@ -119,7 +119,7 @@ impl<T: Number> Run<T> {
     fn new(job: &Job) -> Self {
         let request = job.request;
         Self {
-            samples: request.lead + request.samples + 1,
+            samples: request.lead + request.samples,
             sample: 0,
             start_s: -(request.lead as f64) * request.period_s,
             state: State::rest(),
@@ -146,8 +146,8 @@ impl<T: Number> Run<T> {
             torque = request.filter[section].step(&mut self.filter[section], torque);
             section += 1;
         }
-        if self.sample > request.lead {
-            store(job, response, self.sample - request.lead - 1, torque);
+        if self.sample >= request.lead {
+            store(job, response, self.sample - request.lead, torque);
         }
         self.sample += 1;
         rates
@@ -195,7 +195,7 @@ fn recorded<P: Plain>(job: &Job, sample: usize) -> Knot<P> {
 #[inline(always)]
 pub(super) fn motion<P: Plain, T: Number<Plain = P>>(job: &Job, channels: &Channels<T>) -> Vec<Knot<T>> {
     let request = job.request;
-    let count = request.lead + request.samples + 2;
+    let count = request.lead + request.samples + 1;
     if !request.kinds.iter().any(|kind| kind.alters_angle()) {
         let mut motion = Vec::with_capacity(count);
         let mut sample = 0;

@@ -26,7 +26,7 @@ pub struct Request<'a> {
     pub kinds: &'a [Kind],
     /// Time between samples, s.
     pub period_s: f64,
-    /// How many samples after the onset are wanted.
+    /// How many samples from the onset on are wanted.
     pub samples: usize,
     /// How many samples before the onset the simulation starts.
     pub lead: usize,
@@ -89,7 +89,7 @@ impl Width {
 /// Predicted torques and their derivatives.
 #[derive(Debug, Clone, Default)]
 pub struct Response {
-    /// Measured torque as predicted, N m: trial by trial, sample by sample (the first is one sample after the onset).
+    /// Measured torque as predicted, N m: trial by trial, sample by sample from the onset on.
     pub torque_nm: Vec<f64>,
     /// Its derivatives: trial by trial, sample by sample, in the order of [`Request::wanted`].
     pub slopes: Vec<f64>,
@@ -105,7 +105,7 @@ pub fn simulate(request: &Request, trials: &[&Trial], parameters: &[f64], respon
     assert_eq!(parameters.len(), count * trials.len(), "one parameter vector a trial");
     for trial in trials {
         assert!(
-            trial.onset >= request.lead && trial.motion.len() > trial.onset + request.samples,
+            trial.onset >= request.lead && trial.motion.len() >= trial.onset + request.samples,
             "motion too short"
         );
     }

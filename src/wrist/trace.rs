@@ -41,8 +41,8 @@ pub fn trace(request: &Request, trial: &Trial, parameters: &[f64]) -> Vec<Instan
     let mechanics = Mechanics::new(plant);
     let knots = motion::<f64, f64>(&job, &channels);
     let mut state = State::rest();
-    let mut instants = Vec::with_capacity(request.samples + 1);
-    for sample in 0..=request.lead + request.samples {
+    let mut instants = Vec::with_capacity(request.samples);
+    for sample in 0..request.lead + request.samples {
         let time_s = start_s + sample as f64 * request.period_s;
         let extension =
             Mechanisms { kinds: request.kinds, parameters: added, trial: &trial.covariates, past: &past };

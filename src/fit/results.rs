@@ -1,0 +1,223 @@
+//! The files of a fit: `fit.csv`, `conditions.csv`, `fit.json`.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value, json};
+
+use super::estimates::{ConditionEstimate, Estimate, QUANTITIES, by_condition};
+use super::model::Model;
+use super::prepare::{Prepared, View};
+use super::run::{Fit, Weighting};
+use crate::dataset::Disk;
+use crate::wrist::BASE_PARAMETERS;
+
+/// The version of `fit.json` that this program writes.
+pub const FIT_FORMAT: &str = "ramphold-fit/1";
+
+/// A fit with what it was made with: everything that its files say.
+#[derive(Debug, Clone)]
+pub struct Results {
+    /// Who was measured.
+    pub subject: String,
+    /// How the records were looked at.
+    pub view: View,
+    /// How residuals were weighed.
+    pub weighting: Weighting,
+    /// By condition and repetition.
+    pub estimates: Vec<Estimate>,
+    /// Means over repetitions.
+    pub conditions: Vec<ConditionEstimate>,
+    /// The same as JSON, with uncertainties, settings and versions.
+    pub json: Value,
+}
+
+impl Results {
+    /// Gathers the results of `fit`.
+    pub fn new(subject: &str, prepared: &Prepared, fit: &Fit, view: View, weighting: Weighting) -> Self {
+        let estimates = super::estimates::estimates(prepared, fit);
+        let conditions = by_condition(&estimates);
+        let json = json(subject, prepared, fit, view, weighting, (&estimates, &conditions));
+        Self { subject: subject.into(), view, weighting, estimates, conditions, json }
+    }
+
+    /// Whether every trial's optimisation came to its end.
+    pub fn all_converged(&self) -> bool {
+        self.estimates.iter().all(|estimate| estimate.converged)
+    }
+
+    /// Writes the three files into `folder`, each whole or not at all.
+    ///
+    /// # Errors
+    /// If a file cannot be written; the message names it.
+    pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), WriteError> {
+        let write = |name: &str, content: &[u8]| {
+            let path = folder.join(name);
+            disk.write(&path, content).map_err(|source| WriteError { path, source })
+        };
+        std::fs::create_dir_all(folder).map_err(|source| WriteError { path: folder.into(), source })?;
+        write("fit.csv", fit_csv(&self.estimates).as_bytes())?;
+        write("conditions.csv", conditions_csv(&self.conditions).as_bytes())?;
+        let text = serde_json::to_string_pretty(&self.json).unwrap_or_default() + "\n";
+        write("fit.json", text.as_bytes())
+    }
+}
+
+/// A result file that cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: cannot be written: {source}", path.display())]
+pub struct WriteError {
+    path: PathBuf,
+    source: std::io::Error,
+}
+
+/// A cell of a table: empty where there is no value, and never NaN.
+fn cell(value: Option<f64>) -> String {
+    value.filter(|x| x.is_finite()).map_or(String::new(), |x| x.to_string())
+}
+
+fn fit_csv(estimates: &[Estimate]) -> String {
+    let mut text = format!("velocity_rad_s,torque_nm,repetition,{}", QUANTITIES.join(","));
+    for prefix in ["sem", "se"] {
+        for name in BASE_PARAMETERS {
+            text += &format!(",{prefix}_{name}");
+        }
+    }
+    text += ",trial,converged";
+    let labelled = estimates.iter().any(|estimate| estimate.condition.is_some());
+    text += if labelled { ",condition\n" } else { "\n" };
+    for estimate in estimates {
+        text += &format!("{},{},{}", estimate.velocity_rad_s, estimate.torque_nm, estimate.repetition);
+        for value in estimate.quantities().into_iter().chain(estimate.sem).chain(estimate.se) {
+            text += ",";
+            text += &cell(value);
+        }
+        text += &format!(",{},{}", estimate.trial, estimate.converged);
+        if labelled {
+            text += &format!(",{}", quoted(estimate.condition.as_deref().unwrap_or("")));
+        }
+        text += "\n";
+    }
+    text
+}
+
+/// A text cell, in quotes where it needs them.
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
+}
+
+fn conditions_csv(conditions: &[ConditionEstimate]) -> String {
+    let mut text = "velocity_rad_s,torque_nm,repetitions".to_string();
+    for name in QUANTITIES {
+        text += &format!(",{name},sd_{name}");
+    }
+    let labelled = conditions.iter().any(|condition| condition.condition.is_some());
+    text += if labelled { ",condition\n" } else { "\n" };
+    for condition in conditions {
+        text += &format!("{},{},{}", condition.velocity_rad_s, condition.torque_nm, condition.repetitions);
+        for (mean, sd) in condition.mean.iter().zip(condition.sd) {
+            text += &format!(",{},{}", cell(*mean), cell(sd));
+        }
+        if labelled {
+            text += &format!(",{}", quoted(condition.condition.as_deref().unwrap_or("")));
+        }
+        text += "\n";
+    }
+    text
+}
+
+fn json(
+    subject: &str,
+    prepared: &Prepared,
+    fit: &Fit,
+    view: View,
+    weighting: Weighting,
+    (estimates, conditions): (&[Estimate], &[ConditionEstimate]),
+) -> Value {
+    let named = |values: &[Option<f64>], names: &[&str]| -> Value {
+        names
+            .iter()
+            .zip(values)
+            .map(|(name, value)| ((*name).to_string(), json!(value)))
+            .collect::<Map<_, _>>()
+            .into()
+    };
+    let trial = |estimate: &Estimate| {
+        let mut entry = Map::new();
+        entry.insert("trial".into(), json!(estimate.trial));
+        if let Some(label) = &estimate.condition {
+            entry.insert("condition".into(), json!(label));
+        }
+        entry.insert("velocity_rad_s".into(), json!(estimate.velocity_rad_s));
+        entry.insert("torque_nm".into(), json!(estimate.torque_nm));
+        entry.insert("repetition".into(), json!(estimate.repetition));
+        entry.insert("values".into(), named(&estimate.quantities(), &QUANTITIES));
+        entry.insert("sem_eq9_relative".into(), named(&estimate.sem, &BASE_PARAMETERS));
+        entry.insert("se_relative".into(), named(&estimate.se, &BASE_PARAMETERS));
+        entry.insert("converged".into(), json!(estimate.converged));
+        entry.insert("remarks".into(), json!(estimate.remarks));
+        Value::Object(entry)
+    };
+    let condition = |condition: &ConditionEstimate| {
+        json!({
+            "condition": condition.condition,
+            "velocity_rad_s": condition.velocity_rad_s,
+            "torque_nm": condition.torque_nm,
+            "repetitions": condition.repetitions,
+            "mean": named(&condition.mean, &QUANTITIES),
+            "sd": named(&condition.sd, &QUANTITIES),
+        })
+    };
+    let noise = |noise: &crate::signal::Noise| {
+        json!({
+            "stretches": noise.stretches,
+            "last_sample_sd_nm": noise.last_sample_sd_nm(),
+            "effective_samples": noise.effective_samples(),
+        })
+    };
+    let left_out = |left: &super::prepare::LeftOut| json!({ "trial": left.trial, "reason": left.reason });
+    json!({
+        "format": FIT_FORMAT,
+        "version": env!("CARGO_PKG_VERSION"),
+        "subject": subject,
+        "settings": {
+            "window_s": view.window_s,
+            "filter": if prepared.sections.is_empty() { Value::Null } else { json!(view.filter) },
+            "weighting": weighting_in_force(weighting, fit),
+            "lever": prepared.lever,
+            "sample_rate_hz": 1.0 / prepared.period_s,
+        },
+        "model": model_json(&fit.model),
+        "mechanism_values": mechanism_values(fit),
+        "components": fit.solution.outcomes.iter().map(|outcome| json!({
+            "cost": outcome.cost, "stop": outcome.stop, "iterations": outcome.iterations,
+        })).collect::<Vec<_>>(),
+        "noise": prepared.noises.iter().map(noise).collect::<Vec<_>>(),
+        "angle_noise_rad": prepared.angle_noise_rad,
+        "trials": estimates.iter().map(trial).collect::<Vec<_>>(),
+        "conditions": conditions.iter().map(condition).collect::<Vec<_>>(),
+        "left_out": prepared.left_out.iter().map(left_out).collect::<Vec<_>>(),
+    })
+}
+
+/// Plain where no noise could be measured, whatever was asked.
+fn weighting_in_force(asked: Weighting, fit: &Fit) -> Weighting {
+    match fit.objective {
+        super::normal::Objective::LeastSquares => Weighting::Plain,
+        super::normal::Objective::Whitened(_) => asked,
+    }
+}
+
+fn model_json(model: &Model) -> Value {
+    serde_json::from_str(&model.to_json(None)).unwrap_or(Value::Null)
+}
+
+/// The values of the mechanisms' parameters, where they are the same in all trials.
+fn mechanism_values(fit: &Fit) -> Value {
+    let names = fit.model.parameter_names();
+    let Some(first) = fit.parameters.first() else { return Value::Null };
+    (BASE_PARAMETERS.len()..names.len())
+        .filter(|index| fit.parameters.iter().all(|own| own[*index] == first[*index]))
+        .map(|index| (names[index].clone(), json!(first[index])))
+        .collect::<Map<_, _>>()
+        .into()
+}
