@@ -8,7 +8,9 @@ mod console;
 mod failure;
 mod fit;
 mod operator;
+mod rig;
 mod run;
+mod run_motor;
 mod schedule;
 mod schema;
 mod states;
@@ -45,6 +47,7 @@ macro_rules! verbs {
 }
 
 verbs! {
+    Rig(rig::Rig),
     Run(run::Run),
     Check(check::Check),
     Fit(fit::Fit),

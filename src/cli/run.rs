@@ -13,6 +13,7 @@ use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Stat
 
 use super::fit::{fit_session, table};
 use super::operator::CommandLineOperator;
+use super::run_motor;
 use super::{Console, Failure, Verb};
 
 /// Run a session of a protocol and write its folder.
@@ -24,24 +25,30 @@ pub struct Run {
     protocol: PathBuf,
     /// The seed of every random draw; drawn and printed if not given.
     #[arg(long, value_name = "N")]
-    seed: Option<u64>,
+    pub(super) seed: Option<u64>,
     /// The virtual person: a JSON file, or an identifier that a person is drawn from (the average one if not given).
     #[arg(long, value_name = "FILE|ID")]
-    subject: Option<String>,
+    pub(super) subject: Option<String>,
     /// The session's folder, which must not be there yet; a new one under sessions/ if not given.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// The rig: a JSON file (the virtual wrist as it comes if not given).
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
-    /// At true speed rather than as fast as it goes.
+    /// At true speed rather than as fast as it goes; a motor always runs at true speed.
     #[arg(long)]
     real_time: bool,
+    /// The operator's word that a motor may be armed, instead of asking for it.
+    #[arg(long)]
+    pub(super) yes: bool,
 }
 
 impl Verb for Run {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let protocol = ValidProtocol::read(&self.protocol)?;
+        if let Some(file) = self.rig.as_deref().filter(|file| run_motor::is_on_can(file)) {
+            return run_motor::run(&self, &protocol, file, console);
+        }
         let person = person(self.subject.as_deref())?;
         let rig = self.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
         let seed = self.seed.unwrap_or_else(drawn_seed);
@@ -69,7 +76,7 @@ impl Verb for Run {
 }
 
 impl Run {
-    fn folder(&self, subject: &str, seed: u64) -> Result<PathBuf, Failure> {
+    pub(super) fn folder(&self, subject: &str, seed: u64) -> Result<PathBuf, Failure> {
         let folder = match &self.out {
             Some(folder) => folder.clone(),
             None => {
@@ -115,7 +122,7 @@ fn run_to_its_end(
 }
 
 /// Says what became of the trials, fits them and writes the results.
-fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Failure> {
+pub(super) fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Failure> {
     let count = |wanted: Status| {
         let measured = machine.ledger().attempts().iter().filter(|attempt| !attempt.planned.key.practice);
         measured.filter(|attempt| matches!(attempt.ended, Some((status, _)) if status == wanted)).count()
@@ -147,12 +154,12 @@ fn person(subject: Option<&str>) -> Result<Person, Failure> {
 }
 
 /// The number in an identifier: 3 in `S03`.
-fn subject_number(id: &str) -> Option<u32> {
+pub(super) fn subject_number(id: &str) -> Option<u32> {
     let digits = id.rsplit(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
     digits.parse().ok().filter(|number| *number > 0)
 }
 
 /// Short enough to be typed again.
-fn drawn_seed() -> u64 {
+pub(super) fn drawn_seed() -> u64 {
     RandomState::new().build_hasher().finish() >> 32
 }

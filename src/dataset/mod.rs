@@ -7,6 +7,7 @@ mod journal;
 mod load;
 mod record;
 mod recorder;
+mod ring;
 mod rows;
 mod tables;
 mod text;
@@ -20,6 +21,7 @@ pub use folder::{NewSession, PROGRAM};
 pub use journal::{JOURNAL, JOURNAL_FORMAT};
 pub use load::load;
 pub use recorder::{RecordError, Recorder};
+pub use ring::{RingError, RingRecorder};
 use serde::{Deserialize, Serialize};
 
 use crate::signal::FilterSpec;

@@ -71,6 +71,11 @@ pub trait Recorder {
 
     /// One step of the session.
     fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), Self::Error>;
+
+    /// Whether everything that happened so far is safe. One that returns from [`Self::take`] before it is says so here.
+    fn on_disk(&self) -> bool {
+        true
+    }
 }
 
 /// Runs the session until it is over.
@@ -131,7 +136,7 @@ fn run_armed<A: Armed, K: Recorder>(
         };
         let said = word.take().or_else(|| operator.heard(machine));
         let scaled_before = machine.ledger().emg_factors().is_some();
-        let input = Input { reading, operator: said, on_disk: true };
+        let input = Input { reading, operator: said, on_disk: recorder.on_disk() };
         let output = take(input, machine, operator, recorder)?;
         if !output.phase.is_armed() {
             return Ok(());

@@ -271,6 +271,11 @@ impl Drive for Cansimple {
         }
     }
 
+    /// It goes there as soon as it is told.
+    fn periods_to_target(&self) -> usize {
+        1
+    }
+
     fn creep_rad_s(&self) -> f64 {
         self.motor.go_to_start_rad_s
     }

@@ -69,6 +69,9 @@ pub trait Drive: std::fmt::Debug + Send {
     /// Whether it has power, as far as the latest frames tell.
     fn power(&self, readings: &Readings) -> Power;
 
+    /// How many periods pass from a command to the motor being there.
+    fn periods_to_target(&self) -> usize;
+
     /// Speed of the last stretch to the start position, which the cycle goes, rad/s.
     fn creep_rad_s(&self) -> f64;
 

@@ -197,6 +197,12 @@ pub enum CanFault {
         /// Highest allowed.
         high_rad: f64,
     },
+    /// The rig file stretches time, and the motor is not the emulated one.
+    #[error("node {node} is not the emulated motor of the test bench: take \"bench\" out of the rig file")]
+    NotTheBench {
+        /// Which node.
+        node: u8,
+    },
     /// An SDO was aborted by the device.
     #[error("node {node} aborts access to object {index:04X}h:{sub:02X} with {code:08X}h: {}", abort::words(*code))]
     SdoAborted {

@@ -45,6 +45,17 @@ impl HandleLimits {
             speed_rad_s: rig.speed_rad_s.min(protocol.speed_rad_s),
             acceleration_rad_s2: rig.acceleration_rad_s2.min(protocol.acceleration_rad_s2),
             torque_nm: rig.torque_nm.min(protocol.torque_nm),
+            ..Self::of_rig(rig)
+        }
+    }
+
+    /// Those of a rig by itself, for looking at it without a protocol.
+    pub fn of_rig(rig: &RigLimits) -> Self {
+        Self {
+            angle_rad: rig.angle_rad,
+            speed_rad_s: rig.speed_rad_s,
+            acceleration_rad_s2: rig.acceleration_rad_s2,
+            torque_nm: rig.torque_nm,
             motor_torque_nm: rig.motor_torque_nm,
             following_error_rad: rig.following_error_rad,
             following_error_ms: rig.following_error_ms,

@@ -233,6 +233,11 @@ impl Drive for Mit {
         }
     }
 
+    /// It goes there as soon as it is told, and its reply comes after that.
+    fn periods_to_target(&self) -> usize {
+        1
+    }
+
     fn creep_rad_s(&self) -> f64 {
         self.motor.go_to_start_rad_s
     }

@@ -2,21 +2,19 @@
 
 use std::collections::VecDeque;
 
-use super::bus::{self, CanBus};
-use super::canopen::{Beat, Link, Strictness};
-use super::cia402::Cia402;
+use super::canopen::Strictness;
+use super::connection::Connection;
 use super::cycle::{Cycle, Scrutiny, Tally};
-use super::drive::{Drive, Power, Wish};
+use super::drive::{Power, Wish};
 use super::dry_run::DryRun;
 use super::fault::CanFault;
-use super::file::{Motor as MotorFile, SafeState, ValidRigFile};
-use super::limits::Confirmed;
+use super::file::SafeState;
+use super::limits::{Confirmed, HandleLimits};
 use super::readings::MOST_SAMPLES;
 use super::realtime::{self, Privileges};
 use super::safe;
 use super::summary::Summary;
 use super::units::JointAngle;
-use super::{cansimple::Cansimple, mit::Mit};
 use crate::protocol::Limits;
 use crate::rig::{Armed, Command, Cue, Direction, Fault, Motor, OperatorsWord, Rig, Sample};
 
@@ -26,57 +24,20 @@ const ENABLE_S: f64 = 3.0;
 /// The motor, unable to move.
 #[derive(Debug)]
 pub struct CanMotor {
-    file: ValidRigFile,
+    on_bus: Connection,
     dry_run: DryRun,
-    link: Link,
-    drive: Box<dyn Drive>,
     tally: Tally,
     privileges: Option<Privileges>,
     emg_scale: [f64; 2],
     faults: Vec<CanFault>,
 }
 
-/// Why there is no motor to arm.
-#[derive(Debug, thiserror::Error)]
-pub enum ConnectError {
-    /// The bus cannot be opened.
-    #[error(
-        "{bus}: cannot be opened ({source}). Check that the adapter is plugged in, that no other program uses it and that you may use it"
-    )]
-    Bus {
-        /// The bus.
-        bus: String,
-        /// What the system or the adapter said.
-        source: std::io::Error,
-    },
-}
-
 impl CanMotor {
-    /// Opens the bus of a rig. Nothing is sent yet.
-    ///
-    /// # Errors
-    /// When the bus cannot be opened.
-    pub fn connect(file: ValidRigFile, dry_run: DryRun) -> Result<Self, ConnectError> {
-        let bus = bus::open(&file.bus, file.bit_rate)
-            .map_err(|source| ConnectError::Bus { bus: file.bus.to_string(), source })?;
-        Ok(Self::on(bus, file, dry_run))
-    }
-
-    /// The rig on a bus that is open.
-    pub fn on(bus: Box<dyn CanBus>, file: ValidRigFile, dry_run: DryRun) -> Self {
-        let drive: Box<dyn Drive> = match &file.motor {
-            MotorFile::Cia402(motor) => Box::new(Cia402::new(motor, &file)),
-            MotorFile::Cansimple(motor) => Box::new(Cansimple::new(motor, &file)),
-            MotorFile::Mit(motor) => Box::new(Mit::new(motor, &file)),
-        };
-        let mut link = Link::new(bus);
-        let tolerate = &file.tolerate;
-        link.tolerate(tolerate.error_frames, tolerate.garbled_frames, tolerate.foreign_frames_per_s);
+    /// The motor behind a connection, for the protocol that was walked through.
+    pub fn new(on_bus: Connection, dry_run: DryRun) -> Self {
         Self {
-            file,
+            on_bus,
             dry_run,
-            link,
-            drive,
             tally: Tally::default(),
             privileges: None,
             emg_scale: [1.0; 2],
@@ -84,45 +45,28 @@ impl CanMotor {
         }
     }
 
-    /// The rig file.
-    pub fn file(&self) -> &ValidRigFile {
-        &self.file
+    /// By how many samples the motor follows a command later than at the next sample.
+    pub fn motion_delay_samples(&self) -> u64 {
+        let samples = self.on_bus.file.signals.torque.samples;
+        (self.on_bus.drive.periods_to_target() * samples).saturating_sub(1) as u64
     }
 
     /// What happened on the bus so far.
     pub fn summary(&self) -> Summary {
-        Summary::new(&self.file, &self.tally, self.link.counters(), self.privileges.as_ref(), &self.faults)
-    }
-
-    /// Everything before the operator's word counts: identity, limits, watchdogs, frames; written and read back.
-    ///
-    /// # Errors
-    /// What is refused, not taken, or not answered. The motor has no power.
-    pub fn prepare(&mut self) -> Result<Confirmed, CanFault> {
-        self.link.set_strictness(Strictness::Noting);
-        self.link.set_beat(Some(self.beat()));
-        self.link.drain()?;
-        self.drive.prepare(&mut self.link, &self.file, self.dry_run.limits())
-    }
-
-    /// After [`Self::prepare`] without arming: nobody is watched any more.
-    pub fn release(&mut self) {
-        self.let_go();
-    }
-
-    fn beat(&self) -> Beat {
-        let master = &self.file.master;
-        Beat { node: master.node, period: std::time::Duration::from_millis(u64::from(master.heartbeat_ms)) }
+        let Connection { file, link, .. } = &self.on_bus;
+        Summary::new(file, &self.tally, link.counters(), self.privileges.as_ref(), &self.faults)
     }
 
     /// Powers the motor where it stands and brings it the last stretch to the start position.
+    #[allow(clippy::result_large_err, reason = "the rig comes back with its fault, once an arming")]
     fn enable(mut self, confirmed: Confirmed, word: OperatorsWord) -> Result<ArmedCanMotor, (Self, Fault)> {
         let limits = *self.dry_run.limits();
-        if let Err(fault) = self.drive.start(&mut self.link, &limits) {
+        if let Err(fault) = self.on_bus.drive.start(&mut self.on_bus.link, &limits) {
             return Err(self.failed(fault));
         }
-        let bits = self.file.budget().bits_per_period();
-        let cycle = Cycle::new(&self.file, limits, self.file.sample_period(), bits, 0.0);
+        let file = &self.on_bus.file;
+        let bits = file.budget().bits_per_period();
+        let cycle = Cycle::new(file, limits, file.sample_period(), bits, 0.0);
         let mut armed = ArmedCanMotor::new(self, cycle, confirmed, word);
         match armed.take_power() {
             Ok(()) => Ok(armed),
@@ -143,16 +87,12 @@ impl CanMotor {
         self.faults.push(fault);
     }
 
-    /// Power off, confirmed; then nobody is watched any more. Without our heartbeat the drive stops by itself.
     fn let_go(&mut self) {
-        self.link.set_strictness(Strictness::Noting);
-        if let Err(fault) = safe::power_off(&mut self.link, self.drive.as_mut()) {
+        if let Err(fault) = self.on_bus.release() {
             tracing::error!("{}", CanFault::PowerNotConfirmed);
             self.note(fault);
             self.note(CanFault::PowerNotConfirmed);
         }
-        self.link.set_beat(None);
-        self.link.watch(&[]);
     }
 }
 
@@ -162,12 +102,12 @@ impl Rig for CanMotor {
     fn arm(mut self, word: OperatorsWord, limits: &Limits) -> Result<ArmedCanMotor, (Self, Fault)> {
         // The dry run was made with the protocol's limits; others would need another.
         let kept = self.dry_run.limits();
-        let asked = super::limits::HandleLimits::tighter(&self.file.limits, limits);
+        let asked = HandleLimits::tighter(&self.on_bus.file.limits, limits);
         if *kept != asked {
             return Err(self.failed(CanFault::OtherLimits));
         }
         self.privileges.get_or_insert_with(realtime::ask);
-        match self.prepare() {
+        match self.on_bus.prepare(&asked) {
             Ok(confirmed) => self.enable(confirmed, word),
             Err(fault) => Err(self.failed(fault)),
         }
@@ -203,24 +143,24 @@ impl ArmedCanMotor {
 
     fn period(&mut self, wish: Wish, scrutiny: Scrutiny) -> Result<(), CanFault> {
         let command = (JointAngle(self.target_rad), self.shown_nm, wish);
-        let CanMotor { link, drive, tally, .. } = &mut self.motor;
+        let CanMotor { on_bus: Connection { link, drive, .. }, tally, .. } = &mut self.motor;
         self.cycle.run(link, drive.as_mut(), tally, command, scrutiny)
     }
 
     fn measured_rad(&self) -> f64 {
         let last = self.cycle.samples() - 1;
-        self.motor.drive.angle(self.cycle.readings(), last).0
+        self.motor.on_bus.drive.angle(self.cycle.readings(), last).0
     }
 
     /// From READY TO SWITCH ON to following, with the target where the handle is; then slowly to the start position.
     fn take_power(&mut self) -> Result<(), CanFault> {
-        let period_s = self.motor.file.period().seconds();
+        let period_s = self.motor.on_bus.file.period().seconds();
         // The first periods only look: where the handle is, and whether frames come.
         let most = (ENABLE_S / period_s).ceil() as u64 + 10;
         let mut following = 0;
         for _ in 0..most {
             self.period(Wish::Enable, Scrutiny::Enabling)?;
-            match self.motor.drive.power(self.cycle.readings()) {
+            match self.motor.on_bus.drive.power(self.cycle.readings()) {
                 Power::Following => following += 1,
                 Power::Off => self.target_rad = self.measured_rad(),
                 Power::Changing => {}
@@ -229,12 +169,12 @@ impl ArmedCanMotor {
                 return self.creep_to_start(period_s);
             }
         }
-        self.motor.drive.check(self.cycle.readings())?;
+        self.motor.on_bus.drive.check(self.cycle.readings())?;
         Err(CanFault::NotAtStart { off_rad: self.measured_rad() })
     }
 
     fn creep_to_start(&mut self, period_s: f64) -> Result<(), CanFault> {
-        let step_rad = self.motor.drive.creep_rad_s() * period_s;
+        let step_rad = self.motor.on_bus.drive.creep_rad_s() * period_s;
         while self.target_rad != 0.0 {
             self.target_rad -= self.target_rad.clamp(-step_rad, step_rad);
             self.period(Wish::Follow, Scrutiny::Full)?;
@@ -250,9 +190,9 @@ impl ArmedCanMotor {
         self.latched = true;
         self.motor.note(fault);
         self.ready.clear();
-        let states = self.motor.file.safe_state;
+        let states = self.motor.on_bus.file.safe_state;
         let state = safe::state_for(&fault, &states);
-        let CanMotor { link, drive, tally, .. } = &mut self.motor;
+        let CanMotor { on_bus: Connection { link, drive, .. }, tally, .. } = &mut self.motor;
         link.set_strictness(Strictness::Noting);
         if !fault.bus_is_dead() {
             safe::reach(state, link, drive.as_mut(), &mut self.cycle, tally);
@@ -273,7 +213,7 @@ impl ArmedCanMotor {
         let readings = self.cycle.readings();
         for at in 0..self.cycle.samples() {
             self.ready.push_back(Sample {
-                theta_m_rad: self.motor.drive.angle(readings, at).0,
+                theta_m_rad: self.motor.on_bus.drive.angle(readings, at).0,
                 torque_l_nm: readings.torque_nm[at],
                 emg_fcr_mvc: readings.emg_mvc[0] / self.motor.emg_scale[0],
                 emg_ecr_mvc: readings.emg_mvc[1] / self.motor.emg_scale[1],
@@ -282,7 +222,7 @@ impl ArmedCanMotor {
     }
 
     fn show(&mut self, cue: &Cue) {
-        let effort_nm = self.motor.file.display.map_or(0.0, |display| display.effort_nm);
+        let effort_nm = self.motor.on_bus.file.display.map_or(0.0, |display| display.effort_nm);
         match cue {
             Cue::Target { target_nm, .. } => self.shown_nm = *target_nm,
             Cue::Effort(Direction::Flexion) => self.shown_nm = effort_nm,
@@ -312,7 +252,7 @@ impl Armed for ArmedCanMotor {
             Motor::Safe if self.cycle.is_moving() => {
                 // The session ends in the middle of a movement: stop on the ramp, and stay stopped.
                 self.latched = true;
-                let CanMotor { link, drive, tally, .. } = &mut self.motor;
+                let CanMotor { on_bus: Connection { link, drive, .. }, tally, .. } = &mut self.motor;
                 link.set_strictness(Strictness::Noting);
                 safe::reach(SafeState::QuickStop, link, drive.as_mut(), &mut self.cycle, tally);
                 self.collect_samples();

@@ -2,15 +2,27 @@
 
 use std::time::{Duration, Instant};
 
+use serde::{Serialize, Serializer};
+
 /// What was asked of the system and granted or not; the session keeps it.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Privileges {
     /// The thread runs under SCHED_FIFO, before all ordinary ones.
+    #[serde(serialize_with = "in_words")]
     pub realtime_priority: Result<(), String>,
     /// All memory of the program stays in memory.
+    #[serde(serialize_with = "in_words")]
     pub memory_locked: Result<(), String>,
     /// The thread stays on one core.
+    #[serde(serialize_with = "in_words")]
     pub pinned: Result<(), String>,
+}
+
+fn in_words<S: Serializer>(granted: &Result<(), String>, serializer: S) -> Result<S::Ok, S::Error> {
+    match granted {
+        Ok(()) => serializer.serialize_str("granted"),
+        Err(why) => serializer.collect_str(&format_args!("refused: {why}")),
+    }
 }
 
 /// Priority of the cycle: above ordinary programs, below the kernel's own threads for interrupts (50).

@@ -69,7 +69,7 @@ impl Link {
         }
         self.write_and_confirm(node, at(mapping, 0), 0u8)?;
         for ((object, bytes), sub) in pdo.mapped.iter().zip(1..) {
-            let word = u32::from(object.index) << 16 | u32::from(object.sub) << 8 | 8 * *bytes as u32;
+            let word = u32::from(object.index) << 16 | u32::from(object.sub) << 8 | (8 * *bytes as u32);
             self.write_and_confirm(node, at(mapping, sub), word)?;
         }
         self.write_and_confirm(node, at(mapping, 0), pdo.mapped.len() as u8)?;

@@ -80,6 +80,9 @@ impl Drive for Cia402 {
             link.nmt(NmtCommand::EnterPreOperational, producer.node)?;
         }
         identify(link, node, &self.motor.identity)?;
+        if file.bench.is_some() {
+            check_emulated(link, node)?;
+        }
         self.check_scale(link)?;
         self.remembers = match self.written {
             Some(written) => self.remembers(link, &written)?,
@@ -172,6 +175,11 @@ impl Drive for Cia402 {
         }
     }
 
+    /// To the next SYNC, and through the drive's interpolation.
+    fn periods_to_target(&self) -> usize {
+        2
+    }
+
     fn creep_rad_s(&self) -> f64 {
         CREEP_RAD_S
     }
@@ -188,4 +196,10 @@ impl Drive for Cia402 {
         }
         link.write(self.motor.node, Object::entry(0x1016, 1), 0u32)
     }
+}
+
+/// A stretched cycle would make a real motor jerk from target to target.
+fn check_emulated(link: &mut Link, node: u8) -> Result<(), CanFault> {
+    let name = link.read_bytes(node, Object::plain(0x1008))?;
+    if name.starts_with(b"canbench") { Ok(()) } else { Err(CanFault::NotTheBench { node }) }
 }

@@ -45,6 +45,9 @@ pub(super) fn problems(file: &RigFile, source: &Node) -> Vec<Problem> {
     identifiers(file, &mut findings);
     if let Some(bench) = file.bench {
         findings.in_range("bench.time_stretch", bench.time_stretch, 1.0, 1000.0);
+        if !matches!(file.motor, Motor::Cia402(_)) {
+            findings.add("bench", "a CiA 402 motor, which can be asked whether it is the emulated one", "");
+        }
     }
     findings.problems
 }

@@ -5,6 +5,7 @@ use serde::Deserialize;
 use crate::rig::can::bus::{BitRate, BusSpec};
 use crate::rig::can::canopen::{Kind, Object};
 use crate::rig::can::mit::Model;
+use crate::wrist::Lever;
 
 /// Format and version of the rig files that this program reads.
 pub const FORMAT: &str = "ramphold-rig/1";
@@ -13,6 +14,8 @@ pub const FORMAT: &str = "ramphold-rig/1";
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigFile {
+    /// `can`: what kind of rig it is.
+    pub kind: OnCan,
     /// Format and version: `ramphold-rig/1`.
     pub format: String,
     /// A name for people.
@@ -25,6 +28,9 @@ pub struct RigFile {
     pub period_us: u32,
     /// What this program is on the bus.
     pub master: Master,
+    /// The lever between motor and handle, which the analysis needs; `null` for a rigid one.
+    #[serde(deserialize_with = "Option::deserialize")]
+    pub lever: Option<Lever>,
     /// The motor.
     pub motor: Motor,
     /// CANopen devices that measure, beside the motor.
@@ -46,6 +52,14 @@ pub struct RigFile {
     /// Only for the emulated motor of the test bench.
     #[serde(default)]
     pub bench: Option<Bench>,
+}
+
+/// The only kind of rig that this file describes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OnCan {
+    /// A motor on a CAN bus.
+    Can,
 }
 
 /// This program as a CANopen node.
