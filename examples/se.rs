@@ -1,101 +1,31 @@
 //! probe
+use ramphold::{dataset, fit::*, wrist::{Response, simulate, Request, Width}};
 use nalgebra::*;
-use ramphold::{
-    dataset,
-    fit::*,
-    signal::*,
-    wrist::{Request, Response, Width, simulate},
-};
 fn main() {
-    let path = std::env::args().nth(1).unwrap();
+    let mut sums = vec![0.0; 40]; let mut count = 0.0; let mut zm = vec![[0.0; 5]; 40]; let mut mean = DVector::zeros(100); let mut sq = DVector::zeros(100);
+    for path in std::env::args().skip(1) {
     let dir = std::path::Path::new(&path);
     let session = dataset::load(dir).unwrap();
     let name = dir.file_name().unwrap().to_str().unwrap();
-    let truth: serde_json::Value = serde_json::from_str(
-        &std::fs::read_to_string(dir.parent().unwrap().join(format!("truth/{name}.json"))).unwrap(),
-    )
-    .unwrap();
-    for cutoff in [50.0, 100.0, 200.0, 400.0, 800.0] {
-        let view = View {
-            window_s: 0.04,
-            filter: FilterSpec::Butterworth { order: 3, cutoff_hz: cutoff, zero_phase: false },
-        };
-        let prepared = Prepared::new(&session, view).unwrap();
-        let mut lines = vec![];
+    let truth: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(dir.parent().unwrap().join(format!("truth/{name}.json"))).unwrap()).unwrap();
+        let prepared = Prepared::new(&session, View::default()).unwrap();
+        let pts = looks(&prepared);
+        let mut cov = covariances(&prepared, &pts[0]);
+        println!("angle part sd at end {:.5}", ((cov[0].covariance[(24,24)] - prepared.noises[0].covariance[(24,24)])).sqrt());
+        if std::env::var("NOANGLE").is_ok() { cov = prepared.noises.clone(); }
+        let wh = whiteners(&prepared, &cov);
         for (i, t) in prepared.trials.iter().enumerate() {
-            let tr = truth["trials"]
-                .as_array()
-                .unwrap()
-                .iter()
-                .find(|x| x["trial"].as_u64() == Some(t.number as u64))
-                .unwrap();
-            let p: Vec<f64> =
-                ramphold::wrist::BASE_PARAMETERS.iter().map(|n| tr[*n].as_f64().unwrap()).collect();
-            let req = Request {
-                lever: prepared.lever,
-                kinds: &[],
-                period_s: prepared.period_s,
-                samples: prepared.samples,
-                lead: prepared.lead,
-                substeps: 2,
-                filter: &prepared.sections,
-                wanted: &[0, 1, 2, 3, 4, 5],
-                width: Width::fastest(),
-            };
+            let tr = truth["trials"].as_array().unwrap().iter().find(|x| x["trial"].as_u64() == Some(t.number as u64)).unwrap();
+            let p: Vec<f64> = ramphold::wrist::BASE_PARAMETERS.iter().map(|n| tr[*n].as_f64().unwrap()).collect();
+            let req = Request { lever: prepared.lever, kinds: &[], period_s: prepared.period_s, samples: prepared.samples, lead: prepared.lead, substeps: 4, filter: &prepared.sections, wanted: &[], width: Width::fastest() };
             let mut r = Response::default();
             simulate(&req, &[&t.input], &p, &mut r);
-            let mut j = DMatrix::from_row_slice(prepared.samples, 6, &r.slopes);
-            for c in 0..6 {
-                let s = p[c];
-                j.column_mut(c).scale_mut(s);
-            }
-            let noise = &prepared.noises[prepared.noise_of[i].unwrap()];
-            let c = &noise.covariance;
-            let h = (j.transpose() * &j).try_inverse().unwrap();
-            let cov = &h * (j.transpose() * c * &j) * &h;
-            let ols: Vec<f64> = (0..6).map(|k| cov[(k, k)].sqrt()).collect();
-            let gls = |m: usize| {
-                let w = noise.whitener(m);
-                let jw = &w * &j;
-                let cov = (jw.transpose() * jw).try_inverse().unwrap();
-                (0..6).map(|k| cov[(k, k)].sqrt()).collect::<Vec<f64>>()
-            };
-            let res: DVector<f64> =
-                DVector::from_vec(r.torque_nm.clone()) - DVector::from_vec(t.measured_nm.clone());
-            let w = noise.whitener(8);
-            let z = &w * &res;
-            let w2 = noise.whitener(30);
-            let z2 = &w2 * &res;
-            lines.push((
-                ols,
-                gls(8),
-                gls(12),
-                gls(30),
-                vec![z.norm_squared() / 8.0, z2.norm_squared() / 30.0, res.norm() / 10.0, 0., 0., 0.],
-            ));
-        }
-        let med = |f: &dyn Fn(&(Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>)) -> f64| {
-            let mut v: Vec<f64> = lines.iter().map(f).collect();
-            v.sort_by(f64::total_cmp);
-            v[v.len() / 2]
-        };
-        println!("cutoff {cutoff}");
-        for (n, g) in [("ols", 0), ("gls8", 1), ("gls12", 2), ("gls30", 3), ("chi8/8 chi30/30 rms", 4)] {
-            let v: Vec<String> = (0..6)
-                .map(|k| {
-                    format!(
-                        "{:.4}",
-                        med(&|l| match g {
-                            0 => l.0[k],
-                            1 => l.1[k],
-                            2 => l.2[k],
-                            3 => l.3[k],
-                            _ => l.4[k],
-                        })
-                    )
-                })
-                .collect();
-            println!("  {n:6} {}", v.join(" "));
+            let res: DVector<f64> = DVector::from_vec(t.measured_nm.clone()) - DVector::from_vec(r.torque_nm.clone());
+            let z = &wh[prepared.noise_of[i].unwrap()] * &res;
+            for (k, v) in z.iter().enumerate() { sums[k] += v * v; zm[k][0] += v / (t.velocity_rad_s); let c = ((t.velocity_rad_s - 1.3) / 0.65).round() as usize; zm[k][1 + c] += v * v / 27.0; }
+            count += 1.0; mean += &res; sq += res.component_mul(&res);
         }
     }
+    println!("{}", sums.iter().map(|s| format!("{:.2}", s / count)).collect::<Vec<_>>().join(" "));
+    for k in 0..20 { println!("{k} mean z/v {:.3} sqrt ev {:.6}  var by velocity {:?}", zm[k][0] / count, 0.0, &zm[k][1..].iter().map(|x| (x*100.0).round()/100.0).collect::<Vec<_>>()); }
 }

@@ -55,6 +55,8 @@ pub struct Prepared {
     pub stride: usize,
     /// Standard deviation of the recorded angle's error, rad: measured in the holds, at least that of its steps.
     pub angle_noise_rad: f64,
+    /// Step of the encoder that the holds stand still in, rad; zero where the recorded angle is never still.
+    pub angle_step_rad: f64,
     /// Noise by trial: index into [`Prepared::noises`]; `None` where the hold is too short to measure any.
     pub noise_of: Vec<Option<usize>>,
     /// The noises measured.
@@ -132,6 +134,7 @@ impl Prepared {
             left_out: Vec::new(),
             stride: stride(session, view, samples),
             angle_noise_rad: 0.0,
+            angle_step_rad: 0.0,
             noise_of: Vec::new(),
             noises: Vec::new(),
         };
@@ -145,7 +148,7 @@ impl Prepared {
         if prepared.trials.is_empty() {
             return Err(PrepareError::NoTrial { of: session.trials.len(), left_out: prepared.left_out });
         }
-        prepared.angle_noise_rad = angle_noise(&usable);
+        (prepared.angle_noise_rad, prepared.angle_step_rad) = angle_noise(&usable);
         prepared.number_conditions();
         prepared.fill_covariates(&usable);
         // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
@@ -177,6 +180,7 @@ impl Prepared {
             left_out: Vec::new(),
             stride: self.stride,
             angle_noise_rad: self.angle_noise_rad,
+            angle_step_rad: self.angle_step_rad,
             noise_of: trials.iter().map(|trial| self.noise_of[*trial]).collect(),
             noises: self.noises.clone(),
         }
@@ -354,9 +358,9 @@ fn stride(session: &Session, view: View, samples: usize) -> usize {
     by_filter.max(samples.div_ceil(100)).max(1)
 }
 
-/// The error of the recorded angle: from its second differences in the holds, at least that of the encoder's steps, which
-/// a still motor does not show.
-fn angle_noise(trials: &[&crate::dataset::Trial]) -> f64 {
+/// The error of the recorded angle, rad: from its second differences in the holds, at least that of the encoder's steps,
+/// which a still motor does not show; and that step, where the holds are still.
+fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
     let (mut squares, mut count, mut step) = (0.0, 0.0, f64::INFINITY);
     for trial in trials {
         let theta = &trial.record.theta_m_rad;
@@ -374,7 +378,8 @@ fn angle_noise(trials: &[&crate::dataset::Trial]) -> f64 {
     }
     let step = if step.is_finite() { step } else { 0.0 };
     // White noise has second differences of six times its variance, rounding to steps a variance of step^2 / 12.
-    libm::sqrt((squares / 6.0 / f64::max(count, 1.0)).max(step * step / 12.0))
+    let (in_hold, of_steps) = (squares / 6.0 / f64::max(count, 1.0), step * step / 12.0);
+    (libm::sqrt(in_hold.max(of_steps)), if in_hold < of_steps { step } else { 0.0 })
 }
 
 fn mean(values: &[f64]) -> f64 {
