@@ -5,6 +5,7 @@
 
 mod check;
 mod console;
+mod diagnose;
 mod failure;
 mod fit;
 mod operator;
@@ -48,6 +49,7 @@ verbs! {
     Run(run::Run),
     Check(check::Check),
     Fit(fit::Fit),
+    Diagnose(diagnose::Diagnose),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

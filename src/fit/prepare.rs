@@ -164,6 +164,9 @@ const FEWEST_SAMPLES: usize = 12;
 /// Stretches of hold that a torque level needs for a noise of its own; with fewer, all levels share one.
 const STRETCHES_FOR_OWN_NOISE: usize = 300;
 
+/// Part of the mean variance that stands for what the trials' parameters absorbed.
+const ABSORBED: f64 = 0.05;
+
 /// Longest hold that is looked at, s: the gate guarantees this much.
 const HOLD_S: f64 = 0.5;
 
@@ -183,6 +186,39 @@ impl Prepared {
             angle_step_rad: self.angle_step_rad,
             noise_of: trials.iter().map(|trial| self.noise_of[*trial]).collect(),
             noises: self.noises.clone(),
+        }
+    }
+
+    /// Takes the noise from how residuals of a plain fit scatter among the repetitions of a condition; for sessions without a
+    /// hold. It lacks what the trials' own parameters absorbed, so a part of its mean variance is added to every direction.
+    pub fn take_noise_from_repetitions(&mut self, model: &super::Model) {
+        let fit = super::Fit::new(self, model, super::Weighting::Plain);
+        let predictions = super::predictions(self, &fit);
+        let places: Vec<usize> = self.noise_samples().collect();
+        let of_trial =
+            |trial: usize| places.iter().map(|p| predictions[trial].residual_nm[*p]).collect::<Vec<f64>>();
+        let residuals: Vec<Vec<f64>> = (0..self.trials.len()).map(of_trial).collect();
+        let mut deviations = Vec::new();
+        for (trial, own) in residuals.iter().enumerate() {
+            let same: Vec<&Vec<f64>> = (0..residuals.len())
+                .filter(|other| self.trials[*other].condition == self.trials[trial].condition)
+                .map(|other| &residuals[other])
+                .collect();
+            let count = same.len() as f64;
+            if count < 2.0 {
+                continue;
+            }
+            let bias = libm::sqrt(count / (count - 1.0));
+            let mean_at = |place: usize| same.iter().map(|r| r[place]).sum::<f64>() / count;
+            deviations.push((0..own.len()).map(|place| bias * (own[place] - mean_at(place))).collect());
+        }
+        if let Some(mut noise) = Noise::measure(&deviations) {
+            let floor = ABSORBED * noise.covariance.trace() / noise.covariance.nrows() as f64;
+            for place in 0..noise.covariance.nrows() {
+                noise.covariance[(place, place)] += floor;
+            }
+            self.noises = vec![noise];
+            self.noise_of = vec![Some(0); self.trials.len()];
         }
     }
 

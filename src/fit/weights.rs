@@ -65,7 +65,9 @@ fn angle_covariance(prepared: &Prepared, point: &[f64; 6]) -> DMatrix<f64> {
         for place in 0..PLACES {
             let offset = prepared.angle_step_rad * (place as f64 + 0.5) / PLACES as f64;
             let rounded = |theta: f64| {
-                libm::round((theta + offset) / prepared.angle_step_rad) * prepared.angle_step_rad - offset - theta
+                libm::round((theta + offset) / prepared.angle_step_rad) * prepared.angle_step_rad
+                    - offset
+                    - theta
             };
             let error: Vec<f64> = (0..prepared.samples + REACH)
                 .map(|sample| {

@@ -47,7 +47,10 @@ fn cubic_at(around: &[f64], period_s: f64) -> Knot<f64> {
         t3 += theta * square * x;
     }
     let s0 = around.len() as f64;
-    Knot { theta: (s4 * t0 - s2 * t2) / (s0 * s4 - s2 * s2), omega: (s6 * t1 - s4 * t3) / (s2 * s6 - s4 * s4) / period_s }
+    Knot {
+        theta: (s4 * t0 - s2 * t2) / (s0 * s4 - s2 * s2),
+        omega: (s6 * t1 - s4 * t3) / (s2 * s6 - s4 * s4) / period_s,
+    }
 }
 
 /// The motor's motion behind records whose channels are not faithful: undoes the gain, shifts the time, and follows a
