@@ -57,7 +57,10 @@ pub fn probes(prepared: &Prepared, fit: &Fit, tangent: &Tangent) -> (Vec<Probe>,
             unseen.push(Unseen { kind, reason });
             continue;
         }
-        if !kind.parameters().iter().any(|parameter| parameter.fitted) {
+        // What goes with velocity or from trial to trial is judged across trials.
+        if kind.needs().contains(&Need::Velocities)
+            || !kind.parameters().iter().any(|parameter| parameter.fitted)
+        {
             continue;
         }
         let mut largest = (0.0, 0.0);

@@ -1,11 +1,14 @@
 //! A whole fit: weights, start, solution, a second look at trials with several optima, and how well all is known.
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::guess::{Guess, looks};
 use super::layout::{Layout, Link};
 use super::model::{Model, Scope};
 use super::normal::{Objective, trial_costs};
 use super::prepare::Prepared;
 use super::solve::{Effort, Outcome, Solution, solve};
+use super::uncertainty::{predictions, uncertainties};
 use super::weights::{covariances, whiteners};
 use crate::signal::Noise;
 use crate::wrist::mechanisms::Kind;
@@ -65,11 +68,9 @@ impl Fit {
     /// Fits `model` with the yields of single trials leaning on those of all: what a diagnosis starts from, since a yield
     /// that one trial's data leave open would hide or feign a misfit of the model.
     pub fn leaning(prepared: &Prepared, model: &Model) -> Self {
-        let points = looks(prepared);
-        let (objective, covariances) = objective(prepared, Weighting::MeasuredNoise, &points);
-        let guess = Guess::pooled(prepared, &objective, &points);
-        let first = Self::from_guess(prepared, model, objective, covariances, &guess);
-        Self { lean: Some(guess), ..first }.extended(prepared, model)
+        let first = Self::new(prepared, model, Weighting::MeasuredNoise);
+        let lean = lean(prepared, &first);
+        Self { lean: Some(lean), ..first }.extended(prepared, model)
     }
 
     /// Fits `model` from given first values, without looking for other optima.
@@ -251,8 +252,35 @@ impl Fit {
     }
 }
 
+/// What single trials lean on: the regression of the logarithms on those of velocity and torque, over the trials whose own
+/// data tell, each by how well they do.
+fn lean(prepared: &Prepared, fit: &Fit) -> Guess {
+    let uncertainties = uncertainties(prepared, fit, &predictions(prepared, fit));
+    let mut parameters = fit.parameters.clone();
+    let design = |trial: usize| {
+        let own = &prepared.trials[trial];
+        [1.0, libm::log(own.velocity_rad_s.abs().max(1e-3)), libm::log(own.torque_nm.abs().max(1e-3))]
+    };
+    for (parameter, sd) in LEAN {
+        let mut square = Matrix3::from_diagonal_element(1e-9);
+        let mut right = Vector3::zeros();
+        for trial in 0..prepared.trials.len() {
+            let Some(se) = uncertainties[trial].se[parameter].filter(|se| *se < 1.0) else { continue };
+            let x = Vector3::from(design(trial));
+            let weight = 1.0 / (se * se + sd * sd);
+            square += weight * x * x.transpose();
+            right += weight * libm::log(fit.parameters[trial][parameter]) * x;
+        }
+        let Some(coefficients) = square.cholesky().map(|factor| factor.solve(&right)) else { continue };
+        for (trial, own) in parameters.iter_mut().enumerate() {
+            own[parameter] = libm::exp(coefficients.dot(&Vector3::from(design(trial))));
+        }
+    }
+    Guess::at(prepared, &parameters)
+}
+
 /// How far single trials' k_dec and x_e may be expected from those of all, as standard deviations of their logarithms.
-const LEAN: [(usize, f64); 2] = [(4, 0.4), (ELASTIC_LIMIT, 0.2)];
+const LEAN: [(usize, f64); 2] = [(4, 0.2), (ELASTIC_LIMIT, 0.1)];
 
 /// Index of x_e in a trial's parameters.
 const ELASTIC_LIMIT: usize = 5;
