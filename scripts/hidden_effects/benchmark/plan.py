@@ -16,9 +16,12 @@ NEAR_TWINS = (
     {"channel_skew", "servo_following", "lever_damping", "torque_lag", "torque_gain", "lever_stiffness",
      "lever_inertia", "angle_gain"},
     {"post_yield_viscosity", "stretch_reflex"},
-    {"joint_damping", "stress_relaxation"},
+    {"joint_damping", "stress_relaxation", "gradual_yield"},
 )
 TOLD_APART = frozenset(MECHANISMS) - frozenset().union(*NEAR_TWINS)
+
+# Two mechanisms of the catalogue together come within 3.5 standard deviations of it: to say so would not be wrong.
+TOO_NEAR_THE_CATALOGUE = {"loose_mass"}
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ QUICK = Counts(per_mechanism=1, none=6, alien=6, pair=3)
 def cases(counts: Counts, first_seed: int, size: float = 1.0) -> list[Case]:
     effects = [m for m in MECHANISMS for _ in range(counts.per_mechanism)]
     effects += ["none"] * counts.none
-    aliens = [f"alien:{k}" for k in ALIEN_KINDS]
+    aliens = [f"alien:{k}" for k in ALIEN_KINDS if k not in TOO_NEAR_THE_CATALOGUE]
     effects += [aliens[i % len(aliens)] for i in range(counts.alien)]
     effects += [PAIRS[i % len(PAIRS)] for i in range(counts.pair)]
     return [Case(e, first_seed + i, size) for i, e in enumerate(effects)]
