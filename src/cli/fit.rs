@@ -41,13 +41,13 @@ impl Verb for Fit {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
         let sessions = session_folders(&self.sessions)?;
-        if let [session] = sessions.as_slice() {
+        let folders = self.result_folders(&sessions)?;
+        if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
             let results = self.fit(session, &model)?;
-            let folder = self.out.clone().unwrap_or_else(|| session.join("results"));
-            results.write(&Disk::default(), &folder)?;
+            results.write(&Disk::default(), folder)?;
             return self.show(console, &results);
         }
-        self.fit_many(console, &sessions, &model)
+        self.fit_many(console, &sessions, &folders, &model)
     }
 }
 
@@ -60,29 +60,61 @@ impl Fit {
         if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise }
     }
 
+    /// Where the results of each session go: its own folder, where a new fit replaces the last; or into `--out`, where
+    /// nothing is replaced.
+    fn result_folders(&self, sessions: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+        let Some(out) = &self.out else {
+            return Ok(sessions.iter().map(|session| session.join("results")).collect());
+        };
+        let folder = |session: &PathBuf| match session.file_name() {
+            Some(name) if sessions.len() > 1 => out.join(name),
+            _ => out.clone(),
+        };
+        let folders: Vec<PathBuf> = sessions.iter().map(folder).collect();
+        for (index, folder) in folders.iter().enumerate() {
+            if folders[..index].contains(folder) {
+                return Err(Failure::Usage(format!(
+                    "two sessions are named {}; with --out their results would be one folder, so fit them apart",
+                    folder.file_name().unwrap_or_default().display()
+                )));
+            }
+            if folder.join("fit.json").exists() {
+                return Err(Failure::Usage(format!(
+                    "{}: holds the results of an earlier fit, which are not overwritten; give another --out",
+                    folder.display()
+                )));
+            }
+        }
+        Ok(folders)
+    }
+
     /// Fits session by session, as many at once as there are cores; one that fails is told of and the rest is done.
-    fn fit_many(&self, console: &Console, sessions: &[PathBuf], model: &Model) -> Result<(), Failure> {
+    fn fit_many(
+        &self,
+        console: &Console,
+        sessions: &[PathBuf],
+        folders: &[PathBuf],
+        model: &Model,
+    ) -> Result<(), Failure> {
         let progress = console.progress(sessions.len() as u64, "fitting");
-        let failed: usize = sessions
-            .par_iter()
-            .map(|session| {
-                let name = session.file_name().map_or_else(|| session.clone(), PathBuf::from);
-                let folder = self.out.as_ref().map_or_else(|| session.join("results"), |out| out.join(name));
-                let done = self
-                    .fit(session, model)
-                    .and_then(|results| results.write(&Disk::default(), &folder).map_err(Failure::from));
+        let fitted: Vec<Option<serde_json::Value>> = (sessions, folders)
+            .into_par_iter()
+            .map(|(session, folder)| {
+                let done = self.fit(session, model).and_then(|results| {
+                    Ok(results.write(&Disk::default(), folder).map(|()| results.json)?)
+                });
                 progress.inc(1);
-                match done {
-                    Ok(()) => 0,
-                    Err(failure) => {
-                        progress.suspend(|| console.error(&failure));
-                        1
-                    }
-                }
+                done.map_err(|failure| progress.suspend(|| console.error(&failure))).ok()
             })
-            .sum();
+            .collect();
         progress.finish_and_clear();
-        writeln!(console.results(), "fitted {} of {} sessions", sessions.len() - failed, sessions.len())?;
+        let failed = fitted.iter().filter(|result| result.is_none()).count();
+        if self.json {
+            let text = serde_json::to_string_pretty(&fitted.into_iter().flatten().collect::<Vec<_>>());
+            writeln!(console.results(), "{}", text.unwrap_or_default())?;
+        } else {
+            writeln!(console.results(), "fitted {} of {} sessions", sessions.len() - failed, sessions.len())?;
+        }
         if failed == 0 { Ok(()) } else { Err(Failure::Some { failed, of: sessions.len() }) }
     }
 

@@ -7,6 +7,7 @@ mod check;
 mod console;
 mod failure;
 mod fit;
+mod model;
 mod operator;
 mod run;
 mod schedule;
