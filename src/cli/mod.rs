@@ -5,6 +5,7 @@
 
 mod check;
 mod console;
+mod diagnose;
 mod failure;
 mod fit;
 mod model;
@@ -49,6 +50,7 @@ verbs! {
     Run(run::Run),
     Check(check::Check),
     Fit(fit::Fit),
+    Diagnose(diagnose::Diagnose),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

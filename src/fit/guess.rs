@@ -67,6 +67,20 @@ impl Guess {
         Self { trials, reach_rad, lever: prepared.lever }
     }
 
+    /// First values that are known already, trial by trial.
+    pub fn at(prepared: &Prepared, parameters: &[Vec<f64>]) -> Self {
+        let own = |values: &Vec<f64>| {
+            let mut six = [0.0; 6];
+            six.copy_from_slice(&values[..BASE_PARAMETERS.len()]);
+            six
+        };
+        Self {
+            trials: parameters.iter().map(own).collect(),
+            reach_rad: prepared.trials.iter().map(|trial| reach(prepared, trial)).collect(),
+            lever: prepared.lever,
+        }
+    }
+
     /// How far the motor goes in a trial's window, rad.
     pub fn reach_rad(&self, trial: usize) -> f64 {
         self.reach_rad[trial]

@@ -85,6 +85,39 @@ impl Fit {
         fit
     }
 
+    /// The same fit with another solution of its layout.
+    pub fn with_solution(&self, solution: Solution) -> Self {
+        let mut fit = Self { solution, ..self.clone() };
+        fit.take_parameters();
+        fit
+    }
+
+    /// A model that adds mechanisms to this fit's, fitted from where this fit ended.
+    pub fn extended(&self, prepared: &Prepared, model: &Model) -> Self {
+        let guess = Guess::at(prepared, &self.parameters);
+        let kinds = model.kinds();
+        let layout = Layout::new(prepared, model, &guess);
+        let mut start = layout.start();
+        for (trial, links) in layout.links.iter().enumerate() {
+            for (parameter, link) in links.iter().enumerate().take(self.parameters[trial].len()) {
+                if let Link::Logarithmic { coordinate, factor } = link {
+                    let bounds = &layout.coordinates[*coordinate];
+                    start[*coordinate] =
+                        libm::log(self.parameters[trial][parameter] / factor).clamp(bounds.low, bounds.high);
+                }
+            }
+        }
+        let solution = solve(prepared, &layout, &kinds, &self.objective, &start, Effort::default());
+        let fit = Self { model: model.clone(), kinds, layout, several: Vec::new(), ..self.clone() };
+        fit.with_solution(solution)
+    }
+
+    /// `model` fitted to some of the trials that this fit was made on, from where it ended.
+    pub fn on(&self, prepared: &Prepared, trials: &[usize], model: &Model) -> Self {
+        let parameters = trials.iter().map(|trial| self.parameters[*trial].clone()).collect();
+        Self { parameters, ..self.clone() }.extended(&prepared.only(trials), model)
+    }
+
     /// Starts the yields from several places, gives each block of trials the best that was found, and polishes.
     fn look_again(&mut self, prepared: &Prepared, guess: &Guess) {
         let treatment = &self.model.base[ELASTIC_LIMIT];

@@ -1,0 +1,143 @@
+//! What the free parameters can and cannot absorb: the tangent space of a fit, in whitened units.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::fit::{Fit, Objective, Prepared, predictions};
+
+/// A fit's residuals and tangent space, component by component.
+pub struct Tangent {
+    parts: Vec<Part>,
+    /// Values a trial in whitened units.
+    rows: Vec<usize>,
+}
+
+/// One component: trials that share parameters.
+struct Part {
+    trials: Vec<usize>,
+    /// Orthonormal basis of what the parameters can do.
+    basis: DMatrix<f64>,
+    /// Whitened residuals (measured less predicted), less what the parameters could still do.
+    residual: DVector<f64>,
+}
+
+/// A change of the predictions, whitened, with the part taken away that the free parameters can absorb; one vector a trial.
+pub type Direction = Vec<DVector<f64>>;
+
+impl Tangent {
+    /// The tangent space of `fit`.
+    pub fn new(prepared: &Prepared, fit: &Fit) -> Self {
+        let predictions = predictions(prepared, fit);
+        let rows: Vec<usize> =
+            (0..prepared.trials.len()).map(|trial| whiten_rows(prepared, fit, trial)).collect();
+        let parts = fit
+            .layout
+            .components
+            .iter()
+            .map(|component| {
+                let order = component.order();
+                let count: usize = component.trials.iter().map(|trial| rows[*trial]).sum();
+                let mut jacobian = DMatrix::zeros(count, order.len());
+                let mut residual = DVector::zeros(count);
+                let mut first = 0;
+                for trial in &component.trials {
+                    let (own, left) = (&predictions[*trial].jacobian, &predictions[*trial].residual_nm);
+                    let white = whiten_matrix(prepared, fit, *trial, own);
+                    residual.rows_mut(first, rows[*trial]).copy_from(&whiten(prepared, fit, *trial, left));
+                    for (row, parameter) in fit.layout.estimated.iter().enumerate() {
+                        let value = fit.parameters[*trial][*parameter];
+                        if fit.at_bound(*trial, *parameter) {
+                            continue;
+                        }
+                        fit.layout.slopes(*trial, *parameter, value, |coordinate, slope| {
+                            if let Some(place) = order.iter().position(|own| *own == coordinate) {
+                                let mut column = jacobian.view_mut((first, place), (rows[*trial], 1));
+                                column += white.column(row) * slope;
+                            }
+                        });
+                    }
+                    first += rows[*trial];
+                }
+                let basis = orthonormal(jacobian);
+                residual -= &basis * basis.tr_mul(&residual);
+                Part { trials: component.trials.clone(), basis, residual }
+            })
+            .collect();
+        Self { parts, rows }
+    }
+
+    /// The whitened residuals by trial.
+    pub fn residuals(&self) -> Direction {
+        self.by_trial(|part| part.residual.clone())
+    }
+
+    /// Takes away from `change` what the free parameters can absorb.
+    pub fn project(&self, change: &Direction) -> Direction {
+        self.by_trial(|part| {
+            let mut stacked = DVector::zeros(part.residual.len());
+            let mut first = 0;
+            for trial in &part.trials {
+                stacked.rows_mut(first, self.rows[*trial]).copy_from(&change[*trial]);
+                first += self.rows[*trial];
+            }
+            stacked -= &part.basis * part.basis.tr_mul(&stacked);
+            stacked
+        })
+    }
+
+    /// Values less parameters: the degrees of freedom of the residuals.
+    pub fn freedom(&self) -> f64 {
+        self.parts.iter().map(|part| part.residual.len() as f64 - part.basis.ncols() as f64).sum()
+    }
+
+    fn by_trial(&self, stacked: impl Fn(&Part) -> DVector<f64>) -> Direction {
+        let mut result = vec![DVector::zeros(0); self.rows.len()];
+        for part in &self.parts {
+            let all = stacked(part);
+            let mut first = 0;
+            for trial in &part.trials {
+                result[*trial] = all.rows(first, self.rows[*trial]).into_owned();
+                first += self.rows[*trial];
+            }
+        }
+        result
+    }
+}
+
+/// An orthonormal basis of the columns' span; columns that add next to nothing are left out.
+fn orthonormal(mut columns: DMatrix<f64>) -> DMatrix<f64> {
+    for mut column in columns.column_iter_mut() {
+        let norm = column.norm();
+        if norm > 0.0 {
+            column /= norm;
+        }
+    }
+    let decomposed = columns.col_piv_qr();
+    let (basis, triangle) = (decomposed.q(), decomposed.r());
+    let largest = triangle[(0, 0)].abs();
+    let rank =
+        (0..triangle.nrows().min(triangle.ncols())).take_while(|i| triangle[(*i, *i)].abs() > 1e-6 * largest);
+    basis.columns(0, rank.count()).into_owned()
+}
+
+fn whiten_rows(prepared: &Prepared, fit: &Fit, trial: usize) -> usize {
+    match (&fit.objective, prepared.noise_of[trial]) {
+        (Objective::Whitened(whiteners), Some(noise)) => whiteners[noise].nrows(),
+        _ => prepared.samples,
+    }
+}
+
+/// A trial's torques in units of its noise.
+pub fn whiten(prepared: &Prepared, fit: &Fit, trial: usize, torque_nm: &[f64]) -> DVector<f64> {
+    let torque = DVector::from_column_slice(torque_nm);
+    match (&fit.objective, prepared.noise_of[trial]) {
+        (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * torque,
+        _ => torque,
+    }
+}
+
+fn whiten_matrix(prepared: &Prepared, fit: &Fit, trial: usize, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    match (&fit.objective, prepared.noise_of[trial]) {
+        (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * columns,
+        _ => columns.clone(),
+    }
+}
