@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::omnibus::pattern;
 use super::screen::{Probe, score, torques};
-use super::tangent::{Direction, Tangent, whiten};
+use super::tangent::{Direction, Tangent};
 use crate::fit::{Effort, Fit, Prepared, solve};
 use crate::random::Stream;
 
@@ -22,7 +22,7 @@ pub struct Finding {
 
 /// Screens `residuals`.
 pub fn screen(prepared: &Prepared, tangent: &Tangent, probes: &[Probe], residuals: &Direction) -> Finding {
-    let pattern = pattern(prepared, residuals);
+    let pattern = pattern(prepared, tangent, residuals);
     let squares: f64 = residuals.iter().map(DVector::norm_squared).sum();
     let freedom = tangent.freedom() - pattern.count as f64;
     let unit = ((squares - pattern.statistic) / freedom.max(1.0)).max(1.0);
@@ -67,8 +67,8 @@ pub fn chance(
             let mut stream = Stream::new(seed, &format!("bootstrap/{}/{number}", fit.kinds.len()));
             let simulated = simulate(prepared, &predicted, &noise, &mut stream);
             let refitted = refit(&simulated, fit);
-            let residuals = whitened_residuals(&simulated, &refitted);
-            screen(&simulated, tangent, probes, &tangent.project(&residuals))
+            let residuals = Tangent::new(&simulated, &refitted).residuals();
+            screen(&simulated, tangent, probes, &residuals)
         })
         .collect();
     Chance {
@@ -126,18 +126,6 @@ pub fn refit(prepared: &Prepared, fit: &Fit) -> Fit {
     let start = &fit.solution.coordinates;
     let solution = solve(prepared, &fit.layout, &fit.kinds, &fit.objective, start, REFIT);
     fit.with_solution(solution)
-}
-
-/// Measured less predicted, whitened.
-pub fn whitened_residuals(prepared: &Prepared, fit: &Fit) -> Direction {
-    let predicted = torques(prepared, &fit.kinds, &fit.parameters);
-    (0..predicted.len())
-        .map(|trial| {
-            let measured = &prepared.trials[trial].measured_nm;
-            let left: Vec<f64> = measured.iter().zip(&predicted[trial]).map(|(m, p)| m - p).collect();
-            whiten(prepared, fit, trial, &left)
-        })
-        .collect()
 }
 
 /// The probability of a value at least as large as `value`, by the Gumbel distribution with the mean and the spread of the

@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::tangent::Direction;
+use super::tangent::{Direction, Tangent};
 use crate::fit::Prepared;
 
 /// How strongly the residuals go with one, velocity and torque, summed over independent values of the window.
@@ -19,7 +19,7 @@ pub struct Pattern {
 }
 
 /// The pattern in whitened residuals. Trials of one noise share their axes; noises are treated one by one and added up.
-pub fn pattern(prepared: &Prepared, residuals: &Direction) -> Pattern {
+pub fn pattern(prepared: &Prepared, tangent: &Tangent, residuals: &Direction) -> Pattern {
     let mut result = Pattern { statistic: 0.0, count: 0 };
     let mut groups: Vec<Option<usize>> = prepared.noise_of.clone();
     groups.sort_unstable();
@@ -27,17 +27,23 @@ pub fn pattern(prepared: &Prepared, residuals: &Direction) -> Pattern {
     for group in groups {
         let trials: Vec<usize> =
             (0..residuals.len()).filter(|trial| prepared.noise_of[*trial] == group).collect();
-        add(prepared, residuals, &trials, &mut result);
+        add(prepared, tangent, residuals, &trials, &mut result);
     }
     result
 }
 
-fn add(prepared: &Prepared, residuals: &Direction, trials: &[usize], result: &mut Pattern) {
+fn add(
+    prepared: &Prepared,
+    tangent: &Tangent,
+    residuals: &Direction,
+    trials: &[usize],
+    result: &mut Pattern,
+) {
     let regressors = regressors(prepared, trials);
     if trials.len() < 3 * regressors.ncols() {
         return;
     }
-    for value in 0..residuals[trials[0]].len() {
+    for value in 0..tangent.torque_values(trials[0]) {
         let own = DVector::from_iterator(trials.len(), trials.iter().map(|trial| residuals[*trial][value]));
         let coefficients = regressors.tr_mul(&own);
         let left = &own - &regressors * &coefficients;

@@ -7,7 +7,7 @@ use super::refit::{Candidate, candidates, not_ruled_out};
 use super::rest::{ResidualTerm, residual_term};
 use super::screen::{Unseen, probes, score};
 use super::tangent::Tangent;
-use crate::fit::{Fit, Model, Prepared, Weighting};
+use crate::fit::{Fit, Model, Prepared};
 use crate::wrist::mechanisms::Kind;
 
 /// What the diagnosis comes to.
@@ -95,7 +95,7 @@ const WORTH_ADDING: f64 = 8.0;
 
 /// Diagnoses `prepared` as seen by `model`.
 pub fn diagnose(prepared: &Prepared, model: &Model, seed: u64) -> Diagnosis {
-    let before = Fit::new(prepared, model, Weighting::MeasuredNoise);
+    let before = Fit::leaning(prepared, model);
     let mut remarks = Vec::new();
     let mut fit = before.clone();
     let mut causes: Vec<Cause> = Vec::new();

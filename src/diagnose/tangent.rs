@@ -2,13 +2,14 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::{Fit, Objective, Prepared, predictions};
+use crate::fit::{Fit, Link, Objective, Prepared, predictions};
 
 /// A fit's residuals and tangent space, component by component.
 pub struct Tangent {
     parts: Vec<Part>,
-    /// Values a trial in whitened units.
+    /// Values a trial in whitened units, and how many of its coordinates are known beforehand: each is one more value.
     rows: Vec<usize>,
+    known: Vec<usize>,
 }
 
 /// One component: trials that share parameters.
@@ -20,15 +21,18 @@ struct Part {
     residual: DVector<f64>,
 }
 
-/// A change of the predictions, whitened, with the part taken away that the free parameters can absorb; one vector a trial.
+/// A change of the predictions, whitened, one vector a trial. Projected ones lack the part that the free parameters can absorb,
+/// and end with what the change would do to coordinates known beforehand.
 pub type Direction = Vec<DVector<f64>>;
 
 impl Tangent {
     /// The tangent space of `fit`.
     pub fn new(prepared: &Prepared, fit: &Fit) -> Self {
         let predictions = predictions(prepared, fit);
+        let count = prepared.trials.len();
+        let known: Vec<Vec<usize>> = (0..count).map(|trial| known(fit, trial)).collect();
         let rows: Vec<usize> =
-            (0..prepared.trials.len()).map(|trial| whiten_rows(prepared, fit, trial)).collect();
+            (0..count).map(|trial| whiten_rows(prepared, fit, trial) + known[trial].len()).collect();
         let parts = fit
             .layout
             .components
@@ -42,15 +46,21 @@ impl Tangent {
                 for trial in &component.trials {
                     let (own, left) = (&predictions[*trial].jacobian, &predictions[*trial].residual_nm);
                     let white = whiten_matrix(prepared, fit, *trial, own);
-                    residual.rows_mut(first, rows[*trial]).copy_from(&whiten(prepared, fit, *trial, left));
+                    let values = white.nrows();
+                    residual.rows_mut(first, values).copy_from(&whiten(prepared, fit, *trial, left));
+                    for (row, coordinate) in known[*trial].iter().enumerate() {
+                        let (centre, sd) = fit.layout.coordinates[*coordinate].prior.unwrap_or((0.0, 1.0));
+                        residual[first + values + row] =
+                            (centre - fit.solution.coordinates[*coordinate]) / sd;
+                        if let Some(place) = order.iter().position(|own| own == coordinate) {
+                            jacobian[(first + values + row, place)] = 1.0 / sd;
+                        }
+                    }
                     for (row, parameter) in fit.layout.estimated.iter().enumerate() {
                         let value = fit.parameters[*trial][*parameter];
-                        if fit.at_bound(*trial, *parameter) {
-                            continue;
-                        }
                         fit.layout.slopes(*trial, *parameter, value, |coordinate, slope| {
                             if let Some(place) = order.iter().position(|own| *own == coordinate) {
-                                let mut column = jacobian.view_mut((first, place), (rows[*trial], 1));
+                                let mut column = jacobian.view_mut((first, place), (values, 1));
                                 column += white.column(row) * slope;
                             }
                         });
@@ -62,7 +72,7 @@ impl Tangent {
                 Part { trials: component.trials.clone(), basis, residual }
             })
             .collect();
-        Self { parts, rows }
+        Self { parts, rows, known: known.iter().map(Vec::len).collect() }
     }
 
     /// The whitened residuals by trial.
@@ -76,7 +86,7 @@ impl Tangent {
             let mut stacked = DVector::zeros(part.residual.len());
             let mut first = 0;
             for trial in &part.trials {
-                stacked.rows_mut(first, self.rows[*trial]).copy_from(&change[*trial]);
+                stacked.rows_mut(first, change[*trial].len()).copy_from(&change[*trial]);
                 first += self.rows[*trial];
             }
             stacked -= &part.basis * part.basis.tr_mul(&stacked);
@@ -87,6 +97,11 @@ impl Tangent {
     /// Values less parameters: the degrees of freedom of the residuals.
     pub fn freedom(&self) -> f64 {
         self.parts.iter().map(|part| part.residual.len() as f64 - part.basis.ncols() as f64).sum()
+    }
+
+    /// The whitened values of a trial's torque, without those that stand for what is known beforehand.
+    pub fn torque_values(&self, trial: usize) -> usize {
+        self.rows[trial] - self.known[trial]
     }
 
     fn by_trial(&self, stacked: impl Fn(&Part) -> DVector<f64>) -> Direction {
@@ -117,6 +132,19 @@ fn orthonormal(mut columns: DMatrix<f64>) -> DMatrix<f64> {
     let rank =
         (0..triangle.nrows().min(triangle.ncols())).take_while(|i| triangle[(*i, *i)].abs() > 1e-6 * largest);
     basis.columns(0, rank.count()).into_owned()
+}
+
+/// The coordinates of a trial's own block that something is known of beforehand.
+fn known(fit: &Fit, trial: usize) -> Vec<usize> {
+    let mut known = Vec::new();
+    for link in &fit.layout.links[trial] {
+        if let Link::Logarithmic { coordinate, .. } = link
+            && fit.layout.coordinates[*coordinate].prior.is_some()
+        {
+            known.push(*coordinate);
+        }
+    }
+    known
 }
 
 fn whiten_rows(prepared: &Prepared, fit: &Fit, trial: usize) -> usize {

@@ -81,6 +81,20 @@ impl Guess {
         }
     }
 
+    /// The first value of a trial's base parameter.
+    pub fn value(&self, trial: usize, parameter: usize) -> f64 {
+        self.trials[trial][parameter]
+    }
+
+    /// The same for some of the trials.
+    pub fn only(&self, trials: &[usize]) -> Self {
+        Self {
+            trials: trials.iter().map(|trial| self.trials[*trial]).collect(),
+            reach_rad: trials.iter().map(|trial| self.reach_rad[*trial]).collect(),
+            lever: self.lever,
+        }
+    }
+
     /// How far the motor goes in a trial's window, rad.
     pub fn reach_rad(&self, trial: usize) -> f64 {
         self.reach_rad[trial]
@@ -223,6 +237,7 @@ impl Pooled {
                 high: start + libm::log(above),
                 start,
                 scale: 1.0,
+                prior: None,
             }
         };
         let mut coordinates: Vec<Coordinate> = [0, 1, 2, 4, 5].into_iter().map(coordinate).collect();

@@ -38,6 +38,8 @@ pub struct Fit {
     pub solution: Solution,
     /// Each trial's parameters at the optimum, in the order of [`Model::parameter_names`].
     pub parameters: Vec<Vec<f64>>,
+    /// What single trials lean on where their own data hardly tell.
+    pub lean: Option<Guess>,
     /// Trials with another optimum that the data do not tell apart from this one.
     pub several: Vec<usize>,
 }
@@ -60,6 +62,16 @@ impl Fit {
         fit
     }
 
+    /// Fits `model` with the yields of single trials leaning on those of all: what a diagnosis starts from, since a yield
+    /// that one trial's data leave open would hide or feign a misfit of the model.
+    pub fn leaning(prepared: &Prepared, model: &Model) -> Self {
+        let points = looks(prepared);
+        let (objective, covariances) = objective(prepared, Weighting::MeasuredNoise, &points);
+        let guess = Guess::pooled(prepared, &objective, &points);
+        let first = Self::from_guess(prepared, model, objective, covariances, &guess);
+        Self { lean: Some(guess), ..first }.extended(prepared, model)
+    }
+
     /// Fits `model` from given first values, without looking for other optima.
     pub fn from_guess(
         prepared: &Prepared,
@@ -79,6 +91,7 @@ impl Fit {
             covariances,
             solution,
             parameters: Vec::new(),
+            lean: None,
             several: Vec::new(),
         };
         fit.take_parameters();
@@ -96,7 +109,10 @@ impl Fit {
     pub fn extended(&self, prepared: &Prepared, model: &Model) -> Self {
         let guess = Guess::at(prepared, &self.parameters);
         let kinds = model.kinds();
-        let layout = Layout::new(prepared, model, &guess);
+        let mut layout = Layout::new(prepared, model, &guess);
+        if let Some(lean) = &self.lean {
+            layout.lean(lean, &LEAN);
+        }
         let mut start = layout.start();
         for (trial, links) in layout.links.iter().enumerate() {
             for (parameter, link) in links.iter().enumerate().take(self.parameters[trial].len()) {
@@ -115,7 +131,8 @@ impl Fit {
     /// `model` fitted to some of the trials that this fit was made on, from where it ended.
     pub fn on(&self, prepared: &Prepared, trials: &[usize], model: &Model) -> Self {
         let parameters = trials.iter().map(|trial| self.parameters[*trial].clone()).collect();
-        Self { parameters, ..self.clone() }.extended(&prepared.only(trials), model)
+        let lean = self.lean.as_ref().map(|guess| guess.only(trials));
+        Self { parameters, lean, ..self.clone() }.extended(&prepared.only(trials), model)
     }
 
     /// Starts the yields from several places, gives each block of trials the best that was found, and polishes.
@@ -233,6 +250,9 @@ impl Fit {
         at_bound
     }
 }
+
+/// How far single trials' k_dec and x_e may be expected from those of all, as standard deviations of their logarithms.
+const LEAN: [(usize, f64); 2] = [(4, 0.4), (ELASTIC_LIMIT, 0.2)];
 
 /// Index of x_e in a trial's parameters.
 const ELASTIC_LIMIT: usize = 5;
