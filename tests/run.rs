@@ -183,6 +183,8 @@ fn bad_input_is_refused_with_code_2_and_no_folder_is_made() {
         (desk.path("none.json"), vec![], "none.json"),
         (quick.clone(), vec!["--subject", "person.json"], "person.json"),
         (quick.clone(), vec!["--subject", "missing.json"], "missing.json"),
+        (quick.clone(), vec!["--subject="], "--subject"),
+        (quick.clone(), vec!["--subject", "people/ada"], "people/ada"),
         (quick.clone(), vec!["--rig", "rig.json"], "rig.json"),
         (quick.clone(), vec!["--seed", "one"], "--seed"),
         (williams, vec!["--subject", "nobody"], "williams"),

@@ -203,6 +203,18 @@ fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(found)
 }
 
+/// The columns of the table after velocity and torque: symbol, unit, factor to it, digits.
+const COLUMNS: [(&str, &str, f64, usize); 8] = [
+    ("I_j", "g m2", 1e3, 2),
+    ("b_h", "N m s/rad", 1.0, 2),
+    ("k_h", "N m/rad", 1.0, 0),
+    ("k_srs", "N m/rad", 1.0, 1),
+    ("k_dec", "N m/rad", 1.0, 1),
+    ("x_e", "mrad", 1e3, 1),
+    ("k_after", "N m/rad", 1.0, 1),
+    ("x_t", "ms", 1e3, 1),
+];
+
 /// The table by condition that a person reads.
 pub fn table(console: &Console, results: &Results) -> Result<(), Failure> {
     let mut out = console.results();
@@ -214,33 +226,13 @@ pub fn table(console: &Console, results: &Results) -> Result<(), Failure> {
         results.estimates.len(),
         results.conditions.len()
     )?;
-    writeln!(
-        out,
-        "{:>8} {:>6}  {:>15} {:>13} {:>13} {:>13} {:>13} {:>15} {:>13} {:>13} {:>7}",
-        "velocity", "torque", "I_j", "b_h", "k_h", "k_srs", "k_dec", "x_e", "k_after", "x_t", "VAF"
-    )?;
-    writeln!(
-        out,
-        "{:>8} {:>6}  {:>15} {:>13} {:>13} {:>13} {:>13} {:>15} {:>13} {:>13} {:>7}",
-        "rad/s", "N m", "g m2", "N m s/rad", "N m/rad", "N m/rad", "N m/rad", "mrad", "N m/rad", "ms", ""
-    )?;
-    for condition in &results.conditions {
-        writeln!(
-            out,
-            "{:>8.2} {:>6.2}  {:>15} {:>13} {:>13} {:>13} {:>13} {:>15} {:>13} {:>13} {:>7}{}",
-            condition.velocity_rad_s,
-            condition.torque_nm,
-            spread(condition, 0, 1e3, 2),
-            spread(condition, 1, 1.0, 2),
-            spread(condition, 2, 1.0, 0),
-            spread(condition, 3, 1.0, 1),
-            spread(condition, 4, 1.0, 1),
-            spread(condition, 5, 1e3, 1),
-            spread(condition, 6, 1.0, 1),
-            spread(condition, 7, 1e3, 1),
-            condition.mean[8].map_or("-".into(), |vaf| format!("{vaf:.4}")),
-            condition.condition.as_ref().map_or(String::new(), |label| format!("  {label}")),
-        )?;
+    let rows: Vec<Vec<String>> = head().into_iter().chain(results.conditions.iter().map(row)).collect();
+    let widest = |column: usize| rows.iter().map(|row| row[column].len()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..rows[0].len()).map(widest).collect();
+    for row in &rows {
+        let cells: Vec<String> =
+            row.iter().zip(&widths).map(|(cell, width)| format!("{cell:>width$}")).collect();
+        writeln!(out, "{}", cells.join("  ").trim_end())?;
     }
     let failed: Vec<String> =
         results.estimates.iter().filter(|e| !e.converged).map(|e| e.trial.to_string()).collect();
@@ -256,6 +248,29 @@ pub fn table(console: &Console, results: &Results) -> Result<(), Failure> {
         )?;
     }
     Ok(())
+}
+
+/// Symbols and units.
+fn head() -> [Vec<String>; 2] {
+    let line = |first: [&str; 2],
+                of: fn(&(&'static str, &'static str, f64, usize)) -> &'static str,
+                last: [&str; 2]| {
+        first.into_iter().chain(COLUMNS.iter().map(of)).chain(last).map(str::to_owned).collect()
+    };
+    [
+        line(["velocity", "torque"], |column| column.0, ["VAF", ""]),
+        line(["rad/s", "N m"], |column| column.1, ["", ""]),
+    ]
+}
+
+fn row(condition: &ConditionEstimate) -> Vec<String> {
+    let mut cells = vec![format!("{:.2}", condition.velocity_rad_s), format!("{:.2}", condition.torque_nm)];
+    for (quantity, (_, _, factor, digits)) in COLUMNS.into_iter().enumerate() {
+        cells.push(spread(condition, quantity, factor, digits));
+    }
+    cells.push(condition.mean[8].map_or("-".into(), |vaf| format!("{vaf:.4}")));
+    cells.push(condition.condition.clone().unwrap_or_default());
+    cells
 }
 
 fn spread(condition: &ConditionEstimate, quantity: usize, factor: f64, digits: usize) -> String {

@@ -145,12 +145,17 @@ fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Fai
 
 /// A file if there is one, or a name that looks like one; else the person drawn from the identifier.
 fn person(subject: Option<&str>) -> Result<Person, Failure> {
+    let in_identifier = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     match subject {
         None => Ok(Person::default()),
         Some(file) if file.ends_with(".json") || Path::new(file).is_file() => {
             Ok(Person::read(Path::new(file))?)
         }
-        Some(id) => Ok(Person::drawn(id)),
+        Some(id) if !id.is_empty() && id.chars().all(in_identifier) => Ok(Person::drawn(id)),
+        Some(other) => Err(Failure::Usage(format!(
+            "--subject {other:?}: is no file, and no identifier; expected the JSON file of a person, or letters, digits, \
+             -, _ and . such as S03"
+        ))),
     }
 }
 
