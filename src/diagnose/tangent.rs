@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::screen::torques;
 use crate::fit::{Fit, Link, Objective, Prepared, predictions};
 
 /// A fit's residuals and tangent space, component by component.
@@ -10,6 +11,8 @@ pub struct Tangent {
     /// Values a trial in whitened units, and how many of its coordinates are known beforehand: each is one more value.
     rows: Vec<usize>,
     known: Vec<usize>,
+    /// What the encoder's rounding of the angle at rest may do to all trials alike: projected, and of length one.
+    at_rest: Option<Direction>,
 }
 
 /// One component: trials that share parameters.
@@ -72,17 +75,26 @@ impl Tangent {
                 Part { trials: component.trials.clone(), basis, residual }
             })
             .collect();
-        Self { parts, rows, known: known.iter().map(Vec::len).collect() }
+        let known = known.iter().map(Vec::len).collect();
+        let mut tangent = Self { parts, rows, known, at_rest: None };
+        if prepared.angle_step_rad > 0.0 {
+            let direction = tangent.project(&rounding_at_rest(prepared, fit));
+            let length = libm::sqrt(direction.iter().map(DVector::norm_squared).sum());
+            if length > 1e-6 {
+                tangent.at_rest = Some(direction.into_iter().map(|own| own / length).collect());
+            }
+        }
+        tangent
     }
 
     /// The whitened residuals by trial.
     pub fn residuals(&self) -> Direction {
-        self.by_trial(|part| part.residual.clone())
+        self.without_rounding(self.by_trial(|part| part.residual.clone()))
     }
 
     /// Takes away from `change` what the free parameters can absorb.
     pub fn project(&self, change: &Direction) -> Direction {
-        self.by_trial(|part| {
+        let projected = self.by_trial(|part| {
             let mut stacked = DVector::zeros(part.residual.len());
             let mut first = 0;
             for trial in &part.trials {
@@ -91,7 +103,18 @@ impl Tangent {
             }
             stacked -= &part.basis * part.basis.tr_mul(&stacked);
             stacked
-        })
+        });
+        self.without_rounding(projected)
+    }
+
+    fn without_rounding(&self, mut values: Direction) -> Direction {
+        if let Some(at_rest) = &self.at_rest {
+            let along: f64 = at_rest.iter().zip(&values).map(|(unit, own)| unit.dot(own)).sum();
+            for (own, unit) in values.iter_mut().zip(at_rest) {
+                *own -= along * unit;
+            }
+        }
+        values
     }
 
     /// Values less parameters: the degrees of freedom of the residuals.
@@ -116,6 +139,36 @@ impl Tangent {
         }
         result
     }
+}
+
+/// When the motor leaves the encoder step that it stood in, s after the onset, and when it is well out of it.
+const LEAVES_S: (f64, f64) = (0.001, 0.004);
+
+/// The change of the predictions if the angle at rest was rounded by one step: the motor comes back to the same place after
+/// each trial, so that the error is the same in all of them and averages out in none.
+fn rounding_at_rest(prepared: &Prepared, fit: &Fit) -> Direction {
+    let mut shifted = prepared.clone();
+    for trial in &mut shifted.trials {
+        let onset = trial.input.onset;
+        for (sample, knot) in trial.input.motion.iter_mut().enumerate().skip(onset) {
+            let time = (sample - onset) as f64 * prepared.period_s;
+            let part = ((time - LEAVES_S.0) / (LEAVES_S.1 - LEAVES_S.0)).clamp(0.0, 1.0);
+            let phase = std::f64::consts::PI * part;
+            knot.theta += trial.direction * prepared.angle_step_rad * 0.5 * (1.0 - libm::cos(phase));
+            knot.omega +=
+                trial.direction * prepared.angle_step_rad * 0.5 * libm::sin(phase) * std::f64::consts::PI
+                    / (LEAVES_S.1 - LEAVES_S.0);
+        }
+    }
+    let before = torques(prepared, &fit.kinds, &fit.parameters);
+    let after = torques(&shifted, &fit.kinds, &fit.parameters);
+    (0..before.len())
+        .map(|trial| {
+            let change: Vec<f64> =
+                after[trial].iter().zip(&before[trial]).map(|(to, from)| to - from).collect();
+            whiten(prepared, fit, trial, &change)
+        })
+        .collect()
 }
 
 /// An orthonormal basis of the columns' span; columns that add next to nothing are left out.

@@ -6,7 +6,7 @@ use super::plant::Knot;
 
 /// Time to either side of a sample over which the recorded angle is smoothed, s: the steps of an encoder lie beyond, the
 /// rise of a ramp and the torque's filter well within.
-const SMOOTHING_S: f64 = 0.002;
+const SMOOTHING_S: f64 = 0.0012;
 
 /// Angle and speed at every sample: those of the cubic fitted to the samples about it (Savitzky and Golay 1964), over a
 /// shorter stretch near the ends.
