@@ -8,6 +8,7 @@ mod console;
 mod diagnose;
 mod failure;
 mod fit;
+mod model;
 mod operator;
 mod run;
 mod schedule;

@@ -43,8 +43,10 @@ fn add(
     if trials.len() < 3 * regressors.ncols() {
         return;
     }
-    for value in 0..tangent.torque_values(trials[0]) {
-        let own = DVector::from_iterator(trials.len(), trials.iter().map(|trial| residuals[*trial][value]));
+    let across = |value: usize| {
+        DVector::from_iterator(trials.len(), trials.iter().map(|trial| residuals[*trial][value]))
+    };
+    for own in (0..tangent.torque_values(trials[0])).map(across) {
         let coefficients = regressors.tr_mul(&own);
         let left = &own - &regressors * &coefficients;
         let freedom = (trials.len() - regressors.ncols()) as f64;
