@@ -8,6 +8,7 @@ use ramphold::fit::{self, ConditionEstimate, Model, Prepared, Results, View, Wei
 use ramphold::protocol::ValidProtocol;
 use rayon::prelude::*;
 
+use super::report::write_report;
 use super::{Console, Failure, Verb};
 
 /// Fit the wrist model to measured sessions; writes fit.csv, conditions.csv and fit.json.
@@ -45,6 +46,7 @@ impl Verb for Fit {
             let results = self.fit(session, &model)?;
             let folder = self.out.clone().unwrap_or_else(|| session.join("results"));
             results.write(&Disk::default(), &folder)?;
+            write_report(session, &folder, console)?;
             return self.show(console, &results);
         }
         self.fit_many(console, &sessions, &model)
@@ -70,7 +72,8 @@ impl Fit {
                 let folder = self.out.as_ref().map_or_else(|| session.join("results"), |out| out.join(name));
                 let done = self
                     .fit(session, model)
-                    .and_then(|results| results.write(&Disk::default(), &folder).map_err(Failure::from));
+                    .and_then(|results| results.write(&Disk::default(), &folder).map_err(Failure::from))
+                    .and_then(|()| write_report(session, &folder, &console.silent()).map(drop));
                 progress.inc(1);
                 match done {
                     Ok(()) => 0,
@@ -148,7 +151,7 @@ pub fn read_model(file: Option<&Path>) -> Result<Model, Failure> {
 }
 
 /// The folders themselves where they hold a session, else the sessions in them.
-fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+pub fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let is_session = |folder: &Path| folder.join("session.json").exists();
     let mut found = Vec::new();
     for folder in given {

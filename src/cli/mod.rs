@@ -5,9 +5,11 @@
 
 mod check;
 mod console;
+mod export;
 mod failure;
 mod fit;
 mod operator;
+mod report;
 mod run;
 mod schedule;
 mod schema;
@@ -48,6 +50,8 @@ verbs! {
     Run(run::Run),
     Check(check::Check),
     Fit(fit::Fit),
+    Report(report::Report),
+    Export(export::Export),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

@@ -13,6 +13,7 @@ use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Stat
 
 use super::fit::{fit_session, table};
 use super::operator::CommandLineOperator;
+use super::report::write_report;
 use super::{Console, Failure, Verb};
 
 /// Run a session of a protocol and write its folder.
@@ -132,6 +133,7 @@ fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Fai
     }
     let results = fit_session(folder, &Model::paper(), None, Weighting::default())?;
     results.write(&Disk::default(), &folder.join("results"))?;
+    write_report(folder, &folder.join("results"), console)?;
     table(console, &results)
 }
 
