@@ -5,6 +5,7 @@
 
 mod check;
 mod console;
+mod diagnose;
 mod export;
 mod failure;
 mod fit;
@@ -52,6 +53,7 @@ verbs! {
     Fit(fit::Fit),
     Report(report::Report),
     Export(export::Export),
+    Diagnose(diagnose::Diagnose),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

@@ -32,6 +32,9 @@ pub fn diagnosis(material: &Material) -> Section {
     if let Some(figure) = residual_map(&map) {
         section.figure(figure);
     }
+    for remark in file.root["remarks"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        section.say(&format!("Remark: {remark}."));
+    }
     if !file.absent.is_empty() {
         section.absent(&format!("diagnosis.json does not say: {}.", file.absent.join("; ")));
     }
