@@ -9,6 +9,7 @@ use ramphold::fit::Prepared;
 use serde_json::Value;
 
 use super::fit::{read_model, view};
+use super::report::write_report;
 use super::{Console, Failure, Verb};
 
 /// Diagnose a session: does the model miss anything, where, why, and what does mending it gain.
@@ -49,6 +50,7 @@ impl Verb for Diagnose {
         let json = diagnosis.to_json(&prepared);
         let folder = self.out.clone().unwrap_or_else(|| self.session.join("results"));
         diagnosis.write(&prepared, &json, &Disk::default(), &folder)?;
+        write_report(&self.session, &folder, console)?;
         if self.json {
             writeln!(console.results(), "{}", serde_json::to_string_pretty(&json).unwrap_or_default())?;
             return Ok(());

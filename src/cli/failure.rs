@@ -4,8 +4,10 @@ use std::io;
 use std::path::PathBuf;
 
 use ramphold::dataset::{DatasetError, RecordError};
+use ramphold::export::ExportError;
 use ramphold::fit::{ModelError, PrepareError, WriteError};
 use ramphold::protocol::{ProtocolError, TooShort};
+use ramphold::report::ReportError;
 use ramphold::rig::virtual_wrist::{PersonError, RigFileError};
 use ramphold::schedule::DrawError;
 
@@ -48,6 +50,12 @@ pub enum Failure {
     /// Results could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// The report could not be made.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// The export could not be made.
+    #[error(transparent)]
+    Export(#[from] ExportError),
     /// Some of the sessions could not be fitted; each has been told of.
     #[error("{failed} of {of} sessions could not be fitted")]
     Some {
@@ -106,6 +114,15 @@ impl Failure {
             | Self::Person(_)
             | Self::Rig(_)
             | Self::Record(RecordError::Exists(_)) => 2,
+            Self::Export(error) => {
+                if error.is_bad_input() {
+                    2
+                } else {
+                    1
+                }
+            }
+            Self::Report(ReportError::Unwritable { .. }) => 1,
+            Self::Report(_) => 2,
             Self::Write(_) | Self::Some { .. } | Self::Record(_) | Self::Ended { .. } | Self::Signals(_) => 1,
             Self::Output(_) if self.is_broken_pipe() => 0,
             Self::Output(_) => 1,

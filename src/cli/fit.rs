@@ -8,6 +8,7 @@ use ramphold::fit::{self, ConditionEstimate, Model, Prepared, Results, View, Wei
 use ramphold::protocol::ValidProtocol;
 use rayon::prelude::*;
 
+use super::report::write_report;
 use super::{Console, Failure, Verb};
 
 /// Fit the wrist model to measured sessions; writes fit.csv, conditions.csv and fit.json.
@@ -45,6 +46,7 @@ impl Verb for Fit {
         if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
             let results = self.fit(session, &model)?;
             results.write(&Disk::default(), folder)?;
+            write_report(session, folder, console)?;
             return self.show(console, &results);
         }
         self.fit_many(console, &sessions, &folders, &model)
@@ -101,7 +103,9 @@ impl Fit {
             .into_par_iter()
             .map(|(session, folder)| {
                 let done = self.fit(session, model).and_then(|results| {
-                    Ok(results.write(&Disk::default(), folder).map(|()| results.json)?)
+                    results.write(&Disk::default(), folder)?;
+                    write_report(session, folder, &console.silent())?;
+                    Ok(results.json)
                 });
                 progress.inc(1);
                 done.map_err(|failure| progress.suspend(|| console.error(&failure))).ok()
@@ -180,7 +184,7 @@ pub fn read_model(file: Option<&Path>) -> Result<Model, Failure> {
 }
 
 /// The folders themselves where they hold a session, else the sessions in them.
-fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+pub fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let is_session = |folder: &Path| folder.join("session.json").exists();
     let mut found = Vec::new();
     for folder in given {

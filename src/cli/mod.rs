@@ -6,10 +6,12 @@
 mod check;
 mod console;
 mod diagnose;
+mod export;
 mod failure;
 mod fit;
 mod model;
 mod operator;
+mod report;
 mod run;
 mod schedule;
 mod schema;
@@ -50,6 +52,8 @@ verbs! {
     Run(run::Run),
     Check(check::Check),
     Fit(fit::Fit),
+    Report(report::Report),
+    Export(export::Export),
     Diagnose(diagnose::Diagnose),
     Schedule(schedule::Schedule),
     States(states::States),

@@ -14,6 +14,7 @@ use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Stat
 use super::fit::{fit_session, table};
 use super::model::add_model;
 use super::operator::CommandLineOperator;
+use super::report::write_report;
 use super::{Console, Failure, Verb};
 
 /// Run a session of a protocol and write its folder.
@@ -140,6 +141,7 @@ fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Fai
     }
     let results = fit_session(folder, &Model::paper(), None, Weighting::default())?;
     results.write(&Disk::default(), &folder.join("results"))?;
+    write_report(folder, &folder.join("results"), console)?;
     table(console, &results)
 }
 
