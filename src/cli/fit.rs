@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ramphold::dataset::{self, Disk};
+use ramphold::dataset::{self, Disk, Manifest};
 use ramphold::fit::{self, ConditionEstimate, Model, Prepared, Results, View, Weighting};
 use ramphold::protocol::ValidProtocol;
 use rayon::prelude::*;
@@ -45,6 +45,9 @@ impl Verb for Fit {
             let results = self.fit(session, &model)?;
             let folder = self.out.clone().unwrap_or_else(|| session.join("results"));
             results.write(&Disk::default(), &folder)?;
+            if self.out.is_none() {
+                Manifest::renew_results(&Disk::default(), session)?;
+            }
             return self.show(console, &results);
         }
         self.fit_many(console, &sessions, &model)
@@ -70,7 +73,11 @@ impl Fit {
                 let folder = self.out.as_ref().map_or_else(|| session.join("results"), |out| out.join(name));
                 let done = self
                     .fit(session, model)
-                    .and_then(|results| results.write(&Disk::default(), &folder).map_err(Failure::from));
+                    .and_then(|results| Ok(results.write(&Disk::default(), &folder)?))
+                    .and_then(|()| match self.out {
+                        Some(_) => Ok(()),
+                        None => Ok(Manifest::renew_results(&Disk::default(), session)?),
+                    });
                 progress.inc(1);
                 match done {
                     Ok(()) => 0,

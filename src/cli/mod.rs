@@ -8,10 +8,13 @@ mod console;
 mod failure;
 mod fit;
 mod operator;
+mod replay;
+mod resume;
 mod run;
 mod schedule;
 mod schema;
 mod states;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -46,6 +49,9 @@ macro_rules! verbs {
 
 verbs! {
     Run(run::Run),
+    Resume(resume::Resume),
+    Replay(replay::Replay),
+    Verify(verify::Verify),
     Check(check::Check),
     Fit(fit::Fit),
     Schedule(schedule::Schedule),

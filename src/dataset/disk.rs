@@ -4,18 +4,25 @@ use std::cell::Cell;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
+use std::time::Duration;
 
 /// All writing of a session goes through here; a test can make any of its operations fail.
 #[derive(Debug, Default)]
 pub struct Disk {
     operations: Cell<u64>,
     fails_from: Option<(u64, ErrorKind)>,
+    takes: Duration,
 }
 
 impl Disk {
     /// A disk whose operations fail from the given one on (the first is 0), as a full or dying disk does.
     pub fn failing_from(operation: u64, kind: ErrorKind) -> Self {
-        Self { operations: Cell::new(0), fails_from: Some((operation, kind)) }
+        Self { fails_from: Some((operation, kind)), ..Self::default() }
+    }
+
+    /// A disk whose operations take so long.
+    pub fn slow(takes: Duration) -> Self {
+        Self { takes, ..Self::default() }
     }
 
     /// How many operations there were.
@@ -25,6 +32,9 @@ impl Disk {
 
     fn operate(&self) -> io::Result<()> {
         let operation = self.operations.replace(self.operations.get() + 1);
+        if !self.takes.is_zero() {
+            std::thread::sleep(self.takes);
+        }
         match self.fails_from {
             Some((from, kind)) if operation >= from => Err(io::Error::from(kind)),
             _ => Ok(()),
@@ -51,6 +61,18 @@ impl Disk {
     pub fn open(&self, path: &Path) -> io::Result<File> {
         self.operate()?;
         OpenOptions::new().append(true).open(path)
+    }
+
+    /// Cuts a file off at `length`.
+    pub fn cut(&self, file: &File, length: u64) -> io::Result<()> {
+        self.operate()?;
+        file.set_len(length)
+    }
+
+    /// Takes away a file that was never finished.
+    pub fn remove(&self, path: &Path) -> io::Result<()> {
+        self.operate()?;
+        fs::remove_file(path)
     }
 
     /// Appends bytes.
