@@ -45,10 +45,7 @@ impl Disk {
     pub fn create_folder(&self, path: &Path) -> io::Result<()> {
         self.operate()?;
         fs::create_dir(path)?;
-        match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => self.sync_folder(parent),
-            _ => self.sync_folder(Path::new(".")),
-        }
+        self.sync_folder(folder_of(path))
     }
 
     /// Opens a new file for appending; one that is there is an error.
@@ -77,7 +74,11 @@ impl Disk {
 
     /// Appends bytes.
     pub fn append(&self, file: &mut File, bytes: &[u8]) -> io::Result<()> {
-        self.operate()?;
+        if let Err(error) = self.operate() {
+            // A disk that fills up takes some of the bytes first.
+            file.write_all(&bytes[..bytes.len() / 2])?;
+            return Err(error);
+        }
         file.write_all(bytes)
     }
 
@@ -101,7 +102,7 @@ impl Disk {
     pub fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
         self.operate()?;
         fs::rename(from, to)?;
-        to.parent().map_or(Ok(()), |folder| self.sync_folder(folder))
+        self.sync_folder(folder_of(to))
     }
 
     /// Returns when the names in a folder are on the disk.
@@ -110,6 +111,11 @@ impl Disk {
         // Only Unix lets a folder be opened and synchronised; elsewhere the rename itself has to do.
         if cfg!(unix) { File::open(path)?.sync_all() } else { Ok(()) }
     }
+}
+
+/// The folder that `path` is in.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]

@@ -175,11 +175,15 @@ impl Recorder {
         let Some(open) = &mut self.open else { return Ok(()) };
         self.rows.push(&mut open.buffer, open.samples, sample);
         open.samples += 1;
-        if open.buffer.len() >= CHUNK {
-            let path = self.folder.join(&open.file);
-            self.disk.append(&mut open.handle, &open.buffer).map_err(RecordError::at(&path))?;
-            open.buffer.clear();
-        }
+        if open.buffer.len() >= CHUNK { self.flush() } else { Ok(()) }
+    }
+
+    /// Hands the rows so far to the operating system: the death of the program does not take them any more.
+    fn flush(&mut self) -> Result<(), RecordError> {
+        let Some(open) = self.open.as_mut().filter(|open| !open.buffer.is_empty()) else { return Ok(()) };
+        let path = self.folder.join(&open.file);
+        self.disk.append(&mut open.handle, &open.buffer).map_err(RecordError::at(&path))?;
+        open.buffer.clear();
         Ok(())
     }
 
@@ -219,16 +223,22 @@ impl Recorder {
             }
             self.finish()?;
         }
+        let goes_on = open != Recording::None && open == step.recording;
+        if let (true, Some(sample)) = (goes_on, &step.measured) {
+            self.keep(sample)?;
+        }
+        if step.is_told() {
+            // What an entry rests on is in the record before the entry is in the journal.
+            self.flush()?;
+        }
         if let Some(happening) = step.happened {
             self.append(&Record::Happened(happening))?;
         }
         if let Some(word) = step.refused {
             self.append(&Record::Refused { sample: step.sample, word })?;
         }
-        if step.recording != Recording::None {
-            if open != step.recording {
-                self.begin(step.recording)?;
-            }
+        if step.recording != Recording::None && !goes_on {
+            self.begin(step.recording)?;
             if let Some(sample) = &step.measured {
                 self.keep(sample)?;
             }
@@ -274,4 +284,4 @@ fn alters_tables(happening: &Happening) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

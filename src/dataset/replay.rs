@@ -89,6 +89,7 @@ impl fmt::Display for Difference {
 /// If the folder cannot be read, or its journal is damaged in the middle.
 pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
     let story = Story::read(folder)?;
+    story.undamaged()?;
     let mut standing = Standing::new(&story.settings);
     let mut replay = Replay {
         steps: 0,
@@ -105,6 +106,7 @@ pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
         let lines: Vec<Line> = part.iter().filter_map(|record| Line::of(record)).collect();
         replay.starts += 1;
         let mut player = Player::new(&story, standing, replay.starts);
+        player.ended_well = resumed.is_none() && !is_under_way(&lines);
         let played = player.play(&lines)?;
         replay.steps += player.machine.sample();
         replay.events += player.events;
@@ -117,8 +119,16 @@ pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
             standing.take(record);
         }
     }
-    story.undamaged()?;
     Ok(replay)
+}
+
+/// Whether the last thing that a journal tells leaves the session going on: the program did not live to end it.
+fn is_under_way(lines: &[Line]) -> bool {
+    let last = lines.iter().rev().find_map(|line| match line.record {
+        LineRecord::Happened(happening) => Some(happening.to),
+        LineRecord::Refused(_) => None,
+    });
+    last.is_none_or(Phase::is_armed)
 }
 
 /// What the journal says of one step.
@@ -165,6 +175,8 @@ struct Player<'a> {
     standing: Standing,
     watch: Limits,
     start: usize,
+    /// The program lived to end this start of the session.
+    ended_well: bool,
     rows: Option<Rows>,
     angle_rad: f64,
     events: usize,
@@ -175,7 +187,17 @@ impl<'a> Player<'a> {
         let mut settings = Settings::clone(&story.settings);
         let watch = std::mem::replace(&mut settings.limits, endless());
         let machine = Machine::with_ledger(Arc::new(settings), standing.ledger.clone());
-        Self { story, machine, standing, watch, start, rows: None, angle_rad: 0.0, events: 0 }
+        Self {
+            story,
+            machine,
+            standing,
+            watch,
+            start,
+            ended_well: true,
+            rows: None,
+            angle_rad: 0.0,
+            events: 0,
+        }
     }
 
     /// Plays the lines of the journal; the first difference.
@@ -188,7 +210,7 @@ impl<'a> Player<'a> {
             let (due, later) = lines.split_at(now);
             let (happened, refused) = expected(due);
             let waits = later.first().map(|line| line.sample.saturating_sub(step));
-            let rows_left = self.rows.as_ref().is_some_and(|rows| rows.next < rows.samples.len());
+            let rows_left = self.rows_are_left();
             let may_go_on = self.machine.phase().is_armed()
                 && (rows_left || waits.is_some_and(|samples| samples <= longest));
             if due.is_empty() && !may_go_on {
@@ -199,10 +221,18 @@ impl<'a> Player<'a> {
             let phase = self.machine.phase();
             let next = later.first().map(|line| &line.record);
             let Some(input) = self.input(happened, refused, next) else {
+                if self.loses_its_end(lines) {
+                    return Ok(None);
+                }
                 let recorded = happened.map_or("a state that goes on".to_owned(), |it| describe(&it));
                 return Ok(Some(self.difference(step, recorded, "the end of the record".to_owned())));
             };
             let output = self.machine.step(&input);
+            if due.is_empty() && later.is_empty() && !self.ended_well && !self.rows_are_left() {
+                // The last sample of all may have decided something that never came to be in the journal, and so was not
+                // acted on either.
+                return Ok(None);
+            }
             if output.happened != happened || output.refused != refused {
                 let recorded = describe_step(happened, refused);
                 let replayed = describe_step(output.happened, output.refused);
@@ -216,6 +246,20 @@ impl<'a> Player<'a> {
             }
             lines = later;
         }
+    }
+
+    fn rows_are_left(&self) -> bool {
+        self.rows.as_ref().is_some_and(|rows| rows.next < rows.samples.len())
+    }
+
+    /// Whether the record under way may be shorter than the journal tells: a machine that lost its power has the journal
+    /// on its disk, of the samples perhaps less. Nothing that came later depends on them: the trial counts as aborted.
+    fn loses_its_end(&self, left: &[Line]) -> bool {
+        let stays = |line: &Line| match line.record {
+            LineRecord::Happened(happening) => happening.to.in_trial(),
+            LineRecord::Refused(_) => true,
+        };
+        !self.ended_well && left.iter().all(stays)
     }
 
     fn difference(&self, sample: u64, recorded: String, replayed: String) -> Difference {

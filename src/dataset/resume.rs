@@ -210,35 +210,4 @@ fn is_whole(row: &[u8]) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_record_cut_anywhere_keeps_its_whole_rows() {
-        let rows = ["0.0000,0.0000000,2.1,0,0\n", "0.0004,0.0000000,2.2,0,0\n"];
-        let all = [HEADER, rows[0].as_bytes(), rows[1].as_bytes()].concat();
-        for length in 0..=all.len() {
-            let whole = (length >= HEADER.len() + rows[0].len()) as u64 + (length == all.len()) as u64;
-            let (good, samples) = whole_rows(&all[..length]);
-            assert_eq!(samples, whole, "cut at {length}");
-            assert_eq!(good, all[..HEADER.len() + rows[0].len() * whole as usize]);
-        }
-        let zeros = [&all[..], &[0; 30][..]].concat();
-        assert_eq!(whole_rows(&zeros).1, 2, "a block of zeros is no row");
-    }
-
-    #[test]
-    fn a_record_is_settled_under_its_name_whatever_was_there() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("trial-001.csv");
-        let part = folder.path().join("trial-001.csv.part");
-        let disk = Disk::default();
-        assert_eq!(settle(&disk, &path).unwrap(), 0);
-        assert_eq!(fs::read(&path).unwrap(), HEADER);
-        fs::write(&part, [HEADER, b"0.0,0.0,2.1,0,0\n0.1,0."].concat()).unwrap();
-        assert_eq!(settle(&disk, &path).unwrap(), 1);
-        assert_eq!(fs::read(&path).unwrap(), [HEADER, b"0.0,0.0,2.1,0,0\n"].concat());
-        assert!(!part.exists());
-        assert_eq!(settle(&disk, &path).unwrap(), 1, "settling twice changes nothing");
-    }
-}
+mod tests;
