@@ -5,6 +5,7 @@
 
 mod check;
 mod console;
+mod diagnose;
 mod failure;
 mod fit;
 mod operator;
@@ -54,6 +55,7 @@ verbs! {
     Verify(verify::Verify),
     Check(check::Check),
     Fit(fit::Fit),
+    Diagnose(diagnose::Diagnose),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

@@ -16,9 +16,9 @@ pub use estimates::{ConditionEstimate, Estimate, QUANTITIES, by_condition, estim
 pub use guess::{Guess, looks};
 pub use layout::{Component, Coordinate, Layout, Link};
 pub use model::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};
-pub use normal::{Normal, Objective};
+pub use normal::{Normal, Objective, predict, trial_costs};
 pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View};
-pub use results::{FIT_FORMAT, Results, WriteError};
+pub use results::{FIT_FORMAT, Results, WriteError, write_files};
 pub use run::{Fit, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};
 pub use uncertainty::{

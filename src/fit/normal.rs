@@ -98,6 +98,7 @@ pub fn evaluate(
             normal.add(component, layout, own, *trial, parameters, &part);
             place += 1;
         }
+        normal.add_priors(component, layout, coordinates);
         result.push(normal);
     }
     result
@@ -228,6 +229,30 @@ impl Normal {
                     (Err(_), Ok(_)) => {}
                     (Err(a), Err(b)) => self.border[(*a, *b)] += value,
                 }
+            }
+        }
+    }
+
+    /// Adds what is known of the coordinates beforehand.
+    fn add_priors(&mut self, component: &Component, layout: &Layout, at: &[f64]) {
+        let known = |coordinate: &usize| {
+            let (centre, sd) = layout.coordinates[*coordinate].prior?;
+            Some(((at[*coordinate] - centre) / sd, sd))
+        };
+        for (own, (block, _, gradient)) in component.blocks.iter().zip(&mut self.blocks) {
+            for (place, coordinate) in own.iter().enumerate() {
+                if let Some((away, sd)) = known(coordinate) {
+                    self.cost += 0.5 * away * away;
+                    gradient[place] += away / sd;
+                    block[(place, place)] += 1.0 / (sd * sd);
+                }
+            }
+        }
+        for (place, coordinate) in component.border.iter().enumerate() {
+            if let Some((away, sd)) = known(coordinate) {
+                self.cost += 0.5 * away * away;
+                self.border_gradient[place] += away / sd;
+                self.border[(place, place)] += 1.0 / (sd * sd);
             }
         }
     }

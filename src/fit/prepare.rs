@@ -55,6 +55,8 @@ pub struct Prepared {
     pub stride: usize,
     /// Standard deviation of the recorded angle's error, rad: measured in the holds, at least that of its steps.
     pub angle_noise_rad: f64,
+    /// Step of the encoder that the holds stand still in, rad; zero where the recorded angle is never still.
+    pub angle_step_rad: f64,
     /// Noise by trial: index into [`Prepared::noises`]; `None` where the hold is too short to measure any.
     pub noise_of: Vec<Option<usize>>,
     /// The noises measured.
@@ -132,6 +134,7 @@ impl Prepared {
             left_out: Vec::new(),
             stride: stride(session, view, samples),
             angle_noise_rad: 0.0,
+            angle_step_rad: 0.0,
             noise_of: Vec::new(),
             noises: Vec::new(),
         };
@@ -145,7 +148,7 @@ impl Prepared {
         if prepared.trials.is_empty() {
             return Err(PrepareError::NoTrial { of: session.trials.len(), left_out: prepared.left_out });
         }
-        prepared.angle_noise_rad = angle_noise(&usable);
+        (prepared.angle_noise_rad, prepared.angle_step_rad) = angle_noise(&usable);
         prepared.number_conditions();
         prepared.fill_covariates(&usable);
         // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
@@ -160,6 +163,9 @@ const FEWEST_SAMPLES: usize = 12;
 
 /// Stretches of hold that a torque level needs for a noise of its own; with fewer, all levels share one.
 const STRETCHES_FOR_OWN_NOISE: usize = 300;
+
+/// Part of the mean variance that stands for what the trials' parameters absorbed.
+const ABSORBED: f64 = 0.05;
 
 /// Longest hold that is looked at, s: the gate guarantees this much.
 const HOLD_S: f64 = 0.5;
@@ -177,8 +183,42 @@ impl Prepared {
             left_out: Vec::new(),
             stride: self.stride,
             angle_noise_rad: self.angle_noise_rad,
+            angle_step_rad: self.angle_step_rad,
             noise_of: trials.iter().map(|trial| self.noise_of[*trial]).collect(),
             noises: self.noises.clone(),
+        }
+    }
+
+    /// Takes the noise from how residuals of a plain fit scatter among the repetitions of a condition; for sessions without a
+    /// hold. It lacks what the trials' own parameters absorbed, so a part of its mean variance is added to every direction.
+    pub fn take_noise_from_repetitions(&mut self, model: &super::Model) {
+        let fit = super::Fit::new(self, model, super::Weighting::Plain);
+        let predictions = super::predictions(self, &fit);
+        let places: Vec<usize> = self.noise_samples().collect();
+        let of_trial =
+            |trial: usize| places.iter().map(|p| predictions[trial].residual_nm[*p]).collect::<Vec<f64>>();
+        let residuals: Vec<Vec<f64>> = (0..self.trials.len()).map(of_trial).collect();
+        let mut deviations = Vec::new();
+        for (trial, own) in residuals.iter().enumerate() {
+            let same: Vec<&Vec<f64>> = (0..residuals.len())
+                .filter(|other| self.trials[*other].condition == self.trials[trial].condition)
+                .map(|other| &residuals[other])
+                .collect();
+            let count = same.len() as f64;
+            if count < 2.0 {
+                continue;
+            }
+            let bias = libm::sqrt(count / (count - 1.0));
+            let mean_at = |place: usize| same.iter().map(|r| r[place]).sum::<f64>() / count;
+            deviations.push((0..own.len()).map(|place| bias * (own[place] - mean_at(place))).collect());
+        }
+        if let Some(mut noise) = Noise::measure(&deviations) {
+            let floor = ABSORBED * noise.covariance.trace() / noise.covariance.nrows() as f64;
+            for place in 0..noise.covariance.nrows() {
+                noise.covariance[(place, place)] += floor;
+            }
+            self.noises = vec![noise];
+            self.noise_of = vec![Some(0); self.trials.len()];
         }
     }
 
@@ -354,9 +394,9 @@ fn stride(session: &Session, view: View, samples: usize) -> usize {
     by_filter.max(samples.div_ceil(100)).max(1)
 }
 
-/// The error of the recorded angle: from its second differences in the holds, at least that of the encoder's steps, which
-/// a still motor does not show.
-fn angle_noise(trials: &[&crate::dataset::Trial]) -> f64 {
+/// The error of the recorded angle, rad: from its second differences in the holds, at least that of the encoder's steps,
+/// which a still motor does not show; and that step, where the holds are still.
+fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
     let (mut squares, mut count, mut step) = (0.0, 0.0, f64::INFINITY);
     for trial in trials {
         let theta = &trial.record.theta_m_rad;
@@ -374,7 +414,8 @@ fn angle_noise(trials: &[&crate::dataset::Trial]) -> f64 {
     }
     let step = if step.is_finite() { step } else { 0.0 };
     // White noise has second differences of six times its variance, rounding to steps a variance of step^2 / 12.
-    libm::sqrt((squares / 6.0 / f64::max(count, 1.0)).max(step * step / 12.0))
+    let (in_hold, of_steps) = (squares / 6.0 / f64::max(count, 1.0), step * step / 12.0);
+    (libm::sqrt(in_hold.max(of_steps)), if in_hold < of_steps { step } else { 0.0 })
 }
 
 fn mean(values: &[f64]) -> f64 {
