@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ramphold::dataset::{self, Disk};
+use ramphold::dataset::{self, Disk, Manifest};
 use ramphold::fit::{self, ConditionEstimate, Model, Prepared, Results, View, Weighting};
 use ramphold::protocol::ValidProtocol;
 use rayon::prelude::*;
@@ -45,8 +45,7 @@ impl Verb for Fit {
         let folders = self.result_folders(&sessions)?;
         if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
             let results = self.fit(session, &model)?;
-            results.write(&Disk::default(), folder)?;
-            write_report(session, folder, console)?;
+            self.keep(session, folder, &results, console)?;
             return self.show(console, &results);
         }
         self.fit_many(console, &sessions, &folders, &model)
@@ -103,8 +102,7 @@ impl Fit {
             .into_par_iter()
             .map(|(session, folder)| {
                 let done = self.fit(session, model).and_then(|results| {
-                    results.write(&Disk::default(), folder)?;
-                    write_report(session, folder, &console.silent())?;
+                    self.keep(session, folder, &results, &console.silent())?;
                     Ok(results.json)
                 });
                 progress.inc(1);
@@ -120,6 +118,16 @@ impl Fit {
             writeln!(console.results(), "fitted {} of {} sessions", sessions.len() - failed, sessions.len())?;
         }
         if failed == 0 { Ok(()) } else { Err(Failure::Some { failed, of: sessions.len() }) }
+    }
+
+    /// Writes results and report, and what the session's manifest says of them.
+    fn keep(&self, session: &Path, folder: &Path, results: &Results, console: &Console) -> Result<(), Failure> {
+        results.write(&Disk::default(), folder)?;
+        write_report(session, folder, console)?;
+        if self.out.is_none() {
+            Manifest::renew_results(&Disk::default(), session)?;
+        }
+        Ok(())
     }
 
     fn show(&self, console: &Console, results: &Results) -> Result<(), Failure> {

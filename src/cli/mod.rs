@@ -12,10 +12,13 @@ mod fit;
 mod model;
 mod operator;
 mod report;
+mod replay;
+mod resume;
 mod run;
 mod schedule;
 mod schema;
 mod states;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -50,6 +53,9 @@ macro_rules! verbs {
 
 verbs! {
     Run(run::Run),
+    Resume(resume::Resume),
+    Replay(replay::Replay),
+    Verify(verify::Verify),
     Check(check::Check),
     Fit(fit::Fit),
     Report(report::Report),
