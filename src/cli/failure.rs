@@ -3,11 +3,12 @@
 use std::io;
 use std::path::PathBuf;
 
-use ramphold::dataset::{DatasetError, RecordError, ResumeError};
+use ramphold::dataset::{DatasetError, RecordError, ResumeError, RingError};
 use ramphold::export::ExportError;
 use ramphold::fit::{ModelError, PrepareError, WriteError};
 use ramphold::protocol::{ProtocolError, TooShort};
 use ramphold::report::ReportError;
+use ramphold::rig::can;
 use ramphold::rig::virtual_wrist::{PersonError, RigFileError};
 use ramphold::schedule::DrawError;
 
@@ -76,6 +77,26 @@ pub enum Failure {
     /// The rig cannot be made.
     #[error(transparent)]
     Rig(#[from] RigFileError),
+    /// The CAN motor's file is wrong, or does not go with the protocol.
+    #[error(transparent)]
+    CanRig(#[from] can::file::RigFileError),
+    /// The CAN bus cannot be opened.
+    #[error(transparent)]
+    Connect(#[from] can::ConnectError),
+    /// The motor is not as it must be.
+    #[error("{0}")]
+    Motor(can::CanFault),
+    /// The bus could not be listened to.
+    #[error("{bus}: {source}")]
+    Bus {
+        /// The bus.
+        bus: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The session could not be kept while the motor ran.
+    #[error(transparent)]
+    Ring(#[from] RingError),
     /// The session cannot be kept.
     #[error(transparent)]
     Record(#[from] RecordError),
@@ -135,6 +156,7 @@ impl Failure {
             | Self::TooShort(_)
             | Self::Person(_)
             | Self::Rig(_)
+            | Self::CanRig(_)
             | Self::Record(RecordError::Exists(_)) => 2,
             Self::Export(error) => {
                 if error.is_bad_input() {
@@ -153,6 +175,7 @@ impl Failure {
             | Self::NotAsItWas { .. }
             | Self::Ended { .. }
             | Self::Signals(_) => 1,
+            Self::Connect(_) | Self::Motor(_) | Self::Bus { .. } | Self::Ring(_) => 1,
             Self::Output(_) if self.is_broken_pipe() => 0,
             Self::Output(_) => 1,
         }

@@ -14,7 +14,9 @@ mod operator;
 mod report;
 mod replay;
 mod resume;
+mod rig;
 mod run;
+mod run_motor;
 mod schedule;
 mod schema;
 mod states;
@@ -52,6 +54,7 @@ macro_rules! verbs {
 }
 
 verbs! {
+    Rig(rig::Rig),
     Run(run::Run),
     Resume(resume::Resume),
     Replay(replay::Replay),

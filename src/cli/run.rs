@@ -16,6 +16,7 @@ use super::model::add_model;
 use super::operator::CommandLineOperator;
 use super::report::write_report;
 use super::resume::operators_word;
+use super::run_motor;
 use super::{Console, Failure, Verb};
 
 /// Run a session of a protocol and write its folder.
@@ -27,30 +28,33 @@ pub struct Run {
     protocol: PathBuf,
     /// The seed of every random draw; drawn and printed if not given.
     #[arg(long, value_name = "N")]
-    seed: Option<u64>,
+    pub(super) seed: Option<u64>,
     /// The virtual person: a JSON file, or an identifier that a person is drawn from (the average one if not given).
     #[arg(long, value_name = "FILE|ID")]
-    subject: Option<String>,
+    pub(super) subject: Option<String>,
     /// The session's folder, which must not be there yet; a new one under sessions/ if not given.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// The rig: a JSON file (the virtual wrist as it comes if not given).
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
-    /// At true speed rather than as fast as it goes.
+    /// At true speed rather than as fast as it goes; a motor always runs at true speed.
     #[arg(long)]
     real_time: bool,
     /// A model file: the virtual wrist has its mechanisms, at the values given (the fit at the end stays the paper's).
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// The operator's word that the motor may move; a virtual rig needs none.
+    /// The operator's word that a motor may be armed, instead of asking for it; a virtual rig needs none.
     #[arg(long)]
-    yes: bool,
+    pub(super) yes: bool,
 }
 
 impl Verb for Run {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let protocol = ValidProtocol::read(&self.protocol)?;
+        if let Some(file) = self.rig.as_deref().filter(|file| run_motor::is_on_can(file)) {
+            return run_motor::run(&self, &protocol, file, console);
+        }
         let person = person(self.subject.as_deref())?;
         let mut rig = self.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
         if let Some(model) = &self.model {
@@ -83,7 +87,7 @@ impl Verb for Run {
 }
 
 impl Run {
-    fn folder(&self, subject: &str, seed: u64) -> Result<PathBuf, Failure> {
+    pub(super) fn folder(&self, subject: &str, seed: u64) -> Result<PathBuf, Failure> {
         let folder = match &self.out {
             Some(folder) => folder.clone(),
             None => {
@@ -182,12 +186,12 @@ fn person(subject: Option<&str>) -> Result<Person, Failure> {
 }
 
 /// The number in an identifier: 3 in `S03`.
-fn subject_number(id: &str) -> Option<u32> {
+pub(super) fn subject_number(id: &str) -> Option<u32> {
     let digits = id.rsplit(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
     digits.parse().ok().filter(|number| *number > 0)
 }
 
 /// Short enough to be typed again.
-fn drawn_seed() -> u64 {
+pub(super) fn drawn_seed() -> u64 {
     RandomState::new().build_hasher().finish() >> 32
 }

@@ -10,6 +10,7 @@ mod record;
 mod recorder;
 mod replay;
 mod resume;
+mod ring;
 mod rows;
 mod story;
 mod tables;
@@ -28,6 +29,7 @@ pub use manifest::{Change, MANIFEST, Manifest};
 pub use recorder::{RecordError, Recorder, Step};
 pub use replay::{Difference, Replay, replay};
 pub use resume::{Resumable, ResumeError, Resumed};
+pub use ring::{RingError, RingRecorder};
 use serde::{Deserialize, Serialize};
 pub use writer::BackgroundRecorder;
 

@@ -21,7 +21,7 @@ mod error;
 mod rules;
 mod schema;
 mod shape;
-mod source;
+pub(crate) mod source;
 mod trajectory;
 mod types;
 mod units;

@@ -10,14 +10,14 @@ use super::ProtocolError;
 
 /// A JSON value and where it stands.
 #[derive(Debug, Clone)]
-pub(super) struct Node {
+pub(crate) struct Node {
     /// Line of its first character, from 1.
     pub line: usize,
     pub content: Content,
 }
 
 #[derive(Debug, Clone)]
-pub(super) enum Content {
+pub(crate) enum Content {
     /// Keys in the order of the file; a key that is written twice is there twice.
     Object(Vec<(String, Node)>),
     Array(Vec<Node>),

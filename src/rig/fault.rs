@@ -33,6 +33,9 @@ pub enum Fault {
         /// Which channel.
         channel: Channel,
     },
+    /// The motor on the CAN bus, or the bus itself.
+    #[error(transparent)]
+    Can(#[from] super::can::CanFault),
 }
 
 /// A measured signal.

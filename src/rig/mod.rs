@@ -3,6 +3,8 @@
 //! A rig comes up disarmed. Only the operator's word turns a [`Rig`] into its [`Armed`] form, and only that one moves,
 //! so a program that forgets to ask does not build.
 
+#[cfg(any(unix, windows))]
+pub mod can;
 mod fault;
 pub mod virtual_wrist;
 

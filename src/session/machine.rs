@@ -244,7 +244,8 @@ impl Machine {
         let shortest = self.delay.max(1);
         (self.in_phase >= shortest && on_disk).then(|| {
             let waited_samples = self.in_phase - shortest;
-            (Event::Onset, Some(Detail::Onset { trial_sample: self.in_trial, waited_samples }))
+            let trial_sample = self.in_trial + self.settings.motion_delay_samples;
+            (Event::Onset, Some(Detail::Onset { trial_sample, waited_samples }))
         })
     }
 

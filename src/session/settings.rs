@@ -35,6 +35,9 @@ pub struct Settings {
     pub display_cutoff_hz: f64,
     /// What no measurement may exceed.
     pub limits: Limits,
+    /// By how many samples the motor follows a command later than at the next sample. The onset of a trial is that of
+    /// the motion, not that of the command.
+    pub motion_delay_samples: u64,
 }
 
 /// A trial that is to be run.
@@ -79,6 +82,7 @@ impl Settings {
             rise_time_s: protocol.ramp.rise_time_s,
             display_cutoff_hz: cutoff_hz,
             limits: protocol.limits.clone(),
+            motion_delay_samples: 0,
         })
     }
 

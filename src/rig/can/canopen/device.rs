@@ -1,0 +1,58 @@
+//! What every CANopen device of a rig is asked and told: who it is, and which TPDOs it sends.
+
+use super::pdo::{Direction, MOST_PDOS, Pdo};
+use super::{Link, Object};
+use crate::rig::can::fault::CanFault;
+use crate::rig::can::file::{Carried, FrameLayout, Identity, RigFile};
+
+/// Whether the device is the one that the rig file means.
+pub fn identify(link: &mut Link, node: u8, identity: &Identity) -> Result<(), CanFault> {
+    for (sub, expected) in [(1, identity.vendor), (2, identity.product)] {
+        expect(link, node, Object::entry(0x1018, sub), expected)?;
+    }
+    Ok(())
+}
+
+/// Whether an object reads what it must.
+pub fn expect(link: &mut Link, node: u8, object: Object, expected: u32) -> Result<(), CanFault> {
+    let read = link.read(node, object)?.number();
+    if read == expected {
+        return Ok(());
+    }
+    Err(CanFault::WrongDevice { node, index: object.index, sub: object.sub, read, expected })
+}
+
+/// The TPDOs of a node as the rig file has them; the others are switched off.
+pub fn write_tpdos(link: &mut Link, node: u8, file: &RigFile) -> Result<(), CanFault> {
+    let own = |frame: &&FrameLayout| frame.node == Some(node);
+    for number in 1..=MOST_PDOS {
+        match file.frames.iter().filter(own).find(|frame| frame.tpdo == Some(number)) {
+            None => link.switch_off_pdo(node, Direction::Transmit, number)?,
+            Some(frame) => {
+                let pdo = Pdo {
+                    direction: Direction::Transmit,
+                    number,
+                    id: frame.identifier().unwrap_or(0),
+                    mapped: frame.carries.iter().filter_map(|carried| mapped(file, *carried)).collect(),
+                    deadline_ms: 0,
+                };
+                link.configure_pdo(node, &pdo)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn mapped(file: &RigFile, carried: Carried) -> Option<(Object, usize)> {
+    let signals = &file.signals;
+    let object = match carried {
+        Carried::Statusword => Some(Object::plain(0x6041)),
+        Carried::Position => Some(Object::plain(0x6064)),
+        Carried::PositionSteps => signals.position_steps.and_then(|steps| steps.object),
+        Carried::Torque => signals.torque.object,
+        Carried::Counter => signals.counter.and_then(|counter| counter.object),
+        Carried::EmgFcr => signals.emg_fcr.and_then(|emg| emg.object),
+        Carried::EmgEcr => signals.emg_ecr.and_then(|emg| emg.object),
+    };
+    object.map(|object| (object, file.bytes(carried)))
+}

@@ -1,0 +1,344 @@
+//! One end of the bus, watched: sends our heartbeat, minds those of others, sorts out what arrives.
+
+use std::time::{Duration, Instant};
+
+use super::{NmtCommand, NmtState, cob, emergency};
+use crate::rig::can::bus::{CanBus, Frame, Received, Trouble};
+use crate::rig::can::fault::CanFault;
+
+/// Nodes that can be watched: a motor and a few sensors.
+const MOST_NODES: usize = 4;
+
+/// Our own heartbeat.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Beat {
+    /// The node that we are.
+    pub node: u8,
+    /// How often.
+    pub period: Duration,
+}
+
+/// A node whose heartbeat is minded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Producer {
+    /// Which node.
+    pub node: u8,
+    /// How long it may be silent.
+    pub patience: Duration,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Watched {
+    producer: Producer,
+    seen: Instant,
+    state: Option<NmtState>,
+}
+
+/// What is a fault at present.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Strictness {
+    /// While a device is configured: what it reports is noted.
+    Noting,
+    /// While the motor has power: emergencies, heartbeats and trouble on the bus are faults.
+    Watching,
+}
+
+/// What came by, counted since the bus was opened.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Counters {
+    /// Frames sent.
+    pub sent: u64,
+    /// Frames received, foreign ones included.
+    pub received: u64,
+    /// Frames that are no affair of ours.
+    pub foreign: u64,
+    /// What was no frame.
+    pub garbled: u64,
+    /// Frames destroyed on the bus or refused by the adapter.
+    pub bus_errors: u64,
+    /// Controller warnings.
+    pub warnings: u64,
+    /// Controller error passive.
+    pub passive: u64,
+    /// Controller off the bus.
+    pub bus_off: u64,
+    /// Frames lost because nobody took them in time.
+    pub overruns: u64,
+    /// Emergencies.
+    pub emergencies: u64,
+}
+
+/// How much trouble is let pass while the motor has power.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Tolerance {
+    error_frames: u64,
+    garbled: u64,
+    foreign_per_s: u32,
+}
+
+/// The bus as a master sees it.
+#[derive(Debug)]
+pub struct Link {
+    bus: Box<dyn CanBus>,
+    beat: Option<(Beat, Instant)>,
+    watched: [Option<Watched>; MOST_NODES],
+    strictness: Strictness,
+    tolerance: Tolerance,
+    /// Counters when the watch began: what was before is no fault.
+    before: Counters,
+    foreign_window: (Instant, u64),
+    /// The latest emergency, for messages.
+    last_emergency: Option<(u8, u16)>,
+    counters: Counters,
+}
+
+impl Link {
+    /// Over an open bus; nothing is sent yet.
+    pub fn new(bus: Box<dyn CanBus>) -> Self {
+        Self {
+            bus,
+            beat: None,
+            watched: [None; MOST_NODES],
+            strictness: Strictness::Noting,
+            tolerance: Tolerance { error_frames: 0, garbled: 0, foreign_per_s: u32::MAX },
+            before: Counters::default(),
+            foreign_window: (Instant::now(), 0),
+            last_emergency: None,
+            counters: Counters::default(),
+        }
+    }
+
+    /// What came by so far.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Error frames, garbled frames and foreign frames a second that are no fault.
+    pub fn tolerate(&mut self, error_frames: u64, garbled: u64, foreign_per_s: u32) {
+        self.tolerance = Tolerance { error_frames, garbled, foreign_per_s };
+    }
+
+    /// Begins to send our heartbeat, or ends it: then every drive that minds it stops by itself.
+    pub fn set_beat(&mut self, beat: Option<Beat>) {
+        self.beat = beat.map(|beat| (beat, Instant::now()));
+    }
+
+    /// Minds the heartbeats of these nodes from now on.
+    pub fn watch(&mut self, producers: &[Producer]) {
+        self.watched = [None; MOST_NODES];
+        let seen = Instant::now();
+        for (slot, producer) in self.watched.iter_mut().zip(producers) {
+            *slot = Some(Watched { producer: *producer, seen, state: None });
+        }
+    }
+
+    /// What is a fault from now on.
+    pub fn set_strictness(&mut self, strictness: Strictness) {
+        self.strictness = strictness;
+        self.before = self.counters;
+        let now = Instant::now();
+        self.foreign_window = (now, self.counters.foreign);
+        for watched in self.watched.iter_mut().flatten() {
+            watched.seen = now;
+        }
+    }
+
+    /// What the latest heartbeat of a watched node said.
+    pub fn state(&self, node: u8) -> Option<NmtState> {
+        self.watched.iter().flatten().find(|watched| watched.producer.node == node)?.state
+    }
+
+    /// The latest emergency: node and code.
+    pub fn last_emergency(&self) -> Option<(u8, u16)> {
+        self.last_emergency
+    }
+
+    /// Sends a frame.
+    ///
+    /// # Errors
+    /// [`CanFault::BusGone`]
+    pub fn send(&mut self, frame: &Frame) -> Result<(), CanFault> {
+        self.bus.send(frame).map_err(|_| CanFault::BusGone)?;
+        self.counters.sent += 1;
+        Ok(())
+    }
+
+    /// Tells a node, or all (0), to change its state.
+    ///
+    /// # Errors
+    /// [`CanFault::BusGone`]
+    pub fn nmt(&mut self, command: NmtCommand, node: u8) -> Result<(), CanFault> {
+        self.send(&Frame::new(cob::NMT, &[command.specifier(), node]))
+    }
+
+    /// The next data frame that is neither heartbeat nor emergency, or `None` at the deadline.
+    ///
+    /// # Errors
+    /// While watching: whatever is wrong with nodes and bus.
+    pub fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, CanFault> {
+        loop {
+            let now = Instant::now();
+            self.beat_if_due(now)?;
+            self.check_watched(now)?;
+            let next = self.beat.map_or(deadline, |(_, due)| due.min(deadline));
+            match self.bus.receive(next).map_err(|_| CanFault::BusGone)? {
+                Some(received) => {
+                    if let Some(frame) = self.sort(received)? {
+                        return Ok(Some(frame));
+                    }
+                }
+                None if next >= deadline => return Ok(None),
+                None => {}
+            }
+        }
+    }
+
+    /// Throws away what arrived while nobody listened; ends after a while on a bus that is never silent.
+    pub fn drain(&mut self) -> Result<(), CanFault> {
+        let end = Instant::now() + Duration::from_millis(100);
+        while Instant::now() < end {
+            match self.bus.receive(Instant::now()).map_err(|_| CanFault::BusGone)? {
+                Some(received) => drop(self.sort(received)?),
+                None => break,
+            }
+        }
+        Ok(())
+    }
+
+    /// A frame that nobody asked for.
+    pub fn count_foreign(&mut self) -> Result<(), CanFault> {
+        self.counters.foreign += 1;
+        if self.strictness == Strictness::Noting {
+            return Ok(());
+        }
+        let (since, count) = self.foreign_window;
+        let (per_s, tolerated) = ((self.counters.foreign - count) as u32, self.tolerance.foreign_per_s);
+        if per_s > tolerated {
+            return Err(CanFault::Flood { per_s, tolerated });
+        }
+        if since.elapsed() >= Duration::from_secs(1) {
+            self.foreign_window = (Instant::now(), self.counters.foreign);
+        }
+        Ok(())
+    }
+
+    fn beat_if_due(&mut self, now: Instant) -> Result<(), CanFault> {
+        if let Some((beat, due)) = self.beat
+            && now >= due
+        {
+            // After a long absence it goes on from now; the drives have noticed by themselves.
+            let next = if now > due + beat.period { now } else { due } + beat.period;
+            self.beat = Some((beat, next));
+            self.send(&Frame::new(cob::HEARTBEAT + u16::from(beat.node), &[5]))?;
+        }
+        Ok(())
+    }
+
+    fn check_watched(&self, now: Instant) -> Result<(), CanFault> {
+        if self.strictness == Strictness::Noting {
+            return Ok(());
+        }
+        for Watched { producer, seen, .. } in self.watched.iter().flatten() {
+            let silent = now.saturating_duration_since(*seen);
+            if silent > producer.patience {
+                return Err(CanFault::HeartbeatLost {
+                    node: producer.node,
+                    after_ms: silent.as_millis() as u64,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes care of what is not for the caller.
+    fn sort(&mut self, received: Received) -> Result<Option<Frame>, CanFault> {
+        match received {
+            Received::Frame(frame, arrived) => {
+                self.counters.received += 1;
+                match frame.id {
+                    0x700..=0x77F if self.minds(&frame) => self.heartbeat(&frame, arrived).map(|()| None),
+                    0x081..=0x0FF if self.minds(&frame) => self.emergency(&frame).map(|()| None),
+                    _ => Ok(Some(frame)),
+                }
+            }
+            Received::Foreign => {
+                self.counters.received += 1;
+                self.count_foreign().map(|()| None)
+            }
+            Received::Garbled => {
+                self.counters.garbled += 1;
+                let (count, tolerated) =
+                    (self.counters.garbled - self.before.garbled, self.tolerance.garbled);
+                if self.strictness == Strictness::Watching && count > tolerated {
+                    return Err(CanFault::Garbled { count, tolerated });
+                }
+                Ok(None)
+            }
+            Received::Trouble(trouble) => self.trouble(trouble).map(|()| None),
+        }
+    }
+
+    /// Whether a heartbeat or an emergency is that of a watched node.
+    fn minds(&self, frame: &Frame) -> bool {
+        self.watched.iter().flatten().any(|watched| u16::from(watched.producer.node) == frame.id & 0x7F)
+    }
+
+    fn heartbeat(&mut self, frame: &Frame, arrived: Instant) -> Result<(), CanFault> {
+        let node = (frame.id & 0x7F) as u8;
+        let watching = self.strictness == Strictness::Watching;
+        let Some(watched) = self.watched.iter_mut().flatten().find(|watched| watched.producer.node == node)
+        else {
+            return Ok(());
+        };
+        let Some(byte) = frame.data().first() else { return Ok(()) };
+        let state = NmtState::from_byte(*byte);
+        watched.seen = arrived;
+        watched.state = Some(state);
+        match state {
+            NmtState::BootUp if watching => Err(CanFault::Rebooted { node }),
+            state if watching && state != NmtState::Operational => {
+                Err(CanFault::NotOperational { node, state })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn emergency(&mut self, frame: &Frame) -> Result<(), CanFault> {
+        let node = (frame.id & 0x7F) as u8;
+        let Some((code, register)) = emergency::parse(frame.data()) else { return Ok(()) };
+        self.counters.emergencies += 1;
+        self.last_emergency = Some((node, code));
+        // Code 0 says that an error is gone.
+        if self.strictness == Strictness::Watching && code != 0 {
+            return Err(CanFault::Emergency { node, code, register });
+        }
+        Ok(())
+    }
+
+    fn trouble(&mut self, trouble: Trouble) -> Result<(), CanFault> {
+        let counters = &mut self.counters;
+        match trouble {
+            Trouble::BusError => counters.bus_errors += 1,
+            Trouble::Warning => counters.warnings += 1,
+            Trouble::Passive => counters.passive += 1,
+            Trouble::BusOff => counters.bus_off += 1,
+            Trouble::Overrun => counters.overruns += 1,
+            Trouble::Restarted => {}
+        }
+        if self.strictness == Strictness::Noting {
+            return Ok(());
+        }
+        let all = |counters: &Counters| {
+            counters.bus_errors + counters.warnings + counters.passive + counters.overruns
+        };
+        let count = all(&self.counters) - all(&self.before);
+        match trouble {
+            Trouble::BusOff => Err(CanFault::BusOff),
+            Trouble::Restarted => Ok(()),
+            // A passive controller may be deaf to errors, an overrun has lost frames: never tolerated.
+            Trouble::Passive | Trouble::Overrun => Err(CanFault::BusTrouble { trouble, count }),
+            _ if count > self.tolerance.error_frames => Err(CanFault::BusTrouble { trouble, count }),
+            _ => Ok(()),
+        }
+    }
+}

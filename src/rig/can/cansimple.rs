@@ -1,0 +1,293 @@
+//! ODrive's CANSimple: identifier = node << 5 | command, little-endian, position in turns, speed in turns/s.
+//!
+//! Limits and the watchdog are parameters ("endpoints") that are written and read back by number; the numbers change
+//! with each firmware and come from the manufacturer's `flat_endpoints.json`.
+
+use std::f64::consts::TAU;
+use std::time::{Duration, Instant};
+
+use super::bus::Frame;
+use super::canopen::{Link, Producer, Strictness, cob};
+use super::drive::{Drive, Power, Wish};
+use super::fault::CanFault;
+use super::file::{CansimpleMotor, RigFile};
+use super::limits::{Confirmed, HandleLimits};
+use super::readings::Readings;
+use super::sensors::Sensors;
+use super::units::JointAngle;
+
+mod command {
+    pub const HEARTBEAT: u16 = 0x01;
+    pub const RX_SDO: u16 = 0x04;
+    pub const TX_SDO: u16 = 0x05;
+    pub const SET_AXIS_STATE: u16 = 0x07;
+    pub const ENCODER_ESTIMATES: u16 = 0x09;
+    pub const SET_CONTROLLER_MODE: u16 = 0x0B;
+    pub const SET_INPUT_POS: u16 = 0x0C;
+    pub const CLEAR_ERRORS: u16 = 0x18;
+    pub const SET_ABSOLUTE_POSITION: u16 = 0x19;
+}
+
+const IDLE: u8 = 1;
+const CLOSED_LOOP_CONTROL: u8 = 8;
+const POSITION_CONTROL: u32 = 3;
+const PASSTHROUGH: u32 = 1;
+/// How long an axis may take for an answer, or to change its state.
+const ANSWER: Duration = Duration::from_millis(300);
+const STATE_CHANGE: Duration = Duration::from_secs(2);
+
+/// One axis.
+#[derive(Debug)]
+pub struct Cansimple {
+    motor: CansimpleMotor,
+    sensors: Sensors,
+    zeroed: bool,
+    target_turns: Option<f32>,
+    wanted: u8,
+    state: u8,
+    errors: u32,
+    heard: Instant,
+    answered: bool,
+    position_turns: f64,
+    endpoint: Option<(u16, [u8; 4])>,
+}
+
+impl Cansimple {
+    /// The axis of a rig file; nothing is sent yet.
+    pub fn new(motor: &CansimpleMotor, file: &RigFile) -> Self {
+        Self {
+            motor: motor.clone(),
+            sensors: Sensors::new(file),
+            zeroed: false,
+            target_turns: None,
+            wanted: IDLE,
+            state: 0,
+            errors: 0,
+            heard: Instant::now(),
+            answered: false,
+            position_turns: f64::NAN,
+            endpoint: None,
+        }
+    }
+
+    fn id(&self, command: u16) -> u16 {
+        u16::from(self.motor.node) << 5 | command
+    }
+
+    fn tell(&self, link: &mut Link, command: u16, data: &[u8]) -> Result<(), CanFault> {
+        link.send(&Frame::new(self.id(command), data))
+    }
+
+    /// Writes an endpoint and reads it back.
+    fn write(&mut self, link: &mut Link, endpoint: u16, value: [u8; 4]) -> Result<(), CanFault> {
+        let [low, high] = endpoint.to_le_bytes();
+        let [a, b, c, d] = value;
+        self.tell(link, command::RX_SDO, &[1, low, high, 0, a, b, c, d])?;
+        self.tell(link, command::RX_SDO, &[0, low, high, 0])?;
+        self.endpoint = None;
+        let (node, index) = (self.motor.node, endpoint);
+        let read = self
+            .until(link, ANSWER, |axis| axis.endpoint.filter(|(number, _)| *number == endpoint))?
+            .ok_or(CanFault::SdoSilent { node, index, sub: 0 })?
+            .1;
+        if read == value {
+            return Ok(());
+        }
+        let [written, read] = [value, read].map(u32::from_le_bytes);
+        Err(CanFault::NotTaken { node, index, sub: 0, written, read })
+    }
+
+    /// Listens until something is so, or `None` after a while.
+    fn until<T>(
+        &mut self,
+        link: &mut Link,
+        time: Duration,
+        so: impl Fn(&Self) -> Option<T>,
+    ) -> Result<Option<T>, CanFault> {
+        let deadline = Instant::now() + time;
+        loop {
+            if let Some(found) = so(self) {
+                return Ok(Some(found));
+            }
+            match link.receive(deadline)? {
+                Some(frame) => drop(self.take(&frame)?),
+                None => return Ok(so(self)),
+            }
+        }
+    }
+
+    fn to_turns(&self, angle: JointAngle) -> f32 {
+        (angle.0 * self.motor.gear_ratio / TAU) as f32
+    }
+
+    fn write_limits(
+        &mut self,
+        link: &mut Link,
+        file: &RigFile,
+        limits: &HandleLimits,
+    ) -> Result<(), CanFault> {
+        let endpoints = self.motor.endpoints;
+        let ratio = self.motor.gear_ratio.abs();
+        let torque_nm = limits.motor_torque_nm / ratio;
+        let float = |value: f64| (value as f32).to_le_bytes();
+        let whole = |value: u16| u32::from(value).to_le_bytes();
+        let writes = [
+            (endpoints.vel_limit, float(limits.speed_rad_s * ratio / TAU)),
+            (endpoints.torque_soft_max, float(torque_nm)),
+            (endpoints.current_soft_max, float(torque_nm / self.motor.torque_constant_nm_per_a)),
+            (endpoints.watchdog_timeout, float(f64::from(file.master.motor_waits_ms) * 1e-3)),
+            (endpoints.heartbeat_msg_rate_ms, whole(self.motor.heartbeat_ms)),
+            (endpoints.encoder_msg_rate_ms, whole(self.motor.encoder_ms)),
+            // The watchdog last: every frame to the axis feeds it.
+            (endpoints.enable_watchdog, [1, 0, 0, 0]),
+        ];
+        writes.into_iter().try_for_each(|(endpoint, value)| self.write(link, endpoint, value))
+    }
+}
+
+impl Drive for Cansimple {
+    fn prepare(
+        &mut self,
+        link: &mut Link,
+        file: &RigFile,
+        limits: &HandleLimits,
+    ) -> Result<Confirmed, CanFault> {
+        self.tell(link, command::SET_AXIS_STATE, &u32::from(IDLE).to_le_bytes())?;
+        self.wanted = IDLE;
+        self.write_limits(link, file, limits)?;
+        self.tell(link, command::CLEAR_ERRORS, &[0])?;
+        let mut modes = [0u8; 8];
+        modes[..4].copy_from_slice(&POSITION_CONTROL.to_le_bytes());
+        modes[4..].copy_from_slice(&PASSTHROUGH.to_le_bytes());
+        self.tell(link, command::SET_CONTROLLER_MODE, &modes)?;
+        self.sensors.prepare(link, file)?;
+        Ok(Confirmed::by_reading_back())
+    }
+
+    fn producers(&self) -> Vec<Producer> {
+        self.sensors.producers()
+    }
+
+    fn start(&mut self, link: &mut Link, _limits: &HandleLimits) -> Result<(), CanFault> {
+        self.sensors.start(link)?;
+        self.tell(link, command::CLEAR_ERRORS, &[0])?;
+        if self.motor.zero_here && !self.zeroed {
+            self.tell(link, command::SET_ABSOLUTE_POSITION, &0f32.to_le_bytes())?;
+            self.zeroed = true;
+        }
+        // Two reports after that, so that the position is one on the new scale, and no error that was cleared.
+        for _ in 0..2 {
+            self.answered = false;
+            self.until(link, STATE_CHANGE, |axis| axis.answered.then_some(()))?.ok_or(
+                CanFault::HeartbeatLost { node: self.motor.node, after_ms: STATE_CHANGE.as_millis() as u64 },
+            )?;
+        }
+        let before = Instant::now();
+        self.until(link, STATE_CHANGE, |axis| (axis.heard > before).then_some(()))?;
+        link.set_strictness(Strictness::Watching);
+        Ok(())
+    }
+
+    fn send_target(
+        &mut self,
+        link: &mut Link,
+        target: JointAngle,
+        _shown_nm: f64,
+        wish: Wish,
+    ) -> Result<(), CanFault> {
+        self.target_turns = Some(self.to_turns(target));
+        let wanted = if wish == Wish::NoPower { IDLE } else { CLOSED_LOOP_CONTROL };
+        if wanted != self.wanted {
+            self.wanted = wanted;
+            self.tell(link, command::SET_AXIS_STATE, &u32::from(wanted).to_le_bytes())?;
+        }
+        Ok(())
+    }
+
+    fn send_sync(&mut self, link: &mut Link) -> Result<(), CanFault> {
+        self.answered = false;
+        if let Some(turns) = self.target_turns.take() {
+            let [a, b, c, d] = turns.to_le_bytes();
+            self.tell(link, command::SET_INPUT_POS, &[a, b, c, d, 0, 0, 0, 0])?;
+        }
+        link.send(&Frame::new(cob::SYNC, &[]))
+    }
+
+    fn take(&mut self, frame: &Frame) -> Result<bool, CanFault> {
+        if frame.id >> 5 != u16::from(self.motor.node) {
+            return Ok(false);
+        }
+        match (frame.id & 0x1F, frame.data()) {
+            (command::HEARTBEAT, [a, b, c, d, state, ..]) => {
+                self.errors = u32::from_le_bytes([*a, *b, *c, *d]);
+                self.state = *state;
+                self.heard = Instant::now();
+            }
+            (command::ENCODER_ESTIMATES, [a, b, c, d, _, _, _, _]) => {
+                self.position_turns = f64::from(f32::from_le_bytes([*a, *b, *c, *d]));
+                self.answered = true;
+            }
+            (command::TX_SDO, [_, low, high, _, value @ ..]) => {
+                let mut bytes = [0; 4];
+                let length = value.len().min(4);
+                bytes[..length].copy_from_slice(&value[..length]);
+                self.endpoint = Some((u16::from_le_bytes([*low, *high]), bytes));
+            }
+            (command::HEARTBEAT | command::ENCODER_ESTIMATES, data) => {
+                return Err(CanFault::Malformed { id: frame.id, length: data.len() as u8, expected: 8 });
+            }
+            _ => {}
+        }
+        Ok(true)
+    }
+
+    fn answered(&self) -> bool {
+        self.answered
+    }
+
+    fn angle(&self, _readings: &Readings, _sample: usize) -> JointAngle {
+        JointAngle(self.position_turns * TAU / self.motor.gear_ratio)
+    }
+
+    fn check(&self, _readings: &Readings) -> Result<(), CanFault> {
+        let silent = self.heard.elapsed();
+        if silent > Duration::from_millis(u64::from(self.motor.heartbeat_wait_ms)) {
+            return Err(CanFault::HeartbeatLost {
+                node: self.motor.node,
+                after_ms: silent.as_millis() as u64,
+            });
+        }
+        if self.errors != 0 || self.state != CLOSED_LOOP_CONTROL {
+            return Err(CanFault::MotorError { code: self.errors });
+        }
+        Ok(())
+    }
+
+    fn power(&self, _readings: &Readings) -> Power {
+        match (self.state, self.wanted) {
+            (CLOSED_LOOP_CONTROL, CLOSED_LOOP_CONTROL) => Power::Following,
+            (IDLE, _) => Power::Off,
+            _ => Power::Changing,
+        }
+    }
+
+    /// It goes there as soon as it is told.
+    fn periods_to_target(&self) -> usize {
+        1
+    }
+
+    fn creep_rad_s(&self) -> f64 {
+        self.motor.go_to_start_rad_s
+    }
+
+    fn saw(&mut self, _readings: &Readings) {}
+
+    fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault> {
+        self.wanted = IDLE;
+        self.tell(link, command::SET_AXIS_STATE, &u32::from(IDLE).to_le_bytes())?;
+        let asked = Instant::now();
+        self.until(link, STATE_CHANGE, |axis| (axis.state == IDLE && axis.heard > asked).then_some(()))?
+            .ok_or(CanFault::PowerNotConfirmed)?;
+        self.sensors.release(link)
+    }
+}

@@ -1,0 +1,190 @@
+//! The power drive state machine, walked over SDO while no cycle runs: fault reset, homing, the way to the start.
+
+use std::time::{Duration, Instant};
+
+use super::{Cia402, Controlword, Mode, State, Statusword, towards_enabled};
+use crate::rig::can::canopen::{Link, Object};
+use crate::rig::can::fault::CanFault;
+use crate::rig::can::units::{Counts, JointAngle};
+
+/// How long a drive may take to change its state.
+const STATE_CHANGE: Duration = Duration::from_secs(2);
+/// How often a drive is asked.
+const ASK_EVERY: Duration = Duration::from_millis(5);
+/// How near to the start position is there, rad at the handle: a count of a coarse encoder, or the slack of a gear.
+const AT_START_RAD: f64 = 0.005;
+
+/// Homing methods that take the present position for home.
+const HERE: [i8; 2] = [35, 37];
+
+impl Cia402 {
+    /// The statusword, asked for.
+    pub(super) fn ask_status(&self, link: &mut Link) -> Result<Statusword, CanFault> {
+        Ok(Statusword(link.read(self.motor.node, Object::plain(0x6041))?.number() as u16))
+    }
+
+    /// The handle's angle, asked for.
+    pub(super) fn ask_angle(&self, link: &mut Link) -> Result<JointAngle, CanFault> {
+        let counts = link.read(self.motor.node, Object::plain(0x6064))?.number() as i32;
+        Ok(self.gearing.from_drive(Counts(counts)))
+    }
+
+    pub(super) fn control(&self, link: &mut Link, word: Controlword) -> Result<(), CanFault> {
+        link.write(self.motor.node, Object::plain(0x6040), word.0)
+    }
+
+    /// Out of FAULT, once: a fault that comes back at once is there to stay.
+    pub(super) fn reset_fault(&self, link: &mut Link) -> Result<(), CanFault> {
+        if self.ask_status(link)?.state() != State::Fault {
+            return Ok(());
+        }
+        self.control(link, Controlword::DISABLE_VOLTAGE)?;
+        self.control(link, Controlword::FAULT_RESET)?;
+        self.wait_for(link, State::SwitchOnDisabled)?;
+        self.control(link, Controlword::DISABLE_VOLTAGE)
+    }
+
+    /// Step by step to `wanted`, which is READY TO SWITCH ON or OPERATION ENABLED.
+    pub(super) fn walk_to(&self, link: &mut Link, wanted: State) -> Result<(), CanFault> {
+        let deadline = Instant::now() + STATE_CHANGE;
+        loop {
+            let status = self.ask_status(link)?;
+            let state = status.state();
+            if state == wanted {
+                return Ok(());
+            }
+            let word = match (state, wanted) {
+                (State::SwitchedOn | State::OperationEnabled, State::ReadyToSwitchOn) => {
+                    Some(Controlword::SHUTDOWN)
+                }
+                _ => towards_enabled(state),
+            };
+            match word {
+                Some(word) if Instant::now() < deadline => self.control(link, word)?,
+                None if state != State::Fault && Instant::now() < deadline => {}
+                _ => return Err(self.not_reached(link, wanted, status)),
+            }
+            self.pause(link)?;
+        }
+    }
+
+    fn wait_for(&self, link: &mut Link, wanted: State) -> Result<(), CanFault> {
+        let deadline = Instant::now() + STATE_CHANGE;
+        loop {
+            let status = self.ask_status(link)?;
+            if status.state() == wanted {
+                return Ok(());
+            }
+            if Instant::now() > deadline {
+                return Err(self.not_reached(link, wanted, status));
+            }
+            self.pause(link)?;
+        }
+    }
+
+    fn not_reached(&self, link: &mut Link, wanted: State, status: Statusword) -> CanFault {
+        let code = link.read(self.motor.node, Object::plain(0x603F)).map_or(0, |code| code.number() as u16);
+        CanFault::StateNotReached { wanted, state: status.state(), statusword: status.0, code }
+    }
+
+    /// Lets some time pass with heartbeats going both ways.
+    fn pause(&self, link: &mut Link) -> Result<(), CanFault> {
+        let end = Instant::now() + ASK_EVERY;
+        while link.receive(end)?.is_some() {}
+        Ok(())
+    }
+
+    pub(super) fn set_mode(&self, link: &mut Link, mode: Mode) -> Result<(), CanFault> {
+        let node = self.motor.node;
+        link.write(node, Object::plain(0x6060), mode as i8)?;
+        let deadline = Instant::now() + STATE_CHANGE;
+        loop {
+            let display = link.read(node, Object::plain(0x6061))?.number() as u8;
+            if display == mode as u8 {
+                return Ok(());
+            }
+            if Instant::now() > deadline {
+                let (written, read) = (mode as u32, u32::from(display));
+                return Err(CanFault::NotTaken { node, index: 0x6061, sub: 0, written, read });
+            }
+            self.pause(link)?;
+        }
+    }
+
+    /// Finds the start position. A method that takes the present position is used once: after a fault the motor may
+    /// stand anywhere.
+    pub(super) fn home(&mut self, link: &mut Link, drive_remembers: bool) -> Result<(), CanFault> {
+        let homing = self.motor.homing;
+        if self.homed && HERE.contains(&homing.method) {
+            return if drive_remembers { Ok(()) } else { Err(CanFault::OriginLost) };
+        }
+        self.homed = false;
+        self.set_mode(link, Mode::Homing)?;
+        self.walk_to(link, State::OperationEnabled)?;
+        self.control(link, Controlword::ENABLE_AND_GO)?;
+        let deadline = Instant::now() + Duration::from_secs_f64(homing.timeout_s);
+        loop {
+            self.pause(link)?;
+            let status = self.ask_status(link)?;
+            if status.state() != State::OperationEnabled {
+                return Err(self.not_reached(link, State::OperationEnabled, status));
+            }
+            if status.mode_bit_13() || Instant::now() > deadline {
+                self.control(link, Controlword::SHUTDOWN)?;
+                return Err(CanFault::HomingFailed { timeout_s: homing.timeout_s, statusword: status.0 });
+            }
+            if status.mode_bit_12() && status.target_reached() {
+                break;
+            }
+        }
+        self.homed = true;
+        self.walk_to(link, State::ReadyToSwitchOn)
+    }
+
+    /// To the start position on the drive's own profile.
+    pub(super) fn go_to_start(&self, link: &mut Link) -> Result<(), CanFault> {
+        let from = self.ask_angle(link)?;
+        if from.0.abs() < AT_START_RAD {
+            return Ok(());
+        }
+        self.set_mode(link, Mode::ProfilePosition)?;
+        self.walk_to(link, State::OperationEnabled)?;
+        link.write(self.motor.node, Object::plain(0x607A), 0i32)?;
+        self.control(link, Controlword::ENABLE_AND_GO)?;
+        let start = self.motor.go_to_start;
+        let expected_s =
+            from.0.abs() / start.speed_rad_s + 2.0 * start.speed_rad_s / start.acceleration_rad_s2;
+        let deadline = Instant::now() + Duration::from_secs_f64(2.0 * expected_s) + STATE_CHANGE;
+        loop {
+            self.pause(link)?;
+            let status = self.ask_status(link)?;
+            if status.state() != State::OperationEnabled {
+                return Err(self.not_reached(link, State::OperationEnabled, status));
+            }
+            let off_rad = self.ask_angle(link)?.0.abs();
+            if status.target_reached() && off_rad < AT_START_RAD {
+                break;
+            }
+            if Instant::now() > deadline {
+                self.control(link, Controlword::SHUTDOWN)?;
+                return Err(CanFault::NotAtStart { off_rad });
+            }
+        }
+        self.walk_to(link, State::ReadyToSwitchOn)
+    }
+
+    /// No power, asked until the drive says so.
+    pub(super) fn confirm_no_power(&self, link: &mut Link) -> Result<(), CanFault> {
+        let deadline = Instant::now() + STATE_CHANGE;
+        loop {
+            self.control(link, Controlword::DISABLE_VOLTAGE)?;
+            if !self.ask_status(link)?.state().has_power() {
+                return Ok(());
+            }
+            if Instant::now() > deadline {
+                return Err(CanFault::PowerNotConfirmed);
+            }
+            self.pause(link)?;
+        }
+    }
+}

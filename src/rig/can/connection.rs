@@ -1,0 +1,93 @@
+//! A rig's bus, opened, with the motor on it told everything but to move.
+
+use std::time::Duration;
+
+use super::bus::{self, CanBus};
+use super::canopen::{Beat, Link, Strictness};
+use super::cansimple::Cansimple;
+use super::cia402::Cia402;
+use super::drive::Drive;
+use super::fault::CanFault;
+use super::file::{Motor, ValidRigFile};
+use super::limits::{Confirmed, HandleLimits};
+use super::mit::Mit;
+use super::safe;
+
+/// The bus of a rig, and the motor on it.
+#[derive(Debug)]
+pub struct Connection {
+    pub(super) file: ValidRigFile,
+    pub(super) link: Link,
+    pub(super) drive: Box<dyn Drive>,
+}
+
+/// Why there is no connection.
+#[derive(Debug, thiserror::Error)]
+pub enum ConnectError {
+    /// The bus cannot be opened.
+    #[error(
+        "{bus}: cannot be opened ({source}). Check that the adapter is plugged in, that no other program uses it and \
+         that you may use it"
+    )]
+    Bus {
+        /// The bus.
+        bus: String,
+        /// What the system or the adapter said.
+        source: std::io::Error,
+    },
+}
+
+impl Connection {
+    /// Opens the bus of a rig. Nothing is sent yet.
+    ///
+    /// # Errors
+    /// When the bus cannot be opened.
+    pub fn open(file: ValidRigFile) -> Result<Self, ConnectError> {
+        let bus = bus::open(&file.bus, file.bit_rate)
+            .map_err(|source| ConnectError::Bus { bus: file.bus.to_string(), source })?;
+        Ok(Self::on(bus, file))
+    }
+
+    /// The rig on a bus that is open.
+    pub fn on(bus: Box<dyn CanBus>, file: ValidRigFile) -> Self {
+        let drive: Box<dyn Drive> = match &file.motor {
+            Motor::Cia402(motor) => Box::new(Cia402::new(motor, &file)),
+            Motor::Cansimple(motor) => Box::new(Cansimple::new(motor, &file)),
+            Motor::Mit(motor) => Box::new(Mit::new(motor, &file)),
+        };
+        let mut link = Link::new(bus);
+        let tolerate = &file.tolerate;
+        link.tolerate(tolerate.error_frames, tolerate.garbled_frames, tolerate.foreign_frames_per_s);
+        Self { file, link, drive }
+    }
+
+    /// The rig file.
+    pub fn file(&self) -> &ValidRigFile {
+        &self.file
+    }
+
+    /// Identity, limits, watchdogs and frames: written and read back. The motor has no power and gets none.
+    ///
+    /// # Errors
+    /// What is refused, not taken, or not answered.
+    pub fn prepare(&mut self, limits: &HandleLimits) -> Result<Confirmed, CanFault> {
+        let master = self.file.master;
+        let period = Duration::from_millis(u64::from(master.heartbeat_ms));
+        self.link.set_strictness(Strictness::Noting);
+        self.link.set_beat(Some(Beat { node: master.node, period }));
+        self.link.drain()?;
+        self.drive.prepare(&mut self.link, &self.file, limits)
+    }
+
+    /// Power off, confirmed; then nobody is watched any more. Without our heartbeat the drive stops by itself.
+    ///
+    /// # Errors
+    /// Why it could not be confirmed.
+    pub fn release(&mut self) -> Result<(), CanFault> {
+        self.link.set_strictness(Strictness::Noting);
+        let outcome = safe::power_off(&mut self.link, self.drive.as_mut());
+        self.link.set_beat(None);
+        self.link.watch(&[]);
+        outcome
+    }
+}

@@ -1,0 +1,117 @@
+//! The whole trajectory of every condition, walked through on paper before the motor may move.
+
+use super::file::{RigFileError, ValidRigFile};
+use super::limits::HandleLimits;
+use crate::protocol::ValidProtocol;
+
+/// Proof that a protocol's every movement stays inside the limits of a rig, and that its bus can carry it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DryRun {
+    limits: HandleLimits,
+}
+
+impl DryRun {
+    /// The limits that were kept.
+    pub fn limits(&self) -> &HandleLimits {
+        &self.limits
+    }
+
+    /// Walks through every movement of the protocol at the rig's period.
+    ///
+    /// # Errors
+    /// Everything in which protocol and rig do not go together.
+    pub fn of(protocol: &ValidProtocol, rig: &ValidRigFile) -> Result<Self, RigFileError> {
+        let limits = HandleLimits::tighter(&rig.limits, &protocol.limits);
+        let mut reasons = Vec::new();
+        sampling(protocol, rig, &mut reasons);
+        channels(protocol, rig, &mut reasons);
+        torques(protocol, &limits, &mut reasons);
+        if limits.let_pass(0.0).is_err() {
+            reasons.push(format!("the start position is outside the angles {:?} rad", limits.angle_rad));
+        }
+        for velocity in &protocol.velocities_rad_s {
+            if let Err(reason) = walk(protocol, rig, *velocity, &limits) {
+                reasons.push(reason);
+            }
+        }
+        if reasons.is_empty() {
+            return Ok(Self { limits });
+        }
+        Err(RigFileError::Unsuitable { file: rig.file_name().to_owned(), reasons })
+    }
+}
+
+fn sampling(protocol: &ValidProtocol, rig: &ValidRigFile, reasons: &mut Vec<String>) {
+    let (wanted, given) = (protocol.signal.sample_rate_hz, rig.sample_period().rate_hz());
+    if rig.sample_period().is_of(wanted) {
+        return;
+    }
+    let samples = rig.signals.torque.samples;
+    let needed_us = samples as f64 * 1e6 / wanted;
+    let load = rig.budget().bits_per_period() as f64 * wanted
+        / (samples as f64 * f64::from(rig.bit_rate.bits_per_s()));
+    reasons.push(format!(
+        "the protocol samples at {wanted} Hz, the rig gives {given:.3} Hz ({samples} each {} us); with period_us \
+         {needed_us:.1} the bus would be loaded to {:.0} %: change period_us, put several samples in a frame, or \
+         change signal.sample_rate_hz",
+        rig.period_us,
+        load * 100.0
+    ));
+}
+
+fn channels(protocol: &ValidProtocol, rig: &ValidRigFile, reasons: &mut Vec<String>) {
+    let signals = &rig.signals;
+    if protocol.before.mvc.is_some() && (signals.emg_fcr.is_none() || signals.emg_ecr.is_none()) {
+        reasons.push(
+            "the protocol measures maximal efforts, which needs signals emg_fcr and emg_ecr".to_owned(),
+        );
+    }
+    if protocol.gate.antagonist_limit_mvc.is_some() && signals.emg_ecr.is_none() {
+        reasons.push("the protocol's gate has antagonist_limit_mvc, which needs signal emg_ecr".to_owned());
+    }
+}
+
+fn torques(protocol: &ValidProtocol, limits: &HandleLimits, reasons: &mut Vec<String>) {
+    for torque in protocol.torques_nm.iter().filter(|torque| torque.abs() >= limits.torque_nm) {
+        reasons
+            .push(format!("target torque {torque} N m is not below the limit of {} N m", limits.torque_nm));
+    }
+}
+
+/// One condition, from the onset until the motor is back.
+fn walk(
+    protocol: &ValidProtocol,
+    rig: &ValidRigFile,
+    velocity: f64,
+    limits: &HandleLimits,
+) -> Result<(), String> {
+    let movement = protocol.ramp_and_hold(velocity).map_err(|error| error.to_string())?;
+    let (period_s, mut before_rad) = (rig.period().seconds(), 0.0);
+    let periods = (movement.duration_s() / period_s).ceil() as u64 + 1;
+    for period in 0..=periods {
+        let t_s = period as f64 * period_s;
+        let motion = movement.at(t_s);
+        let asked_rad_s = ((motion.angle_rad - before_rad) / period_s).abs().max(motion.velocity_rad_s.abs());
+        let beyond = |what: &str, value: f64, limit: &dyn std::fmt::Debug| {
+            Err(format!(
+                "at {velocity} rad/s, {t_s:.3} s after the onset, {what} is {value:.4}, the limit is {limit:?}"
+            ))
+        };
+        if limits.let_pass(motion.angle_rad).is_err() {
+            return beyond("the angle (rad)", motion.angle_rad, &limits.angle_rad);
+        }
+        // The steps of the drive's interpolation may be faster than the curve by rounding alone.
+        if asked_rad_s > limits.speed_rad_s * (1.0 + 1e-9) {
+            return beyond("the speed (rad/s)", asked_rad_s, &limits.speed_rad_s);
+        }
+        if motion.acceleration_rad_s2.abs() > limits.acceleration_rad_s2 {
+            return beyond(
+                "the acceleration (rad/s2)",
+                motion.acceleration_rad_s2,
+                &limits.acceleration_rad_s2,
+            );
+        }
+        before_rad = motion.angle_rad;
+    }
+    Ok(())
+}

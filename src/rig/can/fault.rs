@@ -1,0 +1,362 @@
+//! What can go wrong with a motor on a CAN bus, each with a name, what was seen, and what to do.
+
+use serde::{Deserialize, Serialize};
+
+use super::bus::Trouble;
+use super::canopen::{NmtState, Object, abort, emergency};
+
+/// Why a CAN motor was made safe, or was not armed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, thiserror::Error)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum CanFault {
+    /// The adapter, the interface or the server does not answer to the operating system any more.
+    #[error("the CAN adapter is gone or takes no frames; check its cable, then arm again")]
+    BusGone,
+    /// The controller left the bus.
+    #[error(
+        "the CAN controller went bus-off; check termination, bit rate and cable, and bring the bus up again"
+    )]
+    BusOff,
+    /// The controller reports trouble on the bus.
+    #[error(
+        "the CAN bus is in trouble ({trouble:?}, seen {count} times); check termination, bit rate and cable"
+    )]
+    BusTrouble {
+        /// What it reports.
+        trouble: Trouble,
+        /// How often.
+        count: u64,
+    },
+    /// Bytes arrived that are no frame.
+    #[error("{count} frames arrived garbled from the adapter, {tolerated} are tolerated; check its cable")]
+    Garbled {
+        /// How many.
+        count: u64,
+        /// How many the rig file tolerates.
+        tolerated: u64,
+    },
+    /// Too many frames of others.
+    #[error(
+        "{per_s} foreign frames a second on the bus, {tolerated} are tolerated; take other devices off this bus"
+    )]
+    Flood {
+        /// Foreign frames in the last second.
+        per_s: u32,
+        /// How many the rig file tolerates.
+        tolerated: u32,
+    },
+    /// The frames that answer a SYNC did not arrive in their period.
+    #[error(
+        "no answer to SYNC in {in_a_row} periods in a row, {tolerated} are tolerated (missing identifier {id:03X}h); \
+         check cable, power and load of the bus"
+    )]
+    MissedCycle {
+        /// How many periods.
+        in_a_row: u32,
+        /// How many the rig file tolerates.
+        tolerated: u32,
+        /// The identifier that is missing.
+        id: u16,
+    },
+    /// The program did not wake up in time for the next SYNC.
+    #[error(
+        "the program was {late_us} us late for SYNC in {in_a_row} periods in a row, {tolerated} are tolerated; \
+         use a real-time kernel and close other programs"
+    )]
+    Overrun {
+        /// How late.
+        late_us: u64,
+        /// How many periods.
+        in_a_row: u32,
+        /// How many the rig file tolerates.
+        tolerated: u32,
+    },
+    /// A frame came twice in one period.
+    #[error(
+        "frame {id:03X}h arrived {count} times too often, {tolerated} are tolerated; does another device use it?"
+    )]
+    Duplicated {
+        /// Its identifier.
+        id: u16,
+        /// How often so far.
+        count: u64,
+        /// How many the rig file tolerates.
+        tolerated: u64,
+    },
+    /// A frame has the wrong length.
+    #[error("frame {id:03X}h has {length} bytes instead of {expected}; check the PDO mapping of the device")]
+    Malformed {
+        /// Its identifier.
+        id: u16,
+        /// Bytes it has.
+        length: u8,
+        /// Bytes it should have.
+        expected: u8,
+    },
+    /// The sample counter did not go on by what it must.
+    #[error(
+        "the sample counter went from {before} to {now}: samples are stale, lost or out of order; check the sensor"
+    )]
+    StaleSample {
+        /// The counter before.
+        before: u32,
+        /// The counter now.
+        now: u32,
+    },
+    /// A node's heartbeat stayed away.
+    #[error("no heartbeat of node {node} for {after_ms} ms; check its power and cable")]
+    HeartbeatLost {
+        /// Which node.
+        node: u8,
+        /// Since when.
+        after_ms: u64,
+    },
+    /// A node is not in OPERATIONAL.
+    #[error("node {node} went to {state}; see its error memory, then arm again")]
+    NotOperational {
+        /// Which node.
+        node: u8,
+        /// Where it is.
+        state: NmtState,
+    },
+    /// A node started anew by itself.
+    #[error("node {node} restarted by itself; check its supply, bring the motor home and arm again")]
+    Rebooted {
+        /// Which node.
+        node: u8,
+    },
+    /// A node sent an emergency.
+    #[error("node {node} reports emergency {code:04X}h: {} (error register {register:02X}h)", emergency::words(*code))]
+    Emergency {
+        /// Which node.
+        node: u8,
+        /// Error code.
+        code: u16,
+        /// Error register.
+        register: u8,
+    },
+    /// The drive is in its fault state, or any but the one it must be in.
+    #[error("the drive left OPERATION ENABLED: it is in {state} (statusword {statusword:04X}h)")]
+    NotEnabled {
+        /// Its state.
+        state: super::cia402::State,
+        /// The whole statusword.
+        statusword: u16,
+    },
+    /// The drive says that it reached one of its own limits.
+    #[error(
+        "the drive holds the motion back at one of its limits (statusword {statusword:04X}h); look at 607Dh, 6072h and 6080h"
+    )]
+    DriveLimit {
+        /// The statusword.
+        statusword: u16,
+    },
+    /// The drive or the program sees the motor too far from where it should be.
+    #[error(
+        "the motor is {error_rad:.4} rad from where it should be, {limit_rad} are allowed; is something in its way?"
+    )]
+    FollowingError {
+        /// How far.
+        error_rad: f64,
+        /// How far is allowed.
+        limit_rad: f64,
+    },
+    /// Measured angle beyond the rig's limit.
+    #[error("the handle is at {angle_rad:.4} rad, beyond the limit of {limit_rad}")]
+    Angle {
+        /// Where it is.
+        angle_rad: f64,
+        /// How far is allowed.
+        limit_rad: f64,
+    },
+    /// Measured speed beyond the rig's limit.
+    #[error("the handle turns at {speed_rad_s:.3} rad/s, beyond the limit of {limit_rad_s}")]
+    Speed {
+        /// How fast it is.
+        speed_rad_s: f64,
+        /// How fast is allowed.
+        limit_rad_s: f64,
+    },
+    /// Measured torque beyond the rig's limit.
+    #[error("the torque at the handle is {torque_nm:.3} N m, beyond the limit of {limit_nm}")]
+    Torque {
+        /// How much it is.
+        torque_nm: f64,
+        /// How much is allowed.
+        limit_nm: f64,
+    },
+    /// A command from the session that no limit lets through.
+    #[error(
+        "the session asks for an angle of {angle_rad} rad, beyond the limits {low_rad} to {high_rad} rad; please report this as a bug"
+    )]
+    CommandBeyondLimit {
+        /// What was asked for.
+        angle_rad: f64,
+        /// Lowest allowed.
+        low_rad: f64,
+        /// Highest allowed.
+        high_rad: f64,
+    },
+    /// The rig file stretches time, and the motor is not the emulated one.
+    #[error("node {node} is not the emulated motor of the test bench: take \"bench\" out of the rig file")]
+    NotTheBench {
+        /// Which node.
+        node: u8,
+    },
+    /// An SDO was aborted by the device.
+    #[error("node {node} aborts access to object {index:04X}h:{sub:02X} with {code:08X}h: {}", abort::words(*code))]
+    SdoAborted {
+        /// Which node.
+        node: u8,
+        /// The object.
+        index: u16,
+        /// Its entry.
+        sub: u8,
+        /// The abort code.
+        code: u32,
+    },
+    /// An SDO was not answered.
+    #[error(
+        "node {node} does not answer for object {index:04X}h:{sub:02X}; check its power, node id and bit rate"
+    )]
+    SdoSilent {
+        /// Which node.
+        node: u8,
+        /// The object.
+        index: u16,
+        /// Its entry.
+        sub: u8,
+    },
+    /// A device reads back another value than was written.
+    #[error(
+        "node {node} says that object {index:04X}h:{sub:02X} is {read:08X}h after {written:08X}h was written: it does \
+         not take this limit or setting; correct the rig file or the drive's configuration"
+    )]
+    NotTaken {
+        /// Which node.
+        node: u8,
+        /// The object.
+        index: u16,
+        /// Its entry.
+        sub: u8,
+        /// What was written.
+        written: u32,
+        /// What it reads.
+        read: u32,
+    },
+    /// The device is another one than the rig file says.
+    #[error(
+        "node {node} says {index:04X}h:{sub:02X} is {read:08X}h, the rig file expects {expected:08X}h: another device?"
+    )]
+    WrongDevice {
+        /// Which node.
+        node: u8,
+        /// The object that tells.
+        index: u16,
+        /// Its entry.
+        sub: u8,
+        /// What it says.
+        read: u32,
+        /// What the rig file says.
+        expected: u32,
+    },
+    /// The drive does not reach a state.
+    #[error("the drive does not reach {wanted}: it stays in {state} (statusword {statusword:04X}h, error code {code:04X}h: {})", emergency::words(*code))]
+    StateNotReached {
+        /// Which state.
+        wanted: super::cia402::State,
+        /// Where it is.
+        state: super::cia402::State,
+        /// The whole statusword.
+        statusword: u16,
+        /// 603Fh.
+        code: u16,
+    },
+    /// Homing failed or took too long.
+    #[error(
+        "homing did not end within {timeout_s} s (statusword {statusword:04X}h); look at switches, method and speeds"
+    )]
+    HomingFailed {
+        /// How long it was waited for.
+        timeout_s: f64,
+        /// The statusword.
+        statusword: u16,
+    },
+    /// The drive does not know any more where the start position is.
+    #[error(
+        "the drive has lost its origin (it was restarted) and its homing method cannot find it: begin the session anew with the handle at the start position"
+    )]
+    OriginLost,
+    /// The motor did not come to the start position.
+    #[error(
+        "the motor is {off_rad:.4} rad from the start position and does not come nearer; is something in its way?"
+    )]
+    NotAtStart {
+        /// How far it is off.
+        off_rad: f64,
+    },
+    /// A motor without CANopen reports an error or disarmed itself.
+    #[error("the motor reports error {code:08X}h and has let go; see its manual")]
+    MotorError {
+        /// Its error code.
+        code: u32,
+    },
+    /// The power may still be on.
+    #[error(
+        "it could not be confirmed that the motor has no power: press the emergency stop, then look at the bus"
+    )]
+    PowerNotConfirmed,
+    /// The limits of the session are not those of the dry run.
+    #[error(
+        "the limits of this session are not those that its movements were checked against; begin the session anew"
+    )]
+    OtherLimits,
+    /// It was made safe before and waits to be armed again.
+    #[error("the motor was made safe and waits to be armed again")]
+    Latched,
+}
+
+impl CanFault {
+    /// Which reaction of the rig file applies.
+    pub fn class(&self) -> Class {
+        match self {
+            Self::BusGone
+            | Self::BusOff
+            | Self::BusTrouble { .. }
+            | Self::Garbled { .. }
+            | Self::Flood { .. } => Class::Bus,
+            Self::MissedCycle { .. } | Self::Overrun { .. } | Self::Duplicated { .. } => Class::Cycle,
+            Self::Malformed { .. } | Self::StaleSample { .. } => Class::Sensor,
+            Self::Angle { .. }
+            | Self::Speed { .. }
+            | Self::Torque { .. }
+            | Self::CommandBeyondLimit { .. } => Class::Limit,
+            _ => Class::Drive,
+        }
+    }
+
+    /// Whether the drive can still be spoken to.
+    pub(super) fn bus_is_dead(&self) -> bool {
+        matches!(self, Self::BusGone | Self::BusOff)
+    }
+
+    /// An SDO that was not answered.
+    pub(super) fn silent(node: u8, object: Object) -> Self {
+        Self::SdoSilent { node, index: object.index, sub: object.sub }
+    }
+}
+
+/// Faults that call for the same reaction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Class {
+    /// A measured angle, speed or torque beyond its limit.
+    Limit,
+    /// A sensor that gives no number, or an old one.
+    Sensor,
+    /// The drive reports a fault or does not do as it is told.
+    Drive,
+    /// The bus is in trouble.
+    Bus,
+    /// Frames or wake-ups came late.
+    Cycle,
+}

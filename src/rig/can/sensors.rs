@@ -1,0 +1,78 @@
+//! CANopen devices that measure beside a motor: identity, heartbeat, TPDOs, and the way to OPERATIONAL.
+
+use std::time::{Duration, Instant};
+
+use super::canopen::{Link, NmtCommand, NmtState, Object, Producer, identify, write_tpdos};
+use super::fault::CanFault;
+use super::file::{RigFile, Sensor};
+
+/// How long nodes may take for NMT commands.
+const NMT_CHANGE: Duration = Duration::from_secs(2);
+
+/// The measuring devices of a rig.
+#[derive(Debug, Clone)]
+pub struct Sensors(Vec<Sensor>);
+
+impl Sensors {
+    /// Those of a rig file.
+    pub fn new(file: &RigFile) -> Self {
+        Self(file.sensors.clone())
+    }
+
+    /// None at all.
+    #[cfg(test)]
+    pub fn none() -> Self {
+        Self(Vec::new())
+    }
+
+    /// Whose heartbeats are minded.
+    pub fn producers(&self) -> Vec<Producer> {
+        let patience = |ms: u16| Duration::from_millis(u64::from(ms));
+        self.0
+            .iter()
+            .map(|one| Producer { node: one.node, patience: patience(one.heartbeat_wait_ms) })
+            .collect()
+    }
+
+    /// Identity, heartbeat and TPDOs, in PRE-OPERATIONAL.
+    pub fn prepare(&self, link: &mut Link, file: &RigFile) -> Result<(), CanFault> {
+        for sensor in &self.0 {
+            link.nmt(NmtCommand::EnterPreOperational, sensor.node)?;
+            identify(link, sensor.node, &sensor.identity)?;
+            link.write_and_confirm(sensor.node, Object::plain(0x1017), sensor.heartbeat_ms)?;
+            write_tpdos(link, sensor.node, file)?;
+        }
+        Ok(())
+    }
+
+    /// To OPERATIONAL.
+    pub fn start(&self, link: &mut Link) -> Result<(), CanFault> {
+        start_nodes(link, &self.producers())
+    }
+
+    /// Back to PRE-OPERATIONAL: no frames but heartbeats.
+    pub fn release(&self, link: &mut Link) -> Result<(), CanFault> {
+        self.0.iter().try_for_each(|sensor| link.nmt(NmtCommand::EnterPreOperational, sensor.node))
+    }
+}
+
+/// Nodes to OPERATIONAL; their heartbeats must say so.
+pub fn start_nodes(link: &mut Link, nodes: &[Producer]) -> Result<(), CanFault> {
+    for producer in nodes {
+        link.nmt(NmtCommand::Start, producer.node)?;
+    }
+    let deadline = Instant::now() + NMT_CHANGE;
+    for Producer { node, .. } in nodes {
+        while link.state(*node) != Some(NmtState::Operational) {
+            let now = Instant::now();
+            if now > deadline {
+                return Err(match link.state(*node) {
+                    Some(state) => CanFault::NotOperational { node: *node, state },
+                    None => CanFault::HeartbeatLost { node: *node, after_ms: NMT_CHANGE.as_millis() as u64 },
+                });
+            }
+            link.receive(now + Duration::from_millis(5))?;
+        }
+    }
+    Ok(())
+}
