@@ -86,7 +86,11 @@ impl ObedientDrive {
             (0x6041, 0) => u32::from(self.status()).to_le_bytes(),
             (0x6064, 0) => self.reached.to_le_bytes(),
             (0x6061, 0) => self.object(0x6060, 0),
-            _ => self.objects.iter().find(|(object, _)| *object == (index, sub)).map_or([0; 4], |(_, value)| *value),
+            _ => self
+                .objects
+                .iter()
+                .find(|(object, _)| *object == (index, sub))
+                .map_or([0; 4], |(_, value)| *value),
         }
     }
 

@@ -121,7 +121,13 @@ impl Fit {
     }
 
     /// Writes results and report, and what the session's manifest says of them.
-    fn keep(&self, session: &Path, folder: &Path, results: &Results, console: &Console) -> Result<(), Failure> {
+    fn keep(
+        &self,
+        session: &Path,
+        folder: &Path,
+        results: &Results,
+        console: &Console,
+    ) -> Result<(), Failure> {
         results.write(&Disk::default(), folder)?;
         write_report(session, folder, console)?;
         if self.out.is_none() {

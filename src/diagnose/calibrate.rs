@@ -48,7 +48,7 @@ impl Chance {
 }
 
 /// How many sessions without any misfit are simulated.
-pub const SIMULATIONS: usize = 100;
+pub const SIMULATIONS: usize = 60;
 
 /// Compares `finding` with simulated sessions in which the fitted model is right.
 pub fn chance(
@@ -119,7 +119,7 @@ pub fn simulate(
 }
 
 /// A refit needs no more than this: it starts where the data came from.
-const REFIT: Effort = Effort { iterations: 12, decrease: 1e-4, longest_step: 0.7 };
+const REFIT: Effort = Effort { iterations: 6, decrease: 1e-3, longest_step: 0.7 };
 
 /// Fits the model of `fit` to other data, from where `fit` ended.
 pub fn refit(prepared: &Prepared, fit: &Fit) -> Fit {

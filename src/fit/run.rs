@@ -124,7 +124,7 @@ impl Fit {
                 }
             }
         }
-        let solution = solve(prepared, &layout, &kinds, &self.objective, &start, Effort::default());
+        let solution = solve(prepared, &layout, &kinds, &self.objective, &start, EXTENSION);
         let fit = Self { model: model.clone(), kinds, layout, several: Vec::new(), ..self.clone() };
         fit.with_solution(solution)
     }
@@ -281,6 +281,9 @@ fn lean(prepared: &Prepared, fit: &Fit) -> Guess {
 
 /// How far single trials' k_dec and x_e may be expected from those of all, as standard deviations of their logarithms.
 const LEAN: [(usize, f64); 2] = [(4, 0.2), (ELASTIC_LIMIT, 0.1)];
+
+/// An extension starts where the fit before it ended.
+const EXTENSION: Effort = Effort { iterations: 40, decrease: 1e-4, longest_step: 0.7 };
 
 /// Index of x_e in a trial's parameters.
 const ELASTIC_LIMIT: usize = 5;
