@@ -45,7 +45,18 @@ pub struct Fit {
 
 impl Fit {
     /// Fits `model`.
+    ///
+    /// A plain fit starts where the weighed one ends, if there is a noise to weigh by: the plain sum of squares has many
+    /// optima that the noise does not tell apart, and this is the one that the data know.
     pub fn new(prepared: &Prepared, model: &Model, weighting: Weighting) -> Self {
+        if weighting == Weighting::Plain && prepared.noise_source == Some(NoiseSource::Holds) {
+            let mut fit = Self::new(prepared, model, Weighting::MeasuredNoise);
+            fit.objective = Objective::LeastSquares;
+            let (kinds, start) = (&fit.kinds, &fit.solution.coordinates);
+            fit.solution = solve(prepared, &fit.layout, kinds, &fit.objective, start, Effort::default());
+            fit.take_parameters();
+            return fit;
+        }
         let points = looks(prepared);
         let (objective, covariances) = objective(prepared, weighting, &points);
         let guess = Guess::pooled(prepared, &objective, &points);

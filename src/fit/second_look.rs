@@ -30,6 +30,13 @@ const OUT_OF_REACH: f64 = 12.0;
 /// About how many independent values the paper's filter leaves in its window of 40 ms.
 const INDEPENDENT_VALUES: f64 = 4.5;
 
+/// Elastic limits that all trials of a component are started from together.
+const TOGETHER: [f64; 2] = [0.4, 0.6];
+
+/// A cost so many standard deviations above what the noise makes asks for a look at all trials together. A wrong optimum may
+/// lie only one above the right one, and looking costs little.
+const SUSPICIOUS: f64 = 0.5;
+
 /// A second look need only tell whether it leads to another optimum.
 const LOOK: Effort = Effort { iterations: 25, decrease: 1e-4, longest_step: 0.7 };
 
@@ -44,6 +51,7 @@ impl Fit {
         if !matches!(treatment.scope, Scope::Trial | Scope::Condition) || !treatment.law.is_empty() {
             return;
         }
+        self.look_together(prepared);
         let reached = self.normals(prepared, &self.solution.coordinates);
         let mut merged = self.solution.coordinates.clone();
         let mut best: Vec<Vec<f64>> = reached.iter().map(|normal| normal.block_costs().collect()).collect();
@@ -79,6 +87,46 @@ impl Fit {
         several.dedup();
         self.several = several;
         self.take_parameters();
+    }
+
+    /// Starts all trials of a component anew at once, where its cost is more than the noise makes: with what they share at a
+    /// wrong value, none of them gets to the right place alone.
+    fn look_together(&mut self, prepared: &Prepared) {
+        let suspicious: Vec<bool> =
+            (0..self.layout.components.len()).map(|component| self.is_suspicious(component)).collect();
+        if !suspicious.contains(&true) {
+            return;
+        }
+        for place in TOGETHER {
+            let mut start = self.solution.coordinates.clone();
+            for (component, own) in self.layout.components.iter().enumerate() {
+                for trial in own.trials.iter().filter(|_| suspicious[component]) {
+                    if let Link::Logarithmic { coordinate, .. } = self.layout.links[*trial][ELASTIC_LIMIT] {
+                        let bounds = &self.layout.coordinates[coordinate];
+                        let there = libm::log(place * prepared.reach_rad(*trial));
+                        start[coordinate] = there.clamp(bounds.low, bounds.high);
+                    }
+                }
+            }
+            let found = self.solve_some(prepared, &|component| suspicious[component], &start, LOOK);
+            let looked_at = (0..suspicious.len()).filter(|component| suspicious[*component]);
+            let better: Vec<usize> = looked_at
+                .zip(&found.outcomes)
+                .filter(|(component, outcome)| outcome.cost < self.solution.outcomes[*component].cost)
+                .map(|(component, _)| component)
+                .collect();
+            let improved: Vec<bool> = (0..suspicious.len()).map(|index| better.contains(&index)).collect();
+            self.polish(prepared, &improved, &found.coordinates);
+        }
+    }
+
+    /// Whether a component's cost is above what the noise makes; without a measured noise, always.
+    fn is_suspicious(&self, component: usize) -> bool {
+        let Objective::Whitened(whiteners) = &self.objective else { return true };
+        let own = &self.layout.components[component];
+        let rows = whiteners.iter().map(|whitener| whitener.nrows()).min().unwrap_or(0) * own.trials.len();
+        let freedom = rows.saturating_sub(own.order().len()) as f64;
+        self.solution.outcomes[component].cost > 0.5 * (freedom + SUSPICIOUS * libm::sqrt(2.0 * freedom))
     }
 
     /// The blocks that may have an optimum about `place`, and a start with their elastic limits there.

@@ -1,6 +1,7 @@
 //! The optimisation: its steps, its bounds, and where it ends.
 
 use nalgebra::DVector;
+use rayon::prelude::*;
 
 use super::super::normal::evaluate;
 use super::super::solve::solve;
@@ -29,7 +30,8 @@ fn the_arrowhead_step_is_that_of_the_dense_matrix() {
     let mut dense = normal.dense(component);
     let mut right = -normal.gradient(component);
     for i in 0..61 {
-        dense[(i, i)] *= 1.0 + damping;
+        // All coordinates are logarithms, of scale one; the second part is the floor that the solver keeps.
+        dense[(i, i)] += damping * dense[(i, i)] + 1e-9 * normal.cost;
         if held[i] {
             dense.row_mut(i).fill(0.0);
             dense.column_mut(i).fill(0.0);
@@ -76,32 +78,25 @@ fn the_gradient_is_that_of_the_cost() {
 fn from_two_hundred_starts_within_a_factor_of_three_the_fit_reaches_the_same_optimum() {
     let prepared = Maker::new(1).prepared();
     let points = looks(&prepared);
-    for weighting in [Weighting::MeasuredNoise, Weighting::Plain] {
-        let (objective, covariances) = objective(&prepared, weighting, &points);
-        let fit_from = |guess: &Guess| {
-            let (objective, covariances) = (objective.clone(), covariances.clone());
-            let mut fit = Fit::from_guess(&prepared, &Model::paper(), objective, covariances, guess);
-            fit.look_again(&prepared);
-            fit
-        };
-        let cost = |fit: &Fit| fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>();
-        let best = cost(&fit_from(&guess_of_truth(&prepared)));
-        let mut stream = Stream::new(3, "starts");
-        let mut reached = 0;
-        for _ in 0..200 {
-            let mut spread = |value: f64| value * libm::exp((2.0 * stream.uniform() - 1.0) * libm::log(3.0));
-            let first = prepared.trials.iter().map(|t| truth(t.velocity_rad_s, t.torque_nm).map(&mut spread));
-            let fit = fit_from(&Guess::given(&prepared, first.collect()));
-            let found = cost(&fit);
-            assert!(found > best * 0.999, "the reference was not the best: {found} and {best}");
-            // Where it is another optimum, the fit must say which conditions have several.
-            if found < best * 1.001 || !fit.several.is_empty() {
-                reached += 1;
-            }
-        }
-        println!("{weighting:?}: {reached} of 200 starts");
-        assert!(reached >= 198, "{weighting:?}: {reached} of 200");
-    }
+    let (objective, covariances) = objective(&prepared, Weighting::MeasuredNoise, &points);
+    let fit_from = |guess: &Guess| {
+        let (objective, covariances) = (objective.clone(), covariances.clone());
+        let mut fit = Fit::from_guess(&prepared, &Model::paper(), objective, covariances, guess);
+        fit.look_again(&prepared);
+        fit
+    };
+    let cost = |fit: &Fit| fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>();
+    let best = cost(&fit_from(&guess_of_truth(&prepared)));
+    let reaches = |start: u32| {
+        let mut stream = Stream::new(3, &format!("start/{start}"));
+        let mut spread = |value: f64| value * libm::exp((2.0 * stream.uniform() - 1.0) * libm::log(3.0));
+        let first = prepared.trials.iter().map(|t| truth(t.velocity_rad_s, t.torque_nm).map(&mut spread));
+        let found = cost(&fit_from(&Guess::given(&prepared, first.collect())));
+        assert!(found > best * 0.999, "the reference was not the best: {found} and {best}");
+        found < best * 1.001
+    };
+    let reached = (0..200).into_par_iter().filter(|start| reaches(*start)).count();
+    assert!(reached >= 198, "{reached} of 200");
 }
 
 #[test]
