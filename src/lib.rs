@@ -16,10 +16,12 @@
 //! | dataset | [`dataset`] | session folders: reading what was measured, writing what was run |
 //! | signal | [`signal`] | the filter, the onset, the noise of the hold |
 //! | fit | [`fit`] | the wrist's parameters out of the recorded torque, and how well they are known |
+//! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what mending it gains |
 //!
 //! SI units throughout; a field's name carries its unit. The ramp is positive and so is the resistance to it.
 
 pub mod dataset;
+pub mod diagnose;
 pub mod fit;
 pub mod protocol;
 pub mod random;

@@ -5,8 +5,10 @@
 
 mod check;
 mod console;
+mod diagnose;
 mod failure;
 mod fit;
+mod model;
 mod operator;
 mod run;
 mod schedule;
@@ -48,6 +50,7 @@ verbs! {
     Run(run::Run),
     Check(check::Check),
     Fit(fit::Fit),
+    Diagnose(diagnose::Diagnose),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

@@ -12,6 +12,7 @@ use ramphold::schedule;
 use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Status, conduct};
 
 use super::fit::{fit_session, table};
+use super::model::add_model;
 use super::operator::CommandLineOperator;
 use super::{Console, Failure, Verb};
 
@@ -37,13 +38,20 @@ pub struct Run {
     /// At true speed rather than as fast as it goes.
     #[arg(long)]
     real_time: bool,
+    /// A model file: the virtual wrist has its mechanisms, at the values given (the fit at the end stays the paper's).
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
 }
 
 impl Verb for Run {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let protocol = ValidProtocol::read(&self.protocol)?;
         let person = person(self.subject.as_deref())?;
-        let rig = self.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
+        let mut rig = self.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
+        if let Some(model) = &self.model {
+            let RigFile::Virtual(setup) = &mut rig;
+            add_model(model, &person, setup)?;
+        }
         let seed = self.seed.unwrap_or_else(drawn_seed);
         let order = schedule::draw(&protocol, seed, subject_number(&person.id))?;
         // A protocol was checked against its own amplitude; what is left is an order that was changed by hand.
@@ -137,12 +145,17 @@ fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Fai
 
 /// A file if there is one, or a name that looks like one; else the person drawn from the identifier.
 fn person(subject: Option<&str>) -> Result<Person, Failure> {
+    let in_identifier = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     match subject {
         None => Ok(Person::default()),
         Some(file) if file.ends_with(".json") || Path::new(file).is_file() => {
             Ok(Person::read(Path::new(file))?)
         }
-        Some(id) => Ok(Person::drawn(id)),
+        Some(id) if !id.is_empty() && id.chars().all(in_identifier) => Ok(Person::drawn(id)),
+        Some(other) => Err(Failure::Usage(format!(
+            "--subject {other:?}: is no file, and no identifier; expected the JSON file of a person, or letters, digits, \
+             -, _ and . such as S03"
+        ))),
     }
 }
 

@@ -3,7 +3,8 @@
 
 use super::layout::{Component, Coordinate, Layout, Link};
 use super::model::{Model, Treatment};
-use super::normal::{Objective, predict};
+use super::normal::Objective;
+use super::predict::predict;
 use super::prepare::{Prepared, PreparedTrial};
 use super::solve::{Effort, solve};
 use crate::random::Stream;
@@ -82,6 +83,34 @@ impl Guess {
         assert_eq!(trials.len(), prepared.trials.len(), "first values for every trial");
         let reach_rad = (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect();
         Self { trials, reach_rad, lever: prepared.lever }
+    }
+
+    /// First values that are known already, trial by trial.
+    pub fn at(prepared: &Prepared, parameters: &[Vec<f64>]) -> Self {
+        let own = |values: &Vec<f64>| {
+            let mut six = [0.0; 6];
+            six.copy_from_slice(&values[..BASE_PARAMETERS.len()]);
+            six
+        };
+        Self {
+            trials: parameters.iter().map(own).collect(),
+            reach_rad: (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect(),
+            lever: prepared.lever,
+        }
+    }
+
+    /// The first value of a trial's base parameter.
+    pub fn value(&self, trial: usize, parameter: usize) -> f64 {
+        self.trials[trial][parameter]
+    }
+
+    /// The same for some of the trials.
+    pub fn only(&self, trials: &[usize]) -> Self {
+        Self {
+            trials: trials.iter().map(|trial| self.trials[*trial]).collect(),
+            reach_rad: trials.iter().map(|trial| self.reach_rad[*trial]).collect(),
+            lever: self.lever,
+        }
     }
 
     /// The range of a parameter that `members` share.
@@ -217,6 +246,7 @@ impl Pooled {
                 high: start + libm::log(above),
                 start,
                 scale: 1.0,
+                prior: None,
             }
         };
         let mut coordinates: Vec<Coordinate> = [0, 1, 2, 4, 5].into_iter().map(coordinate).collect();

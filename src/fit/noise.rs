@@ -13,6 +13,8 @@ pub enum NoiseSource {
     /// In how the repetitions of a condition differ: the noise and what really changed from trial to trial. A standard error
     /// from it tells how far another repetition may lie off.
     Repetitions,
+    /// In how the residuals of a plain fit differ between repetitions: the noise without what the parameters absorbed.
+    Residuals,
 }
 
 /// Stretches of hold that a torque level needs for a noise of its own; with fewer, all levels share one.
@@ -21,6 +23,9 @@ const STRETCHES_FOR_OWN_NOISE: usize = 300;
 /// Stretches of hold that a noise is measured on at least: their covariance must leave the fit more directions to look in
 /// than it has parameters.
 const FEWEST_STRETCHES: usize = 60;
+
+/// Part of the mean variance that stands for what the trials' parameters absorbed.
+const ABSORBED: f64 = 0.05;
 
 /// Differences between repetitions that a covariance is measured on at least.
 const FEWEST_DIFFERENCES: usize = 12;
@@ -86,6 +91,40 @@ impl Prepared {
         self.noise_of = vec![(!self.noises.is_empty()).then_some(0); self.trials.len()];
     }
 
+    /// Takes the noise from how residuals of a plain fit scatter among the repetitions of a condition; for sessions without a
+    /// hold. It lacks what the trials' own parameters absorbed, so a part of its mean variance is added to every direction.
+    pub fn take_noise_from_repetitions(&mut self, model: &super::Model) {
+        let fit = super::Fit::new(self, model, super::Weighting::Plain);
+        let predictions = super::predictions(self, &fit);
+        let places: Vec<usize> = self.noise_samples().collect();
+        let of_trial =
+            |trial: usize| places.iter().map(|p| predictions[trial].residual_nm[*p]).collect::<Vec<f64>>();
+        let residuals: Vec<Vec<f64>> = (0..self.trials.len()).map(of_trial).collect();
+        let mut deviations = Vec::new();
+        for (trial, own) in residuals.iter().enumerate() {
+            let same: Vec<&Vec<f64>> = (0..residuals.len())
+                .filter(|other| self.trials[*other].condition == self.trials[trial].condition)
+                .map(|other| &residuals[other])
+                .collect();
+            let count = same.len() as f64;
+            if count < 2.0 {
+                continue;
+            }
+            let bias = libm::sqrt(count / (count - 1.0));
+            let mean_at = |place: usize| same.iter().map(|r| r[place]).sum::<f64>() / count;
+            deviations.push((0..own.len()).map(|place| bias * (own[place] - mean_at(place))).collect());
+        }
+        if let Some(mut noise) = Noise::measure(&deviations) {
+            let floor = ABSORBED * noise.covariance.trace() / noise.covariance.nrows() as f64;
+            for place in 0..noise.covariance.nrows() {
+                noise.covariance[(place, place)] += floor;
+            }
+            self.noise_source = Some(NoiseSource::Residuals);
+            self.noises = vec![noise];
+            self.noise_of = vec![Some(0); self.trials.len()];
+        }
+    }
+
     /// How each trial's torque differs from the mean over its condition's repetitions, made as large as between independent
     /// records; one repetition of each condition, which says nothing new, is left out.
     fn differences(&self) -> Vec<Vec<f64>> {
@@ -117,9 +156,9 @@ pub(super) fn stride(session: &Session, view: View, samples: usize) -> usize {
     by_filter.max(samples.div_ceil(100)).max(1)
 }
 
-/// The error of the recorded angle: from its second differences in the holds, at least that of the encoder's steps, which
-/// a still motor does not show.
-pub(super) fn angle_noise(trials: &[&crate::dataset::Trial]) -> f64 {
+/// The error of the recorded angle, rad: from its second differences in the holds, at least that of the encoder's steps,
+/// which a still motor does not show; and that step, where the holds are still.
+pub(super) fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
     let (mut squares, mut count, mut step) = (0.0, 0.0, f64::INFINITY);
     for trial in trials {
         let theta = &trial.record.theta_m_rad;
@@ -137,5 +176,6 @@ pub(super) fn angle_noise(trials: &[&crate::dataset::Trial]) -> f64 {
     }
     let step = if step.is_finite() { step } else { 0.0 };
     // White noise has second differences of six times its variance, rounding to steps a variance of step^2 / 12.
-    libm::sqrt((squares / 6.0 / f64::max(count, 1.0)).max(step * step / 12.0))
+    let (in_hold, of_steps) = (squares / 6.0 / f64::max(count, 1.0), step * step / 12.0);
+    (libm::sqrt(in_hold.max(of_steps)), if in_hold < of_steps { step } else { 0.0 })
 }

@@ -53,6 +53,8 @@ pub struct Prepared {
     pub stride: usize,
     /// Standard deviation of the recorded angle's error, rad: measured in the holds, at least that of its steps.
     pub angle_noise_rad: f64,
+    /// Step of the encoder that the holds stand still in, rad; zero where the recorded angle is never still.
+    pub angle_step_rad: f64,
     /// Noise by trial: index into [`Prepared::noises`]; `None` where the hold is too short to measure any.
     pub noise_of: Vec<Option<usize>>,
     /// The noises measured.
@@ -132,6 +134,7 @@ impl Prepared {
             left_out: Vec::new(),
             stride: stride(session, view, samples),
             angle_noise_rad: 0.0,
+            angle_step_rad: 0.0,
             noise_of: Vec::new(),
             noises: Vec::new(),
             noise_source: None,
@@ -146,7 +149,7 @@ impl Prepared {
         if prepared.trials.is_empty() {
             return Err(PrepareError::NoTrial { of: session.trials.len(), left_out: prepared.left_out });
         }
-        prepared.angle_noise_rad = angle_noise(&usable);
+        (prepared.angle_noise_rad, prepared.angle_step_rad) = angle_noise(&usable);
         prepared.number_conditions();
         prepared.fill_covariates(&usable);
         // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
@@ -175,6 +178,7 @@ impl Prepared {
             left_out: Vec::new(),
             stride: self.stride,
             angle_noise_rad: self.angle_noise_rad,
+            angle_step_rad: self.angle_step_rad,
             noise_of: trials.iter().map(|trial| self.noise_of[*trial]).collect(),
             noises: self.noises.clone(),
             noise_source: self.noise_source,

@@ -1,12 +1,15 @@
 //! A whole fit: weights, start, solution, and a second look at trials that may have several optima.
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::guess::{Guess, looks};
-use super::layout::Layout;
+use super::layout::{Layout, Link};
 use super::model::Model;
 use super::noise::NoiseSource;
 use super::normal::Objective;
 use super::prepare::Prepared;
 use super::solve::{Effort, Outcome, Solution, solve};
+use super::uncertainty::{predictions, uncertainties};
 use super::weights::{covariances, whiteners};
 use crate::signal::Noise;
 use crate::wrist::mechanisms::Kind;
@@ -39,6 +42,8 @@ pub struct Fit {
     pub solution: Solution,
     /// Each trial's parameters at the optimum, in the order of [`Model::parameter_names`].
     pub parameters: Vec<Vec<f64>>,
+    /// What single trials lean on where their own data hardly tell.
+    pub lean: Option<Guess>,
     /// Trials with another optimum that the data do not tell apart from this one.
     pub several: Vec<usize>,
 }
@@ -65,6 +70,14 @@ impl Fit {
         fit
     }
 
+    /// Fits `model` with the yields of single trials leaning on those of all: what a diagnosis starts from, since a yield
+    /// that one trial's data leave open would hide or feign a misfit of the model.
+    pub fn leaning(prepared: &Prepared, model: &Model) -> Self {
+        let first = Self::new(prepared, model, Weighting::MeasuredNoise);
+        let lean = lean(prepared, &first);
+        Self { lean: Some(lean), ..first }.extended(prepared, model)
+    }
+
     /// Fits `model` from given first values, without looking for other optima; see [`Fit::look_again`].
     pub fn from_guess(
         prepared: &Prepared,
@@ -84,10 +97,48 @@ impl Fit {
             covariances,
             solution,
             parameters: Vec::new(),
+            lean: None,
             several: Vec::new(),
         };
         fit.take_parameters();
         fit
+    }
+
+    /// The same fit with another solution of its layout.
+    pub fn with_solution(&self, solution: Solution) -> Self {
+        let mut fit = Self { solution, ..self.clone() };
+        fit.take_parameters();
+        fit
+    }
+
+    /// A model that adds mechanisms to this fit's, fitted from where this fit ended.
+    pub fn extended(&self, prepared: &Prepared, model: &Model) -> Self {
+        let guess = Guess::at(prepared, &self.parameters);
+        let kinds = model.kinds();
+        let mut layout = Layout::new(prepared, model, &guess);
+        if let Some(lean) = &self.lean {
+            layout.lean(lean, &LEAN);
+        }
+        let mut start = layout.start();
+        for (trial, links) in layout.links.iter().enumerate() {
+            for (parameter, link) in links.iter().enumerate().take(self.parameters[trial].len()) {
+                if let Link::Logarithmic { coordinate, factor } = link {
+                    let bounds = &layout.coordinates[*coordinate];
+                    start[*coordinate] =
+                        libm::log(self.parameters[trial][parameter] / factor).clamp(bounds.low, bounds.high);
+                }
+            }
+        }
+        let solution = solve(prepared, &layout, &kinds, &self.objective, &start, Effort::default());
+        let fit = Self { model: model.clone(), kinds, layout, several: Vec::new(), ..self.clone() };
+        fit.with_solution(solution)
+    }
+
+    /// `model` fitted to some of the trials that this fit was made on, from where it ended.
+    pub fn on(&self, prepared: &Prepared, trials: &[usize], model: &Model) -> Self {
+        let parameters = trials.iter().map(|trial| self.parameters[*trial].clone()).collect();
+        let lean = self.lean.as_ref().map(|guess| guess.only(trials));
+        Self { parameters, lean, ..self.clone() }.extended(&prepared.only(trials), model)
     }
 
     pub(super) fn take_parameters(&mut self) {
@@ -117,6 +168,39 @@ impl Fit {
     }
 }
 
+/// What single trials lean on: the regression of the logarithms on those of velocity and torque, over the trials whose own
+/// data tell, each by how well they do.
+fn lean(prepared: &Prepared, fit: &Fit) -> Guess {
+    let uncertainties = uncertainties(prepared, fit, &predictions(prepared, fit));
+    let mut parameters = fit.parameters.clone();
+    let design = |trial: usize| {
+        let own = &prepared.trials[trial];
+        [1.0, libm::log(own.velocity_rad_s.abs().max(1e-3)), libm::log(own.torque_nm.abs().max(1e-3))]
+    };
+    for (parameter, sd) in LEAN {
+        let mut square = Matrix3::from_diagonal_element(1e-9);
+        let mut right = Vector3::zeros();
+        for (trial, own) in uncertainties.iter().enumerate() {
+            let Some(se) = own.se[parameter].filter(|se| *se < 1.0) else { continue };
+            let x = Vector3::from(design(trial));
+            let weight = 1.0 / (se * se + sd * sd);
+            square += weight * x * x.transpose();
+            right += weight * libm::log(fit.parameters[trial][parameter]) * x;
+        }
+        let Some(coefficients) = square.cholesky().map(|factor| factor.solve(&right)) else { continue };
+        for (trial, own) in parameters.iter_mut().enumerate() {
+            own[parameter] = libm::exp(coefficients.dot(&Vector3::from(design(trial))));
+        }
+    }
+    Guess::at(prepared, &parameters)
+}
+
+/// How far single trials' k_dec and x_e may be expected from those of all, as standard deviations of their logarithms.
+const LEAN: [(usize, f64); 2] = [(4, 0.2), (ELASTIC_LIMIT, 0.1)];
+
+/// Index of x_e in a trial's parameters.
+pub(super) const ELASTIC_LIMIT: usize = 5;
+
 /// What to minimise, and the covariance of the residuals where one could be measured.
 ///
 /// Only noise measured in holds weighs the residuals: what differs between repetitions is more than noise.
@@ -126,8 +210,8 @@ pub fn objective(prepared: &Prepared, weighting: Weighting, points: &[[f64; 6]])
     };
     match (source, weighting) {
         (NoiseSource::Repetitions, _) => (Objective::LeastSquares, prepared.noises.clone()),
-        (NoiseSource::Holds, Weighting::Plain) => (Objective::LeastSquares, covariances(prepared, point)),
-        (NoiseSource::Holds, Weighting::MeasuredNoise) => {
+        (_, Weighting::Plain) => (Objective::LeastSquares, covariances(prepared, point)),
+        (_, Weighting::MeasuredNoise) => {
             let covariances = covariances(prepared, point);
             (Objective::Whitened(whiteners(prepared, &covariances)), covariances)
         }

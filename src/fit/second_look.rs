@@ -8,14 +8,11 @@ use super::layout::{Layout, Link};
 use super::model::Scope;
 use super::normal::{Normal, Objective, evaluate};
 use super::prepare::Prepared;
-use super::run::Fit;
+use super::run::{ELASTIC_LIMIT, Fit};
 use super::solve::{Effort, Solution, solve};
 
 /// Elastic limits that are looked at, as parts of the way that the motor goes in the window.
 const PLACES: [f64; 4] = [0.25, 0.4, 0.55, 0.75];
-
-/// Index of x_e in a trial's parameters.
-const ELASTIC_LIMIT: usize = 5;
 
 /// A change of log x_e that makes another optimum.
 const ELSEWHERE: f64 = 0.25;
