@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use ramphold::dataset::{self, Disk};
 use ramphold::diagnose::{Cause, Diagnosis, Evidence, Verdict, diagnose, picture};
-use ramphold::fit::Prepared;
+use ramphold::fit::{NoiseSource, Prepared};
 use serde_json::Value;
 
 use super::fit::{read_model, view};
@@ -42,7 +42,7 @@ impl Verb for Diagnose {
         let session = dataset::load(&self.session)?;
         let mut prepared = Prepared::new(&session, view(&self.session, self.window)?)
             .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
-        if prepared.noises.is_empty() {
+        if prepared.noise_source != Some(NoiseSource::Holds) {
             console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
             prepared.take_noise_from_repetitions(&model);
         }

@@ -257,6 +257,27 @@ pub fn table(console: &Console, results: &Results) -> Result<(), Failure> {
     if !failed.is_empty() {
         writeln!(out, "not converged: trials {} (fit.json says why)", failed.join(", "))?;
     }
+    match results.json["noise_source"].as_str() {
+        Some("repetitions") => writeln!(
+            out,
+            "no hold long enough to measure the noise in: all samples count alike; standard errors from how repetitions differ"
+        )?,
+        None => writeln!(
+            out,
+            "neither holds nor repetitions to measure the noise in: no standard errors but those of Eq. 9"
+        )?,
+        Some(_) => {}
+    }
+    let falling =
+        results.conditions.iter().filter(|c| c.mean[6].is_some_and(|k_after| k_after < 0.0)).count();
+    if falling > 0 {
+        writeln!(
+            out,
+            "k_after is below zero in {falling} of {} conditions: there the torque falls beyond the elastic limit, which no \
+             stiffness explains (relaxation or a reflex in the window; `ramphold diagnose` looks for it)",
+            results.conditions.len()
+        )?;
+    }
     let undetermined = results.estimates.iter().filter(|e| e.se[5].is_none_or(|se| se > 0.5)).count();
     if undetermined > 0 {
         writeln!(

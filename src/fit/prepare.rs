@@ -1,6 +1,7 @@
 //! From a measured session to what the fit compares (section 2.4 of the paper): levels before the ramp subtracted, torque
 //! filtered, the window cut; and the same done to the hold, which tells the noise.
 
+use super::noise::{NoiseSource, angle_noise, stride};
 use crate::dataset::{Session, Status};
 use crate::signal::{FilterSpec, Noise, Section, filter, onset};
 use crate::wrist::mechanisms::Covariates;
@@ -31,9 +32,6 @@ const LEAD_S: f64 = 0.004;
 /// Angle before and after the simulated time that is kept for mechanisms that shift it, s.
 const MARGIN_S: f64 = 0.012;
 
-/// Time that the filter is given to settle at the start of a record, s.
-const SETTLING_S: f64 = 0.025;
-
 /// A session ready to be fitted.
 #[derive(Debug, Clone)]
 pub struct Prepared {
@@ -61,6 +59,8 @@ pub struct Prepared {
     pub noise_of: Vec<Option<usize>>,
     /// The noises measured.
     pub noises: Vec<Noise>,
+    /// What they were measured in; `None` where there are none.
+    pub noise_source: Option<NoiseSource>,
 }
 
 /// A trial that is not fitted.
@@ -137,6 +137,7 @@ impl Prepared {
             angle_step_rad: 0.0,
             noise_of: Vec::new(),
             noises: Vec::new(),
+            noise_source: None,
         };
         let usable: Vec<_> = session.trials.iter().filter(|trial| trial.status == Status::Ok).collect();
         for trial in &usable {
@@ -161,14 +162,8 @@ impl Prepared {
 /// Fewest samples in a window that six parameters can be fitted to.
 const FEWEST_SAMPLES: usize = 12;
 
-/// Stretches of hold that a torque level needs for a noise of its own; with fewer, all levels share one.
-const STRETCHES_FOR_OWN_NOISE: usize = 300;
-
-/// Part of the mean variance that stands for what the trials' parameters absorbed.
-const ABSORBED: f64 = 0.05;
-
 /// Longest hold that is looked at, s: the gate guarantees this much.
-const HOLD_S: f64 = 0.5;
+pub(super) const HOLD_S: f64 = 0.5;
 
 impl Prepared {
     /// The same preparation for some of the trials.
@@ -186,49 +181,21 @@ impl Prepared {
             angle_step_rad: self.angle_step_rad,
             noise_of: trials.iter().map(|trial| self.noise_of[*trial]).collect(),
             noises: self.noises.clone(),
+            noise_source: self.noise_source,
         }
     }
 
-    /// Takes the noise from how residuals of a plain fit scatter among the repetitions of a condition; for sessions without a
-    /// hold. It lacks what the trials' own parameters absorbed, so a part of its mean variance is added to every direction.
-    pub fn take_noise_from_repetitions(&mut self, model: &super::Model) {
-        let fit = super::Fit::new(self, model, super::Weighting::Plain);
-        let predictions = super::predictions(self, &fit);
-        let places: Vec<usize> = self.noise_samples().collect();
-        let of_trial =
-            |trial: usize| places.iter().map(|p| predictions[trial].residual_nm[*p]).collect::<Vec<f64>>();
-        let residuals: Vec<Vec<f64>> = (0..self.trials.len()).map(of_trial).collect();
-        let mut deviations = Vec::new();
-        for (trial, own) in residuals.iter().enumerate() {
-            let same: Vec<&Vec<f64>> = (0..residuals.len())
-                .filter(|other| self.trials[*other].condition == self.trials[trial].condition)
-                .map(|other| &residuals[other])
-                .collect();
-            let count = same.len() as f64;
-            if count < 2.0 {
-                continue;
-            }
-            let bias = libm::sqrt(count / (count - 1.0));
-            let mean_at = |place: usize| same.iter().map(|r| r[place]).sum::<f64>() / count;
-            deviations.push((0..own.len()).map(|place| bias * (own[place] - mean_at(place))).collect());
-        }
-        if let Some(mut noise) = Noise::measure(&deviations) {
-            let floor = ABSORBED * noise.covariance.trace() / noise.covariance.nrows() as f64;
-            for place in 0..noise.covariance.nrows() {
-                noise.covariance[(place, place)] += floor;
-            }
-            self.noises = vec![noise];
-            self.noise_of = vec![Some(0); self.trials.len()];
-        }
-    }
-
-    /// The samples of the window that noise is measured on; the last is among them.
-    pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
-        (0..self.samples).rev().step_by(self.stride).collect::<Vec<_>>().into_iter().rev()
+    /// How far the motor goes in a trial's window, rad.
+    pub fn reach_rad(&self, trial: usize) -> f64 {
+        let input = &self.trials[trial].input;
+        input.motion[input.onset..input.onset + self.samples]
+            .iter()
+            .map(|knot| knot.theta)
+            .fold(1e-6, f64::max)
     }
 
     /// How many samples of filtered torque or raw angle make the level before the ramp.
-    fn level_samples(&self) -> usize {
+    pub(super) fn level_samples(&self) -> usize {
         (libm::round(LEVEL_S / self.period_s) as usize).max(2)
     }
 
@@ -298,24 +265,6 @@ impl Prepared {
         })
     }
 
-    /// Stretches of the hold (which ends at the onset), each a window long, less the level before it; they overlap.
-    fn hold_stretches(&self, hold: &[f64]) -> Vec<Vec<f64>> {
-        let level = self.level_samples();
-        let settling =
-            if self.sections.is_empty() { 0 } else { libm::ceil(SETTLING_S / self.period_s) as usize };
-        let longest = libm::round(HOLD_S / self.period_s) as usize;
-        let begin = settling.max(hold.len().saturating_sub(longest));
-        let mut stretches = Vec::new();
-        let mut end = hold.len();
-        while end >= begin + level + self.samples {
-            let window = &hold[end - self.samples..end];
-            let base = mean(&hold[end - self.samples - level..end - self.samples]);
-            stretches.push(self.noise_samples().map(|i| window[i] - base).collect());
-            end -= (self.samples / 10).max(1);
-        }
-        stretches
-    }
-
     /// Conditions are numbered by velocity, then torque, then label.
     fn number_conditions(&mut self) {
         let key = |trial: &PreparedTrial| match &trial.label {
@@ -360,65 +309,9 @@ impl Prepared {
             trial.input.covariates.flexor_emg_excess_mvc = own - mean(&same);
         }
     }
-
-    /// The covariance of the noise, by torque level where the holds are long enough, else over all trials.
-    fn measure_noise(&mut self) {
-        let mut levels: Vec<f64> = self.trials.iter().map(|trial| trial.torque_nm).collect();
-        levels.sort_by(f64::total_cmp);
-        levels.dedup();
-        let stretches = |wanted: Option<f64>| -> Vec<Vec<f64>> {
-            let of_level = |trial: &&PreparedTrial| wanted.is_none_or(|level| trial.torque_nm == level);
-            self.trials
-                .iter()
-                .filter(of_level)
-                .flat_map(|trial| trial.hold_stretches.iter().cloned())
-                .collect()
-        };
-        let by_level: Vec<_> = levels.iter().map(|level| stretches(Some(*level))).collect();
-        if by_level.iter().all(|own| own.len() >= STRETCHES_FOR_OWN_NOISE) {
-            self.noises = by_level.iter().filter_map(|own| Noise::measure(own)).collect();
-            let level_of = |trial: &PreparedTrial| levels.iter().position(|level| *level == trial.torque_nm);
-            self.noise_of = self.trials.iter().map(level_of).collect();
-        } else {
-            self.noises = Noise::measure(&stretches(None)).into_iter().collect();
-            self.noise_of = vec![(!self.noises.is_empty()).then_some(0); self.trials.len()];
-        }
-    }
 }
 
-/// Every how many samples the noise is measured: six times the cut-off stays below half the rate of what is left, and a
-/// long window keeps at most a hundred values.
-fn stride(session: &Session, view: View, samples: usize) -> usize {
-    let FilterSpec::Butterworth { cutoff_hz, .. } = session.recorded_filter.unwrap_or(view.filter);
-    let by_filter = libm::floor(session.sample_rate_hz / (12.0 * cutoff_hz)) as usize;
-    by_filter.max(samples.div_ceil(100)).max(1)
-}
-
-/// The error of the recorded angle, rad: from its second differences in the holds, at least that of the encoder's steps,
-/// which a still motor does not show; and that step, where the holds are still.
-fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
-    let (mut squares, mut count, mut step) = (0.0, 0.0, f64::INFINITY);
-    for trial in trials {
-        let theta = &trial.record.theta_m_rad;
-        for pair in theta.windows(2) {
-            let change = (pair[1] - pair[0]).abs();
-            if change > 1e-9 && change < step {
-                step = change;
-            }
-        }
-        for three in theta[..theta.len() / 5].windows(3) {
-            let second = three[0] - 2.0 * three[1] + three[2];
-            squares += second * second;
-            count += 1.0;
-        }
-    }
-    let step = if step.is_finite() { step } else { 0.0 };
-    // White noise has second differences of six times its variance, rounding to steps a variance of step^2 / 12.
-    let (in_hold, of_steps) = (squares / 6.0 / f64::max(count, 1.0), step * step / 12.0);
-    (libm::sqrt(in_hold.max(of_steps)), if in_hold < of_steps { step } else { 0.0 })
-}
-
-fn mean(values: &[f64]) -> f64 {
+pub(super) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 

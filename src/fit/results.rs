@@ -202,6 +202,7 @@ fn json(
         "components": fit.solution.outcomes.iter().map(|outcome| json!({
             "cost": outcome.cost, "stop": outcome.stop, "iterations": outcome.iterations,
         })).collect::<Vec<_>>(),
+        "noise_source": prepared.noise_source,
         "noise": prepared.noises.iter().map(noise).collect::<Vec<_>>(),
         "angle_noise_rad": prepared.angle_noise_rad,
         "trials": estimates.iter().map(trial).collect::<Vec<_>>(),

@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::normal::{Objective, evaluate, predict};
+use super::normal::{Objective, evaluate};
+use super::predict::predict;
 use super::prepare::Prepared;
 use super::run::Fit;
 use crate::wrist::{BASE_PARAMETERS, Response};

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::normal::predict;
+use super::predict::predict;
 use super::prepare::Prepared;
 use crate::signal::Noise;
 use crate::wrist::{Response, knots};
