@@ -55,7 +55,9 @@ fn end(session: &Path) -> End {
     let loaded = dataset::load(session).unwrap();
     let ok = loaded.trials.iter().filter(|trial| trial.status == Status::Ok).map(|trial| {
         let record = &trial.record;
-        let signals = record.theta_m_rad.iter().zip(&record.torque_l_nm).map(|(a, t)| [*a, *t]).collect();
+        // The first sample was measured before the person was told of the trial; it depends on what came before.
+        let signals =
+            record.theta_m_rad.iter().zip(&record.torque_l_nm).skip(1).map(|(a, t)| [*a, *t]).collect();
         (trial.extra["position"].clone(), signals)
     });
     End { fit: without_numbers(&text("fit.csv")), conditions: text("conditions.csv"), ok: ok.collect() }

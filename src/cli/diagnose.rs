@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use ramphold::dataset::{self, Disk};
+use ramphold::dataset::{self, Disk, Manifest};
 use ramphold::diagnose::{Cause, Diagnosis, Evidence, Verdict, diagnose, picture};
 use ramphold::fit::{NoiseSource, Prepared};
 use serde_json::Value;
@@ -51,6 +51,9 @@ impl Verb for Diagnose {
         let folder = self.out.clone().unwrap_or_else(|| self.session.join("results"));
         diagnosis.write(&prepared, &json, &Disk::default(), &folder)?;
         write_report(&self.session, &folder, console)?;
+        if self.out.is_none() {
+            Manifest::renew_results(&Disk::default(), &self.session)?;
+        }
         if self.json {
             writeln!(console.results(), "{}", serde_json::to_string_pretty(&json).unwrap_or_default())?;
             return Ok(());

@@ -56,6 +56,7 @@ impl Verb for Resume {
         }
         if is_finished {
             console.message(format_args!("every trial is done; making the results"));
+            drop(recorder);
             return finish(&machine, true, &self.session, console);
         }
         console.message(format_args!("session {}, subject {subject}, seed {seed}", self.session.display()));

@@ -4,7 +4,7 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ramphold::dataset::{BackgroundRecorder, Disk, Manifest, NewSession, RecordError, Recorder};
+use ramphold::dataset::{BackgroundRecorder, Disk, Manifest, NewSession, RecordError, Recorder, Resumable};
 use ramphold::fit::{Model, Weighting};
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::virtual_wrist::{Person, RigFile, VirtualWrist};
@@ -156,6 +156,8 @@ pub fn finish(
         count(Status::Aborted),
         folder.display()
     ));
+    // From here to the end nobody else may go on with the session either.
+    let _held = Resumable::open(folder, Disk::default())?;
     let disk = Disk::default();
     if !was_finished && machine.phase() != Phase::Finished {
         Manifest::take(folder, true)?.write(&disk, folder)?;

@@ -64,10 +64,9 @@ impl JournalText {
     }
 }
 
-/// Where the next sound record begins: after a line's end, as every record does.
+/// Where the next sound record begins. Even the line end before it may be what is damaged, so every place is tried.
 fn next_record(bytes: &[u8], after: usize) -> Option<usize> {
-    let ends = bytes.iter().enumerate().skip(after).filter(|(_, byte)| **byte == b'\n');
-    ends.map(|(end, _)| end + 1).find(|start| record_at(&bytes[*start..]).is_ok())
+    (after + 1..bytes.len()).find(|start| record_at(&bytes[*start..]).is_ok())
 }
 
 /// The record at the start of `bytes`, and its length.
@@ -81,6 +80,9 @@ fn record_at(bytes: &[u8]) -> Result<(Record, usize), &'static str> {
     let rest = &bytes[HEAD..];
     if length >= rest.len() {
         return Err("it ends before the record does");
+    }
+    if given[8] != b' ' || given[HEAD - 1] != b' ' {
+        return Err("the length and the checksum do not stand apart");
     }
     let (json, behind) = rest.split_at(length);
     if head(json).as_bytes() != given {

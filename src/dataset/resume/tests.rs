@@ -26,10 +26,21 @@ fn go_on(folder: &Path, disk: Disk) -> Result<(), ResumeError> {
     Ok(())
 }
 
-/// The trials that count, by their place in the schedule.
+/// The trials that count, by their place in the schedule. The first sample of a record was measured before the person
+/// was told of the trial and depends on what came before; it is left out.
 fn counting(folder: &Path) -> BTreeMap<String, (Option<f64>, crate::dataset::Record)> {
     let trials = load(folder).unwrap().trials.into_iter().filter(|trial| trial.status == Status::Ok);
-    trials.map(|trial| (trial.extra["position"].clone(), (trial.onset_s, trial.record))).collect()
+    trials
+        .map(|mut trial| {
+            let record = &mut trial.record;
+            let optional = [&mut record.emg_fcr_mvc, &mut record.emg_ecr_mvc];
+            let channels = [&mut record.theta_m_rad, &mut record.torque_l_nm];
+            for channel in channels.into_iter().chain(optional.into_iter().flatten()) {
+                channel.remove(0);
+            }
+            (trial.extra["position"].clone(), (trial.onset_s, trial.record))
+        })
+        .collect()
 }
 
 fn assert_as_if_undisturbed(folder: &Path, whole: &Path, told: &str) {
