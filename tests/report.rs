@@ -154,7 +154,7 @@ fn a_diagnosis_is_shown_and_what_it_does_not_say_is_said() {
     for part in [
         "lever_stiffness, torque_gain",
         "diagnosis.json does not say: misfit.statistic; misfit.p_value; causes.0.gain.held_out_rmse_ratio.value",
-        "residual_map (conditions[0].mean_nm is no list of numbers; the map below is of the fit alone)",
+        "residual_map (conditions[0].mean_nm is no list of numbers); the map below is of the fit alone",
         "&lt;b&gt;",
     ] {
         assert!(page.contains(part), "{part}");
