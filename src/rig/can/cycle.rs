@@ -247,6 +247,9 @@ impl Cycle {
         if scrutiny == Scrutiny::Full {
             drive.check(&readings)?;
         }
+        if let Some(channel) = readings.without_number(self.decoder.samples()) {
+            return Err(CanFault::NotANumber { channel });
+        }
         self.freshness.check(&readings)?;
         for sample in 0..self.decoder.samples() {
             self.guard.check(drive.angle(&readings, sample).0, readings.torque_nm[sample])?;

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::bus::Trouble;
 use super::canopen::{NmtState, Object, abort, emergency};
+use crate::rig::Channel;
 
 /// Why a CAN motor was made safe, or was not armed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, thiserror::Error)]
@@ -92,6 +93,12 @@ pub enum CanFault {
         length: u8,
         /// Bytes it should have.
         expected: u8,
+    },
+    /// A sensor says that it has no measurement.
+    #[error("the {channel} channel gave no number; check its cable and amplifier")]
+    NotANumber {
+        /// Which channel.
+        channel: Channel,
     },
     /// The sample counter did not go on by what it must.
     #[error(
@@ -326,7 +333,7 @@ impl CanFault {
             | Self::Garbled { .. }
             | Self::Flood { .. } => Class::Bus,
             Self::MissedCycle { .. } | Self::Overrun { .. } | Self::Duplicated { .. } => Class::Cycle,
-            Self::Malformed { .. } | Self::StaleSample { .. } => Class::Sensor,
+            Self::Malformed { .. } | Self::StaleSample { .. } | Self::NotANumber { .. } => Class::Sensor,
             Self::Angle { .. }
             | Self::Speed { .. }
             | Self::Torque { .. }

@@ -4,6 +4,7 @@ use super::bus::Frame;
 use super::canopen::Kind;
 use super::fault::CanFault;
 use super::file::{Carried, EmgSignal, RigFile};
+use crate::rig::Channel;
 
 /// The most samples that fit into a frame.
 pub const MOST_SAMPLES: usize = 8;
@@ -25,6 +26,16 @@ pub struct Readings {
     pub emg_mvc: [f64; 2],
     /// Sample counter.
     pub counter: u32,
+}
+
+impl Readings {
+    /// The first channel that has no measurement.
+    pub fn without_number(&self, samples: usize) -> Option<Channel> {
+        let torque = self.torque_nm[..samples].iter().any(|torque| !torque.is_finite());
+        let [fcr, ecr] = self.emg_mvc.map(|emg| !emg.is_finite());
+        let found = [(torque, Channel::Torque), (fcr, Channel::EmgFcr), (ecr, Channel::EmgEcr)];
+        found.into_iter().find_map(|(missing, channel)| missing.then_some(channel))
+    }
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -234,5 +245,80 @@ impl Freshness {
             return Err(CanFault::StaleSample { before: now, now });
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::can::file::ValidRigFile;
+
+    fn rig(name: &str) -> ValidRigFile {
+        let text = match name {
+            "packed" => include_str!("../../../fixtures/can/rigs/packed.json"),
+            _ => include_str!("../../../fixtures/can/rigs/plain.json"),
+        };
+        ValidRigFile::parse(text, name).unwrap()
+    }
+
+    #[test]
+    fn four_torques_in_a_frame_are_told_apart_and_an_invalid_one_is_no_number() {
+        let mut decoder = Decoder::new(&rig("packed"));
+        decoder.begin();
+        let mut data = [0u8; 8];
+        for (at, count) in [100i16, -200, 0, -32768].into_iter().enumerate() {
+            data[2 * at..2 * at + 2].copy_from_slice(&count.to_le_bytes());
+        }
+        assert_eq!(decoder.take(&Frame::new(0x285, &data)), Ok(Taken::Yes));
+        let torque = decoder.readings().torque_nm;
+        assert_eq!(torque[..3], [0.05, -0.1, 0.0]);
+        assert!(torque[3].is_nan());
+        assert_eq!(decoder.readings().without_number(4), Some(Channel::Torque));
+    }
+
+    #[test]
+    fn a_period_is_complete_with_each_frame_once() {
+        let mut decoder = Decoder::new(&rig("plain"));
+        decoder.begin();
+        assert_eq!(decoder.first_missing(), Some(0x185));
+        let status = Frame::new(0x185, &[0x37, 0x16, 1, 0, 0, 0, 100, 0]);
+        assert_eq!(decoder.take(&status), Ok(Taken::Yes));
+        assert_eq!(decoder.take(&status), Ok(Taken::Twice));
+        assert_eq!(decoder.take(&Frame::new(0x186, &[0; 8])), Ok(Taken::Foreign));
+        assert!(matches!(
+            decoder.take(&Frame::new(0x285, &[0; 5])),
+            Err(CanFault::Malformed { length: 5, expected: 6, .. })
+        ));
+        assert_eq!(decoder.take(&Frame::new(0x285, &[7, 0, 0, 0, 0, 0])), Ok(Taken::Yes));
+        assert!(decoder.complete());
+        let readings = decoder.readings();
+        assert_eq!((readings.statusword, readings.position, readings.counter), (0x1637, 1, 7));
+        decoder.begin();
+        assert!(!decoder.complete());
+    }
+
+    #[test]
+    fn a_counter_that_does_not_go_on_by_one_is_stale_and_one_that_wraps_is_not() {
+        let file = rig("plain");
+        let check = |counters: &[u32]| {
+            let mut fresh = Freshness::new(&file);
+            counters.iter().enumerate().try_for_each(|(at, counter)| {
+                let mut readings = Readings { counter: *counter, ..Readings::default() };
+                readings.torque_nm[0] = at as f64;
+                fresh.check(&readings)
+            })
+        };
+        assert_eq!(check(&[65_534, 65_535, 0, 1]), Ok(()));
+        for stale in [[5, 5], [5, 7], [5, 4]] {
+            assert!(matches!(check(&stale), Err(CanFault::StaleSample { .. })), "{stale:?}");
+        }
+    }
+
+    #[test]
+    fn a_torque_that_stands_still_to_the_last_digit_is_stale_after_a_while() {
+        let mut fresh = Freshness::new(&rig("plain"));
+        let periods = (0..100)
+            .find(|counter| fresh.check(&Readings { counter: *counter, ..Readings::default() }).is_err());
+        assert_eq!(periods, Some(51), "50 are tolerated after the first");
     }
 }
