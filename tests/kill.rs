@@ -155,9 +155,9 @@ fn a_session_that_is_killed_at_any_moment_ends_as_if_it_had_not_been() {
             let over = child.try_wait().unwrap();
             child.kill().unwrap();
             let output = child.wait_with_output().unwrap();
-            if over.is_some() {
+            if let Some(over) = over {
                 let message = String::from_utf8_lossy(&output.stderr).into_owned();
-                assert!(over.unwrap().success(), "{told}: {message}");
+                assert!(over.success(), "{told}: {message}");
                 break;
             }
             killed += 1;
