@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ramphold::dataset::{BackgroundRecorder, Disk, NewSession};
-use ramphold::protocol::{Protocol, ValidProtocol};
+use ramphold::protocol::ValidProtocol;
 use ramphold::rig::Fault;
 use ramphold::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use ramphold::schedule;
