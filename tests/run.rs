@@ -354,7 +354,7 @@ fn a_folder_that_is_read_only_is_an_error_that_names_it() {
     };
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{message}");
-    assert!(message.contains("disk/s") && message.contains("cannot be written"), "{message}");
+    assert!(message.contains("/disk/") && message.contains("cannot be written"), "{message}");
 }
 
 /// `script` of util-linux gives the program a terminal of its own.

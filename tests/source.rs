@@ -23,8 +23,9 @@ fn sources() -> Vec<(PathBuf, String)> {
 }
 
 /// The line with its comment and strings aside, as far as a search for a word needs it.
-fn code(line: &str) -> &str {
-    line.split("//").next().unwrap_or_default()
+fn code(line: &str) -> String {
+    let code = line.split("//").next().unwrap_or_default();
+    code.split('"').step_by(2).collect::<Vec<_>>().join("\"\"")
 }
 
 #[test]
@@ -32,7 +33,8 @@ fn every_unsafe_says_why_it_is_sound() {
     for (path, text) in sources() {
         let lines: Vec<&str> = text.lines().collect();
         for (number, line) in lines.iter().enumerate() {
-            let words = code(line).split(|c: char| !c.is_alphanumeric() && c != '_');
+            let code = code(line);
+            let words = code.split(|c: char| !c.is_alphanumeric() && c != '_');
             if !words.clone().any(|word| word == "unsafe") {
                 continue;
             }
@@ -43,10 +45,16 @@ fn every_unsafe_says_why_it_is_sound() {
     }
 }
 
+/// The kernel stamps CAN frames with the wall clock; what is read there is the difference to the present, at once.
+const KERNEL_STAMPS: &str = "rig/can/bus/socketcan.rs";
+
 /// A clock that is set back cannot disturb a session that does not look at it.
 #[test]
 fn nothing_reads_the_wall_clock() {
     for (path, text) in sources() {
+        if path.ends_with(KERNEL_STAMPS) {
+            continue;
+        }
         for (number, line) in text.lines().enumerate() {
             for clock in ["SystemTime", "UNIX_EPOCH", "Utc::now", "Local::now"] {
                 assert!(!code(line).contains(clock), "{}:{}: {clock}", path.display(), number + 1);

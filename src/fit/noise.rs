@@ -161,7 +161,8 @@ pub(super) fn stride(session: &Session, view: View, samples: usize) -> usize {
 pub(super) fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
     let (mut squares, mut count, mut step) = (0.0, 0.0, f64::INFINITY);
     for trial in trials {
-        let theta = &trial.record.theta_m_rad;
+        // The first sample may have been measured before the trial began.
+        let theta = trial.record.theta_m_rad.get(1..).unwrap_or_default();
         for pair in theta.windows(2) {
             let change = (pair[1] - pair[0]).abs();
             if change > 1e-9 && change < step {
