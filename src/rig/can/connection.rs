@@ -75,6 +75,7 @@ impl Connection {
         let period = Duration::from_millis(u64::from(master.heartbeat_ms));
         self.link.set_strictness(Strictness::Noting);
         self.link.set_beat(Some(Beat { node: master.node, period }));
+        self.link.watch(&self.drive.producers());
         self.link.drain()?;
         self.drive.prepare(&mut self.link, &self.file, limits)
     }

@@ -21,7 +21,7 @@ pub trait Drive: std::fmt::Debug + Send {
         limits: &HandleLimits,
     ) -> Result<Confirmed, CanFault>;
 
-    /// Whose heartbeats are to be minded once [`Self::prepare`] is over.
+    /// The nodes whose heartbeats are minded.
     fn producers(&self) -> Vec<Producer>;
 
     /// Finds the start position and goes there; ready to be given power by the cycle.

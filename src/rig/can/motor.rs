@@ -179,6 +179,10 @@ impl ArmedCanMotor {
             self.target_rad -= self.target_rad.clamp(-step_rad, step_rad);
             self.period(Wish::Follow, Scrutiny::Full)?;
         }
+        // Until every target under way is the start position: it stands.
+        while self.cycle.is_moving() {
+            self.period(Wish::Follow, Scrutiny::Full)?;
+        }
         Ok(())
     }
 

@@ -75,7 +75,6 @@ impl Drive for Cia402 {
         limits: &HandleLimits,
     ) -> Result<Confirmed, CanFault> {
         let node = self.motor.node;
-        link.watch(&self.producers());
         for producer in self.producers() {
             link.nmt(NmtCommand::EnterPreOperational, producer.node)?;
         }
