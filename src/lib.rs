@@ -16,13 +16,19 @@
 //! | dataset | [`dataset`] | session folders: reading what was measured, writing what was run |
 //! | signal | [`signal`] | the filter, the onset, the noise of the hold |
 //! | fit | [`fit`] | the wrist's parameters out of the recorded torque, and how well they are known |
+//! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what mending it gains |
+//! | report | [`report`] | figures and tables of a session for a person |
+//! | export | [`export`] | sessions in the formats of other tools |
 //!
 //! SI units throughout; a field's name carries its unit. The ramp is positive and so is the resistance to it.
 
 pub mod dataset;
+pub mod diagnose;
+pub mod export;
 pub mod fit;
 pub mod protocol;
 pub mod random;
+pub mod report;
 pub mod rig;
 pub mod schedule;
 pub mod session;

@@ -183,6 +183,8 @@ fn bad_input_is_refused_with_code_2_and_no_folder_is_made() {
         (desk.path("none.json"), vec![], "none.json"),
         (quick.clone(), vec!["--subject", "person.json"], "person.json"),
         (quick.clone(), vec!["--subject", "missing.json"], "missing.json"),
+        (quick.clone(), vec!["--subject="], "--subject"),
+        (quick.clone(), vec!["--subject", "people/ada"], "people/ada"),
         (quick.clone(), vec!["--rig", "rig.json"], "rig.json"),
         (quick.clone(), vec!["--seed", "one"], "--seed"),
         (williams, vec!["--subject", "nobody"], "williams"),
@@ -254,6 +256,9 @@ fn an_interrupt_ends_the_session_cleanly_with_all_trials_so_far() {
         let statuses: Vec<Status> = session.trials.iter().map(|trial| trial.status).collect();
         assert_eq!(statuses, [Status::Ok, Status::Aborted]);
         assert!(!second.exists(), "the interrupted trial is kept under its name");
+        let fit = Command::cargo_bin("ramphold").unwrap().arg("fit").arg(desk.path("s")).assert().code(0);
+        let table = String::from_utf8_lossy(&fit.get_output().stdout).into_owned();
+        assert!(table.starts_with("V00: 1 trials, 1 conditions"), "{table}");
     }
 }
 
@@ -301,6 +306,139 @@ fn a_full_disk_is_an_error_that_says_so_and_what_was_kept_is_loadable() {
     assert!(message.contains("cannot be written") && message.contains("Make room on the disk"), "{message}");
     let session = dataset::load(&desk.path("kept")).unwrap();
     assert!(!session.trials.is_empty() && session.trials.iter().all(|trial| trial.status == Status::Ok));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn results_that_find_no_room_are_an_error_and_the_session_stays_as_it_was() {
+    let desk = Desk::new();
+    desk.run(&desk.quick(), "s", &["--seed", "7"]).code(0);
+    let before = files(&desk.path("s"));
+    for (options, room) in [("size=4k", "full"), ("ro", "read-only")] {
+        let script =
+            "mount -t tmpfs -o \"$1\" tmpfs \"$2\" || exit 77; \"$3\" fit \"$4\" --out \"$2/results\"";
+        let mount = desk.path(room);
+        fs::create_dir(&mount).unwrap();
+        let output = std::process::Command::new("unshare")
+            .args(["--user", "--map-root-user", "--mount", "sh", "-c", script, "sh", options])
+            .arg(&mount)
+            .arg(cargo_bin("ramphold"))
+            .arg(desk.path("s"))
+            .output();
+        let output = match output {
+            Ok(output) if output.status.code() != Some(77) => output,
+            _ => return eprintln!("skipped: this system lets nobody mount a tmpfs"),
+        };
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(message.contains("results") && message.contains("cannot be written"), "{message}");
+        assert!(files(&desk.path("s")) == before);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_is_read_only_is_an_error_that_names_it() {
+    let desk = Desk::new();
+    fs::create_dir(desk.path("disk")).unwrap();
+    let script = "mount -t tmpfs -o ro tmpfs \"$1\" || exit 77; \"$2\" run \"$3\" --seed 7 --out \"$1/s\"";
+    let output = std::process::Command::new("unshare")
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", script, "sh"])
+        .arg(desk.path("disk"))
+        .arg(cargo_bin("ramphold"))
+        .arg(desk.quick())
+        .output();
+    let output = match output {
+        Ok(output) if output.status.code() != Some(77) => output,
+        _ => return eprintln!("skipped: this system lets nobody mount a tmpfs"),
+    };
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("/disk/") && message.contains("cannot be written"), "{message}");
+}
+
+/// `script` of util-linux gives the program a terminal of its own.
+#[cfg(target_os = "linux")]
+#[test]
+fn progress_is_shown_on_a_terminal_and_only_there() {
+    let desk = Desk::new();
+    let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("protocols/de-vlugt-2011.json");
+    let command = |out: &str| {
+        format!(
+            "'{}' run '{}' --seed 7 --out '{}'",
+            cargo_bin("ramphold").display(),
+            paper.display(),
+            desk.path(out).display()
+        )
+    };
+    let on = std::process::Command::new("script")
+        .args(["-qec", &command("a"), "/dev/null"])
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let on = String::from_utf8_lossy(&on.stdout).into_owned();
+    assert!(on.contains("trial 0 of 38") && on.contains("left"), "{on}");
+    let off = std::process::Command::new("sh").args(["-c", &command("b")]).output().unwrap();
+    let off = String::from_utf8_lossy(&off.stderr).into_owned();
+    assert!(!off.contains("of 38") && !off.contains("left"), "{off}");
+}
+
+#[test]
+fn the_mechanisms_of_a_model_file_are_at_work_in_the_virtual_wrist() {
+    let desk = Desk::new();
+    let quick = desk.quick();
+    let model = r#"{"format": "ramphold-model/1", "mechanisms": [
+        {"mechanism": "torque_gain", "parameters": {"factor": 1.5}}]}"#;
+    fs::write(desk.path("model.json"), model).unwrap();
+    desk.run(&quick, "plain", &["--seed", "7"]).code(0);
+    desk.run(&quick, "gain", &["--seed", "7", "--model", "model.json"]).code(0);
+    let rig: Value = serde_json::from_slice(&files(&desk.path("gain"))["rig.json"]).unwrap();
+    assert_eq!(
+        rig["rig"]["mechanisms"],
+        json!([{"mechanism": "torque_gain", "parameters": {"factor": 1.5}}]),
+        "the session says what was at work"
+    );
+    let rise_nm = |session: &str| {
+        let session = dataset::load(&desk.path(session)).unwrap();
+        let trial = &session.trials[0];
+        let onset = (trial.onset_s.unwrap() * session.sample_rate_hz).round() as usize;
+        let torque_nm = &trial.record.torque_l_nm[onset..onset + 60];
+        torque_nm.iter().copied().fold(f64::MIN, f64::max) - torque_nm[0]
+    };
+    let ratio = rise_nm("gain") / rise_nm("plain");
+    assert!((1.4..1.6).contains(&ratio), "a gain of 1.5 makes the torque rise {ratio} times as high");
+}
+
+#[test]
+fn a_model_that_a_virtual_wrist_cannot_have_is_refused() {
+    let desk = Desk::new();
+    let quick = desk.quick();
+    let rig =
+        r#"{"kind": "virtual", "mechanisms": [{"mechanism": "fatigue", "parameters": {"fraction": 0.1}}]}"#;
+    fs::write(desk.path("rig.json"), rig).unwrap();
+    for (model, part) in [
+        (r#"{"format": "ramphold-model/2"}"#, "ramphold-model/1"),
+        (r#"{"format": "ramphold-model/1", "mechanisms": [{"mechanism": "ghost"}]}"#, "ghost"),
+        (
+            r#"{"format": "ramphold-model/1", "mechanisms": [{"mechanism": "fatigue", "parameters": {"fraction": 0.2}}]}"#,
+            "already in the file",
+        ),
+        (
+            r#"{"format": "ramphold-model/1", "mechanisms": [{"mechanism": "torque_gain", "parameters":
+                {"factor": {"scope": "session", "law": ["one", "velocity"]}}}]}"#,
+            "mechanisms[0].parameters.factor",
+        ),
+        (
+            r#"{"format": "ramphold-model/1", "parameters": {"x_e_rad": {"scope": "fixed", "value": 0.04}}}"#,
+            "parameters.x_e_rad",
+        ),
+    ] {
+        fs::write(desk.path("model.json"), model).unwrap();
+        let assert = desk.run(&quick, "s", &["--rig", "rig.json", "--model", "model.json"]).code(2);
+        let message = stderr(&assert);
+        assert!(message.contains("model.json") && message.contains(part), "{part:?} is not in: {message}");
+        assert!(!desk.path("s").exists());
+    }
 }
 
 #[test]

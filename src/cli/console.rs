@@ -31,6 +31,11 @@ impl Console {
         Self { quiet }
     }
 
+    /// The same without messages, for work on many sessions at once.
+    pub fn silent(&self) -> Self {
+        Self { quiet: true }
+    }
+
     /// Standard output. A reader that went away ends the program in silence, see [`super::Failure`].
     pub fn results(&self) -> StdoutLock<'static> {
         io::stdout().lock()

@@ -3,9 +3,11 @@
 use std::io;
 use std::path::PathBuf;
 
-use ramphold::dataset::{DatasetError, RecordError, RingError};
+use ramphold::dataset::{DatasetError, RecordError, ResumeError, RingError};
+use ramphold::export::ExportError;
 use ramphold::fit::{ModelError, PrepareError, WriteError};
 use ramphold::protocol::{ProtocolError, TooShort};
+use ramphold::report::ReportError;
 use ramphold::rig::can;
 use ramphold::rig::virtual_wrist::{PersonError, RigFileError};
 use ramphold::schedule::DrawError;
@@ -49,6 +51,12 @@ pub enum Failure {
     /// Results could not be written.
     #[error(transparent)]
     Write(#[from] WriteError),
+    /// The report could not be made.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// The export could not be made.
+    #[error(transparent)]
+    Export(#[from] ExportError),
     /// Some of the sessions could not be fitted; each has been told of.
     #[error("{failed} of {of} sessions could not be fitted")]
     Some {
@@ -104,6 +112,26 @@ pub enum Failure {
         /// Trials left.
         left: usize,
     },
+    /// A session cannot be gone on with.
+    #[error(transparent)]
+    Resume(#[from] ResumeError),
+    /// Nobody said that the motor may move.
+    #[error("nothing was moved: the rig needs the operator's word. Say yes when asked, or give --yes")]
+    NoWord,
+    /// A replay went another way than the record.
+    #[error("{}: does not replay as it was recorded", .session.display())]
+    Differs {
+        /// The session's folder.
+        session: PathBuf,
+    },
+    /// Files of a session are not what they were.
+    #[error("{}: {files} files are not as they were when the session ended", .session.display())]
+    NotAsItWas {
+        /// The session's folder.
+        session: PathBuf,
+        /// How many.
+        files: usize,
+    },
     /// The system does not let the program listen for Ctrl-C.
     #[error("cannot listen for signals: {0}")]
     Signals(io::Error),
@@ -123,13 +151,31 @@ impl Failure {
             | Self::Model { .. }
             | Self::Read { .. }
             | Self::Usage(_)
+            | Self::NoWord
+            | Self::Resume(ResumeError::Dataset(_))
             | Self::TooShort(_)
             | Self::Person(_)
             | Self::Rig(_)
             | Self::CanRig(_)
             | Self::Record(RecordError::Exists(_)) => 2,
+            Self::Export(error) => {
+                if error.is_bad_input() {
+                    2
+                } else {
+                    1
+                }
+            }
+            Self::Report(ReportError::Unwritable { .. }) => 1,
+            Self::Report(_) => 2,
+            Self::Write(_)
+            | Self::Some { .. }
+            | Self::Record(_)
+            | Self::Resume(_)
+            | Self::Differs { .. }
+            | Self::NotAsItWas { .. }
+            | Self::Ended { .. }
+            | Self::Signals(_) => 1,
             Self::Connect(_) | Self::Motor(_) | Self::Bus { .. } | Self::Ring(_) => 1,
-            Self::Write(_) | Self::Some { .. } | Self::Record(_) | Self::Ended { .. } | Self::Signals(_) => 1,
             Self::Output(_) if self.is_broken_pipe() => 0,
             Self::Output(_) => 1,
         }

@@ -3,11 +3,12 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ramphold::dataset::{self, Disk};
+use ramphold::dataset::{self, Disk, Manifest};
 use ramphold::fit::{self, ConditionEstimate, Model, Prepared, Results, View, Weighting};
 use ramphold::protocol::ValidProtocol;
 use rayon::prelude::*;
 
+use super::report::write_report;
 use super::{Console, Failure, Verb};
 
 /// Fit the wrist model to measured sessions; writes fit.csv, conditions.csv and fit.json.
@@ -41,13 +42,13 @@ impl Verb for Fit {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
         let sessions = session_folders(&self.sessions)?;
-        if let [session] = sessions.as_slice() {
+        let folders = self.result_folders(&sessions)?;
+        if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
             let results = self.fit(session, &model)?;
-            let folder = self.out.clone().unwrap_or_else(|| session.join("results"));
-            results.write(&Disk::default(), &folder)?;
+            self.keep(session, folder, &results, console)?;
             return self.show(console, &results);
         }
-        self.fit_many(console, &sessions, &model)
+        self.fit_many(console, &sessions, &folders, &model)
     }
 }
 
@@ -60,30 +61,79 @@ impl Fit {
         if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise }
     }
 
+    /// Where the results of each session go: its own folder, where a new fit replaces the last; or into `--out`, where
+    /// nothing is replaced.
+    fn result_folders(&self, sessions: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+        let Some(out) = &self.out else {
+            return Ok(sessions.iter().map(|session| session.join("results")).collect());
+        };
+        let folder = |session: &PathBuf| match session.file_name() {
+            Some(name) if sessions.len() > 1 => out.join(name),
+            _ => out.clone(),
+        };
+        let folders: Vec<PathBuf> = sessions.iter().map(folder).collect();
+        for (index, folder) in folders.iter().enumerate() {
+            if folders[..index].contains(folder) {
+                return Err(Failure::Usage(format!(
+                    "two sessions are named {}; with --out their results would be one folder, so fit them apart",
+                    folder.file_name().unwrap_or_default().display()
+                )));
+            }
+            if folder.join("fit.json").exists() {
+                return Err(Failure::Usage(format!(
+                    "{}: holds the results of an earlier fit, which are not overwritten; give another --out",
+                    folder.display()
+                )));
+            }
+        }
+        Ok(folders)
+    }
+
     /// Fits session by session, as many at once as there are cores; one that fails is told of and the rest is done.
-    fn fit_many(&self, console: &Console, sessions: &[PathBuf], model: &Model) -> Result<(), Failure> {
+    fn fit_many(
+        &self,
+        console: &Console,
+        sessions: &[PathBuf],
+        folders: &[PathBuf],
+        model: &Model,
+    ) -> Result<(), Failure> {
         let progress = console.progress(sessions.len() as u64, "fitting");
-        let failed: usize = sessions
-            .par_iter()
-            .map(|session| {
-                let name = session.file_name().map_or_else(|| session.clone(), PathBuf::from);
-                let folder = self.out.as_ref().map_or_else(|| session.join("results"), |out| out.join(name));
-                let done = self
-                    .fit(session, model)
-                    .and_then(|results| results.write(&Disk::default(), &folder).map_err(Failure::from));
+        let fitted: Vec<Option<serde_json::Value>> = (sessions, folders)
+            .into_par_iter()
+            .map(|(session, folder)| {
+                let done = self.fit(session, model).and_then(|results| {
+                    self.keep(session, folder, &results, &console.silent())?;
+                    Ok(results.json)
+                });
                 progress.inc(1);
-                match done {
-                    Ok(()) => 0,
-                    Err(failure) => {
-                        progress.suspend(|| console.error(&failure));
-                        1
-                    }
-                }
+                done.map_err(|failure| progress.suspend(|| console.error(&failure))).ok()
             })
-            .sum();
+            .collect();
         progress.finish_and_clear();
-        writeln!(console.results(), "fitted {} of {} sessions", sessions.len() - failed, sessions.len())?;
+        let failed = fitted.iter().filter(|result| result.is_none()).count();
+        if self.json {
+            let text = serde_json::to_string_pretty(&fitted.into_iter().flatten().collect::<Vec<_>>());
+            writeln!(console.results(), "{}", text.unwrap_or_default())?;
+        } else {
+            writeln!(console.results(), "fitted {} of {} sessions", sessions.len() - failed, sessions.len())?;
+        }
         if failed == 0 { Ok(()) } else { Err(Failure::Some { failed, of: sessions.len() }) }
+    }
+
+    /// Writes results and report, and what the session's manifest says of them.
+    fn keep(
+        &self,
+        session: &Path,
+        folder: &Path,
+        results: &Results,
+        console: &Console,
+    ) -> Result<(), Failure> {
+        results.write(&Disk::default(), folder)?;
+        write_report(session, folder, console)?;
+        if self.out.is_none() {
+            Manifest::renew_results(&Disk::default(), session)?;
+        }
+        Ok(())
     }
 
     fn show(&self, console: &Console, results: &Results) -> Result<(), Failure> {
@@ -148,7 +198,7 @@ pub fn read_model(file: Option<&Path>) -> Result<Model, Failure> {
 }
 
 /// The folders themselves where they hold a session, else the sessions in them.
-fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+pub fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let is_session = |folder: &Path| folder.join("session.json").exists();
     let mut found = Vec::new();
     for folder in given {
@@ -171,6 +221,18 @@ fn session_folders(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(found)
 }
 
+/// The columns of the table after velocity and torque: symbol, unit, factor to it, digits.
+const COLUMNS: [(&str, &str, f64, usize); 8] = [
+    ("I_j", "g m2", 1e3, 2),
+    ("b_h", "N m s/rad", 1.0, 2),
+    ("k_h", "N m/rad", 1.0, 0),
+    ("k_srs", "N m/rad", 1.0, 1),
+    ("k_dec", "N m/rad", 1.0, 1),
+    ("x_e", "mrad", 1e3, 1),
+    ("k_after", "N m/rad", 1.0, 1),
+    ("x_t", "ms", 1e3, 1),
+];
+
 /// The table by condition that a person reads.
 pub fn table(console: &Console, results: &Results) -> Result<(), Failure> {
     let mut out = console.results();
@@ -182,38 +244,39 @@ pub fn table(console: &Console, results: &Results) -> Result<(), Failure> {
         results.estimates.len(),
         results.conditions.len()
     )?;
-    writeln!(
-        out,
-        "{:>8} {:>6}  {:>15} {:>13} {:>13} {:>13} {:>13} {:>15} {:>13} {:>13} {:>7}",
-        "velocity", "torque", "I_j", "b_h", "k_h", "k_srs", "k_dec", "x_e", "k_after", "x_t", "VAF"
-    )?;
-    writeln!(
-        out,
-        "{:>8} {:>6}  {:>15} {:>13} {:>13} {:>13} {:>13} {:>15} {:>13} {:>13} {:>7}",
-        "rad/s", "N m", "g m2", "N m s/rad", "N m/rad", "N m/rad", "N m/rad", "mrad", "N m/rad", "ms", ""
-    )?;
-    for condition in &results.conditions {
-        writeln!(
-            out,
-            "{:>8.2} {:>6.2}  {:>15} {:>13} {:>13} {:>13} {:>13} {:>15} {:>13} {:>13} {:>7}{}",
-            condition.velocity_rad_s,
-            condition.torque_nm,
-            spread(condition, 0, 1e3, 2),
-            spread(condition, 1, 1.0, 2),
-            spread(condition, 2, 1.0, 0),
-            spread(condition, 3, 1.0, 1),
-            spread(condition, 4, 1.0, 1),
-            spread(condition, 5, 1e3, 1),
-            spread(condition, 6, 1.0, 1),
-            spread(condition, 7, 1e3, 1),
-            condition.mean[8].map_or("-".into(), |vaf| format!("{vaf:.4}")),
-            condition.condition.as_ref().map_or(String::new(), |label| format!("  {label}")),
-        )?;
+    let rows: Vec<Vec<String>> = head().into_iter().chain(results.conditions.iter().map(row)).collect();
+    let widest = |column: usize| rows.iter().map(|row| row[column].len()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..rows[0].len()).map(widest).collect();
+    for row in &rows {
+        let cells: Vec<String> =
+            row.iter().zip(&widths).map(|(cell, width)| format!("{cell:>width$}")).collect();
+        writeln!(out, "{}", cells.join("  ").trim_end())?;
     }
     let failed: Vec<String> =
         results.estimates.iter().filter(|e| !e.converged).map(|e| e.trial.to_string()).collect();
     if !failed.is_empty() {
         writeln!(out, "not converged: trials {} (fit.json says why)", failed.join(", "))?;
+    }
+    match results.json["noise_source"].as_str() {
+        Some("repetitions") => writeln!(
+            out,
+            "no hold long enough to measure the noise in: all samples count alike; standard errors from how repetitions differ"
+        )?,
+        None => writeln!(
+            out,
+            "neither holds nor repetitions to measure the noise in: no standard errors but those of Eq. 9"
+        )?,
+        Some(_) => {}
+    }
+    let falling =
+        results.conditions.iter().filter(|c| c.mean[6].is_some_and(|k_after| k_after < 0.0)).count();
+    if falling > 0 {
+        writeln!(
+            out,
+            "k_after is below zero in {falling} of {} conditions: there the torque falls beyond the elastic limit, which no \
+             stiffness explains (relaxation or a reflex in the window; `ramphold diagnose` looks for it)",
+            results.conditions.len()
+        )?;
     }
     let undetermined = results.estimates.iter().filter(|e| e.se[5].is_none_or(|se| se > 0.5)).count();
     if undetermined > 0 {
@@ -224,6 +287,29 @@ pub fn table(console: &Console, results: &Results) -> Result<(), Failure> {
         )?;
     }
     Ok(())
+}
+
+/// Symbols and units.
+fn head() -> [Vec<String>; 2] {
+    let line = |first: [&str; 2],
+                of: fn(&(&'static str, &'static str, f64, usize)) -> &'static str,
+                last: [&str; 2]| {
+        first.into_iter().chain(COLUMNS.iter().map(of)).chain(last).map(str::to_owned).collect()
+    };
+    [
+        line(["velocity", "torque"], |column| column.0, ["VAF", ""]),
+        line(["rad/s", "N m"], |column| column.1, ["", ""]),
+    ]
+}
+
+fn row(condition: &ConditionEstimate) -> Vec<String> {
+    let mut cells = vec![format!("{:.2}", condition.velocity_rad_s), format!("{:.2}", condition.torque_nm)];
+    for (quantity, (_, _, factor, digits)) in COLUMNS.into_iter().enumerate() {
+        cells.push(spread(condition, quantity, factor, digits));
+    }
+    cells.push(condition.mean[8].map_or("-".into(), |vaf| format!("{vaf:.4}")));
+    cells.push(condition.condition.clone().unwrap_or_default());
+    cells
 }
 
 fn spread(condition: &ConditionEstimate, quantity: usize, factor: f64, digits: usize) -> String {

@@ -5,15 +5,22 @@
 
 mod check;
 mod console;
+mod diagnose;
+mod export;
 mod failure;
 mod fit;
+mod model;
 mod operator;
+mod replay;
+mod report;
+mod resume;
 mod rig;
 mod run;
 mod run_motor;
 mod schedule;
 mod schema;
 mod states;
+mod verify;
 
 use std::process::ExitCode;
 
@@ -49,8 +56,14 @@ macro_rules! verbs {
 verbs! {
     Rig(rig::Rig),
     Run(run::Run),
+    Resume(resume::Resume),
+    Replay(replay::Replay),
+    Verify(verify::Verify),
     Check(check::Check),
     Fit(fit::Fit),
+    Report(report::Report),
+    Export(export::Export),
+    Diagnose(diagnose::Diagnose),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

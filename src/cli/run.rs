@@ -4,7 +4,7 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ramphold::dataset::{Disk, NewSession, RecordError};
+use ramphold::dataset::{BackgroundRecorder, Disk, Manifest, NewSession, RecordError, Recorder, Resumable};
 use ramphold::fit::{Model, Weighting};
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::virtual_wrist::{Person, RigFile, VirtualWrist};
@@ -12,7 +12,10 @@ use ramphold::schedule;
 use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Status, conduct};
 
 use super::fit::{fit_session, table};
+use super::model::add_model;
 use super::operator::CommandLineOperator;
+use super::report::write_report;
+use super::resume::operators_word;
 use super::run_motor;
 use super::{Console, Failure, Verb};
 
@@ -38,7 +41,10 @@ pub struct Run {
     /// At true speed rather than as fast as it goes; a motor always runs at true speed.
     #[arg(long)]
     real_time: bool,
-    /// The operator's word that a motor may be armed, instead of asking for it.
+    /// A model file: the virtual wrist has its mechanisms, at the values given (the fit at the end stays the paper's).
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// The operator's word that a motor may be armed, instead of asking for it; a virtual rig needs none.
     #[arg(long)]
     pub(super) yes: bool,
 }
@@ -50,13 +56,18 @@ impl Verb for Run {
             return run_motor::run(&self, &protocol, file, console);
         }
         let person = person(self.subject.as_deref())?;
-        let rig = self.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
+        let mut rig = self.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
+        if let Some(model) = &self.model {
+            let RigFile::Virtual(setup) = &mut rig;
+            add_model(model, &person, setup)?;
+        }
         let seed = self.seed.unwrap_or_else(drawn_seed);
         let order = schedule::draw(&protocol, seed, subject_number(&person.id))?;
         // A protocol was checked against its own amplitude; what is left is an order that was changed by hand.
         let settings = Settings::new(&protocol, seed, &order)?;
         let folder = self.folder(&person.id, seed)?;
         let RigFile::Virtual(setup) = &rig;
+        operators_word(self.yes || rig.is_virtual(), &format!("subject {}", person.id))?;
         let recorder = NewSession {
             protocol: &protocol,
             order: &order,
@@ -70,8 +81,8 @@ impl Verb for Run {
 
         let wrist = VirtualWrist::new(person, setup.clone(), seed, settings.sample_rate_hz);
         let machine = Machine::new(Arc::new(settings));
-        let machine = run_to_its_end(wrist, machine, recorder, self.real_time, console)?;
-        report(&machine, &folder, console)
+        let machine = go_on(wrist, machine, recorder, self.real_time, console)?;
+        finish(&machine, false, &folder, console)
     }
 }
 
@@ -102,27 +113,38 @@ fn new_folder(path: &Path) -> PathBuf {
     (2..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| path.to_owned())
 }
 
-fn run_to_its_end(
+/// Runs a session, new or resumed, until it is over.
+pub fn go_on(
     wrist: VirtualWrist,
     mut machine: Machine,
-    mut recorder: ramphold::dataset::Recorder,
+    mut recorder: Recorder,
     real_time: bool,
     console: &Console,
 ) -> Result<Machine, Failure> {
     let mut operator = CommandLineOperator::new(&machine, console)?;
     let ended = if real_time {
         let mut clock = RealTime::new(machine.settings().sample_rate_hz);
-        conduct(wrist, &mut machine, &mut operator, &mut clock, &mut recorder)
+        let mut recorder = BackgroundRecorder::start(recorder);
+        let ended = conduct(wrist, &mut machine, &mut operator, &mut clock, &mut recorder);
+        console.message(clock.lateness());
+        // A disk that failed has already ended the session, and said why.
+        ended.and_then(|_| recorder.finish())
     } else {
-        conduct(wrist, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut recorder)
+        conduct(wrist, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut recorder).map(|_| ())
     };
     operator.finish();
     ended?;
     Ok(machine)
 }
 
-/// Says what became of the trials, fits them and writes the results.
-pub(super) fn report(machine: &Machine, folder: &Path, console: &Console) -> Result<(), Failure> {
+/// Says what became of the trials, fits them if the session was (or is now) finished, writes the results, and takes
+/// stock of it all.
+pub fn finish(
+    machine: &Machine,
+    was_finished: bool,
+    folder: &Path,
+    console: &Console,
+) -> Result<(), Failure> {
     let count = |wanted: Status| {
         let measured = machine.ledger().attempts().iter().filter(|attempt| !attempt.planned.key.practice);
         measured.filter(|attempt| matches!(attempt.ended, Some((status, _)) if status == wanted)).count()
@@ -134,22 +156,34 @@ pub(super) fn report(machine: &Machine, folder: &Path, console: &Console) -> Res
         count(Status::Aborted),
         folder.display()
     ));
-    if machine.phase() != Phase::Finished {
+    // From here to the end nobody else may go on with the session either.
+    let _held = Resumable::open(folder, Disk::default())?;
+    let disk = Disk::default();
+    if !was_finished && machine.phase() != Phase::Finished {
+        Manifest::take(folder, true)?.write(&disk, folder)?;
         return Err(Failure::Ended { folder: folder.to_owned(), left: machine.ledger().queue().len() });
     }
     let results = fit_session(folder, &Model::paper(), None, Weighting::default())?;
-    results.write(&Disk::default(), &folder.join("results"))?;
+    results.write(&disk, &folder.join("results"))?;
+    write_report(folder, &folder.join("results"), console)?;
+    // Last: until it is there, the session counts as not brought to its end.
+    Manifest::take(folder, true)?.write(&disk, folder)?;
     table(console, &results)
 }
 
 /// A file if there is one, or a name that looks like one; else the person drawn from the identifier.
 fn person(subject: Option<&str>) -> Result<Person, Failure> {
+    let in_identifier = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     match subject {
         None => Ok(Person::default()),
         Some(file) if file.ends_with(".json") || Path::new(file).is_file() => {
             Ok(Person::read(Path::new(file))?)
         }
-        Some(id) => Ok(Person::drawn(id)),
+        Some(id) if !id.is_empty() && id.chars().all(in_identifier) => Ok(Person::drawn(id)),
+        Some(other) => Err(Failure::Usage(format!(
+            "--subject {other:?}: is no file, and no identifier; expected the JSON file of a person, or letters, digits, \
+             -, _ and . such as S03"
+        ))),
     }
 }
 

@@ -14,7 +14,7 @@ use ramphold::schedule;
 use ramphold::session::{AsFastAsItGoes, Event, Machine, Operator, Phase, Settings, conduct};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use super::run::{Run, drawn_seed, report, subject_number};
+use super::run::{Run, drawn_seed, finish, subject_number};
 use super::{Console, Failure};
 
 /// Name of the file with what happened on the bus, in the session's folder.
@@ -54,7 +54,7 @@ pub fn run(verb: &Run, protocol: &ValidProtocol, file: &Path, console: &Console)
     let motor = ended?;
     kept?;
     keep_summary(&motor.summary(), &folder, console)?;
-    report(&machine, &folder, console)
+    finish(&machine, false, &folder, console)
 }
 
 fn keep_summary(summary: &Summary, folder: &Path, console: &Console) -> Result<(), Failure> {

@@ -4,18 +4,25 @@ use std::cell::Cell;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
+use std::time::Duration;
 
 /// All writing of a session goes through here; a test can make any of its operations fail.
 #[derive(Debug, Default)]
 pub struct Disk {
     operations: Cell<u64>,
     fails_from: Option<(u64, ErrorKind)>,
+    takes: Duration,
 }
 
 impl Disk {
     /// A disk whose operations fail from the given one on (the first is 0), as a full or dying disk does.
     pub fn failing_from(operation: u64, kind: ErrorKind) -> Self {
-        Self { operations: Cell::new(0), fails_from: Some((operation, kind)) }
+        Self { fails_from: Some((operation, kind)), ..Self::default() }
+    }
+
+    /// A disk whose operations take so long.
+    pub fn slow(takes: Duration) -> Self {
+        Self { takes, ..Self::default() }
     }
 
     /// How many operations there were.
@@ -25,6 +32,9 @@ impl Disk {
 
     fn operate(&self) -> io::Result<()> {
         let operation = self.operations.replace(self.operations.get() + 1);
+        if !self.takes.is_zero() {
+            std::thread::sleep(self.takes);
+        }
         match self.fails_from {
             Some((from, kind)) if operation >= from => Err(io::Error::from(kind)),
             _ => Ok(()),
@@ -35,10 +45,7 @@ impl Disk {
     pub fn create_folder(&self, path: &Path) -> io::Result<()> {
         self.operate()?;
         fs::create_dir(path)?;
-        match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => self.sync_folder(parent),
-            _ => self.sync_folder(Path::new(".")),
-        }
+        self.sync_folder(folder_of(path))
     }
 
     /// Opens a new file for appending; one that is there is an error.
@@ -53,9 +60,25 @@ impl Disk {
         OpenOptions::new().append(true).open(path)
     }
 
+    /// Cuts a file off at `length`.
+    pub fn cut(&self, file: &File, length: u64) -> io::Result<()> {
+        self.operate()?;
+        file.set_len(length)
+    }
+
+    /// Takes away a file that was never finished.
+    pub fn remove(&self, path: &Path) -> io::Result<()> {
+        self.operate()?;
+        fs::remove_file(path)
+    }
+
     /// Appends bytes.
     pub fn append(&self, file: &mut File, bytes: &[u8]) -> io::Result<()> {
-        self.operate()?;
+        if let Err(error) = self.operate() {
+            // A disk that fills up takes some of the bytes first.
+            file.write_all(&bytes[..bytes.len() / 2])?;
+            return Err(error);
+        }
         file.write_all(bytes)
     }
 
@@ -79,7 +102,7 @@ impl Disk {
     pub fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
         self.operate()?;
         fs::rename(from, to)?;
-        to.parent().map_or(Ok(()), |folder| self.sync_folder(folder))
+        self.sync_folder(folder_of(to))
     }
 
     /// Returns when the names in a folder are on the disk.
@@ -88,6 +111,11 @@ impl Disk {
         // Only Unix lets a folder be opened and synchronised; elsewhere the rename itself has to do.
         if cfg!(unix) { File::open(path)?.sync_all() } else { Ok(()) }
     }
+}
+
+/// The folder that `path` is in.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]

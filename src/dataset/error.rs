@@ -206,6 +206,52 @@ pub enum DatasetError {
         /// Line of the first.
         first_line: u64,
     },
+    /// Another program is at work in the session.
+    #[error("{at}: another program has this session open; expected to be the only one. Wait until it ends")]
+    InUse {
+        /// The folder.
+        at: Place,
+    },
+    /// The journal lacks its beginning, or is no journal.
+    #[error(
+        "{at}: {problem}; expected the journal of a session that ramphold ran, beginning with its own record"
+    )]
+    NoJournal {
+        /// The journal.
+        at: Place,
+        /// What is there instead.
+        problem: String,
+    },
+    /// Records are missing from the middle of the journal.
+    #[error(
+        "{at}: damaged at byte {offset} ({length} bytes): {reason}; expected an unbroken journal, what happened in the \
+         session cannot be told for certain. The trials in trials.csv can still be fitted"
+    )]
+    Damaged {
+        /// The journal.
+        at: Place,
+        /// First byte of the damage.
+        offset: u64,
+        /// Number of bytes.
+        length: u64,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The protocol in the folder is not the one that the session was begun with.
+    #[error(
+        "{at}: SHA-256 {found}; expected {expected} as in the journal. Put the session's own protocol back"
+    )]
+    ProtocolChanged {
+        /// The protocol.
+        at: Place,
+        /// Of the file.
+        found: String,
+        /// Of the journal.
+        expected: String,
+    },
+    /// The protocol in the folder is none.
+    #[error(transparent)]
+    Protocol(#[from] crate::protocol::ProtocolError),
     /// A complete trial without enough samples.
     #[error("{at}: {found} samples; expected at least {expected} in a trial of status ok")]
     TooShort {

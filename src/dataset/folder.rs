@@ -1,16 +1,19 @@
 //! Making the folder of a new session.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::disk::Disk;
 use super::journal::{JOURNAL_FORMAT, Journal, Record};
-use super::recorder::{RecordError, Recorder};
+use super::recorder::{Begun, RecordError, Recorder};
 use super::{FORMAT, Subject};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
+use crate::session::rules::RULES;
+use crate::session::{Ledger, Settings};
 use crate::wrist::Lever;
 
 /// What is known of a session before it begins.
@@ -32,13 +35,13 @@ pub struct NewSession<'a> {
 
 /// `session.json` as this program writes it.
 #[derive(Debug, Serialize, Deserialize)]
-struct Description {
+pub(super) struct Description {
     format: String,
-    subject: Subject,
+    pub subject: Subject,
     sample_rate_hz: f64,
     rig: RigDescription,
     recorded_filter: Option<crate::signal::FilterSpec>,
-    seed: u64,
+    pub seed: u64,
     program: String,
 }
 
@@ -56,10 +59,28 @@ impl NewSession<'_> {
     /// # Errors
     /// If the folder is there, or it cannot be written.
     pub fn create(&self, path: &Path, disk: Disk) -> Result<Recorder, RecordError> {
-        make(&disk, path)?;
+        let settings = Arc::new(Settings::new(self.protocol, self.seed, self.order)?);
+        if path.symlink_metadata().is_ok() {
+            return Err(RecordError::Exists(path.to_owned()));
+        }
+        // Made under another name, so that a folder with the session's name is a session that can be resumed.
+        let beginning = beginning_of(path);
+        let journal = self.prepare(&beginning, &disk)?;
+        disk.rename(&beginning, path).map_err(|error| match error.kind() {
+            std::io::ErrorKind::DirectoryNotEmpty | std::io::ErrorKind::AlreadyExists => {
+                RecordError::Exists(path.to_owned())
+            }
+            _ => RecordError::at(path)(error),
+        })?;
+        let ledger = Ledger::new(&settings);
+        Ok(Recorder::new(path, disk, journal, settings, (ledger, Begun::default())))
+    }
+
+    fn prepare(&self, path: &Path, disk: &Disk) -> Result<Journal, RecordError> {
+        make(disk, path)?;
         for folder in ["trials", "familiarisation", "before"] {
             if folder == "trials" || self.has(folder) {
-                make(&disk, &path.join(folder))?;
+                make(disk, &path.join(folder))?;
             }
         }
         let rate = self.protocol.signal.sample_rate_hz;
@@ -71,12 +92,11 @@ impl NewSession<'_> {
         write("schedule.csv", &self.schedule())?;
         write("rig.json", &pretty(self.rig))?;
         write("trials.csv", super::tables::empty())?;
-        // What makes the folder a session comes last.
         write("session.json", &pretty(&self.description(rate)))?;
         let file = path.join(super::JOURNAL);
-        let mut journal = Journal::create(&disk, path).map_err(RecordError::at(&file))?;
-        journal.append(&disk, &self.first_record()).map_err(RecordError::at(&file))?;
-        Ok(Recorder::new(path, disk, journal, rate))
+        let mut journal = Journal::create(disk, path).map_err(RecordError::at(&file))?;
+        journal.append(disk, &self.first_record()).map_err(RecordError::at(&file))?;
+        Ok(journal)
     }
 
     fn has(&self, folder: &str) -> bool {
@@ -111,9 +131,16 @@ impl NewSession<'_> {
             format: JOURNAL_FORMAT.to_owned(),
             program: PROGRAM.to_owned(),
             seed: self.seed,
-            protocol_sha256: hex(&Sha256::digest(self.protocol.text().as_bytes())),
+            protocol_sha256: sha256(self.protocol.text().as_bytes()),
+            rules: RULES,
         }
     }
+}
+
+/// The hidden folder beside `path` in which a session is made ready.
+fn beginning_of(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!(".{name}.{}.new", std::process::id()))
 }
 
 fn make(disk: &Disk, path: &Path) -> Result<(), RecordError> {
@@ -123,13 +150,14 @@ fn make(disk: &Disk, path: &Path) -> Result<(), RecordError> {
     })
 }
 
-fn pretty(value: &impl Serialize) -> Vec<u8> {
+pub(super) fn pretty(value: &impl Serialize) -> Vec<u8> {
     // Values made by this program always have a JSON form.
     let mut bytes = serde_json::to_vec_pretty(value).unwrap_or_default();
     bytes.push(b'\n');
     bytes
 }
 
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+/// SHA-256 in hexadecimal digits.
+pub(super) fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -3,7 +3,9 @@
 //! A line is `LENGTH CHECKSUM JSON\n`: the JSON's length in bytes as 8 hexadecimal digits, and the first 16 hexadecimal
 //! digits of its SHA-256.
 
-use std::fs::File;
+mod read;
+
+use std::fs::{File, TryLockError};
 use std::io;
 use std::path::Path;
 
@@ -12,6 +14,8 @@ use sha2::{Digest, Sha256};
 
 use super::disk::Disk;
 use crate::session::{Event, Happening};
+
+pub use read::{Damage, JournalText, Placed};
 
 /// Name of the journal in a session folder.
 pub const JOURNAL: &str = "journal.log";
@@ -33,6 +37,9 @@ pub enum Record {
         seed: u64,
         /// SHA-256 of the protocol.
         protocol_sha256: String,
+        /// Number of the rules of the session; records of the first ones do not say so.
+        #[serde(default = "first_rules")]
+        rules: u32,
     },
     /// A step of the state machine that changed something.
     Happened(Happening),
@@ -51,6 +58,10 @@ pub enum Record {
     },
 }
 
+fn first_rules() -> u32 {
+    1
+}
+
 /// A trial that the program did not live to end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Interrupted {
@@ -60,7 +71,11 @@ pub struct Interrupted {
     pub samples: u64,
 }
 
-/// The journal, open for appending.
+/// Length of what comes before a record's JSON.
+const HEAD: usize = 8 + 1 + 16 + 1;
+
+/// The journal, open for appending. As long as it is open, its file is locked: the lock is the operating system's and
+/// ends with the program, however that ends, so it cannot be left behind.
 #[derive(Debug)]
 pub struct Journal {
     file: File,
@@ -71,13 +86,26 @@ impl Journal {
     /// Begins a journal in a new file.
     pub fn create(disk: &Disk, folder: &Path) -> io::Result<Self> {
         let file = disk.create(&folder.join(JOURNAL))?;
+        lock(&file)?;
         disk.sync_folder(folder)?;
         Ok(Self { file, line: Vec::with_capacity(512) })
     }
 
+    /// Opens the journal that is in `folder`. [`io::ErrorKind::WouldBlock`] says that another program has it open.
+    pub fn open(disk: &Disk, folder: &Path) -> io::Result<Self> {
+        let file = disk.open(&folder.join(JOURNAL))?;
+        lock(&file)?;
+        Ok(Self { file, line: Vec::with_capacity(512) })
+    }
+
+    /// Cuts off everything from `length` on.
+    pub fn cut(&mut self, disk: &Disk, length: u64) -> io::Result<()> {
+        disk.cut(&self.file, length)?;
+        disk.sync(&self.file)
+    }
+
     /// Adds a record; it is on the disk when this returns.
     pub fn append(&mut self, disk: &Disk, record: &Record) -> io::Result<()> {
-        const HEAD: usize = 8 + 1 + 16 + 1;
         self.line.clear();
         self.line.resize(HEAD, b' ');
         serde_json::to_writer(&mut self.line, record)?;
@@ -86,6 +114,16 @@ impl Journal {
         self.line.push(b'\n');
         disk.append(&mut self.file, &self.line)?;
         disk.sync(&self.file)
+    }
+}
+
+fn lock(file: &File) -> io::Result<()> {
+    match file.try_lock() {
+        Ok(()) => Ok(()),
+        Err(TryLockError::WouldBlock) => Err(io::Error::from(io::ErrorKind::WouldBlock)),
+        // A file system that knows no locks cannot say that someone else is at work; it is no reason not to measure.
+        Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => Ok(()),
+        Err(TryLockError::Error(error)) => Err(error),
     }
 }
 

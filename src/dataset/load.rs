@@ -83,7 +83,7 @@ fn read_description(folder: &Folder) -> Result<Description, DatasetError> {
     Ok(about)
 }
 
-fn parse_json<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, DatasetError> {
+pub(super) fn parse_json<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, DatasetError> {
     let mut deserializer = serde_json::Deserializer::from_str(text);
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let path = error.path().to_string();

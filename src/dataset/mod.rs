@@ -5,12 +5,17 @@ mod error;
 mod folder;
 mod journal;
 mod load;
+mod manifest;
 mod record;
 mod recorder;
+mod replay;
+mod resume;
 mod ring;
 mod rows;
+mod story;
 mod tables;
 mod text;
+mod writer;
 
 use std::collections::BTreeMap;
 
@@ -18,11 +23,15 @@ pub use crate::session::Status;
 pub use disk::Disk;
 pub use error::{DatasetError, Place};
 pub use folder::{NewSession, PROGRAM};
-pub use journal::{JOURNAL, JOURNAL_FORMAT};
+pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalText, Placed, Record as JournalRecord};
 pub use load::load;
-pub use recorder::{RecordError, Recorder};
+pub use manifest::{Change, MANIFEST, Manifest};
+pub use recorder::{RecordError, Recorder, Step};
+pub use replay::{Difference, Replay, replay};
+pub use resume::{Resumable, ResumeError, Resumed};
 pub use ring::{RingError, RingRecorder};
 use serde::{Deserialize, Serialize};
+pub use writer::BackgroundRecorder;
 
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;

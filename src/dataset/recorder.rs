@@ -1,16 +1,20 @@
 //! Keeps a session while it runs: the journal before anything acts on it, samples as they come, tables whole.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::disk::Disk;
-use super::journal::{Journal, Record};
+use super::journal::{Interrupted, Journal, Record};
 use super::rows::{HEADER, Rows};
 use super::tables;
+use crate::protocol::TooShort;
 use crate::rig::Sample;
 use crate::session::{
-    Detail, Happening, Input, Machine, Output, Phase, Reading, Recorder as KeepsSession, Recording,
+    Detail, Event, Happening, Input, Ledger, Machine, Output, Phase, Reading, Recorder as KeepsSession,
+    Recording, Settings,
 };
 
 /// So many bytes of rows are collected before they are handed to the operating system.
@@ -31,6 +35,20 @@ pub enum RecordError {
         source: io::Error,
         /// What to do.
         advice: &'static str,
+    },
+    /// A velocity that the protocol's amplitude does not suffice for.
+    #[error(transparent)]
+    TooShort(#[from] TooShort),
+    /// The thread that writes has ended.
+    #[error("the writer of the session has stopped; what it wrote is safe. Resume the session")]
+    WriterGone,
+    /// The disk is so slow that the samples waiting for it fill the memory set aside for them.
+    #[error(
+        "the disk is too slow: {waiting} samples wait to be written. Choose another disk; the session can be resumed"
+    )]
+    TooSlow {
+        /// How many wait.
+        waiting: usize,
     },
 }
 
@@ -60,7 +78,48 @@ pub struct Recorder {
     disk: Disk,
     journal: Journal,
     rows: Rows,
+    settings: Arc<Settings>,
+    /// What happened so far; the same as the session's own.
+    ledger: Ledger,
+    /// How many records were begun under a name.
+    begun: Begun,
     open: Option<OpenRecord>,
+}
+
+/// All that a recorder needs to know of a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// Steps so far.
+    sample: u64,
+    /// What the rig measured.
+    measured: Option<Sample>,
+    recording: Recording,
+    happened: Option<Happening>,
+    refused: Option<Event>,
+}
+
+impl Step {
+    /// What is to be kept of a step.
+    pub fn new(input: &Input, output: &Output, machine: &Machine) -> Self {
+        let measured = match (&input.reading, output.happened) {
+            // A sample that broke a limit may be no number; the journal tells what it was.
+            (_, Some(Happening { event: Event::Fault, .. })) => None,
+            (Reading::Sample(sample), _) => Some(*sample),
+            _ => None,
+        };
+        let (recording, happened, refused) = (output.recording, output.happened, output.refused);
+        Self { sample: machine.sample(), measured, recording, happened, refused }
+    }
+
+    /// Whether there is anything in it to keep.
+    pub fn is_kept(&self) -> bool {
+        self.recording != Recording::None || self.happened.is_some() || self.refused.is_some()
+    }
+
+    /// Whether the journal tells of it.
+    pub fn is_told(&self) -> bool {
+        self.happened.is_some() || self.refused.is_some()
+    }
 }
 
 /// A record that is being written.
@@ -76,8 +135,21 @@ struct OpenRecord {
 
 impl Recorder {
     /// Keeps the session in `folder`, whose journal has been begun.
-    pub fn new(folder: &Path, disk: Disk, journal: Journal, sample_rate_hz: f64) -> Self {
-        Self { folder: folder.to_owned(), disk, journal, rows: Rows::new(sample_rate_hz), open: None }
+    pub(super) fn new(
+        folder: &Path,
+        disk: Disk,
+        journal: Journal,
+        settings: Arc<Settings>,
+        (ledger, begun): (Ledger, Begun),
+    ) -> Self {
+        let rows = Rows::new(settings.sample_rate_hz);
+        Self { folder: folder.to_owned(), disk, journal, rows, settings, ledger, begun, open: None }
+    }
+
+    /// The session goes on after the program had ended.
+    pub(super) fn resume(&mut self, interrupted: Option<Interrupted>) -> Result<(), RecordError> {
+        self.append(&Record::Resumed { interrupted })?;
+        self.write_tables()
     }
 
     /// The session's folder.
@@ -89,8 +161,8 @@ impl Recorder {
         self.journal.append(&self.disk, record).map_err(RecordError::at(&self.folder.join(super::JOURNAL)))
     }
 
-    fn begin(&mut self, recording: Recording, machine: &Machine) -> Result<(), RecordError> {
-        let Some(file) = record_name(recording, machine) else { return Ok(()) };
+    fn begin(&mut self, recording: Recording) -> Result<(), RecordError> {
+        let Some(file) = self.begun.name(recording, &self.ledger) else { return Ok(()) };
         let path = self.folder.join(&file).with_added_extension("part");
         let handle = self.disk.create(&path).map_err(RecordError::at(&path))?;
         let mut buffer = Vec::with_capacity(2 * CHUNK);
@@ -103,11 +175,15 @@ impl Recorder {
         let Some(open) = &mut self.open else { return Ok(()) };
         self.rows.push(&mut open.buffer, open.samples, sample);
         open.samples += 1;
-        if open.buffer.len() >= CHUNK {
-            let path = self.folder.join(&open.file);
-            self.disk.append(&mut open.handle, &open.buffer).map_err(RecordError::at(&path))?;
-            open.buffer.clear();
-        }
+        if open.buffer.len() >= CHUNK { self.flush() } else { Ok(()) }
+    }
+
+    /// Hands the rows so far to the operating system: the death of the program does not take them any more.
+    fn flush(&mut self) -> Result<(), RecordError> {
+        let Some(open) = self.open.as_mut().filter(|open| !open.buffer.is_empty()) else { return Ok(()) };
+        let path = self.folder.join(&open.file);
+        self.disk.append(&mut open.handle, &open.buffer).map_err(RecordError::at(&path))?;
+        open.buffer.clear();
         Ok(())
     }
 
@@ -124,8 +200,8 @@ impl Recorder {
         write().map_err(RecordError::at(&path))
     }
 
-    fn write_tables(&self, machine: &Machine) -> Result<(), RecordError> {
-        for (name, bytes) in tables::of_session(machine.ledger(), machine.settings(), &self.rows) {
+    pub(super) fn write_tables(&self) -> Result<(), RecordError> {
+        for (name, bytes) in tables::of_session(&self.ledger, &self.settings, &self.rows) {
             let path = self.folder.join(name);
             self.disk.write(&path, &bytes).map_err(RecordError::at(&path))?;
         }
@@ -133,32 +209,72 @@ impl Recorder {
     }
 }
 
+impl Recorder {
+    /// Keeps a step. When this returns it is on disk.
+    pub fn keep_step(&mut self, step: &Step) -> Result<(), RecordError> {
+        if let Some(happening) = &step.happened {
+            self.ledger.apply(happening);
+        }
+        let open = self.open.as_ref().map_or(Recording::None, |open| open.recording);
+        if open != Recording::None && open != step.recording {
+            // The sample that ended a record belongs to it: without it, nobody could tell why it ended.
+            if let Some(sample) = &step.measured {
+                self.keep(sample)?;
+            }
+            self.finish()?;
+        }
+        let goes_on = open != Recording::None && open == step.recording;
+        if let (true, Some(sample)) = (goes_on, &step.measured) {
+            self.keep(sample)?;
+        }
+        if step.is_told() {
+            // What an entry rests on is in the record before the entry is in the journal.
+            self.flush()?;
+        }
+        if let Some(happening) = step.happened {
+            self.append(&Record::Happened(happening))?;
+        }
+        if let Some(word) = step.refused {
+            self.append(&Record::Refused { sample: step.sample, word })?;
+        }
+        if step.recording != Recording::None && !goes_on {
+            self.begin(step.recording)?;
+            if let Some(sample) = &step.measured {
+                self.keep(sample)?;
+            }
+        }
+        match step.happened {
+            Some(happening) if alters_tables(&happening) => self.write_tables(),
+            _ => Ok(()),
+        }
+    }
+}
+
 impl KeepsSession for Recorder {
     type Error = RecordError;
 
     fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), RecordError> {
-        let open = self.open.as_ref().map_or(Recording::None, |open| open.recording);
-        if open != Recording::None && open != output.recording {
-            self.finish()?;
-        }
-        if let Some(happening) = output.happened {
-            self.append(&Record::Happened(happening))?;
-        }
-        if let Some(word) = output.refused {
-            self.append(&Record::Refused { sample: machine.sample(), word })?;
-        }
-        if output.recording != Recording::None {
-            if open != output.recording {
-                self.begin(output.recording, machine)?;
-            }
-            if let Reading::Sample(sample) = &input.reading {
-                self.keep(sample)?;
-            }
-        }
-        match output.happened {
-            Some(happening) if alters_tables(&happening) => self.write_tables(machine),
-            _ => Ok(()),
-        }
+        self.keep_step(&Step::new(input, output, machine))
+    }
+}
+
+/// How often a record was begun under each name. Of a measurement that was broken off there is more than one record, and
+/// none is written over.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Begun(BTreeMap<String, u32>);
+
+impl Begun {
+    /// The name of the next record, if there is to be one.
+    pub fn name(&mut self, recording: Recording, ledger: &Ledger) -> Option<String> {
+        let stem = match recording {
+            Recording::None => return None,
+            Recording::Offset => "before/offset".to_owned(),
+            Recording::Effort(number) => format!("before/effort-{number}"),
+            Recording::Trial => return ledger.current().map(tables::trial_file),
+        };
+        let times = self.0.entry(stem.clone()).or_default();
+        *times += 1;
+        Some(if *times == 1 { format!("{stem}.csv") } else { format!("{stem}-again-{}.csv", *times - 1) })
     }
 }
 
@@ -167,15 +283,5 @@ fn alters_tables(happening: &Happening) -> bool {
     happening.to != Phase::Hold && detail.is_some_and(|detail| !matches!(detail, Detail::Onset { .. }))
 }
 
-/// Where a record goes.
-fn record_name(recording: Recording, machine: &Machine) -> Option<String> {
-    match recording {
-        Recording::None => None,
-        Recording::Offset => Some("before/offset.csv".to_owned()),
-        Recording::Effort(number) => Some(format!("before/effort-{number}.csv")),
-        Recording::Trial => machine.ledger().current().map(tables::trial_file),
-    }
-}
-
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -153,6 +153,12 @@ fn remarks(fit: &Fit, index: usize) -> Vec<String> {
             remarks.push(format!("{name} ended at its bound: the data do not determine it"));
         }
     }
+    let own = &fit.parameters[index];
+    if own[4] > own[3] {
+        remarks.push(
+            "k_after is below zero: beyond the elastic limit the torque falls, which a stiffness cannot explain".into(),
+        );
+    }
     if fit.several.contains(&index) {
         remarks.push("another optimum with a different x_e fits as well within the noise".into());
     }

@@ -3,7 +3,8 @@
 
 use super::layout::{Component, Coordinate, Layout, Link};
 use super::model::{Model, Treatment};
-use super::normal::{Objective, predict};
+use super::normal::Objective;
+use super::predict::predict;
 use super::prepare::{Prepared, PreparedTrial};
 use super::solve::{Effort, solve};
 use crate::random::Stream;
@@ -32,29 +33,36 @@ pub struct Range {
 
 /// How far from its first value a base parameter may go, as a factor: below and above. The elastic limit is bounded by the
 /// angle that the motor reaches instead.
-const FREEDOM: [(f64, f64); 5] = [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5.0), (20.0, 4.0)];
+const FREEDOM: [(f64, f64); 5] = [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5.0), (20.0, 8.0)];
 
 impl Guess {
     /// Fits a few parameters that some trials share, from each of `points` (the pilot's, see [`looks`]), and hands what came
     /// out best to all trials: the shared fit is determined well enough to have one optimum where single trials have several.
     pub fn pooled(prepared: &Prepared, objective: &Objective, points: &[[f64; 6]]) -> Self {
-        let reach_rad: Vec<f64> = prepared.trials.iter().map(|trial| reach(prepared, trial)).collect();
+        let reach_rad: Vec<f64> = (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect();
         let some = representatives(prepared);
         let few = prepared.only(&some);
-        let mut best: Option<(f64, Pooled, Vec<f64>)> = None;
+        let mut starts: Vec<(f64, Pooled, Vec<f64>)> = Vec::new();
         for point in points {
             for place in LIMIT_PLACES {
                 let mut point = *point;
                 point[5] = place;
                 let pooled = Pooled::new(&few, &point);
                 let start = pooled.layout.start();
-                let solution = solve(&few, &pooled.layout, &[], objective, &start, APPROACH);
-                let cost = solution.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>();
-                if best.as_ref().is_none_or(|(lowest, ..)| cost < *lowest) {
-                    best = Some((cost, pooled, solution.coordinates));
-                }
+                starts.push((f64::INFINITY, pooled, start));
             }
         }
+        // Rivals fall behind within a few steps: only the best go on.
+        for effort in APPROACH {
+            for (cost, pooled, at) in &mut starts {
+                let solution = solve(&few, &pooled.layout, &[], objective, at, effort);
+                *cost = solution.outcomes.iter().map(|outcome| outcome.cost).sum();
+                *at = solution.coordinates;
+            }
+            starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+            starts.truncate(starts.len().div_ceil(3));
+        }
+        let best = starts.into_iter().next();
         let trials = match best {
             Some((_, pooled, coordinates)) => {
                 let own = |(trial, reach): (&PreparedTrial, &f64)| {
@@ -67,9 +75,42 @@ impl Guess {
         Self { trials, reach_rad, lever: prepared.lever }
     }
 
-    /// How far the motor goes in a trial's window, rad.
-    pub fn reach_rad(&self, trial: usize) -> f64 {
-        self.reach_rad[trial]
+    /// First values that are given: each trial's six base parameters.
+    ///
+    /// # Panics
+    /// If there is not one for each trial.
+    pub fn given(prepared: &Prepared, trials: Vec<[f64; 6]>) -> Self {
+        assert_eq!(trials.len(), prepared.trials.len(), "first values for every trial");
+        let reach_rad = (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect();
+        Self { trials, reach_rad, lever: prepared.lever }
+    }
+
+    /// First values that are known already, trial by trial.
+    pub fn at(prepared: &Prepared, parameters: &[Vec<f64>]) -> Self {
+        let own = |values: &Vec<f64>| {
+            let mut six = [0.0; 6];
+            six.copy_from_slice(&values[..BASE_PARAMETERS.len()]);
+            six
+        };
+        Self {
+            trials: parameters.iter().map(own).collect(),
+            reach_rad: (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect(),
+            lever: prepared.lever,
+        }
+    }
+
+    /// The first value of a trial's base parameter.
+    pub fn value(&self, trial: usize, parameter: usize) -> f64 {
+        self.trials[trial][parameter]
+    }
+
+    /// The same for some of the trials.
+    pub fn only(&self, trials: &[usize]) -> Self {
+        Self {
+            trials: trials.iter().map(|trial| self.trials[*trial]).collect(),
+            reach_rad: trials.iter().map(|trial| self.reach_rad[*trial]).collect(),
+            lever: self.lever,
+        }
     }
 
     /// The range of a parameter that `members` share.
@@ -132,12 +173,6 @@ impl Guess {
     }
 }
 
-/// Greatest angle in the window.
-fn reach(prepared: &Prepared, trial: &PreparedTrial) -> f64 {
-    let input = &trial.input;
-    input.motion[input.onset..input.onset + prepared.samples].iter().map(|k| k.theta).fold(1e-6, f64::max)
-}
-
 fn peak_nm(trial: &PreparedTrial) -> f64 {
     trial.measured_nm.iter().map(|t| t.abs()).fold(0.0, f64::max)
 }
@@ -156,13 +191,16 @@ const KEPT: usize = 2;
 /// Where the elastic limit starts, as a part of the way that the motor goes in the window.
 const LIMIT_PLACES: [f64; 3] = [0.35, 0.5, 0.65];
 
-/// The shared fit need not be exact.
-const APPROACH: Effort = Effort { iterations: 40, decrease: 1e-3, longest_step: 0.7 };
+/// The shared fit need not be exact; after each round a third of the starts goes on.
+const APPROACH: [Effort; 2] = [
+    Effort { iterations: 6, decrease: 1e-2, longest_step: 0.7 },
+    Effort { iterations: 30, decrease: 1e-3, longest_step: 0.7 },
+];
 
 /// The most promising points of the pilot trial's parameter space, best first, by the sum of squares.
 pub fn looks(prepared: &Prepared) -> Vec<[f64; 6]> {
     let pilot = prepared.only(&[pilot(prepared)]);
-    let points = points(&pilot, reach(&pilot, &pilot.trials[0]));
+    let points = points(&pilot, pilot.reach_rad(0));
     let flat: Vec<f64> = points.iter().flatten().copied().collect();
     let mut response = Response::default();
     predict(&pilot, &[], &[], &vec![0; points.len()], &flat, &mut response);
@@ -197,9 +235,8 @@ impl Pooled {
         let mut torques: Vec<f64> = few.trials.iter().map(|trial| trial.torque_nm).collect();
         torques.sort_by(f64::total_cmp);
         torques.dedup();
-        let freedom = |parameter: usize| FREEDOM.get(parameter).copied().unwrap_or((4.0, 2.0));
         let coordinate = |parameter: usize| {
-            let (below, above) = freedom(parameter);
+            let (below, above) = FREEDOM.get(parameter).copied().unwrap_or((4.0, 2.0));
             let start = libm::log(point[parameter]);
             Coordinate {
                 parameter,
@@ -209,15 +246,16 @@ impl Pooled {
                 high: start + libm::log(above),
                 start,
                 scale: 1.0,
+                prior: None,
             }
         };
         let mut coordinates: Vec<Coordinate> = [0, 1, 2, 4, 5].into_iter().map(coordinate).collect();
         let first_stiffness = coordinates.len();
         coordinates.extend(torques.iter().map(|_| coordinate(3)));
         let link = |coordinate: usize| Link::Logarithmic { coordinate, factor: 1.0 };
-        let links = |trial: &PreparedTrial| {
+        let links = |(index, trial): (usize, &PreparedTrial)| {
             let level = torques.iter().position(|torque| *torque == trial.torque_nm).unwrap_or(0);
-            let way = Link::Logarithmic { coordinate: 4, factor: reach(few, trial) };
+            let way = Link::Logarithmic { coordinate: 4, factor: few.reach_rad(index) };
             vec![link(0), link(1), link(2), link(first_stiffness + level), link(3), way]
         };
         let component = Component {
@@ -227,7 +265,7 @@ impl Pooled {
             border: (0..coordinates.len()).collect(),
         };
         let layout = Layout {
-            links: few.trials.iter().map(links).collect(),
+            links: few.trials.iter().enumerate().map(links).collect(),
             coordinates,
             components: vec![component],
             estimated: (0..BASE_PARAMETERS.len()).collect(),

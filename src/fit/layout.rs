@@ -25,6 +25,8 @@ pub struct Coordinate {
     pub start: f64,
     /// Size of a notable change.
     pub scale: f64,
+    /// What is known of it beforehand: a centre and a standard deviation.
+    pub prior: Option<(f64, f64)>,
 }
 
 /// How a trial's parameter comes from the coordinates.
@@ -127,6 +129,7 @@ impl Layout {
                 high: place(range.high),
                 start: place(range.start),
                 scale: if logarithmic { 1.0 } else { scale },
+                prior: None,
             });
             touched.push(members.to_vec());
             let index = self.coordinates.len() - 1;
@@ -156,6 +159,7 @@ impl Layout {
                 high: f64::INFINITY,
                 start: share,
                 scale: share.abs().max(1e-12),
+                prior: None,
             });
             touched.push(members.to_vec());
         }
@@ -226,6 +230,19 @@ impl Layout {
                 }
             }
             self.components.push(component);
+        }
+    }
+
+    /// Makes single trials lean on `guess` where their own data hardly tell: for each parameter given, the logarithm's
+    /// standard deviation.
+    pub fn lean(&mut self, guess: &Guess, parameters: &[(usize, f64)]) {
+        for (trial, links) in self.links.iter().enumerate() {
+            for (parameter, sd) in parameters {
+                if let Link::Logarithmic { coordinate, factor } = links[*parameter] {
+                    let centre = libm::log(guess.value(trial, *parameter) / factor);
+                    self.coordinates[coordinate].prior = Some((centre, *sd));
+                }
+            }
         }
     }
 

@@ -4,10 +4,13 @@ mod estimates;
 mod guess;
 mod layout;
 mod model;
+mod noise;
 mod normal;
+mod predict;
 mod prepare;
 mod results;
 mod run;
+mod second_look;
 mod solve;
 mod uncertainty;
 mod weights;
@@ -16,12 +19,17 @@ pub use estimates::{ConditionEstimate, Estimate, QUANTITIES, by_condition, estim
 pub use guess::{Guess, looks};
 pub use layout::{Component, Coordinate, Layout, Link};
 pub use model::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};
+pub use noise::NoiseSource;
 pub use normal::{Normal, Objective};
+pub use predict::predict;
 pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View};
-pub use results::{FIT_FORMAT, Results, WriteError};
+pub use results::{FIT_FORMAT, Results, WriteError, write_files};
 pub use run::{Fit, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};
 pub use uncertainty::{
     Prediction, Uncertainty, covariance, predictions, uncertainties, variance_accounted_for,
 };
 pub use weights::{covariances, whiteners};
+
+#[cfg(test)]
+mod tests;

@@ -226,9 +226,12 @@ impl Model {
     /// # Errors
     /// If it is not JSON, has unknown fields, names no parameter or mechanism, or holds values outside their bounds.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
-        let deserializer = &mut serde_json::Deserializer::from_str(text);
-        let file: ModelFile = serde_path_to_error::deserialize(deserializer)
+        let mut deserializer = serde_json::Deserializer::from_str(text);
+        let file: ModelFile = serde_path_to_error::deserialize(&mut deserializer)
             .map_err(|e| ModelError::Form { path: e.path().to_string(), message: e.inner().to_string() })?;
+        deserializer
+            .end()
+            .map_err(|error| ModelError::Form { path: ".".to_owned(), message: error.to_string() })?;
         if file.format != FORMAT {
             return Err(ModelError::Format { found: file.format });
         }

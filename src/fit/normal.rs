@@ -3,10 +3,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::layout::{Component, Layout};
+use super::predict::predict;
 use super::prepare::Prepared;
 use super::solve::factor;
+use crate::wrist::Response;
 use crate::wrist::mechanisms::Kind;
-use crate::wrist::{Request, Response, Width, simulate, substeps};
 
 /// What is minimised.
 #[derive(Debug, Clone)]
@@ -28,47 +29,23 @@ pub struct TrialNormal {
     pub cost: f64,
 }
 
+/// The part of a component's normal equations that belongs to one block.
+#[derive(Debug, Clone)]
+struct Block {
+    cost: f64,
+    matrix: DMatrix<f64>,
+    with_border: DMatrix<f64>,
+    gradient: DVector<f64>,
+}
+
 /// The normal equations of a component.
 #[derive(Debug, Clone)]
 pub struct Normal {
     /// Half the sum of squares.
     pub cost: f64,
-    /// Block by block: its own matrix, its matrix with the border, its gradient.
-    blocks: Vec<(DMatrix<f64>, DMatrix<f64>, DVector<f64>)>,
+    blocks: Vec<Block>,
     border: DMatrix<f64>,
     border_gradient: DVector<f64>,
-}
-
-/// Predicted torques of some trials, and derivatives with respect to the parameters `wanted`.
-pub fn predict(
-    prepared: &Prepared,
-    kinds: &[Kind],
-    wanted: &[usize],
-    trials: &[usize],
-    parameters: &[f64],
-    response: &mut Response,
-) {
-    let count = parameters.len() / trials.len().max(1);
-    let most = (0..trials.len())
-        .map(|place| {
-            substeps(prepared.lever, &parameters[place * count..(place + 1) * count], prepared.period_s)
-        })
-        .max()
-        .unwrap_or(1);
-    let request = Request {
-        lever: prepared.lever,
-        kinds,
-        period_s: prepared.period_s,
-        samples: prepared.samples,
-        lead: prepared.lead,
-        // In powers of two, so that a small step of the parameters seldom changes the integrator.
-        substeps: most.next_power_of_two(),
-        filter: &prepared.sections,
-        wanted,
-        width: Width::fastest(),
-    };
-    let inputs: Vec<_> = trials.iter().map(|trial| &prepared.trials[*trial].input).collect();
-    simulate(&request, &inputs, parameters, response);
 }
 
 /// The normal equations of `components` at `coordinates`.
@@ -98,27 +75,10 @@ pub fn evaluate(
             normal.add(component, layout, own, *trial, parameters, &part);
             place += 1;
         }
+        normal.add_priors(component, layout, coordinates);
         result.push(normal);
     }
     result
-}
-
-/// Half the sum of squares of each trial at `coordinates`.
-pub fn trial_costs(
-    prepared: &Prepared,
-    layout: &Layout,
-    kinds: &[Kind],
-    objective: &Objective,
-    coordinates: &[f64],
-) -> Vec<f64> {
-    let trials: Vec<usize> = (0..prepared.trials.len()).collect();
-    let mut parameters = Vec::new();
-    for trial in &trials {
-        layout.parameters(*trial, coordinates, &mut parameters);
-    }
-    let mut response = Response::default();
-    predict(prepared, kinds, &[], &trials, &parameters, &mut response);
-    trials.iter().map(|trial| trial_normal(prepared, objective, *trial, &response, *trial, 0).cost).collect()
 }
 
 /// Residuals (predicted less measured) and derivatives of the trial at `place` in the response.
@@ -178,12 +138,11 @@ impl Normal {
             blocks: component
                 .blocks
                 .iter()
-                .map(|own| {
-                    (
-                        DMatrix::zeros(own.len(), own.len()),
-                        DMatrix::zeros(own.len(), border),
-                        DVector::zeros(own.len()),
-                    )
+                .map(|own| Block {
+                    cost: 0.0,
+                    matrix: DMatrix::zeros(own.len(), own.len()),
+                    with_border: DMatrix::zeros(own.len(), border),
+                    gradient: DVector::zeros(own.len()),
                 })
                 .collect(),
             border: DMatrix::zeros(border, border),
@@ -214,7 +173,8 @@ impl Normal {
             });
         }
         self.cost += part.cost;
-        let (block, with_border, gradient) = &mut self.blocks[block_index];
+        let Block { cost, matrix: block, with_border, gradient } = &mut self.blocks[block_index];
+        *cost += part.cost;
         for (row, place, slope) in &places {
             match place {
                 Ok(place) => gradient[*place] += slope * part.gradient[*row],
@@ -232,9 +192,34 @@ impl Normal {
         }
     }
 
+    /// Adds what is known of the coordinates beforehand.
+    fn add_priors(&mut self, component: &Component, layout: &Layout, at: &[f64]) {
+        let known = |coordinate: &usize| {
+            let (centre, sd) = layout.coordinates[*coordinate].prior?;
+            Some(((at[*coordinate] - centre) / sd, sd))
+        };
+        for (own, block) in component.blocks.iter().zip(&mut self.blocks) {
+            for (place, coordinate) in own.iter().enumerate() {
+                if let Some((away, sd)) = known(coordinate) {
+                    self.cost += 0.5 * away * away;
+                    block.cost += 0.5 * away * away;
+                    block.gradient[place] += away / sd;
+                    block.matrix[(place, place)] += 1.0 / (sd * sd);
+                }
+            }
+        }
+        for (place, coordinate) in component.border.iter().enumerate() {
+            if let Some((away, sd)) = known(coordinate) {
+                self.cost += 0.5 * away * away;
+                self.border_gradient[place] += away / sd;
+                self.border[(place, place)] += 1.0 / (sd * sd);
+            }
+        }
+    }
+
     /// The gradient in the component's order.
     pub fn gradient(&self, component: &Component) -> DVector<f64> {
-        let blocks = self.blocks.iter().flat_map(|(_, _, gradient)| gradient.iter());
+        let blocks = self.blocks.iter().flat_map(|block| block.gradient.iter());
         let values = blocks.chain(self.border_gradient.iter()).copied();
         DVector::from_iterator(component.order().len(), values)
     }
@@ -273,10 +258,11 @@ impl Normal {
         }
         let mut solved = Vec::with_capacity(self.blocks.len());
         let mut start = 0;
-        for ((block, with_border, gradient), coordinates) in self.blocks.iter().zip(&component.blocks) {
+        for (own, coordinates) in self.blocks.iter().zip(&component.blocks) {
             let own_held = &held[start..start + coordinates.len()];
             start += coordinates.len();
-            let (mut block, mut with_border, mut gradient) = (block.clone(), with_border.clone(), -gradient);
+            let (mut block, mut with_border, mut gradient) =
+                (own.matrix.clone(), own.with_border.clone(), -&own.gradient);
             dampen(&mut block, coordinates, own_held);
             for (i, held) in own_held.iter().enumerate() {
                 if *held {
@@ -313,10 +299,10 @@ impl Normal {
         let border_step = step.rows(border_start, component.border.len());
         let mut curvature = (border_step.transpose() * &self.border * border_step)[(0, 0)];
         let mut start = 0;
-        for (block, with_border, _) in &self.blocks {
-            let own = step.rows(start, block.nrows());
-            start += block.nrows();
-            curvature += own.dot(&(block * own)) + 2.0 * own.dot(&(with_border * border_step));
+        for Block { matrix, with_border, .. } in &self.blocks {
+            let own = step.rows(start, matrix.nrows());
+            start += matrix.nrows();
+            curvature += own.dot(&(matrix * own)) + 2.0 * own.dot(&(with_border * border_step));
         }
         -gradient.dot(step) - 0.5 * curvature
     }
@@ -327,14 +313,32 @@ impl Normal {
         let border_start = size - component.border.len();
         let mut dense = DMatrix::zeros(size, size);
         let mut start = 0;
-        for (block, with_border, _) in &self.blocks {
-            let (rows, columns) = (block.nrows(), with_border.ncols());
-            dense.view_mut((start, start), (rows, rows)).copy_from(block);
+        for Block { matrix, with_border, .. } in &self.blocks {
+            let (rows, columns) = (matrix.nrows(), with_border.ncols());
+            dense.view_mut((start, start), (rows, rows)).copy_from(matrix);
             dense.view_mut((start, border_start), (rows, columns)).copy_from(with_border);
             dense.view_mut((border_start, start), (columns, rows)).copy_from(&with_border.transpose());
             start += rows;
         }
         dense.view_mut((border_start, border_start), self.border.shape()).copy_from(&self.border);
         dense
+    }
+
+    /// The cost of each block.
+    pub fn block_costs(&self) -> impl Iterator<Item = f64> {
+        self.blocks.iter().map(|block| block.cost)
+    }
+
+    /// The least cost of a block that the quadratic model promises with the border, and the block's coordinates in `held`, in
+    /// place. What the data do not determine is damped, as in a first step of the descent.
+    pub fn promised_block_cost(&self, block: usize, held: &[bool]) -> f64 {
+        let Block { cost, matrix, gradient, .. } = &self.blocks[block];
+        let free: Vec<usize> = (0..held.len()).filter(|i| !held[*i]).collect();
+        let mut own = DMatrix::from_fn(free.len(), free.len(), |i, j| matrix[(free[i], free[j])]);
+        for i in 0..free.len() {
+            own[(i, i)] = own[(i, i)] * (1.0 + 1e-3) + f64::MIN_POSITIVE;
+        }
+        let gradient = DVector::from_fn(free.len(), |i, _| gradient[free[i]]);
+        factor(own).map_or(*cost, |factor| cost - 0.5 * gradient.dot(&factor.solve(&gradient)))
     }
 }

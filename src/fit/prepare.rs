@@ -1,6 +1,7 @@
 //! From a measured session to what the fit compares (section 2.4 of the paper): levels before the ramp subtracted, torque
 //! filtered, the window cut; and the same done to the hold, which tells the noise.
 
+use super::noise::{NoiseSource, angle_noise, stride};
 use crate::dataset::{Session, Status};
 use crate::signal::{FilterSpec, Noise, Section, filter, onset};
 use crate::wrist::mechanisms::Covariates;
@@ -31,9 +32,6 @@ const LEAD_S: f64 = 0.004;
 /// Angle before and after the simulated time that is kept for mechanisms that shift it, s.
 const MARGIN_S: f64 = 0.012;
 
-/// Time that the filter is given to settle at the start of a record, s.
-const SETTLING_S: f64 = 0.025;
-
 /// A session ready to be fitted.
 #[derive(Debug, Clone)]
 pub struct Prepared {
@@ -55,10 +53,14 @@ pub struct Prepared {
     pub stride: usize,
     /// Standard deviation of the recorded angle's error, rad: measured in the holds, at least that of its steps.
     pub angle_noise_rad: f64,
+    /// Step of the encoder that the holds stand still in, rad; zero where the recorded angle is never still.
+    pub angle_step_rad: f64,
     /// Noise by trial: index into [`Prepared::noises`]; `None` where the hold is too short to measure any.
     pub noise_of: Vec<Option<usize>>,
     /// The noises measured.
     pub noises: Vec<Noise>,
+    /// What they were measured in; `None` where there are none.
+    pub noise_source: Option<NoiseSource>,
 }
 
 /// A trial that is not fitted.
@@ -132,8 +134,10 @@ impl Prepared {
             left_out: Vec::new(),
             stride: stride(session, view, samples),
             angle_noise_rad: 0.0,
+            angle_step_rad: 0.0,
             noise_of: Vec::new(),
             noises: Vec::new(),
+            noise_source: None,
         };
         let usable: Vec<_> = session.trials.iter().filter(|trial| trial.status == Status::Ok).collect();
         for trial in &usable {
@@ -145,7 +149,7 @@ impl Prepared {
         if prepared.trials.is_empty() {
             return Err(PrepareError::NoTrial { of: session.trials.len(), left_out: prepared.left_out });
         }
-        prepared.angle_noise_rad = angle_noise(&usable);
+        (prepared.angle_noise_rad, prepared.angle_step_rad) = angle_noise(&usable);
         prepared.number_conditions();
         prepared.fill_covariates(&usable);
         // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
@@ -158,11 +162,8 @@ impl Prepared {
 /// Fewest samples in a window that six parameters can be fitted to.
 const FEWEST_SAMPLES: usize = 12;
 
-/// Stretches of hold that a torque level needs for a noise of its own; with fewer, all levels share one.
-const STRETCHES_FOR_OWN_NOISE: usize = 300;
-
 /// Longest hold that is looked at, s: the gate guarantees this much.
-const HOLD_S: f64 = 0.5;
+pub(super) const HOLD_S: f64 = 0.5;
 
 impl Prepared {
     /// The same preparation for some of the trials.
@@ -177,18 +178,24 @@ impl Prepared {
             left_out: Vec::new(),
             stride: self.stride,
             angle_noise_rad: self.angle_noise_rad,
+            angle_step_rad: self.angle_step_rad,
             noise_of: trials.iter().map(|trial| self.noise_of[*trial]).collect(),
             noises: self.noises.clone(),
+            noise_source: self.noise_source,
         }
     }
 
-    /// The samples of the window that noise is measured on; the last is among them.
-    pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
-        (0..self.samples).rev().step_by(self.stride).collect::<Vec<_>>().into_iter().rev()
+    /// How far the motor goes in a trial's window, rad.
+    pub fn reach_rad(&self, trial: usize) -> f64 {
+        let input = &self.trials[trial].input;
+        input.motion[input.onset..input.onset + self.samples]
+            .iter()
+            .map(|knot| knot.theta)
+            .fold(1e-6, f64::max)
     }
 
     /// How many samples of filtered torque or raw angle make the level before the ramp.
-    fn level_samples(&self) -> usize {
+    pub(super) fn level_samples(&self) -> usize {
         (libm::round(LEVEL_S / self.period_s) as usize).max(2)
     }
 
@@ -258,24 +265,6 @@ impl Prepared {
         })
     }
 
-    /// Stretches of the hold (which ends at the onset), each a window long, less the level before it; they overlap.
-    fn hold_stretches(&self, hold: &[f64]) -> Vec<Vec<f64>> {
-        let level = self.level_samples();
-        let settling =
-            if self.sections.is_empty() { 0 } else { libm::ceil(SETTLING_S / self.period_s) as usize };
-        let longest = libm::round(HOLD_S / self.period_s) as usize;
-        let begin = settling.max(hold.len().saturating_sub(longest));
-        let mut stretches = Vec::new();
-        let mut end = hold.len();
-        while end >= begin + level + self.samples {
-            let window = &hold[end - self.samples..end];
-            let base = mean(&hold[end - self.samples - level..end - self.samples]);
-            stretches.push(self.noise_samples().map(|i| window[i] - base).collect());
-            end -= (self.samples / 10).max(1);
-        }
-        stretches
-    }
-
     /// Conditions are numbered by velocity, then torque, then label.
     fn number_conditions(&mut self) {
         let key = |trial: &PreparedTrial| match &trial.label {
@@ -320,64 +309,9 @@ impl Prepared {
             trial.input.covariates.flexor_emg_excess_mvc = own - mean(&same);
         }
     }
-
-    /// The covariance of the noise, by torque level where the holds are long enough, else over all trials.
-    fn measure_noise(&mut self) {
-        let mut levels: Vec<f64> = self.trials.iter().map(|trial| trial.torque_nm).collect();
-        levels.sort_by(f64::total_cmp);
-        levels.dedup();
-        let stretches = |wanted: Option<f64>| -> Vec<Vec<f64>> {
-            let of_level = |trial: &&PreparedTrial| wanted.is_none_or(|level| trial.torque_nm == level);
-            self.trials
-                .iter()
-                .filter(of_level)
-                .flat_map(|trial| trial.hold_stretches.iter().cloned())
-                .collect()
-        };
-        let by_level: Vec<_> = levels.iter().map(|level| stretches(Some(*level))).collect();
-        if by_level.iter().all(|own| own.len() >= STRETCHES_FOR_OWN_NOISE) {
-            self.noises = by_level.iter().filter_map(|own| Noise::measure(own)).collect();
-            let level_of = |trial: &PreparedTrial| levels.iter().position(|level| *level == trial.torque_nm);
-            self.noise_of = self.trials.iter().map(level_of).collect();
-        } else {
-            self.noises = Noise::measure(&stretches(None)).into_iter().collect();
-            self.noise_of = vec![(!self.noises.is_empty()).then_some(0); self.trials.len()];
-        }
-    }
 }
 
-/// Every how many samples the noise is measured: six times the cut-off stays below half the rate of what is left, and a
-/// long window keeps at most a hundred values.
-fn stride(session: &Session, view: View, samples: usize) -> usize {
-    let FilterSpec::Butterworth { cutoff_hz, .. } = session.recorded_filter.unwrap_or(view.filter);
-    let by_filter = libm::floor(session.sample_rate_hz / (12.0 * cutoff_hz)) as usize;
-    by_filter.max(samples.div_ceil(100)).max(1)
-}
-
-/// The error of the recorded angle: from its second differences in the holds, at least that of the encoder's steps, which
-/// a still motor does not show.
-fn angle_noise(trials: &[&crate::dataset::Trial]) -> f64 {
-    let (mut squares, mut count, mut step) = (0.0, 0.0, f64::INFINITY);
-    for trial in trials {
-        let theta = &trial.record.theta_m_rad;
-        for pair in theta.windows(2) {
-            let change = (pair[1] - pair[0]).abs();
-            if change > 1e-9 && change < step {
-                step = change;
-            }
-        }
-        for three in theta[..theta.len() / 5].windows(3) {
-            let second = three[0] - 2.0 * three[1] + three[2];
-            squares += second * second;
-            count += 1.0;
-        }
-    }
-    let step = if step.is_finite() { step } else { 0.0 };
-    // White noise has second differences of six times its variance, rounding to steps a variance of step^2 / 12.
-    libm::sqrt((squares / 6.0 / f64::max(count, 1.0)).max(step * step / 12.0))
-}
-
-fn mean(values: &[f64]) -> f64 {
+pub(super) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 

@@ -50,16 +50,27 @@ impl Results {
     /// # Errors
     /// If a file cannot be written; the message names it.
     pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), WriteError> {
-        let write = |name: &str, content: &[u8]| {
-            let path = folder.join(name);
-            disk.write(&path, content).map_err(|source| WriteError { path, source })
-        };
-        std::fs::create_dir_all(folder).map_err(|source| WriteError { path: folder.into(), source })?;
-        write("fit.csv", fit_csv(&self.estimates).as_bytes())?;
-        write("conditions.csv", conditions_csv(&self.conditions).as_bytes())?;
-        let text = serde_json::to_string_pretty(&self.json).unwrap_or_default() + "\n";
-        write("fit.json", text.as_bytes())
+        let json = serde_json::to_string_pretty(&self.json).unwrap_or_default() + "\n";
+        let files = [
+            ("fit.csv", fit_csv(&self.estimates)),
+            ("conditions.csv", conditions_csv(&self.conditions)),
+            ("fit.json", json),
+        ];
+        write_files(disk, folder, &files.each_ref().map(|(name, text)| (*name, text.as_str())))
     }
+}
+
+/// Writes files into a folder, which is made if need be, each whole or not at all.
+///
+/// # Errors
+/// If the folder or a file cannot be written; the message names it.
+pub fn write_files(disk: &Disk, folder: &Path, files: &[(&str, &str)]) -> Result<(), WriteError> {
+    std::fs::create_dir_all(folder).map_err(|source| WriteError { path: folder.into(), source })?;
+    for (name, text) in files {
+        let path = folder.join(name);
+        disk.write(&path, text.as_bytes()).map_err(|source| WriteError { path, source })?;
+    }
+    Ok(())
 }
 
 /// A result file that cannot be written.
@@ -191,6 +202,7 @@ fn json(
         "components": fit.solution.outcomes.iter().map(|outcome| json!({
             "cost": outcome.cost, "stop": outcome.stop, "iterations": outcome.iterations,
         })).collect::<Vec<_>>(),
+        "noise_source": prepared.noise_source,
         "noise": prepared.noises.iter().map(noise).collect::<Vec<_>>(),
         "angle_noise_rad": prepared.angle_noise_rad,
         "trials": estimates.iter().map(trial).collect::<Vec<_>>(),

@@ -11,7 +11,7 @@ use crate::wrist::mechanisms::Kind;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stop {
-    /// No step promises a notable decrease of the cost.
+    /// No step promises a notable decrease of the cost, or several together brought none.
     Converged,
     /// The last steps changed nothing, though the gradient is not zero: the problem is flat or singular there.
     Stalled,
@@ -34,9 +34,15 @@ pub struct Effort {
 
 impl Default for Effort {
     fn default() -> Self {
-        Self { iterations: 150, decrease: 1e-6, longest_step: 0.7 }
+        Self { iterations: 100, decrease: 1e-6, longest_step: 0.7 }
     }
 }
+
+/// After so many steps the descent is looked back upon.
+const VALLEY_STEPS: usize = 8;
+
+/// The decrease of the cost over these steps, in units of [`Effort::decrease`], below which the valley is flat.
+const VALLEY_DECREASE: f64 = 300.0;
 
 /// What came out for one component.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,6 +75,9 @@ struct Descent<'a> {
     /// Decrease of the cost that the quadratic model promises for the trial point.
     promised: f64,
     small_steps: usize,
+    /// Steps taken since `milestone` was passed, the cost of then.
+    since: usize,
+    milestone: f64,
     outcome: Option<Outcome>,
     iterations: usize,
 }
@@ -115,6 +124,8 @@ impl<'a> Descent<'a> {
             trial_point: Vec::new(),
             promised: 0.0,
             small_steps: 0,
+            since: 0,
+            milestone: f64::INFINITY,
             outcome: None,
             iterations: 0,
         }
@@ -143,7 +154,7 @@ impl<'a> Descent<'a> {
                     let small =
                         decrease <= effort.decrease * cost && self.promised <= 10.0 * effort.decrease * cost;
                     self.small_steps = if small { self.small_steps + 1 } else { 0 };
-                    if self.small_steps >= 2 {
+                    if self.small_steps >= 2 || self.valley_is_flat(cost, effort) {
                         return self.end(Stop::Converged, cost);
                     }
                 } else {
@@ -166,6 +177,18 @@ impl<'a> Descent<'a> {
         if self.promised <= 1e-3 * effort.decrease * cost {
             self.end(Stop::Converged, cost);
         }
+    }
+
+    /// Whether the last steps together brought next to nothing: in a flat, curved valley each step promises more than it
+    /// keeps, and the way goes on for hundreds of steps that no data can tell apart.
+    fn valley_is_flat(&mut self, cost: f64, effort: Effort) -> bool {
+        self.since += 1;
+        if self.since < VALLEY_STEPS {
+            return false;
+        }
+        let flat = self.milestone - cost <= VALLEY_DECREASE * effort.decrease * cost;
+        (self.since, self.milestone) = (0, cost);
+        flat
     }
 
     fn end(&mut self, stop: Stop, cost: f64) {

@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::normal::{Objective, evaluate, predict};
+use super::normal::{Objective, evaluate};
+use super::predict::predict;
 use super::prepare::Prepared;
 use super::run::Fit;
 use crate::wrist::{BASE_PARAMETERS, Response};
@@ -163,29 +164,40 @@ fn filling(
     filling
 }
 
+impl Fit {
+    /// Standard errors of the first trial's parameters, the mechanisms' included; absent where the data do not tell.
+    pub fn standard_errors(&self, prepared: &Prepared) -> Vec<Option<f64>> {
+        let count = self.parameters[0].len();
+        let Some(covariances) = covariance(prepared, self, &predictions(prepared, self)) else {
+            return vec![None; count];
+        };
+        (0..count).map(|parameter| standard_error(self, 0, parameter, &covariances)).collect()
+    }
+}
+
+/// Standard error of one parameter of a trial.
+fn standard_error(fit: &Fit, trial: usize, parameter: usize, covariances: &[DMatrix<f64>]) -> Option<f64> {
+    if fit.at_bound(trial, parameter) || !fit.layout.estimated.contains(&parameter) {
+        return None;
+    }
+    let index = fit.layout.components.iter().position(|component| component.trials.contains(&trial))?;
+    let order = fit.layout.components[index].order();
+    let mut gradient = DVector::zeros(order.len());
+    fit.layout.slopes(trial, parameter, fit.parameters[trial][parameter], |coordinate, slope| {
+        if let Some(place) = order.iter().position(|own| *own == coordinate) {
+            gradient[place] = slope;
+        }
+    });
+    finite(libm::sqrt(gradient.dot(&(&covariances[index] * &gradient))))
+}
+
 /// Standard errors of a trial's base parameters relative to them.
 fn standard_errors(fit: &Fit, trial: usize, covariances: Option<&[DMatrix<f64>]>) -> [Option<f64>; 6] {
     let mut se = [None; 6];
     let Some(covariances) = covariances else { return se };
-    for (index, component) in fit.layout.components.iter().enumerate() {
-        if !component.trials.contains(&trial) {
-            continue;
-        }
-        let order = component.order();
-        for (parameter, slot) in se.iter_mut().enumerate() {
-            let value = fit.parameters[trial][parameter];
-            if fit.at_bound(trial, parameter) || !fit.layout.estimated.contains(&parameter) {
-                continue;
-            }
-            let mut gradient = DVector::zeros(order.len());
-            fit.layout.slopes(trial, parameter, value, |coordinate, slope| {
-                if let Some(place) = order.iter().position(|own| *own == coordinate) {
-                    gradient[place] = slope;
-                }
-            });
-            let variance = gradient.dot(&(&covariances[index] * &gradient));
-            *slot = finite(libm::sqrt(variance) / value.abs());
-        }
+    for (parameter, slot) in se.iter_mut().enumerate() {
+        let value = fit.parameters[trial][parameter];
+        *slot = standard_error(fit, trial, parameter, covariances).and_then(|own| finite(own / value.abs()));
     }
     se
 }

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::normal::predict;
+use super::predict::predict;
 use super::prepare::Prepared;
 use crate::signal::Noise;
 use crate::wrist::{Response, knots};
@@ -37,32 +37,75 @@ pub fn whiteners(prepared: &Prepared, covariances: &[Noise]) -> Vec<DMatrix<f64>
     covariances.iter().map(spread).collect()
 }
 
-/// Covariance of the predicted torque's error that the error of the recorded angle makes: the model's response to an angle
-/// that is wrong at one sample, for every sample that reaches into the window.
+/// How many trials, and how many places within an encoder's step, the error of the angle is averaged over.
+const TRIALS: usize = 12;
+const PLACES: usize = 16;
+
+/// Covariance of the predicted torque's error that the error of the recorded angle makes.
+///
+/// An angle that is never still is taken to have white noise. One that stands still in the hold is rounded to the encoder's
+/// steps: before the ramp by a constant, which then is missing from all of it, slowly turning into noise as the motor gains
+/// speed. So the recorded motion is rounded again, from several places within a step, and the error followed through.
 fn angle_covariance(prepared: &Prepared, point: &[f64; 6]) -> DMatrix<f64> {
     let places: Vec<usize> = prepared.noise_samples().collect();
+    let responses = responses(prepared, point);
+    let mut covariance = DMatrix::zeros(places.len(), places.len());
+    if prepared.angle_step_rad == 0.0 {
+        for wrong in 0..prepared.samples + REACH {
+            let mut error = vec![0.0; prepared.samples + REACH];
+            error[wrong] = prepared.angle_noise_rad;
+            add_square(&mut covariance, &places, &responses, &error);
+        }
+        return covariance;
+    }
+    let some = (0..prepared.trials.len()).step_by(prepared.trials.len().div_ceil(TRIALS));
+    let count = some.len() * PLACES;
+    for trial in some {
+        let input = &prepared.trials[trial].input;
+        for place in 0..PLACES {
+            let offset = prepared.angle_step_rad * (place as f64 + 0.5) / PLACES as f64;
+            let rounded = |theta: f64| {
+                libm::round((theta + offset) / prepared.angle_step_rad) * prepared.angle_step_rad
+                    - offset
+                    - theta
+            };
+            let error: Vec<f64> = (0..prepared.samples + REACH)
+                .map(|sample| {
+                    let knot = input.motion[(input.onset + sample).min(input.motion.len() - 1)];
+                    rounded(knot.theta) - rounded(0.0)
+                })
+                .collect();
+            add_square(&mut covariance, &places, &responses, &error);
+        }
+    }
+    covariance / count as f64
+}
+
+/// Adds the square of the torque's error that an error of the angle, sample by sample from the onset, makes.
+fn add_square(covariance: &mut DMatrix<f64>, places: &[usize], responses: &[f64], error: &[f64]) {
+    let torque = |place: &usize| {
+        let first = (place + REACH + 1).saturating_sub(responses.len());
+        let last = (place + REACH).min(error.len() - 1);
+        (first..=last).map(|wrong| error[wrong] * responses[place + REACH - wrong]).sum::<f64>()
+    };
+    let torque = DVector::from_iterator(places.len(), places.iter().map(torque));
+    *covariance += &torque * torque.transpose();
+}
+
+/// How many samples ahead the smoothing of the angle looks.
+const REACH: usize = 12;
+
+/// The torque's response to an angle that is wrong at one sample, per rad, from [`REACH`] samples before it.
+fn responses(prepared: &Prepared, point: &[f64; 6]) -> Vec<f64> {
     // Small enough to stay where the spring is linear.
     let error_rad = 1e-7;
     let mut alone = prepared.only(&[0]);
-    let length = alone.lead + 2 * alone.samples + 8;
-    let mut angle = vec![0.0; length];
-    angle[alone.lead + 4] = error_rad;
+    alone.samples += REACH + 1;
+    let mut angle = vec![0.0; alone.lead + alone.samples + REACH];
+    angle[alone.lead + REACH] = error_rad;
     alone.trials[0].input.motion = knots(&angle, alone.period_s);
     alone.trials[0].input.onset = alone.lead;
     let mut response = Response::default();
     predict(&alone, &[], &[], &[0], point, &mut response);
-    // response[k] is the torque k - 4 samples after the wrong one.
-    let mut covariance = DMatrix::zeros(places.len(), places.len());
-    for wrong in -(prepared.samples as isize)..prepared.samples as isize + 4 {
-        let error = DVector::from_iterator(
-            places.len(),
-            places.iter().map(|place| {
-                let since = *place as isize - wrong + 4;
-                usize::try_from(since).ok().and_then(|k| response.torque_nm.get(k)).copied().unwrap_or(0.0)
-                    / error_rad
-            }),
-        );
-        covariance += &error * error.transpose();
-    }
-    covariance * (prepared.angle_noise_rad * prepared.angle_noise_rad)
+    response.torque_nm.iter().map(|torque| torque / error_rad).collect()
 }

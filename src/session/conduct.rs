@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use super::lateness::Lateness;
 use super::machine::Machine;
 use super::step::{Detail, Input, Output, Reading};
 use super::words::{Event, Phase};
@@ -44,12 +45,18 @@ impl Clock for AsFastAsItGoes {
 pub struct RealTime {
     period: Duration,
     next: Option<Instant>,
+    lateness: Lateness,
 }
 
 impl RealTime {
     /// So many periods a second.
     pub fn new(rate_hz: f64) -> Self {
-        Self { period: Duration::from_secs_f64(1.0 / rate_hz), next: None }
+        Self { period: Duration::from_secs_f64(1.0 / rate_hz), next: None, lateness: Lateness::default() }
+    }
+
+    /// How late the periods began.
+    pub fn lateness(&self) -> &Lateness {
+        &self.lateness
     }
 }
 
@@ -60,22 +67,23 @@ impl Clock for RealTime {
         if let Some(left) = next.checked_duration_since(now) {
             std::thread::sleep(left);
         }
+        self.lateness.add(Instant::now().saturating_duration_since(next));
         self.next = Some(next);
     }
 }
 
-/// Who keeps what happens. What it was told must be safe when it returns: the session then acts on it.
+/// Who keeps what happens. What it was told is safe when it returns, or as soon as it says so: the session acts on it then.
 pub trait Recorder {
     /// Why something could not be kept.
     type Error;
 
-    /// One step of the session.
-    fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), Self::Error>;
-
-    /// Whether everything that happened so far is safe. One that returns from [`Self::take`] before it is says so here.
+    /// Whether everything that it was told so far is on disk; the ramp waits for it.
     fn on_disk(&self) -> bool {
         true
     }
+
+    /// One step of the session.
+    fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), Self::Error>;
 }
 
 /// Runs the session until it is over.
@@ -89,6 +97,7 @@ pub fn conduct<R: Rig, K: Recorder>(
     clock: &mut impl Clock,
     recorder: &mut K,
 ) -> Result<R, K::Error> {
+    let mut emg_is_scaled = false;
     while !machine.phase().is_final() {
         let word = operator.asked(machine);
         if !matches!(word, Event::Start | Event::Rearm) {
@@ -102,12 +111,13 @@ pub fn conduct<R: Rig, K: Recorder>(
                 rig
             }
             Ok(mut armed) => {
-                if let Some(factors) = machine.ledger().emg_factors() {
+                if let (false, Some(factors)) = (emg_is_scaled, machine.ledger().emg_factors()) {
                     armed.rescale_emg(factors);
                 }
                 let ended = run_armed(&mut armed, word, machine, operator, clock, recorder);
                 // Whatever ended it, the motor is made safe before anything else.
                 let _ = armed.exchange(&SAFE);
+                emg_is_scaled = machine.ledger().emg_factors().is_some();
                 let rig = armed.disarm();
                 ended?;
                 rig

@@ -35,7 +35,8 @@ impl Display {
         }
     }
 
-    /// The units of EMG have changed, or the rig was disarmed in between: begins anew.
+    /// A record begins, which must tell all that its outcome depends on; or the units of EMG have changed, or the rig
+    /// was disarmed in between: begins anew.
     pub fn restart(&mut self) {
         self.started = false;
     }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::settings::{Planned, Settings};
-use super::step::{Attempt, Detail, Happening, Status};
+use super::step::{Attempt, Detail, Happening, Recording, Status};
 use super::table::{self, Effect, Guard};
 use super::words::{Event, Phase};
 use crate::rig::Direction;
@@ -128,14 +128,27 @@ impl Ledger {
         }
     }
 
-    /// A trial that the program did not live to end: it is aborted and put back, as by a fault.
+    /// A trial that the program did not live to end, with so many samples in its record: it is aborted and put back, as
+    /// by a fault.
     pub fn interrupt(&mut self, samples: u64) -> Option<Attempt> {
         let attempt = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none())?;
         attempt.ended = Some((Status::Aborted, Event::Abort));
         attempt.samples = samples;
+        // The last samples before the end may never have reached the disk, and with them the onset.
+        attempt.onset_sample = attempt.onset_sample.filter(|onset| *onset < samples);
         let attempt = *attempt;
         self.put_back_later(0);
         Some(attempt)
+    }
+
+    /// To which record the samples of a phase belong.
+    pub fn recording(&self, phase: Phase) -> Recording {
+        match phase {
+            Phase::Offset => Recording::Offset,
+            Phase::MvcEffort => Recording::Effort(self.effort_number()),
+            phase if phase.in_trial() => Recording::Trial,
+            _ => Recording::None,
+        }
     }
 
     /// The number the next trial gets in its table.

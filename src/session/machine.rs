@@ -6,7 +6,7 @@ use super::display::Display;
 use super::ledger::Ledger;
 use super::names;
 use super::settings::Settings;
-use super::step::{Detail, Happening, Input, Output, Reading, Recording, Status};
+use super::step::{Detail, Happening, Input, Output, Reading, Status};
 use super::table::{Effect, Transition};
 use super::watch::Watch;
 use super::words::{Event, Phase, Source};
@@ -127,7 +127,7 @@ impl Machine {
             phase: self.phase,
             happened,
             refused,
-            recording: self.recording(),
+            recording: self.ledger.recording(self.phase),
             gate_fraction: self.in_band as f64 / self.settings.gate_samples as f64,
         }
     }
@@ -155,14 +155,16 @@ impl Machine {
 
     fn obey(&mut self, word: Event, sample: Option<Sample>) -> Option<Happening> {
         // To arm is the loop's work; that it was done shows in there being a sample.
-        let sample = match word {
-            Event::Start | Event::Rearm => Some(sample?),
-            _ => sample,
-        };
-        if let (Event::Rearm, Some(sample)) = (word, sample) {
-            self.plan_homing(sample.theta_m_rad);
+        if word == Event::Start {
+            sample?;
         }
-        self.fire(word, None)
+        let mut detail = None;
+        if word == Event::Rearm {
+            let angle_rad = sample?.theta_m_rad;
+            self.plan_homing(angle_rad);
+            detail = Some(Detail::Rearmed { angle_rad });
+        }
+        self.fire(word, detail)
     }
 
     /// What time, movement and person bring about at this sample.
@@ -325,11 +327,18 @@ impl Machine {
         self.phase = line.to;
         self.in_phase = 0;
         match line.to {
-            Phase::Offset => self.offset_sum_nm = 0.0,
-            Phase::MvcEffort => self.peaks = [0.0; 3],
+            Phase::Offset => {
+                self.offset_sum_nm = 0.0;
+                self.display.restart();
+            }
+            Phase::MvcEffort => {
+                self.peaks = [0.0; 3];
+                self.display.restart();
+            }
             Phase::Hold => {
                 self.in_trial = 0;
                 self.in_band = 0;
+                self.display.restart();
             }
             Phase::Delay => self.delay = self.draw_delay(),
             Phase::Ramp => self.since_onset = 0,
@@ -390,15 +399,6 @@ impl Machine {
             },
             (Phase::Ramp | Phase::RampHold, _) => Cue::Moving,
             _ => Cue::Rest,
-        }
-    }
-
-    fn recording(&self) -> Recording {
-        match self.phase {
-            Phase::Offset => Recording::Offset,
-            Phase::MvcEffort => Recording::Effort(self.ledger.effort_number()),
-            phase if phase.in_trial() => Recording::Trial,
-            _ => Recording::None,
         }
     }
 

@@ -5,9 +5,11 @@
 
 mod conduct;
 mod display;
+mod lateness;
 mod ledger;
 mod machine;
 mod names;
+pub mod rules;
 mod settings;
 mod step;
 pub mod table;
@@ -16,10 +18,12 @@ mod words;
 
 pub use conduct::{AsFastAsItGoes, Clock, Operator, RealTime, Recorder, conduct};
 pub use display::Display;
+pub use lateness::Lateness;
 pub use ledger::Ledger;
 pub use machine::Machine;
 pub use settings::{Planned, Settings};
 pub use step::{Attempt, Detail, Happening, Input, Output, Reading, Recording, Status};
+pub use watch::Watch;
 pub use words::{Event, Phase, Source};
 
 #[cfg(test)]

@@ -113,7 +113,7 @@ pub enum Detail {
         number: u32,
         /// What became of it.
         status: Status,
-        /// Samples in its record.
+        /// Samples since it began.
         samples: u64,
     },
     /// A fault.
@@ -124,8 +124,13 @@ pub enum Detail {
         fault: Fault,
         /// Number of the trial.
         number: u32,
-        /// Samples in its record.
+        /// Samples since it began.
         samples: u64,
+    },
+    /// The rig was armed again after a fault.
+    Rearmed {
+        /// Where the motor was then, rad.
+        angle_rad: f64,
     },
     /// The last trial was taken back.
     TakenBack {
@@ -170,6 +175,6 @@ pub struct Attempt {
     pub onset_sample: Option<u64>,
     /// What became of it, and why; `None` while it is under way.
     pub ended: Option<(Status, Event)>,
-    /// Samples in its record.
+    /// Samples since it began.
     pub samples: u64,
 }

@@ -82,7 +82,7 @@ fn base<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut Response) {
 }
 
 #[inline(always)]
-fn extended<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut Response) {
+pub(super) fn extended<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut Response) {
     let request = job.request;
     let parameters = seeded::<P, T>(job);
     let trial = covariates::<P>(job);

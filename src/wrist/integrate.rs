@@ -139,18 +139,19 @@ fn step_from<T: Number, X: Extension<T>>(state: &mut State<T>, rates: &State<T>,
 pub fn substeps(lever: Option<super::Lever>, parameters: &[f64], period_s: f64) -> usize {
     let (i_j, b_h, k_h, k_srs) = (parameters[0], parameters[1], parameters[2], parameters[3]);
     let joint = b_h / i_j;
-    let mut fastest = joint.max(libm::sqrt((k_h + k_srs) / i_j));
+    // At a rigid lever the torque is measured at the damper itself and shows the whole error of the joint's speed.
+    let mut fastest = (2.0 * joint).max(libm::sqrt((k_h + k_srs) / i_j));
     if let Some(lever) = lever {
         let handle = (b_h + lever.damping_nm_s_per_rad) / lever.inertia_kg_m2;
         let swing = libm::sqrt((k_h + lever.stiffness_nm_per_rad) / lever.inertia_kg_m2);
-        fastest = (joint + handle).max(swing).max(fastest);
+        fastest = (joint + handle).max(swing).max(libm::sqrt((k_h + k_srs) / i_j));
     }
     let wanted = libm::ceil(fastest * period_s / LONGEST_STEP);
     if wanted.is_finite() { (wanted as usize).clamp(FEWEST_SUBSTEPS, 64) } else { 64 }
 }
 
 /// Greatest product of the fastest rate and the step.
-pub const LONGEST_STEP: f64 = 1.0;
+pub const LONGEST_STEP: f64 = 0.5;
 
 /// The yield itself, which a_s makes sharp, needs two steps a sample at 2.5 kHz and the paper's fastest ramp.
 const FEWEST_SUBSTEPS: usize = 2;

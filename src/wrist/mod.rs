@@ -13,6 +13,8 @@ mod motion;
 mod number;
 mod plant;
 mod simulate;
+#[cfg(test)]
+mod tests;
 mod trace;
 #[cfg(target_arch = "x86_64")]
 mod vector;

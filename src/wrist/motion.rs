@@ -4,23 +4,53 @@ use super::mechanisms::{Channels, hermite};
 use super::number::{Number, Plain};
 use super::plant::Knot;
 
-/// Angle and speed at every sample; the speed by the fourth-order central difference, of lower order near the ends.
+/// Time to either side of a sample over which the recorded angle is smoothed, s: the steps of an encoder lie beyond, the
+/// rise of a ramp and the torque's filter well within.
+const SMOOTHING_S: f64 = 0.0012;
+
+/// Angle and speed at every sample: those of the cubic fitted to the samples about it (Savitzky and Golay 1964), over a
+/// shorter stretch near the ends.
 ///
 /// # Panics
-/// If there are fewer than two samples.
+/// If there are fewer than five samples.
 pub fn knots(theta_rad: &[f64], period_s: f64) -> Vec<Knot<f64>> {
-    let last = theta_rad.len() - 1;
-    assert!(last > 0, "speed needs at least two samples");
-    let speed = |i: usize| {
-        if i >= 2 && i + 2 <= last {
-            (8.0 * (theta_rad[i + 1] - theta_rad[i - 1]) - (theta_rad[i + 2] - theta_rad[i - 2]))
-                / (12.0 * period_s)
-        } else {
-            let (before, after) = (i.saturating_sub(1), (i + 1).min(last));
-            (theta_rad[after] - theta_rad[before]) / ((after - before) as f64 * period_s)
+    let count = theta_rad.len();
+    assert!(count >= 5, "speed needs at least five samples");
+    let widest = (libm::round(SMOOTHING_S / period_s) as usize).clamp(2, (count - 1) / 2);
+    let at = |sample: usize| {
+        let half = widest.min(sample).min(count - 1 - sample);
+        if half < 2 {
+            let (before, after) = (sample.saturating_sub(1), (sample + 1).min(count - 1));
+            let omega = (theta_rad[after] - theta_rad[before]) / ((after - before) as f64 * period_s);
+            return Knot { theta: theta_rad[sample], omega };
         }
+        cubic_at(&theta_rad[sample - half..=sample + half], period_s)
     };
-    (0..=last).map(|i| Knot { theta: theta_rad[i], omega: speed(i) }).collect()
+    (0..count).map(at).collect()
+}
+
+/// Value and slope in the middle of the cubic fitted to an odd number of samples. About the middle the even powers settle
+/// the value, the odd ones the slope.
+fn cubic_at(around: &[f64], period_s: f64) -> Knot<f64> {
+    let half = (around.len() / 2) as i32;
+    let (mut s2, mut s4, mut s6) = (0.0, 0.0, 0.0);
+    let (mut t0, mut t1, mut t2, mut t3) = (0.0, 0.0, 0.0, 0.0);
+    for (theta, step) in around.iter().zip(-half..=half) {
+        let x = f64::from(step);
+        let square = x * x;
+        s2 += square;
+        s4 += square * square;
+        s6 += square * square * square;
+        t0 += theta;
+        t1 += theta * x;
+        t2 += theta * square;
+        t3 += theta * square * x;
+    }
+    let s0 = around.len() as f64;
+    Knot {
+        theta: (s4 * t0 - s2 * t2) / (s0 * s4 - s2 * s2),
+        omega: (s6 * t1 - s4 * t3) / (s2 * s6 - s4 * s4) / period_s,
+    }
 }
 
 /// The motor's motion behind records whose channels are not faithful: undoes the gain, shifts the time, and follows a

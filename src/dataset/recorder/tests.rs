@@ -22,7 +22,7 @@ fn protocol() -> ValidProtocol {
     protocol.validate().unwrap()
 }
 
-struct Starter;
+pub struct Starter;
 
 impl Operator for Starter {
     fn heard(&mut self, _: &Machine) -> Option<Event> {
@@ -43,7 +43,7 @@ impl Operator for Starter {
 }
 
 /// Runs the session in `folder`; the number of operations that the disk was asked for.
-fn run(folder: &Path, disk: Disk) -> Result<u64, RecordError> {
+pub fn run(folder: &Path, disk: Disk) -> Result<u64, RecordError> {
     let protocol = protocol();
     let order = schedule::draw(&protocol, 1, None).unwrap();
     let settings = Settings::new(&protocol, 1, &order).unwrap();

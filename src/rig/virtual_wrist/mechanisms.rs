@@ -29,6 +29,17 @@ impl Mechanisms {
     }
 }
 
+impl FromIterator<(Kind, Vec<f64>)> for Mechanisms {
+    fn from_iter<I: IntoIterator<Item = (Kind, Vec<f64>)>>(list: I) -> Self {
+        let mut mechanisms = Self::default();
+        for (kind, parameters) in list {
+            mechanisms.kinds.push(kind);
+            mechanisms.parameters.extend(parameters);
+        }
+        mechanisms
+    }
+}
+
 /// One mechanism in a file.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -108,11 +108,23 @@ impl RigFile {
     pub fn read(file: &Path) -> Result<Self, RigFileError> {
         let text = fs::read_to_string(file)
             .map_err(|source| RigFileError::Unreadable { file: file.to_owned(), source })?;
-        let rig: Self = serde_json::from_str(&text)
+        Self::parse(&text, file)
+    }
+
+    /// The rig that `text` describes; `file` is its name for messages.
+    pub fn parse(text: &str, file: &Path) -> Result<Self, RigFileError> {
+        let rig: Self = serde_json::from_str(text)
             .map_err(|error| RigFileError::Json { file: file.to_owned(), message: error.to_string() })?;
         let Self::Virtual(setup) = &rig;
         setup.check(file)?;
         Ok(rig)
+    }
+
+    /// Whether there is no motor that could hurt anyone.
+    pub fn is_virtual(&self) -> bool {
+        match self {
+            Self::Virtual(_) => true,
+        }
     }
 }
 

@@ -45,6 +45,11 @@ macro_rules! catalogue {
                 match self { $(Self::$name => <$module::$name as Mechanism>::NEEDS,)* }
             }
 
+            /// See [`Mechanism::probes`].
+            pub fn probes(self, session: &Surroundings) -> Vec<Vec<f64>> {
+                match self { $(Self::$name => $module::$name::probes(session),)* }
+            }
+
             /// Whether it alters how the recorded angle becomes the motor's.
             pub fn alters_angle(self) -> bool {
                 match self { $(Self::$name => <$module::$name as Mechanism>::ALTERS_ANGLE,)* }

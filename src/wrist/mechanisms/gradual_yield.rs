@@ -1,6 +1,6 @@
 //! A smoother transition at the elastic limit than a_s = 100 gives (Eq. 2).
 
-use super::{Class, Covariates, Mechanism, Parameter};
+use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
 use crate::wrist::number::Number;
 use crate::wrist::plant::{Plant, YIELD_SMOOTHNESS_PER_NM};
 
@@ -15,6 +15,10 @@ impl Mechanism for GradualYield {
         Parameter::new("smoothness_per_nm", "a_s in Eq. 2", (3.0, 100.0), Some(YIELD_SMOOTHNESS_PER_NM), 20.0),
     ];
     const SOURCE: &'static str = "a_s of Eq. 2 of de Vlugt et al. 2011, there fixed at 100";
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        [8.0, 25.0].map(|smoothness| vec![smoothness]).to_vec()
+    }
 
     #[inline(always)]
     fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {

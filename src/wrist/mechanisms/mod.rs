@@ -105,6 +105,15 @@ impl Parameter {
     }
 }
 
+/// What probes may depend on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surroundings {
+    /// The lever that the session states.
+    pub lever: Option<super::Lever>,
+    /// Highest torque measured in any window, N m.
+    pub highest_torque_nm: f64,
+}
+
 /// What is known of a trial besides its signals.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Covariates<P = f64> {
@@ -194,6 +203,12 @@ pub trait Mechanism {
     const MEMORY: usize = 0;
     /// It alters how the recorded angle becomes the motor's.
     const ALTERS_ANGLE: bool = false;
+
+    /// Values at which a diagnosis looks whether the mechanism would help; by default the typical ones.
+    fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
+        let _ = session;
+        vec![Self::PARAMETERS.iter().map(|parameter| parameter.typical).collect()]
+    }
 
     /// Alters the coefficients of a trial.
     #[inline(always)]

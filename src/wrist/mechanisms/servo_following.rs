@@ -1,6 +1,6 @@
 //! The recorded angle is the command; the motor follows it with a finite bandwidth.
 
-use super::{Channels, Class, Mechanism, Parameter};
+use super::{Surroundings, Channels, Class, Mechanism, Parameter};
 use crate::wrist::number::Number;
 
 /// See the module.
@@ -15,6 +15,10 @@ impl Mechanism for ServoFollowing {
     ];
     const SOURCE: &'static str = "Two equal real poles at the bandwidth";
     const ALTERS_ANGLE: bool = true;
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        [60.0, 200.0].map(|bandwidth| vec![bandwidth]).to_vec()
+    }
 
     #[inline(always)]
     fn channels<T: Number>(p: &[T], channels: &mut Channels<T>) {

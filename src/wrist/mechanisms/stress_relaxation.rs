@@ -1,6 +1,6 @@
 //! A Maxwell branch beside k_j: a spring whose torque fades.
 
-use super::{Class, Mechanism, Parameter, Past};
+use super::{Surroundings, Class, Mechanism, Parameter, Past};
 use crate::wrist::number::Number;
 use crate::wrist::plant::{MEMORY, Moment, Torques};
 
@@ -17,6 +17,10 @@ impl Mechanism for StressRelaxation {
     ];
     const SOURCE: &'static str = "Maxwell element in parallel with k_j";
     const MEMORY: usize = 1;
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        [0.002, 0.006, 0.02].map(|time_constant| vec![3.0, time_constant]).to_vec()
+    }
 
     #[inline(always)]
     fn act<T: Number>(

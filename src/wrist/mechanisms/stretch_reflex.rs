@@ -1,6 +1,6 @@
 //! Torque from the delayed, rectified stretch velocity through a lag.
 
-use super::{Class, Mechanism, Parameter, Past};
+use super::{Surroundings, Class, Mechanism, Parameter, Past};
 use crate::wrist::number::Number;
 use crate::wrist::plant::{MEMORY, Moment, Torques};
 
@@ -18,6 +18,11 @@ impl Mechanism for StretchReflex {
     ];
     const SOURCE: &'static str = "Delayed, half-wave rectified stretch velocity through a first-order lag";
     const MEMORY: usize = 1;
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        // Gain, latency and time constant: early and late, quick and slow.
+        [(0.015, 0.005), (0.02, 0.01), (0.025, 0.005), (0.03, 0.01)].map(|(latency, lag)| vec![0.3, latency, lag]).to_vec()
+    }
 
     #[inline(always)]
     fn act<T: Number>(

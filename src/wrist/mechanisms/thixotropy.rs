@@ -1,6 +1,6 @@
 //! Short range stiffness that a movement has lowered and rest restores.
 
-use super::{Class, Covariates, Mechanism, Need, Parameter};
+use super::{Surroundings, Class, Covariates, Mechanism, Need, Parameter};
 use crate::wrist::number::Number;
 use crate::wrist::plant::Plant;
 
@@ -17,6 +17,10 @@ impl Mechanism for Thixotropy {
     ];
     const SOURCE: &'static str = "Lakie et al. 1984: exponential recovery with rest";
     const NEEDS: &'static [Need] = &[Need::Rest];
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        [2.0, 5.0, 12.0].map(|time_constant| vec![0.1, time_constant]).to_vec()
+    }
 
     #[inline(always)]
     fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {

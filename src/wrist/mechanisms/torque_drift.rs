@@ -1,6 +1,6 @@
 //! Voluntary torque that starts to change about the onset.
 
-use super::{Class, Covariates, Mechanism, Parameter};
+use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
 use crate::wrist::number::Number;
 use crate::wrist::plant::{MEMORY, Moment};
 
@@ -16,6 +16,10 @@ impl Mechanism for TorqueDrift {
         Parameter::new("start_s", "when it starts, from the onset", (0.0, 0.03), None, 0.005),
     ];
     const SOURCE: &'static str = "Linear change of the voluntary torque from a moment on";
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        [0.0, 0.01, 0.02].map(|start| vec![1.0, start]).to_vec()
+    }
 
     #[inline(always)]
     fn measure<T: Number>(

@@ -1,6 +1,6 @@
 //! A low-pass in the torque channel that the angle channel does not have.
 
-use super::{Class, Covariates, Mechanism, Parameter};
+use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
 use crate::wrist::number::Number;
 use crate::wrist::plant::{MEMORY, Moment};
 
@@ -16,6 +16,10 @@ impl Mechanism for TorqueLag {
     ];
     const SOURCE: &'static str = "First-order low-pass";
     const MEMORY: usize = 1;
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        [60.0, 200.0].map(|cutoff| vec![cutoff]).to_vec()
+    }
 
     #[inline(always)]
     fn measure<T: Number>(

@@ -1,6 +1,6 @@
 //! A torque channel that clips at a level.
 
-use super::{Class, Covariates, Mechanism, Parameter};
+use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
 use crate::wrist::number::Number;
 use crate::wrist::plant::{MEMORY, Moment};
 
@@ -15,6 +15,10 @@ impl Mechanism for TorqueSaturation {
         Parameter::new("level_nm", "largest torque the channel shows", (0.5, 100.0), None, 5.0),
     ];
     const SOURCE: &'static str = "Clipping of the measured torque";
+
+    fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
+        [0.8, 0.95].map(|part| vec![part * session.highest_torque_nm]).to_vec()
+    }
 
     #[inline(always)]
     fn measure<T: Number>(

@@ -1,0 +1,44 @@
+//! Tells the program which commit it was built from, where that can be known.
+//!
+//! Only release builds are told: others are made of work in progress. An archive made by git carries the commit in the
+//! file COMMIT (see .gitattributes); elsewhere git is asked; where there is neither, the commit is not known, and
+//! nothing fails.
+
+use std::process::Command;
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    if std::env::var("PROFILE").as_deref() != Ok("release") {
+        return;
+    }
+    println!("cargo::rerun-if-changed=COMMIT");
+    println!("cargo::rerun-if-changed=src");
+    for file in ["HEAD", "logs/HEAD"] {
+        if let Some(path) = git(&["rev-parse", "--git-path", file]) {
+            println!("cargo::rerun-if-changed={path}");
+        }
+    }
+    let archived = std::fs::read_to_string("COMMIT").unwrap_or_default().trim().to_owned();
+    let is_hash = |text: &str| text.len() >= 40 && text.bytes().take(40).all(|byte| byte.is_ascii_hexdigit());
+    let commit = if is_hash(&archived) {
+        Some(archived)
+    } else {
+        git(&["describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"])
+    };
+    if let Some(commit) = commit.filter(|commit| is_hash(commit)) {
+        println!("cargo::rustc-env=RAMPHOLD_COMMIT={commit}");
+    }
+}
+
+/// What git says; nothing if there is no git, or this is no repository of ours.
+fn git(arguments: &[&str]) -> Option<String> {
+    let here = std::env::var("CARGO_MANIFEST_DIR").ok()?;
+    let ask = |arguments: &[&str]| {
+        let output = Command::new("git").args(arguments).current_dir(&here).output().ok()?;
+        let text = String::from_utf8(output.stdout).ok()?.trim().to_owned();
+        (output.status.success() && !text.is_empty()).then_some(text)
+    };
+    // A copy that lies inside someone else's repository must not take its commit for ours.
+    let top = std::fs::canonicalize(ask(&["rev-parse", "--show-toplevel"])?).ok()?;
+    (top == std::fs::canonicalize(&here).ok()?).then(|| ask(arguments))?
+}

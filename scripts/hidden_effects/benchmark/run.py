@@ -1,0 +1,77 @@
+"""Generates a case's session, has it diagnosed, and reads the answer. The program sees the session folder alone."""
+
+import json
+import shutil
+import subprocess
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..generator import generate
+from ..session_writer import truth_of, write_session
+from .plan import Case
+
+
+@dataclass
+class Outcome:
+    case: Case
+    truth: dict
+    diagnosis: dict | None  # None where the program failed; then `error` says how
+    error: str | None
+    seconds: float
+
+
+def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: bool) -> Outcome:
+    session, out = work / f"session-{case.seed:06d}", work / f"out-{case.seed:06d}"
+    generated = generate(case.seed, case.effect, case.size)
+    write_session(generated, session)
+    truth = json.loads(json.dumps(truth_of(generated, case.effect), default=float))
+    started = time.monotonic()
+    diagnosis, error = _diagnose([*program, "diagnose", str(session), "--out", str(out), "--seed", str(case.seed)],
+                                 out, limit_s)
+    seconds = time.monotonic() - started
+    if keep:
+        (work / "truth").mkdir(exist_ok=True)
+        (work / "truth" / f"{session.name}.json").write_text(json.dumps(truth, indent=1))
+    else:
+        shutil.rmtree(session)
+        shutil.rmtree(out, ignore_errors=True)
+    return Outcome(case, truth, diagnosis, error, seconds)
+
+
+def _diagnose(command, out, limit_s):
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s, check=False)
+    except subprocess.TimeoutExpired:
+        return None, f"took more than {limit_s:g} s"
+    if done.returncode != 0:
+        return None, f"exit code {done.returncode}: {done.stderr.strip()[-300:]}"
+    try:
+        diagnosis = json.loads((out / "diagnosis.json").read_text())
+    except (OSError, ValueError) as e:
+        return None, f"diagnosis.json: {e}"
+    problem = _format_problem(diagnosis)
+    return (None, problem) if problem else (diagnosis, None)
+
+
+def _format_problem(d):
+    if d.get("format") != "ramphold-diagnosis/1":
+        return f"format is {d.get('format')!r}"
+    if d.get("verdict") not in ("adequate", "named", "ambiguous", "unexplained"):
+        return f"verdict is {d.get('verdict')!r}"
+    for cause in d.get("causes", [None]):
+        if not isinstance(cause, dict) or not {"mechanism", "parameters", "indistinguishable"} <= cause.keys():
+            return "a cause lacks mechanism, parameters or indistinguishable"
+    return None if "causes" in d else "causes are missing"
+
+
+def run_all(cases, program, work, jobs, limit_s, keep, told):
+    """Outcomes in the order of the cases; `told(done, outcome)` hears of each as it comes."""
+    found = {}
+    with ProcessPoolExecutor(jobs) as pool:
+        waiting = {pool.submit(run_case, c, program, work, limit_s, keep): i for i, c in enumerate(cases)}
+        for future in as_completed(waiting):
+            found[waiting[future]] = future.result()
+            told(len(found), found[waiting[future]])
+    return [found[i] for i in range(len(cases))]

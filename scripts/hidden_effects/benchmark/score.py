@@ -1,0 +1,137 @@
+"""What is required of the diagnosis, counted over the outcomes."""
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from statistics import median
+
+from .plan import TOLD_APART
+
+LARGEST_SET = 3
+MATERIAL_BIAS = 0.02  # of the true value: less than this needs no mending
+
+
+@dataclass
+class Rate:
+    name: str
+    hits: int
+    of: int
+    required: float
+    at_most: bool = False
+
+    @property
+    def value(self):
+        return self.hits / self.of if self.of else None
+
+    @property
+    def met(self):
+        """A rate without a case is not met by default: it is not part of this run."""
+        if self.of == 0:
+            return None
+        return self.value <= self.required if self.at_most else self.value >= self.required
+
+
+def named_set(cause) -> set:
+    return {cause["mechanism"], *cause["indistinguishable"]}
+
+
+def causes(outcome) -> list:
+    return outcome.diagnosis["causes"] if outcome.diagnosis else []
+
+
+def verdict(outcome) -> str:
+    return outcome.diagnosis["verdict"] if outcome.diagnosis else "failed"
+
+
+def found(outcome, mechanism) -> bool:
+    return any(mechanism in named_set(c) and len(named_set(c)) <= LARGEST_SET for c in causes(outcome))
+
+
+def alone(outcome, mechanism) -> bool:
+    return [named_set(c) for c in causes(outcome)] == [{mechanism}]
+
+
+def rates(outcomes) -> list[Rate]:
+    by = defaultdict(list)
+    for o in outcomes:
+        by[o.case.group].append(o)
+    single = by["mechanism"]
+    apart = [o for o in single if o.case.effect in TOLD_APART]
+    covered = [hit for o in single for _, hit in coverage(o)]
+    every = defaultdict(list)
+    for o in single:
+        every[o.case.effect].append(found(o, o.case.effect))
+    count = lambda xs: sum(map(bool, xs))
+    return [
+        Rate("named, or in a named set of at most 3", count(found(o, o.case.effect) for o in single), len(single),
+             0.95),
+        Rate("mechanisms found in at least half of their sessions",
+             count(sum(v) * 2 >= len(v) for v in every.values()), len(every), 1.0),
+        Rate("named alone, where it can be told apart", count(alone(o, o.case.effect) for o in apart), len(apart),
+             0.80),
+        Rate("false alarms with nothing hidden", count(verdict(o) != "adequate" for o in by["none"]), len(by["none"]),
+             0.05, at_most=True),
+        Rate("`unexplained` for a cause in no catalogue", count(verdict(o) == "unexplained" for o in by["alien"]),
+             len(by["alien"]), 0.90),
+        Rate("both of two", count(all(found(o, m) for m in o.case.effect.split("+")) for o in by["pair"]),
+             len(by["pair"]), 0.80),
+        Rate("values whose interval covers the truth", count(covered), len(covered), 0.90),
+        *(bias_rate(single, name) for name in ("k_srs_nm_per_rad", "x_e_rad")),
+    ]
+
+
+def coverage(outcome, nominal=False) -> list[tuple[str, bool]]:
+    """Parameter and whether its interval covers the truth, for a mechanism that was named itself.
+
+    Parameters whose hidden form has no exact counterpart (`nominal`) are counted apart.
+    """
+    hidden = outcome.truth["hidden"][0]
+    cause = next((c for c in causes(outcome) if c["mechanism"] == hidden["mechanism"]), None)
+    if cause is None:
+        return []
+    return [(name, _covers(cause["parameters"].get(name), true["value"]))
+            for name, true in hidden["parameters"].items() if true["nominal"] == nominal]
+
+
+def _covers(estimate, true):
+    if not isinstance(estimate, dict):
+        return False
+    if isinstance(true, list):
+        return sorted(estimate.get("value") or []) == true
+    low, high = estimate.get("low"), estimate.get("high")
+    return low is not None and high is not None and low <= true <= high
+
+
+def biases(outcome, parameter):
+    """Relative bias of the session's mean before and after the extension, or None where it was not found or told."""
+    shifts = [c.get("parameter_shift", {}).get(parameter) for c in causes(outcome)]
+    shifts = [s for s in shifts if s]
+    if not shifts or not found(outcome, outcome.case.effect) or outcome.truth["hidden"][0]["class"] == "trial":
+        return None
+    true = outcome.truth["means"][parameter]
+    return shifts[0]["before"] / true - 1, shifts[-1]["after"] / true - 1
+
+
+def bias_rate(single, parameter) -> Rate:
+    """Of the mechanisms that bias the parameter materially: those whose median bias is at least halved."""
+    told = bias_table(single, parameter)
+    material = [(b, a) for b, a in told.values() if b > MATERIAL_BIAS]
+    return Rate(f"bias on {parameter} at least halved (mechanisms where it is over {MATERIAL_BIAS:.0%})",
+                sum(a <= b / 2 for b, a in material), len(material), 1.0)
+
+
+def bias_table(single, parameter) -> dict:
+    each = defaultdict(list)
+    for o in single:
+        b = biases(o, parameter)
+        if b:
+            each[o.case.effect].append(b)
+    return {m: (median(abs(b) for b, _ in v), median(abs(a) for _, a in v)) for m, v in each.items()}
+
+
+def answers(outcomes) -> Counter:
+    """What was said, as one short phrase a session."""
+    def phrase(o):
+        sets = " & ".join("/".join(sorted(named_set(c), key=lambda m: m != c["mechanism"])) for c in causes(o))
+        said = verdict(o)
+        return sets if said in ("named", "ambiguous") else f"{said}" + (f" ({sets})" if sets else "")
+    return Counter(phrase(o) for o in outcomes)

@@ -1,0 +1,86 @@
+"""From a seed and the names of what to hide to a measured session and its truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from . import catalogue, noise
+from .person import NOMINAL_LEVER, Trials
+from .plant import END_S, FINE_HZ, START_S, Motion, Plant, simulate
+from .scenario import Hidden, Scenario, base_scenario
+from .streams import stream
+
+LONGEST_HOLD_S = 0.8
+STEP = FINE_HZ // noise.SAMPLE_HZ
+
+
+@dataclass
+class Session:
+    """Raw signals, trials x samples, on one time axis with the onset at 0; each trial begins at its `first` sample."""
+
+    seed: int
+    scenario: Scenario
+    hidden: list[Hidden]
+    motion: Motion
+    t_s: np.ndarray
+    first: np.ndarray
+    theta_m_rad: np.ndarray
+    torque_l_nm: np.ndarray
+    emg_fcr_mvc: np.ndarray
+    emg_ecr_mvc: np.ndarray
+
+    @property
+    def trials(self) -> Trials:
+        return self.scenario.trials
+
+    def x_t_s(self) -> np.ndarray:
+        """When the true joint angle passes the true elastic limit (NaN where it never does)."""
+        passed = self.motion.theta_j >= self.trials.x_e[:, None]
+        return np.where(passed.any(axis=1), self.motion.t_s[passed.argmax(axis=1)], np.nan)
+
+
+def generate(seed: int, effect: str = "none", size: float = 1.0) -> Session:
+    names = catalogue.parse(effect)
+    scenario = base_scenario(seed)
+    hidden = [catalogue.hide(scenario, name, size) for name in names]
+    motion = simulate(plant_of(scenario))
+
+    fine = np.arange(round(-LONGEST_HOLD_S * FINE_HZ), round(END_S * FINE_HZ) + 1) / FINE_HZ
+    moving = slice(round((LONGEST_HOLD_S + START_S) * FINE_HZ), None)
+    torque, gauge = noise.voluntary_torque(seed, scenario.person, scenario.trials.torque_nm, fine)
+    torque[:, moving] += motion.torque_l
+    for link in scenario.torque_chain:
+        torque = link(fine, torque, scenario, motion)
+    t = fine[::STEP]
+    torque = torque[:, ::STEP] + gauge
+    for link in scenario.digital_chain:
+        torque = link(t, torque, scenario)
+
+    angle = np.zeros_like(torque)
+    angle[:, round((LONGEST_HOLD_S + START_S) * noise.SAMPLE_HZ):] = recorded_angle(scenario, motion)[:, ::STEP]
+    rng = stream(seed, "holds")
+    start = scenario.person.start_angle_rad + rng.normal(0, 2e-4, (len(torque), 1))
+    first = rng.integers(0, round(0.17 * noise.SAMPLE_HZ), len(torque))
+    burst = scenario.person.late_reflex["latency_s"] - 0.012  # EMG leads the torque
+    fcr, ecr = noise.emg(seed, scenario.person, scenario.trials, t, burst)
+    return Session(seed, scenario, hidden, motion, t, first, noise.encoder(start + angle), torque, fcr, ecr)
+
+
+def plant_of(s: Scenario) -> Plant:
+    return Plant(s.trials, s.lever, s.ramp.angle, s.servo, s.elastic, s.interface, s.forces)
+
+
+def recorded_angle(s: Scenario, motion: Motion) -> np.ndarray:
+    if s.record_command:
+        command = np.stack([s.ramp.angle(t) for t in motion.t_s], axis=1)
+        return s.angle_factor * command
+    return s.angle_factor * motion.theta_m
+
+
+def base_model_response(s: Scenario, motion: Motion) -> Motion:
+    """What Eq. 1-7 with the trials' true parameters and the session's lever say to the recorded angle."""
+    spline = CubicSpline(motion.t_s, recorded_angle(s, motion), axis=1)
+    speed = spline.derivative()
+    plant = Plant(s.trials, NOMINAL_LEVER, s.ramp.angle, s.servo, motor=lambda t: (spline(t), speed(t)))
+    return simulate(plant)

@@ -1,0 +1,56 @@
+"""Writes a session folder in the published format, and its truth somewhere else."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from .generator import Session
+from .noise import SAMPLE_HZ
+from .person import NOMINAL_LEVER
+from .ramp import AMPLITUDE_RAD
+
+ROW = "%.4f,%.7f,%.5f,%.4f,%.4f\n"
+
+
+def write_session(session: Session, folder: Path) -> None:
+    """Nothing in the folder tells what is hidden, not even the order of the files or the number of digits."""
+    (folder / "trials").mkdir(parents=True)
+    description = {"format": "ramphold-session/1", "subject": {"id": f"S{session.seed}"}, "sample_rate_hz": SAMPLE_HZ,
+                   "rig": {"lever": NOMINAL_LEVER}, "recorded_filter": None}
+    (folder / "session.json").write_text(json.dumps(description, indent=2) + "\n")
+
+    t = session.trials
+    rows = ["trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status,amplitude_rad,rest_s"]
+    for i in range(len(t)):
+        name = f"trials/trial-{i + 1:03d}.csv"
+        onset = -session.t_s[session.first[i]]
+        rows.append(f"{i + 1},{name},{t.velocity_rad_s[i]:g},{t.torque_nm[i]:g},{t.repetition[i]},{onset:.4f},ok,"
+                    f"{AMPLITUDE_RAD:g},{t.rest_s[i]:.2f}")
+        _write_trial(session, i, folder / name)
+    (folder / "trials.csv").write_text("\n".join(rows) + "\n")
+
+
+def _write_trial(session, i, path):
+    kept = slice(session.first[i], None)
+    time = session.t_s[kept] - session.t_s[session.first[i]]
+    table = np.column_stack([time, session.theta_m_rad[i, kept], session.torque_l_nm[i, kept],
+                             session.emg_fcr_mvc[i, kept], session.emg_ecr_mvc[i, kept]])
+    header = "t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc\n"
+    path.write_text(header + (ROW * len(table)) % tuple(table.ravel().tolist()))
+
+
+def truth_of(session: Session, effect: str) -> dict:
+    t, x_t = session.trials, session.x_t_s()
+    trials = [{"trial": i + 1, "i_j_kg_m2": t.i_j[i], "b_h_nm_s_per_rad": t.b_h[i], "k_h_nm_per_rad": t.k_h[i],
+               "k_srs_nm_per_rad": t.k_srs[i], "k_dec_nm_per_rad": t.k_dec[i], "x_e_rad": t.x_e[i],
+               "x_t_s": None if np.isnan(x_t[i]) else x_t[i]} for i in range(len(t))]
+    mean = lambda key: float(np.mean([row[key] for row in trials]))
+    return {"format": "ramphold-hidden-truth/1", "effect": effect, "seed": session.seed,
+            "hidden": [h.as_json() for h in session.hidden], "trials": trials,
+            "means": {key: mean(key) for key in ("k_srs_nm_per_rad", "k_dec_nm_per_rad", "x_e_rad")}}
+
+
+def write_truth(session: Session, effect: str, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(truth_of(session, effect), indent=1, default=float) + "\n")

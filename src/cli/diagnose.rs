@@ -1,0 +1,136 @@
+//! `ramphold diagnose`: what the model gets wrong, why, and what mending it gains.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use ramphold::dataset::{self, Disk, Manifest};
+use ramphold::diagnose::{Cause, Diagnosis, Evidence, Verdict, diagnose, picture};
+use ramphold::fit::{NoiseSource, Prepared};
+use serde_json::Value;
+
+use super::fit::{read_model, view};
+use super::report::write_report;
+use super::{Console, Failure, Verb};
+
+/// Diagnose a session: does the model miss anything, where, why, and what does mending it gain.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  ramphold diagnose sessions/S01\n  \
+                        ramphold diagnose ankle-0 --window 0.180 --out results")]
+pub struct Diagnose {
+    /// The session's folder.
+    session: PathBuf,
+    /// The analysed time after the onset, s; the session's protocol says it, else 0.040.
+    #[arg(long, value_name = "S")]
+    window: Option<f64>,
+    /// Seed of the simulated sessions that findings are compared with.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Start from this model instead of the paper's.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Where to write, instead of the session's own results folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print the result file instead of the summary.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Verb for Diagnose {
+    fn run(self, console: &Console) -> Result<(), Failure> {
+        let model = read_model(self.model.as_deref())?;
+        let session = dataset::load(&self.session)?;
+        let mut prepared = Prepared::new(&session, view(&self.session, self.window)?)
+            .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
+        if prepared.noise_source != Some(NoiseSource::Holds) {
+            console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
+            prepared.take_noise_from_repetitions(&model);
+        }
+        let diagnosis = diagnose(&prepared, &model, self.seed);
+        let json = diagnosis.to_json(&prepared);
+        let folder = self.out.clone().unwrap_or_else(|| self.session.join("results"));
+        diagnosis.write(&prepared, &json, &Disk::default(), &folder)?;
+        write_report(&self.session, &folder, console)?;
+        if self.out.is_none() {
+            Manifest::renew_results(&Disk::default(), &self.session)?;
+        }
+        if self.json {
+            writeln!(console.results(), "{}", serde_json::to_string_pretty(&json).unwrap_or_default())?;
+            return Ok(());
+        }
+        summary(console, &diagnosis, &json)
+    }
+}
+
+fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(), Failure> {
+    let mut out = console.results();
+    let says = match diagnosis.verdict {
+        Verdict::Adequate => "adequate: no misfit beyond the measured noise",
+        Verdict::Named => "named: every cause is told apart from every other candidate",
+        Verdict::Ambiguous => "ambiguous: some cause could be another",
+        Verdict::Unexplained => "unexplained: misfit remains that no mechanism of the catalogue explains",
+    };
+    writeln!(out, "verdict: {says}")?;
+    writeln!(
+        out,
+        "misfit: largest score {:.1} standard errors, pattern {:.1} standard deviations, p = {:.4}; left over p = {:.3}",
+        diagnosis.misfit.largest, diagnosis.misfit.excess, diagnosis.p_value, diagnosis.left_over_p_value
+    )?;
+    for (cause, entry) in diagnosis.causes.iter().zip(json["causes"].as_array().into_iter().flatten()) {
+        print_cause(&mut out, cause, entry)?;
+    }
+    if let Some(term) = &diagnosis.residual_term {
+        let terms: Vec<String> =
+            term.terms.iter().map(|t| format!("{:.3e} * ({})", t.coefficient, t.term)).collect();
+        writeln!(
+            out,
+            "what is left is about {} (N m): a description of {:.0} % of it, not a mechanism; largest {:.1} ms after \
+             the onset, at {:.2} rad/s and {:.1} N m",
+            terms.join(" + "),
+            100.0 * term.described,
+            1e3 * term.largest_at_s,
+            term.largest_in.0,
+            term.largest_in.1
+        )?;
+    }
+    if !diagnosis.unseen.is_empty() {
+        let ids: Vec<&str> = diagnosis.unseen.iter().map(|unseen| unseen.kind.id()).collect();
+        writeln!(out, "this session cannot tell about: {} (diagnosis.json says why)", ids.join(", "))?;
+    }
+    for remark in &diagnosis.remarks {
+        writeln!(out, "note: {remark}")?;
+    }
+    write!(out, "{}", picture(&json["residual_map"]))?;
+    Ok(())
+}
+
+fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(), Failure> {
+    write!(out, "cause: {} ({}, {:?})", cause.kind.id(), cause.kind.title(), cause.kind.class())?;
+    if !cause.indistinguishable.is_empty() {
+        let ids: Vec<&str> = cause.indistinguishable.iter().map(|kind| kind.id()).collect();
+        write!(out, " or {}", ids.join(" or "))?;
+    }
+    writeln!(out, ", p = {:.4}", cause.p_value)?;
+    for (name, value) in entry["parameters"].as_object().into_iter().flatten() {
+        let number = |key: &str| value[key].as_f64().map_or("?".into(), |x| format!("{x:.4}"));
+        writeln!(out, "  {name} = {} (95 %: {} to {})", number("value"), number("low"), number("high"))?;
+    }
+    match &cause.evidence {
+        Evidence::Trace { gain, .. } => writeln!(
+            out,
+            "  residual on repetitions left out: {:.3} of what it was ({:.3} to {:.3}); VAF {:.4} -> {:.4}",
+            gain.held_out_rmse_ratio.value,
+            gain.held_out_rmse_ratio.low,
+            gain.held_out_rmse_ratio.high,
+            gain.vaf_before,
+            gain.vaf_after
+        )?,
+        Evidence::Trend(trend) => writeln!(
+            out,
+            "  spread of k_srs about the other repetitions: {:.3} of what it was (t = {:.1})",
+            trend.left_out_ratio, trend.t
+        )?,
+        Evidence::Outliers(_) => writeln!(out, "  trials: {}", entry["trials"])?,
+    }
+    Ok(())
+}

@@ -1,0 +1,68 @@
+//! What a model file means to a virtual wrist: its mechanisms, at fixed values.
+
+use std::path::Path;
+
+use ramphold::fit::{Model, ModelError, Scope, Switched, Treatment};
+use ramphold::rig::virtual_wrist::{Mechanisms, Person, Setup};
+use ramphold::wrist::BASE_PARAMETERS;
+use ramphold::wrist::mechanisms::Kind;
+
+use super::Failure;
+use super::fit::read_model;
+
+/// Switches the mechanisms of the model in `file` on in the rig.
+pub fn add_model(file: &Path, person: &Person, setup: &mut Setup) -> Result<(), Failure> {
+    let model = read_model(Some(file))?;
+    let added = mechanisms(&model)
+        .and_then(|added| only_once(&added, person, setup).map(|()| added))
+        .map_err(|source| Failure::Model { file: file.display().to_string(), source })?;
+    setup.mechanisms = setup.mechanisms.and(&added);
+    Ok(())
+}
+
+/// The mechanisms of `model` at the values that it gives.
+fn mechanisms(model: &Model) -> Result<Mechanisms, ModelError> {
+    for (name, treatment) in BASE_PARAMETERS.iter().zip(&model.base) {
+        if treatment.scope == Scope::Fixed {
+            return Err(ModelError::Value {
+                path: format!("parameters.{name}"),
+                message:
+                    "is fixed, but what a virtual wrist is like stands in the file of the person; expected \
+                          mechanisms only (see --subject)"
+                        .to_owned(),
+            });
+        }
+    }
+    model
+        .mechanisms
+        .iter()
+        .enumerate()
+        .map(|(index, switched)| Ok((switched.kind, values(index, switched)?)))
+        .collect()
+}
+
+fn values(index: usize, switched: &Switched) -> Result<Vec<f64>, ModelError> {
+    let value = |(name, treatment): (&str, &Treatment)| {
+        treatment.value.filter(|_| treatment.law.is_empty()).ok_or_else(|| ModelError::Value {
+            path: format!("mechanisms[{index}].parameters.{name}"),
+            message: "expected a value, which is what a virtual wrist runs with, and no law".to_owned(),
+        })
+    };
+    let names = switched.kind.parameters().iter().map(|parameter| parameter.name);
+    names.zip(&switched.parameters).map(value).collect()
+}
+
+/// The same mechanism twice would act twice.
+fn only_once(added: &Mechanisms, person: &Person, setup: &Setup) -> Result<(), ModelError> {
+    let there: Vec<Kind> = person.mechanisms.and(&setup.mechanisms).kinds;
+    match added.kinds.iter().position(|kind| there.contains(kind)) {
+        None => Ok(()),
+        Some(index) => Err(ModelError::Value {
+            path: format!("mechanisms[{index}].mechanism"),
+            message: format!(
+                "\"{}\" is already in the file of the person or the rig; expected it in one of them",
+                added.kinds[index].id()
+            ),
+        }),
+    }
+}

@@ -1,0 +1,95 @@
+//! `ramphold resume`: goes on with a session after any end.
+
+use std::fs;
+use std::io::{BufRead, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+
+use ramphold::dataset::{Disk, Resumable, Resumed};
+use ramphold::rig::virtual_wrist::{Person, RigFile, VirtualWrist};
+use serde_json::Value;
+
+use super::run::{finish, go_on};
+use super::{Console, Failure, Verb};
+
+/// Go on with a session that was stopped, killed or ended by a fault.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  ramphold resume sessions/quick-V00-7\n  ramphold resume sessions/quick-V00-7 --yes\n\n\
+                        The trial that was under way is kept, marked as aborted, and run again later."
+)]
+pub struct Resume {
+    /// The session's folder.
+    #[arg(value_name = "SESSION")]
+    session: PathBuf,
+    /// The operator's word that the motor may move.
+    #[arg(long)]
+    yes: bool,
+    /// At true speed rather than as fast as it goes.
+    #[arg(long)]
+    real_time: bool,
+}
+
+impl Verb for Resume {
+    fn run(self, console: &Console) -> Result<(), Failure> {
+        let session = Resumable::open(&self.session, Disk::default())?;
+        let (rig, person) = rig(&self.session)?;
+        let RigFile::Virtual(setup) = &rig;
+        let (subject, seed, left) = (session.subject().to_owned(), session.seed(), session.left());
+        let is_finished = session.is_finished();
+        if !is_finished {
+            let what = format!("subject {subject}: {left} trials left to do");
+            operators_word(self.yes, &what)?;
+        }
+        let wrist = VirtualWrist::new(person, setup.clone(), seed, session.sample_rate_hz());
+        let Resumed { recorder, machine, interrupted, torn } = session.resume()?;
+        if let Some(torn) = torn {
+            console.message(format_args!(
+                "the journal was torn at byte {}: {} bytes cut off ({})",
+                torn.offset, torn.length, torn.reason
+            ));
+        }
+        if let Some(trial) = interrupted {
+            console.message(format_args!(
+                "trial {} was under way: kept with {} samples, marked as aborted, put back",
+                trial.number, trial.samples
+            ));
+        }
+        if is_finished {
+            console.message(format_args!("every trial is done; making the results"));
+            drop(recorder);
+            return finish(&machine, true, &self.session, console);
+        }
+        console.message(format_args!("session {}, subject {subject}, seed {seed}", self.session.display()));
+        let machine = go_on(wrist, machine, recorder, self.real_time, console)?;
+        finish(&machine, false, &self.session, console)
+    }
+}
+
+/// The rig and the person as the session's folder keeps them.
+fn rig(session: &Path) -> Result<(RigFile, Person), Failure> {
+    let path = session.join("rig.json");
+    let file = path.display().to_string();
+    let text = fs::read_to_string(&path).map_err(|source| Failure::Read { file: file.clone(), source })?;
+    let not_a_rig = |error: &dyn std::fmt::Display| {
+        Failure::Usage(format!("{file}: {error}; expected the rig of the session"))
+    };
+    let kept: Value = serde_json::from_str(&text).map_err(|error| not_a_rig(&error))?;
+    let part = |name: &str| kept.get(name).map(Value::to_string).unwrap_or_default();
+    Ok((RigFile::parse(&part("rig"), &path)?, Person::parse(&part("person"), &path)?))
+}
+
+/// The rig comes up disarmed: someone must say that it may move.
+pub fn operators_word(given: bool, what: &str) -> Result<(), Failure> {
+    if given {
+        return Ok(());
+    }
+    let (stdin, mut stderr) = (std::io::stdin(), std::io::stderr());
+    if !stdin.is_terminal() {
+        return Err(Failure::NoWord);
+    }
+    write!(stderr, "{what}. May the motor move? Type yes: ")?;
+    stderr.flush()?;
+    let mut answer = String::new();
+    stdin.lock().read_line(&mut answer)?;
+    if answer.trim() == "yes" { Ok(()) } else { Err(Failure::NoWord) }
+}

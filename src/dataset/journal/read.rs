@@ -1,0 +1,173 @@
+//! Reading a journal: what is sound is read, whatever is wrong before, between or behind it.
+
+use super::{HEAD, Record, head};
+
+/// A journal as it was found.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct JournalText {
+    /// Every record that is sound, in order.
+    pub records: Vec<Placed>,
+    /// What is damaged with sound records behind it.
+    pub damage: Vec<Damage>,
+    /// The end, if it is torn: the program or the machine stopped while it was written.
+    pub torn: Option<Damage>,
+}
+
+/// A record and where it stands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed {
+    /// Its first byte.
+    pub offset: u64,
+    /// The record.
+    pub record: Record,
+}
+
+/// A stretch of the journal that is no record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Damage {
+    /// Its first byte.
+    pub offset: u64,
+    /// How many bytes.
+    pub length: u64,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+impl JournalText {
+    /// Reads all of a journal.
+    pub fn parse(bytes: &[u8]) -> Self {
+        let mut journal = Self::default();
+        let mut place = 0;
+        while place < bytes.len() {
+            match record_at(&bytes[place..]) {
+                Ok((record, length)) => {
+                    journal.records.push(Placed { offset: place as u64, record });
+                    place += length;
+                }
+                Err(reason) => {
+                    let next = next_record(bytes, place);
+                    let end = next.unwrap_or(bytes.len());
+                    let damage = Damage {
+                        offset: place as u64,
+                        length: (end - place) as u64,
+                        reason: reason.to_owned(),
+                    };
+                    match next {
+                        Some(_) => journal.damage.push(damage),
+                        None => journal.torn = Some(damage),
+                    }
+                    place = end;
+                }
+            }
+        }
+        journal
+    }
+}
+
+/// Where the next sound record begins. Even the line end before it may be what is damaged, so every place is tried.
+fn next_record(bytes: &[u8], after: usize) -> Option<usize> {
+    (after + 1..bytes.len()).find(|start| record_at(&bytes[*start..]).is_ok())
+}
+
+/// The record at the start of `bytes`, and its length.
+fn record_at(bytes: &[u8]) -> Result<(Record, usize), &'static str> {
+    let given = bytes.get(..HEAD).ok_or("it ends before the record does")?;
+    let digits = given.get(..8).and_then(|digits| std::str::from_utf8(digits).ok());
+    let length = digits
+        .filter(|digits| digits.bytes().all(|byte| byte.is_ascii_hexdigit()))
+        .and_then(|digits| usize::from_str_radix(digits, 16).ok())
+        .ok_or("the length of the record is no number")?;
+    let rest = &bytes[HEAD..];
+    if length >= rest.len() {
+        return Err("it ends before the record does");
+    }
+    if given[8] != b' ' || given[HEAD - 1] != b' ' {
+        return Err("the length and the checksum do not stand apart");
+    }
+    let (json, behind) = rest.split_at(length);
+    if head(json).as_bytes() != given {
+        return Err("the checksum does not fit the record");
+    }
+    if behind[0] != b'\n' {
+        return Err("the record does not end with its line");
+    }
+    let record = serde_json::from_slice(json).map_err(|_| "the record is of a kind that is not known")?;
+    Ok((record, HEAD + length + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::journal::Interrupted;
+    use proptest::prelude::*;
+
+    fn line(record: &Record) -> Vec<u8> {
+        let json = serde_json::to_vec(record).unwrap();
+        [head(&json).as_bytes(), &json, b"\n"].concat()
+    }
+
+    /// Five records, and where each begins.
+    fn journal() -> (Vec<Record>, Vec<usize>, Vec<u8>) {
+        let records: Vec<Record> = (1..=5)
+            .map(|number| Record::Resumed { interrupted: Some(Interrupted { number, samples: 10 }) })
+            .collect();
+        let mut bytes = Vec::new();
+        let starts = records.iter().map(|record| {
+            bytes.extend(line(record));
+            bytes.len() - line(record).len()
+        });
+        let starts = starts.collect();
+        (records, starts, bytes)
+    }
+
+    fn read(bytes: &[u8]) -> (Vec<Record>, JournalText) {
+        let journal = JournalText::parse(bytes);
+        (journal.records.iter().map(|placed| placed.record.clone()).collect(), journal)
+    }
+
+    #[test]
+    fn a_tail_torn_at_any_byte_is_cut_off_and_the_rest_is_read() {
+        let (records, starts, bytes) = journal();
+        for length in 0..=bytes.len() {
+            let whole = starts.iter().skip(1).filter(|start| **start <= length).count()
+                + usize::from(length == bytes.len());
+            let (found, journal) = read(&bytes[..length]);
+            assert_eq!(found, records[..whole], "cut at {length}");
+            assert!(journal.damage.is_empty());
+            let good = starts.get(whole).copied().unwrap_or(bytes.len());
+            let torn = journal.torn.map(|torn| (torn.offset as usize, torn.length as usize));
+            assert_eq!(torn, (good < length).then_some((good, length - good)));
+        }
+    }
+
+    #[test]
+    fn a_damaged_record_in_the_middle_is_named_and_all_others_are_read() {
+        let (records, starts, bytes) = journal();
+        for place in 0..starts[4] {
+            let mut bytes = bytes.clone();
+            bytes[place] ^= 0x15;
+            let broken = starts.iter().rposition(|start| *start <= place).unwrap();
+            let (found, journal) = read(&bytes);
+            let mut sound = records.clone();
+            sound.remove(broken);
+            assert_eq!(found, sound, "byte {place}");
+            assert_eq!(journal.damage.len(), 1);
+            assert_eq!(journal.damage[0].offset as usize, starts[broken]);
+            assert_eq!(journal.damage[0].length as usize, starts[broken + 1] - starts[broken]);
+            assert!(journal.torn.is_none());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_accounted_for(bytes in prop::collection::vec(any::<u8>(), 0..300), at in 0usize..400) {
+            let (_, _, mut all) = journal();
+            let at = at.min(all.len());
+            all.splice(at..at, bytes);
+            let journal = JournalText::parse(&all);
+            let records: u64 = journal.records.iter().map(|placed| line(&placed.record).len() as u64).sum();
+            let damaged: u64 = journal.damage.iter().chain(&journal.torn).map(|damage| damage.length).sum();
+            prop_assert_eq!(records + damaged, all.len() as u64);
+        }
+    }
+}

@@ -1,0 +1,432 @@
+//! Going through a session again: what the rig gave and the operator said is fed to the state machine, and everything
+//! it answers is compared with the journal.
+//!
+//! Between the records (rests, the way back) no samples are kept. Nothing the session does there depends on them but
+//! faults, and those are in the journal, so a motor that follows stands in for them. The limits are held against every
+//! sample that was kept.
+
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::error::{DatasetError, Place};
+use super::journal::Record;
+use super::record;
+use super::story::{Standing, Story};
+use crate::protocol::Limits;
+use crate::rig::{Fault, Motor, Sample};
+use crate::session::rules::{RULES, RuleChange, changes_since};
+use crate::session::{
+    Detail, Event, Happening, Input, Machine, Output, Phase, Reading, Recording, Settings, Source, Watch,
+};
+
+/// No session waits longer than this for its operator, s; a journal that says so is wrong.
+const LONGEST_WAIT_S: f64 = 7.0 * 86_400.0;
+
+/// What came of going through a session again.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replay {
+    /// Steps of the state machine.
+    pub steps: u64,
+    /// Events that came out as they are in the journal.
+    pub events: usize,
+    /// How often the session was started: once, and once more for every time it was resumed.
+    pub starts: usize,
+    /// Where it first went another way.
+    pub difference: Option<Difference>,
+    /// The program that recorded it.
+    pub program: String,
+    /// The rules in force when it was recorded.
+    pub rules: u32,
+}
+
+/// Where a replay first goes another way than the record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Difference {
+    /// Which start of the session, from 1: it was resumed in between.
+    pub start: usize,
+    /// Sample since then.
+    pub sample: u64,
+    /// State in which it was met.
+    pub phase: Phase,
+    /// Number of the trial under way.
+    pub trial: Option<u32>,
+    /// What the journal says.
+    pub recorded: String,
+    /// What came out.
+    pub replayed: String,
+}
+
+impl Replay {
+    /// What has changed in the rules since the session was recorded.
+    pub fn changed_rules(&self) -> impl Iterator<Item = &'static RuleChange> {
+        changes_since(self.rules)
+    }
+
+    /// Whether the session was recorded by rules that this program does not know yet.
+    pub fn is_from_the_future(&self) -> bool {
+        self.rules > RULES
+    }
+}
+
+impl fmt::Display for Difference {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "sample {}", self.sample)?;
+        if self.start > 1 {
+            write!(out, " after the session was resumed for the {}. time", self.start - 1)?;
+        }
+        write!(out, ", in state {}", self.phase.name())?;
+        if let Some(trial) = self.trial {
+            write!(out, " (trial {trial})")?;
+        }
+        write!(out, ": recorded {}, replayed {}", self.recorded, self.replayed)
+    }
+}
+
+/// Goes through the session in `folder` again, up to the first difference.
+///
+/// # Errors
+/// If the folder cannot be read, or its journal is damaged in the middle.
+pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
+    let story = Story::read(folder)?;
+    story.undamaged()?;
+    let mut standing = Standing::new(&story.settings);
+    let mut replay = Replay {
+        steps: 0,
+        events: 0,
+        starts: 0,
+        difference: None,
+        program: story.program.clone(),
+        rules: story.rules,
+    };
+    let records: Vec<&Record> = story.journal.records.iter().map(|placed| &placed.record).collect();
+    // The first record describes the session.
+    for part in records[1..].split_inclusive(|record| matches!(record, Record::Resumed { .. })) {
+        let resumed = part.last().filter(|record| matches!(record, Record::Resumed { .. }));
+        let lines: Vec<Line> = part.iter().filter_map(|record| Line::of(record)).collect();
+        replay.starts += 1;
+        let mut player = Player::new(&story, standing, replay.starts);
+        player.ended_well = resumed.is_none() && !is_under_way(&lines);
+        let played = player.play(&lines)?;
+        replay.steps += player.machine.sample();
+        replay.events += player.events;
+        if let Some(difference) = played {
+            replay.difference = Some(difference);
+            return Ok(replay);
+        }
+        standing = player.standing;
+        if let Some(record) = resumed {
+            standing.take(record);
+        }
+    }
+    Ok(replay)
+}
+
+/// Whether the last thing that a journal tells leaves the session going on: the program did not live to end it.
+fn is_under_way(lines: &[Line]) -> bool {
+    let last = lines.iter().rev().find_map(|line| match line.record {
+        LineRecord::Happened(happening) => Some(happening.to),
+        LineRecord::Refused(_) => None,
+    });
+    last.is_none_or(Phase::is_armed)
+}
+
+/// What the journal says of one step.
+#[derive(Debug, Clone, Copy)]
+struct Line {
+    sample: u64,
+    record: LineRecord,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum LineRecord {
+    Happened(Happening),
+    Refused(Event),
+}
+
+impl Line {
+    fn of(record: &Record) -> Option<Self> {
+        match record {
+            Record::Happened(happening) => {
+                Some(Self { sample: happening.sample, record: LineRecord::Happened(*happening) })
+            }
+            // It was noted after the step was counted.
+            Record::Refused { sample, word } => {
+                Some(Self { sample: sample.saturating_sub(1), record: LineRecord::Refused(*word) })
+            }
+            Record::Session { .. } | Record::Resumed { .. } => None,
+        }
+    }
+}
+
+/// A record that is being played.
+#[derive(Debug, Default)]
+struct Rows {
+    samples: Vec<Sample>,
+    next: usize,
+    /// The first sample that breaks a limit.
+    breaks: Option<(usize, Fault)>,
+}
+
+/// One start of the session, gone through again.
+struct Player<'a> {
+    story: &'a Story,
+    machine: Machine,
+    standing: Standing,
+    watch: Limits,
+    start: usize,
+    /// The program lived to end this start of the session.
+    ended_well: bool,
+    rows: Option<Rows>,
+    angle_rad: f64,
+    events: usize,
+}
+
+impl<'a> Player<'a> {
+    fn new(story: &'a Story, standing: Standing, start: usize) -> Self {
+        let mut settings = Settings::clone(&story.settings);
+        let watch = std::mem::replace(&mut settings.limits, endless());
+        let machine = Machine::with_ledger(Arc::new(settings), standing.ledger.clone());
+        Self {
+            story,
+            machine,
+            standing,
+            watch,
+            start,
+            ended_well: true,
+            rows: None,
+            angle_rad: 0.0,
+            events: 0,
+        }
+    }
+
+    /// Plays the lines of the journal; the first difference.
+    fn play(&mut self, lines: &[Line]) -> Result<Option<Difference>, DatasetError> {
+        let longest = (LONGEST_WAIT_S * self.story.settings.sample_rate_hz) as u64;
+        let mut lines = lines;
+        loop {
+            let step = self.machine.sample();
+            let now = lines.iter().take_while(|line| line.sample == step).count();
+            let (due, later) = lines.split_at(now);
+            let (happened, refused) = expected(due);
+            let waits = later.first().map(|line| line.sample.saturating_sub(step));
+            let rows_left = self.rows_are_left();
+            let may_go_on = self.machine.phase().is_armed()
+                && (rows_left || waits.is_some_and(|samples| samples <= longest));
+            if due.is_empty() && !may_go_on {
+                // Where the program was killed, the last samples of a record may tell no more.
+                let missed = later.first().map(|line| describe_line(&line.record));
+                return Ok(missed.map(|recorded| self.difference(step, recorded, "nothing".to_owned())));
+            }
+            let phase = self.machine.phase();
+            let next = later.first().map(|line| &line.record);
+            let Some(input) = self.input(happened, refused, next) else {
+                if self.loses_its_end(lines) {
+                    return Ok(None);
+                }
+                let recorded = happened.map_or("a state that goes on".to_owned(), |it| describe(&it));
+                return Ok(Some(self.difference(step, recorded, "the end of the record".to_owned())));
+            };
+            let output = self.machine.step(&input);
+            if due.is_empty() && later.is_empty() && !self.ended_well && !self.rows_are_left() {
+                // The last sample of all may have decided something that never came to be in the journal, and so was not
+                // acted on either.
+                return Ok(None);
+            }
+            if output.happened != happened || output.refused != refused {
+                let recorded = describe_step(happened, refused);
+                let replayed = describe_step(output.happened, output.refused);
+                let mut difference = self.difference(step, recorded, replayed);
+                difference.phase = phase;
+                return Ok(Some(difference));
+            }
+            self.events += usize::from(happened.is_some());
+            if let Some(difference) = self.follow(&output)? {
+                return Ok(Some(difference));
+            }
+            lines = later;
+        }
+    }
+
+    fn rows_are_left(&self) -> bool {
+        self.rows.as_ref().is_some_and(|rows| rows.next < rows.samples.len())
+    }
+
+    /// Whether the record under way may be shorter than the journal tells: a machine that lost its power has the journal
+    /// on its disk, of the samples perhaps less. Nothing that came later depends on them: the trial counts as aborted.
+    fn loses_its_end(&self, left: &[Line]) -> bool {
+        let stays = |line: &Line| match line.record {
+            LineRecord::Happened(happening) => happening.to.in_trial(),
+            LineRecord::Refused(_) => true,
+        };
+        !self.ended_well && left.iter().all(stays)
+    }
+
+    fn difference(&self, sample: u64, recorded: String, replayed: String) -> Difference {
+        let trial = self.machine.ledger().current().map(|trial| trial.number);
+        Difference { start: self.start, sample, phase: self.machine.phase(), trial, recorded, replayed }
+    }
+
+    /// What the session was told at this step; `None` if the record is at its end.
+    fn input(
+        &mut self,
+        happened: Option<Happening>,
+        refused: Option<Event>,
+        next: Option<&LineRecord>,
+    ) -> Option<Input> {
+        let said = happened.map(|it| it.event).filter(|event| event.source() == Source::Operator);
+        let operator = refused.or(said);
+        let arms = matches!(operator, Some(Event::Start | Event::Rearm));
+        let fault = match happened.and_then(|it| it.detail) {
+            Some(Detail::Fault(fault) | Detail::FaultInTrial { fault, .. }) => Some(fault),
+            _ => None,
+        };
+        let reading = if let Some(fault) = fault {
+            Reading::Fault(fault)
+        } else if !self.machine.phase().is_armed() && !arms {
+            Reading::Disarmed
+        } else if self.rows.is_some() {
+            self.row()?
+        } else {
+            if let Some(Detail::Rearmed { angle_rad }) = happened.and_then(|it| it.detail) {
+                self.angle_rad = angle_rad;
+            }
+            Reading::Sample(Sample { theta_m_rad: self.angle_rad, ..Sample::default() })
+        };
+        Some(Input { reading, operator, on_disk: self.was_on_disk(happened, next) })
+    }
+
+    /// Whether the disk was done. What the journal tells is only that a ramp waited for it.
+    fn was_on_disk(&self, happened: Option<Happening>, next: Option<&LineRecord>) -> bool {
+        let is_onset = |it: &Happening| it.event == Event::Onset;
+        if self.machine.phase() != Phase::Delay || happened.as_ref().is_some_and(is_onset) {
+            return true;
+        }
+        match next {
+            Some(LineRecord::Happened(Happening {
+                detail: Some(Detail::Onset { waited_samples, .. }),
+                ..
+            })) => *waited_samples == 0,
+            Some(LineRecord::Refused(_)) => true,
+            // The delay was broken off; how long it was to last is not in question then.
+            Some(LineRecord::Happened(_)) | None => false,
+        }
+    }
+
+    fn row(&mut self) -> Option<Reading> {
+        // By the first rules, the sample that ended a record was not in it.
+        let lacks_last = self.story.rules < 2;
+        let rows = self.rows.as_mut()?;
+        let place = rows.next;
+        rows.next += 1;
+        if let Some((_, fault)) = rows.breaks.filter(|(breaks, _)| *breaks == place) {
+            return Some(Reading::Fault(fault));
+        }
+        let last = rows.samples.last().filter(|_| lacks_last && place == rows.samples.len());
+        rows.samples.get(place).or(last).map(|sample| Reading::Sample(*sample))
+    }
+
+    /// Opens and closes the records that belong to the state the session is in now.
+    fn follow(&mut self, output: &Output) -> Result<Option<Difference>, DatasetError> {
+        if let Motor::Follow { angle_rad } = output.command.motor {
+            self.angle_rad = angle_rad;
+        }
+        let Some(happening) = output.happened else { return Ok(None) };
+        let before = self.standing.open.clone();
+        self.standing.take(&Record::Happened(happening));
+        if self.standing.open == before {
+            return Ok(None);
+        }
+        if let Some(rows) = self.rows.take()
+            && rows.next < rows.samples.len()
+        {
+            let recorded = format!("{} more samples", rows.samples.len() - rows.next);
+            let replayed = describe(&happening);
+            return Ok(Some(self.difference(self.machine.sample() - 1, recorded, replayed)));
+        }
+        if let Some(file) = self.standing.open.clone() {
+            debug_assert_ne!(output.recording, Recording::None);
+            self.rows = Some(self.read(&file)?);
+        }
+        Ok(None)
+    }
+
+    /// The samples of a record, all but the first, which is the one that it began with.
+    fn read(&self, file: &str) -> Result<Rows, DatasetError> {
+        let folder = super::text::Folder::open(&self.story.path)?;
+        let part = format!("{file}.part");
+        let file = if self.story.path.join(&part).exists() { &part } else { file };
+        let text = folder.text(file, None)?;
+        let name = folder.name(file);
+        // A record that is still being written may end in the middle of a row.
+        let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+        if whole.is_empty() {
+            return Ok(Rows { next: 0, ..Rows::default() });
+        }
+        let record = record::parse(&name, whole, self.story.settings.sample_rate_hz)?;
+        let (Some(fcr), Some(ecr)) = (&record.emg_fcr_mvc, &record.emg_ecr_mvc) else {
+            let expected = "the columns emg_fcr_mvc and emg_ecr_mvc".to_owned();
+            return Err(DatasetError::Empty { at: Place::file(name), expected });
+        };
+        let samples: Vec<Sample> = (0..fcr.len())
+            .map(|row| Sample {
+                theta_m_rad: record.theta_m_rad[row],
+                torque_l_nm: record.torque_l_nm[row],
+                emg_fcr_mvc: fcr[row],
+                emg_ecr_mvc: ecr[row],
+            })
+            .collect();
+        let mut watch = Watch::new(self.watch.clone(), self.story.settings.sample_rate_hz);
+        let breaks = samples
+            .iter()
+            .enumerate()
+            .find_map(|(place, sample)| watch.check(sample).err().map(|fault| (place, fault)));
+        Ok(Rows { samples, next: 1, breaks })
+    }
+}
+
+fn expected(due: &[Line]) -> (Option<Happening>, Option<Event>) {
+    let mut step = (None, None);
+    for line in due {
+        match line.record {
+            LineRecord::Happened(happening) => step.0 = Some(happening),
+            LineRecord::Refused(word) => step.1 = Some(word),
+        }
+    }
+    step
+}
+
+fn describe_line(record: &LineRecord) -> String {
+    match record {
+        LineRecord::Happened(happening) => describe_step(Some(*happening), None),
+        LineRecord::Refused(word) => describe_step(None, Some(*word)),
+    }
+}
+
+fn describe_step(happened: Option<Happening>, refused: Option<Event>) -> String {
+    match (happened, refused) {
+        (None, None) => "nothing".to_owned(),
+        (Some(happening), None) => describe(&happening),
+        (None, Some(word)) => format!("{} refused", word.name()),
+        (Some(happening), Some(word)) => format!("{}, {} refused", describe(&happening), word.name()),
+    }
+}
+
+fn describe(happening: &Happening) -> String {
+    let mut text = format!("{} to {}", happening.event.name(), happening.to.name());
+    if let Some(detail) = happening.detail {
+        // Made by this program, so it has a JSON form.
+        text += &format!(" {}", serde_json::to_string(&detail).unwrap_or_default());
+    }
+    text
+}
+
+/// Limits that nothing breaks: a replay is told of faults by the journal.
+fn endless() -> Limits {
+    Limits {
+        angle_rad: [f64::MIN, f64::MAX],
+        speed_rad_s: f64::MAX,
+        acceleration_rad_s2: f64::MAX,
+        torque_nm: f64::MAX,
+    }
+}

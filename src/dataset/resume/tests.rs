@@ -1,0 +1,172 @@
+//! A session is broken off at every operation of the disk, and gone on with.
+
+use std::collections::BTreeMap;
+use std::io::ErrorKind;
+use std::time::Duration;
+
+use super::*;
+use crate::dataset::journal::JournalText;
+use crate::dataset::recorder::tests::{Starter, run};
+use crate::dataset::{BackgroundRecorder, Manifest, Status, load, replay};
+use crate::random::Stream;
+use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
+use crate::session::{AsFastAsItGoes, Detail, Lateness, RealTime, conduct};
+
+/// Goes on with the session to its end; how many operations that took.
+fn go_on(folder: &Path, disk: Disk) -> Result<(), ResumeError> {
+    let session = Resumable::open(folder, disk)?;
+    let wrist =
+        VirtualWrist::new(Person::default(), Setup::default(), session.seed(), session.sample_rate_hz());
+    let is_finished = session.is_finished();
+    let Resumed { mut recorder, mut machine, .. } = session.resume()?;
+    if !is_finished {
+        conduct(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)?;
+        assert_eq!(machine.phase(), Phase::Finished);
+    }
+    Ok(())
+}
+
+/// The trials that count, by their place in the schedule. The first sample of a record was measured before the person
+/// was told of the trial and depends on what came before; it is left out.
+fn counting(folder: &Path) -> BTreeMap<String, (Option<f64>, crate::dataset::Record)> {
+    let trials = load(folder).unwrap().trials.into_iter().filter(|trial| trial.status == Status::Ok);
+    trials
+        .map(|mut trial| {
+            let record = &mut trial.record;
+            let optional = [&mut record.emg_fcr_mvc, &mut record.emg_ecr_mvc];
+            let channels = [&mut record.theta_m_rad, &mut record.torque_l_nm];
+            for channel in channels.into_iter().chain(optional.into_iter().flatten()) {
+                channel.remove(0);
+            }
+            (trial.extra["position"].clone(), (trial.onset_s, trial.record))
+        })
+        .collect()
+}
+
+fn assert_as_if_undisturbed(folder: &Path, whole: &Path, told: &str) {
+    assert!(counting(folder) == counting(whole), "{told}: the trials are not the same");
+    let replay = replay(folder).unwrap();
+    assert_eq!(replay.difference, None, "{told}");
+    assert!(replay.events >= 13, "{told}: {} events", replay.events);
+    let left: Vec<String> = Manifest::take(folder, true)
+        .unwrap()
+        .files
+        .into_keys()
+        .filter(|file| file.ends_with(".part") || file.ends_with(".new"))
+        .collect();
+    assert_eq!(left, [""; 0], "{told}");
+}
+
+#[test]
+fn a_session_broken_off_at_any_operation_ends_as_if_it_had_not_been() {
+    let desk = tempfile::tempdir().unwrap();
+    let whole = desk.path().join("whole");
+    let operations = run(&whole, Disk::default()).unwrap();
+    let mut resumed = 0;
+    for operation in 0..operations {
+        let folder = desk.path().join(format!("broken-{operation}"));
+        run(&folder, Disk::failing_from(operation, ErrorKind::StorageFull)).unwrap_err();
+        if !folder.exists() {
+            assert_eq!(resumed, 0, "the folder is there from then on");
+            continue;
+        }
+        // The disk fails once more on the way, and then no more.
+        let again = Stream::new(1, &format!("again/{operation}")).below(40);
+        match go_on(&folder, Disk::failing_from(again, ErrorKind::Other)) {
+            Ok(()) | Err(ResumeError::Record(_)) => {}
+            Err(error) => panic!("operation {operation}, then {again}: {error}"),
+        }
+        go_on(&folder, Disk::default()).unwrap();
+        assert_as_if_undisturbed(&folder, &whole, &format!("operation {operation}, then {again}"));
+        resumed += 1;
+    }
+    assert!(resumed > 60, "{resumed} sessions were resumed");
+}
+
+#[test]
+fn a_session_that_is_at_work_is_not_opened_a_second_time() {
+    let desk = tempfile::tempdir().unwrap();
+    let folder = desk.path().join("s");
+    run(&folder, Disk::default()).unwrap();
+    let first = Resumable::open(&folder, Disk::default()).unwrap();
+    let error = Resumable::open(&folder, Disk::default()).unwrap_err();
+    assert!(error.to_string().contains("another program has this session open"), "{error}");
+    drop(first);
+    Resumable::open(&folder, Disk::default()).unwrap();
+}
+
+#[test]
+fn the_ramp_waits_for_a_slow_disk_and_the_replay_knows_it() {
+    let desk = tempfile::tempdir().unwrap();
+    let folder = desk.path().join("s");
+    run(&folder, Disk::failing_from(40, ErrorKind::Other)).unwrap_err();
+    let session = Resumable::open(&folder, Disk::slow(Duration::from_millis(15))).unwrap();
+    let rate = session.sample_rate_hz();
+    let wrist = VirtualWrist::new(Person::default(), Setup::default(), session.seed(), rate);
+    let Resumed { recorder, mut machine, .. } = session.resume().unwrap();
+    let mut recorder = BackgroundRecorder::start(recorder);
+    let mut clock = RealTime::new(rate);
+    conduct(wrist, &mut machine, &mut Starter, &mut clock, &mut recorder).unwrap();
+    recorder.finish().unwrap();
+    assert_eq!(machine.phase(), Phase::Finished);
+    let lateness: &Lateness = clock.lateness();
+    assert!(lateness.periods() + 2 >= machine.sample(), "{lateness}");
+
+    let journal = JournalText::parse(&fs::read(folder.join(JOURNAL)).unwrap());
+    let waited = journal.records.iter().filter_map(|placed| match placed.record {
+        super::super::journal::Record::Happened(happening) => match happening.detail {
+            Some(Detail::Onset { waited_samples, .. }) => Some(waited_samples),
+            _ => None,
+        },
+        _ => None,
+    });
+    assert!(waited.clone().max() > Some(0), "no ramp waited for the disk: {:?}", waited.collect::<Vec<_>>());
+    assert_eq!(replay(&folder).unwrap().difference, None);
+}
+
+#[test]
+fn a_disk_that_fails_behind_the_ring_ends_the_session() {
+    let desk = tempfile::tempdir().unwrap();
+    let folder = desk.path().join("s");
+    run(&folder, Disk::failing_from(40, ErrorKind::Other)).unwrap_err();
+    let session = Resumable::open(&folder, Disk::failing_from(25, ErrorKind::StorageFull)).unwrap();
+    let rate = session.sample_rate_hz();
+    let wrist = VirtualWrist::new(Person::default(), Setup::default(), session.seed(), rate);
+    let Resumed { recorder, mut machine, .. } = session.resume().unwrap();
+    let mut recorder = BackgroundRecorder::start(recorder);
+    let error = match conduct(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder) {
+        Err(error) => error,
+        Ok(_) => recorder.finish().unwrap_err(),
+    };
+    assert!(error.to_string().contains("Make room on the disk"), "{error}");
+    go_on(&folder, Disk::default()).unwrap();
+}
+
+#[test]
+fn a_record_cut_anywhere_keeps_its_whole_rows() {
+    let rows = ["0.0000,0.0000000,2.1,0,0\n", "0.0004,0.0000000,2.2,0,0\n"];
+    let all = [HEADER, rows[0].as_bytes(), rows[1].as_bytes()].concat();
+    for length in 0..=all.len() {
+        let whole = (length >= HEADER.len() + rows[0].len()) as u64 + (length == all.len()) as u64;
+        let (good, samples) = whole_rows(&all[..length]);
+        assert_eq!(samples, whole, "cut at {length}");
+        assert_eq!(good, all[..HEADER.len() + rows[0].len() * whole as usize]);
+    }
+    let zeros = [&all[..], &[0; 30][..]].concat();
+    assert_eq!(whole_rows(&zeros).1, 2, "a block of zeros is no row");
+}
+
+#[test]
+fn a_record_is_settled_under_its_name_whatever_was_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("trial-001.csv");
+    let part = folder.path().join("trial-001.csv.part");
+    let disk = Disk::default();
+    assert_eq!(settle(&disk, &path).unwrap(), 0);
+    assert_eq!(fs::read(&path).unwrap(), HEADER);
+    fs::write(&part, [HEADER, b"0.0,0.0,2.1,0,0\n0.1,0."].concat()).unwrap();
+    assert_eq!(settle(&disk, &path).unwrap(), 1);
+    assert_eq!(fs::read(&path).unwrap(), [HEADER, b"0.0,0.0,2.1,0,0\n"].concat());
+    assert!(!part.exists());
+    assert_eq!(settle(&disk, &path).unwrap(), 1, "settling twice changes nothing");
+}

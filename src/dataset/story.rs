@@ -1,0 +1,146 @@
+//! What a session folder tells of how the session went: enough to go on with it, or to go through it again.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::error::{DatasetError, Place};
+use super::folder::{Description, sha256};
+use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalText, Record};
+use super::load::parse_json;
+use super::recorder::Begun;
+use super::text::Folder;
+use crate::protocol::ValidProtocol;
+use crate::schedule;
+use crate::session::{Ledger, Phase, Recording, Settings};
+
+/// A session that was run, as its folder tells it.
+#[derive(Debug)]
+pub(super) struct Story {
+    pub path: PathBuf,
+    pub subject: String,
+    pub settings: Arc<Settings>,
+    pub journal: JournalText,
+    /// The program that began it.
+    pub program: String,
+    /// The rules of the session then.
+    pub rules: u32,
+}
+
+impl Story {
+    /// Reads description, protocol, order and journal.
+    pub fn read(path: &Path) -> Result<Self, DatasetError> {
+        let folder = Folder::open(path)?;
+        let text = folder.text("session.json", None)?;
+        let at = || Place::file(folder.name(JOURNAL));
+        let bytes = fs::read(path.join(JOURNAL)).map_err(|source| match source.kind() {
+            std::io::ErrorKind::NotFound => {
+                DatasetError::NoJournal { at: at(), problem: "not found".to_owned() }
+            }
+            _ => DatasetError::Unreadable { at: at(), source },
+        })?;
+        let journal = JournalText::parse(&bytes);
+        let Some(Record::Session { format, program, seed, protocol_sha256, rules }) =
+            journal.records.first().map(|placed| &placed.record)
+        else {
+            let problem = "its first record is not there or not readable".to_owned();
+            return Err(DatasetError::NoJournal { at: at(), problem });
+        };
+        if format != JOURNAL_FORMAT {
+            return Err(DatasetError::UnknownFormat {
+                at: at(),
+                found: format.clone(),
+                expected: JOURNAL_FORMAT,
+            });
+        }
+        let (seed, program, rules) = (*seed, program.clone(), *rules);
+        let about: Description = parse_json(&folder.name("session.json"), &text)?;
+        let protocol = folder.text("protocol.json", None)?;
+        let found = sha256(protocol.as_bytes());
+        if found != *protocol_sha256 {
+            return Err(DatasetError::ProtocolChanged {
+                at: Place::file(folder.name("protocol.json")),
+                found,
+                expected: protocol_sha256.clone(),
+            });
+        }
+        let protocol = ValidProtocol::parse(&protocol, &folder.name("protocol.json"))?;
+        let order = order(&folder)?;
+        let settings = Settings::new(&protocol, seed, &order).map_err(|error| DatasetError::Value {
+            at: Place::file(folder.name("schedule.csv")),
+            found: error.to_string(),
+            expected: "an order of the protocol's trials".to_owned(),
+        })?;
+        let subject = about.subject.id;
+        Ok(Self { path: path.to_owned(), subject, settings: Arc::new(settings), journal, program, rules })
+    }
+
+    /// The first damage in the middle of the journal as an error, if there is any.
+    pub fn undamaged(&self) -> Result<(), DatasetError> {
+        let Some(damage) = self.journal.damage.first() else { return Ok(()) };
+        Err(DatasetError::Damaged {
+            at: Place::file(self.path.join(JOURNAL).display().to_string()),
+            offset: damage.offset,
+            length: damage.length,
+            reason: damage.reason.clone(),
+        })
+    }
+}
+
+/// The order that was drawn when the session began.
+fn order(folder: &Folder) -> Result<Vec<schedule::Planned>, DatasetError> {
+    let text = folder.text("schedule.csv", None)?;
+    let rows = csv::Reader::from_reader(text.as_bytes()).into_deserialize();
+    rows.map(|row| {
+        row.map_err(|error: csv::Error| DatasetError::Value {
+            at: Place {
+                file: folder.name("schedule.csv").into(),
+                line: error.position().map(csv::Position::line),
+                column: None,
+            },
+            found: error.to_string(),
+            expected: "position,velocity_rad_s,torque_nm,repetition of a trial".to_owned(),
+        })
+    })
+    .collect()
+}
+
+/// Where a session stands after some of its journal.
+#[derive(Debug, Clone)]
+pub(super) struct Standing {
+    pub ledger: Ledger,
+    pub begun: Begun,
+    pub phase: Phase,
+    /// The record that was being written.
+    pub open: Option<String>,
+}
+
+impl Standing {
+    /// Before anything happened.
+    pub fn new(settings: &Settings) -> Self {
+        Self { ledger: Ledger::new(settings), begun: Begun::default(), phase: Phase::Ready, open: None }
+    }
+
+    /// After one more record of the journal.
+    pub fn take(&mut self, record: &Record) {
+        match record {
+            Record::Session { .. } | Record::Refused { .. } => {}
+            Record::Happened(happening) => {
+                let before = self.ledger.recording(self.phase);
+                self.ledger.apply(happening);
+                self.phase = happening.to;
+                let now = self.ledger.recording(self.phase);
+                if now == Recording::None {
+                    self.open = None;
+                } else if now != before {
+                    self.open = self.begun.name(now, &self.ledger);
+                }
+            }
+            Record::Resumed { interrupted } => {
+                self.ledger.interrupt(interrupted.map_or(0, |trial| trial.samples));
+                self.phase = Phase::Ready;
+                self.open = None;
+            }
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! What screening finds where there is nothing: the fitted model simulated with fresh noise, refitted, screened again.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::omnibus::pattern;
+use super::screen::{Probe, score, torques};
+use super::tangent::{Direction, Tangent};
+use crate::fit::{Effort, Fit, Prepared, solve};
+use crate::random::Stream;
+
+/// What screening makes of residuals.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Finding {
+    /// Largest score of any probe, in standard errors.
+    pub largest: f64,
+    /// The pattern's excess over what it is without one, in its own standard deviations.
+    pub excess: f64,
+    /// Variance of the residuals about their pattern over what the noise says; at least one.
+    pub unit: f64,
+}
+
+/// Screens `residuals`.
+pub fn screen(prepared: &Prepared, tangent: &Tangent, probes: &[Probe], residuals: &Direction) -> Finding {
+    let pattern = pattern(prepared, tangent, residuals);
+    let squares: f64 = residuals.iter().map(DVector::norm_squared).sum();
+    let freedom = tangent.freedom() - pattern.count as f64;
+    let unit = ((squares - pattern.statistic) / freedom.max(1.0)).max(1.0);
+    let largest = probes.iter().map(|probe| score(probe, residuals, unit).sigmas.abs()).fold(0.0, f64::max);
+    let count = pattern.count.max(1) as f64;
+    Finding { largest, excess: (pattern.statistic - count) / libm::sqrt(2.0 * count), unit }
+}
+
+/// How probable findings at least as large are where the model is right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chance {
+    /// Of the largest score of the whole catalogue.
+    pub of_largest: f64,
+    /// Of the pattern.
+    pub of_excess: f64,
+}
+
+impl Chance {
+    /// Of either, two having been looked at.
+    pub fn of_any(self) -> f64 {
+        (2.0 * self.of_largest.min(self.of_excess)).min(1.0)
+    }
+}
+
+/// How many sessions without any misfit are simulated.
+pub const SIMULATIONS: usize = 60;
+
+/// Compares `finding` with simulated sessions in which the fitted model is right.
+pub fn chance(
+    prepared: &Prepared,
+    fit: &Fit,
+    tangent: &Tangent,
+    probes: &[Probe],
+    finding: &Finding,
+    seed: u64,
+) -> Chance {
+    let predicted = torques(prepared, &fit.kinds, &fit.parameters);
+    let noise = NoiseMaker::new(fit);
+    let null: Vec<Finding> = (0..SIMULATIONS)
+        .into_par_iter()
+        .map(|number| {
+            let mut stream = Stream::new(seed, &format!("bootstrap/{}/{number}", fit.kinds.len()));
+            let simulated = simulate(prepared, &predicted, &noise, &mut stream);
+            let refitted = refit(&simulated, fit);
+            let residuals = Tangent::new(&simulated, &refitted).residuals();
+            screen(&simulated, tangent, probes, &residuals)
+        })
+        .collect();
+    Chance {
+        of_largest: gumbel_tail(&null.iter().map(|f| f.largest).collect::<Vec<_>>(), finding.largest),
+        of_excess: gumbel_tail(&null.iter().map(|f| f.excess).collect::<Vec<_>>(), finding.excess),
+    }
+}
+
+/// Draws noise with the measured covariances.
+pub struct NoiseMaker {
+    factors: Vec<DMatrix<f64>>,
+}
+
+impl NoiseMaker {
+    /// For the noises of `fit`.
+    pub fn new(fit: &Fit) -> Self {
+        let factor = |noise: &crate::signal::Noise| {
+            let eigen = noise.covariance.clone().symmetric_eigen();
+            let scale = DVector::from_iterator(
+                eigen.eigenvalues.len(),
+                eigen.eigenvalues.iter().map(|value| libm::sqrt(value.max(0.0))),
+            );
+            &eigen.eigenvectors * DMatrix::from_diagonal(&scale)
+        };
+        Self { factors: fit.covariances.iter().map(factor).collect() }
+    }
+}
+
+/// A session in which the predictions are right: measured torque is prediction plus noise, where noise is looked at.
+pub fn simulate(
+    prepared: &Prepared,
+    predicted: &[Vec<f64>],
+    noise: &NoiseMaker,
+    stream: &mut Stream,
+) -> Prepared {
+    let mut simulated = prepared.clone();
+    let places: Vec<usize> = prepared.noise_samples().collect();
+    for (trial, own) in simulated.trials.iter_mut().enumerate() {
+        own.measured_nm.clone_from(&predicted[trial]);
+        let Some(index) = prepared.noise_of[trial] else { continue };
+        let normals = DVector::from_fn(places.len(), |_, _| stream.normal());
+        let drawn = &noise.factors[index] * normals;
+        for (place, value) in places.iter().zip(drawn.iter()) {
+            own.measured_nm[*place] += value;
+        }
+    }
+    simulated
+}
+
+/// A refit needs no more than this: it starts where the data came from.
+const REFIT: Effort = Effort { iterations: 6, decrease: 1e-3, longest_step: 0.7 };
+
+/// Fits the model of `fit` to other data, from where `fit` ended.
+pub fn refit(prepared: &Prepared, fit: &Fit) -> Fit {
+    let start = &fit.solution.coordinates;
+    let solution = solve(prepared, &fit.layout, &fit.kinds, &fit.objective, start, REFIT);
+    fit.with_solution(solution)
+}
+
+/// The probability of a value at least as large as `value`, by the Gumbel distribution with the mean and the spread of the
+/// `simulated` maxima; not below a tenth of what their number resolves.
+pub fn gumbel_tail(simulated: &[f64], value: f64) -> f64 {
+    let count = simulated.len() as f64;
+    let mean = simulated.iter().sum::<f64>() / count;
+    let variance = simulated.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (count - 1.0);
+    const EULER: f64 = 0.577_215_664_901_532_9;
+    let scale = libm::sqrt(6.0 * variance) / std::f64::consts::PI;
+    if scale == 0.0 {
+        return if value > mean { 0.1 / count } else { 1.0 };
+    }
+    let reduced = (value - (mean - EULER * scale)) / scale;
+    (-libm::expm1(-libm::exp(-reduced))).max(0.1 / count).min(1.0)
+}

@@ -1,0 +1,139 @@
+//! What an extension gains on data that it was not fitted to.
+
+use super::screen::torques;
+use crate::fit::{Fit, Model, Prepared, Scope, variance_accounted_for};
+use crate::random::Stream;
+use crate::wrist::BASE_PARAMETERS;
+
+/// A ratio with its 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Ratio {
+    /// The ratio.
+    pub value: f64,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end.
+    pub high: f64,
+}
+
+/// What an extension gains.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Gain {
+    /// Root mean square residual with the extension over that without, on repetitions left out.
+    pub held_out_rmse_ratio: Ratio,
+    /// The same on velocities left out; absent where there is only one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub held_out_velocity_rmse_ratio: Option<Ratio>,
+    /// The same on torques left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub held_out_torque_rmse_ratio: Option<Ratio>,
+    /// Mean variance accounted for, without and with.
+    pub vaf_before: f64,
+    /// With the extension.
+    pub vaf_after: f64,
+}
+
+/// The gain of `after`, which adds its last mechanism to `before`.
+///
+/// The mechanism's values come from the other trials and are held; the wrist's own parameters are free in the trials left
+/// out, with the extension and without, so that what is compared is the mechanism alone. Intervals resample trials.
+pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> Gain {
+    let without = squares(prepared, before);
+    let keys: [Box<dyn Fn(usize) -> i64>; 3] = [
+        Box::new(|trial| i64::from(prepared.trials[trial].repetition)),
+        Box::new(|trial| (prepared.trials[trial].velocity_rad_s * 1e6) as i64),
+        Box::new(|trial| (prepared.trials[trial].torque_nm * 1e6) as i64),
+    ];
+    let ratios: Vec<Option<Ratio>> = keys
+        .iter()
+        .enumerate()
+        .map(|(index, key)| {
+            let with = held_out_squares(prepared, after, key)?;
+            let mut stream = Stream::new(seed, &format!("gain/{index}/{}", after.kinds.len()));
+            Some(ratio(&with, &without, &mut stream))
+        })
+        .collect();
+    let nothing = Ratio { value: 1.0, low: 1.0, high: 1.0 };
+    Gain {
+        held_out_rmse_ratio: ratios[0].unwrap_or(nothing),
+        held_out_velocity_rmse_ratio: ratios[1],
+        held_out_torque_rmse_ratio: ratios[2],
+        vaf_before: mean_vaf(prepared, before),
+        vaf_after: mean_vaf(prepared, after),
+    }
+}
+
+/// Each trial's mean squared residual, (N m)^2, where the mechanism was fitted to the trials with another key.
+fn held_out_squares(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<Vec<f64>> {
+    let mut keys: Vec<i64> = (0..prepared.trials.len()).map(key).collect();
+    keys.sort_unstable();
+    keys.dedup();
+    if !(2..=12).contains(&keys.len()) {
+        return None;
+    }
+    let mut result = vec![0.0; prepared.trials.len()];
+    for held in keys {
+        let rest: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) != held).collect();
+        let out: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) == held).collect();
+        let others = after.on(prepared, &rest, &after.model);
+        let own = after.on(prepared, &out, &held_model(&others));
+        let few = prepared.only(&out);
+        for (place, square) in squares(&few, &own).into_iter().enumerate() {
+            result[out[place]] = square;
+        }
+    }
+    Some(result)
+}
+
+/// The model of `fit` with its mechanisms held at the values found.
+fn held_model(fit: &Fit) -> Model {
+    let mut model = fit.model.clone();
+    let mut index = BASE_PARAMETERS.len();
+    for switched in &mut model.mechanisms {
+        for treatment in &mut switched.parameters {
+            treatment.scope = Scope::Fixed;
+            treatment.value = Some(fit.parameters[0][index]);
+            treatment.law.clear();
+            index += 1;
+        }
+    }
+    model
+}
+
+fn squares(prepared: &Prepared, fit: &Fit) -> Vec<f64> {
+    residuals(prepared, fit)
+        .iter()
+        .map(|own| own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64)
+        .collect()
+}
+
+/// Measured less predicted, N m, by trial.
+pub fn residuals(prepared: &Prepared, fit: &Fit) -> Vec<Vec<f64>> {
+    let predicted = torques(prepared, &fit.kinds, &fit.parameters);
+    let own = |trial: usize| -> Vec<f64> {
+        prepared.trials[trial].measured_nm.iter().zip(&predicted[trial]).map(|(m, p)| m - p).collect()
+    };
+    (0..predicted.len()).map(own).collect()
+}
+
+/// Mean over trials of the variance of the torque accounted for.
+pub fn mean_vaf(prepared: &Prepared, fit: &Fit) -> f64 {
+    let residuals = residuals(prepared, fit);
+    let own = |trial: usize| variance_accounted_for(&prepared.trials[trial].measured_nm, &residuals[trial]);
+    (0..residuals.len()).map(own).sum::<f64>() / residuals.len() as f64
+}
+
+/// Root of the ratio of sums, with an interval over trials drawn with replacement.
+fn ratio(with: &[f64], without: &[f64], stream: &mut Stream) -> Ratio {
+    let count = with.len();
+    let of = |trials: &[usize]| {
+        let sum = |values: &[f64]| trials.iter().map(|trial| values[*trial]).sum::<f64>();
+        libm::sqrt(sum(with) / sum(without).max(1e-30))
+    };
+    let all: Vec<usize> = (0..count).collect();
+    let mut drawn: Vec<f64> = (0..500)
+        .map(|_| of(&(0..count).map(|_| stream.below(count as u64) as usize).collect::<Vec<_>>()))
+        .collect();
+    drawn.sort_by(f64::total_cmp);
+    Ratio { value: of(&all), low: drawn[12], high: drawn[487] }
+}

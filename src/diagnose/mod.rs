@@ -1,0 +1,24 @@
+//! What the model gets wrong in measured data, why, and what mending it gains.
+//!
+//! Residuals are judged in units of the noise that the holds show, after the free parameters have absorbed what they can
+//! (`tangent`). Within the trace, every mechanism of the catalogue is probed (`screen`), a pattern without a name is
+//! looked for besides (`omnibus`), and both are compared with simulated sessions in which nothing is wrong
+//! (`calibrate`). What stands out is refitted in full, and rivals that could pass for it are named with it (`refit`).
+//! Then the trials are compared with each other (`across`). Steps are repeated until nothing is left over.
+
+mod across;
+mod calibrate;
+mod gain;
+mod omnibus;
+mod output;
+mod refit;
+mod rest;
+mod screen;
+mod search;
+mod tangent;
+
+pub use across::{LimitLaw, Outlier, Trend};
+pub use gain::{Gain, Ratio};
+pub use output::{DIAGNOSIS_FORMAT, picture};
+pub use screen::Unseen;
+pub use search::{Cause, Diagnosis, Evidence, Verdict, diagnose};

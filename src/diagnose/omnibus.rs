@@ -1,0 +1,77 @@
+//! Whether the residuals show any pattern at all, whatever its cause.
+//!
+//! The sum of squares alone cannot tell a wrong model from noise that is a little larger than the holds show. A wrong model
+//! errs alike in trials that are alike, so the mean residual and its dependence on velocity and torque are looked at, each
+//! against the scatter of the trials about it.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::tangent::{Direction, Tangent};
+use crate::fit::Prepared;
+
+/// How strongly the residuals go with one, velocity and torque, summed over independent values of the window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pattern {
+    /// Sum of squared ratios of coefficient to standard error.
+    pub statistic: f64,
+    /// How many ratios there are: what the statistic is without any pattern.
+    pub count: usize,
+}
+
+/// The pattern in whitened residuals. Trials of one noise share their axes; noises are treated one by one and added up.
+pub fn pattern(prepared: &Prepared, tangent: &Tangent, residuals: &Direction) -> Pattern {
+    let mut result = Pattern { statistic: 0.0, count: 0 };
+    let mut groups: Vec<Option<usize>> = prepared.noise_of.clone();
+    groups.sort_unstable();
+    groups.dedup();
+    for group in groups {
+        let trials: Vec<usize> =
+            (0..residuals.len()).filter(|trial| prepared.noise_of[*trial] == group).collect();
+        add(prepared, tangent, residuals, &trials, &mut result);
+    }
+    result
+}
+
+fn add(
+    prepared: &Prepared,
+    tangent: &Tangent,
+    residuals: &Direction,
+    trials: &[usize],
+    result: &mut Pattern,
+) {
+    let regressors = regressors(prepared, trials);
+    if trials.len() < 3 * regressors.ncols() {
+        return;
+    }
+    let across = |value: usize| {
+        DVector::from_iterator(trials.len(), trials.iter().map(|trial| residuals[*trial][value]))
+    };
+    for own in (0..tangent.torque_values(trials[0])).map(across) {
+        let coefficients = regressors.tr_mul(&own);
+        let left = &own - &regressors * &coefficients;
+        let freedom = (trials.len() - regressors.ncols()) as f64;
+        let variance = (left.norm_squared() / freedom).max(f64::MIN_POSITIVE);
+        // A t value of few degrees of freedom has heavier tails than a normal one; squared and brought to the same mean.
+        let expected = freedom / (freedom - 2.0).max(1.0);
+        result.statistic += coefficients.norm_squared() / variance / expected;
+        result.count += regressors.ncols();
+    }
+}
+
+/// Orthonormal columns: one, velocity, torque, as far as they vary.
+fn regressors(prepared: &Prepared, trials: &[usize]) -> DMatrix<f64> {
+    let columns: [&dyn Fn(usize) -> f64; 3] =
+        [&|_| 1.0, &|trial| prepared.trials[trial].velocity_rad_s, &|trial| prepared.trials[trial].torque_nm];
+    let mut kept: Vec<DVector<f64>> = Vec::new();
+    for column in columns {
+        let mut own = DVector::from_iterator(trials.len(), trials.iter().map(|trial| column(*trial)));
+        let before = own.norm();
+        for other in &kept {
+            own -= other * other.dot(&own);
+        }
+        if own.norm() > 1e-6 * before {
+            kept.push(own.normalize());
+        }
+    }
+    DMatrix::from_columns(&kept)
+}

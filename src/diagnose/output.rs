@@ -1,0 +1,265 @@
+//! `diagnosis.json`, and the compact picture for the terminal.
+
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use super::gain::residuals;
+use super::search::{Cause, Diagnosis, Evidence};
+use crate::dataset::Disk;
+use crate::fit::{Fit, Model, Prepared, Switched, Treatment, WriteError, write_files};
+use crate::wrist::BASE_PARAMETERS;
+use crate::wrist::mechanisms::Kind;
+
+/// The version of `diagnosis.json` that this program writes.
+pub const DIAGNOSIS_FORMAT: &str = "ramphold-diagnosis/1";
+
+impl Diagnosis {
+    /// The diagnosis as its file.
+    pub fn to_json(&self, prepared: &Prepared) -> Value {
+        json!({
+            "format": DIAGNOSIS_FORMAT,
+            "version": env!("CARGO_PKG_VERSION"),
+            "verdict": self.verdict,
+            "misfit": {
+                "statistic": self.misfit.largest.max(self.misfit.excess),
+                "p_value": self.p_value,
+                "largest_score": self.misfit.largest,
+                "pattern_excess": self.misfit.excess,
+                "residual_variance_over_noise": self.misfit.unit,
+            },
+            "causes": self.causes.iter().map(|cause| self.cause(prepared, cause)).collect::<Vec<_>>(),
+            "left_over": { "p_value": self.left_over_p_value },
+            "residual_term": self.residual_term,
+            "not_visible": self.unseen.iter().map(|unseen| json!({
+                "mechanism": unseen.kind.id(), "class": unseen.kind.class(), "reason": unseen.reason,
+            })).collect::<Vec<_>>(),
+            "laws": { "elastic_limit": self.limit_law },
+            "residual_map": residual_map(prepared, &self.before, &self.after),
+            "remarks": self.remarks,
+        })
+    }
+
+    fn cause(&self, prepared: &Prepared, cause: &Cause) -> Value {
+        let mut entry = Map::new();
+        entry.insert("mechanism".into(), json!(cause.kind.id()));
+        entry.insert("title".into(), json!(cause.kind.title()));
+        entry.insert("class".into(), json!(cause.kind.class()));
+        entry.insert("parameters".into(), parameters(self, prepared, cause));
+        entry.insert("p_value".into(), json!(cause.p_value));
+        let ids: Vec<&str> = cause.indistinguishable.iter().map(|kind| kind.id()).collect();
+        entry.insert("indistinguishable".into(), json!(ids));
+        match &cause.evidence {
+            Evidence::Trace { before, after, worth, gain } => {
+                entry.insert("worth_chi_square".into(), json!(worth));
+                entry.insert("gain".into(), json!(gain));
+                entry.insert("parameter_shift".into(), shift(prepared, before, after));
+            }
+            Evidence::Trend(trend) => {
+                let ratio = trend.left_out_ratio;
+                entry.insert(
+                    "gain".into(),
+                    json!({ "held_out_rmse_ratio": { "value": ratio, "low": null, "high": null },
+                            "of": "the trials' k_srs about the other repetitions" }),
+                );
+                entry.insert(
+                    "parameter_shift".into(),
+                    stiffness_shift(prepared, &self.after, trend.kind, trend),
+                );
+            }
+            Evidence::Outliers(outliers) => {
+                let trials: Vec<Value> = outliers
+                    .iter()
+                    .map(|o| json!({ "trial": prepared.trials[o.trial].number, "k_srs_ratio": o.ratio }))
+                    .collect();
+                entry.insert("trials".into(), json!(trials));
+                entry.insert("parameter_shift".into(), json!({}));
+            }
+        }
+        Value::Object(entry)
+    }
+}
+
+/// Each parameter of a cause with its 95 % interval.
+fn parameters(diagnosis: &Diagnosis, prepared: &Prepared, cause: &Cause) -> Value {
+    let values: Vec<(f64, Option<f64>, bool)> = match &cause.evidence {
+        Evidence::Outliers(_) => return json!({}),
+        Evidence::Trend(trend) => trend.values.iter().map(|(value, se)| (*value, *se, false)).collect(),
+        Evidence::Trace { .. } => added_values(&diagnosis.after, prepared, cause.kind),
+    };
+    let entry = |(value, se, logarithmic): &(f64, Option<f64>, bool)| match se {
+        Some(se) if *logarithmic => {
+            let factor = libm::exp(1.96 * se / value.abs());
+            json!({ "value": value, "low": value / factor, "high": value * factor })
+        }
+        Some(se) => json!({ "value": value, "low": value - 1.96 * se, "high": value + 1.96 * se }),
+        None => json!({ "value": value, "low": null, "high": null }),
+    };
+    let named = cause.kind.parameters().iter().zip(&values);
+    named.map(|(parameter, own)| (parameter.name.to_string(), entry(own))).collect::<Map<_, _>>().into()
+}
+
+/// Values and standard errors of a mechanism's parameters in `fit`, and whether they are fitted as logarithms.
+fn added_values(fit: &Fit, prepared: &Prepared, kind: Kind) -> Vec<(f64, Option<f64>, bool)> {
+    let mut first = BASE_PARAMETERS.len();
+    for own in fit.kinds.iter().take_while(|own| **own != kind) {
+        first += own.parameter_count();
+    }
+    let se = fit.standard_errors(prepared);
+    (first..first + kind.parameter_count())
+        .map(|index| {
+            let low = kind.parameters()[index - first].low;
+            (fit.parameters[0][index], se.get(index).copied().flatten(), low > 0.0)
+        })
+        .collect()
+}
+
+/// Means over trials of the parameters that a reader looks at, without and with the extension.
+fn shift(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
+    let mean = |fit: &Fit, parameter: usize| {
+        fit.parameters.iter().map(|own| own[parameter]).sum::<f64>() / fit.parameters.len() as f64
+    };
+    let period = |fit: &Fit| {
+        let all: Vec<f64> = (0..fit.parameters.len())
+            .filter_map(|trial| {
+                let instants = crate::fit::simulated(prepared, fit, trial);
+                crate::wrist::srs_period_s(&instants, fit.parameters[trial][5])
+            })
+            .collect();
+        (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+    };
+    let mut entry = Map::new();
+    for parameter in [3, 4, 5] {
+        let (from, to) = (mean(before, parameter), mean(after, parameter));
+        entry.insert(BASE_PARAMETERS[parameter].into(), json!({ "before": from, "after": to }));
+    }
+    entry.insert("x_t_s".into(), json!({ "before": period(before), "after": period(after) }));
+    Value::Object(entry)
+}
+
+/// Mean of k_srs as estimated, and with the effect on each trial taken away.
+fn stiffness_shift(prepared: &Prepared, fit: &Fit, kind: Kind, trend: &super::across::Trend) -> Value {
+    let count = fit.parameters.len() as f64;
+    let values: Vec<f64> = trend.values.iter().map(|(value, _)| *value).collect();
+    let (mut before, mut after) = (0.0, 0.0);
+    for (trial, own) in fit.parameters.iter().enumerate() {
+        let mut plant = crate::wrist::Plant::base(prepared.lever, own.as_slice());
+        kind.shape(&values, &mut plant, &prepared.trials[trial].input.covariates);
+        before += own[3] / count;
+        // The effect turns the wrist's own stiffness into the estimated one; undone to first order.
+        after += own[3] * own[3] / plant.short_range_stiffness / count;
+    }
+    json!({ "k_srs_nm_per_rad": { "before": before, "after": after } })
+}
+
+/// Mean residual by time for each velocity and torque, with its noise band, before and after the extension.
+fn residual_map(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
+    let step = prepared.samples.div_ceil(50);
+    let samples: Vec<usize> = (0..prepared.samples).step_by(step).collect();
+    let (first, second) = (residuals(prepared, before), residuals(prepared, after));
+    let mut conditions: Vec<usize> = prepared.trials.iter().map(|trial| trial.condition).collect();
+    conditions.sort_unstable();
+    conditions.dedup();
+    let rows: Vec<Value> = conditions
+        .iter()
+        .map(|condition| {
+            let trials: Vec<usize> =
+                (0..prepared.trials.len()).filter(|t| prepared.trials[*t].condition == *condition).collect();
+            let count = trials.len() as f64;
+            let mean =
+                |of: &[Vec<f64>], sample: usize| trials.iter().map(|t| of[*t][sample]).sum::<f64>() / count;
+            let own = &prepared.trials[trials[0]];
+            let noise = prepared.noise_of[trials[0]].map(|index| &prepared.noises[index]);
+            let band = |sample: usize| {
+                let noise = noise?;
+                let places: Vec<usize> = prepared.noise_samples().collect();
+                let place = places.iter().position(|place| *place >= sample)?;
+                Some(libm::sqrt(noise.covariance[(place, place)] / count))
+            };
+            json!({
+                "velocity_rad_s": own.velocity_rad_s,
+                "torque_nm": own.torque_nm,
+                "condition": own.label,
+                "trials": trials.len(),
+                "mean_nm": samples.iter().map(|s| mean(&first, *s)).collect::<Vec<_>>(),
+                "sd_nm": samples.iter().map(|s| band(*s)).collect::<Vec<_>>(),
+                "after_nm": samples.iter().map(|s| mean(&second, *s)).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
+    json!({
+        "time_s": samples.iter().map(|s| *s as f64 * prepared.period_s).collect::<Vec<_>>(),
+        "conditions": rows,
+    })
+}
+
+/// The mean residual of each condition over time as a line of blocks, before and after.
+pub fn picture(map: &Value) -> String {
+    const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+    let numbers = |value: &Value| -> Vec<f64> {
+        value.as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
+    };
+    let rows: Vec<&Value> = map["conditions"].as_array().into_iter().flatten().collect();
+    let all = rows.iter().flat_map(|row| numbers(&row["mean_nm"]));
+    let largest = all.map(f64::abs).fold(1e-9, f64::max);
+    let line = |values: Vec<f64>| -> String {
+        let block = |x: f64| BLOCKS[(((x / largest + 1.0) / 2.0 * 7.0) + 0.5).clamp(0.0, 7.0) as usize];
+        values.into_iter().map(block).collect()
+    };
+    let mut text =
+        format!("mean residual over the window, full scale +-{:.1} mN m; before | after\n", largest * 1e3);
+    for row in rows {
+        let label = row["condition"].as_str().map_or_else(
+            || {
+                format!(
+                    "{:>5.2} rad/s {:>4.1} N m",
+                    row["velocity_rad_s"].as_f64().unwrap_or(0.0),
+                    row["torque_nm"].as_f64().unwrap_or(0.0)
+                )
+            },
+            |label| format!("{label:>18}"),
+        );
+        text +=
+            &format!("{label}  {} | {}\n", line(numbers(&row["mean_nm"])), line(numbers(&row["after_nm"])));
+    }
+    text
+}
+
+impl Diagnosis {
+    /// The base model with the named mechanisms at their values, which `fit`, `run` and `diagnose` accept.
+    pub fn model(&self, prepared: &Prepared) -> Model {
+        let mut model = self.after.model.clone();
+        let mut index = BASE_PARAMETERS.len();
+        for switched in &mut model.mechanisms {
+            for treatment in &mut switched.parameters {
+                *treatment = Treatment::fixed(self.after.parameters[0][index]);
+                index += 1;
+            }
+        }
+        for cause in &self.causes {
+            if let Evidence::Trend(trend) = &cause.evidence {
+                let parameters = trend.values.iter().map(|(value, _)| Treatment::fixed(*value)).collect();
+                model.mechanisms.push(Switched { kind: cause.kind, parameters });
+            }
+        }
+        debug_assert_eq!(prepared.trials.len(), self.after.parameters.len());
+        model
+    }
+
+    /// Writes `diagnosis.json` and `model.json` into `folder`.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn write(
+        &self,
+        prepared: &Prepared,
+        json: &Value,
+        disk: &Disk,
+        folder: &Path,
+    ) -> Result<(), WriteError> {
+        let text = serde_json::to_string_pretty(json).unwrap_or_default() + "\n";
+        let model =
+            self.model(prepared).to_json(Some("base model and the mechanisms that a diagnosis named"));
+        write_files(disk, folder, &[("diagnosis.json", &text), ("model.json", &model)])
+    }
+}

@@ -1,0 +1,167 @@
+//! Screening: what each mechanism would explain of the residuals, once the free parameters have absorbed their share.
+
+use nalgebra::DVector;
+
+use super::tangent::{Direction, Tangent, whiten};
+use crate::fit::{Fit, Prepared, predict};
+use crate::wrist::Response;
+use crate::wrist::mechanisms::{CATALOGUE, Class, Kind, Need, Surroundings};
+
+/// A mechanism looked at with given values.
+#[derive(Debug, Clone)]
+pub struct Probe {
+    /// Which mechanism.
+    pub kind: Kind,
+    /// Its values.
+    pub values: Vec<f64>,
+    /// What it changes, whitened, less what the free parameters absorb.
+    pub direction: Direction,
+    /// Length of the change before, and after, the absorption, in units of the noise.
+    pub size: (f64, f64),
+}
+
+/// What a probe finds in residuals.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Score {
+    /// How many multiples of the change fit the residuals best.
+    pub multiple: f64,
+    /// That in standard errors, the larger of the noise's and of the one that the trials' scatter shows.
+    pub sigmas: f64,
+    /// What the sum of squares would lose, in units of the noise.
+    pub worth: f64,
+}
+
+/// A mechanism that this session cannot tell about.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unseen {
+    /// Which.
+    pub kind: Kind,
+    /// Why.
+    pub reason: String,
+}
+
+/// Least length of a typical effect that is left after the absorption, in units of the noise, to be visible.
+const VISIBLE: f64 = 0.5;
+
+/// The probes of the whole catalogue within the trace, and what cannot be seen there.
+pub fn probes(prepared: &Prepared, fit: &Fit, tangent: &Tangent) -> (Vec<Probe>, Vec<Unseen>) {
+    let highest = prepared.trials.iter().map(|trial| {
+        let change = trial.measured_nm.iter().copied().fold(0.0, f64::max);
+        change + trial.direction * trial.torque_0_nm
+    });
+    let session = Surroundings { lever: prepared.lever, highest_torque_nm: highest.fold(0.0, f64::max) };
+    let base = torques(prepared, &fit.kinds, &fit.parameters);
+    let (mut found, mut unseen) = (Vec::new(), Vec::new());
+    for kind in CATALOGUE.iter().copied().filter(|kind| !fit.kinds.contains(kind)) {
+        if let Some(reason) = missing(prepared, kind) {
+            unseen.push(Unseen { kind, reason });
+            continue;
+        }
+        // What goes with velocity or from trial to trial is judged across trials.
+        if kind.needs().contains(&Need::Velocities)
+            || !kind.parameters().iter().any(|parameter| parameter.fitted)
+        {
+            continue;
+        }
+        let mut largest = (0.0, 0.0);
+        for values in kind.probes(&session) {
+            let probe = probe(prepared, fit, tangent, &base, kind, values);
+            if probe.size.1 > largest.1 || largest.1 == 0.0 {
+                largest = probe.size;
+            }
+            // A direction that is nearly all absorbed is rounding error.
+            if probe.size.1.is_finite() && probe.size.1 > 1e-3 * probe.size.0 && probe.size.1 > VISIBLE * 0.1
+            {
+                found.push(probe);
+            }
+        }
+        if largest.1 < VISIBLE && kind.class() != Class::Trial {
+            unseen.push(Unseen {
+                kind,
+                reason: format!(
+                    "a typical size of it is worth {:.1} standard deviations of the noise here, and {:.2} after the \
+                     free parameters have absorbed their part",
+                    largest.0, largest.1
+                ),
+            });
+        }
+    }
+    (found, unseen)
+}
+
+/// What the session lacks for a mechanism to be considered.
+pub fn missing(prepared: &Prepared, kind: Kind) -> Option<String> {
+    let varies = |read: &dyn Fn(usize) -> f64| {
+        (1..prepared.trials.len()).any(|trial| (read(trial) - read(0)).abs() > 1e-12)
+    };
+    let covariates = |trial: usize| prepared.trials[trial].input.covariates;
+    let lack = |need: &Need| match need {
+        Need::Lever if prepared.lever.is_none() => Some("the lever is rigid"),
+        Need::FlexorEmg if !varies(&|t| covariates(t).flexor_emg_excess_mvc) => {
+            Some("there is no flexor EMG")
+        }
+        Need::ExtensorEmg if !varies(&|t| covariates(t).extensor_emg_mvc) => Some("there is no extensor EMG"),
+        Need::Rest if !varies(&|t| covariates(t).rest_s) => {
+            Some("the rest before the trials is not given, or always the same")
+        }
+        Need::Velocities if !varies(&|t| covariates(t).velocity_rad_s) => Some("there is only one velocity"),
+        _ => None,
+    };
+    kind.needs().iter().find_map(lack).map(Into::into)
+}
+
+/// Predicted torques of all trials.
+pub fn torques(prepared: &Prepared, kinds: &[Kind], parameters: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let trials: Vec<usize> = (0..prepared.trials.len()).collect();
+    let flat: Vec<f64> = parameters.iter().flatten().copied().collect();
+    let mut response = Response::default();
+    predict(prepared, kinds, &[], &trials, &flat, &mut response);
+    response.torque_nm.chunks_exact(prepared.samples).map(<[f64]>::to_vec).collect()
+}
+
+fn probe(
+    prepared: &Prepared,
+    fit: &Fit,
+    tangent: &Tangent,
+    base: &[Vec<f64>],
+    kind: Kind,
+    values: Vec<f64>,
+) -> Probe {
+    let mut kinds = fit.kinds.clone();
+    kinds.push(kind);
+    let parameters: Vec<Vec<f64>> =
+        fit.parameters.iter().map(|own| own.iter().chain(&values).copied().collect()).collect();
+    let changed = torques(prepared, &kinds, &parameters);
+    let change: Direction = (0..base.len())
+        .map(|trial| {
+            let by: Vec<f64> = changed[trial].iter().zip(&base[trial]).map(|(to, from)| to - from).collect();
+            whiten(prepared, fit, trial, &by)
+        })
+        .collect();
+    let direction = tangent.project(&change);
+    let size = (length(&change), length(&direction));
+    Probe { kind, values, direction, size }
+}
+
+fn length(direction: &Direction) -> f64 {
+    libm::sqrt(direction.iter().map(DVector::norm_squared).sum())
+}
+
+/// What `probe` finds in `residuals`, whose variance is `unit` times what the noise says.
+pub fn score(probe: &Probe, residuals: &Direction, unit: f64) -> Score {
+    let squares: f64 = probe.size.1 * probe.size.1;
+    let products: Vec<f64> = probe.direction.iter().zip(residuals).map(|(d, r)| d.dot(r)).collect();
+    let sum: f64 = products.iter().sum();
+    let multiple = sum / squares;
+    let scatter: f64 = probe
+        .direction
+        .iter()
+        .zip(&products)
+        .map(|(d, product)| {
+            let left = product - multiple * d.norm_squared();
+            left * left
+        })
+        .sum();
+    let variance = (unit * squares).max(scatter);
+    Score { multiple, sigmas: sum / libm::sqrt(variance), worth: sum * sum / squares / unit }
+}

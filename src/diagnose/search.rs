@@ -1,0 +1,231 @@
+//! The search: forward steps until nothing is left over.
+
+use super::across::{LimitLaw, Outlier, Stiffnesses, Trend, limit_law, outliers, strongest_trend};
+use super::calibrate::{Finding, chance, screen};
+use super::gain::{Gain, gain};
+use super::refit::{Candidate, candidates, not_ruled_out};
+use super::rest::{ResidualTerm, residual_term};
+use super::screen::{Unseen, probes, score};
+use super::tangent::Tangent;
+use crate::fit::{Fit, Model, Prepared};
+use crate::wrist::mechanisms::Kind;
+
+/// What the diagnosis comes to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// No misfit beyond the measured noise.
+    Adequate,
+    /// Every cause told apart from every other candidate.
+    Named,
+    /// Some cause could be another.
+    Ambiguous,
+    /// Misfit remains that no candidate explains.
+    Unexplained,
+}
+
+/// What a cause rests on.
+#[derive(Debug, Clone)]
+pub enum Evidence {
+    /// It was added to the model and fitted.
+    Trace {
+        /// The fit before it was added.
+        before: Box<Fit>,
+        /// The fit with it.
+        after: Box<Fit>,
+        /// Loss of the sum of squares, in units of the noise.
+        worth: f64,
+        /// Gain on data held out.
+        gain: Gain,
+    },
+    /// The trials' stiffnesses go with it.
+    Trend(Trend),
+    /// Single trials stand apart.
+    Outliers(Vec<Outlier>),
+}
+
+/// A named cause.
+#[derive(Debug, Clone)]
+pub struct Cause {
+    /// Which mechanism.
+    pub kind: Kind,
+    /// Probability of evidence as strong where it is absent, over the whole catalogue.
+    pub p_value: f64,
+    /// Other mechanisms that the data do not rule out in its place.
+    pub indistinguishable: Vec<Kind>,
+    /// What it rests on.
+    pub evidence: Evidence,
+}
+
+/// A diagnosis.
+#[derive(Debug, Clone)]
+pub struct Diagnosis {
+    /// What it comes to.
+    pub verdict: Verdict,
+    /// Misfit of the model as given: the larger of the catalogue's best score and the nameless pattern's excess.
+    pub misfit: Finding,
+    /// Probability of such a misfit where there is none, within the trace and across the trials.
+    pub p_value: f64,
+    /// The causes, by what they gain.
+    pub causes: Vec<Cause>,
+    /// Probability of the misfit that is left.
+    pub left_over_p_value: f64,
+    /// The pattern of what is left, if it is more than noise: no mechanism, a description.
+    pub residual_term: Option<ResidualTerm>,
+    /// What this session cannot tell about.
+    pub unseen: Vec<Unseen>,
+    /// How the elastic limit goes with velocity and torque.
+    pub limit_law: Option<LimitLaw>,
+    /// The fit of the model as given.
+    pub before: Fit,
+    /// The fit of the extended model.
+    pub after: Fit,
+    /// Remarks for a person.
+    pub remarks: Vec<String>,
+}
+
+/// Probability below which a misfit is one, over both levels. Stricter than the 5 % of false alarms that are allowed, since the
+/// simulated sessions have Gaussian noise of exactly the measured covariance, and real ones do not.
+const SIGNIFICANT: f64 = 0.01;
+
+/// Most mechanisms that are added one after the other.
+const MOST_STEPS: usize = 4;
+
+/// Least loss of the sum of squares, beyond what its parameters gain from noise, for which a mechanism is added.
+const WORTH_ADDING: f64 = 8.0;
+
+/// Diagnoses `prepared` as seen by `model`.
+pub fn diagnose(prepared: &Prepared, model: &Model, seed: u64) -> Diagnosis {
+    let before = Fit::leaning(prepared, model);
+    let mut remarks = Vec::new();
+    let mut fit = before.clone();
+    let mut causes: Vec<Cause> = Vec::new();
+    let mut unseen = Vec::new();
+    let mut misfit = None;
+    let mut p_within = 1.0;
+    let mut left_within = 1.0;
+    for step in 0..=MOST_STEPS {
+        let tangent = Tangent::new(prepared, &fit);
+        let (probes, not_visible) = probes(prepared, &fit, &tangent);
+        let residuals = tangent.residuals();
+        let finding = screen(prepared, &tangent, &probes, &residuals);
+        let chance = chance(prepared, &fit, &tangent, &probes, &finding, seed);
+        left_within = chance.of_any();
+        if step == 0 {
+            unseen = not_visible;
+            misfit = Some(finding);
+            p_within = left_within;
+        }
+        if 2.0 * left_within > SIGNIFICANT || step == MOST_STEPS {
+            break;
+        }
+        let scored: Vec<_> = probes
+            .into_iter()
+            .map(|probe| {
+                let score = score(&probe, &residuals, finding.unit);
+                (probe, score)
+            })
+            .collect();
+        let found = candidates(prepared, &fit, &scored, finding.unit);
+        let Some(best) = found.first().filter(|best| best.merit() > WORTH_ADDING) else { break };
+        causes.push(Cause {
+            kind: best.kind,
+            p_value: chance.of_any().max(chance.of_largest.min(chance.of_excess)),
+            indistinguishable: not_ruled_out(prepared, &found, finding.unit, seed),
+            evidence: trace_evidence(prepared, &fit, best, seed),
+        });
+        fit = best.fit.clone();
+    }
+    let (across, p_across, left_across) = across_trials(prepared, &fit, seed, &mut remarks);
+    causes.extend(across);
+    causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));
+    let left_over_p_value = (2.0 * left_within.min(left_across)).min(1.0);
+    let verdict = if left_over_p_value < SIGNIFICANT {
+        Verdict::Unexplained
+    } else if causes.iter().any(|cause| !cause.indistinguishable.is_empty()) {
+        Verdict::Ambiguous
+    } else if causes.is_empty() {
+        Verdict::Adequate
+    } else {
+        Verdict::Named
+    };
+    let residual_term = (verdict == Verdict::Unexplained).then(|| residual_term(prepared, &fit)).flatten();
+    Diagnosis {
+        verdict,
+        misfit: misfit.unwrap_or(Finding { largest: 0.0, excess: 0.0, unit: 1.0 }),
+        p_value: (2.0 * f64::min(p_within, p_across)).min(1.0),
+        causes,
+        left_over_p_value,
+        residual_term,
+        unseen,
+        limit_law: limit_law(prepared, &fit),
+        before,
+        after: fit,
+        remarks,
+    }
+}
+
+fn trace_evidence(prepared: &Prepared, before: &Fit, best: &Candidate, seed: u64) -> Evidence {
+    Evidence::Trace {
+        before: Box::new(before.clone()),
+        after: Box::new(best.fit.clone()),
+        worth: best.worth,
+        gain: gain(prepared, before, &best.fit, seed),
+    }
+}
+
+/// Looks for outliers and trends; returns the causes, the probability of the first finding and of what is left.
+fn across_trials(
+    prepared: &Prepared,
+    fit: &Fit,
+    seed: u64,
+    remarks: &mut Vec<String>,
+) -> (Vec<Cause>, f64, f64) {
+    let Some(all) = Stiffnesses::new(prepared, fit, &[]) else {
+        remarks.push(
+            "too few repetitions to compare trials with each other: at least six more trials than conditions are needed"
+                .into(),
+        );
+        return (Vec::new(), 1.0, 1.0);
+    };
+    let mut causes = Vec::new();
+    let (found, p_outliers) = outliers(&all, seed);
+    let except: Vec<usize> = found.iter().map(|outlier| outlier.trial).collect();
+    let kept = Stiffnesses::new(prepared, fit, &except);
+    let trends = kept.as_ref().and_then(|data| strongest_trend(prepared, fit, data, seed));
+    let p_trend = trends.as_ref().map_or(1.0, |(_, p)| *p);
+    if !found.is_empty() && 4.0 * p_outliers < 5.0 * SIGNIFICANT {
+        causes.push(Cause {
+            kind: Kind::OutlierTrial,
+            p_value: (2.0 * p_outliers).min(1.0),
+            indistinguishable: Vec::new(),
+            evidence: Evidence::Outliers(found),
+        });
+    }
+    if let Some((trends, p)) = trends.filter(|(_, p)| 4.0 * p < SIGNIFICANT)
+        && let Some((first, rivals)) = trends.split_first()
+    {
+        // Two covariates that go together are told apart by how much better one fits; likelihoods within this factor are not.
+        let near = |rival: &&Trend| first.t * first.t - rival.t * rival.t < NOT_TOLD_APART;
+        causes.push(Cause {
+            kind: first.kind,
+            p_value: (2.0 * p).min(1.0),
+            indistinguishable: rivals.iter().filter(near).map(|rival| rival.kind).collect(),
+            evidence: Evidence::Trend(first.clone()),
+        });
+    }
+    let p = (2.0 * p_outliers.min(p_trend)).min(1.0);
+    (causes, p, 1.0)
+}
+
+/// Difference of squared t values below which two trends are not told apart (95 % of chi-square with one degree).
+const NOT_TOLD_APART: f64 = 3.84;
+
+/// What a cause leaves of the misfit, for the order of the list.
+fn ratio_of(cause: &Cause) -> f64 {
+    match &cause.evidence {
+        Evidence::Trace { gain, .. } => gain.held_out_rmse_ratio.value,
+        Evidence::Trend(trend) => trend.left_out_ratio,
+        Evidence::Outliers(_) => 1.0,
+    }
+}

@@ -1,0 +1,224 @@
+//! What the free parameters can and cannot absorb: the tangent space of a fit, in whitened units.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::screen::torques;
+use crate::fit::{Fit, Link, Objective, Prepared, predictions};
+
+/// A fit's residuals and tangent space, component by component.
+pub struct Tangent {
+    parts: Vec<Part>,
+    /// Values a trial in whitened units, and how many of its coordinates are known beforehand: each is one more value.
+    rows: Vec<usize>,
+    known: Vec<usize>,
+    /// What the encoder's rounding of the angle at rest may do to all trials alike: projected, and of length one.
+    at_rest: Option<Direction>,
+}
+
+/// One component: trials that share parameters.
+struct Part {
+    trials: Vec<usize>,
+    /// Orthonormal basis of what the parameters can do.
+    basis: DMatrix<f64>,
+    /// Whitened residuals (measured less predicted), less what the parameters could still do.
+    residual: DVector<f64>,
+}
+
+/// A change of the predictions, whitened, one vector a trial. Projected ones lack the part that the free parameters can absorb,
+/// and end with what the change would do to coordinates known beforehand.
+pub type Direction = Vec<DVector<f64>>;
+
+impl Tangent {
+    /// The tangent space of `fit`.
+    pub fn new(prepared: &Prepared, fit: &Fit) -> Self {
+        let predictions = predictions(prepared, fit);
+        let count = prepared.trials.len();
+        let known: Vec<Vec<usize>> = (0..count).map(|trial| known(fit, trial)).collect();
+        let rows: Vec<usize> =
+            (0..count).map(|trial| whiten_rows(prepared, fit, trial) + known[trial].len()).collect();
+        let parts = fit
+            .layout
+            .components
+            .iter()
+            .map(|component| {
+                let order = component.order();
+                let count: usize = component.trials.iter().map(|trial| rows[*trial]).sum();
+                let mut jacobian = DMatrix::zeros(count, order.len());
+                let mut residual = DVector::zeros(count);
+                let mut first = 0;
+                for trial in &component.trials {
+                    let (own, left) = (&predictions[*trial].jacobian, &predictions[*trial].residual_nm);
+                    let white = whiten_matrix(prepared, fit, *trial, own);
+                    let values = white.nrows();
+                    residual.rows_mut(first, values).copy_from(&whiten(prepared, fit, *trial, left));
+                    for (row, coordinate) in known[*trial].iter().enumerate() {
+                        let (centre, sd) = fit.layout.coordinates[*coordinate].prior.unwrap_or((0.0, 1.0));
+                        residual[first + values + row] =
+                            (centre - fit.solution.coordinates[*coordinate]) / sd;
+                        if let Some(place) = order.iter().position(|own| own == coordinate) {
+                            jacobian[(first + values + row, place)] = 1.0 / sd;
+                        }
+                    }
+                    for (row, parameter) in fit.layout.estimated.iter().enumerate() {
+                        let value = fit.parameters[*trial][*parameter];
+                        fit.layout.slopes(*trial, *parameter, value, |coordinate, slope| {
+                            if let Some(place) = order.iter().position(|own| *own == coordinate) {
+                                let mut column = jacobian.view_mut((first, place), (values, 1));
+                                column += white.column(row) * slope;
+                            }
+                        });
+                    }
+                    first += rows[*trial];
+                }
+                let basis = orthonormal(jacobian);
+                residual -= &basis * basis.tr_mul(&residual);
+                Part { trials: component.trials.clone(), basis, residual }
+            })
+            .collect();
+        let known = known.iter().map(Vec::len).collect();
+        let mut tangent = Self { parts, rows, known, at_rest: None };
+        if prepared.angle_step_rad > 0.0 {
+            let direction = tangent.project(&rounding_at_rest(prepared, fit));
+            let length = libm::sqrt(direction.iter().map(DVector::norm_squared).sum());
+            if length > 1e-6 {
+                tangent.at_rest = Some(direction.into_iter().map(|own| own / length).collect());
+            }
+        }
+        tangent
+    }
+
+    /// The whitened residuals by trial.
+    pub fn residuals(&self) -> Direction {
+        self.without_rounding(self.by_trial(|part| part.residual.clone()))
+    }
+
+    /// Takes away from `change` what the free parameters can absorb.
+    pub fn project(&self, change: &Direction) -> Direction {
+        let projected = self.by_trial(|part| {
+            let mut stacked = DVector::zeros(part.residual.len());
+            let mut first = 0;
+            for trial in &part.trials {
+                stacked.rows_mut(first, change[*trial].len()).copy_from(&change[*trial]);
+                first += self.rows[*trial];
+            }
+            stacked -= &part.basis * part.basis.tr_mul(&stacked);
+            stacked
+        });
+        self.without_rounding(projected)
+    }
+
+    fn without_rounding(&self, mut values: Direction) -> Direction {
+        if let Some(at_rest) = &self.at_rest {
+            let along: f64 = at_rest.iter().zip(&values).map(|(unit, own)| unit.dot(own)).sum();
+            for (own, unit) in values.iter_mut().zip(at_rest) {
+                *own -= along * unit;
+            }
+        }
+        values
+    }
+
+    /// Values less parameters: the degrees of freedom of the residuals.
+    pub fn freedom(&self) -> f64 {
+        self.parts.iter().map(|part| part.residual.len() as f64 - part.basis.ncols() as f64).sum()
+    }
+
+    /// The whitened values of a trial's torque, without those that stand for what is known beforehand.
+    pub fn torque_values(&self, trial: usize) -> usize {
+        self.rows[trial] - self.known[trial]
+    }
+
+    fn by_trial(&self, stacked: impl Fn(&Part) -> DVector<f64>) -> Direction {
+        let mut result = vec![DVector::zeros(0); self.rows.len()];
+        for part in &self.parts {
+            let all = stacked(part);
+            let mut first = 0;
+            for trial in &part.trials {
+                result[*trial] = all.rows(first, self.rows[*trial]).into_owned();
+                first += self.rows[*trial];
+            }
+        }
+        result
+    }
+}
+
+/// When the motor leaves the encoder step that it stood in, s after the onset, and when it is well out of it.
+const LEAVES_S: (f64, f64) = (0.001, 0.004);
+
+/// The change of the predictions if the angle at rest was rounded by one step: the motor comes back to the same place after
+/// each trial, so that the error is the same in all of them and averages out in none.
+fn rounding_at_rest(prepared: &Prepared, fit: &Fit) -> Direction {
+    let mut shifted = prepared.clone();
+    for trial in &mut shifted.trials {
+        let onset = trial.input.onset;
+        for (sample, knot) in trial.input.motion.iter_mut().enumerate().skip(onset) {
+            let time = (sample - onset) as f64 * prepared.period_s;
+            let part = ((time - LEAVES_S.0) / (LEAVES_S.1 - LEAVES_S.0)).clamp(0.0, 1.0);
+            let phase = std::f64::consts::PI * part;
+            knot.theta += trial.direction * prepared.angle_step_rad * 0.5 * (1.0 - libm::cos(phase));
+            knot.omega +=
+                trial.direction * prepared.angle_step_rad * 0.5 * libm::sin(phase) * std::f64::consts::PI
+                    / (LEAVES_S.1 - LEAVES_S.0);
+        }
+    }
+    let before = torques(prepared, &fit.kinds, &fit.parameters);
+    let after = torques(&shifted, &fit.kinds, &fit.parameters);
+    (0..before.len())
+        .map(|trial| {
+            let change: Vec<f64> =
+                after[trial].iter().zip(&before[trial]).map(|(to, from)| to - from).collect();
+            whiten(prepared, fit, trial, &change)
+        })
+        .collect()
+}
+
+/// An orthonormal basis of the columns' span; columns that add next to nothing are left out.
+fn orthonormal(mut columns: DMatrix<f64>) -> DMatrix<f64> {
+    for mut column in columns.column_iter_mut() {
+        let norm = column.norm();
+        if norm > 0.0 {
+            column /= norm;
+        }
+    }
+    let decomposed = columns.col_piv_qr();
+    let (basis, triangle) = (decomposed.q(), decomposed.r());
+    let largest = triangle[(0, 0)].abs();
+    let rank =
+        (0..triangle.nrows().min(triangle.ncols())).take_while(|i| triangle[(*i, *i)].abs() > 1e-6 * largest);
+    basis.columns(0, rank.count()).into_owned()
+}
+
+/// The coordinates of a trial's own block that something is known of beforehand.
+fn known(fit: &Fit, trial: usize) -> Vec<usize> {
+    let mut known = Vec::new();
+    for link in &fit.layout.links[trial] {
+        if let Link::Logarithmic { coordinate, .. } = link
+            && fit.layout.coordinates[*coordinate].prior.is_some()
+        {
+            known.push(*coordinate);
+        }
+    }
+    known
+}
+
+fn whiten_rows(prepared: &Prepared, fit: &Fit, trial: usize) -> usize {
+    match (&fit.objective, prepared.noise_of[trial]) {
+        (Objective::Whitened(whiteners), Some(noise)) => whiteners[noise].nrows(),
+        _ => prepared.samples,
+    }
+}
+
+/// A trial's torques in units of its noise.
+pub fn whiten(prepared: &Prepared, fit: &Fit, trial: usize, torque_nm: &[f64]) -> DVector<f64> {
+    let torque = DVector::from_column_slice(torque_nm);
+    match (&fit.objective, prepared.noise_of[trial]) {
+        (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * torque,
+        _ => torque,
+    }
+}
+
+fn whiten_matrix(prepared: &Prepared, fit: &Fit, trial: usize, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    match (&fit.objective, prepared.noise_of[trial]) {
+        (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * columns,
+        _ => columns.clone(),
+    }
+}

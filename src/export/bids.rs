@@ -1,0 +1,176 @@
+//! A BIDS dataset of sessions: `emg` recordings where there is EMG, `motion` recordings where there is none.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::bdf::{self, Channel};
+use super::error::ExportError;
+use super::sidecars::{self, TASK};
+use crate::dataset::{self, Session, Trial};
+
+/// A session to export, and what the person is called in file names.
+#[derive(Debug, Clone)]
+pub struct Participant {
+    /// The session's folder.
+    pub folder: PathBuf,
+    /// The label after `sub-`; the session's subject if not given.
+    pub label: Option<String>,
+}
+
+/// One session, loaded, with its place in the dataset.
+struct Entry {
+    folder: PathBuf,
+    session: Session,
+    label: String,
+    /// Which session of this person, where there are several.
+    number: Option<usize>,
+}
+
+/// Writes a dataset of `participants` into `target`, which must be new or empty.
+///
+/// # Errors
+/// If a session cannot be read, a subject is not fit for file names, or the target holds something or cannot be written.
+/// What can be known beforehand is checked before anything is written.
+pub fn write(participants: &[Participant], target: &Path) -> Result<(), ExportError> {
+    if target.exists() && fs::read_dir(target).map_err(ExportError::at(target))?.next().is_some() {
+        return Err(ExportError::NotEmpty(target.into()));
+    }
+    let entries = load(participants)?;
+    fs::create_dir_all(target).map_err(ExportError::at(target))?;
+    put_json(&target.join("dataset_description.json"), &sidecars::dataset())?;
+    put(&target.join("README.md"), sidecars::README)?;
+    put_json(&target.join(format!("task-{TASK}_events.json")), &sidecars::events_meaning())?;
+    let people: BTreeSet<&str> = entries.iter().map(|entry| entry.label.as_str()).collect();
+    let rows: String = people.iter().map(|label| format!("sub-{label}\n")).collect();
+    put(&target.join("participants.tsv"), &format!("participant_id\n{rows}"))?;
+    let meaning = serde_json::json!({ "participant_id": { "Description": "The person measured" } });
+    put_json(&target.join("participants.json"), &meaning)?;
+    put_json(&target.join("derivatives/ramphold/dataset_description.json"), &sidecars::derivatives())?;
+    entries.iter().try_for_each(|entry| entry.write(target))
+}
+
+fn load(participants: &[Participant]) -> Result<Vec<Entry>, ExportError> {
+    let mut entries = Vec::new();
+    let mut sessions_of: BTreeMap<String, usize> = BTreeMap::new();
+    for participant in participants {
+        let session = dataset::load(&participant.folder)?;
+        let label = label(participant, &session)?;
+        if session.trials.iter().all(|trial| trial.record.theta_m_rad.is_empty()) {
+            return Err(ExportError::Nothing(participant.folder.clone()));
+        }
+        let number = sessions_of.entry(label.clone()).or_default();
+        *number += 1;
+        entries.push(Entry { folder: participant.folder.clone(), session, label, number: Some(*number) });
+    }
+    // BIDS names sessions either everywhere or nowhere.
+    if sessions_of.values().all(|count| *count == 1) {
+        entries.iter_mut().for_each(|entry| entry.number = None);
+    }
+    Ok(entries)
+}
+
+fn label(participant: &Participant, session: &Session) -> Result<String, ExportError> {
+    let label = participant.label.as_ref().unwrap_or(&session.subject.id);
+    if !label.is_empty() && label.chars().all(|c| c.is_ascii_alphanumeric()) {
+        return Ok(label.clone());
+    }
+    let kept: String = label.chars().filter(char::is_ascii_alphanumeric).collect();
+    let suggestion = if kept.is_empty() { "S01".into() } else { kept };
+    let session = participant.folder.join("session.json");
+    Err(ExportError::Subject { session, id: label.clone(), suggestion })
+}
+
+impl Entry {
+    /// `sub-S01`, or `sub-S01/ses-02`.
+    fn folder(&self) -> String {
+        let session = self.number.map_or(String::new(), |number| format!("/ses-{number:02}"));
+        format!("sub-{}{session}", self.label)
+    }
+
+    fn write(&self, target: &Path) -> Result<(), ExportError> {
+        let stem = format!("{}_task-{TASK}", self.folder().replace('/', "_"));
+        for trial in self.session.trials.iter().filter(|trial| !trial.record.theta_m_rad.is_empty()) {
+            let has_emg = trial.record.emg_fcr_mvc.is_some() || trial.record.emg_ecr_mvc.is_some();
+            let (kind, track) = if has_emg { ("emg", "") } else { ("motion", "_tracksys-motor") };
+            let folder = target.join(self.folder()).join(kind);
+            let run = format!("run-{:03}", trial.number);
+            put(&folder.join(format!("{stem}_{run}_events.tsv")), &sidecars::events(trial))?;
+            let name = |suffix: &str| folder.join(format!("{stem}{track}_{run}_{suffix}"));
+            if has_emg { self.emg(trial, name)? } else { self.motion(trial, name)? }
+        }
+        copy(&self.folder, &target.join("sourcedata").join(self.folder()), &|path| {
+            !path.ends_with("results")
+        })?;
+        let results = self.folder.join("results");
+        if results.is_dir() {
+            copy(&results, &target.join("derivatives/ramphold").join(self.folder()), &|_| true)?;
+        }
+        Ok(())
+    }
+
+    fn emg(&self, trial: &Trial, name: impl Fn(&str) -> PathBuf) -> Result<(), ExportError> {
+        let record = &trial.record;
+        let muscles = [("emg_fcr", &record.emg_fcr_mvc), ("emg_ecr", &record.emg_ecr_mvc)];
+        let measured = muscles.iter().filter_map(|(label, values)| Some((*label, "MVC", values.as_ref()?)));
+        let moved = [("theta_m", "rad", &record.theta_m_rad), ("torque_l", "N.m", &record.torque_l_nm)];
+        let channels: Vec<Channel> =
+            measured.chain(moved).map(|(label, unit, values)| Channel { label, unit, values }).collect();
+        let path = name("emg.bdf");
+        let bytes = bdf::recording(&self.label, self.session.sample_rate_hz, &channels).map_err(
+            |(place, value)| ExportError::OutOfRange {
+                path: path.clone(),
+                channel: channels[place].label,
+                value,
+                limit: bdf::LIMIT,
+            },
+        )?;
+        fs::write(&path, bytes).map_err(ExportError::at(&path))?;
+        put_json(
+            &name("emg.json"),
+            &sidecars::emg(&self.session, record.theta_m_rad.len(), channels.len() - 2),
+        )?;
+        put(&name("channels.tsv"), &sidecars::emg_channels(channels.iter().map(|channel| channel.label)))
+    }
+
+    fn motion(&self, trial: &Trial, name: impl Fn(&str) -> PathBuf) -> Result<(), ExportError> {
+        let record = &trial.record;
+        let rows = record.theta_m_rad.iter().zip(&record.torque_l_nm);
+        let text: String = rows.map(|(angle, torque)| format!("{angle}\t{torque}\n")).collect();
+        put(&name("motion.tsv"), &text)?;
+        put_json(&name("motion.json"), &sidecars::motion(&self.session))?;
+        put(&name("channels.tsv"), sidecars::MOTION_CHANNELS)
+    }
+}
+
+fn put(path: &Path, text: &str) -> Result<(), ExportError> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(ExportError::at(folder))?;
+    }
+    fs::write(path, text).map_err(ExportError::at(path))
+}
+
+fn put_json(path: &Path, value: &Value) -> Result<(), ExportError> {
+    put(path, &format!("{value:#}\n"))
+}
+
+/// Copies a folder, without what is not wanted and without links, which might lead anywhere.
+fn copy(from: &Path, to: &Path, wanted: &dyn Fn(&Path) -> bool) -> Result<(), ExportError> {
+    fs::create_dir_all(to).map_err(ExportError::at(to))?;
+    for entry in fs::read_dir(from).map_err(ExportError::at(from))? {
+        let entry = entry.map_err(ExportError::at(from))?;
+        let (source, target) = (entry.path(), to.join(entry.file_name()));
+        let kind = entry.file_type().map_err(ExportError::at(&source))?;
+        if !wanted(&source) {
+            continue;
+        }
+        if kind.is_dir() {
+            copy(&source, &target, wanted)?;
+        } else if kind.is_file() {
+            fs::copy(&source, &target).map_err(ExportError::at(&source))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,145 @@
+//! The JSON and TSV files that tell what a BIDS recording holds.
+
+use serde_json::{Value, json};
+
+use crate::dataset::{PROGRAM, Session, Trial};
+
+/// The task's name in files.
+pub const TASK: &str = "rampandhold";
+
+/// The version of BIDS that is written.
+const BIDS_VERSION: &str = "1.11.0";
+
+/// `dataset_description.json` of the dataset.
+pub fn dataset() -> Value {
+    json!({
+        "Name": "Ramp-and-hold experiments on the human wrist",
+        "BIDSVersion": BIDS_VERSION,
+        "DatasetType": "raw",
+        "GeneratedBy": [generated_by()],
+    })
+}
+
+/// `dataset_description.json` of the derivatives.
+pub fn derivatives() -> Value {
+    json!({
+        "Name": "Fits and diagnoses of ramp-and-hold sessions",
+        "BIDSVersion": BIDS_VERSION,
+        "DatasetType": "derivative",
+        "GeneratedBy": [generated_by()],
+    })
+}
+
+fn generated_by() -> Value {
+    let (name, version) = PROGRAM.split_once(' ').unwrap_or((PROGRAM, ""));
+    json!({ "Name": name, "Version": version })
+}
+
+/// The README that BIDS asks for.
+pub const README: &str = "\
+# Ramp-and-hold experiments on the human wrist
+
+A stiff servo motor holds a wrist, the person pushes with a set torque, and the motor extends the wrist with a fast ramp.
+Each run is a trial: motor angle (rad), torque in the lever (N m) and, where it was measured, EMG of flexor and extensor
+carpi radialis as a fraction of maximal voluntary contraction. Signals are raw: unfiltered, offsets not removed.
+
+The sessions as they were recorded are in sourcedata/, fits, diagnoses and reports in derivatives/ramphold/.
+";
+
+/// `_emg.json`.
+pub fn emg(session: &Session, samples: usize, muscles: usize) -> Value {
+    json!({
+        "TaskName": TASK,
+        "TaskDescription": task(),
+        "SamplingFrequency": session.sample_rate_hz,
+        "PowerLineFrequency": "n/a",
+        "SoftwareFilters": filters(session),
+        "RecordingType": "continuous",
+        "RecordingDuration": samples as f64 / session.sample_rate_hz,
+        "EMGChannelCount": muscles,
+        "MISCChannelCount": 2,
+        "EMGPlacementScheme": "Other",
+        "EMGPlacementSchemeDescription": "On the bellies of flexor carpi radialis (FCR) and extensor carpi radialis (ECR)",
+        "EMGReference": "bipolar",
+        "EMGGround": "n/a",
+    })
+}
+
+/// `_motion.json`.
+pub fn motion(session: &Session) -> Value {
+    json!({
+        "TaskName": TASK,
+        "TaskDescription": task(),
+        "SamplingFrequency": session.sample_rate_hz,
+        "TrackingSystemName": "servo motor with encoder and strain gauges",
+        "MotionChannelCount": 2,
+        "JNTANGChannelCount": 1,
+        "MISCChannelCount": 1,
+        "MissingValues": "n/a",
+        "SoftwareFilters": filters(session),
+    })
+}
+
+fn task() -> &'static str {
+    "Hold a target torque against the motor; once it is steady, a fast ramp extends the wrist and holds it there"
+}
+
+fn filters(session: &Session) -> Value {
+    session.recorded_filter.map_or(json!("n/a"), |filter| json!({ "BeforeRecording": filter }))
+}
+
+/// `_channels.tsv` of an EMG recording with the channels named.
+pub fn emg_channels<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let rows =
+        names.map(|name| match EMG_CHANNELS.iter().find(|row| row.starts_with(&format!("{name}\t"))) {
+            Some(row) => format!("{row}\n"),
+            None => format!("{name}\tMISC\tn/a\tn/a\tn/a\tn/a\tn/a\n"),
+        });
+    "name\ttype\tunits\tdescription\treference\tgroup\ttarget_muscle\n".to_owned() + &rows.collect::<String>()
+}
+
+const EMG_CHANNELS: [&str; 4] = [
+    "emg_fcr\tEMG\tMVC\tflexor carpi radialis, fraction of maximal voluntary contraction\tbipolar\twrist\tflexor carpi radialis",
+    "emg_ecr\tEMG\tMVC\textensor carpi radialis, fraction of maximal voluntary contraction\tbipolar\twrist\textensor carpi radialis",
+    "theta_m\tMISC\trad\tmotor angle, positive extends the wrist\tn/a\tn/a\tn/a",
+    "torque_l\tMISC\tN.m\ttorque in the lever, positive resists extension\tn/a\tn/a\tn/a",
+];
+
+/// `_channels.tsv` of a motion recording.
+pub const MOTION_CHANNELS: &str = "\
+name\tcomponent\ttype\ttracked_point\tunits\tdescription\n\
+theta_m\tn/a\tJNTANG\twrist\trad\tmotor angle, positive extends the wrist\n\
+torque_l\tn/a\tMISC\twrist\tN.m\ttorque in the lever, positive resists extension\n";
+
+/// What the columns of `_events.tsv` mean.
+pub fn events_meaning() -> Value {
+    json!({
+        "trial_type": { "Description": "ramp: the motor begins to extend the wrist" },
+        "velocity_rad_s": { "Description": "Ramp velocity", "Units": "rad/s" },
+        "torque_nm": { "Description": "Target torque", "Units": "N.m" },
+        "repetition": { "Description": "Which repetition of its condition" },
+        "trial": { "Description": "Number of the trial in the session" },
+        "status": { "Description": "What became of the trial", "Levels": {
+            "ok": "complete", "rejected": "a rule of the protocol was broken", "aborted": "ended before its time" } },
+    })
+}
+
+/// `_events.tsv` of a trial; no row where there is no onset.
+pub fn events(trial: &Trial) -> String {
+    let mut text =
+        "onset\tduration\ttrial_type\tvelocity_rad_s\ttorque_nm\trepetition\ttrial\tstatus\n".to_owned();
+    if let Some(onset_s) = trial.onset_s {
+        let amplitude: Option<f64> = trial.extra.get("amplitude_rad").and_then(|text| text.parse().ok());
+        let duration = amplitude.map_or("n/a".into(), |rad| (rad / trial.velocity_rad_s).abs().to_string());
+        text += &format!(
+            "{}\t{duration}\tramp\t{}\t{}\t{}\t{}\t{}\n",
+            onset_s - trial.record.start_s,
+            trial.velocity_rad_s,
+            trial.torque_nm,
+            trial.repetition,
+            trial.number,
+            trial.status.name()
+        );
+    }
+    text
+}

@@ -1,0 +1,182 @@
+//! The noise of a session: measured in the holds, or where there are none in how repetitions differ.
+
+use super::prepare::{HOLD_S, Prepared, PreparedTrial, View, mean};
+use crate::dataset::Session;
+use crate::signal::{FilterSpec, Noise};
+
+/// Where the noise was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoiseSource {
+    /// In the holds before the ramps: the noise alone.
+    Holds,
+    /// In how the repetitions of a condition differ: the noise and what really changed from trial to trial. A standard error
+    /// from it tells how far another repetition may lie off.
+    Repetitions,
+    /// In how the residuals of a plain fit differ between repetitions: the noise without what the parameters absorbed.
+    Residuals,
+}
+
+/// Stretches of hold that a torque level needs for a noise of its own; with fewer, all levels share one.
+const STRETCHES_FOR_OWN_NOISE: usize = 300;
+
+/// Stretches of hold that a noise is measured on at least: their covariance must leave the fit more directions to look in
+/// than it has parameters.
+const FEWEST_STRETCHES: usize = 60;
+
+/// Part of the mean variance that stands for what the trials' parameters absorbed.
+const ABSORBED: f64 = 0.05;
+
+/// Differences between repetitions that a covariance is measured on at least.
+const FEWEST_DIFFERENCES: usize = 12;
+
+/// Time that the filter is given to settle at the start of a record, s.
+const SETTLING_S: f64 = 0.025;
+
+impl Prepared {
+    /// The samples of the window that noise is measured on; the last is among them.
+    pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
+        (0..self.samples).rev().step_by(self.stride).collect::<Vec<_>>().into_iter().rev()
+    }
+
+    /// Stretches of the hold (which ends at the onset), each a window long, less the level before it; they overlap.
+    pub(super) fn hold_stretches(&self, hold: &[f64]) -> Vec<Vec<f64>> {
+        let level = self.level_samples();
+        let settling =
+            if self.sections.is_empty() { 0 } else { libm::ceil(SETTLING_S / self.period_s) as usize };
+        let longest = libm::round(HOLD_S / self.period_s) as usize;
+        let begin = settling.max(hold.len().saturating_sub(longest));
+        let mut stretches = Vec::new();
+        let mut end = hold.len();
+        while end >= begin + level + self.samples {
+            let window = &hold[end - self.samples..end];
+            let base = mean(&hold[end - self.samples - level..end - self.samples]);
+            stretches.push(self.noise_samples().map(|i| window[i] - base).collect());
+            end -= (self.samples / 10).max(1);
+        }
+        stretches
+    }
+
+    /// The covariance of the noise, by torque level where the holds are long enough, else over all trials.
+    pub(super) fn measure_noise(&mut self) {
+        let mut levels: Vec<f64> = self.trials.iter().map(|trial| trial.torque_nm).collect();
+        levels.sort_by(f64::total_cmp);
+        levels.dedup();
+        let stretches = |wanted: Option<f64>| -> Vec<Vec<f64>> {
+            let of_level = |trial: &&PreparedTrial| wanted.is_none_or(|level| trial.torque_nm == level);
+            self.trials
+                .iter()
+                .filter(of_level)
+                .flat_map(|trial| trial.hold_stretches.iter().cloned())
+                .collect()
+        };
+        let by_level: Vec<_> = levels.iter().map(|level| stretches(Some(*level))).collect();
+        if by_level.iter().all(|own| own.len() >= STRETCHES_FOR_OWN_NOISE) {
+            self.noises = by_level.iter().filter_map(|own| Noise::measure(own)).collect();
+            let level_of = |trial: &PreparedTrial| levels.iter().position(|level| *level == trial.torque_nm);
+            self.noise_of = self.trials.iter().map(level_of).collect();
+            self.noise_source = Some(NoiseSource::Holds);
+            return;
+        }
+        let all = stretches(None);
+        let (source, of) = if all.len() >= FEWEST_STRETCHES {
+            (NoiseSource::Holds, all)
+        } else {
+            (NoiseSource::Repetitions, self.differences())
+        };
+        if of.len() >= FEWEST_DIFFERENCES {
+            self.noises = Noise::measure(&of).into_iter().collect();
+            self.noise_source = Some(source);
+        }
+        self.noise_of = vec![(!self.noises.is_empty()).then_some(0); self.trials.len()];
+    }
+
+    /// Takes the noise from how residuals of a plain fit scatter among the repetitions of a condition; for sessions without a
+    /// hold. It lacks what the trials' own parameters absorbed, so a part of its mean variance is added to every direction.
+    pub fn take_noise_from_repetitions(&mut self, model: &super::Model) {
+        let fit = super::Fit::new(self, model, super::Weighting::Plain);
+        let predictions = super::predictions(self, &fit);
+        let places: Vec<usize> = self.noise_samples().collect();
+        let of_trial =
+            |trial: usize| places.iter().map(|p| predictions[trial].residual_nm[*p]).collect::<Vec<f64>>();
+        let residuals: Vec<Vec<f64>> = (0..self.trials.len()).map(of_trial).collect();
+        let mut deviations = Vec::new();
+        for (trial, own) in residuals.iter().enumerate() {
+            let same: Vec<&Vec<f64>> = (0..residuals.len())
+                .filter(|other| self.trials[*other].condition == self.trials[trial].condition)
+                .map(|other| &residuals[other])
+                .collect();
+            let count = same.len() as f64;
+            if count < 2.0 {
+                continue;
+            }
+            let bias = libm::sqrt(count / (count - 1.0));
+            let mean_at = |place: usize| same.iter().map(|r| r[place]).sum::<f64>() / count;
+            deviations.push((0..own.len()).map(|place| bias * (own[place] - mean_at(place))).collect());
+        }
+        if let Some(mut noise) = Noise::measure(&deviations) {
+            let floor = ABSORBED * noise.covariance.trace() / noise.covariance.nrows() as f64;
+            for place in 0..noise.covariance.nrows() {
+                noise.covariance[(place, place)] += floor;
+            }
+            self.noise_source = Some(NoiseSource::Residuals);
+            self.noises = vec![noise];
+            self.noise_of = vec![Some(0); self.trials.len()];
+        }
+    }
+
+    /// How each trial's torque differs from the mean over its condition's repetitions, made as large as between independent
+    /// records; one repetition of each condition, which says nothing new, is left out.
+    fn differences(&self) -> Vec<Vec<f64>> {
+        let places: Vec<usize> = self.noise_samples().collect();
+        let same = |a: &PreparedTrial, b: &PreparedTrial| a.condition == b.condition;
+        let of_condition = |trials: &[PreparedTrial]| -> Vec<Vec<f64>> {
+            let count = trials.len() as f64;
+            let at = |place: usize| trials.iter().map(move |trial| trial.measured_nm[place]);
+            let means: Vec<f64> = places.iter().map(|place| at(*place).sum::<f64>() / count).collect();
+            let enlarge = libm::sqrt(count / (count - 1.0));
+            let own = |trial: &PreparedTrial| {
+                places
+                    .iter()
+                    .zip(&means)
+                    .map(|(place, mean)| enlarge * (trial.measured_nm[*place] - mean))
+                    .collect()
+            };
+            trials.iter().skip(1).map(own).collect()
+        };
+        self.trials.chunk_by(same).filter(|trials| trials.len() > 1).flat_map(of_condition).collect()
+    }
+}
+
+/// Every how many samples the noise is measured: six times the cut-off stays below half the rate of what is left, and a
+/// long window keeps at most a hundred values.
+pub(super) fn stride(session: &Session, view: View, samples: usize) -> usize {
+    let FilterSpec::Butterworth { cutoff_hz, .. } = session.recorded_filter.unwrap_or(view.filter);
+    let by_filter = libm::floor(session.sample_rate_hz / (12.0 * cutoff_hz)) as usize;
+    by_filter.max(samples.div_ceil(100)).max(1)
+}
+
+/// The error of the recorded angle, rad: from its second differences in the holds, at least that of the encoder's steps,
+/// which a still motor does not show; and that step, where the holds are still.
+pub(super) fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
+    let (mut squares, mut count, mut step) = (0.0, 0.0, f64::INFINITY);
+    for trial in trials {
+        // The first sample may have been measured before the trial began.
+        let theta = trial.record.theta_m_rad.get(1..).unwrap_or_default();
+        for pair in theta.windows(2) {
+            let change = (pair[1] - pair[0]).abs();
+            if change > 1e-9 && change < step {
+                step = change;
+            }
+        }
+        for three in theta[..theta.len() / 5].windows(3) {
+            let second = three[0] - 2.0 * three[1] + three[2];
+            squares += second * second;
+            count += 1.0;
+        }
+    }
+    let step = if step.is_finite() { step } else { 0.0 };
+    // White noise has second differences of six times its variance, rounding to steps a variance of step^2 / 12.
+    let (in_hold, of_steps) = (squares / 6.0 / f64::max(count, 1.0), step * step / 12.0);
+    (libm::sqrt(in_hold.max(of_steps)), if in_hold < of_steps { step } else { 0.0 })
+}

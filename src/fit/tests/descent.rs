@@ -1,0 +1,146 @@
+//! The optimisation: its steps, its bounds, and where it ends.
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use super::super::normal::evaluate;
+use super::super::solve::solve;
+use super::*;
+
+fn guess_of_truth(prepared: &Prepared) -> Guess {
+    Guess::given(prepared, prepared.trials.iter().map(|t| truth(t.velocity_rad_s, t.torque_nm)).collect())
+}
+
+#[test]
+fn the_arrowhead_step_is_that_of_the_dense_matrix() {
+    let prepared = Maker::new(1).prepared();
+    let model = Model::paper();
+    let guess = guess_of_truth(&prepared);
+    let layout = Layout::new(&prepared, &model, &guess);
+    let (objective, _) = objective(&prepared, Weighting::MeasuredNoise, &[PERSON]);
+    let component = &layout.components[0];
+    assert_eq!((layout.components.len(), component.border.len(), component.order().len()), (1, 1, 61));
+    let at: Vec<f64> =
+        layout.start().iter().enumerate().map(|(i, x)| x + 0.05 * ((i % 7) as f64 - 3.0)).collect();
+    let normal = &evaluate(&prepared, &layout, &[], &objective, &[component], &at)[0];
+    let damping = 0.01;
+    let mut held = vec![false; 61];
+    (held[3], held[17]) = (true, true);
+    let step = normal.damped_step(component, &layout, damping, &held).unwrap();
+    let mut dense = normal.dense(component);
+    let mut right = -normal.gradient(component);
+    for i in 0..61 {
+        // All coordinates are logarithms, of scale one; the second part is the floor that the solver keeps.
+        dense[(i, i)] += damping * dense[(i, i)] + 1e-9 * normal.cost;
+        if held[i] {
+            dense.row_mut(i).fill(0.0);
+            dense.column_mut(i).fill(0.0);
+            (dense[(i, i)], right[i]) = (1.0, 0.0);
+        }
+    }
+    let expected: DVector<f64> = dense.lu().solve(&right).unwrap();
+    assert!((&step - &expected).norm() < 1e-6 * expected.norm(), "{:e}", (&step - &expected).norm());
+    assert_eq!((step[3], step[17]), (0.0, 0.0));
+}
+
+const PERSON: [f64; 6] = [0.005, 1.2, 300.0, 20.0, 13.0, 0.04];
+
+#[test]
+fn the_gradient_is_that_of_the_cost() {
+    let prepared = Maker::new(1).prepared();
+    let layout = Layout::new(&prepared, &Model::paper(), &guess_of_truth(&prepared));
+    for weighting in [Weighting::MeasuredNoise, Weighting::Plain] {
+        let (objective, _) = objective(&prepared, weighting, &[PERSON]);
+        let component = &layout.components[0];
+        let at = |coordinates: &[f64]| {
+            evaluate(&prepared, &layout, &[], &objective, &[component], coordinates).remove(0)
+        };
+        let start: Vec<f64> = layout.start().iter().map(|x| x + 0.02).collect();
+        let gradient = at(&start).gradient(component);
+        let scale = gradient.amax();
+        for (place, index) in component.order().into_iter().enumerate() {
+            let moved = |by: f64| {
+                let mut moved = start.clone();
+                moved[index] += by;
+                at(&moved).cost
+            };
+            let slope = (8.0 * (moved(1e-3) - moved(-1e-3)) - (moved(2e-3) - moved(-2e-3))) / 12e-3;
+            assert!(
+                (slope - gradient[place]).abs() < 1e-6 * scale,
+                "{place}: {slope} and {}",
+                gradient[place]
+            );
+        }
+    }
+}
+
+#[test]
+fn from_two_hundred_starts_within_a_factor_of_three_the_fit_reaches_the_same_optimum() {
+    let prepared = Maker::new(1).prepared();
+    let points = looks(&prepared);
+    let (objective, covariances) = objective(&prepared, Weighting::MeasuredNoise, &points);
+    let fit_from = |guess: &Guess| {
+        let (objective, covariances) = (objective.clone(), covariances.clone());
+        let mut fit = Fit::from_guess(&prepared, &Model::paper(), objective, covariances, guess);
+        fit.look_again(&prepared);
+        fit
+    };
+    let cost = |fit: &Fit| fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>();
+    let best = cost(&fit_from(&guess_of_truth(&prepared)));
+    let reaches = |start: u32| {
+        let mut stream = Stream::new(3, &format!("start/{start}"));
+        let mut spread = |value: f64| value * libm::exp((2.0 * stream.uniform() - 1.0) * libm::log(3.0));
+        let first = prepared.trials.iter().map(|t| truth(t.velocity_rad_s, t.torque_nm).map(&mut spread));
+        let found = cost(&fit_from(&Guess::given(&prepared, first.collect())));
+        assert!(found > best * 0.999, "the reference was not the best: {found} and {best}");
+        found < best * 1.001
+    };
+    let reached = (0..200).into_par_iter().filter(|start| reaches(*start)).count();
+    assert!(reached >= 198, "{reached} of 200");
+}
+
+#[test]
+fn bounds_are_kept_and_told_of() {
+    let prepared = Maker::new(1).prepared();
+    let mut model = Model::paper();
+    (model.base[3].low, model.base[3].high) = (Some(5.0), Some(17.0));
+    let fit = Fit::new(&prepared, &model, Weighting::MeasuredNoise);
+    assert!(fit.parameters.iter().all(|own| own[3] <= 17.0 * (1.0 + 1e-9)));
+    let estimates = estimates(&prepared, &fit);
+    let told = |estimate: &&Estimate| {
+        estimate.remarks.iter().any(|r| r.contains("k_srs_nm_per_rad ended at its bound"))
+    };
+    // k_srs is 19 and 23 N m/rad at the two higher torques.
+    assert!(estimates.iter().filter(told).all(|e| e.se[3].is_none()));
+    assert!(estimates.iter().filter(told).count() >= 8);
+}
+
+#[test]
+fn a_start_where_the_model_cannot_be_evaluated_is_told() {
+    let prepared = Maker::new(1).prepared();
+    let layout = Layout::new(&prepared, &Model::paper(), &guess_of_truth(&prepared));
+    let start = vec![f64::NAN; layout.coordinates.len()];
+    let solution = solve(&prepared, &layout, &[], &Objective::LeastSquares, &start, Effort::default());
+    assert_eq!(solution.outcomes[0].stop, Stop::NotFinite);
+}
+
+#[test]
+fn a_parameter_without_influence_leaves_the_others_determined() {
+    // Without noise weighting and with the yield far outside the window, k_dec and x_e cannot be known.
+    let mut maker = Maker::new(1);
+    maker.truth = |velocity, torque| {
+        let mut own = truth(velocity, torque);
+        own[5] = 0.5;
+        own
+    };
+    let prepared = maker.prepared();
+    let fit = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
+    let estimates = estimates(&prepared, &fit);
+    for estimate in &estimates {
+        assert!(relative(estimate.values[0], 0.005) < 0.1, "I_j {}", estimate.values[0]);
+        let unknown = estimate.se[5].is_none_or(|se| se > 0.1) || !estimate.remarks.is_empty();
+        assert!(unknown, "{:?} of x_e {}", estimate.se[5], estimate.values[5]);
+    }
+    let all = estimates.iter().flat_map(|e| e.se.into_iter().chain(e.sem).flatten());
+    assert!(all.into_iter().all(f64::is_finite));
+}

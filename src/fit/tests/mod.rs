@@ -1,0 +1,121 @@
+//! The fit on sessions made by the model itself, where the truth is known.
+
+mod descent;
+mod models;
+mod noise;
+
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::dataset::{Record, Session, Status, Subject, Trial};
+use crate::random::Stream;
+use crate::wrist::{self, Lever, Request, Width};
+
+const PERIOD_S: f64 = 4e-4;
+const LEVER: Lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
+
+/// The paper's conditions (section 2.2).
+const VELOCITIES: [f64; 4] = [1.3, 1.95, 2.6, 3.25];
+const TORQUES: [f64; 3] = [0.9, 1.5, 2.1];
+
+/// The six parameters as parameters.md has them for a condition.
+fn truth(velocity_rad_s: f64, torque_nm: f64) -> [f64; 6] {
+    let x_e = 0.025 + 0.04 * (velocity_rad_s - 1.3) / 1.95;
+    let k_srs = 15.0 + 8.0 * (torque_nm - 0.9) / 1.2;
+    let k_dec = 9.0 + 3.0 * (torque_nm - 0.9) + 1.6 * (velocity_rad_s - 1.3);
+    [0.005, 1.2, 300.0, k_srs, k_dec, x_e]
+}
+
+/// A session of the paper's conditions with white torque noise, half a second of hold before each ramp.
+struct Maker {
+    repetitions: u32,
+    noise_nm: f64,
+    hold_s: f64,
+    seed: u64,
+    truth: fn(f64, f64) -> [f64; 6],
+}
+
+impl Maker {
+    fn new(repetitions: u32) -> Self {
+        Self { repetitions, noise_nm: 0.02, hold_s: 0.5, seed: 1, truth }
+    }
+
+    fn session(&self) -> Session {
+        let mut stream = Stream::new(self.seed, "test session");
+        let mut trials = Vec::new();
+        for repetition in 1..=self.repetitions {
+            for velocity in VELOCITIES {
+                for torque in TORQUES {
+                    let number = trials.len() as u32 + 1;
+                    trials.push(Trial {
+                        number,
+                        file: format!("trials/trial-{number:03}.csv"),
+                        velocity_rad_s: velocity,
+                        torque_nm: torque,
+                        repetition,
+                        condition: None,
+                        onset_s: Some(0.0),
+                        status: Status::Ok,
+                        extra: BTreeMap::new(),
+                        record: self.record(velocity, torque, &mut stream),
+                    });
+                }
+            }
+        }
+        Session {
+            subject: Subject { id: "T".into() },
+            sample_rate_hz: 1.0 / PERIOD_S,
+            lever: Some(LEVER),
+            recorded_filter: None,
+            trials,
+        }
+    }
+
+    fn record(&self, velocity: f64, torque: f64, stream: &mut Stream) -> Record {
+        let before = (self.hold_s / PERIOD_S).round() as usize;
+        let theta: Vec<f64> =
+            (0..before + 150).map(|i| angle(velocity, (i as f64 - before as f64) * PERIOD_S)).collect();
+        let trial = wrist::Trial {
+            motion: wrist::knots(&theta, PERIOD_S),
+            onset: before,
+            covariates: Default::default(),
+        };
+        let request = Request {
+            lever: Some(LEVER),
+            kinds: &[],
+            period_s: PERIOD_S,
+            samples: 150,
+            lead: 10,
+            substeps: 8,
+            filter: &[],
+            wanted: &[],
+            width: Width::One,
+        };
+        let ramp = wrist::trace(&request, &trial, &(self.truth)(velocity, torque));
+        let clean =
+            std::iter::repeat_n(0.0, before).chain(ramp.iter().map(|instant| instant.torques.measured));
+        Record {
+            start_s: -(before as f64) * PERIOD_S,
+            torque_l_nm: clean.map(|t| torque + t + self.noise_nm * stream.normal()).collect(),
+            theta_m_rad: theta,
+            emg_fcr_mvc: None,
+            emg_ecr_mvc: None,
+        }
+    }
+
+    fn prepared(&self) -> Prepared {
+        Prepared::new(&self.session(), View::default()).unwrap()
+    }
+}
+
+/// A ramp whose speed rises as a raised cosine in 18 ms.
+fn angle(velocity: f64, t: f64) -> f64 {
+    let rise = 0.018;
+    let risen = t.clamp(0.0, rise);
+    let phase = std::f64::consts::PI / rise;
+    velocity * (0.5 * (risen - libm::sin(phase * risen) / phase) + (t - rise).max(0.0))
+}
+
+fn relative(value: f64, expected: f64) -> f64 {
+    (value / expected - 1.0).abs()
+}

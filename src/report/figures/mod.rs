@@ -1,0 +1,40 @@
+//! The figures of the report.
+
+mod balance;
+mod glance;
+mod parameters;
+mod residuals;
+mod stiffness;
+mod trial;
+
+pub use balance::balance;
+pub use glance::{gates, lateness, order};
+pub use parameters::parameters;
+pub use residuals::{ResidualMap, residual_map};
+pub use stiffness::stiffness;
+pub use trial::trial;
+
+use super::chart::COLOURS;
+use super::traces::Trace;
+
+/// The distinct values, in order.
+pub fn distinct(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
+}
+
+/// The colour of the value at a place in a list.
+fn colour(place: usize) -> usize {
+    1 + place % COLOURS
+}
+
+/// The traces of each condition together; they come sorted by it.
+pub fn by_condition(traces: &[Trace]) -> Vec<&[Trace]> {
+    let same = |a: &Trace, b: &Trace| match (&a.label, &b.label) {
+        (Some(a), Some(b)) => a == b,
+        _ => a.velocity_rad_s == b.velocity_rad_s && a.torque_nm == b.torque_nm,
+    };
+    traces.chunk_by(same).collect()
+}

@@ -1,0 +1,120 @@
+//! The paper's Fig. 4: a recording and its fit, at both time scales.
+
+use crate::report::chart::{Chart, Mark, Sign, Stroke};
+use crate::report::figure::Figure;
+use crate::report::fitted::condition_name;
+use crate::report::scale::{Axis, milliseconds};
+use crate::report::traces::Trace;
+
+/// Draws one trial.
+pub fn trial(trace: &Trace, window_s: f64) -> Figure {
+    let name = condition_name(trace.label.as_ref(), trace.velocity_rad_s, trace.torque_nm);
+    let vaf = trace.fit.as_ref().and_then(|fit| fit.values.get("vaf").copied().flatten());
+    let remarks: String =
+        trace.fit.iter().flat_map(|fit| &fit.remarks).map(|remark| format!(" Remark: {remark}.")).collect();
+    let mirrored =
+        if trace.velocity_rad_s < 0.0 { " C and D are mirrored, so that the ramp is positive." } else { "" };
+    let fitted = match (trace.instants.is_empty(), vaf) {
+        (true, _) => "There is no fit to show beside it.".to_owned(),
+        (_, Some(vaf)) => format!("Variance accounted for: {vaf:.5}."),
+        _ => String::new(),
+    };
+    Figure {
+        id: format!("trial-{:03}", trace.number),
+        title: format!("Trial {}: {name}, repetition {}", trace.number, trace.repetition),
+        caption: format!(
+            "A, B: motor angle and filtered torque as recorded; the shade marks the {} ms that are analysed. C, D: the same \
+             stretch as a change from the hold, with what the fitted wrist does.{mirrored} {fitted}{remarks}",
+            milliseconds(window_s)
+        ),
+        panels: vec![
+            whole(trace, window_s, "A  angle", "motor angle (rad)", |p| p.1),
+            whole(trace, window_s, "B  torque", "torque (N m)", |p| p.2),
+            angles(trace, window_s),
+            torques(trace, window_s),
+        ],
+        columns: 2,
+    }
+}
+
+fn whole(
+    trace: &Trace,
+    window_s: f64,
+    title: &str,
+    unit: &str,
+    value: impl Fn(&(f64, f64, f64)) -> f64,
+) -> crate::report::chart::Panel {
+    let points: Vec<(f64, f64)> = trace.whole.iter().map(|p| (p.0 * 1e3, value(p))).collect();
+    let (first, last) = (points.first().map_or(0.0, |p| p.0), points.last().map_or(1.0, |p| p.0));
+    Chart {
+        title: title.into(),
+        x: Axis::new("time from the onset (ms)", first, last),
+        y: Axis::around(unit, points.iter().map(|p| p.1)),
+        marks: vec![Mark::Window(0.0, window_s * 1e3), Mark::Line(0, Stroke::Solid, points)],
+        legend: Vec::new(),
+    }
+    .panel()
+}
+
+fn near_axis(trace: &Trace, window_s: f64) -> Axis {
+    let first = trace.near.first().map_or(-0.25 * window_s, |p| p.0);
+    Axis::new("time from the onset (ms)", first * 1e3, 1.3 * window_s * 1e3)
+}
+
+fn angles(trace: &Trace, window_s: f64) -> crate::report::chart::Panel {
+    let motor: Vec<_> = trace.near.iter().map(|p| (p.0 * 1e3, p.1 * 1e3)).collect();
+    let of = |angle: fn(&crate::wrist::Instant) -> f64| -> Vec<(f64, f64)> {
+        trace.instants.iter().map(|i| (i.time_s * 1e3, angle(i) * 1e3)).collect()
+    };
+    let (handle, joint) = (of(|i| i.state.theta_l), of(|i| i.state.theta_j));
+    let mut legend = vec![(0, Sign::Line(Stroke::Solid), "θm motor".to_owned())];
+    let mut marks = vec![Mark::Window(0.0, window_s * 1e3), Mark::Line(0, Stroke::Solid, motor.clone())];
+    if !trace.instants.is_empty() {
+        // A rigid lever has no angle of its own.
+        if handle.iter().any(|p| p.1 != 0.0) {
+            marks.push(Mark::Line(2, Stroke::Dashed, handle));
+            legend.push((2, Sign::Line(Stroke::Dashed), "θl lever".into()));
+        }
+        marks.push(Mark::Line(1, Stroke::Solid, joint.clone()));
+        legend.push((1, Sign::Line(Stroke::Solid), "θj joint".into()));
+        if let Some(x_e) = trace.fit.as_ref().and_then(|fit| fit.values.get("x_e_rad").copied().flatten())
+            && let Some(x_t) = crate::wrist::srs_period_s(&trace.instants, x_e)
+        {
+            marks.push(Mark::At(x_t * 1e3, format!("x_t {:.1} ms", x_t * 1e3)));
+        }
+    }
+    Chart {
+        title: "C  angles".into(),
+        x: near_axis(trace, window_s),
+        y: Axis::around("change of angle (mrad)", motor.iter().chain(&joint).map(|p| p.1)),
+        marks,
+        legend,
+    }
+    .panel()
+}
+
+fn torques(trace: &Trace, window_s: f64) -> crate::report::chart::Panel {
+    let measured: Vec<_> = trace.near.iter().map(|p| (p.0 * 1e3, p.2)).collect();
+    let fitted: Vec<_> = trace.fitted_nm.iter().map(|(t, torque)| (t * 1e3, *torque)).collect();
+    let hand: Vec<_> = trace.instants.iter().map(|i| (i.time_s * 1e3, i.torques.interface)).collect();
+    let rest = trace.residual_nm.iter().zip(&fitted).map(|(residual, (t, _))| (*t, *residual)).collect();
+    let mut legend = vec![(0, Sign::Line(Stroke::Solid), "measured".to_owned())];
+    let mut marks = vec![Mark::Window(0.0, window_s * 1e3), Mark::Line(0, Stroke::Solid, measured.clone())];
+    if !fitted.is_empty() {
+        marks.push(Mark::Line(2, Stroke::Dashed, fitted.clone()));
+        marks.push(Mark::Line(3, Stroke::Thin, hand.clone()));
+        marks.push(Mark::Line(1, Stroke::Thin, rest));
+        legend.push((2, Sign::Line(Stroke::Dashed), "fitted".into()));
+        legend.push((3, Sign::Line(Stroke::Thin), "Th, unfiltered".into()));
+        legend.push((1, Sign::Line(Stroke::Thin), "left over".into()));
+    }
+    let values = measured.iter().chain(&fitted).chain(&hand).map(|p| p.1);
+    Chart {
+        title: "D  torques".into(),
+        x: near_axis(trace, window_s),
+        y: Axis::around("change of torque (N m)", values.chain([0.0])),
+        marks,
+        legend,
+    }
+    .panel()
+}

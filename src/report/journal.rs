@@ -1,0 +1,87 @@
+//! What the journal tells a reader: how long the gates took to open, how long the session was, which faults there were.
+
+use serde_json::Value;
+
+/// The times of a session, from its journal.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Times {
+    /// Number of a measured trial and how long its gate took to open, s.
+    pub gates: Vec<(u32, f64)>,
+    /// From the first word to the last, s, pauses between two starts of the program not counted.
+    pub duration_s: f64,
+    /// How often the program was started again.
+    pub resumed: usize,
+    /// Events that are not of the ordinary course, with their time, s.
+    pub incidents: Vec<(f64, String)>,
+    /// Lines that could not be read.
+    pub unread_lines: usize,
+}
+
+/// Length and checksum that stand before each line's JSON.
+const HEAD: usize = 8 + 1 + 16 + 1;
+
+/// Reads the journal's lines; one that was cut off by a crash is counted and passed over.
+pub fn times(text: &str, sample_rate_hz: f64) -> Times {
+    let mut times = Times::default();
+    let (mut before_s, mut last_s) = (0.0, 0.0);
+    let mut trial: Option<(u32, f64)> = None;
+    for line in text.lines() {
+        let Some(record) = line.get(HEAD..).and_then(|json| serde_json::from_str::<Value>(json).ok()) else {
+            times.unread_lines += 1;
+            continue;
+        };
+        if record["record"] == "resumed" {
+            times.resumed += 1;
+            (before_s, trial) = (before_s + last_s, None);
+            last_s = 0.0;
+        }
+        let Some(sample) = record["sample"].as_u64() else { continue };
+        last_s = sample as f64 / sample_rate_hz;
+        let detail = &record["detail"];
+        if detail["began"]["practice"] == false {
+            trial = detail["began"]["number"].as_u64().map(|number| (number as u32, last_s));
+        }
+        let event = record["event"].as_str().unwrap_or("");
+        if event == "gate_opened"
+            && let Some((number, began_s)) = trial.take()
+        {
+            times.gates.push((number, last_s - began_s));
+        }
+        let unusual = ["pause", "resume", "abort", "fault", "acknowledge", "skip"];
+        if unusual.iter().any(|word| event.contains(word)) || !detail["fault"].is_null() {
+            let what =
+                if detail["fault"].is_null() { String::new() } else { format!(": {}", detail["fault"]) };
+            times.incidents.push((before_s + last_s, format!("{event}{what}")));
+        }
+    }
+    times.duration_s = before_s + last_s;
+    times
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(json: &str) -> String {
+        format!("{:026}{json}\n", 0)
+    }
+
+    #[test]
+    fn a_gate_is_timed_from_the_start_of_its_trial_and_practice_is_not_counted() {
+        let began = |sample: u64, number: u32, practice: bool| {
+            line(&format!(
+                r#"{{"record":"happened","sample":{sample},"from":"rest","event":"rest_over","to":"hold","detail":{{"began":{{"number":{number},"practice":{practice},"position":1,"rest_samples":1}}}}}}"#
+            ))
+        };
+        let opened = |sample: u64| {
+            line(&format!(
+                r#"{{"record":"happened","sample":{sample},"from":"hold","event":"gate_opened","to":"delay"}}"#
+            ))
+        };
+        let text = began(100, 1, true) + &opened(150) + &began(200, 1, false) + &opened(260) + "cut o";
+        let times = times(&text, 100.0);
+        let [(number, gate_s)] = times.gates[..] else { panic!("one gate, not {:?}", times.gates) };
+        assert!(number == 1 && (gate_s - 0.6).abs() < 1e-9, "trial {number}: {gate_s} s");
+        assert!((times.duration_s - 2.6).abs() < 1e-9 && times.unread_lines == 1);
+    }
+}

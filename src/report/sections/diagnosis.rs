@@ -1,0 +1,204 @@
+//! What the model gets wrong, and why.
+
+use serde_json::Value;
+
+use super::Section;
+use crate::report::figures::{ResidualMap, residual_map};
+use crate::report::material::Material;
+use crate::report::scale::{escape, significant};
+use crate::report::table::{Cell, Table};
+use crate::wrist::mechanisms::CATALOGUE;
+
+/// The diagnosis; what the file does not say is said.
+pub fn diagnosis(material: &Material) -> Section {
+    let mut section = Section::new("diagnosis", "Diagnosis: what the model gets wrong");
+    let Some(file) = &material.diagnosis else {
+        section.absent("There is no diagnosis yet. Get it with: ramphold diagnose SESSION");
+        if let Some(figure) = residual_map(&ResidualMap::of_fit(&material.traces)) {
+            section.figure(figure);
+        }
+        return section;
+    };
+    let mut file = File { root: file, absent: Vec::new() };
+    verdict(&mut section, &mut file);
+    causes(&mut section, &mut file);
+    let map = match ResidualMap::of_diagnosis(&file.root["residual_map"]) {
+        Ok(map) => map,
+        Err(problem) => {
+            file.absent.push(format!("residual_map ({problem}); the map below is of the fit alone"));
+            ResidualMap::of_fit(&material.traces)
+        }
+    };
+    if let Some(figure) = residual_map(&map) {
+        section.figure(figure);
+    }
+    for remark in file.root["remarks"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        section.say(&format!("Remark: {remark}."));
+    }
+    if !file.absent.is_empty() {
+        section.absent(&format!("diagnosis.json does not say: {}.", file.absent.join("; ")));
+    }
+    section
+}
+
+/// The file, and what was looked for in it in vain.
+struct File<'a> {
+    root: &'a Value,
+    absent: Vec<String>,
+}
+
+impl<'a> File<'a> {
+    fn number(&mut self, path: &str) -> Option<f64> {
+        let found = self.root.pointer(path).and_then(Value::as_f64);
+        if found.is_none() {
+            self.absent.push(path.trim_start_matches('/').replace('/', "."));
+        }
+        found
+    }
+
+    fn text(&mut self, path: &str) -> &'a str {
+        match self.root.pointer(path).and_then(Value::as_str) {
+            Some(text) => text,
+            None => {
+                self.absent.push(path.trim_start_matches('/').replace('/', "."));
+                "not said"
+            }
+        }
+    }
+
+    /// `value [low, high]`.
+    fn interval(&mut self, path: &str, digits: i32) -> String {
+        let [value, low, high] = ["value", "low", "high"].map(|name| self.number(&format!("{path}/{name}")));
+        let show = |value: Option<f64>| value.map_or("–".into(), |value| significant(value, digits));
+        format!("{} [{}, {}]", show(value), show(low), show(high))
+    }
+}
+
+fn verdict(section: &mut Section, file: &mut File) {
+    let verdict = file.text("/verdict");
+    let meaning = match verdict {
+        "adequate" => "The model leaves nothing over beyond the measured noise.",
+        "named" => "Every cause below was told apart from every other candidate.",
+        "ambiguous" => "There is a misfit, and some cause could not be told apart from another candidate.",
+        "unexplained" => "A misfit remains that no candidate explains; what was found is listed still.",
+        _ => "A verdict that this program does not know.",
+    };
+    let [statistic, p_value, left_over] =
+        ["/misfit/statistic", "/misfit/p_value", "/left_over/p_value"].map(|path| file.number(path));
+    let show = |value: Option<f64>| value.map_or("–".into(), |value| significant(value, 2));
+    section.html += &format!(
+        "<p class=\"verdict\"><b>{}</b> {}</p><dl><dt>Misfit</dt><dd>statistic {}, p = {}</dd><dt>Left over after the \
+         extension</dt><dd>p = {}</dd></dl>",
+        escape(verdict),
+        meaning,
+        show(statistic),
+        show(p_value),
+        show(left_over)
+    );
+    if let Some(rest) = file.root.get("residual_term").filter(|rest| !rest.is_null()) {
+        let text = serde_json::to_string_pretty(rest).unwrap_or_default();
+        section.html += &format!(
+            "<p>What is left over is described by a term that stands for no mechanism:</p><pre>{}</pre>",
+            escape(&text)
+        );
+    }
+}
+
+fn causes(section: &mut Section, file: &mut File) {
+    let Some(causes) = file.root["causes"].as_array() else {
+        file.absent.push("causes".into());
+        return;
+    };
+    let mut named = Vec::new();
+    let mut shifts = Vec::new();
+    for index in 0..causes.len() {
+        let at = format!("/causes/{index}");
+        let mechanism = file.text(&format!("{at}/mechanism"));
+        named.push(cause(file, &at, mechanism));
+        shifts.extend(shift(file, &at, mechanism));
+    }
+    if named.is_empty() {
+        section.say("No cause is named.");
+        return;
+    }
+    let head = [
+        "cause",
+        "class",
+        "size [95 % interval]",
+        "p",
+        "not told apart from",
+        "held-out error, after / before",
+        "VAF before",
+        "VAF after",
+    ];
+    let caption = "Causes, by gain".to_owned();
+    section.html += &Table { caption, head: head.map(String::from).to_vec(), rows: named }.html();
+    if !shifts.is_empty() {
+        let head = ["cause", "parameter", "before", "after", "change (%)"].map(String::from).to_vec();
+        section.html +=
+            &Table { caption: "What the causes had done to the parameters".into(), head, rows: shifts }
+                .html();
+    }
+}
+
+fn cause(file: &mut File, at: &str, mechanism: &str) -> Vec<Cell> {
+    let title =
+        CATALOGUE.iter().find(|kind| kind.id() == mechanism).map(|kind| format!(": {}", kind.title()));
+    let names: Vec<String> = match file.root.pointer(&format!("{at}/parameters")).and_then(Value::as_object) {
+        Some(parameters) => parameters.keys().cloned().collect(),
+        None => {
+            file.absent.push(format!("{}.parameters", at.trim_start_matches('/').replace('/', ".")));
+            Vec::new()
+        }
+    };
+    let sizes: Vec<String> = names
+        .iter()
+        .map(|name| {
+            let key = name.replace('~', "~0").replace('/', "~1");
+            format!("{name} {}", file.interval(&format!("{at}/parameters/{key}"), 3))
+        })
+        .collect();
+    let rivals = match file.root.pointer(&format!("{at}/indistinguishable")).and_then(Value::as_array) {
+        Some(rivals) if rivals.is_empty() => "none".to_owned(),
+        Some(rivals) => rivals
+            .iter()
+            .map(|rival| rival.as_str().map_or_else(|| rival.to_string(), str::to_owned))
+            .collect::<Vec<_>>()
+            .join(", "),
+        None => {
+            file.absent.push(format!("{}.indistinguishable", at.trim_start_matches('/').replace('/', ".")));
+            "not said".into()
+        }
+    };
+    vec![
+        Cell::text(format!("{mechanism}{}", title.unwrap_or_default())),
+        Cell::text(file.text(&format!("{at}/class"))),
+        Cell::text(sizes.join("; ")),
+        Cell::number(file.number(&format!("{at}/p_value")), 2),
+        Cell::text(rivals),
+        Cell::text(file.interval(&format!("{at}/gain/held_out_rmse_ratio"), 2)),
+        Cell::number(file.number(&format!("{at}/gain/vaf_before")), 4),
+        Cell::number(file.number(&format!("{at}/gain/vaf_after")), 4),
+    ]
+}
+
+fn shift(file: &mut File, at: &str, mechanism: &str) -> Vec<Vec<Cell>> {
+    let Some(shifts) = file.root.pointer(&format!("{at}/parameter_shift")).and_then(Value::as_object) else {
+        file.absent.push(format!("{}.parameter_shift", at.trim_start_matches('/').replace('/', ".")));
+        return Vec::new();
+    };
+    shifts
+        .iter()
+        .map(|(parameter, shift)| {
+            let (before, after) = (shift["before"].as_f64(), shift["after"].as_f64());
+            let change = before.zip(after).map(|(before, after)| 100.0 * (after - before) / before);
+            vec![
+                Cell::text(mechanism),
+                Cell::text(parameter),
+                Cell::number(before, 4),
+                Cell::number(after, 4),
+                Cell::number(change, 2),
+            ]
+        })
+        .collect()
+}

@@ -1,0 +1,138 @@
+//! The session at a glance.
+
+use super::Section;
+use crate::dataset::Status;
+use crate::report::figures;
+use crate::report::material::Material;
+use crate::report::scale::{escape, milliseconds, significant};
+use crate::report::table::{Cell, Table};
+
+/// Who, what, how long, what was lost and why.
+pub fn glance(material: &Material) -> Section {
+    let mut section = Section::new("session", "The session at a glance");
+    section.html += &facts(material);
+    if !material.missing.is_empty() {
+        section.html += "<div class=\"missing\"><b>Not in this report</b><ul>";
+        for missing in &material.missing {
+            section.html += &format!("<li>{}</li>", escape(missing));
+        }
+        section.html += "</ul></div>";
+    }
+    let lost = lost(material);
+    if lost.rows.is_empty() {
+        section.say("No trial was rejected or aborted.");
+    } else {
+        section.html += &lost.html();
+    }
+    section.html += "<div class=\"pair\">";
+    if !material.session.trials.is_empty() {
+        section.figure(figures::order(&material.session));
+    }
+    match &material.times {
+        Some(times) if !times.gates.is_empty() => {
+            let needed_s = material.protocol.as_ref().map(|protocol| protocol.gate.duration_s);
+            section.figure(figures::gates(&times.gates, needed_s));
+        }
+        _ => section.absent("The session has no journal that tells when gates opened."),
+    }
+    if let Some(lateness) = &material.lateness {
+        section.figure(figures::lateness(lateness));
+    }
+    section.html += "</div>";
+    section
+}
+
+fn facts(material: &Material) -> String {
+    let session = &material.session;
+    let count = |status: Status| session.trials.iter().filter(|trial| trial.status == status).count();
+    let mut facts = vec![("Subject", session.subject.id.clone())];
+    match &material.protocol {
+        Some(protocol) => {
+            facts.push(("Protocol", protocol.name.clone()));
+            let design = format!(
+                "{} velocities × {} torques × {} repetitions",
+                protocol.velocities_rad_s.len(),
+                protocol.torques_nm.len(),
+                protocol.repetitions
+            );
+            facts.push(("Design", design));
+        }
+        None => facts.push(("Protocol", "none in the session".into())),
+    }
+    let trials = format!(
+        "{} kept, {} rejected, {} aborted",
+        count(Status::Ok),
+        count(Status::Rejected),
+        count(Status::Aborted)
+    );
+    facts.push(("Trials", trials));
+    if let Some(times) = &material.times {
+        facts.push(("Duration", minutes(times.duration_s)));
+        let gates = figures::distinct(times.gates.iter().map(|(_, time_s)| *time_s));
+        if let (Some(shortest), Some(longest)) = (gates.first(), gates.last()) {
+            let typical = gates[gates.len() / 2];
+            let three = [typical, *shortest, *longest].map(|time_s| significant(time_s, 2));
+            facts.push((
+                "Gate opened after",
+                format!("{} s (median; {} to {} s)", three[0], three[1], three[2]),
+            ));
+        }
+        if times.resumed > 0 {
+            facts.push(("Started again", format!("{} times", times.resumed)));
+        }
+        for (time_s, what) in &times.incidents {
+            facts.push(("Incident", format!("{what} at {}", minutes(*time_s))));
+        }
+        if times.unread_lines > 0 {
+            facts.push(("Journal", format!("{} lines could not be read", times.unread_lines)));
+        }
+    }
+    facts.push(("Sampling", format!("{} Hz", session.sample_rate_hz)));
+    facts.push((
+        "Lever",
+        session.lever.map_or("rigid: torque measured at the handle".into(), |lever| {
+            format!(
+                "{} kg m², {} N m s/rad, {} N m/rad",
+                lever.inertia_kg_m2, lever.damping_nm_s_per_rad, lever.stiffness_nm_per_rad
+            )
+        }),
+    ));
+    if let Some(fitted) = &material.fitted {
+        let weighting = fitted.settings.weighting.replace('_', " ");
+        let window = milliseconds(fitted.settings.window_s);
+        facts
+            .push(("Fit", format!("window {window} ms, weighting: {weighting}, version {}", fitted.version)));
+    }
+    if let Some(lateness) = &material.lateness {
+        facts.push((
+            "Lateness",
+            format!("99 % within {} µs, at most {} µs", lateness.p99_us, lateness.longest_us),
+        ));
+    }
+    let rows = facts.iter().map(|(name, value)| format!("<dt>{name}</dt><dd>{}</dd>", escape(value)));
+    format!("<dl>{}</dl>", rows.collect::<String>())
+}
+
+fn lost(material: &Material) -> Table {
+    let row = |trial: &crate::dataset::Trial| {
+        let reason =
+            trial.extra.get("reason").map_or("not recorded".into(), |reason| reason.replace('_', " "));
+        vec![
+            Cell::Number(trial.number.to_string()),
+            Cell::Number(trial.velocity_rad_s.to_string()),
+            Cell::Number(trial.torque_nm.to_string()),
+            Cell::text(trial.status.name()),
+            Cell::text(reason),
+        ]
+    };
+    Table {
+        caption: "Trials that were not kept".into(),
+        head: ["trial", "velocity (rad/s)", "torque (N m)", "status", "reason"].map(String::from).to_vec(),
+        rows: material.session.trials.iter().filter(|trial| trial.status != Status::Ok).map(row).collect(),
+    }
+}
+
+fn minutes(seconds: f64) -> String {
+    let seconds = seconds.round() as u64;
+    format!("{} min {:02} s", seconds / 60, seconds % 60)
+}

@@ -1,0 +1,231 @@
+//! What was estimated, what follows from it, and how well it is known.
+
+use super::Section;
+use crate::report::derived::{Work, mean_sd, overtaking_s, strain, stretch_nm};
+use crate::report::figures::{self, by_condition};
+use crate::report::fitted::{ConditionFit, Fitted, SHOWN, Values, condition_name, estimated};
+use crate::report::material::Material;
+use crate::report::table::{Cell, Table};
+use crate::report::traces::Trace;
+
+const NO_FIT: &str = "There is no fit yet. Get it with: ramphold fit SESSION";
+
+/// Fig. 5 and its table.
+pub fn parameters(material: &Material) -> Section {
+    let mut section = Section::new("parameters", "Parameters (Fig. 5 of the paper)");
+    let Some(fitted) = &material.fitted else {
+        section.absent(NO_FIT);
+        return section;
+    };
+    section.figure(figures::parameters(&fitted.conditions));
+    section.html += &against_paper(fitted).html();
+    section.html += &by_condition_table(fitted).html();
+    let lost: Vec<String> =
+        fitted.trials.iter().filter(|trial| !trial.converged).map(|trial| trial.trial.to_string()).collect();
+    if !lost.is_empty() {
+        section.absent(&format!("The optimisation did not come to its end in trials {}.", lost.join(", ")));
+    }
+    section
+}
+
+fn value(values: &Values, name: &str) -> Option<f64> {
+    values.get(name).copied().flatten()
+}
+
+fn against_paper(fitted: &Fitted) -> Table {
+    let row = |shown: &crate::report::fitted::Shown| {
+        let means = fitted.conditions.iter().filter_map(|condition| value(&condition.mean, shown.name));
+        let means = figures::distinct(means.map(|mean| mean * shown.factor));
+        let digits = if shown.name == "vaf" { 4 } else { 3 };
+        let all = mean_sd(fitted.trials.iter().map(|trial| value(&trial.values, shown.name)));
+        vec![
+            Cell::text(format!("{}, {}", shown.with_unit(), shown.meaning)),
+            Cell::Spread(
+                all.map(|(mean, _)| mean * shown.factor),
+                all.and_then(|(_, sd)| sd).map(|sd| sd * shown.factor),
+            ),
+            Cell::number(means.first().copied(), digits),
+            Cell::number(means.last().copied(), digits),
+            Cell::text(shown.paper_says),
+        ]
+    };
+    Table {
+        caption: "This session beside the paper".into(),
+        head: ["quantity", "all trials", "lowest condition", "highest condition", "the paper"]
+            .map(String::from)
+            .to_vec(),
+        rows: SHOWN.iter().map(row).collect(),
+    }
+}
+
+fn by_condition_table(fitted: &Fitted) -> Table {
+    let mut head = vec!["condition".to_owned(), "n".to_owned()];
+    head.extend(SHOWN.iter().map(|shown| shown.with_unit()));
+    let row = |condition: &ConditionFit| {
+        let mut row = vec![Cell::text(name(condition)), Cell::Number(condition.repetitions.to_string())];
+        row.extend(SHOWN.iter().map(|shown| {
+            let of = |values: &Values| value(values, shown.name).map(|value| value * shown.factor);
+            Cell::Spread(of(&condition.mean), of(&condition.sd))
+        }));
+        row
+    };
+    Table {
+        caption: "By condition: mean ± SD over repetitions".into(),
+        head,
+        rows: fitted.conditions.iter().map(row).collect(),
+    }
+}
+
+fn name(condition: &ConditionFit) -> String {
+    condition_name(condition.condition.as_ref(), condition.velocity_rad_s, condition.torque_nm)
+}
+
+/// Fig. 6, the moment of overtaking, and work.
+pub fn balance(material: &Material) -> Section {
+    let mut section = Section::new("balance", "Inertia and elasticity (Fig. 6 of the paper)");
+    let window_s = material.window_s();
+    let Some(figure) = figures::balance(&material.traces, window_s) else {
+        section.absent(NO_FIT);
+        return section;
+    };
+    section.figure(figure);
+    let k_srs = |trace: &Trace| trace.fit.as_ref().and_then(|fit| value(&fit.values, "k_srs_nm_per_rad"));
+    let row = |own: &[Trace]| {
+        let overtaking = mean_sd(own.iter().map(|trace| overtaking_s(&trace.instants, window_s)));
+        let work: Vec<Option<Work>> =
+            own.iter().map(|trace| Work::of(&trace.instants, window_s, k_srs(trace)?)).collect();
+        let cell = |of: fn(&Work) -> f64| spread(mean_sd(work.iter().map(|work| work.as_ref().map(of))), 1e3);
+        vec![
+            Cell::text(condition_name(own[0].label.as_ref(), own[0].velocity_rad_s, own[0].torque_nm)),
+            spread(overtaking, 1e3),
+            cell(|work| work.taken_up_j),
+            cell(|work| work.given_back_j),
+            cell(Work::dissipated_j),
+        ]
+    };
+    let table = Table {
+        caption:
+            "When elastic torque overtakes inertial torque (the paper: 23 ms), and elastic work in the window"
+                .into(),
+        head: [
+            "condition",
+            "overtakes at (ms)",
+            "work taken up (mJ)",
+            "would be given back (mJ)",
+            "dissipated (mJ)",
+        ]
+        .map(String::from)
+        .to_vec(),
+        rows: by_condition(&material.traces).into_iter().map(row).collect(),
+    };
+    section.html += &table.html();
+    section.say(
+        "Work taken up is the area under elastic torque against joint angle. Given back is what the short range stiffness \
+         would return if the joint were unloaded at the end of the window, T²/(2 k_srs); the difference is dissipated by the \
+         yield. A dash: elastic torque does not overtake within the window.",
+    );
+    section
+}
+
+fn spread(mean_sd: Option<(f64, Option<f64>)>, factor: f64) -> Cell {
+    Cell::Spread(mean_sd.map(|(mean, _)| mean * factor), mean_sd.and_then(|(_, sd)| sd).map(|sd| sd * factor))
+}
+
+/// Fig. 3 and the conversion to strain.
+pub fn stiffness(material: &Material) -> Section {
+    let mut section = Section::new("stiffness", "Stiffness and strain (Fig. 3 of the paper)");
+    let Some(fitted) = &material.fitted else {
+        section.absent(NO_FIT);
+        return section;
+    };
+    match figures::stiffness(&fitted.conditions) {
+        Some(figure) => section.figure(figure),
+        None => section.absent("No condition has k_srs, k_dec and x_e."),
+    }
+    let row = |condition: &ConditionFit| {
+        let own: Vec<_> = fitted
+            .trials
+            .iter()
+            .filter(|trial| match &condition.condition {
+                Some(label) => trial.condition.as_ref() == Some(label),
+                None => {
+                    trial.velocity_rad_s == condition.velocity_rad_s && trial.torque_nm == condition.torque_nm
+                }
+            })
+            .map(|trial| (value(&trial.values, "x_e_rad"), value(&trial.values, "x_t_s")))
+            .collect();
+        let speed = |(x_e, x_t): &(Option<f64>, Option<f64>)| Some(strain((*x_e)?) / (*x_t)?);
+        vec![
+            Cell::text(name(condition)),
+            spread(mean_sd(own.iter().map(|own| own.0)), 1e3),
+            spread(mean_sd(own.iter().map(|own| own.0.map(stretch_nm))), 1.0),
+            spread(mean_sd(own.iter().map(|own| own.0.map(strain))), 100.0),
+            spread(mean_sd(own.iter().map(speed)), 100.0),
+        ]
+    };
+    let table = Table {
+        caption: "Elastic limit as strain (the paper: 0.5 to 1.2 % L₀, 17 to 40 % L₀/s)".into(),
+        head: ["condition", "x_e (mrad)", "per half-sarcomere (nm)", "strain (% L₀)", "strain rate (% L₀/s)"]
+            .map(String::from)
+            .to_vec(),
+        rows: fitted.conditions.iter().map(row).collect(),
+    };
+    section.html += &table.html();
+    section.say(
+        "Converted as in section 4.1 of the paper: 0.066 rad of wrist rotation stretch each half-sarcomere of the wrist \
+         flexors by 17 ± 4 nm, and L₀ is 2.8 µm. It holds for the wrist; for another joint the columns beyond x_e mean \
+         nothing.",
+    );
+    section
+}
+
+/// Eq. 9 beside what the measured noise says.
+pub fn uncertainty(material: &Material) -> Section {
+    let mut section = Section::new("uncertainty", "How well the parameters are known");
+    let Some(fitted) = &material.fitted else {
+        section.absent(NO_FIT);
+        return section;
+    };
+    let row = |shown: &crate::report::fitted::Shown| {
+        let of = |values: fn(&crate::report::fitted::TrialFit) -> &Values| {
+            let own = fitted.trials.iter().filter_map(|trial| value(values(trial), shown.name));
+            let own = figures::distinct(own.map(|part| part * 100.0));
+            (own.get(own.len() / 2).copied(), own.last().copied())
+        };
+        let known =
+            fitted.trials.iter().filter(|trial| value(&trial.se_relative, shown.name).is_some()).count();
+        let (eq9, eq9_worst) = of(|trial| &trial.sem_eq9_relative);
+        let (honest, honest_worst) = of(|trial| &trial.se_relative);
+        vec![
+            Cell::text(shown.sign),
+            Cell::number(eq9, 2),
+            Cell::number(eq9_worst, 2),
+            Cell::number(honest, 2),
+            Cell::number(honest_worst, 2),
+            Cell::number(honest.zip(eq9).map(|(honest, eq9)| honest / eq9), 2),
+            Cell::Number(format!("{known} of {}", fitted.trials.len())),
+        ]
+    };
+    let table = Table {
+        caption: "Relative standard errors over all trials (%)".into(),
+        head: [
+            "parameter",
+            "Eq. 9, median",
+            "worst",
+            "measured noise, median",
+            "worst",
+            "ratio of medians",
+            "determined in",
+        ]
+        .map(String::from)
+        .to_vec(),
+        rows: estimated().iter().map(row).collect(),
+    };
+    section.html += &table.html();
+    section.say(
+        "Eq. 9 of the paper counts every sample of the window as independent, and the filter leaves only some five of them \
+         so; the standard errors beside it come from the covariance of the noise in each trial's own hold. A parameter \
+         that ended at its bound, or that the data do not determine, has none.",
+    );
+    section
+}

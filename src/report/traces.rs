@@ -1,0 +1,151 @@
+//! A trial as it is drawn: what was recorded, and what the fitted wrist did.
+
+use rayon::prelude::*;
+
+use super::fitted::{Fitted, TrialFit};
+use crate::dataset::{Session, Status};
+use crate::fit::{Prepared, PreparedTrial, View};
+use crate::protocol::ValidProtocol;
+use crate::signal::{FilterSpec, filter};
+use crate::wrist::{self, Instant, Request, Response, Width, simulate, substeps};
+
+/// A trial with what was measured and what was fitted. Torques and angles are changes from the hold, turned so that the
+/// ramp is positive, as in section 2.4 of the paper.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    /// Its number.
+    pub number: u32,
+    /// Label of its condition.
+    pub label: Option<String>,
+    /// Ramp velocity, rad/s.
+    pub velocity_rad_s: f64,
+    /// Target torque, N m.
+    pub torque_nm: f64,
+    /// Which repetition.
+    pub repetition: u32,
+    /// The whole record, thinned: time from the onset in s, motor angle in rad, filtered torque in N m, both as recorded.
+    pub whole: Vec<(f64, f64, f64)>,
+    /// Around the window: time from the onset in s, change of the motor angle in rad, of the filtered torque in N m.
+    pub near: Vec<(f64, f64, f64)>,
+    /// Time and fitted torque, filtered, from the onset on; empty without a fit.
+    pub fitted_nm: Vec<(f64, f64)>,
+    /// The wrist as fitted, from the onset on; empty without a fit.
+    pub instants: Vec<Instant>,
+    /// Measured less fitted torque in the window, N m; empty without a fit.
+    pub residual_nm: Vec<f64>,
+    /// What the fit says.
+    pub fit: Option<TrialFit>,
+}
+
+/// How many points of the whole record are drawn.
+const WHOLE_POINTS: usize = 360;
+
+/// How much of the record is drawn before and after the onset, s.
+const WHOLE_S: (f64, f64) = (0.6, 0.5);
+
+/// The traces of all trials that can be analysed, by condition and repetition.
+pub fn traces(
+    session: &Session,
+    fitted: Option<&Fitted>,
+    protocol: Option<&ValidProtocol>,
+    missing: &mut Vec<String>,
+) -> Vec<Trace> {
+    let view = match (fitted, protocol) {
+        (Some(fitted), _) => View {
+            window_s: fitted.settings.window_s,
+            filter: fitted.settings.filter.unwrap_or(FilterSpec::PAPER),
+        },
+        (None, Some(protocol)) => View { window_s: protocol.window_s, filter: protocol.signal.filter },
+        (None, None) => View::default(),
+    };
+    let prepared = match Prepared::new(session, view) {
+        Ok(prepared) => prepared,
+        Err(error) => {
+            missing.push(format!("No trial can be drawn: {error}."));
+            return Vec::new();
+        }
+    };
+    for left in &prepared.left_out {
+        missing.push(format!("Trial {} is not drawn: {}.", left.trial, left.reason));
+    }
+    let traces: Vec<Trace> =
+        prepared.trials.par_iter().map(|trial| one(session, &prepared, trial, fitted)).collect();
+    let bare = traces.iter().filter(|trace| trace.instants.is_empty()).count();
+    if fitted.is_some() && bare > 0 {
+        missing.push(format!(
+            "{bare} of {} trials are drawn without fitted torque: fit.json does not hold all their parameters.",
+            traces.len()
+        ));
+    }
+    traces
+}
+
+fn one(session: &Session, prepared: &Prepared, trial: &PreparedTrial, fitted: Option<&Fitted>) -> Trace {
+    let mut trace = recorded(session, prepared, trial);
+    let Some(fitted) = fitted else { return trace };
+    trace.fit = fitted.trials.iter().find(|fit| fit.trial == trial.number).cloned();
+    let Some((model, parameters)) = trace.fit.as_ref().and_then(|fit| fitted.parameters(fit)) else {
+        return trace;
+    };
+    let kinds = model.kinds();
+    let request = Request {
+        lever: prepared.lever,
+        kinds: &kinds,
+        period_s: prepared.period_s,
+        samples: trial.input.motion.len() - trial.input.onset,
+        lead: prepared.lead,
+        substeps: substeps(prepared.lever, &parameters, prepared.period_s),
+        filter: &prepared.sections,
+        wanted: &[],
+        width: Width::One,
+    };
+    trace.instants = wrist::trace(&request, &trial.input, &parameters);
+    let mut response = Response::default();
+    simulate(&request, &[&trial.input], &parameters, &mut response);
+    let times = (0..).map(|sample| f64::from(sample) * prepared.period_s);
+    trace.fitted_nm = times.zip(response.torque_nm).collect();
+    trace.residual_nm = trial
+        .measured_nm
+        .iter()
+        .zip(&trace.fitted_nm)
+        .map(|(measured, (_, fitted))| measured - fitted)
+        .collect();
+    trace
+}
+
+fn recorded(session: &Session, prepared: &Prepared, trial: &PreparedTrial) -> Trace {
+    let mut trace = Trace {
+        number: trial.number,
+        label: trial.label.clone(),
+        velocity_rad_s: trial.velocity_rad_s,
+        torque_nm: trial.torque_nm,
+        repetition: trial.repetition,
+        whole: Vec::new(),
+        near: Vec::new(),
+        fitted_nm: Vec::new(),
+        instants: Vec::new(),
+        residual_nm: Vec::new(),
+        fit: None,
+    };
+    let of_session = |own: &&crate::dataset::Trial| own.number == trial.number && own.status == Status::Ok;
+    let Some(own) = session.trials.iter().find(of_session) else { return trace };
+    let record = &own.record;
+    let torque = filter(&prepared.sections, &record.torque_l_nm);
+    let onset = libm::round((trial.onset_s - record.start_s) / prepared.period_s);
+    let time_s = |sample: usize| (sample as f64 - onset) * prepared.period_s;
+    let between = |from_s: f64, to_s: f64| {
+        let first = (onset + from_s / prepared.period_s).max(0.0) as usize;
+        let last = (onset + to_s / prepared.period_s).max(0.0) as usize;
+        first..(last + 1).min(torque.len())
+    };
+    let whole = between(-WHOLE_S.0, WHOLE_S.1);
+    let stride = whole.len().div_ceil(WHOLE_POINTS).max(1);
+    trace.whole = whole.step_by(stride).map(|i| (time_s(i), record.theta_m_rad[i], torque[i])).collect();
+    let window_s = prepared.samples as f64 * prepared.period_s;
+    let change = |i: usize| {
+        let angle = trial.direction * (record.theta_m_rad[i] - trial.theta_0_rad);
+        (time_s(i), angle, trial.direction * (torque[i] - trial.torque_0_nm))
+    };
+    trace.near = between(-0.25 * window_s, 1.3 * window_s).map(change).collect();
+    trace
+}

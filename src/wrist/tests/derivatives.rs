@@ -1,0 +1,174 @@
+//! The sensitivities against num-dual and against difference formulas of high order.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use num_dual::{Dual64, DualNum};
+
+use super::super::group::{Job, extended};
+use super::super::number::Number;
+use super::*;
+
+/// num-dual's number behind the model's trait, with num-dual's own elementary functions.
+#[derive(Clone, Copy)]
+struct Oracle(Dual64);
+
+macro_rules! operator {
+    ($trait:ident, $method:ident) => {
+        impl $trait for Oracle {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                Self(self.0.$method(other.0))
+            }
+        }
+    };
+}
+operator!(Add, add);
+operator!(Sub, sub);
+operator!(Mul, mul);
+operator!(Div, div);
+
+impl Neg for Oracle {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self(-self.0)
+    }
+}
+
+impl Number for Oracle {
+    type Plain = f64;
+    fn lift(value: f64) -> Self {
+        Self(Dual64::from(value))
+    }
+    fn variable(value: f64, index: usize) -> Self {
+        Self(Dual64::new(value, if index == 0 { 1.0 } else { 0.0 }))
+    }
+    fn derivative(self, _: usize) -> f64 {
+        self.0.eps
+    }
+    fn plain(self) -> f64 {
+        self.0.re
+    }
+    fn times(self, factor: f64) -> Self {
+        Self(self.0 * factor)
+    }
+    fn chain(self, value: f64, slope: f64) -> Self {
+        Self(Dual64::new(value, self.0.eps * slope))
+    }
+    fn exp(self) -> Self {
+        Self(self.0.exp())
+    }
+    fn softplus(self) -> Self {
+        let zero = Self::lift(0.0);
+        let larger = if self.0.re > 0.0 { self } else { zero };
+        Self(larger.0 + (-(if self.0.re > 0.0 { self.0 } else { -self.0 })).exp().ln_1p())
+    }
+    fn logistic(self) -> Self {
+        Self((Dual64::from(1.0) + (-self.0).exp()).recip())
+    }
+    fn tanh(self) -> Self {
+        Self(self.0.tanh())
+    }
+    fn positive_part(self) -> Self {
+        if self.0.re > 0.0 { self } else { Self::lift(0.0) }
+    }
+}
+
+/// Every model of one mechanism, and the base model.
+fn models() -> Vec<Vec<Kind>> {
+    std::iter::once(Vec::new()).chain(CATALOGUE.iter().map(|kind| vec![*kind])).collect()
+}
+
+fn parameters_of(kinds: &[Kind]) -> Vec<f64> {
+    let mut parameters = kinds.first().map_or(PERSON.to_vec(), |kind| with(*kind));
+    for (place, parameter) in kinds.iter().flat_map(|kind| kind.parameters()).enumerate() {
+        // Off the value that has no effect, and off the corners of what is not smooth.
+        let off = 0.013 * (parameter.high - parameter.low).min(parameter.typical.abs().max(1e-3));
+        parameters[6 + place] += off;
+    }
+    parameters
+}
+
+/// The estimated parameters of a model: names and places.
+fn estimated(kinds: &[Kind]) -> Vec<(String, usize)> {
+    let base = super::super::BASE_PARAMETERS.iter().map(|name| ((*name).to_string(), true));
+    let added = kinds
+        .iter()
+        .flat_map(|kind| kind.parameters().iter().map(|p| (format!("{}.{}", kind.id(), p.name), p.fitted)));
+    let all = base.chain(added).enumerate();
+    all.filter(|(_, (_, fitted))| *fitted).map(|(place, (name, _))| (name, place)).collect()
+}
+
+fn column(response: &Response, columns: usize, index: usize) -> Vec<f64> {
+    response.slopes.iter().skip(index).step_by(columns).copied().collect()
+}
+
+/// Greatest difference relative to the greatest value.
+fn relative(a: &[f64], b: &[f64]) -> f64 {
+    let scale = b.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    if scale == 0.0 {
+        return a.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    }
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / scale
+}
+
+#[test]
+fn derivatives_agree_with_num_dual_for_every_parameter_of_every_mechanism() {
+    let sections = sections();
+    let trial = ramp(2.6);
+    for kinds in models() {
+        let parameters = parameters_of(&kinds);
+        let estimated = estimated(&kinds);
+        let wanted: Vec<usize> = estimated.iter().map(|(_, place)| *place).collect();
+        let ours = run(&request(&kinds, &sections, &wanted), &trial, &parameters);
+        for (index, (name, place)) in estimated.iter().enumerate() {
+            let one = [*place];
+            let request = request(&kinds, &sections, &one);
+            let job =
+                Job { request: &request, trials: &[&trial], parameters: &parameters, first: 0, wanted: 0..1 };
+            let mut oracle = Response { torque_nm: vec![0.0; SAMPLES], slopes: vec![0.0; SAMPLES] };
+            extended::<f64, Oracle>(&job, &mut oracle);
+            let error = relative(&column(&ours, wanted.len(), index), &oracle.slopes);
+            assert!(error < 1e-8, "{name}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn derivatives_agree_with_eighth_order_differences_for_every_parameter_of_every_mechanism() {
+    let sections = sections();
+    let trial = ramp(2.6);
+    for kinds in models() {
+        let parameters = parameters_of(&kinds);
+        let estimated = estimated(&kinds);
+        let wanted: Vec<usize> = estimated.iter().map(|(_, place)| *place).collect();
+        let ours = run(&request(&kinds, &sections, &wanted), &trial, &parameters);
+        for (index, (name, place)) in estimated.iter().enumerate() {
+            let torque = |by: f64| {
+                let mut moved = parameters.clone();
+                moved[*place] += by;
+                run(&request(&kinds, &sections, &[]), &trial, &moved).torque_nm
+            };
+            let own = column(&ours, wanted.len(), index);
+            // Large steps suffer from the curvature, small ones from rounding; corners that a mechanism has ask for small ones.
+            let best = [2e-2, 1e-2, 5e-3, 2e-3, 5e-4, 1e-4]
+                .map(|step| relative(&own, &difference(&torque, step * parameters[*place].abs().max(1e-4))))
+                .into_iter()
+                .fold(f64::INFINITY, f64::min);
+            assert!(best < 1e-8, "{name}: {best:e}");
+        }
+    }
+}
+
+/// The central difference of eighth order.
+fn difference(torque: &dyn Fn(f64) -> Vec<f64>, step: f64) -> Vec<f64> {
+    let weights = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
+    let mut slope = vec![0.0; SAMPLES];
+    for (index, weight) in weights.iter().enumerate() {
+        let by = (index + 1) as f64 * step;
+        let (up, down) = (torque(by), torque(-by));
+        for (slope, (up, down)) in slope.iter_mut().zip(up.iter().zip(&down)) {
+            *slope += weight * (up - down) / step;
+        }
+    }
+    slope
+}

@@ -1,0 +1,139 @@
+//! The model's own correctness: derivatives, integration error, widths, the filter on the way.
+
+mod derivatives;
+mod integration;
+
+use super::mechanisms::{CATALOGUE, Covariates, Kind};
+use super::{Knot, Lever, Request, Response, Trial, Width, simulate};
+use crate::random::Stream;
+use crate::signal::{FilterSpec, Section, filter};
+
+const PERIOD_S: f64 = 4e-4;
+const SAMPLES: usize = 100;
+const LEAD: usize = 10;
+
+/// The lever of the design's numbers.
+const LEVER: Lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
+
+/// A person's values: I_j, b_h, k_h, k_srs, k_dec, x_e.
+const PERSON: [f64; 6] = [0.005, 1.2, 300.0, 20.0, 13.0, 0.04];
+
+/// A ramp whose speed rises as a raised cosine in 18 ms.
+fn ramp(velocity_rad_s: f64) -> Trial {
+    let rise_s = 0.018;
+    let knot = |sample: usize| {
+        let t = (sample as f64 - 40.0) * PERIOD_S;
+        if t <= 0.0 {
+            return Knot::default();
+        }
+        let phase = std::f64::consts::PI * t.min(rise_s) / rise_s;
+        let risen = 0.5 * (t.min(rise_s) - rise_s / std::f64::consts::PI * libm::sin(phase));
+        Knot {
+            theta: velocity_rad_s * (risen + (t - rise_s).max(0.0)),
+            omega: velocity_rad_s * 0.5 * (1.0 - libm::cos(phase)),
+        }
+    };
+    Trial {
+        motion: (0..40 + SAMPLES + 40).map(knot).collect(),
+        onset: 40,
+        covariates: Covariates {
+            velocity_rad_s,
+            torque_before_nm: 1.5,
+            progress: 0.6,
+            rest_s: 7.0,
+            flexor_emg_excess_mvc: 0.02,
+            extensor_emg_mvc: 0.05,
+        },
+    }
+}
+
+fn sections() -> Vec<Section> {
+    FilterSpec::PAPER.sections(1.0 / PERIOD_S).unwrap()
+}
+
+fn request<'a>(kinds: &'a [Kind], filter: &'a [Section], wanted: &'a [usize]) -> Request<'a> {
+    Request {
+        lever: Some(LEVER),
+        kinds,
+        period_s: PERIOD_S,
+        samples: SAMPLES,
+        lead: LEAD,
+        substeps: 2,
+        filter,
+        wanted,
+        width: Width::One,
+    }
+}
+
+fn run(request: &Request, trial: &Trial, parameters: &[f64]) -> Response {
+    let mut response = Response::default();
+    simulate(request, &[trial], parameters, &mut response);
+    response
+}
+
+/// A person's parameters with the typical ones of `kind`.
+fn with(kind: Kind) -> Vec<f64> {
+    PERSON.iter().copied().chain(kind.parameters().iter().map(|parameter| parameter.typical)).collect()
+}
+
+#[test]
+fn every_width_gives_the_same_bits() {
+    let sections = sections();
+    let mut stream = Stream::new(5, "widths");
+    let trials: Vec<Trial> = (0..19).map(|i| ramp(1.3 + 0.1 * f64::from(i))).collect();
+    let references: Vec<&Trial> = trials.iter().collect();
+    let mut models = vec![Vec::new()];
+    models.extend(CATALOGUE.iter().map(|kind| vec![*kind]));
+    models.push(vec![Kind::ChannelSkew, Kind::StretchReflex, Kind::TorqueLag]);
+    for kinds in models {
+        let count = 6 + kinds.iter().map(|kind| kind.parameter_count()).sum::<usize>();
+        let mut parameters = Vec::new();
+        for _ in &trials {
+            let added = kinds.iter().flat_map(|kind| kind.parameters()).map(|p| p.typical);
+            parameters.extend(
+                PERSON.iter().copied().chain(added).map(|x| x * (1.0 + 0.2 * (stream.uniform() - 0.5))),
+            );
+        }
+        let wanted: Vec<usize> = (0..count).collect();
+        let with_width = |width| {
+            let mut response = Response::default();
+            let request = Request { width, ..request(&kinds, &sections, &wanted) };
+            simulate(&request, &references, &parameters, &mut response);
+            let all = response.torque_nm.into_iter().chain(response.slopes);
+            all.map(f64::to_bits).collect::<Vec<_>>()
+        };
+        let one = with_width(Width::One);
+        for width in Width::available() {
+            assert!(with_width(width) == one, "{width:?} differs for {kinds:?}");
+        }
+    }
+}
+
+#[test]
+fn a_trial_does_not_depend_on_its_neighbours() {
+    let sections = sections();
+    let trials = [ramp(1.3), ramp(3.25), ramp(2.0)];
+    let wanted = [0, 5];
+    let parameters: Vec<f64> = [1.0, 1.3, 0.8].iter().flat_map(|f| PERSON.map(|x| x * f)).collect();
+    let request = Request { width: Width::fastest(), ..request(&[], &sections, &wanted) };
+    let mut together = Response::default();
+    simulate(&request, &trials.iter().collect::<Vec<_>>(), &parameters, &mut together);
+    for (index, trial) in trials.iter().enumerate() {
+        let alone = run(&request, trial, &parameters[index * 6..index * 6 + 6]);
+        assert_eq!(alone.torque_nm, together.torque_nm[index * SAMPLES..(index + 1) * SAMPLES]);
+    }
+}
+
+#[test]
+fn the_prediction_is_filtered_as_a_recorded_torque_would_be() {
+    let sections = sections();
+    // From the sample before the ramp on, where torque and filter are both at rest.
+    let from_rest = |filter| Request { lead: 0, ..request(&[], filter, &[]) };
+    let raw = run(&from_rest(&[]), &ramp(2.6), &PERSON).torque_nm;
+    let filtered = run(&from_rest(&sections), &ramp(2.6), &PERSON).torque_nm;
+    for (sample, (got, want)) in filtered.iter().zip(filter(&sections, &raw)).enumerate() {
+        assert!((got - want).abs() < 1e-12, "sample {sample}: {got} and {want}");
+    }
+    let largest = raw.iter().zip(&filtered).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(largest > 0.1, "the filter does something: {largest} N m");
+}

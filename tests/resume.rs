@@ -1,0 +1,272 @@
+//! `ramphold resume`, `replay` and `verify`: what the operator sees when a session did not go as planned.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use assert_cmd::Command;
+use assert_cmd::cargo::cargo_bin;
+use ramphold::dataset::{self, Status};
+use serde_json::{Value, json};
+
+/// A folder with a short protocol to work in.
+struct Desk(tempfile::TempDir);
+
+impl Desk {
+    fn new() -> Self {
+        let desk = Self(tempfile::tempdir().unwrap());
+        let mut protocol: Value = serde_json::from_str(include_str!("../protocols/quick.json")).unwrap();
+        protocol["velocities_rad_s"] = json!([3.25]);
+        protocol["rest_s"] = json!(0.2);
+        protocol["signal"]["sample_rate_hz"] = json!(1000);
+        protocol["before"] = json!({ "offset_s": 0.2 });
+        fs::write(desk.path("protocol.json"), protocol.to_string()).unwrap();
+        desk
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Calls the program; its standard output and error.
+    fn call(&self, code: i32, arguments: &[&str]) -> (String, String) {
+        let mut command = Command::cargo_bin("ramphold").unwrap();
+        let assert = command.current_dir(self.0.path()).args(arguments).assert().code(code);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (text(&assert.get_output().stdout), text(&assert.get_output().stderr))
+    }
+
+    /// A session that ran to its end.
+    fn done(&self) -> PathBuf {
+        self.call(0, &["run", "protocol.json", "--seed", "7", "--out", "s"]);
+        self.path("s")
+    }
+
+    /// A session at true speed that has come to its second trial.
+    fn under_way(&self) -> Child {
+        let mut child = std::process::Command::new(cargo_bin("ramphold"))
+            .args(["run", "protocol.json", "--real-time", "--quiet", "--seed", "7", "--out", "s"])
+            .current_dir(self.0.path())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        for _ in 0..6000 {
+            if self.path("s/trials/trial-002.csv.part").exists() {
+                return child;
+            }
+            assert!(child.try_wait().unwrap().is_none(), "the program has ended");
+            sleep(Duration::from_millis(10));
+        }
+        panic!("it never came to the second trial");
+    }
+
+    /// A session that was killed in its second trial.
+    fn killed(&self) -> PathBuf {
+        let mut child = self.under_way();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        self.path("s")
+    }
+}
+
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files.extend(self::files(&path));
+        } else {
+            files.insert(path.clone(), fs::read(&path).unwrap());
+        }
+    }
+    files
+}
+
+fn statuses(session: &Path) -> Vec<Status> {
+    dataset::load(session).unwrap().trials.iter().map(|trial| trial.status).collect()
+}
+
+#[test]
+fn a_killed_session_goes_on_where_it_was_and_keeps_what_it_had() {
+    let desk = Desk::new();
+    let session = desk.killed();
+    let first = fs::read(session.join("trials/trial-001.csv")).unwrap();
+    let (_, said) = desk.call(0, &["resume", "s", "--yes"]);
+    assert!(said.contains("trial 2 was under way") && said.contains("marked as aborted"), "{said}");
+    assert_eq!(fs::read(session.join("trials/trial-001.csv")).unwrap(), first);
+    let mut found = statuses(&session);
+    assert_eq!(found[..2], [Status::Ok, Status::Aborted]);
+    found.retain(|status| *status == Status::Ok);
+    assert_eq!(found.len(), 4);
+    assert!(session.join("results/fit.csv").exists());
+    desk.call(0, &["verify", "s"]);
+    let (replayed, _) = desk.call(0, &["replay", "s"]);
+    assert!(replayed.contains("2 starts: no difference"), "{replayed}");
+
+    desk.call(0, &["run", "protocol.json", "--seed", "7", "--out", "undisturbed"]);
+    // fit.csv names the trials by number, and those go on counting after the aborted one.
+    let conditions = |session: &str| fs::read(desk.path(session).join("results/conditions.csv")).unwrap();
+    assert!(conditions("s") == conditions("undisturbed"));
+}
+
+#[test]
+fn nothing_moves_and_nothing_changes_without_the_operators_word() {
+    let desk = Desk::new();
+    let session = desk.killed();
+    let before = files(&session);
+    let (_, said) = desk.call(2, &["resume", "s"]);
+    assert!(said.contains("the rig needs the operator's word") && said.contains("--yes"), "{said}");
+    assert!(files(&session) == before);
+}
+
+#[test]
+fn a_second_program_is_refused_and_a_lock_left_behind_holds_nobody_up() {
+    let desk = Desk::new();
+    let mut first = desk.under_way();
+    let (_, said) = desk.call(2, &["resume", "s", "--yes"]);
+    assert!(said.contains("another program has this session open"), "{said}");
+    first.kill().unwrap();
+    first.wait().unwrap();
+    desk.call(0, &["resume", "s", "--yes"]);
+}
+
+#[test]
+fn a_torn_end_of_the_journal_is_cut_off_and_told() {
+    let desk = Desk::new();
+    let session = desk.killed();
+    let journal = session.join("journal.log");
+    let whole = fs::read(&journal).unwrap();
+    let torn = [&whole[..], b"00000057 01f5"].concat();
+    fs::write(&journal, &torn).unwrap();
+    let (_, said) = desk.call(0, &["resume", "s", "--yes"]);
+    assert!(said.contains(&format!("torn at byte {}: 13 bytes cut off", whole.len())), "{said}");
+    assert!(fs::read(&journal).unwrap().starts_with(&whole));
+}
+
+#[test]
+fn a_journal_damaged_in_the_middle_is_not_gone_on_with() {
+    let desk = Desk::new();
+    let session = desk.killed();
+    let journal = session.join("journal.log");
+    let mut bytes = fs::read(&journal).unwrap();
+    let second = bytes.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+    bytes[second + 40] ^= 1;
+    fs::write(&journal, bytes).unwrap();
+    let before = files(&session);
+    for verb in [&["resume", "s", "--yes"][..], &["replay", "s"]] {
+        let (_, said) = desk.call(2, verb);
+        assert!(said.contains(&format!("damaged at byte {second}")), "{said}");
+    }
+    assert!(files(&session) == before);
+    assert_eq!(statuses(&session), [Status::Ok], "what was measured can be read all the same");
+}
+
+#[test]
+fn verify_names_every_file_that_was_changed_taken_away_or_added() {
+    let desk = Desk::new();
+    let session = desk.done();
+    let (said, _) = desk.call(0, &["verify", "s"]);
+    assert!(said.contains("files as they were; subject V00, seed 7"), "{said}");
+    fs::write(session.join("trials/trial-003.csv"), "").unwrap();
+    fs::remove_file(session.join("rig.json")).unwrap();
+    fs::create_dir(session.join("notes")).unwrap();
+    fs::write(session.join("notes/a.txt"), "hello").unwrap();
+    let (said, why) = desk.call(1, &["verify", "s"]);
+    assert_eq!(said, "added    notes/a.txt\nmissing  rig.json\nchanged  trials/trial-003.csv\n");
+    assert!(why.contains("3 files are not as they were"), "{why}");
+}
+
+#[test]
+fn results_made_anew_are_no_change_but_anything_else_still_is() {
+    let desk = Desk::new();
+    let session = desk.done();
+    desk.call(0, &["fit", "s", "--window", "0.035"]);
+    desk.call(0, &["verify", "s"]);
+    fs::write(session.join("schedule.csv"), "").unwrap();
+    desk.call(0, &["fit", "s"]);
+    assert_eq!(desk.call(1, &["verify", "s"]).0, "changed  schedule.csv\n");
+}
+
+#[test]
+fn a_session_that_has_not_ended_has_no_manifest_yet() {
+    let desk = Desk::new();
+    desk.killed();
+    let (_, said) = desk.call(2, &["verify", "s"]);
+    assert!(said.contains("manifest.json: not found") && said.contains("ramphold resume"), "{said}");
+}
+
+/// Makes the person miss the target for a moment in the hold of a trial.
+fn tamper(session: &Path, row: usize) {
+    let path = session.join("trials/trial-001.csv");
+    let text = fs::read_to_string(&path).unwrap();
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    for line in &mut lines[row..row + 60] {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        cells[2] = "0.10000";
+        *line = cells.join(",");
+    }
+    fs::write(path, lines.join("\n") + "\n").unwrap();
+}
+
+#[test]
+fn a_replay_names_the_first_sample_and_state_that_differ() {
+    let desk = Desk::new();
+    let session = desk.done();
+    let (said, _) = desk.call(0, &["replay", "s"]);
+    assert!(said.contains("1 starts: no difference"), "{said}");
+    let onset_s = dataset::load(&session).unwrap().trials[0].onset_s.unwrap();
+    tamper(&session, (onset_s * 1000.0) as usize - 200);
+    let (said, _) = desk.call(1, &["replay", "s"]);
+    assert!(
+        said.contains("first difference at sample ") && said.contains("in state hold (trial 1)"),
+        "{said}"
+    );
+    assert!(said.contains("recorded gate_opened to delay, replayed nothing"), "{said}");
+    assert!(!said.contains("since rules"), "{said}");
+}
+
+#[test]
+fn a_session_of_an_older_version_replays_or_is_told_which_rule_changed() {
+    let desk = Desk::new();
+    let old = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/session-rules-1");
+    let copy = desk.path("old");
+    for (path, bytes) in files(&old) {
+        let to = copy.join(path.strip_prefix(&old).unwrap());
+        fs::create_dir_all(to.parent().unwrap()).unwrap();
+        fs::write(to, bytes).unwrap();
+    }
+    let (said, _) = desk.call(0, &["replay", "old"]);
+    assert!(said.contains("no difference"), "{said}");
+    let onset_s = dataset::load(&copy).unwrap().trials[0].onset_s.unwrap();
+    tamper(&copy, (onset_s * 1000.0) as usize - 200);
+    let (said, _) = desk.call(1, &["replay", "old"]);
+    assert!(
+        said.contains("recorded by ramphold 0.1.0 under rules 1; since rules 2: the smoothing"),
+        "{said}"
+    );
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_session_on_a_read_only_disk_is_not_gone_on_with_and_can_be_looked_at() {
+    let desk = Desk::new();
+    let session = desk.killed();
+    let script = "mount --bind \"$1\" \"$1\" && mount -o remount,bind,ro \"$1\" || exit 77; \"$2\" replay \"$1\" || exit 78; \
+                  \"$2\" resume \"$1\" --yes";
+    let output = std::process::Command::new("unshare")
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", script, "sh"])
+        .arg(&session)
+        .arg(cargo_bin("ramphold"))
+        .output();
+    let output = match output {
+        Ok(output) if output.status.code() != Some(77) => output,
+        _ => return eprintln!("skipped: this system lets nobody mount a folder"),
+    };
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("cannot be written"), "{said}");
+    desk.call(0, &["resume", "s", "--yes"]);
+}
