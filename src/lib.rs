@@ -33,4 +33,5 @@ pub mod rig;
 pub mod schedule;
 pub mod session;
 pub mod signal;
+pub mod statistics;
 pub mod wrist;

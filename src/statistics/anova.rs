@@ -1,0 +1,170 @@
+//! Repeated-measures analysis of variance with two factors within persons.
+//!
+//! Everything follows from the means and the covariance of the cells: with orthonormal contrasts C of an effect with d degrees
+//! of freedom and n persons, SS = n |C'm|^2 and SS_error = (n-1) tr(C'SC) (Winer 1971). The covariance of the contrasts,
+//! C'SC, is also what the sphericity corrections and Mauchly's test look at.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::distribution::{chi_square_tail, f_tail};
+use super::moments::Moments;
+
+/// The cells of a person: the first factor's levels, and within each the second's.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Design {
+    /// Levels of the first factor.
+    pub first: usize,
+    /// Levels of the second.
+    pub second: usize,
+}
+
+/// One line of the table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Effect {
+    /// Which factors take part: the first, the second, both.
+    pub factors: [bool; 2],
+    /// F.
+    pub f: f64,
+    /// Its degrees of freedom, of effect and error.
+    pub df: [f64; 2],
+    /// p-value if the covariances were spherical.
+    pub p: f64,
+    /// Greenhouse and Geisser's epsilon.
+    pub epsilon_gg: f64,
+    /// p-value with both degrees of freedom times that.
+    pub p_gg: f64,
+    /// Huynh and Feldt's epsilon, at most 1.
+    pub epsilon_hf: f64,
+    /// p-value with both degrees of freedom times that.
+    pub p_hf: f64,
+    /// Whether the covariances are spherical; `None` with one degree of freedom (they always are) or too few persons.
+    pub mauchly: Option<Mauchly>,
+    /// Sum of squares of the effect.
+    pub ss: f64,
+    /// Sum of squares of its error.
+    pub ss_error: f64,
+    /// SS / (SS + SS_error).
+    pub partial_eta_squared: f64,
+    /// SS / (SS + all sums of squares over persons) (Olejnik and Algina 2003).
+    pub generalised_eta_squared: f64,
+}
+
+/// Mauchly's test of sphericity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mauchly {
+    /// 1 if spherical, towards 0 the less it is.
+    pub w: f64,
+    /// Its chi-square.
+    pub chi_square: f64,
+    /// Degrees of freedom.
+    pub df: f64,
+    /// p-value, with the second term of Box's expansion.
+    pub p: f64,
+}
+
+/// The effects of both factors and of their interaction; a factor with one level has none. `None` with fewer than two persons.
+pub fn anova(moments: &Moments, design: Design) -> Option<Vec<Effect>> {
+    let covariance = moments.covariance()?;
+    let (first, second) = (Contrasts::of(design.first), Contrasts::of(design.second));
+    let all = [
+        ([true, false], first.differences.kronecker(&second.average)),
+        ([false, true], first.average.kronecker(&second.differences)),
+        ([true, true], first.differences.kronecker(&second.differences)),
+    ];
+    let persons = moments.count() as f64;
+    let level = first.average.kronecker(&second.average);
+    // Between persons, and within them around each effect: all that differs from person to person.
+    let mut residual = (persons - 1.0) * (level.transpose() * &covariance * &level).trace();
+    let mut effects = Vec::new();
+    for (factors, contrasts) in all {
+        if contrasts.ncols() == 0 {
+            continue;
+        }
+        let effect =
+            effect(factors, moments, &(contrasts.transpose() * &covariance * &contrasts), &contrasts);
+        residual += effect.ss_error;
+        effects.push(effect);
+    }
+    for effect in &mut effects {
+        effect.generalised_eta_squared = effect.ss / (effect.ss + residual);
+    }
+    Some(effects)
+}
+
+/// Orthonormal contrasts over the levels of a factor.
+struct Contrasts {
+    /// The mean of the levels, to the length 1.
+    average: DMatrix<f64>,
+    /// Helmert's: each level against those before it.
+    differences: DMatrix<f64>,
+}
+
+impl Contrasts {
+    fn of(levels: usize) -> Self {
+        let average = DMatrix::from_element(levels, 1, 1.0 / (levels as f64).sqrt());
+        let differences = DMatrix::from_fn(levels, levels.saturating_sub(1), |level, column| {
+            let before = column as f64 + 1.0;
+            let length = (before * (before + 1.0)).sqrt();
+            match level.cmp(&(column + 1)) {
+                std::cmp::Ordering::Less => -1.0 / length,
+                std::cmp::Ordering::Equal => before / length,
+                std::cmp::Ordering::Greater => 0.0,
+            }
+        });
+        Self { average, differences }
+    }
+}
+
+fn effect(factors: [bool; 2], moments: &Moments, spread: &DMatrix<f64>, contrasts: &DMatrix<f64>) -> Effect {
+    let persons = moments.count() as f64;
+    let d = contrasts.ncols() as f64;
+    let means: DVector<f64> = contrasts.transpose() * moments.mean();
+    let ss = persons * means.norm_squared();
+    let ss_error = (persons - 1.0) * spread.trace();
+    let df = [d, d * (persons - 1.0)];
+    let f = (ss / df[0]) / (ss_error / df[1]);
+    let trace = spread.trace();
+    let epsilon_gg = trace * trace / (d * spread.norm_squared());
+    // Huynh and Feldt 1976, for one group.
+    let above = persons * d * epsilon_gg - 2.0;
+    let epsilon_hf = (above / (d * (persons - 1.0 - d * epsilon_gg))).clamp(epsilon_gg.min(1.0), 1.0);
+    // With too few persons the denominator is below zero and says nothing; then the correction is none.
+    let epsilon_hf = if persons - 1.0 > d * epsilon_gg { epsilon_hf } else { 1.0 };
+    let corrected = |epsilon: f64| f_tail(f, [epsilon * df[0], epsilon * df[1]]);
+    Effect {
+        factors,
+        f,
+        df,
+        p: f_tail(f, df),
+        epsilon_gg,
+        p_gg: corrected(epsilon_gg),
+        epsilon_hf,
+        p_hf: corrected(epsilon_hf),
+        mauchly: mauchly(spread, persons - 1.0),
+        ss,
+        ss_error,
+        partial_eta_squared: ss / (ss + ss_error),
+        generalised_eta_squared: f64::NAN,
+    }
+}
+
+/// Mauchly 1940, with the p-value of Anderson 2003 (section 10.7.4) as R's `mauchly.test` has it.
+fn mauchly(spread: &DMatrix<f64>, df: f64) -> Option<Mauchly> {
+    let d = spread.ncols() as f64;
+    if d < 2.0 || df < d {
+        return None;
+    }
+    let roots = spread.clone().symmetric_eigenvalues();
+    if roots.iter().any(|root| *root <= 0.0) {
+        return None;
+    }
+    let log_w = roots.iter().map(|root| root.ln()).sum::<f64>() - d * (roots.sum() / d).ln();
+    let rho = 1.0 - (2.0 * d * d + d + 2.0) / (6.0 * d * df);
+    let second = (d + 2.0) * (d - 1.0) * (d - 2.0) * (2.0 * d.powi(3) + 6.0 * d * d + 3.0 * d + 2.0)
+        / (288.0 * (df * d * rho).powi(2));
+    let chi_square = -df * rho * log_w;
+    let own_df = d * (d + 1.0) / 2.0 - 1.0;
+    let tail = chi_square_tail(chi_square, own_df);
+    let p = tail + second * (chi_square_tail(chi_square, own_df + 4.0) - tail);
+    Some(Mauchly { w: log_w.exp(), chi_square, df: own_df, p: p.clamp(0.0, 1.0) })
+}
