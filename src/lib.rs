@@ -18,6 +18,8 @@
 //! | fit | [`fit`] | the wrist's parameters out of the recorded torque, and how well they are known |
 //! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what mending it gains |
 //! | report | [`report`] | figures and tables of a session for a person |
+//! | statistics | [`statistics`] | what a table of many persons says |
+//! | study | [`study`] | many persons through one protocol |
 //! | export | [`export`] | sessions in the formats of other tools |
 //!
 //! SI units throughout; a field's name carries its unit. The ramp is positive and so is the resistance to it.
@@ -34,4 +36,5 @@ pub mod schedule;
 pub mod session;
 pub mod signal;
 pub mod statistics;
+pub mod study;
 pub mod wrist;

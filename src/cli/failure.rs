@@ -11,6 +11,7 @@ use ramphold::report::ReportError;
 use ramphold::rig::can;
 use ramphold::rig::virtual_wrist::{PersonError, RigFileError};
 use ramphold::schedule::DrawError;
+use ramphold::study::StudyError;
 
 /// Why a verb did not do its work. One variant for each layer that can fail.
 #[derive(Debug, thiserror::Error)]
@@ -64,6 +65,17 @@ pub enum Failure {
         failed: usize,
         /// How many there were.
         of: usize,
+    },
+    /// The study cannot be done.
+    #[error(transparent)]
+    Study(#[from] StudyError),
+    /// Not everything of a study could be computed; each problem has been told of.
+    #[error("{problems} problems kept persons out of tables; what could be computed is in {}", .folder.display())]
+    PartOfStudy {
+        /// How many.
+        problems: u64,
+        /// The study's folder.
+        folder: PathBuf,
     },
     /// What was asked for makes no sense.
     #[error("{0}")]
@@ -165,10 +177,18 @@ impl Failure {
                     1
                 }
             }
+            Self::Study(error) => {
+                if error.is_bad_input() {
+                    2
+                } else {
+                    1
+                }
+            }
             Self::Report(ReportError::Unwritable { .. }) => 1,
             Self::Report(_) => 2,
             Self::Write(_)
             | Self::Some { .. }
+            | Self::PartOfStudy { .. }
             | Self::Record(_)
             | Self::Resume(_)
             | Self::Differs { .. }

@@ -4,6 +4,7 @@
 //! implements [`Verb`], and name it in the list below. Results go to standard output, messages to standard error.
 
 mod check;
+mod cohort;
 mod console;
 mod diagnose;
 mod export;
@@ -61,6 +62,7 @@ verbs! {
     Verify(verify::Verify),
     Check(check::Check),
     Fit(fit::Fit),
+    Cohort(cohort::Cohort),
     Report(report::Report),
     Export(export::Export),
     Diagnose(diagnose::Diagnose),

@@ -105,7 +105,7 @@ impl Run {
 }
 
 /// `path`, or `path-2`, `path-3`... if it is there already.
-fn new_folder(path: &Path) -> PathBuf {
+pub(super) fn new_folder(path: &Path) -> PathBuf {
     let numbered = |number: u32| PathBuf::from(format!("{}-{number}", path.display()));
     if !path.exists() {
         return path.to_owned();

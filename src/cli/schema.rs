@@ -4,10 +4,11 @@ use std::io::Write;
 
 use ramphold::protocol;
 use ramphold::rig::virtual_wrist;
+use ramphold::study;
 
 use super::{Console, Failure, Verb};
 
-/// Print the JSON schema of protocol files, of virtual persons or of rigs.
+/// Print the JSON schema of protocol files, of virtual persons, of rigs or of studies.
 ///
 /// The files protocols/*.schema.json are this output. An editor that knows them completes field names and marks mistakes
 /// while a file is written.
@@ -27,6 +28,8 @@ enum Kind {
     Person,
     /// A rig, for `run --rig`.
     Rig,
+    /// A study, for `cohort`.
+    Study,
 }
 
 impl Verb for Schema {
@@ -35,6 +38,7 @@ impl Verb for Schema {
             Kind::Protocol => protocol::schema_text(),
             Kind::Person => virtual_wrist::person_schema_text(),
             Kind::Rig => virtual_wrist::rig_schema_text(),
+            Kind::Study => study::schema_text(),
         };
         Ok(console.results().write_all(text.as_bytes())?)
     }

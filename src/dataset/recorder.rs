@@ -92,9 +92,9 @@ pub struct Step {
     /// Steps so far.
     sample: u64,
     /// What the rig measured.
-    measured: Option<Sample>,
-    recording: Recording,
-    happened: Option<Happening>,
+    pub(super) measured: Option<Sample>,
+    pub(super) recording: Recording,
+    pub(super) happened: Option<Happening>,
     refused: Option<Event>,
 }
 

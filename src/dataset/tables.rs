@@ -1,7 +1,7 @@
 //! The tables of a session: `trials.csv`, and beside it what came before the trials.
 
 use super::rows::Rows;
-use crate::session::{Attempt, Ledger, Settings};
+use crate::session::{Attempt, Ledger, Planned, Settings};
 
 /// The columns of `trials.csv`; the first seven are what every session has.
 const TRIALS: &str = "trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status,\
@@ -49,8 +49,18 @@ fn push_row(text: &mut String, attempt: &Attempt, ledger: &Ledger, settings: &Se
         status.name(),
         reason.name(),
         planned.key.position,
-        planned.movement.at(planned.movement.ramp().duration_s()).angle_rad,
-        attempt.rest_samples as f64 / settings.sample_rate_hz,
+        amplitude_rad(planned),
+        rest_s(attempt, settings),
         ledger.offset_nm(),
     );
+}
+
+/// How far the motor turns in a trial.
+pub fn amplitude_rad(planned: &Planned) -> f64 {
+    planned.movement.at(planned.movement.ramp().duration_s()).angle_rad
+}
+
+/// Rest before a trial.
+pub fn rest_s(attempt: &Attempt, settings: &Settings) -> f64 {
+    attempt.rest_samples as f64 / settings.sample_rate_hz
 }

@@ -23,7 +23,7 @@ pub use noise::NoiseSource;
 pub use normal::{Normal, Objective};
 pub use predict::predict;
 pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View};
-pub use results::{FIT_FORMAT, Results, WriteError, write_files};
+pub use results::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
 pub use run::{Fit, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};
 pub use uncertainty::{

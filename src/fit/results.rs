@@ -86,23 +86,32 @@ fn cell(value: Option<f64>) -> String {
     value.filter(|x| x.is_finite()).map_or(String::new(), |x| x.to_string())
 }
 
-fn fit_csv(estimates: &[Estimate]) -> String {
+/// The columns of `fit.csv` that every session has.
+pub fn fit_header() -> String {
     let mut text = format!("velocity_rad_s,torque_nm,repetition,{}", QUANTITIES.join(","));
     for prefix in ["sem", "se"] {
         for name in BASE_PARAMETERS {
             text += &format!(",{prefix}_{name}");
         }
     }
-    text += ",trial,converged";
+    text + ",trial,converged"
+}
+
+/// The cells of a trial under [`fit_header`].
+pub fn fit_row(estimate: &Estimate) -> String {
+    let mut text = format!("{},{},{}", estimate.velocity_rad_s, estimate.torque_nm, estimate.repetition);
+    for value in estimate.quantities().into_iter().chain(estimate.sem).chain(estimate.se) {
+        text += ",";
+        text += &cell(value);
+    }
+    text + &format!(",{},{}", estimate.trial, estimate.converged)
+}
+
+fn fit_csv(estimates: &[Estimate]) -> String {
     let labelled = estimates.iter().any(|estimate| estimate.condition.is_some());
-    text += if labelled { ",condition\n" } else { "\n" };
+    let mut text = fit_header() + if labelled { ",condition\n" } else { "\n" };
     for estimate in estimates {
-        text += &format!("{},{},{}", estimate.velocity_rad_s, estimate.torque_nm, estimate.repetition);
-        for value in estimate.quantities().into_iter().chain(estimate.sem).chain(estimate.se) {
-            text += ",";
-            text += &cell(value);
-        }
-        text += &format!(",{},{}", estimate.trial, estimate.converged);
+        text += &fit_row(estimate);
         if labelled {
             text += &format!(",{}", quoted(estimate.condition.as_deref().unwrap_or("")));
         }
