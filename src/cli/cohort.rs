@@ -34,6 +34,9 @@ pub struct Cohort {
     /// Do this part alone, from 0, and make no tables: for a worker of a cluster. Implies --resume.
     #[arg(long, value_name = "K", requires = "out", requires = "seed")]
     part: Option<u64>,
+    /// Make the folder and its plan.json, which says how many parts there are, and do nothing. Implies --resume.
+    #[arg(long, requires = "out", requires = "seed", conflicts_with = "part")]
+    plan: bool,
     /// Keep the folder of every virtual session, under sessions/ in the study's folder.
     #[arg(long)]
     keep: bool,
@@ -51,7 +54,10 @@ impl Verb for Cohort {
         let seed = self.seed.or_else(begun).unwrap_or_else(drawn_seed);
         let study = Study::open(&self.study, seed)?;
         let path = self.folder(&format!("{}-{seed}", self.stem()));
-        let folder = StudyFolder::take(&path, &study, self.resume || self.part.is_some())?;
+        let folder = StudyFolder::take(&path, &study, self.resume || self.plan || self.part.is_some())?;
+        if self.plan {
+            return Ok(());
+        }
         if let Some(number) = self.part {
             return self.one_part(console, &study, &folder, number);
         }
@@ -91,7 +97,8 @@ impl Cohort {
         }
         let progress = console.progress(units, "sessions");
         let sessions = folder.path().join("sessions");
-        let done = to_do.par_iter().try_for_each(|part| part.make(study, self.kept(&sessions)?, || progress.inc(1)));
+        let done =
+            to_do.par_iter().try_for_each(|part| part.make(study, self.kept(&sessions)?, || progress.inc(1)));
         progress.finish_and_clear();
         Ok(done?)
     }
@@ -168,7 +175,11 @@ fn table(console: &Console, gathered: &Gathered, tables: &Tables) -> Result<(), 
     let mut out = console.results();
     let (velocities, torques) = (gathered.layout.velocities_rad_s.len(), gathered.layout.torques_nm.len());
     writeln!(out, "{} persons, {velocities} velocities x {torques} torques", gathered.persons)?;
-    writeln!(out, "{:<22} {:<19} {:>9} {:>12} {:>9} {:>9} {:>9}", "", "", "F", "df", "p", "p (GG)", "part eta2")?;
+    writeln!(
+        out,
+        "{:<22} {:<19} {:>9} {:>12} {:>9} {:>9} {:>9}",
+        "", "", "F", "df", "p", "p (GG)", "part eta2"
+    )?;
     for (name, effects) in QUANTITIES.iter().zip(&tables.effects) {
         for effect in effects {
             writeln!(

@@ -11,7 +11,7 @@ use ramphold::report::ReportError;
 use ramphold::rig::can;
 use ramphold::rig::virtual_wrist::{PersonError, RigFileError};
 use ramphold::schedule::DrawError;
-use ramphold::study::StudyError;
+use ramphold::study::{StudyError, UnitError};
 
 /// Why a verb did not do its work. One variant for each layer that can fail.
 #[derive(Debug, thiserror::Error)]
@@ -69,6 +69,9 @@ pub enum Failure {
     /// The study cannot be done.
     #[error(transparent)]
     Study(#[from] StudyError),
+    /// A session of a simulation could not be run.
+    #[error("a session of the simulation: {0}")]
+    Unit(UnitError),
     /// Not everything of a study could be computed; each problem has been told of.
     #[error("{problems} problems kept persons out of tables; what could be computed is in {}", .folder.display())]
     PartOfStudy {
@@ -189,6 +192,7 @@ impl Failure {
             Self::Write(_)
             | Self::Some { .. }
             | Self::PartOfStudy { .. }
+            | Self::Unit(_)
             | Self::Record(_)
             | Self::Resume(_)
             | Self::Differs { .. }

@@ -12,6 +12,7 @@ mod failure;
 mod fit;
 mod model;
 mod operator;
+mod power;
 mod replay;
 mod report;
 mod resume;
@@ -63,6 +64,7 @@ verbs! {
     Check(check::Check),
     Fit(fit::Fit),
     Cohort(cohort::Cohort),
+    Power(power::Power),
     Report(report::Report),
     Export(export::Export),
     Diagnose(diagnose::Diagnose),

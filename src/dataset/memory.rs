@@ -81,13 +81,14 @@ impl MemoryRecorder {
 
     fn keep(&mut self, sample: &Sample) {
         let Some(Some(record)) = self.records.last_mut() else { return };
-        record.theta_m_rad.push(sample.theta_m_rad);
-        record.torque_l_nm.push(sample.torque_l_nm);
+        // A record's text knows no negative zero.
+        record.theta_m_rad.push(sample.theta_m_rad + 0.0);
+        record.torque_l_nm.push(sample.torque_l_nm + 0.0);
         for (channel, value) in
             [(&mut record.emg_fcr_mvc, sample.emg_fcr_mvc), (&mut record.emg_ecr_mvc, sample.emg_ecr_mvc)]
         {
             if let Some(channel) = channel {
-                channel.push(value);
+                channel.push(value + 0.0);
             }
         }
     }

@@ -20,6 +20,7 @@ mod traces;
 use std::path::{Path, PathBuf};
 
 pub use error::ReportError;
+pub use figures::{PowerCurve, power as power_figure};
 
 use crate::dataset::Disk;
 use material::Material;

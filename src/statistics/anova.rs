@@ -62,7 +62,11 @@ pub struct Mauchly {
     pub p: f64,
 }
 
-/// The effects of both factors and of their interaction; a factor with one level has none. `None` with fewer than two persons.
+/// A sum of squares below this part of that of the values themselves is rounding.
+const ROUNDING: f64 = 1e-24;
+
+/// The effects of both factors and of their interaction; a factor with one level has none, and neither
+/// has a quantity that is the same in all cells. `None` with fewer than two persons.
 pub fn anova(moments: &Moments, design: Design) -> Option<Vec<Effect>> {
     let covariance = moments.covariance()?;
     let (first, second) = (Contrasts::of(design.first), Contrasts::of(design.second));
@@ -82,6 +86,10 @@ pub fn anova(moments: &Moments, design: Design) -> Option<Vec<Effect>> {
         }
         let effect =
             effect(factors, moments, &(contrasts.transpose() * &covariance * &contrasts), &contrasts);
+        // What is the same in all cells of a person differs by rounding alone, which is no effect.
+        if effect.ss + effect.ss_error <= ROUNDING * persons * moments.mean().norm_squared() {
+            continue;
+        }
         residual += effect.ss_error;
         effects.push(effect);
     }

@@ -62,6 +62,14 @@ fn a_factor_with_one_level_has_no_line() {
 }
 
 #[test]
+fn what_is_the_same_in_all_cells_but_for_rounding_has_no_effects() {
+    let persons: [[f64; 4]; 3] =
+        [0.1, 0.2, 0.7].map(|own| [own, own * (1.0 + 3e-16), (own * 3.0) / 3.0, own]);
+    let moments = Moments::of(4, persons.iter().map(|person| person.as_slice()));
+    assert_eq!(anova(&moments, Design { first: 2, second: 2 }), Some(Vec::new()));
+}
+
+#[test]
 fn one_person_has_no_analysis_of_variance() {
     let one = Moments::of(6, [REACTION_TIMES_MS[0].as_slice()]);
     assert!(anova(&one, Design { first: 2, second: 3 }).is_none());

@@ -185,7 +185,9 @@ pub enum Problem {
         place: String,
     },
     /// Fewer than two persons.
-    #[error("{persons} of the persons have all conditions; at least 2 are needed for statistics. Means are given where there are any")]
+    #[error(
+        "{persons} of the persons have all conditions; at least 2 are needed for statistics. Means are given where there are any"
+    )]
     TooFew {
         /// How many there are.
         persons: usize,

@@ -139,7 +139,11 @@ impl StudyFile {
             return refuse("format", self.format.clone(), FORMAT);
         }
         if !(1..=10_000).contains(&self.units_per_part) {
-            return refuse("units_per_part", self.units_per_part.to_string(), "a whole number from 1 to 10000");
+            return refuse(
+                "units_per_part",
+                self.units_per_part.to_string(),
+                "a whole number from 1 to 10000",
+            );
         }
         match &self.persons {
             Persons::Virtual(persons) => {
@@ -159,7 +163,11 @@ impl StudyFile {
                 {
                     if let Some((field, found)) = spread.first_bad() {
                         let field = format!("persons.{name}.{field}");
-                        return refuse(&field, found.to_string(), "a number from 0 up, at most 1 for a level");
+                        return refuse(
+                            &field,
+                            found.to_string(),
+                            "a number from 0 up, at most 1 for a level",
+                        );
                     }
                 }
                 Ok(())

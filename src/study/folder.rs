@@ -67,7 +67,10 @@ impl StudyFolder {
 
     /// The parts that are still to be done.
     pub fn to_do(&self, study: &Study) -> Vec<Part> {
-        (0..study.parts()).map(|number| Part::of(&self.path, number)).filter(|part| !part.is_done(study)).collect()
+        (0..study.parts())
+            .map(|number| Part::of(&self.path, number))
+            .filter(|part| !part.is_done(study))
+            .collect()
     }
 
     /// Makes `study.csv` and all tables from the parts, which must all be done.

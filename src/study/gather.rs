@@ -146,7 +146,8 @@ impl Gathered {
         let cells = match Cells::of(person.rows.iter(), &self.layout.conditions) {
             Ok(cells) => cells,
             Err((velocity, torque)) => {
-                let difference = format!("it has {velocity} rad/s at {torque} N m, which most persons do not");
+                let difference =
+                    format!("it has {velocity} rad/s at {torque} N m, which most persons do not");
                 return self.tell(Problem::OtherProtocol { subject: person.subject.clone(), difference });
             }
         };
@@ -170,9 +171,9 @@ impl Gathered {
     /// One message a person: of the quantity that lacks most.
     fn tell_missing(&mut self, subject: &str, cells: &Cells) {
         let of = self.layout.conditions.len();
-        let missing =
-            |quantity: usize| (0..of).filter(move |cell| cells.mean(quantity, *cell).is_none());
-        let Some(worst) = (0..QUANTITIES.len()).rev().max_by_key(|quantity| missing(*quantity).count()) else {
+        let missing = |quantity: usize| (0..of).filter(move |cell| cells.mean(quantity, *cell).is_none());
+        let Some(worst) = (0..QUANTITIES.len()).rev().max_by_key(|quantity| missing(*quantity).count())
+        else {
             return;
         };
         if let Some(first) = missing(worst).next() {
@@ -195,9 +196,8 @@ impl Gathered {
         let sessions: Option<Vec<Cells>> = (1..=self.sessions).map(of_session).collect();
         let Some(sessions) = sessions else { return };
         for (quantity, moments) in self.by_session.iter_mut().enumerate() {
-            let mean = |cells: &Cells| {
-                cells.all(quantity).map(|all| all.iter().sum::<f64>() / all.len() as f64)
-            };
+            let mean =
+                |cells: &Cells| cells.all(quantity).map(|all| all.iter().sum::<f64>() / all.len() as f64);
             if let Some(means) = sessions.iter().map(mean).collect::<Option<Vec<f64>>>() {
                 moments.add(&means);
             }

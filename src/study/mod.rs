@@ -11,7 +11,9 @@ mod gather;
 mod part;
 mod persons;
 mod plan;
+mod pool;
 mod population;
+pub mod power;
 mod run;
 mod tables;
 
@@ -22,6 +24,10 @@ pub use gather::{Gathered, Origin, assemble, gather};
 pub use part::{PARTS, Part, PartError};
 pub use persons::{Cells, PersonRows, Row, Rows};
 pub use plan::{Study, Unit, What};
+pub use pool::{Pooled, pool};
 pub use population::{PersonSpread, Population, SurfaceSpread, subject_id};
 pub use run::{Kept, fit, simulate};
 pub use tables::{Layout, RESULTS_FORMAT, Table, Tables, effect_name};
+
+#[cfg(test)]
+mod tests;

@@ -115,8 +115,7 @@ fn text(study: &Study, part: u64, kept: Kept, done: impl Fn() + Sync) -> String 
             });
             done();
             let subject = cell(&unit.subject);
-            let line =
-                |estimate: &Estimate| format!("{subject},{},{}\n", fit_row(estimate), unit.session);
+            let line = |estimate: &Estimate| format!("{subject},{},{}\n", fit_row(estimate), unit.session);
             rows.map(|estimates| estimates.iter().map(line).collect())
         })
         .collect();

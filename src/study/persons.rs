@@ -57,7 +57,8 @@ impl Rows {
         let header = reader.headers().map_err(|error| wrong(1, error.to_string()))?.clone();
         let find = |name: &str| header.iter().position(|column| column.trim() == name);
         let must = |name: &str| {
-            let expected = || wrong(1, format!("column {name} is missing; expected the study.csv of a study"));
+            let expected =
+                || wrong(1, format!("column {name} is missing; expected the study.csv of a study"));
             find(name).ok_or_else(expected)
         };
         let columns = Columns {
@@ -128,7 +129,8 @@ impl Rows {
         }
         let subject = self.record.get(self.columns.subject).unwrap_or_default().trim().to_owned();
         let mut person = PersonRows { line: self.line(), rows: Vec::new(), subject };
-        while self.more && self.record.get(self.columns.subject).unwrap_or_default().trim() == person.subject {
+        while self.more && self.record.get(self.columns.subject).unwrap_or_default().trim() == person.subject
+        {
             person.rows.push(self.row()?);
             self.step()?;
         }

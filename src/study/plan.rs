@@ -212,7 +212,11 @@ impl Study {
     }
 }
 
-fn virtual_source(persons: &VirtualPersons, folder: &Path, digest: &mut Sha256) -> Result<Source, StudyError> {
+fn virtual_source(
+    persons: &VirtualPersons,
+    folder: &Path,
+    digest: &mut Sha256,
+) -> Result<Source, StudyError> {
     let protocol = ValidProtocol::read(&folder.join(&persons.protocol))?;
     let average = match &persons.person {
         Some(file) => Person::read(&folder.join(file))?,

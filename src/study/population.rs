@@ -75,7 +75,9 @@ fn vary(person: &Person, spread: &PersonSpread, stream: &mut Stream) -> Person {
         let turned = [spread.per_rad_s * draw(), spread.per_nm * draw()];
         let scaled = |value: f64| value * factor * shared;
         let own = Surface {
-            at_lowest: scaled(surface.at_lowest) - turned[0] * (MIDDLE.0 - 1.3) - turned[1] * (MIDDLE.1 - 0.9),
+            at_lowest: scaled(surface.at_lowest)
+                - turned[0] * (MIDDLE.0 - 1.3)
+                - turned[1] * (MIDDLE.1 - 0.9),
             per_rad_s: scaled(surface.per_rad_s) + turned[0],
             per_nm: scaled(surface.per_nm) + turned[1],
         };
@@ -118,6 +120,8 @@ impl PersonSpread {
                 (format!("{name}.per_nm"), surface.per_nm, f64::MAX),
             ]
         }));
-        all.into_iter().find(|(_, value, most)| !(0.0..=*most).contains(value)).map(|(name, value, _)| (name, value))
+        all.into_iter()
+            .find(|(_, value, most)| !(0.0..=*most).contains(value))
+            .map(|(name, value, _)| (name, value))
     }
 }

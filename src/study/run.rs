@@ -12,9 +12,7 @@ use crate::protocol::ValidProtocol;
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
-use crate::session::{
-    AsFastAsItGoes, Event, Machine, Operator, Phase, Recorder, Settings, conduct,
-};
+use crate::session::{AsFastAsItGoes, Event, Machine, Operator, Phase, Recorder, Settings, conduct};
 
 /// Whether a virtual session leaves a folder behind.
 #[derive(Debug, Clone, Copy)]
@@ -31,8 +29,7 @@ pub fn fit(study: &Study, unit: &Unit, kept: Kept) -> Result<Vec<Estimate>, Unit
         What::Virtual { protocol, .. } => (simulate(unit, kept)?, view(protocol)),
         What::Measured(folder) => {
             let file = folder.join("protocol.json");
-            let view =
-                if file.exists() { view(&ValidProtocol::read(&file)?) } else { View::default() };
+            let view = if file.exists() { view(&ValidProtocol::read(&file)?) } else { View::default() };
             (Some(dataset::load(folder)?), view)
         }
     };

@@ -45,7 +45,8 @@ impl Layout {
             levels.sort_by(f64::total_cmp);
             levels.dedup();
         }
-        let with = |velocity: &f64| torques_nm.iter().map(move |torque| (*velocity, *torque)).collect::<Vec<_>>();
+        let with =
+            |velocity: &f64| torques_nm.iter().map(move |torque| (*velocity, *torque)).collect::<Vec<_>>();
         let conditions = velocities_rad_s.iter().flat_map(with).collect();
         Self { velocities_rad_s, torques_nm, conditions }
     }
@@ -157,13 +158,15 @@ fn analysis(effects: &[Vec<Effect>], moments: &[Moments]) -> String {
 }
 
 fn trends(layout: &Layout, moments: &[Moments]) -> String {
-    let mut text = "quantity,factor,persons,slope,slope_low,slope_high,t,df,p,intercept,intercept_low,intercept_high,\
+    let mut text =
+        "quantity,factor,persons,slope,slope_low,slope_high,t,df,p,intercept,intercept_low,intercept_high,\
                     intercept_p\n"
-        .to_owned();
+            .to_owned();
     for (name, moments) in QUANTITIES.iter().zip(moments) {
         for (factor, (factor_name, _)) in layout.factors().into_iter().enumerate() {
             let Some([slope, intercept]) = layout.trend(factor) else { continue };
-            let (Some(slope), Some(intercept)) = (moments.contrast(&slope), moments.contrast(&intercept)) else {
+            let (Some(slope), Some(intercept)) = (moments.contrast(&slope), moments.contrast(&intercept))
+            else {
                 continue;
             };
             let with_interval = |contrast: &Contrast| {
@@ -200,7 +203,8 @@ fn contrasts(layout: &Layout, moments: &[Moments]) -> String {
             let adjusted = holm(&found.iter().map(Contrast::p).collect::<Vec<f64>>());
             for (((a, b), contrast), p_holm) in pairs.iter().zip(&found).zip(adjusted) {
                 let (low, high) = contrast.interval();
-                let difference = [contrast.estimate, low, high, contrast.t(), contrast.df, contrast.p(), p_holm];
+                let difference =
+                    [contrast.estimate, low, high, contrast.t(), contrast.df, contrast.p(), p_holm];
                 let numbers = [&[levels[*b], levels[*a], moments.count() as f64][..], &difference].concat();
                 text += &row(&format!("{name},{factor_name}"), &numbers);
             }
@@ -210,8 +214,9 @@ fn contrasts(layout: &Layout, moments: &[Moments]) -> String {
 }
 
 fn of_sessions(moments: &[Moments]) -> String {
-    let mut text = "quantity,persons,sessions,mean,icc_agreement,icc_consistency,f,p,sem,smallest_detectable_change\n"
-        .to_owned();
+    let mut text =
+        "quantity,persons,sessions,mean,icc_agreement,icc_consistency,f,p,sem,smallest_detectable_change\n"
+            .to_owned();
     for (name, moments) in QUANTITIES.iter().zip(moments) {
         let Some(found) = reliability(moments) else { continue };
         let numbers = [

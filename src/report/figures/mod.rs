@@ -3,6 +3,7 @@
 mod balance;
 mod glance;
 mod parameters;
+mod power;
 mod residuals;
 mod stiffness;
 mod trial;
@@ -10,6 +11,7 @@ mod trial;
 pub use balance::balance;
 pub use glance::{gates, lateness, order};
 pub use parameters::parameters;
+pub use power::{PowerCurve, power};
 pub use residuals::{ResidualMap, residual_map};
 pub use stiffness::stiffness;
 pub use trial::trial;

@@ -1,0 +1,258 @@
+//! `ramphold power`: how many persons and repetitions an effect takes.
+
+use std::fmt::Write as _;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use ramphold::dataset::Disk;
+use ramphold::fit::{QUANTITIES, write_files};
+use ramphold::report::{PowerCurve, power_figure};
+use ramphold::statistics::wilson;
+use ramphold::study::power::{Arms, Drawing, Found, Limit, Shift, Sought, Verdict, power, verdicts};
+use ramphold::study::{Study, StudyError};
+
+use super::run::{drawn_seed, new_folder};
+use super::{Console, Failure, Verb};
+
+/// Tell how often studies of so many persons would find an effect: power curves by simulation.
+///
+/// A pool of the study's virtual persons is simulated and fitted in full, once; studies are drawn from it with replacement, and
+/// each is put to the test that the real one would be put to.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  ramphold power protocols/de-vlugt-2011-study.json --difference k_srs=-0.15 --seed 1\n  \
+                        ramphold power protocols/de-vlugt-2011-study.json --change x_t=0.002 --persons 4,8,16\n  \
+                        ramphold power protocols/de-vlugt-2011-study.json --limit angle --persons 8"
+)]
+#[group(id = "sought", required = true, multiple = false, args = ["difference", "change", "limit"])]
+pub struct Power {
+    /// The study file; its persons must be virtual.
+    study: PathBuf,
+    /// Two groups of persons differ: a fraction of k_h, k_srs, k_dec or x_e, or seconds of x_t.
+    #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true)]
+    difference: Option<Shift>,
+    /// The same persons change between two sessions, by as much.
+    #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true)]
+    change: Option<Shift>,
+    /// What a study says of the elastic limit (constant time, constant angle), where it is in truth one of them.
+    #[arg(long, value_enum)]
+    limit: Option<TrueLimit>,
+    /// Numbers of persons, in each group.
+    #[arg(long, value_delimiter = ',', default_value = "3,4,5,6,8,10,12,16,20,24,32,40")]
+    persons: Vec<u32>,
+    /// Numbers of repetitions, at most the protocol's.
+    #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
+    repetitions: Vec<u32>,
+    /// Studies drawn for each number of persons and repetitions.
+    #[arg(long, default_value_t = 2000)]
+    studies: u32,
+    /// Persons simulated, in each group.
+    #[arg(long, default_value_t = 60)]
+    pool: u32,
+    /// Level of the tests.
+    #[arg(long, default_value_t = 0.05)]
+    alpha: f64,
+    /// The seed of every random draw; drawn and printed if not given.
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Where to write, a new folder; one under sessions/ if not given.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// What the elastic limit is in truth.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum TrueLimit {
+    /// As the study's average person has it: in the paper's, a time.
+    Time,
+    /// An angle: that of the average person at the lowest velocity.
+    Angle,
+}
+
+impl Verb for Power {
+    fn run(self, console: &Console) -> Result<(), Failure> {
+        let seed = self.seed.unwrap_or_else(drawn_seed);
+        let study = Study::open(&self.study, seed)?;
+        let drawing = self.drawing(&study)?;
+        let folder = self
+            .out
+            .clone()
+            .unwrap_or_else(|| new_folder(&Path::new("sessions").join(format!("power-{seed}"))));
+        if folder.join("power.csv").exists() {
+            return Err(Failure::Usage(format!(
+                "{}: holds the results of an earlier one, which are not overwritten; give another --out",
+                folder.display()
+            )));
+        }
+        let groups = if self.limit.is_some() { 1 } else { 2 };
+        console.message(format_args!(
+            "study {}, seed {seed}, {} sessions",
+            study.name,
+            groups * drawing.pool
+        ));
+        let progress = console.progress(u64::from(groups * drawing.pool), "sessions");
+        let tick = || progress.inc(1);
+        let sought = match (self.difference, self.change) {
+            (Some(shift), _) => Some(Sought::Difference(shift)),
+            (_, Some(shift)) => Some(Sought::Change(shift)),
+            _ => None,
+        };
+        let result = match (sought, self.limit) {
+            (Some(sought), _) => {
+                let (found, arms) = power(&study, sought, &drawing, tick).map_err(Failure::Unit)?;
+                let mut told = curves(sought, &drawing, &found);
+                told.files.push(("pool.csv", pool_table(&arms)));
+                told
+            }
+            (None, limit) => {
+                let limit =
+                    if matches!(limit, Some(TrueLimit::Angle)) { Limit::Angle } else { Limit::AsGiven };
+                let said = verdicts(&study, limit, &drawing, tick).map_err(Failure::Unit)?;
+                verdict_table(&drawing, &said)
+            }
+        };
+        progress.finish_and_clear();
+        let files: Vec<(&str, &str)> =
+            result.files.iter().map(|(name, text)| (*name, text.as_str())).collect();
+        write_files(&Disk::default(), &folder, &files)?;
+        write!(console.results(), "{}", result.words)?;
+        console.message(format_args!("{}", folder.display()));
+        Ok(())
+    }
+}
+
+/// Files, and what a person is told.
+struct Told {
+    files: Vec<(&'static str, String)>,
+    words: String,
+}
+
+impl Power {
+    fn drawing(&self, study: &Study) -> Result<Drawing, Failure> {
+        let refuse = |message: String| Err(Failure::Usage(message));
+        let Some(protocol) = study.protocol() else {
+            return Err(StudyError::Value {
+                file: self.study.clone(),
+                field: "persons.kind".into(),
+                found: "measured".into(),
+                expected: "virtual: power is found by simulation. Give the measured spread to virtual persons",
+            }
+            .into());
+        };
+        if let Some(bad) = self.repetitions.iter().find(|r| !(1..=protocol.repetitions).contains(*r)) {
+            return refuse(format!(
+                "--repetitions {bad}: expected 1 to {}, the protocol's",
+                protocol.repetitions
+            ));
+        }
+        if let Some(bad) = self.persons.iter().find(|n| !(2..=10_000).contains(*n)) {
+            return refuse(format!("--persons {bad}: expected 2 to 10000"));
+        }
+        if !(2..=1_000_000).contains(&self.pool) {
+            return refuse(format!("--pool {}: expected 2 to 1000000 persons", self.pool));
+        }
+        if !(1..=1_000_000).contains(&self.studies) {
+            return refuse(format!("--studies {}: expected 1 to 1000000", self.studies));
+        }
+        if !(self.alpha > 0.0 && self.alpha < 1.0) {
+            return refuse(format!("--alpha {}: expected a number between 0 and 1", self.alpha));
+        }
+        let mut drawing = Drawing {
+            persons: self.persons.clone(),
+            repetitions: self.repetitions.clone(),
+            studies: self.studies,
+            pool: self.pool,
+            alpha: self.alpha,
+        };
+        for numbers in [&mut drawing.persons, &mut drawing.repetitions] {
+            numbers.sort_unstable();
+            numbers.dedup();
+        }
+        Ok(drawing)
+    }
+}
+
+/// Power by persons and repetitions.
+fn curves(sought: Sought, drawing: &Drawing, found: &[Found]) -> Told {
+    let (kind, shift) = match sought {
+        Sought::Difference(shift) => ("difference", shift),
+        Sought::Change(shift) => ("change", shift),
+    };
+    let quantity = QUANTITIES[shift.parameter.quantity()];
+    let mut csv =
+        "sought,parameter,by,quantity,repetitions,persons,studies,found,power,low,high,mean_effect\n"
+            .to_owned();
+    let (word, by) = (shift.to_string(), shift.by);
+    let parameter = word.split('=').next().unwrap_or_default();
+    let mut words = format!("{kind} of {shift}, seen in {quantity}, at p < {}\n", drawing.alpha);
+    let mut curves = Vec::new();
+    for repetitions in &drawing.repetitions {
+        let own: Vec<&Found> = found.iter().filter(|found| found.repetitions == *repetitions).collect();
+        for found in &own {
+            let (share, low, high) = found.share();
+            let _ = writeln!(
+                csv,
+                "{kind},{parameter},{by},{quantity},{repetitions},{},{},{},{share},{low},{high},{}",
+                found.persons, found.of, found.found, found.effect
+            );
+        }
+        let enough = own.iter().find(|found| found.share().0 >= 0.8).map(|found| found.persons);
+        let needed = match (enough, own.last()) {
+            (Some(persons), _) => format!("{persons} persons"),
+            (None, Some(last)) => format!("more than {} persons ({:.2} there)", last.persons, last.share().0),
+            (None, None) => String::new(),
+        };
+        let _ = writeln!(words, "{repetitions} repetitions: power 0.8 takes {needed}");
+        let point = |found: &&Found| {
+            let (share, low, high) = found.share();
+            (f64::from(found.persons), share, low, high)
+        };
+        let label = format!("{repetitions} repetitions");
+        curves.push(PowerCurve { label, points: own.iter().map(point).collect() });
+    }
+    let caption = format!(
+        "Shares of {} studies drawn from {} virtual persons (in each group), with 95 % intervals; grey: power 0.8.",
+        drawing.studies, drawing.pool
+    );
+    let figure = power_figure(&format!("Power: {kind} of {shift}, p < {}", drawing.alpha), &caption, &curves);
+    Told { files: vec![("power.csv", csv), ("power.svg", figure)], words }
+}
+
+/// The persons that studies were drawn from.
+fn pool_table(arms: &[Arms]) -> String {
+    let mut csv = "repetitions,person,first,second\n".to_owned();
+    let cell = |value: &Option<f64>| value.map_or(String::new(), |value| value.to_string());
+    for own in arms {
+        for (person, (one, other)) in own.one.iter().zip(&own.other).enumerate() {
+            let _ = writeln!(csv, "{},{},{},{}", own.repetitions, person + 1, cell(one), cell(other));
+        }
+    }
+    csv
+}
+
+/// What studies say of the elastic limit.
+fn verdict_table(drawing: &Drawing, said: &[(u32, [u32; 4])]) -> Told {
+    let mut csv = "persons,studies,verdict,count,share,low,high\n".to_owned();
+    let mut words = "what studies say of the elastic limit (share of studies)\npersons".to_owned();
+    for verdict in Verdict::ALL {
+        let _ = write!(words, " {:>10}", verdict.name());
+    }
+    words.push('\n');
+    for (persons, counts) in said {
+        let _ = write!(words, "{persons:>7}");
+        let of: u32 = counts.iter().sum();
+        for (verdict, count) in Verdict::ALL.iter().zip(counts) {
+            let share = f64::from(*count) / f64::from(of.max(1));
+            let (low, high) = wilson(*count, of);
+            let _ = writeln!(
+                csv,
+                "{persons},{},{},{count},{share},{low},{high}",
+                drawing.studies,
+                verdict.name()
+            );
+            let _ = write!(words, " {share:>10.3}");
+        }
+        words.push('\n');
+    }
+    Told { files: vec![("power.csv", csv)], words }
+}
