@@ -156,7 +156,8 @@ fn effect(factors: [bool; 2], moments: &Moments, spread: &DMatrix<f64>, contrast
     }
 }
 
-/// Mauchly 1940, with the p-value of Anderson 2003 (section 10.7.4) as R's `mauchly.test` has it.
+/// Mauchly 1940, with the p-value of Anderson 2003 (section 10.7.4). R's `mauchly.test` has the number of conditions for d in one
+/// place of the second term, which changes the fourth digit.
 fn mauchly(spread: &DMatrix<f64>, df: f64) -> Option<Mauchly> {
     let d = spread.ncols() as f64;
     if d < 2.0 || df < d {
