@@ -269,6 +269,18 @@ fn a_study_file_that_is_wrong_is_refused_before_anything_is_written() {
         &["power", "study.json", "--change", "x_t=0.002", "--repetitions", "3"],
         &["--repetitions 3"],
     );
+    desk.refused(2, &["power", "study.json"], &["--difference"]);
+    desk.refused(
+        2,
+        &["power", "study.json", "--change", "x_t=0.002", "--limit", "time"],
+        &["cannot be used with"],
+    );
+    desk.refused(2, &["power", "study.json", "--mechanism", "ghost"], &["\"ghost\" is not in the catalogue"]);
+    desk.refused(
+        2,
+        &["power", "study.json", "--mechanism", "joint_damping:b=1"],
+        &["expected finite numbers for"],
+    );
     assert!(!desk.path("out").exists());
 }
 

@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use ramphold::dataset::Disk;
 use ramphold::fit::{QUANTITIES, write_files};
 use ramphold::report::{PowerCurve, power_figure};
+use ramphold::rig::virtual_wrist::Mechanisms;
 use ramphold::statistics::wilson;
+use ramphold::study::detection::{Named, detections, found};
 use ramphold::study::power::{Arms, Drawing, Found, Limit, Shift, Sought, Verdict, power, verdicts};
 use ramphold::study::{Study, StudyError};
 
@@ -24,19 +26,23 @@ use super::{Console, Failure, Verb};
                         ramphold power protocols/de-vlugt-2011-study.json --change x_t=0.002 --persons 4,8,16\n  \
                         ramphold power protocols/de-vlugt-2011-study.json --limit angle --persons 8"
 )]
-#[group(id = "sought", required = true, multiple = false, args = ["difference", "change", "limit"])]
+#[command(group = clap::ArgGroup::new("sought").required(true).multiple(false))]
 pub struct Power {
     /// The study file; its persons must be virtual.
     study: PathBuf,
     /// Two groups of persons differ: a fraction of k_h, k_srs, k_dec or x_e, or seconds of x_t.
-    #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true)]
+    #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true, group = "sought")]
     difference: Option<Shift>,
     /// The same persons change between two sessions, by as much.
-    #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true)]
+    #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true, group = "sought")]
     change: Option<Shift>,
     /// What a study says of the elastic limit (constant time, constant angle), where it is in truth one of them.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, group = "sought")]
     limit: Option<TrueLimit>,
+    /// A mechanism of the catalogue at work in the rig, with all its parameters, such as
+    /// torque_drift:slope_nm_per_s=1,start_s=0.005. Every session is diagnosed, which takes long: begin with --pool 8.
+    #[arg(long, value_name = "ID:PARAMETER=VALUE,...", group = "sought", value_parser = mechanism)]
+    mechanism: Option<Mechanisms>,
     /// Numbers of persons, in each group.
     #[arg(long, value_delimiter = ',', default_value = "3,4,5,6,8,10,12,16,20,24,32,40")]
     persons: Vec<u32>,
@@ -84,7 +90,7 @@ impl Verb for Power {
                 folder.display()
             )));
         }
-        let groups = if self.limit.is_some() { 1 } else { 2 };
+        let groups = if self.limit.is_some() || self.mechanism.is_some() { 1 } else { 2 };
         console.message(format_args!(
             "study {}, seed {seed}, {} sessions",
             study.name,
@@ -98,9 +104,24 @@ impl Verb for Power {
             _ => None,
         };
         let result = match (sought, self.limit) {
+            _ if self.mechanism.is_some() => {
+                let mechanisms = self.mechanism.clone().unwrap_or_default();
+                let named = detections(&study, &mechanisms, &drawing, tick).map_err(Failure::Unit)?;
+                let ids: Vec<&str> = mechanisms.kinds.iter().map(|kind| kind.id()).collect();
+                let values: Vec<String> = mechanisms.parameters.iter().map(f64::to_string).collect();
+                let what = What {
+                    kind: "mechanism",
+                    parameter: ids.join("+"),
+                    by: values.join(" "),
+                    quantity: "share of sessions that name it",
+                };
+                let mut told = curves(&what, &drawing, &found(&study, &named, &drawing));
+                told.files.push(("pool.csv", named_table(&named)));
+                told
+            }
             (Some(sought), _) => {
                 let (found, arms) = power(&study, sought, &drawing, tick).map_err(Failure::Unit)?;
-                let mut told = curves(sought, &drawing, &found);
+                let mut told = curves(&What::of(sought), &drawing, &found);
                 told.files.push(("pool.csv", pool_table(&arms)));
                 told
             }
@@ -172,19 +193,38 @@ impl Power {
     }
 }
 
+/// What is sought, in words.
+struct What {
+    kind: &'static str,
+    parameter: String,
+    by: String,
+    quantity: &'static str,
+}
+
+impl What {
+    fn of(sought: Sought) -> Self {
+        let (kind, shift) = match sought {
+            Sought::Difference(shift) => ("difference", shift),
+            Sought::Change(shift) => ("change", shift),
+        };
+        let word = shift.to_string();
+        let (parameter, by) = word.split_once('=').unwrap_or((&word, ""));
+        Self {
+            kind,
+            parameter: parameter.into(),
+            by: by.into(),
+            quantity: QUANTITIES[shift.parameter.quantity()],
+        }
+    }
+}
+
 /// Power by persons and repetitions.
-fn curves(sought: Sought, drawing: &Drawing, found: &[Found]) -> Told {
-    let (kind, shift) = match sought {
-        Sought::Difference(shift) => ("difference", shift),
-        Sought::Change(shift) => ("change", shift),
-    };
-    let quantity = QUANTITIES[shift.parameter.quantity()];
+fn curves(what: &What, drawing: &Drawing, found: &[Found]) -> Told {
+    let What { kind, parameter, by, quantity } = what;
     let mut csv =
         "sought,parameter,by,quantity,repetitions,persons,studies,found,power,low,high,mean_effect\n"
             .to_owned();
-    let (word, by) = (shift.to_string(), shift.by);
-    let parameter = word.split('=').next().unwrap_or_default();
-    let mut words = format!("{kind} of {shift}, seen in {quantity}, at p < {}\n", drawing.alpha);
+    let mut words = format!("{kind} of {parameter}={by}, seen in {quantity}, at p < {}\n", drawing.alpha);
     let mut curves = Vec::new();
     for repetitions in &drawing.repetitions {
         let own: Vec<&Found> = found.iter().filter(|found| found.repetitions == *repetitions).collect();
@@ -214,8 +254,34 @@ fn curves(sought: Sought, drawing: &Drawing, found: &[Found]) -> Told {
         "Shares of {} studies drawn from {} virtual persons (in each group), with 95 % intervals; grey: power 0.8.",
         drawing.studies, drawing.pool
     );
-    let figure = power_figure(&format!("Power: {kind} of {shift}, p < {}", drawing.alpha), &caption, &curves);
+    let figure =
+        power_figure(&format!("Power: {kind} of {parameter}={by}, p < {}", drawing.alpha), &caption, &curves);
     Told { files: vec![("power.csv", csv), ("power.svg", figure)], words }
+}
+
+/// Which sessions named the mechanism.
+fn named_table(named: &[Named]) -> String {
+    let mut csv = "repetitions,person,named\n".to_owned();
+    for own in named {
+        for (person, named) in own.named.iter().enumerate() {
+            let _ = writeln!(csv, "{},{},{named}", own.repetitions, person + 1);
+        }
+    }
+    csv
+}
+
+/// A mechanism with its parameters, as it is written on the command line.
+fn mechanism(text: &str) -> Result<Mechanisms, String> {
+    let (id, parameters) = text.split_once(':').unwrap_or((text, ""));
+    let mut values = serde_json::Map::new();
+    for parameter in parameters.split(',').filter(|parameter| !parameter.is_empty()) {
+        let value =
+            parameter.split_once('=').and_then(|(name, value)| Some((name, value.parse::<f64>().ok()?)));
+        let (name, value) = value.ok_or_else(|| format!("{parameter:?}: expected PARAMETER=NUMBER"))?;
+        values.insert(name.to_owned(), value.into());
+    }
+    let written = serde_json::json!([{ "mechanism": id, "parameters": values }]);
+    serde_json::from_value(written).map_err(|error| error.to_string())
 }
 
 /// The persons that studies were drawn from.

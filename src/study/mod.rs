@@ -4,6 +4,7 @@
 //! file that proves itself whole, so it does not matter who made it, in which order, or after how many interruptions: threads of
 //! one program, or workers of a cluster. The tables are gathered from the parts person by person.
 
+pub mod detection;
 mod error;
 mod file;
 mod folder;

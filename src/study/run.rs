@@ -39,7 +39,7 @@ pub fn fit(study: &Study, unit: &Unit, kept: Kept) -> Result<Vec<Estimate>, Unit
     Ok(estimates(&prepared, &fit))
 }
 
-fn view(protocol: &ValidProtocol) -> View {
+pub(super) fn view(protocol: &ValidProtocol) -> View {
     View { window_s: protocol.window_s, filter: protocol.signal.filter }
 }
 
