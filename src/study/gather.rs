@@ -22,6 +22,8 @@ const TOLD: usize = 100;
 pub struct Gathered {
     /// The cells.
     pub layout: Layout,
+    /// By quantity: whether anybody has a value of it at all.
+    pub measured: [bool; QUANTITIES.len()],
     /// Persons with any rows.
     pub persons: u64,
     /// Sessions of the person with most.
@@ -83,6 +85,7 @@ pub fn gather(
     };
     let mut designs: BTreeMap<Vec<(u64, u64)>, u64> = BTreeMap::new();
     let mut sessions = 0;
+    let mut measured = [false; QUANTITIES.len()];
     for person in Rows::open(table)? {
         let mut person = person?;
         if !kept(&mut person) {
@@ -94,12 +97,15 @@ pub fn gather(
         own.dedup();
         sessions = person.rows.iter().map(|row| row.session).max().unwrap_or(1).max(sessions);
         *designs.entry(own).or_default() += 1;
+        for (quantity, measured) in measured.iter_mut().enumerate() {
+            *measured |= person.rows.iter().any(|row| row.values[quantity].is_some());
+        }
     }
     // The design that most persons have, and of those the largest.
     let most = designs.into_iter().max_by_key(|(conditions, persons)| (*persons, conditions.len()));
     let conditions = most.map_or(Vec::new(), |(conditions, _)| conditions);
     let layout = Layout::of(conditions.into_iter().map(|(v, t)| (f64::from_bits(v), f64::from_bits(t))));
-    let mut gathered = Gathered::new(layout, sessions, problems);
+    let mut gathered = Gathered::new(layout, sessions, problems, measured);
     let mut seen = HashSet::new();
     for person in Rows::open(table)? {
         let mut person = person?;
@@ -121,13 +127,19 @@ pub fn gather(
 }
 
 impl Gathered {
-    fn new(layout: Layout, sessions: u32, problems: Vec<Problem>) -> Self {
+    fn new(
+        layout: Layout,
+        sessions: u32,
+        problems: Vec<Problem>,
+        measured: [bool; QUANTITIES.len()],
+    ) -> Self {
         let cells = layout.conditions.len();
         Self {
             complete: vec![Moments::new(cells); QUANTITIES.len()],
             cells: vec![vec![Sample::default(); cells]; QUANTITIES.len()],
             by_session: vec![Moments::new(sessions as usize); QUANTITIES.len()],
             layout,
+            measured,
             persons: 0,
             sessions,
             problem_count: problems.len() as u64,
@@ -172,10 +184,8 @@ impl Gathered {
     fn tell_missing(&mut self, subject: &str, cells: &Cells) {
         let of = self.layout.conditions.len();
         let missing = |quantity: usize| (0..of).filter(move |cell| cells.mean(quantity, *cell).is_none());
-        let Some(worst) = (0..QUANTITIES.len()).rev().max_by_key(|quantity| missing(*quantity).count())
-        else {
-            return;
-        };
+        let quantities = (0..QUANTITIES.len()).rev().filter(|quantity| self.measured[*quantity]);
+        let Some(worst) = quantities.max_by_key(|quantity| missing(*quantity).count()) else { return };
         if let Some(first) = missing(worst).next() {
             let (velocity, torque) = self.layout.conditions[first];
             self.tell(Problem::Missing {

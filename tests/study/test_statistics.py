@@ -204,7 +204,7 @@ def test_the_mixed_model_agrees_with_the_analysis_of_variance_where_nothing_is_m
 
 def test_the_mixed_model_uses_persons_who_lack_conditions(tables, mixed_model):
     rows = [row for index, row in enumerate(made_up(2, 15)) if index not in (3, 17, 40, 41, 90)]
-    found = tables(rows)
+    found = tables(rows, code=1)
     assert {row["persons"] for row in found["anova"]} == {"11"}
     mixed = mixed_model()
     whole = {row["effect"]: float(row["f"]) for row in found["anova"]}
