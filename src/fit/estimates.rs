@@ -95,9 +95,17 @@ impl Estimate {
 
 /// The estimates of all trials, by condition and repetition.
 pub fn estimates(prepared: &Prepared, fit: &Fit) -> Vec<Estimate> {
+    with_profiles(prepared, fit, &profiles(prepared, fit))
+}
+
+/// The same without profiles, which cost more than all else and which no table of a study has.
+pub fn estimates_alone(prepared: &Prepared, fit: &Fit) -> Vec<Estimate> {
+    with_profiles(prepared, fit, &vec![[None; 2]; prepared.trials.len()])
+}
+
+fn with_profiles(prepared: &Prepared, fit: &Fit, profiles: &[[Option<Interval>; 2]]) -> Vec<Estimate> {
     let predictions = predictions(prepared, fit);
     let uncertainties = uncertainties(prepared, fit, &predictions);
-    let profiles = profiles(prepared, fit);
     let of_trial = |index: usize| {
         let trial = &prepared.trials[index];
         let mut values = [0.0; 6];

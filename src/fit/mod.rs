@@ -19,7 +19,9 @@ mod uncertainty;
 mod weights;
 
 pub use bootstrap::{BOOTSTRAPPED, Scatter, bootstrap};
-pub use estimates::{ConditionEstimate, Estimate, QUANTITIES, by_condition, estimates, simulated};
+pub use estimates::{
+    ConditionEstimate, Estimate, QUANTITIES, by_condition, estimates, estimates_alone, simulated,
+};
 pub use guess::{Guess, looks};
 pub use layout::{Component, Coordinate, Layout, Link};
 pub use model::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::error::UnitError;
 use super::plan::{Study, Unit, What};
 use crate::dataset::{self, Disk, Manifest, MemoryRecorder, NewSession, Session};
-use crate::fit::{Estimate, Fit, Model, Prepared, View, estimates};
+use crate::fit::{Estimate, Fit, Model, Prepared, View, estimates_alone};
 use crate::protocol::ValidProtocol;
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
@@ -36,7 +36,7 @@ pub fn fit(study: &Study, unit: &Unit, kept: Kept) -> Result<Vec<Estimate>, Unit
     let Some(session) = session else { return Ok(Vec::new()) };
     let prepared = Prepared::new(&session, view)?;
     let fit = Fit::new(&prepared, &Model::paper(), study.weighting);
-    Ok(estimates(&prepared, &fit))
+    Ok(estimates_alone(&prepared, &fit))
 }
 
 pub(super) fn view(protocol: &ValidProtocol) -> View {
