@@ -89,6 +89,11 @@ impl Resumable {
         self.story.settings.sample_rate_hz
     }
 
+    /// By how many samples the motor of the session follows a command later than at the next sample.
+    pub fn motion_delay_samples(&self) -> u64 {
+        self.story.settings.motion_delay_samples
+    }
+
     /// Whether every trial is done, so that only the results can be missing.
     pub fn is_finished(&self) -> bool {
         self.standing.phase == Phase::Finished

@@ -40,7 +40,7 @@ impl Story {
             _ => DatasetError::Unreadable { at: at(), source },
         })?;
         let journal = JournalText::parse(&bytes);
-        let Some(Record::Session { format, program, seed, protocol_sha256, rules }) =
+        let Some(Record::Session { format, program, seed, protocol_sha256, rules, motion_delay_samples }) =
             journal.records.first().map(|placed| &placed.record)
         else {
             let problem = "its first record is not there or not readable".to_owned();
@@ -53,7 +53,7 @@ impl Story {
                 expected: JOURNAL_FORMAT,
             });
         }
-        let (seed, program, rules) = (*seed, program.clone(), *rules);
+        let (seed, program, rules, delay) = (*seed, program.clone(), *rules, *motion_delay_samples);
         let about: Description = parse_json(&folder.name("session.json"), &text)?;
         let protocol = folder.text("protocol.json", None)?;
         let found = sha256(protocol.as_bytes());
@@ -66,11 +66,12 @@ impl Story {
         }
         let protocol = ValidProtocol::parse(&protocol, &folder.name("protocol.json"))?;
         let order = order(&folder)?;
-        let settings = Settings::new(&protocol, seed, &order).map_err(|error| DatasetError::Value {
+        let mut settings = Settings::new(&protocol, seed, &order).map_err(|error| DatasetError::Value {
             at: Place::file(folder.name("schedule.csv")),
             found: error.to_string(),
             expected: "an order of the protocol's trials".to_owned(),
         })?;
+        settings.motion_delay_samples = delay;
         let subject = about.subject.id;
         Ok(Self { path: path.to_owned(), subject, settings: Arc::new(settings), journal, program, rules })
     }
