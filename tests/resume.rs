@@ -180,6 +180,51 @@ fn verify_names_every_file_that_was_changed_taken_away_or_added() {
 }
 
 #[test]
+fn a_session_that_is_complete_is_left_as_it_is() {
+    let desk = Desk::new();
+    let before = files(&desk.done());
+    let (_, said) = desk.call(0, &["resume", "s", "--yes"]);
+    assert!(said.contains("every trial is done and the results are there"), "{said}");
+    assert!(files(&desk.path("s")) == before);
+}
+
+#[test]
+fn a_session_that_somebody_changed_is_not_gone_on_with() {
+    let desk = Desk::new();
+    let session = desk.done();
+    fs::write(session.join("trials/trial-003.csv"), "").unwrap();
+    fs::remove_file(session.join("rig.json")).unwrap();
+    let before = files(&session);
+    let (_, said) = desk.call(2, &["resume", "s", "--yes"]);
+    assert!(
+        said.contains("files are not as the session left it: rig.json missing, trials/trial-003.csv changed"),
+        "{said}"
+    );
+    assert!(files(&session) == before, "a new manifest would have hidden it");
+}
+
+#[test]
+fn a_folder_that_is_no_session_or_one_of_a_later_version_is_named_as_such() {
+    let desk = Desk::new();
+    fs::create_dir(desk.path("empty")).unwrap();
+    for verb in ["resume", "replay", "verify"] {
+        let (_, said) = desk.call(2, &[verb, "empty"]);
+        assert!(
+            said.contains("session.json: not found; expected it in every session folder; is this one?"),
+            "{said}"
+        );
+    }
+    let session = desk.done();
+    let about = fs::read_to_string(session.join("session.json")).unwrap();
+    fs::write(session.join("session.json"), about.replace("ramphold-session/1", "ramphold-session/2"))
+        .unwrap();
+    for verb in [&["resume", "s", "--yes"][..], &["replay", "s"]] {
+        let (_, said) = desk.call(2, verb);
+        assert!(said.contains("\"ramphold-session/2\" is not known"), "{said}");
+    }
+}
+
+#[test]
 fn results_made_anew_are_no_change_but_anything_else_still_is() {
     let desk = Desk::new();
     let session = desk.done();

@@ -149,7 +149,7 @@ impl Failure {
             | Self::Read { .. }
             | Self::Usage(_)
             | Self::NoWord
-            | Self::Resume(ResumeError::Dataset(_))
+            | Self::Resume(ResumeError::Dataset(_) | ResumeError::NotAsItWas { .. })
             | Self::TooShort(_)
             | Self::Person(_)
             | Self::Rig(_)

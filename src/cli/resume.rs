@@ -34,6 +34,13 @@ pub struct Resume {
 impl Verb for Resume {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let session = Resumable::open(&self.session, Disk::default())?;
+        if session.is_complete() {
+            let folder = self.session.display();
+            console.message(format_args!(
+                "every trial is done and the results are there; nothing was changed. Make them anew with: ramphold fit {folder}"
+            ));
+            return Ok(());
+        }
         let (subject, seed, left) = (session.subject().to_owned(), session.seed(), session.left());
         let is_finished = session.is_finished();
         // Whatever is wrong with the rig is said before anything in the folder is changed.

@@ -38,7 +38,7 @@ pub struct NewSession<'a> {
 /// `session.json` as this program writes it.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Description {
-    format: String,
+    pub format: String,
     pub subject: Subject,
     sample_rate_hz: f64,
     rig: RigDescription,

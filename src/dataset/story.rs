@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::FORMAT;
 use super::error::{DatasetError, Place};
 use super::folder::{Description, sha256};
 use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalText, Record};
@@ -53,8 +54,12 @@ impl Story {
                 expected: JOURNAL_FORMAT,
             });
         }
-        let (seed, program, rules, delay) = (*seed, program.clone(), *rules, *motion_delay_samples);
         let about: Description = parse_json(&folder.name("session.json"), &text)?;
+        if about.format != FORMAT {
+            let at = Place::field(folder.name("session.json"), "format");
+            return Err(DatasetError::UnknownFormat { at, found: about.format, expected: FORMAT });
+        }
+        let (seed, program, rules, delay) = (*seed, program.clone(), *rules, *motion_delay_samples);
         let protocol = folder.text("protocol.json", None)?;
         let found = sha256(protocol.as_bytes());
         if found != *protocol_sha256 {

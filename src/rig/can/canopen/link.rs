@@ -90,6 +90,7 @@ pub struct Link {
     /// The latest emergency, for messages.
     last_emergency: Option<(u8, u16)>,
     counters: Counters,
+    answer_within: Duration,
 }
 
 impl Link {
@@ -105,6 +106,7 @@ impl Link {
             foreign_window: (Instant::now(), 0),
             last_emergency: None,
             counters: Counters::default(),
+            answer_within: super::sdo::ANSWER,
         }
     }
 
@@ -116,6 +118,16 @@ impl Link {
     /// Error frames, garbled frames and foreign frames a second that are no fault.
     pub fn tolerate(&mut self, error_frames: u64, garbled: u64, foreign_per_s: u32) {
         self.tolerance = Tolerance { error_frames, garbled, foreign_per_s };
+    }
+
+    /// Everybody may take so many times as long to answer: on the bench, where time is stretched.
+    pub fn stretch(&mut self, factor: f64) {
+        self.answer_within = super::sdo::ANSWER.mul_f64(factor);
+    }
+
+    /// How long an SDO server may take to answer.
+    pub(super) fn answer_within(&self) -> Duration {
+        self.answer_within
     }
 
     /// Begins to send our heartbeat, or ends it: then every drive that minds it stops by itself.
