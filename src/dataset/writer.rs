@@ -1,5 +1,5 @@
-//! A thread that writes, behind a ring, so that a slow disk never delays the loop. The loop's end asks for no memory, waits
-//! for no lock and makes no call to the operating system.
+//! A thread that writes, behind a ring, so that a slow disk never delays the loop. The loop's end asks for no memory and waits
+//! for no lock; its only call to the operating system wakes the thread when there is something for the journal.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -91,7 +91,7 @@ fn write(mut recorder: Recorder, mut steps: Consumer<Step>, shared: &Shared) -> 
                 }
             }
             Err(_) if over => return Ok(()),
-            Err(_) => thread::sleep(IDLE),
+            Err(_) => thread::park_timeout(IDLE),
         }
     }
 }
@@ -111,8 +111,13 @@ impl KeepsSession for BackgroundRecorder {
         if !step.is_kept() {
             return Ok(());
         }
-        self.told += u64::from(step.is_told());
-        self.ring.push(step).map_err(|_| RecordError::TooSlow { waiting: ROOM })
+        self.ring.push(step).map_err(|_| RecordError::TooSlow { waiting: ROOM })?;
+        if step.is_told() {
+            self.told += 1;
+            // The ramp waits for the journal, so nobody should sleep over it.
+            self.thread.iter().for_each(|thread| thread.thread().unpark());
+        }
+        Ok(())
     }
 }
 

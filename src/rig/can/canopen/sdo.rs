@@ -10,7 +10,7 @@ use crate::rig::can::bus::Frame;
 use crate::rig::can::fault::CanFault;
 
 /// How long a server may take for an answer.
-pub(super) const ANSWER: Duration = Duration::from_millis(300);
+const ANSWER: Duration = Duration::from_millis(300);
 /// How often a read is asked.
 const ATTEMPTS: usize = 3;
 /// More than any object of a drive that is read here.
@@ -146,7 +146,7 @@ impl Link {
     /// A request and its answer. Other frames that arrive meanwhile are counted and dropped.
     fn ask(&mut self, node: u8, object: Object, request: &[u8; 8]) -> Result<[u8; 8], CanFault> {
         self.send(&Frame::new(cob::SDO_REQUEST + u16::from(node), request))?;
-        let deadline = Instant::now() + self.answer_within();
+        let deadline = Instant::now() + ANSWER.mul_f64(self.time_stretch());
         let id = cob::SDO_ANSWER + u16::from(node);
         while let Some(frame) = self.receive(deadline)? {
             if frame.id != id {
