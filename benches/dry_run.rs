@@ -90,6 +90,7 @@ fn main() {
             subject: "V00",
             lever: Setup::default().lever,
             rig: &serde_json::Value::Null,
+            motion_delay_samples: 0,
         };
         let mut recorder =
             session.create(&folder.path().join("s"), Disk::default()).expect("it can be written");

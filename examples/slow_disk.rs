@@ -51,6 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             subject: "V00",
             lever: Setup::default().lever,
             rig: &serde_json::Value::Null,
+            motion_delay_samples: 0,
         };
         let disk = Disk::slow(Duration::from_millis(disk_takes));
         let mut recorder = session.create(&folder.path().join("s"), disk)?;

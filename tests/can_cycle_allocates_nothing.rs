@@ -163,6 +163,8 @@ impl CanBus for ObedientDrive {
 fn a_session_of_cycles_asks_for_no_memory() {
     let rig = include_str!("../fixtures/can/rigs/plain.json")
         .replace("\"bench\": { \"time_stretch\": 4 }", "\"bench\": null")
+        .replace("wait_ms\": 2000", "wait_ms\": 1000")
+        .replace("motor_waits_ms\": 2000", "motor_waits_ms\": 1000")
         // A busy test machine may be late; whether it is, is no affair of this test.
         .replace("\"missed_cycles_in_a_row\": 400", "\"missed_cycles_in_a_row\": 4000000")
         .replace("\"unchanged_torque_periods\": 50", "\"unchanged_torque_periods\": 4000000");

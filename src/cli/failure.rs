@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use ramphold::dataset::{DatasetError, RecordError, ResumeError, RingError};
+use ramphold::dataset::{DatasetError, RecordError, ResumeError};
 use ramphold::export::ExportError;
 use ramphold::fit::{ModelError, PrepareError, WriteError};
 use ramphold::protocol::{ProtocolError, TooShort};
@@ -109,9 +109,6 @@ pub enum Failure {
         /// What the system said.
         source: io::Error,
     },
-    /// The session could not be kept while the motor ran.
-    #[error(transparent)]
-    Ring(#[from] RingError),
     /// The session cannot be kept.
     #[error(transparent)]
     Record(#[from] RecordError),
@@ -167,7 +164,7 @@ impl Failure {
             | Self::Read { .. }
             | Self::Usage(_)
             | Self::NoWord
-            | Self::Resume(ResumeError::Dataset(_))
+            | Self::Resume(ResumeError::Dataset(_) | ResumeError::NotAsItWas { .. })
             | Self::TooShort(_)
             | Self::Person(_)
             | Self::Rig(_)
@@ -199,7 +196,7 @@ impl Failure {
             | Self::NotAsItWas { .. }
             | Self::Ended { .. }
             | Self::Signals(_) => 1,
-            Self::Connect(_) | Self::Motor(_) | Self::Bus { .. } | Self::Ring(_) => 1,
+            Self::Connect(_) | Self::Motor(_) | Self::Bus { .. } => 1,
             Self::Output(_) if self.is_broken_pipe() => 0,
             Self::Output(_) => 1,
         }

@@ -5,10 +5,12 @@ use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use ramphold::dataset::{Disk, Resumable, Resumed};
+use ramphold::rig::can::CanMotor;
 use ramphold::rig::virtual_wrist::{Person, RigFile, VirtualWrist};
 use serde_json::Value;
 
 use super::run::{finish, go_on};
+use super::run_motor;
 use super::{Console, Failure, Verb};
 
 /// Go on with a session that was stopped, killed or ended by a fault.
@@ -32,15 +34,21 @@ pub struct Resume {
 impl Verb for Resume {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let session = Resumable::open(&self.session, Disk::default())?;
-        let (rig, person) = rig(&self.session)?;
-        let RigFile::Virtual(setup) = &rig;
+        if session.is_complete() {
+            let folder = self.session.display();
+            console.message(format_args!(
+                "every trial is done and the results are there; nothing was changed. Make them anew with: ramphold fit {folder}"
+            ));
+            return Ok(());
+        }
         let (subject, seed, left) = (session.subject().to_owned(), session.seed(), session.left());
         let is_finished = session.is_finished();
-        if !is_finished {
+        // Whatever is wrong with the rig is said before anything in the folder is changed.
+        let rig = if is_finished { None } else { Some(self.rig(&session)?) };
+        if let Some(Motor::Virtual(_)) = rig {
             let what = format!("subject {subject}: {left} trials left to do");
             operators_word(self.yes, &what)?;
         }
-        let wrist = VirtualWrist::new(person, setup.clone(), seed, session.sample_rate_hz());
         let Resumed { recorder, machine, interrupted, torn } = session.resume()?;
         if let Some(torn) = torn {
             console.message(format_args!(
@@ -54,14 +62,44 @@ impl Verb for Resume {
                 trial.number, trial.samples
             ));
         }
-        if is_finished {
+        let Some(rig) = rig else {
             console.message(format_args!("every trial is done; making the results"));
             drop(recorder);
             return finish(&machine, true, &self.session, console);
-        }
+        };
         console.message(format_args!("session {}, subject {subject}, seed {seed}", self.session.display()));
-        let machine = go_on(wrist, machine, recorder, self.real_time, console)?;
+        let machine = match rig {
+            Motor::Virtual(wrist) => go_on(*wrist, machine, recorder, self.real_time, console)?,
+            Motor::Can(motor) => run_motor::go_on(*motor, machine, recorder, self.yes, console)?,
+        };
         finish(&machine, false, &self.session, console)
+    }
+}
+
+/// What the session goes on with.
+enum Motor {
+    Virtual(Box<VirtualWrist>),
+    Can(Box<CanMotor>),
+}
+
+impl Resume {
+    fn rig(&self, session: &Resumable) -> Result<Motor, Failure> {
+        if !run_motor::was_on_can(&self.session) {
+            let (RigFile::Virtual(setup), person) = rig(&self.session)?;
+            let wrist = VirtualWrist::new(person, setup, session.seed(), session.sample_rate_hz());
+            return Ok(Motor::Virtual(Box::new(wrist)));
+        }
+        let motor = run_motor::motor_of(&self.session)?;
+        if motor.motion_delay_samples() != session.motion_delay_samples() {
+            return Err(Failure::Usage(format!(
+                "{}: is not the rig that the session began with: its motor follows {} samples late, that one {}; \
+                 put the rig.json of the session back",
+                self.session.join("rig.json").display(),
+                motor.motion_delay_samples(),
+                session.motion_delay_samples()
+            )));
+        }
+        Ok(Motor::Can(Box::new(motor)))
     }
 }
 

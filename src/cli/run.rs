@@ -75,6 +75,7 @@ impl Verb for Run {
             subject: &person.id,
             lever: setup.lever,
             rig: &serde_json::json!({ "rig": rig, "person": person }),
+            motion_delay_samples: 0,
         }
         .create(&folder, Disk::default())?;
         console.message(format_args!("session {}, subject {}, seed {seed}", folder.display(), person.id));
@@ -159,15 +160,16 @@ pub fn finish(
     // From here to the end nobody else may go on with the session either.
     let _held = Resumable::open(folder, Disk::default())?;
     let disk = Disk::default();
+    let is_virtual = !run_motor::was_on_can(folder);
     if !was_finished && machine.phase() != Phase::Finished {
-        Manifest::take(folder, true)?.write(&disk, folder)?;
+        Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
         return Err(Failure::Ended { folder: folder.to_owned(), left: machine.ledger().queue().len() });
     }
     let results = fit_session(folder, &Model::paper(), None, Weighting::default())?;
     results.write(&disk, &folder.join("results"))?;
     write_report(folder, &folder.join("results"), console)?;
     // Last: until it is there, the session counts as not brought to its end.
-    Manifest::take(folder, true)?.write(&disk, folder)?;
+    Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
     table(console, &results)
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ramphold::dataset::{Disk, NewSession, RecordError, RingRecorder};
+use ramphold::dataset::{BackgroundRecorder, Disk, NewSession, RecordError, Recorder};
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::Fault;
 use ramphold::rig::can::file::ValidRigFile;
@@ -17,8 +17,8 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use super::run::{Run, drawn_seed, finish, subject_number};
 use super::{Console, Failure};
 
-/// Name of the file with what happened on the bus, in the session's folder.
-const BUS: &str = "bus.json";
+/// Name of the file with the rig, in the session's folder.
+const RIG: &str = "rig.json";
 
 /// Whether a rig file says that its motor is on a CAN bus. What else is in it is not looked at yet.
 pub fn is_on_can(file: &Path) -> bool {
@@ -26,6 +26,13 @@ pub fn is_on_can(file: &Path) -> bool {
     let kind = serde_json::from_str::<serde_json::Value>(&text).ok().and_then(|rig| rig.get("kind").cloned());
     // A file that names no kind, or is not JSON, is a motor's: its reader says what is wrong, and nothing is armed.
     kind.is_none_or(|kind| kind != "virtual")
+}
+
+/// Whether the session in a folder ran with a motor on a CAN bus.
+pub fn was_on_can(session: &Path) -> bool {
+    // The rig of a virtual session is kept with its person, one level down.
+    let text = std::fs::read_to_string(session.join(RIG)).unwrap_or_default();
+    serde_json::from_str::<serde_json::Value>(&text).is_ok_and(|rig| rig.get("kind").is_some())
 }
 
 /// Runs a session on the motor.
@@ -42,24 +49,55 @@ pub fn run(verb: &Run, protocol: &ValidProtocol, file: &Path, console: &Console)
     settings.motion_delay_samples = motor.motion_delay_samples();
     let folder = verb.folder(subject, seed)?;
     let description: serde_json::Value = serde_json::from_str(rig.text()).unwrap_or_default();
-    let recorder = NewSession { protocol, order: &order, seed, subject, lever: rig.lever, rig: &description }
-        .create(&folder, Disk::default())?;
+    let recorder = NewSession {
+        protocol,
+        order: &order,
+        seed,
+        subject,
+        lever: rig.lever,
+        rig: &description,
+        motion_delay_samples: settings.motion_delay_samples,
+    }
+    .create(&folder, Disk::default())?;
     console.message(format_args!("session {}, subject {subject}, seed {seed}", folder.display()));
-
-    let mut machine = Machine::new(Arc::new(settings));
-    let mut operator = AtTheMotor::new(verb.yes, console)?;
-    let mut ring = RingRecorder::start(recorder, machine.clone());
-    let ended = conduct(motor, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut ring);
-    let kept = ring.finish();
-    let motor = ended?;
-    kept?;
-    keep_summary(&motor.summary(), &folder, console)?;
+    let machine = Machine::new(Arc::new(settings));
+    let machine = go_on(motor, machine, recorder, verb.yes, console)?;
     finish(&machine, false, &folder, console)
 }
 
+/// The motor of a session that is gone on with: the rig and the protocol are those that its folder keeps.
+pub fn motor_of(session: &Path) -> Result<CanMotor, Failure> {
+    let rig = ValidRigFile::read(&session.join(RIG))?;
+    let protocol = ValidProtocol::read(&session.join("protocol.json"))?;
+    let dry_run = DryRun::of(&protocol, &rig)?;
+    Ok(CanMotor::new(Connection::open(rig)?, dry_run))
+}
+
+/// Runs a session, new or resumed, until it is over; then sums up what happened on the bus.
+pub fn go_on(
+    motor: CanMotor,
+    mut machine: Machine,
+    recorder: Recorder,
+    yes: bool,
+    console: &Console,
+) -> Result<Machine, Failure> {
+    let folder = recorder.folder().to_owned();
+    let mut operator = AtTheMotor::new(yes, console)?;
+    let mut recorder = BackgroundRecorder::start(recorder);
+    let ended = conduct(motor, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut recorder);
+    let kept = recorder.finish();
+    let motor = ended?;
+    kept?;
+    keep_summary(&motor.summary(), &folder, console)?;
+    Ok(machine)
+}
+
+/// Each run of a session has a file of its own: `bus.json`, and `bus-2.json`, `bus-3.json` when it was resumed.
 fn keep_summary(summary: &Summary, folder: &Path, console: &Console) -> Result<(), Failure> {
     console.message(summary);
-    let path = folder.join(BUS);
+    let name = |run: u32| if run == 1 { "bus.json".to_owned() } else { format!("bus-{run}.json") };
+    let path = (1..).map(|run| folder.join(name(run))).find(|path| !path.exists());
+    let path = path.unwrap_or_else(|| folder.join(name(1)));
     let mut bytes = serde_json::to_vec_pretty(summary).unwrap_or_default();
     bytes.push(b'\n');
     Ok(Disk::default().write(&path, &bytes).map_err(RecordError::at(&path))?)

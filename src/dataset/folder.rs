@@ -31,12 +31,14 @@ pub struct NewSession<'a> {
     pub lever: Option<Lever>,
     /// The rig, with all that it takes to make it again.
     pub rig: &'a serde_json::Value,
+    /// By how many samples the motor follows a command later than at the next sample.
+    pub motion_delay_samples: u64,
 }
 
 /// `session.json` as this program writes it.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Description {
-    format: String,
+    pub format: String,
     pub subject: Subject,
     sample_rate_hz: f64,
     rig: RigDescription,
@@ -59,7 +61,9 @@ impl NewSession<'_> {
     /// # Errors
     /// If the folder is there, or it cannot be written.
     pub fn create(&self, path: &Path, disk: Disk) -> Result<Recorder, RecordError> {
-        let settings = Arc::new(Settings::new(self.protocol, self.seed, self.order)?);
+        let mut settings = Settings::new(self.protocol, self.seed, self.order)?;
+        settings.motion_delay_samples = self.motion_delay_samples;
+        let settings = Arc::new(settings);
         if path.symlink_metadata().is_ok() {
             return Err(RecordError::Exists(path.to_owned()));
         }
@@ -133,6 +137,7 @@ impl NewSession<'_> {
             seed: self.seed,
             protocol_sha256: sha256(self.protocol.text().as_bytes()),
             rules: RULES,
+            motion_delay_samples: self.motion_delay_samples,
         }
     }
 }

@@ -40,6 +40,9 @@ pub enum Record {
         /// Number of the rules of the session; records of the first ones do not say so.
         #[serde(default = "first_rules")]
         rules: u32,
+        /// By how many samples the motor follows a command later than at the next sample; the virtual wrist does not.
+        #[serde(default, skip_serializing_if = "is_none")]
+        motion_delay_samples: u64,
     },
     /// A step of the state machine that changed something.
     Happened(Happening),
@@ -56,6 +59,10 @@ pub enum Record {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         interrupted: Option<Interrupted>,
     },
+}
+
+fn is_none(samples: &u64) -> bool {
+    *samples == 0
 }
 
 fn first_rules() -> u32 {

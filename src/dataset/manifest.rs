@@ -98,6 +98,8 @@ impl Manifest {
         let opened = Folder::open(folder)?;
         let name = opened.name(MANIFEST);
         if !folder.join(MANIFEST).exists() {
+            // Of a folder that is no session, nothing could be brought to its end.
+            opened.text("session.json", None)?;
             let expected =
                 "the manifest that is written when a session ends; ramphold resume brings it to its end";
             return Err(DatasetError::Missing { at: Place::file(name), expected: expected.to_owned() });

@@ -11,7 +11,6 @@ mod record;
 mod recorder;
 mod replay;
 mod resume;
-mod ring;
 mod rows;
 mod story;
 mod tables;
@@ -31,7 +30,6 @@ pub use memory::MemoryRecorder;
 pub use recorder::{RecordError, Recorder, Step};
 pub use replay::{Difference, Replay, replay};
 pub use resume::{Resumable, ResumeError, Resumed};
-pub use ring::{RingError, RingRecorder};
 use serde::{Deserialize, Serialize};
 pub use writer::BackgroundRecorder;
 

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::disk::Disk;
 use super::error::{DatasetError, Place};
 use super::journal::{Damage, Interrupted, JOURNAL, Journal};
-use super::manifest::MANIFEST;
+use super::manifest::{Change, MANIFEST, Manifest};
 use super::recorder::{RecordError, Recorder};
 use super::rows::HEADER;
 use super::story::{Standing, Story};
@@ -22,6 +22,18 @@ pub enum ResumeError {
     /// The folder cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),
+    /// Somebody changed the session since it ended.
+    #[error(
+        "{folder}: {} not as the session left it: {}. Put it back from a copy; to go on with the session as it is \
+         now, take {MANIFEST} away",
+        if .files.len() == 1 { "a file is" } else { "files are" }, .files.join(", ")
+    )]
+    NotAsItWas {
+        /// The session's folder.
+        folder: String,
+        /// Each file that was changed or is missing.
+        files: Vec<String>,
+    },
 }
 
 /// A session that nobody else is at work in, and that can be gone on with.
@@ -31,6 +43,7 @@ pub struct Resumable {
     standing: Standing,
     journal: Journal,
     disk: Disk,
+    has_manifest: bool,
 }
 
 /// A session at the point where it goes on: disarmed, waiting for the operator's word.
@@ -67,11 +80,15 @@ impl Resumable {
         };
         let story = Story::read(path)?;
         story.undamaged()?;
+        let has_manifest = path.join(MANIFEST).exists();
+        if has_manifest {
+            check_unchanged(path)?;
+        }
         let mut standing = Standing::new(&story.settings);
         for placed in &story.journal.records {
             standing.take(&placed.record);
         }
-        Ok(Self { story, standing, journal, disk })
+        Ok(Self { story, standing, journal, disk, has_manifest })
     }
 
     /// Who is measured.
@@ -89,9 +106,19 @@ impl Resumable {
         self.story.settings.sample_rate_hz
     }
 
+    /// By how many samples the motor of the session follows a command later than at the next sample.
+    pub fn motion_delay_samples(&self) -> u64 {
+        self.story.settings.motion_delay_samples
+    }
+
     /// Whether every trial is done, so that only the results can be missing.
     pub fn is_finished(&self) -> bool {
         self.standing.phase == Phase::Finished
+    }
+
+    /// Whether it was brought to its end, results and all.
+    pub fn is_complete(&self) -> bool {
+        self.is_finished() && self.has_manifest
     }
 
     /// Trials left to do, the one that was under way included.
@@ -106,12 +133,13 @@ impl Resumable {
     /// If the folder cannot be written. It can be tried again.
     pub fn resume(self) -> Result<Resumed, RecordError> {
         let is_finished = self.is_finished();
-        let Self { story, mut standing, mut journal, disk } = self;
+        let Self { story, mut standing, mut journal, disk, .. } = self;
         let at = story.path.join(JOURNAL);
+        // First the manifest, which no longer fits once anything else is another.
+        remove_unfinished(&disk, &story.path)?;
         if let Some(torn) = &story.journal.torn {
             journal.cut(&disk, torn.offset).map_err(RecordError::at(&at))?;
         }
-        remove_unfinished(&disk, &story.path)?;
         let samples = match &standing.open {
             Some(file) => settle(&disk, &story.path.join(file))?,
             None => 0,
@@ -130,6 +158,21 @@ impl Resumable {
         }
         Ok(Resumed { recorder, machine, interrupted, torn: story.journal.torn })
     }
+}
+
+/// Holds what was measured against the manifest. Results can be made anew, and files that were added, such as exports, are
+/// no hindrance.
+fn check_unchanged(folder: &Path) -> Result<(), ResumeError> {
+    let changes = Manifest::read(folder)?.changes(folder)?;
+    let files: Vec<String> = changes
+        .iter()
+        .filter(|change| !matches!(change, Change::Added(_)) && !change.file().starts_with("results/"))
+        .map(|change| format!("{} {}", change.file(), change.word()))
+        .collect();
+    if files.is_empty() {
+        return Ok(());
+    }
+    Err(ResumeError::NotAsItWas { folder: folder.display().to_string(), files })
 }
 
 /// Takes away what [`Disk::write`] had begun, and the manifest, which no longer fits once the session goes on.

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::FORMAT;
 use super::error::{DatasetError, Place};
 use super::folder::{Description, sha256};
 use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalText, Record};
@@ -40,7 +41,7 @@ impl Story {
             _ => DatasetError::Unreadable { at: at(), source },
         })?;
         let journal = JournalText::parse(&bytes);
-        let Some(Record::Session { format, program, seed, protocol_sha256, rules }) =
+        let Some(Record::Session { format, program, seed, protocol_sha256, rules, motion_delay_samples }) =
             journal.records.first().map(|placed| &placed.record)
         else {
             let problem = "its first record is not there or not readable".to_owned();
@@ -53,8 +54,12 @@ impl Story {
                 expected: JOURNAL_FORMAT,
             });
         }
-        let (seed, program, rules) = (*seed, program.clone(), *rules);
         let about: Description = parse_json(&folder.name("session.json"), &text)?;
+        if about.format != FORMAT {
+            let at = Place::field(folder.name("session.json"), "format");
+            return Err(DatasetError::UnknownFormat { at, found: about.format, expected: FORMAT });
+        }
+        let (seed, program, rules, delay) = (*seed, program.clone(), *rules, *motion_delay_samples);
         let protocol = folder.text("protocol.json", None)?;
         let found = sha256(protocol.as_bytes());
         if found != *protocol_sha256 {
@@ -66,11 +71,12 @@ impl Story {
         }
         let protocol = ValidProtocol::parse(&protocol, &folder.name("protocol.json"))?;
         let order = order(&folder)?;
-        let settings = Settings::new(&protocol, seed, &order).map_err(|error| DatasetError::Value {
+        let mut settings = Settings::new(&protocol, seed, &order).map_err(|error| DatasetError::Value {
             at: Place::file(folder.name("schedule.csv")),
             found: error.to_string(),
             expected: "an order of the protocol's trials".to_owned(),
         })?;
+        settings.motion_delay_samples = delay;
         let subject = about.subject.id;
         Ok(Self { path: path.to_owned(), subject, settings: Arc::new(settings), journal, program, rules })
     }

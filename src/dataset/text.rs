@@ -50,11 +50,12 @@ impl Folder {
         let real = match fs::canonicalize(self.real.join(file)) {
             Ok(real) => real,
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
-                let by = named_at.map_or(String::new(), |place| format!(", which {place} names"));
-                return Err(DatasetError::Missing {
-                    at: Place::file(self.name(file)),
-                    expected: format!("a file of the session{by}"),
-                });
+                let expected = match named_at {
+                    Some(place) => format!("a file of the session, which {place} names"),
+                    None if file == "session.json" => "it in every session folder; is this one?".to_owned(),
+                    None => "a file of the session".to_owned(),
+                };
+                return Err(DatasetError::Missing { at: Place::file(self.name(file)), expected });
             }
             Err(source) => return Err(self.unreadable(file, source)),
         };

@@ -1,37 +1,55 @@
-//! A thread that writes, behind a ring, so that a slow disk never delays the loop.
+//! A thread that writes, behind a ring, so that a slow disk never delays the loop. The loop's end asks for no memory and waits
+//! for no lock; its only call to the operating system wakes the thread when there is something for the journal.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::thread::JoinHandle;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::recorder::{RecordError, Recorder, Step};
 use crate::session::{Input, Machine, Output, Recorder as KeepsSession};
 
 /// Steps that the ring holds: 26 s at 2.5 kHz.
-const RING: usize = 1 << 16;
+const ROOM: usize = 1 << 16;
+/// How often the thread looks when there is nothing to do.
+const IDLE: Duration = Duration::from_millis(2);
 
 /// A [`Recorder`] at work on a thread of its own.
 #[derive(Debug)]
 pub struct BackgroundRecorder {
-    ring: Option<SyncSender<Step>>,
+    ring: Producer<Step>,
     thread: Option<JoinHandle<Result<(), RecordError>>>,
     /// Journal entries handed over.
     told: u64,
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
     /// Journal entries on disk.
-    safe: Arc<AtomicU64>,
+    safe: AtomicU64,
+    /// No more steps will come.
+    over: AtomicBool,
+    /// The thread has given up.
+    failed: AtomicBool,
 }
 
 impl BackgroundRecorder {
     /// Takes a recorder to a thread of its own.
     pub fn start(recorder: Recorder) -> Self {
-        let (ring, steps) = sync_channel(RING);
-        let safe = Arc::new(AtomicU64::new(0));
-        let thread = std::thread::spawn({
-            let safe = safe.clone();
-            move || write(recorder, &steps, &safe)
+        let (ring, steps) = RingBuffer::new(ROOM);
+        let shared = Arc::new(Shared::default());
+        let thread = thread::spawn({
+            let shared = shared.clone();
+            move || {
+                // Also when it panics.
+                let _failed = FailedUnlessOver(&shared);
+                write(recorder, steps, &shared)
+            }
         });
-        Self { ring: Some(ring), thread: Some(thread), told: 0, safe }
+        Self { ring, thread: Some(thread), told: 0, shared }
     }
 
     /// Waits until everything is written.
@@ -43,8 +61,7 @@ impl BackgroundRecorder {
     }
 
     fn join(&mut self) -> Result<(), RecordError> {
-        // A ring without a sender ends the thread once it is empty.
-        self.ring = None;
+        self.shared.over.store(true, Ordering::Release);
         match self.thread.take().map(JoinHandle::join) {
             Some(Ok(written)) => written,
             _ => Err(RecordError::WriterGone),
@@ -52,34 +69,60 @@ impl BackgroundRecorder {
     }
 }
 
-fn write(mut recorder: Recorder, steps: &Receiver<Step>, safe: &AtomicU64) -> Result<(), RecordError> {
-    for step in steps {
-        recorder.keep_step(&step)?;
-        if step.is_told() {
-            safe.fetch_add(1, Ordering::Release);
+struct FailedUnlessOver<'a>(&'a Shared);
+
+impl Drop for FailedUnlessOver<'_> {
+    fn drop(&mut self) {
+        if !self.0.over.load(Ordering::Acquire) {
+            self.0.failed.store(true, Ordering::Release);
         }
     }
-    Ok(())
+}
+
+fn write(mut recorder: Recorder, mut steps: Consumer<Step>, shared: &Shared) -> Result<(), RecordError> {
+    loop {
+        // Asked before looking, so that what came just before the end is still seen.
+        let over = shared.over.load(Ordering::Acquire);
+        match steps.pop() {
+            Ok(step) => {
+                recorder.keep_step(&step)?;
+                if step.is_told() {
+                    shared.safe.fetch_add(1, Ordering::Release);
+                }
+            }
+            Err(_) if over => return Ok(()),
+            Err(_) => thread::park_timeout(IDLE),
+        }
+    }
 }
 
 impl KeepsSession for BackgroundRecorder {
     type Error = RecordError;
 
     fn on_disk(&self) -> bool {
-        self.safe.load(Ordering::Acquire) == self.told
+        self.shared.safe.load(Ordering::Acquire) == self.told
     }
 
     fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), RecordError> {
-        if self.thread.as_ref().is_none_or(JoinHandle::is_finished) {
+        if self.shared.failed.load(Ordering::Acquire) {
             return self.join().and(Err(RecordError::WriterGone));
         }
         let step = Step::new(input, output, machine);
-        let Some(ring) = self.ring.as_ref().filter(|_| step.is_kept()) else { return Ok(()) };
-        self.told += u64::from(step.is_told());
-        match ring.try_send(step) {
-            Ok(()) => Ok(()),
-            Err(TrySendError::Full(_)) => Err(RecordError::TooSlow { waiting: RING }),
-            Err(TrySendError::Disconnected(_)) => self.join().and(Err(RecordError::WriterGone)),
+        if !step.is_kept() {
+            return Ok(());
         }
+        self.ring.push(step).map_err(|_| RecordError::TooSlow { waiting: ROOM })?;
+        if step.is_told() {
+            self.told += 1;
+            // The ramp waits for the journal, so nobody should sleep over it.
+            self.thread.iter().for_each(|thread| thread.thread().unpark());
+        }
+        Ok(())
+    }
+}
+
+impl Drop for BackgroundRecorder {
+    fn drop(&mut self) {
+        self.shared.over.store(true, Ordering::Release);
     }
 }

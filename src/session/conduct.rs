@@ -102,7 +102,8 @@ pub fn conduct<R: Rig, K: Recorder>(
         let word = operator.asked(machine);
         if !matches!(word, Event::Start | Event::Rearm) {
             let input = Input { reading: Reading::Disarmed, operator: Some(word), on_disk: true };
-            take(input, machine, operator, recorder)?;
+            let output = machine.step(&input);
+            tell(&input, &output, machine, operator, recorder)?;
             continue;
         }
         rig = match rig.arm(OperatorsWord::given(), &machine.settings().limits) {
@@ -115,8 +116,6 @@ pub fn conduct<R: Rig, K: Recorder>(
                     armed.rescale_emg(factors);
                 }
                 let ended = run_armed(&mut armed, word, machine, operator, clock, recorder);
-                // Whatever ended it, the motor is made safe before anything else.
-                let _ = armed.exchange(&SAFE);
                 emg_is_scaled = machine.ledger().emg_factors().is_some();
                 let rig = armed.disarm();
                 ended?;
@@ -129,6 +128,7 @@ pub fn conduct<R: Rig, K: Recorder>(
 
 const SAFE: Command = Command { motor: Motor::Safe, cue: Cue::Rest };
 
+/// The motor is made safe when this returns, whatever ended it.
 fn run_armed<A: Armed, K: Recorder>(
     armed: &mut A,
     word: Event,
@@ -147,9 +147,18 @@ fn run_armed<A: Armed, K: Recorder>(
         let said = word.take().or_else(|| operator.heard(machine));
         let scaled_before = machine.ledger().emg_factors().is_some();
         let input = Input { reading, operator: said, on_disk: recorder.on_disk() };
-        let output = take(input, machine, operator, recorder)?;
-        if !output.phase.is_armed() {
-            return Ok(());
+        let output = machine.step(&input);
+        let is_over = !output.phase.is_armed();
+        if is_over {
+            // A fault stops the motor first, and is reported and written down second.
+            let _ = armed.exchange(&SAFE);
+        }
+        let kept = tell(&input, &output, machine, operator, recorder);
+        if kept.is_err() && !is_over {
+            let _ = armed.exchange(&SAFE);
+        }
+        if is_over || kept.is_err() {
+            return kept;
         }
         if let (false, Some(factors)) = (scaled_before, machine.ledger().emg_factors()) {
             armed.rescale_emg(factors);
@@ -159,13 +168,13 @@ fn run_armed<A: Armed, K: Recorder>(
     }
 }
 
-fn take<K: Recorder>(
-    input: Input,
-    machine: &mut Machine,
+fn tell<K: Recorder>(
+    input: &Input,
+    output: &Output,
+    machine: &Machine,
     operator: &mut impl Operator,
     recorder: &mut K,
-) -> Result<Output, K::Error> {
-    let output = machine.step(&input);
+) -> Result<(), K::Error> {
     if let Some(Detail::Fault(fault) | Detail::FaultInTrial { fault, .. }) =
         output.happened.and_then(|it| it.detail)
     {
@@ -174,6 +183,5 @@ fn take<K: Recorder>(
     if let Some(word) = output.refused {
         operator.refused(word, output.phase);
     }
-    recorder.take(&input, &output, machine)?;
-    Ok(output)
+    recorder.take(input, output, machine)
 }

@@ -47,6 +47,8 @@ impl JournalText {
                 Err(reason) => {
                     let next = next_record(bytes, place);
                     let end = next.unwrap_or(bytes.len());
+                    // What is sound behind it has no part in what is wrong with it.
+                    let reason = record_at(&bytes[place..end]).err().unwrap_or(reason);
                     let damage = Damage {
                         offset: place as u64,
                         length: (end - place) as u64,
@@ -123,6 +125,25 @@ mod tests {
     fn read(bytes: &[u8]) -> (Vec<Record>, JournalText) {
         let journal = JournalText::parse(bytes);
         (journal.records.iter().map(|placed| placed.record.clone()).collect(), journal)
+    }
+
+    /// Found by the fuzzer: a length that led into the records behind it was told in other words when those were there.
+    #[test]
+    fn what_is_wrong_with_a_record_does_not_depend_on_those_behind_it() {
+        let (_, starts, mut bytes) = journal();
+        let overlong = starts[1];
+        bytes[overlong + 5] = b'1';
+        let reason = |bytes: &[u8]| JournalText::parse(bytes).damage[0].reason.clone();
+        let short = reason(&bytes[..starts[3]]);
+        assert_eq!(short, "it ends before the record does");
+        let behind = bytes.repeat(10);
+        assert_eq!(reason(&[&bytes[..], &behind[..]].concat()), short);
+        for journal in [&bytes[..], include_bytes!("../../../fuzz/seeds/journal/overlong.log")] {
+            let whole = JournalText::parse(journal);
+            let end = whole.torn.as_ref().map_or(journal.len(), |torn| torn.offset as usize);
+            let cut = JournalText::parse(&journal[..end]);
+            assert_eq!((cut.records, cut.damage), (whole.records, whole.damage));
+        }
     }
 
     #[test]

@@ -54,6 +54,7 @@ pub fn run(folder: &Path, disk: Disk) -> Result<u64, RecordError> {
         subject: "V00",
         lever: Setup::default().lever,
         rig: &serde_json::Value::Null,
+        motion_delay_samples: 0,
     }
     .create(folder, disk)?;
     let wrist = VirtualWrist::new(Person::default(), Setup::default(), 1, settings.sample_rate_hz);

@@ -12,6 +12,7 @@ use super::drive::{Drive, Power, Wish};
 use super::fault::CanFault;
 use super::file::{CansimpleMotor, RigFile};
 use super::limits::{Confirmed, HandleLimits};
+use super::lookout::Lookout;
 use super::readings::Readings;
 use super::sensors::Sensors;
 use super::units::JointAngle;
@@ -168,7 +169,12 @@ impl Drive for Cansimple {
         self.sensors.producers()
     }
 
-    fn start(&mut self, link: &mut Link, _limits: &HandleLimits) -> Result<(), CanFault> {
+    fn start(
+        &mut self,
+        link: &mut Link,
+        _limits: &HandleLimits,
+        _lookout: &mut Lookout<'_>,
+    ) -> Result<(), CanFault> {
         self.sensors.start(link)?;
         self.tell(link, command::CLEAR_ERRORS, &[0])?;
         if self.motor.zero_here && !self.zeroed {
@@ -195,6 +201,9 @@ impl Drive for Cansimple {
         _shown_nm: f64,
         wish: Wish,
     ) -> Result<(), CanFault> {
+        if wish == Wish::Nothing {
+            return Ok(());
+        }
         self.target_turns = Some(self.to_turns(target));
         let wanted = if wish == Wish::NoPower { IDLE } else { CLOSED_LOOP_CONTROL };
         if wanted != self.wanted {

@@ -58,6 +58,7 @@ impl Connection {
         let mut link = Link::new(bus);
         let tolerate = &file.tolerate;
         link.tolerate(tolerate.error_frames, tolerate.garbled_frames, tolerate.foreign_frames_per_s);
+        link.stretch(file.bench.map_or(1.0, |bench| bench.time_stretch));
         Self { file, link, drive }
     }
 

@@ -59,6 +59,8 @@ pub struct Cycle {
 pub enum Scrutiny {
     /// Everything: the motor must follow.
     Full,
+    /// It looks for its home: sensors and torque; angles mean nothing yet, and jump when the home is found.
+    Homing,
     /// It is being given power: limits and sensors, but it need not follow yet.
     Enabling,
     /// It is being stopped: nothing that would keep from stopping it.
@@ -252,7 +254,11 @@ impl Cycle {
         }
         self.freshness.check(&readings)?;
         for sample in 0..self.decoder.samples() {
-            self.guard.check(drive.angle(&readings, sample).0, readings.torque_nm[sample])?;
+            let torque_nm = readings.torque_nm[sample];
+            match scrutiny {
+                Scrutiny::Homing => self.guard.check_torque(torque_nm)?,
+                _ => self.guard.check(drive.angle(&readings, sample).0, torque_nm)?,
+            }
         }
         if scrutiny == Scrutiny::Full {
             self.check_following(drive.angle(&readings, self.decoder.samples() - 1).0)?;

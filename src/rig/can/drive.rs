@@ -5,6 +5,7 @@ use super::canopen::{Link, Producer};
 use super::fault::CanFault;
 use super::file::RigFile;
 use super::limits::{Confirmed, HandleLimits};
+use super::lookout::Lookout;
 use super::readings::Readings;
 use super::units::JointAngle;
 
@@ -24,11 +25,16 @@ pub trait Drive: std::fmt::Debug + Send {
     /// The nodes whose heartbeats are minded.
     fn producers(&self) -> Vec<Producer>;
 
-    /// Finds the start position and goes there; ready to be given power by the cycle.
+    /// Finds the start position and goes there, looked on at all the way; ready to be given power by the cycle.
     ///
     /// # Errors
     /// What went wrong; the motor may have power.
-    fn start(&mut self, link: &mut Link, limits: &HandleLimits) -> Result<(), CanFault>;
+    fn start(
+        &mut self,
+        link: &mut Link,
+        limits: &HandleLimits,
+        lookout: &mut Lookout<'_>,
+    ) -> Result<(), CanFault>;
 
     /// What is sent ahead of SYNC, as soon as it is known.
     ///
@@ -96,6 +102,8 @@ pub enum Wish {
     QuickStop,
     /// Let go.
     NoPower,
+    /// Nothing is asked of it: it is moving by itself.
+    Nothing,
 }
 
 /// Whether a motor has power.

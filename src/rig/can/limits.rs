@@ -112,6 +112,11 @@ impl Guard {
                 return Err(CanFault::Speed { speed_rad_s, limit_rad_s });
             }
         }
+        self.check_torque(torque_nm)
+    }
+
+    /// The torque alone, where angles mean nothing.
+    pub fn check_torque(&self, torque_nm: f64) -> Result<(), CanFault> {
         let limit_nm = self.limits.torque_nm;
         // A torque that is no number is told by the session, which knows the channel; here it must not look small.
         if torque_nm.abs() > limit_nm {

@@ -14,6 +14,7 @@ use super::drive::{Drive, Power, Wish};
 use super::fault::CanFault;
 use super::file::{MitMotor, RigFile};
 use super::limits::{Confirmed, HandleLimits};
+use super::lookout::Lookout;
 use super::readings::Readings;
 use super::sensors::Sensors;
 use super::units::JointAngle;
@@ -153,7 +154,12 @@ impl Drive for Mit {
         self.sensors.producers()
     }
 
-    fn start(&mut self, link: &mut Link, _limits: &HandleLimits) -> Result<(), CanFault> {
+    fn start(
+        &mut self,
+        link: &mut Link,
+        _limits: &HandleLimits,
+        _lookout: &mut Lookout<'_>,
+    ) -> Result<(), CanFault> {
         self.sensors.start(link)?;
         link.set_strictness(Strictness::Watching);
         if self.motor.zero_here && !self.zeroed {
@@ -174,6 +180,7 @@ impl Drive for Mit {
         wish: Wish,
     ) -> Result<(), CanFault> {
         self.command = match wish {
+            Wish::Nothing => None,
             Wish::NoPower => Some(special_frame(LEAVE)),
             Wish::Enable | Wish::Follow | Wish::QuickStop => {
                 Some(self.position_command(target.0 * self.motor.gear_ratio))

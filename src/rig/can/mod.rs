@@ -25,6 +25,7 @@ mod fault;
 pub mod file;
 mod histogram;
 mod limits;
+mod lookout;
 mod mit;
 mod motor;
 mod readings;

@@ -10,6 +10,7 @@ use super::dry_run::DryRun;
 use super::fault::CanFault;
 use super::file::SafeState;
 use super::limits::{Confirmed, HandleLimits};
+use super::lookout::Lookout;
 use super::readings::MOST_SAMPLES;
 use super::realtime::{self, Privileges};
 use super::safe;
@@ -61,7 +62,9 @@ impl CanMotor {
     #[allow(clippy::result_large_err, reason = "the rig comes back with its fault, once an arming")]
     fn enable(mut self, confirmed: Confirmed, word: OperatorsWord) -> Result<ArmedCanMotor, (Self, Fault)> {
         let limits = *self.dry_run.limits();
-        if let Err(fault) = self.on_bus.drive.start(&mut self.on_bus.link, &limits) {
+        let Connection { file, link, drive } = &mut self.on_bus;
+        let mut lookout = Lookout::new(file, limits, &mut self.tally);
+        if let Err(fault) = drive.start(link, &limits, &mut lookout) {
             return Err(self.failed(fault));
         }
         let file = &self.on_bus.file;

@@ -9,6 +9,9 @@ use crate::rig::can::fault::CanFault;
 /// Nodes that can be watched: a motor and a few sensors.
 const MOST_NODES: usize = 4;
 
+/// Longer than any period: the program was kept from running.
+const LONG_ABSENCE: Duration = Duration::from_millis(150);
+
 /// Our own heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Beat {
@@ -90,6 +93,9 @@ pub struct Link {
     /// The latest emergency, for messages.
     last_emergency: Option<(u8, u16)>,
     counters: Counters,
+    time_stretch: f64,
+    /// When it was last asked for what came.
+    listened: Instant,
 }
 
 impl Link {
@@ -105,6 +111,8 @@ impl Link {
             foreign_window: (Instant::now(), 0),
             last_emergency: None,
             counters: Counters::default(),
+            time_stretch: 1.0,
+            listened: Instant::now(),
         }
     }
 
@@ -116,6 +124,16 @@ impl Link {
     /// Error frames, garbled frames and foreign frames a second that are no fault.
     pub fn tolerate(&mut self, error_frames: u64, garbled: u64, foreign_per_s: u32) {
         self.tolerance = Tolerance { error_frames, garbled, foreign_per_s };
+    }
+
+    /// Everybody may take so many times as long to answer: on the bench, where time is stretched.
+    pub fn stretch(&mut self, factor: f64) {
+        self.time_stretch = factor;
+    }
+
+    /// How many times as long everything takes.
+    pub fn time_stretch(&self) -> f64 {
+        self.time_stretch
     }
 
     /// Begins to send our heartbeat, or ends it: then every drive that minds it stops by itself.
@@ -178,6 +196,7 @@ impl Link {
     pub fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, CanFault> {
         loop {
             let now = Instant::now();
+            self.excuse(now);
             self.beat_if_due(now)?;
             self.check_watched(now)?;
             let next = self.beat.map_or(deadline, |(_, due)| due.min(deadline));
@@ -232,6 +251,18 @@ impl Link {
             self.send(&Frame::new(cob::HEARTBEAT + u16::from(beat.node), &[5]))?;
         }
         Ok(())
+    }
+
+    /// Who was away could hear nobody: silence counts from its return. That it was away is a fault of its own, an overrun.
+    fn excuse(&mut self, now: Instant) {
+        let away = now.saturating_duration_since(self.listened);
+        self.listened = now;
+        if away > LONG_ABSENCE {
+            self.watched
+                .iter_mut()
+                .flatten()
+                .for_each(|watched| watched.seen = (watched.seen + away).min(now));
+        }
     }
 
     fn check_watched(&self, now: Instant) -> Result<(), CanFault> {

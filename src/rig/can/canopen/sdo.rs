@@ -146,7 +146,7 @@ impl Link {
     /// A request and its answer. Other frames that arrive meanwhile are counted and dropped.
     fn ask(&mut self, node: u8, object: Object, request: &[u8; 8]) -> Result<[u8; 8], CanFault> {
         self.send(&Frame::new(cob::SDO_REQUEST + u16::from(node), request))?;
-        let deadline = Instant::now() + ANSWER;
+        let deadline = Instant::now() + ANSWER.mul_f64(self.time_stretch());
         let id = cob::SDO_ANSWER + u16::from(node);
         while let Some(frame) = self.receive(deadline)? {
             if frame.id != id {

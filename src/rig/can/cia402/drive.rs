@@ -10,6 +10,7 @@ use crate::rig::can::drive::{Drive, Power, Wish};
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::file::{Cia402Motor, Display, RigFile};
 use crate::rig::can::limits::{Confirmed, HandleLimits};
+use crate::rig::can::lookout::Lookout;
 use crate::rig::can::readings::Readings;
 use crate::rig::can::sensors::{Sensors, start_nodes};
 use crate::rig::can::units::{BusPeriod, Counts, Gearing, JointAngle};
@@ -57,13 +58,15 @@ impl Cia402 {
         0x200 + u16::from(self.motor.node)
     }
 
-    fn word(&self, wish: Wish) -> Controlword {
-        match wish {
+    /// The controlword that goes with a target, if one goes out.
+    fn word(&self, wish: Wish) -> Option<Controlword> {
+        Some(match wish {
+            Wish::Nothing => return None,
             Wish::Enable => towards_enabled(self.seen).unwrap_or(Controlword::SHUTDOWN),
             Wish::Follow => Controlword::ENABLE,
             Wish::QuickStop => Controlword::QUICK_STOP,
             Wish::NoPower => Controlword::DISABLE_VOLTAGE,
-        }
+        })
     }
 }
 
@@ -106,12 +109,17 @@ impl Drive for Cia402 {
             .collect()
     }
 
-    fn start(&mut self, link: &mut Link, limits: &HandleLimits) -> Result<(), CanFault> {
+    fn start(
+        &mut self,
+        link: &mut Link,
+        limits: &HandleLimits,
+        lookout: &mut Lookout<'_>,
+    ) -> Result<(), CanFault> {
         start_nodes(link, &self.producers())?;
         link.set_strictness(Strictness::Watching);
-        self.home(link, self.remembers)?;
+        self.home(link, self.remembers, lookout)?;
         self.confirm_limits(link, limits)?;
-        self.go_to_start(link)?;
+        self.go_to_start(link, lookout)?;
         self.set_mode(link, Mode::CyclicSynchronousPosition)?;
         self.seen = self.ask_status(link)?.state();
         Ok(())
@@ -124,9 +132,10 @@ impl Drive for Cia402 {
         shown_nm: f64,
         wish: Wish,
     ) -> Result<(), CanFault> {
+        let Some(word) = self.word(wish) else { return Ok(()) };
         let Counts(counts) = self.gearing.to_drive(target);
         let mut data = [0u8; 8];
-        data[..2].copy_from_slice(&self.word(wish).0.to_le_bytes());
+        data[..2].copy_from_slice(&word.0.to_le_bytes());
         Kind::I32.write(f64::from(counts), &mut data[2..]);
         let mut length = 6;
         if let Some(display) = self.display {

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use super::{Cia402, Controlword, Mode, State, Statusword, towards_enabled};
 use crate::rig::can::canopen::{Link, Object};
 use crate::rig::can::fault::CanFault;
+use crate::rig::can::lookout::Lookout;
 use crate::rig::can::units::{Counts, JointAngle};
 
 /// How long a drive may take to change its state.
@@ -13,6 +14,9 @@ const STATE_CHANGE: Duration = Duration::from_secs(2);
 const ASK_EVERY: Duration = Duration::from_millis(5);
 /// How near to the start position is there, rad at the handle: a count of a coarse encoder, or the slack of a gear.
 const AT_START_RAD: f64 = 0.005;
+
+/// Periods until a statusword is sure to answer the controlword before.
+const LET_BITS_SETTLE: u64 = 3;
 
 /// Homing methods that take the present position for home.
 const HERE: [i8; 2] = [35, 37];
@@ -113,7 +117,12 @@ impl Cia402 {
 
     /// Finds the start position. A method that takes the present position is used once: after a fault the motor may
     /// stand anywhere.
-    pub(super) fn home(&mut self, link: &mut Link, drive_remembers: bool) -> Result<(), CanFault> {
+    pub(super) fn home(
+        &mut self,
+        link: &mut Link,
+        drive_remembers: bool,
+        lookout: &mut Lookout<'_>,
+    ) -> Result<(), CanFault> {
         let homing = self.motor.homing;
         if self.homed && HERE.contains(&homing.method) {
             return if drive_remembers { Ok(()) } else { Err(CanFault::OriginLost) };
@@ -122,10 +131,12 @@ impl Cia402 {
         self.set_mode(link, Mode::Homing)?;
         self.walk_to(link, State::OperationEnabled)?;
         self.control(link, Controlword::ENABLE_AND_GO)?;
+        lookout.homing();
         let deadline = Instant::now() + Duration::from_secs_f64(homing.timeout_s);
-        loop {
-            self.pause(link)?;
-            let status = self.ask_status(link)?;
+        // Until the first periods are over, the bits may be those of before.
+        for period in 0u64.. {
+            let (readings, _) = lookout.period(link, self)?;
+            let status = Statusword(readings.statusword);
             if status.state() != State::OperationEnabled {
                 return Err(self.not_reached(link, State::OperationEnabled, status));
             }
@@ -133,7 +144,7 @@ impl Cia402 {
                 self.control(link, Controlword::SHUTDOWN)?;
                 return Err(CanFault::HomingFailed { timeout_s: homing.timeout_s, statusword: status.0 });
             }
-            if status.mode_bit_12() && status.target_reached() {
+            if period >= LET_BITS_SETTLE && status.mode_bit_12() && status.target_reached() {
                 break;
             }
         }
@@ -142,7 +153,7 @@ impl Cia402 {
     }
 
     /// To the start position on the drive's own profile.
-    pub(super) fn go_to_start(&self, link: &mut Link) -> Result<(), CanFault> {
+    pub(super) fn go_to_start(&mut self, link: &mut Link, lookout: &mut Lookout<'_>) -> Result<(), CanFault> {
         let from = self.ask_angle(link)?;
         if from.0.abs() < AT_START_RAD {
             return Ok(());
@@ -154,15 +165,17 @@ impl Cia402 {
         let start = self.motor.go_to_start;
         let expected_s =
             from.0.abs() / start.speed_rad_s + 2.0 * start.speed_rad_s / start.acceleration_rad_s2;
-        let deadline = Instant::now() + Duration::from_secs_f64(2.0 * expected_s) + STATE_CHANGE;
-        loop {
-            self.pause(link)?;
-            let status = self.ask_status(link)?;
+        let patience = Duration::from_secs_f64(2.0 * expected_s).mul_f64(link.time_stretch()) + STATE_CHANGE;
+        let deadline = Instant::now() + patience;
+        lookout.going_from(from, AT_START_RAD);
+        for period in 0u64.. {
+            let (readings, JointAngle(angle_rad)) = lookout.period(link, self)?;
+            let status = Statusword(readings.statusword);
             if status.state() != State::OperationEnabled {
                 return Err(self.not_reached(link, State::OperationEnabled, status));
             }
-            let off_rad = self.ask_angle(link)?.0.abs();
-            if status.target_reached() && off_rad < AT_START_RAD {
+            let off_rad = angle_rad.abs();
+            if period >= LET_BITS_SETTLE && status.target_reached() && off_rad < AT_START_RAD {
                 break;
             }
             if Instant::now() > deadline {

@@ -1,0 +1,106 @@
+//! The loop around the machine: the motor is made safe before anybody is told why.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use super::*;
+use crate::protocol::Limits;
+use crate::rig::{Armed, Fault, OperatorsWord, Rig};
+
+/// What was done, in order, by everybody.
+type Deeds = Rc<RefCell<Vec<&'static str>>>;
+
+/// A motor that follows for a while, and then is where the session allows nobody to be.
+struct Stray {
+    deeds: Deeds,
+    samples: u32,
+}
+
+impl Rig for Stray {
+    type Armed = Self;
+
+    fn arm(self, _: OperatorsWord, _: &Limits) -> Result<Self, (Self, Fault)> {
+        Ok(self)
+    }
+}
+
+impl Armed for Stray {
+    type Disarmed = Self;
+
+    fn exchange(&mut self, command: &Command) -> Result<Sample, Fault> {
+        if self.samples > 0 && command.motor == Motor::Safe {
+            self.deeds.borrow_mut().push("motor made safe");
+        }
+        self.samples += 1;
+        let theta_m_rad = if self.samples > 10 { 1.0 } else { 0.0 };
+        Ok(Sample { theta_m_rad, ..Sample::default() })
+    }
+
+    fn rescale_emg(&mut self, _: [f64; 2]) {}
+
+    fn disarm(self) -> Self {
+        self.deeds.borrow_mut().push("power off");
+        self
+    }
+}
+
+struct Witness(Deeds);
+
+impl Operator for Witness {
+    fn heard(&mut self, _: &Machine) -> Option<Event> {
+        None
+    }
+    fn asked(&mut self, machine: &Machine) -> Event {
+        if machine.phase() == Phase::Ready { Event::Start } else { Event::Abort }
+    }
+    fn refused(&mut self, _: Event, _: Phase) {}
+    fn not_armed(&mut self, _: Fault) {}
+    fn faulted(&mut self, _: Fault) {
+        self.0.borrow_mut().push("operator told");
+    }
+}
+
+/// Writes down faults, or fails at the first sample.
+struct Pen {
+    deeds: Deeds,
+    fails: bool,
+}
+
+impl Recorder for Pen {
+    type Error = &'static str;
+
+    fn take(&mut self, _: &Input, output: &Output, _: &Machine) -> Result<(), &'static str> {
+        if self.fails {
+            self.deeds.borrow_mut().push("pen broke");
+            return Err("the pen broke");
+        }
+        if output.phase == Phase::Faulted && output.happened.is_some() {
+            self.deeds.borrow_mut().push("written down");
+        }
+        Ok(())
+    }
+}
+
+fn conducted(fails: bool) -> (Vec<&'static str>, bool) {
+    let deeds = Deeds::default();
+    let rig = Stray { deeds: deeds.clone(), samples: 0 };
+    let mut machine = Machine::new(Arc::new(settings()));
+    let mut pen = Pen { deeds: deeds.clone(), fails };
+    let ended = conduct(rig, &mut machine, &mut Witness(deeds.clone()), &mut AsFastAsItGoes, &mut pen);
+    let deeds = deeds.borrow().clone();
+    (deeds, ended.is_ok())
+}
+
+#[test]
+fn a_fault_that_the_session_finds_stops_the_motor_first_and_is_told_second() {
+    let (deeds, ended_well) = conducted(false);
+    assert!(ended_well);
+    assert_eq!(deeds, ["motor made safe", "operator told", "written down", "power off"]);
+}
+
+#[test]
+fn a_session_that_cannot_be_kept_leaves_a_motor_that_is_safe() {
+    let (deeds, ended_well) = conducted(true);
+    assert!(!ended_well);
+    assert_eq!(deeds, ["pen broke", "motor made safe", "power off"]);
+}
