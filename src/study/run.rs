@@ -66,6 +66,7 @@ pub fn simulate(unit: &Unit, kept: Kept) -> Result<Option<Session>, UnitError> {
                 subject: &unit.subject,
                 lever: setup.lever,
                 rig: &rig,
+                motion_delay_samples: 0,
             };
             let mut recorder = new.create(&path, Disk::default())?;
             run_to_the_end(wrist, &mut machine, &mut recorder)??;
