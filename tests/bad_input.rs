@@ -268,3 +268,60 @@ fn json_prints_the_result_file_and_of_many_a_list() {
     assert_eq!(many.as_array().map(Vec::len), Some(2));
     assert_eq!(many[0], printed);
 }
+
+#[test]
+fn one_bad_session_of_a_folder_is_told_of_and_the_rest_is_fitted() {
+    let desk = tempfile::tempdir().unwrap();
+    for name in ["a", "b", "c"] {
+        let one = sound();
+        fs::create_dir_all(desk.path().join("all").join(name).join("trials")).unwrap();
+        for (file, text) in contents(&one.path().join("session")) {
+            let file = Path::new(&file)
+                .strip_prefix(one.path().join("session"))
+                .unwrap_or(Path::new(&file))
+                .to_owned();
+            fs::write(desk.path().join("all").join(name).join(file), text).unwrap();
+        }
+    }
+    fs::write(desk.path().join("all/b/trials/trial-002.csv"), "t_s\n").unwrap();
+    let mut command = Command::cargo_bin("ramphold").unwrap();
+    let output = command.current_dir(desk.path()).args(["fit", "all"]).output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("trial-002.csv") && message.contains("theta_m_rad"), "{message}");
+    assert!(String::from_utf8(output.stdout).unwrap().contains("fitted 2 of 3 sessions"));
+    for name in ["a", "c"] {
+        assert!(desk.path().join("all").join(name).join("results/fit.csv").is_file());
+    }
+    assert!(!desk.path().join("all/b/results").exists());
+}
+
+#[test]
+fn a_trial_of_constant_torque_is_said_to_tell_nothing_and_the_other_is_estimated() {
+    let desk = sound();
+    let mut flat = "t_s,theta_m_rad,torque_l_nm\n".to_owned();
+    for sample in 0..500 {
+        let angle_rad = 0.0013 * f64::from((sample - 300).clamp(0, 100));
+        flat += &format!("{:.3},{angle_rad:.6},0.9\n", f64::from(sample) / 1000.0);
+    }
+    fs::write(desk.path().join("session/trials/trial-002.csv"), flat).unwrap();
+    let output = fit(desk.path(), &[]);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(message.contains("trial 2") && message.contains("torque"), "{message}");
+    let table = fs::read_to_string(desk.path().join("session/results/fit.csv")).unwrap();
+    assert_eq!(table.lines().count(), 2, "only trial 1 has estimates: {table}");
+}
+
+#[test]
+fn a_window_longer_than_one_trial_leaves_that_trial_out_and_says_so() {
+    let desk = sound();
+    let file = desk.path().join("session/trials/trial-002.csv");
+    let short: String =
+        fs::read_to_string(&file).unwrap().lines().take(350).map(|line| format!("{line}\n")).collect();
+    fs::write(&file, short).unwrap();
+    let output = fit(desk.path(), &["--window", "0.1"]);
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(message.contains("trial 2 left out") && message.contains("window"), "{message}");
+}

@@ -30,6 +30,12 @@ pub struct Fit {
     /// Count every sample alike as the paper does, instead of weighing by the noise measured in the holds.
     #[arg(long)]
     plain: bool,
+    /// Refit so many sessions simulated from the fit, and say in fit.json how the estimates scatter.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    bootstrap: Option<u32>,
+    /// Seed of the bootstrap.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "bootstrap")]
+    seed: u64,
     /// Where to write, instead of the session's own results folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -54,7 +60,12 @@ impl Verb for Fit {
 
 impl Fit {
     fn fit(&self, session: &Path, model: &Model) -> Result<Results, Failure> {
-        fit_session(session, model, self.window, self.weighting())
+        let (prepared, mut results, fit) = prepare_and_fit(session, model, self.window, self.weighting())?;
+        if let Some(refits) = self.bootstrap {
+            let scatter = fit::bootstrap(&prepared, &fit, refits as usize, self.seed);
+            results.add_bootstrap(refits as usize, self.seed, &scatter);
+        }
+        Ok(results)
     }
 
     fn weighting(&self) -> Weighting {
@@ -161,12 +172,22 @@ pub fn fit_session(
     window_s: Option<f64>,
     weighting: Weighting,
 ) -> Result<Results, Failure> {
+    prepare_and_fit(folder, model, window_s, weighting).map(|(_, results, _)| results)
+}
+
+fn prepare_and_fit(
+    folder: &Path,
+    model: &Model,
+    window_s: Option<f64>,
+    weighting: Weighting,
+) -> Result<(Prepared, Results, fit::Fit), Failure> {
     let session = dataset::load(folder)?;
     let view = view(folder, window_s)?;
     let prepared = Prepared::new(&session, view)
         .map_err(|source| Failure::Prepare { session: folder.display().to_string(), source })?;
     let fit = fit::Fit::new(&prepared, model, weighting);
-    Ok(Results::new(&session.subject.id, &prepared, &fit, view, weighting))
+    let results = Results::new(&session.subject.id, &prepared, &fit, view, weighting);
+    Ok((prepared, results, fit))
 }
 
 /// How the session's protocol looks at its records, or the paper does; `window_s` overrides.

@@ -1,12 +1,12 @@
 //! What screening finds where there is nothing: the fitted model simulated with fresh noise, refitted, screened again.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::omnibus::pattern;
 use super::screen::{Probe, score, torques};
 use super::tangent::{Direction, Tangent};
-use crate::fit::{Effort, Fit, Prepared, solve};
+use crate::fit::{Effort, Fit, NoiseMaker, Prepared, resampled, solve};
 use crate::random::Stream;
 
 /// What screening makes of residuals.
@@ -65,7 +65,7 @@ pub fn chance(
         .into_par_iter()
         .map(|number| {
             let mut stream = Stream::new(seed, &format!("bootstrap/{}/{number}", fit.kinds.len()));
-            let simulated = simulate(prepared, &predicted, &noise, &mut stream);
+            let simulated = resampled(prepared, &predicted, &noise, &mut stream);
             let refitted = refit(&simulated, fit);
             let residuals = Tangent::new(&simulated, &refitted).residuals();
             screen(&simulated, tangent, probes, &residuals)
@@ -75,47 +75,6 @@ pub fn chance(
         of_largest: gumbel_tail(&null.iter().map(|f| f.largest).collect::<Vec<_>>(), finding.largest),
         of_excess: gumbel_tail(&null.iter().map(|f| f.excess).collect::<Vec<_>>(), finding.excess),
     }
-}
-
-/// Draws noise with the measured covariances.
-pub struct NoiseMaker {
-    factors: Vec<DMatrix<f64>>,
-}
-
-impl NoiseMaker {
-    /// For the noises of `fit`.
-    pub fn new(fit: &Fit) -> Self {
-        let factor = |noise: &crate::signal::Noise| {
-            let eigen = noise.covariance.clone().symmetric_eigen();
-            let scale = DVector::from_iterator(
-                eigen.eigenvalues.len(),
-                eigen.eigenvalues.iter().map(|value| libm::sqrt(value.max(0.0))),
-            );
-            &eigen.eigenvectors * DMatrix::from_diagonal(&scale)
-        };
-        Self { factors: fit.covariances.iter().map(factor).collect() }
-    }
-}
-
-/// A session in which the predictions are right: measured torque is prediction plus noise, where noise is looked at.
-pub fn simulate(
-    prepared: &Prepared,
-    predicted: &[Vec<f64>],
-    noise: &NoiseMaker,
-    stream: &mut Stream,
-) -> Prepared {
-    let mut simulated = prepared.clone();
-    let places: Vec<usize> = prepared.noise_samples().collect();
-    for (trial, own) in simulated.trials.iter_mut().enumerate() {
-        own.measured_nm.clone_from(&predicted[trial]);
-        let Some(index) = prepared.noise_of[trial] else { continue };
-        let normals = DVector::from_fn(places.len(), |_, _| stream.normal());
-        let drawn = &noise.factors[index] * normals;
-        for (place, value) in places.iter().zip(drawn.iter()) {
-            own.measured_nm[*place] += value;
-        }
-    }
-    simulated
 }
 
 /// A refit needs no more than this: it starts where the data came from.

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::calibrate::{NoiseMaker, refit, simulate};
+use super::calibrate::refit;
 use super::screen::{Probe, Score, torques};
-use crate::fit::{Fit, Prepared};
+use crate::fit::{Fit, NoiseMaker, Prepared, resampled};
 use crate::random::Stream;
 use crate::wrist::mechanisms::{Kind, Parameter};
 
@@ -114,7 +114,7 @@ pub fn not_ruled_out(prepared: &Prepared, candidates: &[Candidate], unit: f64, s
                 .map(|number| {
                     let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
                     let mut stream = Stream::new(seed, &name);
-                    let simulated = simulate(prepared, &predicted, &noise, &mut stream);
+                    let simulated = resampled(prepared, &predicted, &noise, &mut stream);
                     let (a, b) = (refit(&simulated, &first.fit), refit(&simulated, &rival.fit));
                     let simulated_lead = 2.0 * (cost(&b) - cost(&a)) / unit;
                     usize::from(simulated_lead >= lead(rival))

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::prepare::{Prepared, PreparedTrial};
+use super::profile::{Interval, profiles};
 use super::run::Fit;
 use super::solve::Stop;
 use super::uncertainty::{predictions, uncertainties, variance_accounted_for};
@@ -34,6 +35,9 @@ pub struct Estimate {
     pub sem: [Option<f64>; 6],
     /// Standard error from the measured noise, relative to each parameter; absent where the data do not tell.
     pub se: [Option<f64>; 6],
+    /// 95 % profile likelihood intervals of k_dec and x_e ([`super::PROFILED`]); absent where they are not a trial's own.
+    #[serde(skip)]
+    pub profile: [Option<Interval>; 2],
     /// Whether the optimisation came to its end.
     pub converged: bool,
     /// Remarks for a person: what stopped it, parameters at a bound, other optima.
@@ -93,6 +97,7 @@ impl Estimate {
 pub fn estimates(prepared: &Prepared, fit: &Fit) -> Vec<Estimate> {
     let predictions = predictions(prepared, fit);
     let uncertainties = uncertainties(prepared, fit, &predictions);
+    let profiles = profiles(prepared, fit);
     let of_trial = |index: usize| {
         let trial = &prepared.trials[index];
         let mut values = [0.0; 6];
@@ -110,6 +115,7 @@ pub fn estimates(prepared: &Prepared, fit: &Fit) -> Vec<Estimate> {
             vaf: variance_accounted_for(&trial.measured_nm, &predictions[index].residual_nm),
             sem: uncertainties[index].sem,
             se: uncertainties[index].se,
+            profile: profiles[index],
             converged: fit.outcome(index).stop == Stop::Converged,
             remarks: remarks(fit, index),
             values,

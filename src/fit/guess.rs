@@ -104,6 +104,15 @@ impl Guess {
         self.trials[trial][parameter]
     }
 
+    /// The median of each parameter over the trials.
+    pub fn middle(&self) -> [f64; 6] {
+        std::array::from_fn(|parameter| {
+            let mut values: Vec<f64> = self.trials.iter().map(|own| own[parameter]).collect();
+            values.sort_by(f64::total_cmp);
+            values[values.len() / 2]
+        })
+    }
+
     /// The same for some of the trials.
     pub fn only(&self, trials: &[usize]) -> Self {
         Self {
@@ -263,6 +272,7 @@ impl Pooled {
             blocks: vec![Vec::new()],
             block_of_trial: vec![0; few.trials.len()],
             border: (0..coordinates.len()).collect(),
+            border_known: None,
         };
         let layout = Layout {
             links: few.trials.iter().enumerate().map(links).collect(),

@@ -3,6 +3,8 @@
 //! Trials that share no coordinate are separate problems (the paper's repetitions); within one, coordinates of a single
 //! trial or condition are its block, and the others its border: the arrowhead that the solver exploits.
 
+use nalgebra::{DMatrix, DVector};
+
 use super::guess::Guess;
 use super::model::{Model, Scope, Term, Treatment};
 use super::prepare::Prepared;
@@ -56,6 +58,27 @@ pub struct Component {
     pub block_of_trial: Vec<usize>,
     /// Coordinates in common.
     pub border: Vec<usize>,
+    /// What trials that are not in it know of the border.
+    pub border_known: Option<BorderKnown>,
+}
+
+/// A quadratic in the border's coordinates: gradient and curvature at a point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BorderKnown {
+    /// The point.
+    pub at: DVector<f64>,
+    /// The gradient there.
+    pub gradient: DVector<f64>,
+    /// The curvature.
+    pub information: DMatrix<f64>,
+}
+
+impl Component {
+    /// The trials of one block.
+    pub fn trials_of_block(&self, block: usize) -> impl Iterator<Item = usize> {
+        let with_block = self.trials.iter().zip(&self.block_of_trial);
+        with_block.filter(move |(_, of)| **of == block).map(|(trial, _)| *trial)
+    }
 }
 
 /// The coordinates of a fit.
@@ -216,6 +239,7 @@ impl Layout {
                 block_of_trial: trials.iter().map(|trial| block(*trial)).collect(),
                 blocks: vec![Vec::new(); keys.len()],
                 border: Vec::new(),
+                border_known: None,
                 trials,
             };
             for (coordinate, members) in touched.iter().enumerate() {

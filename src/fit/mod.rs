@@ -1,5 +1,6 @@
 //! The wrist's parameters out of the recorded torque, and how well they are known.
 
+mod bootstrap;
 mod estimates;
 mod guess;
 mod layout;
@@ -8,6 +9,8 @@ mod noise;
 mod normal;
 mod predict;
 mod prepare;
+mod profile;
+mod resample;
 mod results;
 mod run;
 mod second_look;
@@ -15,6 +18,7 @@ mod solve;
 mod uncertainty;
 mod weights;
 
+pub use bootstrap::{BOOTSTRAPPED, Scatter, bootstrap};
 pub use estimates::{ConditionEstimate, Estimate, QUANTITIES, by_condition, estimates, simulated};
 pub use guess::{Guess, looks};
 pub use layout::{Component, Coordinate, Layout, Link};
@@ -23,6 +27,8 @@ pub use noise::NoiseSource;
 pub use normal::{Normal, Objective};
 pub use predict::predict;
 pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View};
+pub use profile::{Interval, PROFILED, profiles};
+pub use resample::{NoiseMaker, resampled};
 pub use results::{FIT_FORMAT, Results, WriteError, write_files};
 pub use run::{Fit, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};

@@ -17,8 +17,12 @@ pub enum NoiseSource {
     Residuals,
 }
 
-/// Stretches of hold that a torque level needs for a noise of its own; with fewer, all levels share one.
-const STRETCHES_FOR_OWN_NOISE: usize = 300;
+/// How many stretches begin within one window's length: that many overlapping ones are worth about one.
+pub(super) const STRETCHES_A_WINDOW: usize = 10;
+
+/// Independent stretches of hold that a torque level needs for a noise of its own, for each sample that it is measured on;
+/// with fewer, all levels share one.
+const STRETCHES_FOR_OWN_NOISE: usize = 4;
 
 /// Stretches of hold that a noise is measured on at least: their covariance must leave the fit more directions to look in
 /// than it has parameters.
@@ -52,7 +56,7 @@ impl Prepared {
             let window = &hold[end - self.samples..end];
             let base = mean(&hold[end - self.samples - level..end - self.samples]);
             stretches.push(self.noise_samples().map(|i| window[i] - base).collect());
-            end -= (self.samples / 10).max(1);
+            end -= (self.samples / STRETCHES_A_WINDOW).max(1);
         }
         stretches
     }
@@ -71,7 +75,8 @@ impl Prepared {
                 .collect()
         };
         let by_level: Vec<_> = levels.iter().map(|level| stretches(Some(*level))).collect();
-        if by_level.iter().all(|own| own.len() >= STRETCHES_FOR_OWN_NOISE) {
+        let enough = STRETCHES_FOR_OWN_NOISE * STRETCHES_A_WINDOW * self.noise_samples().count();
+        if by_level.iter().all(|own| own.len() >= enough) {
             self.noises = by_level.iter().filter_map(|own| Noise::measure(own)).collect();
             let level_of = |trial: &PreparedTrial| levels.iter().position(|level| *level == trial.torque_nm);
             self.noise_of = self.trials.iter().map(level_of).collect();
@@ -159,7 +164,7 @@ pub(super) fn stride(session: &Session, view: View, samples: usize) -> usize {
 /// The error of the recorded angle, rad: from its second differences in the holds, at least that of the encoder's steps,
 /// which a still motor does not show; and that step, where the holds are still.
 pub(super) fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
-    let (mut squares, mut count, mut step) = (0.0, 0.0, f64::INFINITY);
+    let (mut squares, mut count, mut step) = (Vec::new(), 0.0, f64::INFINITY);
     for trial in trials {
         // The first sample may have been measured before the trial began.
         let theta = trial.record.theta_m_rad.get(1..).unwrap_or_default();
@@ -169,12 +174,13 @@ pub(super) fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
                 step = change;
             }
         }
-        for three in theta[..theta.len() / 5].windows(3) {
-            let second = three[0] - 2.0 * three[1] + three[2];
-            squares += second * second;
-            count += 1.0;
-        }
+        let seconds = theta[..theta.len() / 5].windows(3).map(|three| three[0] - 2.0 * three[1] + three[2]);
+        count += theta[..theta.len() / 5].windows(3).len() as f64;
+        squares.push(seconds.map(|second| second * second).sum::<f64>());
     }
+    // Added up in an order that is not that of the trials: a trial run again after a crash changes no bit.
+    squares.sort_by(f64::total_cmp);
+    let squares: f64 = squares.iter().sum();
     let step = if step.is_finite() { step } else { 0.0 };
     // White noise has second differences of six times its variance, rounding to steps a variance of step^2 / 12.
     let (in_hold, of_steps) = (squares / 6.0 / f64::max(count, 1.0), step * step / 12.0);

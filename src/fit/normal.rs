@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::layout::{Component, Layout};
+use super::layout::{BorderKnown, Component, Layout};
 use super::predict::predict;
 use super::prepare::Prepared;
 use super::solve::factor;
@@ -36,6 +36,9 @@ struct Block {
     matrix: DMatrix<f64>,
     with_border: DMatrix<f64>,
     gradient: DVector<f64>,
+    /// Its share of the border's.
+    share: DMatrix<f64>,
+    gradient_share: DVector<f64>,
 }
 
 /// The normal equations of a component.
@@ -76,6 +79,7 @@ pub fn evaluate(
             place += 1;
         }
         normal.add_priors(component, layout, coordinates);
+        normal.add_known(component, coordinates);
         result.push(normal);
     }
     result
@@ -143,6 +147,8 @@ impl Normal {
                     matrix: DMatrix::zeros(own.len(), own.len()),
                     with_border: DMatrix::zeros(own.len(), border),
                     gradient: DVector::zeros(own.len()),
+                    share: DMatrix::zeros(border, border),
+                    gradient_share: DVector::zeros(border),
                 })
                 .collect(),
             border: DMatrix::zeros(border, border),
@@ -173,12 +179,16 @@ impl Normal {
             });
         }
         self.cost += part.cost;
-        let Block { cost, matrix: block, with_border, gradient } = &mut self.blocks[block_index];
+        let Block { cost, matrix: block, with_border, gradient, share, gradient_share } =
+            &mut self.blocks[block_index];
         *cost += part.cost;
         for (row, place, slope) in &places {
             match place {
                 Ok(place) => gradient[*place] += slope * part.gradient[*row],
-                Err(place) => self.border_gradient[*place] += slope * part.gradient[*row],
+                Err(place) => {
+                    self.border_gradient[*place] += slope * part.gradient[*row];
+                    gradient_share[*place] += slope * part.gradient[*row];
+                }
             }
             for (other_row, other_place, other_slope) in &places {
                 let value = slope * other_slope * part.matrix[(*row, *other_row)];
@@ -186,7 +196,10 @@ impl Normal {
                     (Ok(a), Ok(b)) => block[(*a, *b)] += value,
                     (Ok(a), Err(b)) => with_border[(*a, *b)] += value,
                     (Err(_), Ok(_)) => {}
-                    (Err(a), Err(b)) => self.border[(*a, *b)] += value,
+                    (Err(a), Err(b)) => {
+                        self.border[(*a, *b)] += value;
+                        share[(*a, *b)] += value;
+                    }
                 }
             }
         }
@@ -214,6 +227,52 @@ impl Normal {
                 self.border_gradient[place] += away / sd;
                 self.border[(place, place)] += 1.0 / (sd * sd);
             }
+        }
+    }
+
+    /// Adds what trials outside of the component know of its border.
+    fn add_known(&mut self, component: &Component, at: &[f64]) {
+        let Some(known) = &component.border_known else { return };
+        let away = DVector::from_fn(component.border.len(), |i, _| at[component.border[i]] - known.at[i]);
+        let slope = &known.information * &away;
+        self.cost += known.gradient.dot(&away) + 0.5 * slope.dot(&away);
+        self.border_gradient += &known.gradient + slope;
+        self.border += &known.information;
+    }
+
+    /// What everything but one block knows of the border: the quadratic that is left when the other blocks follow.
+    pub fn known_by_others(&self, component: &Component, block: usize, at: &[f64]) -> BorderKnown {
+        let mut information = &self.border - &self.blocks[block].share;
+        let mut gradient = &self.border_gradient - &self.blocks[block].gradient_share;
+        for (index, other) in self.blocks.iter().enumerate() {
+            if index == block || other.matrix.nrows() == 0 {
+                continue;
+            }
+            let mut matrix = other.matrix.clone();
+            for i in 0..matrix.nrows() {
+                matrix[(i, i)] = matrix[(i, i)] * (1.0 + 1e-9) + f64::MIN_POSITIVE;
+            }
+            let Some(factor) = factor(matrix) else { continue };
+            information -= other.with_border.tr_mul(&factor.solve(&other.with_border));
+            gradient -= other.with_border.tr_mul(&factor.solve(&other.gradient));
+        }
+        let at = DVector::from_iterator(component.border.len(), component.border.iter().map(|i| at[*i]));
+        BorderKnown { at, gradient, information }
+    }
+
+    /// Standard deviations of a block's coordinates, the border being as well known as `known` and the block itself tell;
+    /// infinite where nothing does.
+    pub fn block_sds(&self, block: usize, known: &BorderKnown) -> Vec<f64> {
+        let Block { matrix, with_border, share, .. } = &self.blocks[block];
+        let (own, border) = (matrix.nrows(), share.nrows());
+        let mut whole = DMatrix::zeros(own + border, own + border);
+        whole.view_mut((0, 0), (own, own)).copy_from(matrix);
+        whole.view_mut((0, own), (own, border)).copy_from(with_border);
+        whole.view_mut((own, 0), (border, own)).copy_from(&with_border.transpose());
+        whole.view_mut((own, own), (border, border)).copy_from(&(share + &known.information));
+        match super::uncertainty::invert(whole) {
+            Some(inverse) => (0..own).map(|i| libm::sqrt(inverse[(i, i)])).collect(),
+            None => vec![f64::INFINITY; own],
         }
     }
 

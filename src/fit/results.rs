@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
+use super::bootstrap::{BOOTSTRAPPED, Scatter};
 use super::estimates::{ConditionEstimate, Estimate, QUANTITIES, by_condition};
 use super::model::Model;
 use super::prepare::{Prepared, View};
+use super::profile::{Interval, PROFILED};
 use super::run::{Fit, Weighting};
 use crate::dataset::Disk;
 use crate::wrist::BASE_PARAMETERS;
@@ -38,6 +40,19 @@ impl Results {
         let conditions = by_condition(&estimates);
         let json = json(subject, prepared, fit, view, weighting, (&estimates, &conditions));
         Self { subject: subject.into(), view, weighting, estimates, conditions, json }
+    }
+
+    /// Adds what a parametric bootstrap found, trial by trial.
+    pub fn add_bootstrap(&mut self, refits: usize, seed: u64, scatter: &[Scatter]) {
+        self.json["settings"]["bootstrap"] = json!({ "refits": refits, "seed": seed });
+        let trials = self.json["trials"].as_array_mut().into_iter().flatten();
+        for (trial, own) in trials.zip(scatter) {
+            let named = (0..BOOTSTRAPPED.len()).map(|quantity| {
+                let found = json!({ "sd": own.sd[quantity], "percentiles_95": own.percentiles[quantity] });
+                (BOOTSTRAPPED[quantity].to_string(), found)
+            });
+            trial["bootstrap"] = named.collect::<Map<_, _>>().into();
+        }
     }
 
     /// Whether every trial's optimisation came to its end.
@@ -164,6 +179,7 @@ fn json(
         entry.insert("values".into(), named(&estimate.quantities(), &QUANTITIES));
         entry.insert("sem_eq9_relative".into(), named(&estimate.sem, &BASE_PARAMETERS));
         entry.insert("se_relative".into(), named(&estimate.se, &BASE_PARAMETERS));
+        entry.insert("profile_95".into(), profile_json(&estimate.profile));
         entry.insert("converged".into(), json!(estimate.converged));
         entry.insert("remarks".into(), json!(estimate.remarks));
         Value::Object(entry)
@@ -209,6 +225,15 @@ fn json(
         "conditions": conditions.iter().map(condition).collect::<Vec<_>>(),
         "left_out": prepared.left_out.iter().map(left_out).collect::<Vec<_>>(),
     })
+}
+
+/// The profile likelihood intervals; an end that the data leave open is null.
+fn profile_json(profile: &[Option<Interval>; 2]) -> Value {
+    let named = PROFILED.iter().zip(profile).map(|(parameter, interval)| {
+        let ends = interval.map(|own| json!([own.low, own.high]));
+        (BASE_PARAMETERS[*parameter].to_string(), json!(ends))
+    });
+    named.collect::<Map<_, _>>().into()
 }
 
 /// Plain where no noise could be measured, whatever was asked.

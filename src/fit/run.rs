@@ -63,8 +63,10 @@ impl Fit {
             return fit;
         }
         let points = looks(prepared);
-        let (objective, covariances) = objective(prepared, weighting, &points);
-        let guess = Guess::pooled(prepared, &objective, &points);
+        let (first, _) = objective(prepared, weighting, points.first());
+        let guess = Guess::pooled(prepared, &first, &points);
+        // What an error of the angle does to the torque hangs on the damping, of which a look knows the magnitude at best.
+        let (objective, covariances) = objective(prepared, weighting, Some(&guess.middle()));
         let mut fit = Self::from_guess(prepared, model, objective, covariances, &guess);
         fit.look_again(prepared);
         fit
@@ -204,11 +206,15 @@ const EXTENSION: Effort = Effort { iterations: 40, decrease: 1e-4, longest_step:
 /// Index of x_e in a trial's parameters.
 pub(super) const ELASTIC_LIMIT: usize = 5;
 
-/// What to minimise, and the covariance of the residuals where one could be measured.
+/// What to minimise, and the covariance of the residuals where one could be measured; `point` as for [`covariances`].
 ///
 /// Only noise measured in holds weighs the residuals: what differs between repetitions is more than noise.
-pub fn objective(prepared: &Prepared, weighting: Weighting, points: &[[f64; 6]]) -> (Objective, Vec<Noise>) {
-    let (Some(point), Some(source)) = (points.first(), prepared.noise_source) else {
+pub fn objective(
+    prepared: &Prepared,
+    weighting: Weighting,
+    point: Option<&[f64; 6]>,
+) -> (Objective, Vec<Noise>) {
+    let (Some(point), Some(source)) = (point, prepared.noise_source) else {
         return (Objective::LeastSquares, Vec::new());
     };
     match (source, weighting) {

@@ -9,7 +9,7 @@ use super::model::Scope;
 use super::normal::{Normal, Objective, evaluate};
 use super::prepare::Prepared;
 use super::run::{ELASTIC_LIMIT, Fit};
-use super::solve::{Effort, Solution, solve};
+use super::solve::{Effort, Outcome, Solution, solve};
 
 /// Elastic limits that are looked at, as parts of the way that the motor goes in the window.
 const PLACES: [f64; 4] = [0.25, 0.4, 0.55, 0.75];
@@ -29,10 +29,6 @@ const INDEPENDENT_VALUES: f64 = 4.5;
 
 /// Elastic limits that all trials of a component are started from together.
 const TOGETHER: [f64; 2] = [0.4, 0.6];
-
-/// A cost so many standard deviations above what the noise makes asks for a look at all trials together. A wrong optimum may
-/// lie only one above the right one, and looking costs little.
-const SUSPICIOUS: f64 = 0.5;
 
 /// A second look need only tell whether it leads to another optimum.
 const LOOK: Effort = Effort { iterations: 25, decrease: 1e-4, longest_step: 0.7 };
@@ -70,7 +66,7 @@ impl Fit {
                 let moved = limit
                     .is_some_and(|limit| (found[limit] - self.solution.coordinates[limit]).abs() > ELSEWHERE);
                 if moved && (cost - first).abs() < NOT_TOLD_APART * unit {
-                    several.extend(self.trials_of(component, block));
+                    several.extend(self.layout.components[component].trials_of_block(block));
                 }
                 if cost < best[component][block] - 1e-3 * unit {
                     best[component][block] = cost;
@@ -86,44 +82,24 @@ impl Fit {
         self.take_parameters();
     }
 
-    /// Starts all trials of a component anew at once, where its cost is more than the noise makes: with what they share at a
-    /// wrong value, none of them gets to the right place alone.
+    /// Starts all trials of a component anew at once: with what they share at a wrong value, none of them gets to the right
+    /// place alone.
     fn look_together(&mut self, prepared: &Prepared) {
-        let suspicious: Vec<bool> =
-            (0..self.layout.components.len()).map(|component| self.is_suspicious(component)).collect();
-        if !suspicious.contains(&true) {
-            return;
-        }
         for place in TOGETHER {
             let mut start = self.solution.coordinates.clone();
-            for (component, own) in self.layout.components.iter().enumerate() {
-                for trial in own.trials.iter().filter(|_| suspicious[component]) {
-                    if let Link::Logarithmic { coordinate, .. } = self.layout.links[*trial][ELASTIC_LIMIT] {
-                        let bounds = &self.layout.coordinates[coordinate];
-                        let there = libm::log(place * prepared.reach_rad(*trial));
-                        start[coordinate] = there.clamp(bounds.low, bounds.high);
-                    }
+            for (trial, links) in self.layout.links.iter().enumerate() {
+                if let Link::Logarithmic { coordinate, .. } = links[ELASTIC_LIMIT] {
+                    let bounds = &self.layout.coordinates[coordinate];
+                    let there = libm::log(place * prepared.reach_rad(trial));
+                    start[coordinate] = there.clamp(bounds.low, bounds.high);
                 }
             }
-            let found = self.solve_some(prepared, &|component| suspicious[component], &start, LOOK);
-            let looked_at = (0..suspicious.len()).filter(|component| suspicious[*component]);
-            let better: Vec<usize> = looked_at
-                .zip(&found.outcomes)
-                .filter(|(component, outcome)| outcome.cost < self.solution.outcomes[*component].cost)
-                .map(|(component, _)| component)
-                .collect();
-            let improved: Vec<bool> = (0..suspicious.len()).map(|index| better.contains(&index)).collect();
+            let found = solve(prepared, &self.layout, &self.kinds, &self.objective, &start, LOOK);
+            let better = |(found, reached): (&Outcome, &Outcome)| found.cost < reached.cost;
+            let improved: Vec<bool> =
+                found.outcomes.iter().zip(&self.solution.outcomes).map(better).collect();
             self.polish(prepared, &improved, &found.coordinates);
         }
-    }
-
-    /// Whether a component's cost is above what the noise makes; without a measured noise, always.
-    fn is_suspicious(&self, component: usize) -> bool {
-        let Objective::Whitened(whiteners) = &self.objective else { return true };
-        let own = &self.layout.components[component];
-        let rows = whiteners.iter().map(|whitener| whitener.nrows()).min().unwrap_or(0) * own.trials.len();
-        let freedom = rows.saturating_sub(own.order().len()) as f64;
-        self.solution.outcomes[component].cost > 0.5 * (freedom + SUSPICIOUS * libm::sqrt(2.0 * freedom))
     }
 
     /// The blocks that may have an optimum about `place`, and a start with their elastic limits there.
@@ -205,12 +181,6 @@ impl Fit {
         coordinates.iter().copied().find(|index| self.layout.coordinates[*index].parameter == ELASTIC_LIMIT)
     }
 
-    fn trials_of(&self, component: usize, block: usize) -> impl Iterator<Item = usize> {
-        let own = &self.layout.components[component];
-        let with_block = own.trials.iter().zip(&own.block_of_trial);
-        with_block.filter(move |(_, of)| **of == block).map(|(trial, _)| *trial)
-    }
-
     /// What half a squared residual of one standard deviation is worth in a block's cost: one where the noise weighs it, else
     /// estimated from what is left.
     fn unit(&self, prepared: &Prepared, component: usize, block: usize, reached: &Normal) -> f64 {
@@ -218,7 +188,7 @@ impl Fit {
             Objective::Whitened(_) => 1.0,
             Objective::LeastSquares => {
                 let windows = prepared.samples as f64 * prepared.period_s / 0.040;
-                let trials = self.trials_of(component, block).count() as f64;
+                let trials = self.layout.components[component].trials_of_block(block).count() as f64;
                 reached.block_costs().nth(block).unwrap_or(0.0)
                     / (trials * 0.5 * INDEPENDENT_VALUES * windows)
             }

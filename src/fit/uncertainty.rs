@@ -207,7 +207,7 @@ fn finite(value: f64) -> Option<f64> {
 }
 
 /// The inverse of a positive definite matrix, scaled first; `None` if it is singular.
-fn invert(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(super) fn invert(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scale: Vec<f64> =
         matrix.diagonal().iter().map(|x| 1.0 / libm::sqrt(x.max(f64::MIN_POSITIVE))).collect();
     let scaled =

@@ -5,8 +5,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::noise::STRETCHES_A_WINDOW;
 use super::predict::predict;
-use super::prepare::Prepared;
+use super::prepare::{Prepared, PreparedTrial};
 use crate::signal::Noise;
 use crate::wrist::{Response, knots};
 
@@ -18,8 +19,11 @@ const FLOOR_NM: f64 = 1e-4;
 /// of the six parameters, which tell how an error of the angle becomes one of the torque.
 pub fn covariances(prepared: &Prepared, point: &[f64; 6]) -> Vec<Noise> {
     let angle = angle_covariance(prepared, point);
-    let with_angle =
-        |noise: &Noise| Noise { covariance: &noise.covariance + &angle, stretches: noise.stretches };
+    let with_angle = |noise: &Noise| {
+        let directions = noise.directions(FLOOR_NM * FLOOR_NM);
+        let covariance = (&noise.covariance + &angle) / share_of_precision(noise.stretches, directions);
+        Noise { covariance, stretches: noise.stretches }
+    };
     prepared.noises.iter().map(with_angle).collect()
 }
 
@@ -37,48 +41,81 @@ pub fn whiteners(prepared: &Prepared, covariances: &[Noise]) -> Vec<DMatrix<f64>
     covariances.iter().map(spread).collect()
 }
 
-/// How many trials, and how many places within an encoder's step, the error of the angle is averaged over.
-const TRIALS: usize = 12;
+/// What a precision is worth that comes from a covariance of `directions` measured on so many stretches (Hartlap et al. 2007,
+/// Eq. 17): inverting it makes its error one-sided, and intervals too short.
+fn share_of_precision(stretches: usize, directions: usize) -> f64 {
+    let independent = stretches as f64 / STRETCHES_A_WINDOW as f64;
+    ((independent - directions as f64 - 2.0) / (independent - 1.0)).max(LEAST_SHARE)
+}
+
+/// Where the holds are so short that next to nothing would be left of the precision.
+const LEAST_SHARE: f64 = 0.25;
+
+/// At how many places within an encoder's step the motor is taken to rest.
 const PLACES: usize = 16;
 
 /// Covariance of the predicted torque's error that the error of the recorded angle makes.
 ///
 /// An angle that is never still is taken to have white noise. One that stands still in the hold is rounded to the encoder's
-/// steps: before the ramp by a constant, which then is missing from all of it, slowly turning into noise as the motor gains
-/// speed. So the recorded motion is rounded again, from several places within a step, and the error followed through.
+/// steps. Before the ramp that is a constant, which is then missing from all of it. While the motor is slow, the record waits
+/// for the next step; once it passes a step a sample, every sample's rounding is its own.
 fn angle_covariance(prepared: &Prepared, point: &[f64; 6]) -> DMatrix<f64> {
     let places: Vec<usize> = prepared.noise_samples().collect();
     let responses = responses(prepared, point);
+    let count = prepared.samples + REACH;
     let mut covariance = DMatrix::zeros(places.len(), places.len());
-    if prepared.angle_step_rad == 0.0 {
-        for wrong in 0..prepared.samples + REACH {
-            let mut error = vec![0.0; prepared.samples + REACH];
-            error[wrong] = prepared.angle_noise_rad;
-            add_square(&mut covariance, &places, &responses, &error);
-        }
+    let mut add_white = |sd_rad: f64, weight: f64, sample: usize| {
+        let mut error = vec![0.0; count];
+        error[sample] = sd_rad * libm::sqrt(weight);
+        add_square(&mut covariance, &places, &responses, &error);
+    };
+    let step = prepared.angle_step_rad;
+    if step == 0.0 {
+        (0..count).for_each(|sample| add_white(prepared.angle_noise_rad, 1.0, sample));
         return covariance;
     }
-    let some = (0..prepared.trials.len()).step_by(prepared.trials.len().div_ceil(TRIALS));
-    let count = some.len() * PLACES;
-    for trial in some {
-        let input = &prepared.trials[trial].input;
+    let motions = mean_motions(prepared);
+    for (share, motion) in &motions {
+        let is_fast = |sample: usize| sample > 0 && (motion[sample] - motion[sample - 1]).abs() > step;
+        (0..count)
+            .filter(|s| is_fast(*s))
+            .for_each(|sample| add_white(step / libm::sqrt(12.0), *share, sample));
+    }
+    for (share, motion) in &motions {
+        let is_fast = |sample: usize| sample > 0 && (motion[sample] - motion[sample - 1]).abs() > step;
         for place in 0..PLACES {
-            let offset = prepared.angle_step_rad * (place as f64 + 0.5) / PLACES as f64;
-            let rounded = |theta: f64| {
-                libm::round((theta + offset) / prepared.angle_step_rad) * prepared.angle_step_rad
-                    - offset
-                    - theta
-            };
-            let error: Vec<f64> = (0..prepared.samples + REACH)
-                .map(|sample| {
-                    let knot = input.motion[(input.onset + sample).min(input.motion.len() - 1)];
-                    rounded(knot.theta) - rounded(0.0)
-                })
+            let rest = step * ((place as f64 + 0.5) / PLACES as f64 - 0.5);
+            let rounding = |theta: f64| libm::round((theta + rest) / step) * step - (theta + rest);
+            let weight = libm::sqrt(share / PLACES as f64);
+            let error: Vec<f64> = (0..count)
+                .map(|s| weight * (if is_fast(s) { 0.0 } else { rounding(motion[s]) } - rounding(0.0)))
                 .collect();
             add_square(&mut covariance, &places, &responses, &error);
         }
     }
-    covariance / count as f64
+    covariance
+}
+
+/// The motor's motion from the onset on, one for each velocity, with its share of the trials. The mean over trials, which
+/// rest at different places within a step, shows what happens between the steps.
+fn mean_motions(prepared: &Prepared) -> Vec<(f64, Vec<f64>)> {
+    let key = |trial: &PreparedTrial| (trial.velocity_rad_s.to_bits(), trial.label.clone());
+    let mut keys: Vec<_> = prepared.trials.iter().map(key).collect();
+    keys.sort();
+    keys.dedup();
+    let of_key = |own: &(u64, Option<String>)| {
+        let alike: Vec<&PreparedTrial> = prepared.trials.iter().filter(|trial| key(trial) == *own).collect();
+        let at = |sample: usize| {
+            let theta = |trial: &&PreparedTrial| {
+                let motion = &trial.input.motion;
+                motion[(trial.input.onset + sample).min(motion.len() - 1)].theta
+            };
+            alike.iter().map(theta).sum::<f64>() / alike.len() as f64
+        };
+        let share = alike.len() as f64 / prepared.trials.len() as f64;
+        (share, (0..prepared.samples + REACH).map(at).collect())
+    };
+    keys.iter().map(of_key).collect()
 }
 
 /// Adds the square of the torque's error that an error of the angle, sample by sample from the onset, makes.

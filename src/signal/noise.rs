@@ -36,6 +36,11 @@ impl Noise {
         libm::sqrt(self.covariance[(last, last)])
     }
 
+    /// How many independent directions have a variance above `floor`, (N m)^2.
+    pub fn directions(&self, floor: f64) -> usize {
+        self.covariance.clone().symmetric_eigenvalues().iter().filter(|value| **value > floor).count()
+    }
+
     /// The matrix that turns a window into independent values of variance one.
     ///
     /// Directions of the covariance with a variance below `floor` (N m)^2 are left out: the filtered noise's covariance is

@@ -17,7 +17,7 @@ fn the_arrowhead_step_is_that_of_the_dense_matrix() {
     let model = Model::paper();
     let guess = guess_of_truth(&prepared);
     let layout = Layout::new(&prepared, &model, &guess);
-    let (objective, _) = objective(&prepared, Weighting::MeasuredNoise, &[PERSON]);
+    let (objective, _) = objective(&prepared, Weighting::MeasuredNoise, Some(&PERSON));
     let component = &layout.components[0];
     assert_eq!((layout.components.len(), component.border.len(), component.order().len()), (1, 1, 61));
     let at: Vec<f64> =
@@ -50,7 +50,7 @@ fn the_gradient_is_that_of_the_cost() {
     let prepared = Maker::new(1).prepared();
     let layout = Layout::new(&prepared, &Model::paper(), &guess_of_truth(&prepared));
     for weighting in [Weighting::MeasuredNoise, Weighting::Plain] {
-        let (objective, _) = objective(&prepared, weighting, &[PERSON]);
+        let (objective, _) = objective(&prepared, weighting, Some(&PERSON));
         let component = &layout.components[0];
         let at = |coordinates: &[f64]| {
             evaluate(&prepared, &layout, &[], &objective, &[component], coordinates).remove(0)
@@ -78,7 +78,7 @@ fn the_gradient_is_that_of_the_cost() {
 fn from_two_hundred_starts_within_a_factor_of_three_the_fit_reaches_the_same_optimum() {
     let prepared = Maker::new(1).prepared();
     let points = looks(&prepared);
-    let (objective, covariances) = objective(&prepared, Weighting::MeasuredNoise, &points);
+    let (objective, covariances) = objective(&prepared, Weighting::MeasuredNoise, points.first());
     let fit_from = |guess: &Guess| {
         let (objective, covariances) = (objective.clone(), covariances.clone());
         let mut fit = Fit::from_guess(&prepared, &Model::paper(), objective, covariances, guess);

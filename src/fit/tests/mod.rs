@@ -1,6 +1,7 @@
 //! The fit on sessions made by the model itself, where the truth is known.
 
 mod descent;
+mod intervals;
 mod models;
 mod noise;
 

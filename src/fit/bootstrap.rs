@@ -1,0 +1,97 @@
+//! The parametric bootstrap: how the estimates scatter when the fitted session is measured again and again.
+
+use rayon::prelude::*;
+
+use super::estimates::simulated;
+use super::prepare::Prepared;
+use super::resample::{NoiseMaker, resampled};
+use super::run::Fit;
+use super::solve::{Effort, solve};
+use crate::random::Stream;
+use crate::wrist::{BASE_PARAMETERS, srs_period_s};
+
+/// Where a refit starts: in the optimum that the data came from, so few steps lead to its own.
+const REFIT: Effort = Effort { iterations: 30, decrease: 1e-5, longest_step: 0.7 };
+
+/// Names of what is bootstrapped: the base parameters, then the quantities that follow from them.
+pub const BOOTSTRAPPED: [&str; 8] = [
+    BASE_PARAMETERS[0],
+    BASE_PARAMETERS[1],
+    BASE_PARAMETERS[2],
+    BASE_PARAMETERS[3],
+    BASE_PARAMETERS[4],
+    BASE_PARAMETERS[5],
+    "k_after_nm_per_rad",
+    "x_t_s",
+];
+
+/// What the refits of a trial came to, by [`BOOTSTRAPPED`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scatter {
+    /// Standard deviation; absent where fewer than two refits have a value.
+    pub sd: [Option<f64>; 8],
+    /// 2.5th and 97.5th percentile.
+    pub percentiles: [Option<[f64; 2]>; 8],
+}
+
+/// Refits `refits` sessions drawn from `fit`, and tells how each trial's values scatter. Empty without a measured noise.
+///
+/// Each refit has a random stream of its own, so the answer does not depend on the number of threads.
+pub fn bootstrap(prepared: &Prepared, fit: &Fit, refits: usize, seed: u64) -> Vec<Scatter> {
+    if fit.covariances.is_empty() {
+        return Vec::new();
+    }
+    let predicted: Vec<Vec<f64>> =
+        super::uncertainty::predictions(prepared, fit).into_iter().map(|own| own.torque_nm).collect();
+    let noise = NoiseMaker::new(fit);
+    let drawn: Vec<Vec<[Option<f64>; 8]>> = (0..refits)
+        .into_par_iter()
+        .map(|number| {
+            let mut stream = Stream::new(seed, &format!("fit/bootstrap/{number}"));
+            let session = resampled(prepared, &predicted, &noise, &mut stream);
+            let start = &fit.solution.coordinates;
+            let solution = solve(&session, &fit.layout, &fit.kinds, &fit.objective, start, REFIT);
+            let refitted = fit.with_solution(solution);
+            (0..session.trials.len()).map(|trial| values(&session, &refitted, trial)).collect()
+        })
+        .collect();
+    (0..prepared.trials.len()).map(|trial| Scatter::of(drawn.iter().map(|refit| refit[trial]))).collect()
+}
+
+fn values(session: &Prepared, fit: &Fit, trial: usize) -> [Option<f64>; 8] {
+    let own = &fit.parameters[trial];
+    let mut values = [None; 8];
+    for (value, parameter) in values.iter_mut().zip(&own[..6]) {
+        *value = Some(*parameter);
+    }
+    values[6] = Some(own[3] - own[4]);
+    values[7] = srs_period_s(&simulated(session, fit, trial), own[5]);
+    values
+}
+
+impl Scatter {
+    fn of(refits: impl Iterator<Item = [Option<f64>; 8]> + Clone) -> Self {
+        let (mut sd, mut percentiles) = ([None; 8], [None; 8]);
+        for quantity in 0..8 {
+            let mut values: Vec<f64> = refits.clone().filter_map(|own| own[quantity]).collect();
+            values.sort_by(f64::total_cmp);
+            if values.len() < 2 {
+                continue;
+            }
+            let count = values.len() as f64;
+            let mean = values.iter().sum::<f64>() / count;
+            let squares = values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
+            sd[quantity] = Some(libm::sqrt(squares / (count - 1.0)));
+            percentiles[quantity] = Some([0.025, 0.975].map(|part| percentile(&values, part)));
+        }
+        Self { sd, percentiles }
+    }
+}
+
+/// The percentile of sorted values, with a straight line between neighbours.
+fn percentile(sorted: &[f64], part: f64) -> f64 {
+    let place = part * (sorted.len() - 1) as f64;
+    let below = libm::floor(place) as usize;
+    let above = (below + 1).min(sorted.len() - 1);
+    sorted[below] + (place - below as f64) * (sorted[above] - sorted[below])
+}

@@ -1,0 +1,264 @@
+//! Profile likelihood intervals: how far a parameter can be moved, all others following, before the noise can't account
+//! for what the fit loses.
+//!
+//! The elastic limit and the decrement beyond it act on the last milliseconds of a window only, and the likelihood is not a
+//! parabola about them: an interval from the curvature at the optimum is too short on one side. Each trial's profile is a
+//! small problem of its own, its block and the border; what the other blocks know of the border goes into it as the
+//! quadratic that is left when they are eliminated. All profiles of a session descend side by side.
+
+use super::layout::{Component, Coordinate, Layout, Link};
+use super::normal::{Normal, Objective, evaluate};
+use super::prepare::Prepared;
+use super::run::{ELASTIC_LIMIT, Fit};
+use super::solve::{Effort, solve};
+
+/// The parameters that have a profile: k_dec and x_e.
+pub const PROFILED: [usize; 2] = [4, ELASTIC_LIMIT];
+
+/// Fall of twice the log likelihood at the ends of a 95 % interval: chi-square with one degree of freedom.
+const FALL: f64 = 3.841_458_820_694_124;
+
+/// The interval's ends are found to this part of the fall's root.
+const EXACT: f64 = 0.01;
+
+/// How many times an end is sought anew.
+const ROUNDS: usize = 8;
+
+/// A profile starts at its neighbour's end; few steps lead down.
+const STEPS: Effort = Effort { iterations: 12, decrease: 1e-5, longest_step: 0.7 };
+
+/// The 95 % interval of one parameter of a trial.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interval {
+    /// Lower end; `None` where the fit may go to its bound without a loss that the noise could not make.
+    pub low: Option<f64>,
+    /// Upper end, likewise.
+    pub high: Option<f64>,
+}
+
+/// One end that is sought.
+struct End {
+    component: usize,
+    block: usize,
+    coordinate: usize,
+    upwards: bool,
+    optimum: f64,
+    /// Where the profile is evaluated next, and the points that enclose the end: place and root of the fall.
+    at: f64,
+    inside: (f64, f64),
+    outside: Option<(f64, f64)>,
+    found: Option<Option<f64>>,
+}
+
+/// The intervals of every trial's [`PROFILED`] parameters; `None` where a parameter is not a coordinate of its own block, or
+/// where no measured noise says what a loss is worth.
+pub fn profiles(prepared: &Prepared, fit: &Fit) -> Vec<[Option<Interval>; 2]> {
+    let none = vec![[None; 2]; prepared.trials.len()];
+    if !matches!(fit.objective, Objective::Whitened(_)) {
+        return none;
+    }
+    let components: Vec<&Component> = fit.layout.components.iter().collect();
+    let at = &fit.solution.coordinates;
+    let normals = evaluate(prepared, &fit.layout, &fit.kinds, &fit.objective, &components, at);
+    let mut ends = ends(fit, &normals);
+    if ends.is_empty() {
+        return none;
+    }
+    let problems = Problems::new(prepared, fit, &normals, &ends);
+    problems.seek(&mut ends);
+    let end_of = |trial: usize, parameter: usize, upwards: bool| {
+        let Link::Logarithmic { coordinate, factor } = fit.layout.links[trial][parameter] else {
+            return None;
+        };
+        let end = ends.iter().find(|end| end.coordinate == coordinate && end.upwards == upwards)?;
+        Some(end.found.flatten().map(|place| factor * libm::exp(place)))
+    };
+    (0..prepared.trials.len())
+        .map(|trial| {
+            PROFILED.map(|parameter| {
+                let (low, high) = (end_of(trial, parameter, false)?, end_of(trial, parameter, true)?);
+                Some(Interval { low, high })
+            })
+        })
+        .collect()
+}
+
+/// Both ends of each coordinate that has a profile; first sought where the curvature at the optimum puts them.
+fn ends(fit: &Fit, normals: &[Normal]) -> Vec<End> {
+    let mut ends = Vec::new();
+    for (component, own) in fit.layout.components.iter().enumerate() {
+        for (block, coordinates) in own.blocks.iter().enumerate() {
+            let known = normals[component].known_by_others(own, block, &fit.solution.coordinates);
+            let sds = normals[component].block_sds(block, &known);
+            for (place, coordinate) in coordinates.iter().enumerate() {
+                let bounds = &fit.layout.coordinates[*coordinate];
+                if !bounds.logarithmic || !PROFILED.contains(&bounds.parameter) {
+                    continue;
+                }
+                let now = fit.solution.coordinates[*coordinate];
+                let step = libm::sqrt(FALL) * sds[place].clamp(1e-4, 0.5);
+                for upwards in [false, true] {
+                    let first =
+                        if upwards { (now + step).min(bounds.high) } else { (now - step).max(bounds.low) };
+                    ends.push(End {
+                        component,
+                        block,
+                        coordinate: *coordinate,
+                        upwards,
+                        optimum: now,
+                        at: first,
+                        inside: (now, 0.0),
+                        outside: None,
+                        found: ((first - now).abs() < 1e-9).then_some(None),
+                    });
+                }
+            }
+        }
+    }
+    ends
+}
+
+/// One small problem an end: its block's trials, with coordinates of their own.
+struct Problems<'a> {
+    fit: &'a Fit,
+    prepared: Prepared,
+    layout: Layout,
+    /// For each end, its coordinates in `layout` and the costs at the optimum.
+    coordinates: Vec<std::ops::Range<usize>>,
+    target: Vec<usize>,
+    least: Vec<f64>,
+    start: Vec<f64>,
+}
+
+impl<'a> Problems<'a> {
+    fn new(prepared: &Prepared, fit: &'a Fit, normals: &[Normal], ends: &[End]) -> Self {
+        let at = &fit.solution.coordinates;
+        let (mut coordinates, mut links, mut components) = (Vec::<Coordinate>::new(), Vec::new(), Vec::new());
+        let (mut trials, mut start) = (Vec::new(), Vec::new());
+        let (mut ranges, mut target) = (Vec::new(), Vec::new());
+        for end in ends {
+            let own = &fit.layout.components[end.component];
+            let order: Vec<usize> = own.blocks[end.block].iter().chain(&own.border).copied().collect();
+            let (first, block) = (coordinates.len(), own.blocks[end.block].len());
+            let here =
+                |coordinate: usize| order.iter().position(|index| *index == coordinate).map(|p| first + p);
+            coordinates.extend(order.iter().map(|index| fit.layout.coordinates[*index].clone()));
+            // What is known of the border beforehand is in what the others know of it.
+            coordinates[first + block..].iter_mut().for_each(|coordinate| coordinate.prior = None);
+            start.extend(order.iter().map(|index| at[*index]));
+            let members: Vec<usize> = own.trials_of_block(end.block).collect();
+            let first_trial = trials.len();
+            for trial in &members {
+                links.push(fit.layout.links[*trial].iter().map(|link| moved(link, &here)).collect());
+                trials.push(*trial);
+            }
+            components.push(Component {
+                trials: (first_trial..trials.len()).collect(),
+                blocks: vec![(first..first + block).collect()],
+                block_of_trial: vec![0; members.len()],
+                border: (first + block..coordinates.len()).collect(),
+                border_known: Some(normals[end.component].known_by_others(own, end.block, at)),
+            });
+            target.push(here(end.coordinate).unwrap_or(first));
+            ranges.push(first..coordinates.len());
+        }
+        let layout = Layout { coordinates, links, components, estimated: fit.layout.estimated.clone() };
+        let mut problems = Self {
+            fit,
+            prepared: prepared.only(&trials),
+            layout,
+            coordinates: ranges,
+            target,
+            least: Vec::new(),
+            start,
+        };
+        problems.least = problems.costs(&problems.start.clone());
+        problems
+    }
+
+    fn costs(&self, at: &[f64]) -> Vec<f64> {
+        let components: Vec<&Component> = self.layout.components.iter().collect();
+        evaluate(&self.prepared, &self.layout, &self.fit.kinds, &self.fit.objective, &components, at)
+            .iter()
+            .map(|normal| normal.cost)
+            .collect()
+    }
+
+    /// Seeks all ends, by the secant of the root of the fall, which is nearly straight.
+    fn seek(&self, ends: &mut [End]) {
+        let mut reached = self.start.clone();
+        for _ in 0..ROUNDS {
+            let sought: Vec<usize> = (0..ends.len()).filter(|index| ends[*index].found.is_none()).collect();
+            if sought.is_empty() {
+                return;
+            }
+            let mut layout = Layout {
+                components: sought.iter().map(|index| self.layout.components[*index].clone()).collect(),
+                ..self.layout.clone()
+            };
+            let mut start = reached.clone();
+            for index in &sought {
+                let (target, at) = (self.target[*index], ends[*index].at);
+                (layout.coordinates[target].low, layout.coordinates[target].high) = (at, at);
+                start[target] = at;
+            }
+            let (kinds, objective) = (&self.fit.kinds, &self.fit.objective);
+            let solution = solve(&self.prepared, &layout, kinds, objective, &start, STEPS);
+            for (index, outcome) in sought.iter().zip(&solution.outcomes) {
+                let range = self.coordinates[*index].clone();
+                reached[range.clone()].copy_from_slice(&solution.coordinates[range]);
+                let fall = 2.0 * (outcome.cost - self.least[*index]).max(0.0);
+                ends[*index].judge(&self.layout.coordinates[self.target[*index]], libm::sqrt(fall));
+            }
+        }
+        // What is still open lies between two known points: the straight line between them is near enough.
+        for end in ends.iter_mut().filter(|end| end.found.is_none()) {
+            end.found = Some(end.outside.map(|_| end.at));
+        }
+    }
+}
+
+impl End {
+    /// Takes the root of the fall at the present place, and chooses the next.
+    fn judge(&mut self, bounds: &Coordinate, root: f64) {
+        let wanted = libm::sqrt(FALL);
+        let bound = if self.upwards { bounds.high } else { bounds.low };
+        if (root - wanted).abs() <= EXACT * wanted {
+            self.found = Some(Some(self.at));
+            return;
+        }
+        if root < wanted {
+            if (self.at - bound).abs() < 1e-9 {
+                self.found = Some(None);
+                return;
+            }
+            self.inside = (self.at, root);
+        } else {
+            self.outside = Some((self.at, root));
+        }
+        let (near, near_root) = self.inside;
+        self.at = match self.outside {
+            Some((far, far_root)) => {
+                let part = ((wanted - near_root) / (far_root - near_root)).clamp(0.1, 0.9);
+                near + part * (far - near)
+            }
+            None => {
+                let further = (wanted / near_root.max(0.25)).clamp(1.1, 3.0) * (near - self.optimum);
+                let next = self.optimum + further;
+                if self.upwards { next.min(bound) } else { next.max(bound) }
+            }
+        };
+    }
+}
+
+/// A link with its coordinates in other places.
+fn moved(link: &Link, place: &dyn Fn(usize) -> Option<usize>) -> Link {
+    let there = |coordinate: &usize| place(*coordinate).unwrap_or(0);
+    match link {
+        Link::Fixed(value) => Link::Fixed(*value),
+        Link::Logarithmic { coordinate, factor } => {
+            Link::Logarithmic { coordinate: there(coordinate), factor: *factor }
+        }
+        Link::Sum(terms) => Link::Sum(terms.iter().map(|(index, factor)| (there(index), *factor)).collect()),
+    }
+}

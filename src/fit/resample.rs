@@ -1,0 +1,49 @@
+//! The session again as it might have come out: the fitted model with fresh noise. What a parametric bootstrap refits.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::prepare::Prepared;
+use super::run::Fit;
+use crate::random::Stream;
+use crate::signal::Noise;
+
+/// Draws noise with the measured covariances.
+pub struct NoiseMaker {
+    factors: Vec<DMatrix<f64>>,
+}
+
+impl NoiseMaker {
+    /// For the noises of `fit`.
+    pub fn new(fit: &Fit) -> Self {
+        let factor = |noise: &Noise| {
+            let eigen = noise.covariance.clone().symmetric_eigen();
+            let scale = DVector::from_iterator(
+                eigen.eigenvalues.len(),
+                eigen.eigenvalues.iter().map(|value| libm::sqrt(value.max(0.0))),
+            );
+            &eigen.eigenvectors * DMatrix::from_diagonal(&scale)
+        };
+        Self { factors: fit.covariances.iter().map(factor).collect() }
+    }
+}
+
+/// A session in which the predictions are right: measured torque is prediction plus noise, where noise is looked at.
+pub fn resampled(
+    prepared: &Prepared,
+    predicted: &[Vec<f64>],
+    noise: &NoiseMaker,
+    stream: &mut Stream,
+) -> Prepared {
+    let mut simulated = prepared.clone();
+    let places: Vec<usize> = prepared.noise_samples().collect();
+    for (trial, own) in simulated.trials.iter_mut().enumerate() {
+        own.measured_nm.clone_from(&predicted[trial]);
+        let Some(index) = prepared.noise_of[trial] else { continue };
+        let normals = DVector::from_fn(places.len(), |_, _| stream.normal());
+        let drawn = &noise.factors[index] * normals;
+        for (place, value) in places.iter().zip(drawn.iter()) {
+            own.measured_nm[*place] += value;
+        }
+    }
+    simulated
+}

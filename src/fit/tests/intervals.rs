@@ -1,0 +1,78 @@
+//! Intervals: what a profile's ends cost, and what a bootstrap scatters by.
+
+use super::*;
+
+fn fitted() -> (Prepared, Fit) {
+    let prepared = Maker::new(1).prepared();
+    let fit = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
+    (prepared, fit)
+}
+
+#[test]
+fn at_the_ends_of_a_profile_the_whole_fit_has_lost_what_95_percent_of_noise_can_make() {
+    let (prepared, fit) = fitted();
+    let least: f64 = fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum();
+    let profiles = profiles(&prepared, &fit);
+    let mut looked_at = 0;
+    for trial in [0, 5, 11] {
+        for (place, parameter) in PROFILED.into_iter().enumerate() {
+            let interval = profiles[trial][place].expect("each trial has its own");
+            let value = fit.parameters[trial][parameter];
+            for end in [interval.low, interval.high].into_iter().flatten() {
+                // All trials refitted with this one held there: no part of the profile's own shortcut.
+                let Link::Logarithmic { coordinate, factor } = fit.layout.links[trial][parameter] else {
+                    panic!("a trial's own")
+                };
+                let mut layout = fit.layout.clone();
+                let place = libm::log(end / factor);
+                (layout.coordinates[coordinate].low, layout.coordinates[coordinate].high) = (place, place);
+                let mut start = fit.solution.coordinates.clone();
+                start[coordinate] = place;
+                let held = solve(&prepared, &layout, &fit.kinds, &fit.objective, &start, Effort::default());
+                let fall = 2.0 * (held.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>() - least);
+                assert!((3.5..4.2).contains(&fall), "trial {trial}: {value} to {end} costs {fall}");
+                looked_at += 1;
+            }
+            assert!(
+                interval.low.is_none_or(|low| low < value) && interval.high.is_none_or(|high| high > value)
+            );
+        }
+    }
+    assert!(looked_at >= 6, "only {looked_at} ends are closed");
+}
+
+#[test]
+fn a_plain_fit_has_no_profile_since_nothing_says_what_a_loss_is_worth() {
+    let prepared = Maker::new(1).prepared();
+    let fit = Fit::new(&prepared, &Model::paper(), Weighting::Plain);
+    assert!(profiles(&prepared, &fit).iter().all(|own| own.iter().all(Option::is_none)));
+}
+
+#[test]
+fn a_bootstrap_scatters_as_the_standard_errors_say() {
+    let (prepared, fit) = fitted();
+    let scatter = bootstrap(&prepared, &fit, 200, 1);
+    let estimates = estimates(&prepared, &fit);
+    for parameter in [0, 1, 2, 3] {
+        let mut ratios: Vec<f64> = estimates
+            .iter()
+            .zip(&scatter)
+            .filter_map(|(own, found)| {
+                Some(found.sd[parameter]? / (own.se[parameter]? * own.values[parameter]))
+            })
+            .collect();
+        ratios.sort_by(f64::total_cmp);
+        let median = ratios[ratios.len() / 2];
+        assert!((0.75..1.35).contains(&median), "{}: {median}", BOOTSTRAPPED[parameter]);
+    }
+}
+
+#[test]
+fn a_bootstrap_is_the_same_whatever_the_number_of_threads() {
+    let (prepared, fit) = fitted();
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| bootstrap(&prepared, &fit, 6, 7))
+    };
+    assert_eq!(with(1), with(3));
+}
