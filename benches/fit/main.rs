@@ -16,11 +16,10 @@ mod watch;
 
 use std::path::Path;
 
-use ramphold::fit::{Fit, Model, Weighting};
+use ramphold::fit::{self, Fit, Model, Weighting};
 use ramphold::wrist::{Response, Width, simulate};
 use serde_json::{Value, json};
 
-use bootstrap::Bootstrap;
 use problem::{Part, Problem, Starts, cost};
 use watch::{best, on_threads, once, peak_bytes};
 
@@ -61,7 +60,7 @@ fn problem(problem: &Problem, refits: usize) -> Value {
         "plain_session": problem.plain(&problem.all(), None).as_json(),
         "weighed_repetition": problem.weighed(&problem.repetition()).as_json(),
         "weighed_session": problem.weighed(&problem.all()).as_json(),
-        "refits": Bootstrap::new(problem).as_json(refits),
+        "refits": bootstrap::as_json(problem, refits),
     })
 }
 
@@ -76,22 +75,22 @@ fn plain(problem: &Problem, starts: &Starts) -> Value {
 /// Times one figure of the table.
 fn time(figure: &str, problem: &Problem, starts: &Starts) -> Value {
     let six = [0, 1, 2, 3, 4, 5];
-    let fit = |part: Part| on_threads(1, || best(|| drop(part.solve())));
+    let solved = |part: Part| on_threads(1, || best(|| drop(part.solve())));
     let seconds = match figure {
         "simulation" => one_simulation(problem, TOGETHER, Width::fastest(), &[]),
         "simulation_alone" => one_simulation(problem, 1, Width::One, &[]),
         "sensitivities" => one_simulation(problem, TOGETHER, Width::fastest(), &six),
         "sensitivities_alone" => one_simulation(problem, 1, Width::One, &six),
-        "plain_repetition" => fit(problem.plain(&problem.repetition(), Some(&starts.repetition))),
-        "plain_session" => fit(problem.plain(&problem.all(), Some(&starts.session))),
-        "weighed_repetition" => fit(problem.weighed(&problem.repetition())),
-        "weighed_session" => fit(problem.weighed(&problem.all())),
+        "plain_repetition" => solved(problem.plain(&problem.repetition(), Some(&starts.repetition))),
+        "plain_session" => solved(problem.plain(&problem.all(), Some(&starts.session))),
+        "weighed_repetition" => solved(problem.weighed(&problem.repetition())),
+        "weighed_session" => solved(problem.weighed(&problem.all())),
         "from_nothing" => on_threads(1, || {
             best(|| drop(Fit::new(&problem.prepared, &Model::paper(), Weighting::MeasuredNoise)))
         }),
         "bootstrap" => {
-            let bootstrap = Bootstrap::new(problem);
-            let some = on_threads(2, || once(|| assert!(bootstrap.refit_all(REFITS[0]).is_finite())));
+            let refit = || drop(fit::bootstrap(&problem.prepared, &problem.fit, REFITS[0], bootstrap::SEED));
+            let some = on_threads(2, || once(refit));
             some.divided_by(REFITS[0] as f64 / REFITS[1] as f64)
         }
         other => panic!("no figure {other}"),

@@ -7,7 +7,8 @@ use std::path::Path;
 
 use ramphold::dataset;
 use ramphold::fit::{
-    Effort, Fit, Guess, Layout, Link, Model, Objective, Prepared, Solution, View, Weighting, looks, solve,
+    Effort, Fit, Guess, Layout, Link, Model, Objective, Prepared, Solution, View, Weighting, looks,
+    objective, solve,
 };
 use ramphold::wrist::{
     JOINT_DAMPING_NM_S_PER_RAD, Knot, Request, Response, Width, YIELD_SMOOTHNESS_PER_NM, simulate, substeps,
@@ -35,10 +36,9 @@ impl Starts {
 pub struct Problem {
     /// The session's windows.
     pub prepared: Prepared,
-    /// First values.
-    pub guess: Guess,
-    /// Residuals weighed by the noise of the holds.
-    pub weighed: Objective,
+    /// Its fit, weighed by the noise of the holds.
+    pub fit: Fit,
+    guess: Guess,
 }
 
 /// Some trials of a session, a start, and what is to be minimised.
@@ -55,9 +55,13 @@ impl Problem {
         let session = dataset::load(folder).expect("a session");
         let prepared = Prepared::new(&session, View::default()).expect("trials that can be fitted");
         assert!(prepared.lever.is_some(), "the peers' model has a lever");
-        let weighed = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise).objective;
-        let guess = Guess::pooled(&prepared, &weighed, &looks(&prepared));
-        Self { prepared, guess, weighed }
+        // As `Fit::new` goes about it, up to its second look at other optima.
+        let points = looks(&prepared);
+        let (first, _) = objective(&prepared, Weighting::MeasuredNoise, points.first());
+        let guess = Guess::pooled(&prepared, &first, &points);
+        let (weighed, covariances) = objective(&prepared, Weighting::MeasuredNoise, Some(&guess.middle()));
+        let fit = Fit::from_guess(&prepared, &Model::paper(), weighed, covariances, &guess);
+        Self { prepared, guess, fit }
     }
 
     /// All trials.
@@ -75,7 +79,7 @@ impl Problem {
         let prepared = self.prepared.only(trials);
         let layout = Layout::new(&prepared, &Model::paper(), &self.guess.only(trials));
         let start = layout.start();
-        Part { prepared, layout, objective: self.weighed.clone(), start }
+        Part { prepared, layout, objective: self.fit.objective.clone(), start }
     }
 
     /// The plain problem of some trials, from `start`, or from the program's own where that is absent.

@@ -5,6 +5,7 @@ import time
 
 from scipy.optimize import least_squares
 
+from . import plain
 from .problem import Part
 
 # As near to the lowest cost that anybody found counts as the same optimum.
@@ -48,13 +49,17 @@ def with_differences(part: Part, settings: Settings, **more):
 
 def with_solve_ivp(part: Part, settings: Settings, **more):
     """(c) solve_ivp and finite differences."""
-    return least_squares(part.residuals_of_solve_ivp, part.start, **_differences(part, settings), **more)
+    options = {"diff_step": plain.DIFFERENCE, **_differences(part, settings), **more}
+    return least_squares(part.residuals_of_solve_ivp, part.start, **options)
 
 
 def _differences(part: Part, settings: Settings) -> dict:
     sparsity = part.sparsity() if settings.sparse else None
     return {"jac": "2-point", "jac_sparsity": sparsity, **settings.options(part)}
 
+
+# What least_squares does when it is told nothing but the bounds.
+AS_IT_COMES = Settings(sparse=False, scaled=False, tolerance=1e-8)
 
 PEERS = {"a": with_sensitivities, "b": with_differences, "c": with_solve_ivp}
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
