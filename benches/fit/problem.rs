@@ -174,7 +174,7 @@ impl Part {
         json!({
             "measured_nm": measured(&self.prepared),
             "repetitions": self.prepared.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>(),
-            "coordinate_of": self.layout.links.iter().map(places).collect::<Vec<_>>(),
+            "coordinate_of": self.layout.links.iter().map(|links| places(links)).collect::<Vec<_>>(),
             "low": coordinates.iter().map(|c| c.low).collect::<Vec<_>>(),
             "high": coordinates.iter().map(|c| c.high).collect::<Vec<_>>(),
             "start": self.start,
@@ -197,7 +197,7 @@ impl Part {
 }
 
 /// The coordinates that a trial's parameters are.
-fn places(links: &Vec<Link>) -> Vec<usize> {
+fn places(links: &[Link]) -> Vec<usize> {
     let place = |link: &Link| match link {
         Link::Logarithmic { coordinate, .. } => *coordinate,
         other => panic!("the peers know logarithmic coordinates only, not {other:?}"),
