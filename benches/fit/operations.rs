@@ -1,0 +1,117 @@
+//! How many floating-point operations a simulation asks for: the model run over numbers that count.
+
+use std::cell::Cell;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use ramphold::signal::SectionState;
+use ramphold::wrist::mechanisms::NoExtension;
+use ramphold::wrist::{Given, Glide, Jet, Knot, Mechanics, Number, Plain, Plant, State, advance};
+
+use crate::problem::Problem;
+
+thread_local! {
+    static DONE: Cell<u64> = const { Cell::new(0) };
+}
+
+/// A number that counts what is done with it: each addition, multiplication, division or change of sign is one.
+#[derive(Debug, Clone, Copy)]
+struct Counting(f64);
+
+fn counted(value: f64) -> Counting {
+    DONE.set(DONE.get() + 1);
+    Counting(value)
+}
+
+macro_rules! operator {
+    ($trait:ident, $method:ident, $sign:tt) => {
+        impl $trait for Counting {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                counted(self.0 $sign other.0)
+            }
+        }
+    };
+}
+operator!(Add, add, +);
+operator!(Sub, sub, -);
+operator!(Mul, mul, *);
+operator!(Div, div, /);
+
+impl Neg for Counting {
+    type Output = Self;
+    fn neg(self) -> Self {
+        counted(-self.0)
+    }
+}
+
+impl Number for Counting {
+    type Plain = Self;
+    fn lift(value: Self) -> Self {
+        value
+    }
+    fn plain(self) -> Self {
+        self
+    }
+    fn times(self, factor: Self) -> Self {
+        self * factor
+    }
+    fn chain(self, value: Self, _slope: Self) -> Self {
+        value
+    }
+}
+
+impl Plain for Counting {
+    const LANES: usize = 1;
+    fn splat(value: f64) -> Self {
+        Self(value)
+    }
+    fn load(values: &[f64]) -> Self {
+        Self(values[0])
+    }
+    fn lane(self, _: usize) -> f64 {
+        self.0
+    }
+    fn max(self, other: Self) -> Self {
+        Self(Plain::max(self.0, other.0))
+    }
+    fn min(self, other: Self) -> Self {
+        Self(Plain::min(self.0, other.0))
+    }
+    fn where_positive(self, yes: Self, no: Self) -> Self {
+        if self.0 > 0.0 { yes } else { no }
+    }
+    fn times_power_of_two(self, shifted: Self) -> Self {
+        Self(self.0.times_power_of_two(shifted.0))
+    }
+}
+
+/// Operations of one simulation, and of one with six sensitivities.
+pub fn of_a_simulation(problem: &Problem) -> (u64, u64) {
+    (count::<Counting>(problem), count::<Jet<Counting, 6>>(problem))
+}
+
+/// What a trial of the base model does, from its first sample to its last.
+fn count<T: Number<Plain = Counting>>(problem: &Problem) -> u64 {
+    let (prepared, input) = (&problem.prepared, &problem.prepared.trials[0].input);
+    let own = &problem.start_parameters()[0];
+    let parameters: Vec<T> =
+        own.iter().enumerate().map(|(index, value)| T::variable(Counting(*value), index)).collect();
+    let first = input.onset - prepared.lead;
+    let knot = |sample: usize| {
+        let knot = input.motion[first + sample];
+        Knot { theta: Counting(knot.theta), omega: Counting(knot.omega) }
+    };
+    DONE.set(0);
+    let mechanics = Mechanics::new(Plant::base(prepared.lever, &parameters));
+    let mut state = State::rest();
+    let mut memories = vec![SectionState::<T>::silent(); prepared.sections.len()];
+    for sample in 0..prepared.lead + prepared.samples {
+        let drive = Given(Glide::new(knot(sample), knot(sample + 1), prepared.period_s));
+        let (mut torque, _) =
+            advance(&mechanics, &NoExtension, &mut state, &drive, 0.0, prepared.period_s, problem.substeps());
+        for (section, memory) in prepared.sections.iter().zip(&mut memories) {
+            torque = section.step(memory, torque);
+        }
+    }
+    DONE.get()
+}
