@@ -120,12 +120,8 @@ fn shift(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
         fit.parameters.iter().map(|own| own[parameter]).sum::<f64>() / fit.parameters.len() as f64
     };
     let period = |fit: &Fit| {
-        let all: Vec<f64> = (0..fit.parameters.len())
-            .filter_map(|trial| {
-                let instants = crate::fit::simulated(prepared, fit, trial);
-                crate::wrist::srs_period_s(&instants, fit.parameters[trial][5])
-            })
-            .collect();
+        let all: Vec<f64> =
+            (0..fit.parameters.len()).filter_map(|trial| fit.x_t_s(prepared, trial)).collect();
         (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
     };
     let mut entry = Map::new();

@@ -2,36 +2,29 @@
 
 use rayon::prelude::*;
 
-use super::estimates::simulated;
+use super::estimates::QUANTITIES;
 use super::prepare::Prepared;
 use super::resample::{NoiseMaker, resampled};
 use super::run::Fit;
 use super::solve::{Effort, solve};
 use crate::random::Stream;
-use crate::wrist::{BASE_PARAMETERS, srs_period_s};
 
 /// Where a refit starts: in the optimum that the data came from, so few steps lead to its own.
 const REFIT: Effort = Effort { iterations: 30, decrease: 1e-5, longest_step: 0.7 };
 
+/// How many quantities are bootstrapped: all but the VAF, which is no property of the wrist.
+const COUNT: usize = QUANTITIES.len() - 1;
+
 /// Names of what is bootstrapped: the base parameters, then the quantities that follow from them.
-pub const BOOTSTRAPPED: [&str; 8] = [
-    BASE_PARAMETERS[0],
-    BASE_PARAMETERS[1],
-    BASE_PARAMETERS[2],
-    BASE_PARAMETERS[3],
-    BASE_PARAMETERS[4],
-    BASE_PARAMETERS[5],
-    "k_after_nm_per_rad",
-    "x_t_s",
-];
+pub const BOOTSTRAPPED: &[&str] = QUANTITIES.split_at(COUNT).0;
 
 /// What the refits of a trial came to, by [`BOOTSTRAPPED`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scatter {
     /// Standard deviation; absent where fewer than two refits have a value.
-    pub sd: [Option<f64>; 8],
+    pub sd: [Option<f64>; COUNT],
     /// 2.5th and 97.5th percentile.
-    pub percentiles: [Option<[f64; 2]>; 8],
+    pub percentiles: [Option<[f64; 2]>; COUNT],
 }
 
 /// Refits `refits` sessions drawn from `fit`, and tells how each trial's values scatter. Empty without a measured noise.
@@ -44,7 +37,7 @@ pub fn bootstrap(prepared: &Prepared, fit: &Fit, refits: usize, seed: u64) -> Ve
     let predicted: Vec<Vec<f64>> =
         super::uncertainty::predictions(prepared, fit).into_iter().map(|own| own.torque_nm).collect();
     let noise = NoiseMaker::new(fit);
-    let drawn: Vec<Vec<[Option<f64>; 8]>> = (0..refits)
+    let drawn: Vec<Vec<[Option<f64>; COUNT]>> = (0..refits)
         .into_par_iter()
         .map(|number| {
             let mut stream = Stream::new(seed, &format!("fit/bootstrap/{number}"));
@@ -58,21 +51,21 @@ pub fn bootstrap(prepared: &Prepared, fit: &Fit, refits: usize, seed: u64) -> Ve
     (0..prepared.trials.len()).map(|trial| Scatter::of(drawn.iter().map(|refit| refit[trial]))).collect()
 }
 
-fn values(session: &Prepared, fit: &Fit, trial: usize) -> [Option<f64>; 8] {
+fn values(session: &Prepared, fit: &Fit, trial: usize) -> [Option<f64>; COUNT] {
     let own = &fit.parameters[trial];
-    let mut values = [None; 8];
+    let mut values = [None; COUNT];
     for (value, parameter) in values.iter_mut().zip(&own[..6]) {
         *value = Some(*parameter);
     }
     values[6] = Some(own[3] - own[4]);
-    values[7] = srs_period_s(&simulated(session, fit, trial), own[5]);
+    values[7] = fit.x_t_s(session, trial);
     values
 }
 
 impl Scatter {
-    fn of(refits: impl Iterator<Item = [Option<f64>; 8]> + Clone) -> Self {
-        let (mut sd, mut percentiles) = ([None; 8], [None; 8]);
-        for quantity in 0..8 {
+    fn of(refits: impl Iterator<Item = [Option<f64>; COUNT]> + Clone) -> Self {
+        let (mut sd, mut percentiles) = ([None; COUNT], [None; COUNT]);
+        for quantity in 0..COUNT {
             let mut values: Vec<f64> = refits.clone().filter_map(|own| own[quantity]).collect();
             values.sort_by(f64::total_cmp);
             if values.len() < 2 {

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::prepare::{Prepared, PreparedTrial};
 use super::profile::{Interval, profiles};
-use super::run::Fit;
+use super::run::{ELASTIC_LIMIT, Fit};
 use super::solve::Stop;
 use super::uncertainty::{predictions, uncertainties, variance_accounted_for};
 use crate::wrist::{BASE_PARAMETERS, Instant, Request, Width, srs_period_s, substeps, trace};
@@ -110,8 +110,6 @@ fn with_profiles(prepared: &Prepared, fit: &Fit, profiles: &[[Option<Interval>; 
         let trial = &prepared.trials[index];
         let mut values = [0.0; 6];
         values.copy_from_slice(&fit.parameters[index][..6]);
-        // A mechanism may have the last word on a coefficient; the limit in force is the plant's.
-        let instants = simulated(prepared, fit, index);
         Estimate {
             trial: trial.number,
             condition: trial.label.clone(),
@@ -119,7 +117,7 @@ fn with_profiles(prepared: &Prepared, fit: &Fit, profiles: &[[Option<Interval>; 
             torque_nm: trial.torque_nm,
             repetition: trial.repetition,
             k_after_nm_per_rad: values[3] - values[4],
-            x_t_s: srs_period_s(&instants, values[5]),
+            x_t_s: fit.x_t_s(prepared, index),
             vaf: variance_accounted_for(&trial.measured_nm, &predictions[index].residual_nm),
             sem: uncertainties[index].sem,
             se: uncertainties[index].se,
@@ -130,6 +128,13 @@ fn with_profiles(prepared: &Prepared, fit: &Fit, profiles: &[[Option<Interval>; 
         }
     };
     (0..prepared.trials.len()).map(of_trial).collect()
+}
+
+impl Fit {
+    /// SRS period of a trial, s; absent if the joint does not reach the elastic limit within the record.
+    pub fn x_t_s(&self, prepared: &Prepared, trial: usize) -> Option<f64> {
+        srs_period_s(&simulated(prepared, self, trial), self.parameters[trial][ELASTIC_LIMIT])
+    }
 }
 
 /// The wrist during a trial as the fit sees it, for as long as the record was kept.
