@@ -1,12 +1,14 @@
 //! Everything that the session format calls bad input, given to `ramphold fit`: exit code 2, and a message that names file,
 //! line, column and what was expected. Nothing is written, and no input file is changed.
 
-use std::collections::BTreeMap;
+mod common;
+
 use std::fs;
 use std::path::Path;
 use std::process::Output;
 
 use assert_cmd::Command;
+use common::files;
 
 const SESSION: &str = r#"{
   "format": "ramphold-session/1",
@@ -52,25 +54,12 @@ fn fit(desk: &Path, more: &[&str]) -> Output {
     command.current_dir(desk).args(["fit", "session"]).args(more).output().unwrap()
 }
 
-fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut files = BTreeMap::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            files.extend(contents(&path));
-        } else {
-            files.insert(path.display().to_string(), fs::read(&path).unwrap());
-        }
-    }
-    files
-}
-
 /// The session after `spoil` is refused with code 2 in words that contain `parts`, and is left as it was.
 #[track_caller]
 fn assert_refused(spoil: impl FnOnce(&Path), parts: &[&str]) {
     let desk = sound();
     spoil(&desk.path().join("session"));
-    let before = contents(desk.path());
+    let before = files(desk.path());
     let output = fit(desk.path(), &[]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
@@ -78,7 +67,7 @@ fn assert_refused(spoil: impl FnOnce(&Path), parts: &[&str]) {
     for part in parts {
         assert!(message.contains(part), "{part:?} is not in: {message}");
     }
-    assert!(contents(desk.path()) == before, "a file was written or changed");
+    assert!(files(desk.path()) == before, "a file was written or changed");
 }
 
 /// Replaces the first `from` in a file.
@@ -228,12 +217,12 @@ fn options_that_make_no_sense_are_refused() {
 fn results_of_an_earlier_fit_in_out_are_not_overwritten() {
     let desk = sound();
     assert_eq!(fit(desk.path(), &["--out", "results"]).status.code(), Some(0));
-    let before = contents(&desk.path().join("results"));
+    let before = files(&desk.path().join("results"));
     let output = fit(desk.path(), &["--out", "results"]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(message.contains("results") && message.contains("--out"), "{message}");
-    assert!(contents(&desk.path().join("results")) == before);
+    assert!(files(&desk.path().join("results")) == before);
 }
 
 #[test]
@@ -275,11 +264,7 @@ fn one_bad_session_of_a_folder_is_told_of_and_the_rest_is_fitted() {
     for name in ["a", "b", "c"] {
         let one = sound();
         fs::create_dir_all(desk.path().join("all").join(name).join("trials")).unwrap();
-        for (file, text) in contents(&one.path().join("session")) {
-            let file = Path::new(&file)
-                .strip_prefix(one.path().join("session"))
-                .unwrap_or(Path::new(&file))
-                .to_owned();
+        for (file, text) in files(&one.path().join("session")) {
             fs::write(desk.path().join("all").join(name).join(file), text).unwrap();
         }
     }

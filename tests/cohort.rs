@@ -1,11 +1,14 @@
 //! `ramphold cohort` and `ramphold power`: the same bytes however the work is cut up, and what becomes of bad input.
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use assert_cmd::Command;
+use common::files;
 use serde_json::{Value, json};
 
 struct Desk(tempfile::TempDir);
@@ -64,24 +67,6 @@ fn study(count: u32) -> Value {
             "spread": { "short_range_stiffness": { "level": 0.1 } },
         },
     })
-}
-
-/// Every file under a folder: its path and bytes.
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut files = BTreeMap::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(next) = folders.pop() {
-        for entry in fs::read_dir(next).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let name = path.strip_prefix(folder).unwrap().to_string_lossy().into_owned();
-                files.insert(name, fs::read(&path).unwrap());
-            }
-        }
-    }
-    files
 }
 
 #[track_caller]

@@ -1,6 +1,7 @@
 //! `ramphold run`: a session from its protocol to its folder, and what becomes of it when something goes wrong.
 
-use std::collections::BTreeMap;
+mod common;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
@@ -9,6 +10,7 @@ use std::time::Duration;
 
 use assert_cmd::Command;
 use assert_cmd::cargo::cargo_bin;
+use common::files;
 use ramphold::dataset::{self, Status};
 use serde_json::{Value, json};
 
@@ -41,24 +43,6 @@ impl Desk {
         let mut command = Command::cargo_bin("ramphold").unwrap();
         command.current_dir(self.0.path()).arg("run").arg(protocol).args(["--out", out]).args(more).assert()
     }
-}
-
-/// Every file under a folder: its path and bytes.
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut files = BTreeMap::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(next) = folders.pop() {
-        for entry in fs::read_dir(next).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let name = path.strip_prefix(folder).unwrap().to_string_lossy().into_owned();
-                files.insert(name, fs::read(&path).unwrap());
-            }
-        }
-    }
-    files
 }
 
 fn stderr(assert: &assert_cmd::assert::Assert) -> String {

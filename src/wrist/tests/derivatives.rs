@@ -111,52 +111,50 @@ fn relative(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / scale
 }
 
-#[test]
-fn derivatives_agree_with_num_dual_for_every_parameter_of_every_mechanism() {
-    let sections = sections();
-    let trial = ramp(2.6);
+/// Calls `error` with the mechanisms, their parameters, the place of each estimated one and our derivative by it, and asserts
+/// that what it says is small.
+fn each_derivative(error: impl Fn(&[Kind], &[f64], usize, &[f64]) -> f64) {
+    let (sections, trial) = (sections(), ramp(2.6));
     for kinds in models() {
         let parameters = parameters_of(&kinds);
         let estimated = estimated(&kinds);
         let wanted: Vec<usize> = estimated.iter().map(|(_, place)| *place).collect();
         let ours = run(&request(&kinds, &sections, &wanted), &trial, &parameters);
         for (index, (name, place)) in estimated.iter().enumerate() {
-            let one = [*place];
-            let request = request(&kinds, &sections, &one);
-            let job =
-                Job { request: &request, trials: &[&trial], parameters: &parameters, first: 0, wanted: 0..1 };
-            let mut oracle = Response { torque_nm: vec![0.0; SAMPLES], slopes: vec![0.0; SAMPLES] };
-            extended::<f64, Oracle>(&job, &mut oracle);
-            let error = relative(&column(&ours, wanted.len(), index), &oracle.slopes);
+            let error = error(&kinds, &parameters, *place, &column(&ours, wanted.len(), index));
             assert!(error < 1e-8, "{name}: {error:e}");
         }
     }
 }
 
 #[test]
+fn derivatives_agree_with_num_dual_for_every_parameter_of_every_mechanism() {
+    let (sections, trial) = (sections(), ramp(2.6));
+    each_derivative(|kinds, parameters, place, ours| {
+        let one = [place];
+        let request = request(kinds, &sections, &one);
+        let job = Job { request: &request, trials: &[&trial], parameters, first: 0, wanted: 0..1 };
+        let mut oracle = Response { torque_nm: vec![0.0; SAMPLES], slopes: vec![0.0; SAMPLES] };
+        extended::<f64, Oracle>(&job, &mut oracle);
+        relative(ours, &oracle.slopes)
+    });
+}
+
+#[test]
 fn derivatives_agree_with_eighth_order_differences_for_every_parameter_of_every_mechanism() {
-    let sections = sections();
-    let trial = ramp(2.6);
-    for kinds in models() {
-        let parameters = parameters_of(&kinds);
-        let estimated = estimated(&kinds);
-        let wanted: Vec<usize> = estimated.iter().map(|(_, place)| *place).collect();
-        let ours = run(&request(&kinds, &sections, &wanted), &trial, &parameters);
-        for (index, (name, place)) in estimated.iter().enumerate() {
-            let torque = |by: f64| {
-                let mut moved = parameters.clone();
-                moved[*place] += by;
-                run(&request(&kinds, &sections, &[]), &trial, &moved).torque_nm
-            };
-            let own = column(&ours, wanted.len(), index);
-            // Large steps suffer from the curvature, small ones from rounding; corners that a mechanism has ask for small ones.
-            let best = [2e-2, 1e-2, 5e-3, 2e-3, 5e-4, 1e-4]
-                .map(|step| relative(&own, &difference(&torque, step * parameters[*place].abs().max(1e-4))))
-                .into_iter()
-                .fold(f64::INFINITY, f64::min);
-            assert!(best < 1e-8, "{name}: {best:e}");
-        }
-    }
+    let (sections, trial) = (sections(), ramp(2.6));
+    each_derivative(|kinds, parameters, place, ours| {
+        let torque = |by: f64| {
+            let mut moved = parameters.to_vec();
+            moved[place] += by;
+            run(&request(kinds, &sections, &[]), &trial, &moved).torque_nm
+        };
+        // Large steps suffer from the curvature, small ones from rounding; corners that a mechanism has ask for small ones.
+        [2e-2, 1e-2, 5e-3, 2e-3, 5e-4, 1e-4]
+            .map(|step| relative(ours, &difference(&torque, step * parameters[place].abs().max(1e-4))))
+            .into_iter()
+            .fold(f64::INFINITY, f64::min)
+    });
 }
 
 /// The central difference of eighth order.
