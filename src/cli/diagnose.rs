@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use ramphold::dataset::{self, Disk, Manifest};
-use ramphold::diagnose::{Cause, Diagnosis, Evidence, Verdict, diagnose, picture};
-use ramphold::fit::{NoiseSource, Prepared};
+use ramphold::diagnose::{Cause, Diagnosis, Evidence, Look, Verdict, diagnose, picture};
+use ramphold::fit::NoiseSource;
 use serde_json::Value;
 
 use super::fit::{read_model, view};
@@ -40,16 +40,16 @@ impl Verb for Diagnose {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
         let session = dataset::load(&self.session)?;
-        let mut prepared = Prepared::new(&session, view(&self.session, self.window)?)
+        let look = Look::new(&session, view(&self.session, self.window)?, &model)
             .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
+        let prepared = &look.prepared;
         if prepared.noise_source != Some(NoiseSource::Holds) {
             console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
-            prepared.take_noise_from_repetitions(&model);
         }
-        let diagnosis = diagnose(&prepared, &model, self.seed);
-        let json = diagnosis.to_json(&prepared);
+        let diagnosis = diagnose(&look, &model, self.seed);
+        let json = diagnosis.to_json(prepared);
         let folder = self.out.clone().unwrap_or_else(|| self.session.join("results"));
-        diagnosis.write(&prepared, &json, &Disk::default(), &folder)?;
+        diagnosis.write(prepared, &json, &Disk::default(), &folder)?;
         write_report(&self.session, &folder, console)?;
         if self.out.is_none() {
             Manifest::renew_results(&Disk::default(), &self.session)?;
@@ -124,6 +124,11 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
             gain.held_out_rmse_ratio.high,
             gain.vaf_before,
             gain.vaf_after
+        )?,
+        Evidence::Hold { gain, .. } => writeln!(
+            out,
+            "  found in the holds and taken out; residual of the ramps: {:.3} of what it was ({:.3} to {:.3})",
+            gain.held_out_rmse_ratio.value, gain.held_out_rmse_ratio.low, gain.held_out_rmse_ratio.high
         )?,
         Evidence::Trend(trend) => writeln!(
             out,

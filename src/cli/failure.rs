@@ -144,6 +144,12 @@ pub enum Failure {
         /// How many.
         files: usize,
     },
+    /// A diagnosis missed what was hidden.
+    #[error("the diagnosis does not name {mechanism}, which was hidden")]
+    NotFound {
+        /// What was hidden.
+        mechanism: &'static str,
+    },
     /// The system does not let the program listen for Ctrl-C.
     #[error("cannot listen for signals: {0}")]
     Signals(io::Error),
@@ -195,6 +201,7 @@ impl Failure {
             | Self::Differs { .. }
             | Self::NotAsItWas { .. }
             | Self::Ended { .. }
+            | Self::NotFound { .. }
             | Self::Signals(_) => 1,
             Self::Connect(_) | Self::Motor(_) | Self::Bus { .. } => 1,
             Self::Output(_) if self.is_broken_pipe() => 0,

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use ramphold::dataset::{self, Disk, Manifest};
+use ramphold::diagnose::without_hum;
 use ramphold::fit::{self, ConditionEstimate, Model, Prepared, Results, View, Weighting};
 use ramphold::protocol::ValidProtocol;
 use rayon::prelude::*;
@@ -181,7 +182,10 @@ fn prepare_and_fit(
     window_s: Option<f64>,
     weighting: Weighting,
 ) -> Result<(Prepared, Results, fit::Fit), Failure> {
-    let session = dataset::load(folder)?;
+    let mut session = dataset::load(folder)?;
+    if let Some(frequency_hz) = model.hum_hz() {
+        session = without_hum(&session, frequency_hz);
+    }
     let view = view(folder, window_s)?;
     let prepared = Prepared::new(&session, view)
         .map_err(|source| Failure::Prepare { session: folder.display().to_string(), source })?;

@@ -16,6 +16,7 @@ mod power;
 mod replay;
 mod report;
 mod resume;
+mod reveal;
 mod rig;
 mod run;
 mod run_motor;
@@ -68,6 +69,7 @@ verbs! {
     Report(report::Report),
     Export(export::Export),
     Diagnose(diagnose::Diagnose),
+    Reveal(reveal::Reveal),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

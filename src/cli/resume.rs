@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 use ramphold::dataset::{Disk, Resumable, Resumed};
 use ramphold::rig::can::CanMotor;
-use ramphold::rig::virtual_wrist::{Person, RigFile, VirtualWrist};
+use ramphold::rig::virtual_wrist::{Person, RigFile, Sealed, VirtualWrist};
+use serde::Deserialize;
 use serde_json::Value;
 
-use super::run::{finish, go_on};
+use super::run::{finish, go_on, with_hidden};
 use super::run_motor;
 use super::{Console, Failure, Verb};
 
@@ -26,6 +27,9 @@ pub struct Resume {
     /// The operator's word that the motor may move.
     #[arg(long)]
     yes: bool,
+    /// The seed of the effect that `run --hide` hid, if the session has one.
+    #[arg(long, value_name = "SEED")]
+    hide: Option<u64>,
     /// At true speed rather than as fast as it goes.
     #[arg(long)]
     real_time: bool,
@@ -85,7 +89,9 @@ enum Motor {
 impl Resume {
     fn rig(&self, session: &Resumable) -> Result<Motor, Failure> {
         if !run_motor::was_on_can(&self.session) {
-            let (RigFile::Virtual(setup), person) = rig(&self.session)?;
+            let Kept { rig: RigFile::Virtual(setup), person, sealed } = kept(&self.session)?;
+            is_seed_of(sealed.as_ref(), self.hide, "--hide", &self.session)?;
+            let setup = with_hidden(setup, self.hide);
             let wrist = VirtualWrist::new(person, setup, session.seed(), session.sample_rate_hz());
             return Ok(Motor::Virtual(Box::new(wrist)));
         }
@@ -103,8 +109,18 @@ impl Resume {
     }
 }
 
-/// The rig and the person as the session's folder keeps them.
-fn rig(session: &Path) -> Result<(RigFile, Person), Failure> {
+/// The rig and the person as the session's folder keeps them, and the seal of what is hidden in the rig.
+pub struct Kept {
+    /// The rig.
+    pub rig: RigFile,
+    /// The person.
+    pub person: Person,
+    /// Of the hidden effect.
+    pub sealed: Option<Sealed>,
+}
+
+/// Reads them.
+pub fn kept(session: &Path) -> Result<Kept, Failure> {
     let path = session.join("rig.json");
     let file = path.display().to_string();
     let text = fs::read_to_string(&path).map_err(|source| Failure::Read { file: file.clone(), source })?;
@@ -113,7 +129,36 @@ fn rig(session: &Path) -> Result<(RigFile, Person), Failure> {
     };
     let kept: Value = serde_json::from_str(&text).map_err(|error| not_a_rig(&error))?;
     let part = |name: &str| kept.get(name).map(Value::to_string).unwrap_or_default();
-    Ok((RigFile::parse(&part("rig"), &path)?, Person::parse(&part("person"), &path)?))
+    let sealed =
+        kept.get("hidden").map(Sealed::deserialize).transpose().map_err(|error| not_a_rig(&error))?;
+    Ok(Kept {
+        rig: RigFile::parse(&part("rig"), &path)?,
+        person: Person::parse(&part("person"), &path)?,
+        sealed,
+    })
+}
+
+/// Whether the seed given with `option` is that of the session's seal, or neither is there.
+pub fn is_seed_of(
+    sealed: Option<&Sealed>,
+    seed: Option<u64>,
+    option: &str,
+    session: &Path,
+) -> Result<(), Failure> {
+    let session = session.display();
+    match (sealed, seed) {
+        (None, None) => Ok(()),
+        (Some(seal), Some(seed)) if *seal == Sealed::of(seed) => Ok(()),
+        (Some(_), Some(seed)) => Err(Failure::Usage(format!(
+            "{option} {seed}: is not the seed that {session} was run with --hide"
+        ))),
+        (Some(_), None) => Err(Failure::Usage(format!(
+            "{session}: was run with --hide, and its folder does not say what is hidden; expected the same seed as {option} SEED"
+        ))),
+        (None, Some(_)) => Err(Failure::Usage(format!(
+            "{option}: {session} was run without --hide; nothing is hidden in it"
+        ))),
+    }
 }
 
 /// The rig comes up disarmed: someone must say that it may move.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use ramphold::dataset::{BackgroundRecorder, Disk, Manifest, NewSession, RecordError, Recorder, Resumable};
 use ramphold::fit::{Model, Weighting};
 use ramphold::protocol::ValidProtocol;
-use ramphold::rig::virtual_wrist::{Person, RigFile, VirtualWrist};
+use ramphold::rig::virtual_wrist::{Person, RigFile, Sealed, Setup, VirtualWrist, hidden};
 use ramphold::schedule;
 use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Status, conduct};
 
@@ -44,6 +44,10 @@ pub struct Run {
     /// A model file: the virtual wrist has its mechanisms, at the values given (the fit at the end stays the paper's).
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// Hide an effect of the catalogue in the virtual wrist, drawn by this seed; the session's folder does not say which.
+    /// `ramphold reveal` tells, and checks what a diagnosis made of it.
+    #[arg(long, value_name = "SEED")]
+    hide: Option<u64>,
     /// The operator's word that a motor may be armed, instead of asking for it; a virtual rig needs none.
     #[arg(long)]
     pub(super) yes: bool,
@@ -53,6 +57,12 @@ impl Verb for Run {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let protocol = ValidProtocol::read(&self.protocol)?;
         if let Some(file) = self.rig.as_deref().filter(|file| run_motor::is_on_can(file)) {
+            if self.hide.is_some() {
+                return Err(Failure::Usage(format!(
+                    "--hide: {} is a motor, and what moves on it is real; expected a virtual wrist",
+                    file.display()
+                )));
+            }
             return run_motor::run(&self, &protocol, file, console);
         }
         let person = person(self.subject.as_deref())?;
@@ -74,13 +84,14 @@ impl Verb for Run {
             seed,
             subject: &person.id,
             lever: setup.lever,
-            rig: &serde_json::json!({ "rig": rig, "person": person }),
+            rig: &rig_json(&rig, &person, self.hide),
             motion_delay_samples: 0,
         }
         .create(&folder, Disk::default())?;
         console.message(format_args!("session {}, subject {}, seed {seed}", folder.display(), person.id));
 
-        let wrist = VirtualWrist::new(person, setup.clone(), seed, settings.sample_rate_hz);
+        let setup = with_hidden(setup.clone(), self.hide);
+        let wrist = VirtualWrist::new(person, setup, seed, settings.sample_rate_hz);
         let machine = Machine::new(Arc::new(settings));
         let machine = go_on(wrist, machine, recorder, self.real_time, console)?;
         finish(&machine, false, &folder, console)
@@ -103,6 +114,23 @@ impl Run {
         }
         Ok(folder)
     }
+}
+
+/// What a session keeps of its rig and person; of a hidden effect its seal.
+fn rig_json(rig: &RigFile, person: &Person, hide: Option<u64>) -> serde_json::Value {
+    let mut kept = serde_json::json!({ "rig": rig, "person": person });
+    if let (Some(seed), Some(fields)) = (hide, kept.as_object_mut()) {
+        fields.insert("hidden".into(), serde_json::json!(Sealed::of(seed)));
+    }
+    kept
+}
+
+/// The rig with the effect that the seed hides in it.
+pub fn with_hidden(mut setup: Setup, hide: Option<u64>) -> Setup {
+    if let Some(seed) = hide {
+        setup.mechanisms = setup.mechanisms.and(&hidden(seed, setup.lever));
+    }
+    setup
 }
 
 /// `path`, or `path-2`, `path-3`... if it is there already.

@@ -31,6 +31,18 @@ pub fn screen(prepared: &Prepared, tangent: &Tangent, probes: &[Probe], residual
     Finding { largest, excess: (pattern.statistic - count) / libm::sqrt(2.0 * count), unit }
 }
 
+/// The session as it might have come out were `predicted` right: fresh noise of the torque, angles recorded again.
+pub fn simulated(
+    prepared: &Prepared,
+    predicted: &[Vec<f64>],
+    noise: &NoiseMaker,
+    stream: &mut Stream,
+) -> Prepared {
+    let mut session = resampled(prepared, predicted, noise, stream);
+    session.record_again(stream);
+    session
+}
+
 /// How probable findings at least as large are where the model is right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chance {
@@ -60,12 +72,12 @@ pub fn chance(
     seed: u64,
 ) -> Chance {
     let predicted = torques(prepared, &fit.kinds, &fit.parameters);
-    let noise = NoiseMaker::new(fit);
+    let noise = NoiseMaker::of(&prepared.noises);
     let null: Vec<Finding> = (0..SIMULATIONS)
         .into_par_iter()
         .map(|number| {
             let mut stream = Stream::new(seed, &format!("bootstrap/{}/{number}", fit.kinds.len()));
-            let simulated = resampled(prepared, &predicted, &noise, &mut stream);
+            let simulated = simulated(prepared, &predicted, &noise, &mut stream);
             let refitted = refit(&simulated, fit);
             let residuals = Tangent::new(&simulated, &refitted).residuals();
             screen(&simulated, tangent, probes, &residuals)

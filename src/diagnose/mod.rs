@@ -1,5 +1,6 @@
 //! What the model gets wrong in measured data, why, and what mending it gains.
 //!
+//! The paper's filter hides most of what a wrong model does ([`Look`]), so a diagnosis looks through a wider one.
 //! Residuals are judged in units of the noise that the holds show, after the free parameters have absorbed what they can
 //! (`tangent`). Within the trace, every mechanism of the catalogue is probed (`screen`), a pattern without a name is
 //! looked for besides (`omnibus`), and both are compared with simulated sessions in which nothing is wrong
@@ -9,6 +10,8 @@
 mod across;
 mod calibrate;
 mod gain;
+mod hum;
+mod look;
 mod omnibus;
 mod output;
 mod refit;
@@ -19,6 +22,8 @@ mod tangent;
 
 pub use across::{LimitLaw, Outlier, Trend};
 pub use gain::{Gain, Ratio};
+pub use hum::{Hum, without as without_hum};
+pub use look::Look;
 pub use output::{DIAGNOSIS_FORMAT, picture};
 pub use screen::Unseen;
 pub use search::{Cause, Diagnosis, Evidence, Verdict, diagnose};

@@ -55,6 +55,10 @@ impl Diagnosis {
                 entry.insert("gain".into(), json!(gain));
                 entry.insert("parameter_shift".into(), shift(prepared, before, after));
             }
+            Evidence::Hold { before, after, gain, .. } => {
+                entry.insert("gain".into(), json!(gain));
+                entry.insert("parameter_shift".into(), shift(prepared, before, after));
+            }
             Evidence::Trend(trend) => {
                 let ratio = trend.left_out_ratio;
                 entry.insert(
@@ -84,6 +88,13 @@ impl Diagnosis {
 fn parameters(diagnosis: &Diagnosis, prepared: &Prepared, cause: &Cause) -> Value {
     let values: Vec<(f64, Option<f64>, bool)> = match &cause.evidence {
         Evidence::Outliers(_) => return json!({}),
+        Evidence::Hold { hum, .. } => {
+            let [value, low, high] = hum.amplitude_nm;
+            return json!({
+                "amplitude_nm": { "value": value, "low": low, "high": high },
+                "frequency_hz": { "value": hum.frequency_hz, "low": null, "high": null },
+            });
+        }
         Evidence::Trend(trend) => trend.values.iter().map(|(value, se)| (*value, *se, false)).collect(),
         Evidence::Trace { .. } => added_values(&diagnosis.after, prepared, cause.kind),
     };
@@ -233,10 +244,13 @@ impl Diagnosis {
             }
         }
         for cause in &self.causes {
-            if let Evidence::Trend(trend) = &cause.evidence {
-                let parameters = trend.values.iter().map(|(value, _)| Treatment::fixed(*value)).collect();
-                model.mechanisms.push(Switched { kind: cause.kind, parameters });
-            }
+            let values: Vec<f64> = match &cause.evidence {
+                Evidence::Trend(trend) => trend.values.iter().map(|(value, _)| *value).collect(),
+                Evidence::Hold { hum, .. } => vec![hum.amplitude_nm[0], hum.frequency_hz],
+                _ => continue,
+            };
+            let parameters = values.into_iter().map(Treatment::fixed).collect();
+            model.mechanisms.push(Switched { kind: cause.kind, parameters });
         }
         debug_assert_eq!(prepared.trials.len(), self.after.parameters.len());
         model

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::calibrate::refit;
+use super::calibrate::{refit, simulated};
 use super::screen::{Probe, Score, torques};
-use crate::fit::{Fit, NoiseMaker, Prepared, resampled};
+use crate::fit::{Fit, Model, NoiseMaker, Prepared};
 use crate::random::Stream;
 use crate::wrist::mechanisms::{Kind, Parameter};
 
@@ -24,43 +24,44 @@ impl Candidate {
     pub fn merit(&self) -> f64 {
         self.worth - 2.0 * fitted_count(self.kind) as f64
     }
+
+    /// The values of its parameters.
+    pub fn values(&self) -> &[f64] {
+        let own = &self.fit.parameters[0];
+        &own[own.len() - self.kind.parameter_count()..]
+    }
 }
 
 fn fitted_count(kind: Kind) -> usize {
     kind.parameters().iter().filter(|parameter| parameter.fitted).count()
 }
 
-/// How many mechanisms are refitted in full at each step.
+/// How many mechanisms are fitted with all care at each step.
 const SHORTLIST: usize = 6;
 
-/// Probes worth less than this part of the best are not refitted.
-const WORTH_A_REFIT: f64 = 0.2;
-
-/// The shortlist of `scored` probes, refitted, the best first.
+/// Every mechanism that was probed, fitted in full; the best with all care. The best first.
+///
+/// What screening promises tells where to start, not whom to leave out: a model that lacks something large has gone to where
+/// the step to the right mechanism is not straight.
 pub fn candidates(prepared: &Prepared, fit: &Fit, scored: &[(Probe, Score)], unit: f64) -> Vec<Candidate> {
-    let mut kinds: Vec<Kind> = Vec::new();
-    let mut order: Vec<&(Probe, Score)> = scored.iter().collect();
-    order.sort_by(|a, b| b.1.worth.total_cmp(&a.1.worth));
-    let best = order.first().map_or(0.0, |(_, score)| score.worth);
-    for (probe, score) in &order {
-        if score.worth > WORTH_A_REFIT * best && kinds.len() < SHORTLIST && !kinds.contains(&probe.kind) {
-            kinds.push(probe.kind);
-        }
-    }
+    let mut kinds: Vec<Kind> = scored.iter().map(|(probe, _)| probe.kind).collect();
+    kinds.dedup();
     let before = cost(fit);
-    let mut candidates: Vec<Candidate> = kinds
+    let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - cost(&fit)) / unit, fit };
+    let mut rough: Vec<Candidate> = kinds
         .into_par_iter()
-        .map(|kind| {
-            // The two best starting points of a mechanism, since some have several optima.
-            let starts = order.iter().filter(|(probe, _)| probe.kind == kind).take(2);
-            let fits = starts.map(|(probe, score)| extended(prepared, fit, probe, score));
-            let best = fits.min_by(|a, b| cost(a).total_cmp(&cost(b)));
-            let fit = best.unwrap_or_else(|| fit.clone());
-            Candidate { kind, worth: 2.0 * (before - cost(&fit)) / unit, fit }
+        .filter_map(|kind| {
+            let starts = scored.iter().filter(|(probe, _)| probe.kind == kind);
+            let fits = starts.map(|(probe, score)| fit.rival(prepared, &model_with(fit, probe, score)));
+            Some(candidate(fits.min_by(|a, b| cost(a).total_cmp(&cost(b)))?, kind))
         })
         .collect();
-    candidates.sort_by(|a, b| b.merit().total_cmp(&a.merit()));
-    candidates
+    rough.sort_by(|a, b| b.merit().total_cmp(&a.merit()));
+    rough.truncate(SHORTLIST);
+    let mut settled: Vec<Candidate> =
+        rough.into_par_iter().map(|own| candidate(own.fit.settled(prepared), own.kind)).collect();
+    settled.sort_by(|a, b| b.merit().total_cmp(&a.merit()));
+    settled
 }
 
 /// Half the sum of squares of all trials.
@@ -68,8 +69,8 @@ pub fn cost(fit: &Fit) -> f64 {
     fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum()
 }
 
-/// `fit` with a probe's mechanism, from where the probe's best multiple lies.
-fn extended(prepared: &Prepared, fit: &Fit, probe: &Probe, score: &Score) -> Fit {
+/// The model of `fit` with a probe's mechanism, which starts where the probe's best multiple lies.
+fn model_with(fit: &Fit, probe: &Probe, score: &Score) -> Model {
     let mut model = fit.model.clone().with(probe.kind);
     if let Some(added) = model.mechanisms.last_mut() {
         for ((treatment, parameter), value) in
@@ -78,16 +79,15 @@ fn extended(prepared: &Prepared, fit: &Fit, probe: &Probe, score: &Score) -> Fit
             treatment.value = Some(start(parameter, *value, score.multiple));
         }
     }
-    fit.extended(prepared, &model)
+    model
 }
 
-/// Where a parameter starts: the multiple of its effect, if it has a value without effect, within its bounds.
+/// Where a parameter starts: at the value probed, or on the other side of the one without effect if that is where the probe
+/// points and it may go there. How far it will go is for the fit to find: a step to it is seldom straight.
 fn start(parameter: &Parameter, probed: f64, multiple: f64) -> f64 {
-    let Some(absent) = parameter.absent else { return probed };
-    let to = absent + multiple.clamp(-20.0, 20.0) * (probed - absent);
-    let inside = 0.02 * (probed - absent).abs();
-    let (low, high) = (parameter.low.max(f64::MIN), parameter.high);
-    if to <= low || to >= high { absent + inside.copysign(probed - absent) } else { to }
+    let Some(absent) = parameter.absent.filter(|_| multiple < 0.0) else { return probed };
+    let mirrored = absent + absent - probed;
+    if (parameter.low..=parameter.high).contains(&mirrored) { mirrored } else { probed }
 }
 
 /// How many sessions are simulated from each rival: one win is 5 %.
@@ -108,13 +108,13 @@ pub fn not_ruled_out(prepared: &Prepared, candidates: &[Candidate], unit: f64, s
         .filter(|rival| rival.worth > 0.0 && lead(rival) < FAR_BEHIND)
         .filter(|rival| {
             let predicted = torques(prepared, &rival.fit.kinds, &rival.fit.parameters);
-            let noise = NoiseMaker::new(&rival.fit);
+            let noise = NoiseMaker::of(&prepared.noises);
             let wins: usize = (0..SIMULATIONS)
                 .into_par_iter()
                 .map(|number| {
                     let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
                     let mut stream = Stream::new(seed, &name);
-                    let simulated = resampled(prepared, &predicted, &noise, &mut stream);
+                    let simulated = simulated(prepared, &predicted, &noise, &mut stream);
                     let (a, b) = (refit(&simulated, &first.fit), refit(&simulated, &rival.fit));
                     let simulated_lead = 2.0 * (cost(&b) - cost(&a)) / unit;
                     usize::from(simulated_lead >= lead(rival))

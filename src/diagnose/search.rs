@@ -2,12 +2,14 @@
 
 use super::across::{LimitLaw, Outlier, Stiffnesses, Trend, limit_law, outliers, strongest_trend};
 use super::calibrate::{Finding, chance, screen};
-use super::gain::{Gain, gain};
+use super::gain::{Gain, gain, gain_of_cleaning};
+use super::hum::Hum;
+use super::look::Look;
 use super::refit::{Candidate, candidates, not_ruled_out};
 use super::rest::{ResidualTerm, residual_term};
 use super::screen::{Unseen, probes, score};
 use super::tangent::Tangent;
-use crate::fit::{Fit, Model, Prepared};
+use crate::fit::{Fit, Model, Prepared, Weighting};
 use crate::wrist::mechanisms::Kind;
 
 /// What the diagnosis comes to.
@@ -36,6 +38,17 @@ pub enum Evidence {
         /// Loss of the sum of squares, in units of the noise.
         worth: f64,
         /// Gain on data held out.
+        gain: Gain,
+    },
+    /// It is in the holds already, and was taken out of the records.
+    Hold {
+        /// What was found.
+        hum: Hum,
+        /// The fit with it in the records.
+        before: Box<Fit>,
+        /// The same model fitted to the records without it.
+        after: Box<Fit>,
+        /// Gain on the ramps.
         gain: Gain,
     },
     /// The trials' stiffnesses go with it.
@@ -94,12 +107,15 @@ const MOST_STEPS: usize = 4;
 /// Least loss of the sum of squares, beyond what its parameters gain from noise, for which a mechanism is added.
 const WORTH_ADDING: f64 = 8.0;
 
-/// Diagnoses `prepared` as seen by `model`.
-pub fn diagnose(prepared: &Prepared, model: &Model, seed: u64) -> Diagnosis {
-    let before = Fit::leaning(prepared, model);
+/// Diagnoses a session as seen by `model`.
+pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
+    let prepared = &look.prepared;
+    let before = Fit::new(prepared, model, Weighting::MeasuredNoise).leaning(prepared);
     let mut remarks = Vec::new();
     let mut fit = before.clone();
-    let mut causes: Vec<Cause> = Vec::new();
+    let mut causes: Vec<Cause> =
+        look.hum.iter().map(|found| hum_cause(prepared, &before, found, seed)).collect();
+    let p_hum = causes.first().map_or(1.0, |cause| cause.p_value);
     let mut unseen = Vec::new();
     let mut misfit = None;
     let mut p_within = 1.0;
@@ -111,6 +127,7 @@ pub fn diagnose(prepared: &Prepared, model: &Model, seed: u64) -> Diagnosis {
         let finding = screen(prepared, &tangent, &probes, &residuals);
         let chance = chance(prepared, &fit, &tangent, &probes, &finding, seed);
         left_within = chance.of_any();
+        tracing::debug!(step, ?finding, ?chance, causes = ?fit.kinds);
         if step == 0 {
             unseen = not_visible;
             misfit = Some(finding);
@@ -127,6 +144,9 @@ pub fn diagnose(prepared: &Prepared, model: &Model, seed: u64) -> Diagnosis {
             })
             .collect();
         let found = candidates(prepared, &fit, &scored, finding.unit);
+        for own in &found {
+            tracing::debug!(step, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
+        }
         let Some(best) = found.first().filter(|best| best.merit() > WORTH_ADDING) else { break };
         causes.push(Cause {
             kind: best.kind,
@@ -153,7 +173,7 @@ pub fn diagnose(prepared: &Prepared, model: &Model, seed: u64) -> Diagnosis {
     Diagnosis {
         verdict,
         misfit: misfit.unwrap_or(Finding { largest: 0.0, excess: 0.0, unit: 1.0 }),
-        p_value: (2.0 * f64::min(p_within, p_across)).min(1.0),
+        p_value: (2.0 * p_within.min(p_across)).min(p_hum).min(1.0),
         causes,
         left_over_p_value,
         residual_term,
@@ -162,6 +182,18 @@ pub fn diagnose(prepared: &Prepared, model: &Model, seed: u64) -> Diagnosis {
         before,
         after: fit,
         remarks,
+    }
+}
+
+fn hum_cause(clean: &Prepared, fit: &Fit, (hum, as_it_was): &(Hum, Box<Prepared>), seed: u64) -> Cause {
+    let before = Fit::new(as_it_was, &fit.model, Weighting::MeasuredNoise).leaning(as_it_was);
+    let gain = gain_of_cleaning((as_it_was, &before), (clean, fit), seed);
+    let (before, after) = (Box::new(before), Box::new(fit.clone()));
+    Cause {
+        kind: Kind::MainsHum,
+        p_value: hum.p_value,
+        indistinguishable: Vec::new(),
+        evidence: Evidence::Hold { hum: *hum, before, after, gain },
     }
 }
 
@@ -224,7 +256,7 @@ const NOT_TOLD_APART: f64 = 3.84;
 /// What a cause leaves of the misfit, for the order of the list.
 fn ratio_of(cause: &Cause) -> f64 {
     match &cause.evidence {
-        Evidence::Trace { gain, .. } => gain.held_out_rmse_ratio.value,
+        Evidence::Trace { gain, .. } | Evidence::Hold { gain, .. } => gain.held_out_rmse_ratio.value,
         Evidence::Trend(trend) => trend.left_out_ratio,
         Evidence::Outliers(_) => 1.0,
     }

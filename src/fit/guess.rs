@@ -2,7 +2,7 @@
 //! ankle starts as an ankle; a fit of few parameters to some trials goes on from there, and all trials start where it ends.
 
 use super::layout::{Component, Coordinate, Layout, Link};
-use super::model::{Model, Treatment};
+use super::model::{Model, Scope, Treatment};
 use super::normal::Objective;
 use super::predict::predict;
 use super::prepare::{Prepared, PreparedTrial};
@@ -15,6 +15,8 @@ use crate::wrist::{BASE_PARAMETERS, Response};
 #[derive(Debug, Clone)]
 pub struct Guess {
     trials: Vec<[f64; 6]>,
+    /// First values of the mechanisms' parameters, if they took part in it.
+    added: Vec<f64>,
     /// Greatest angle of each trial's window, rad.
     reach_rad: Vec<f64>,
     lever: Option<crate::wrist::Lever>,
@@ -31,6 +33,10 @@ pub struct Range {
     pub start: f64,
 }
 
+/// Bounds of the elastic limit, as parts of the way that the motor goes in the window.
+const LEAST_LIMIT: f64 = 0.08;
+const MOST_LIMIT: f64 = 1.05;
+
 /// How far from its first value a base parameter may go, as a factor: below and above. The elastic limit is bounded by the
 /// angle that the motor reaches instead.
 const FREEDOM: [(f64, f64); 5] = [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5.0), (20.0, 8.0)];
@@ -38,7 +44,9 @@ const FREEDOM: [(f64, f64); 5] = [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5
 impl Guess {
     /// Fits a few parameters that some trials share, from each of `points` (the pilot's, see [`looks`]), and hands what came
     /// out best to all trials: the shared fit is determined well enough to have one optimum where single trials have several.
-    pub fn pooled(prepared: &Prepared, objective: &Objective, points: &[[f64; 6]]) -> Self {
+    /// The mechanisms of `model` take part: without one that is at work, the others start where it drove them.
+    pub fn pooled(prepared: &Prepared, objective: &Objective, points: &[[f64; 6]], model: &Model) -> Self {
+        let kinds = model.kinds();
         let reach_rad: Vec<f64> = (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect();
         let some = representatives(prepared);
         let few = prepared.only(&some);
@@ -47,7 +55,7 @@ impl Guess {
             for place in LIMIT_PLACES {
                 let mut point = *point;
                 point[5] = place;
-                let pooled = Pooled::new(&few, &point);
+                let pooled = Pooled::new(&few, &point, model);
                 let start = pooled.layout.start();
                 starts.push((f64::INFINITY, pooled, start));
             }
@@ -55,7 +63,7 @@ impl Guess {
         // Rivals fall behind within a few steps: only the best go on.
         for effort in APPROACH {
             for (cost, pooled, at) in &mut starts {
-                let solution = solve(&few, &pooled.layout, &[], objective, at, effort);
+                let solution = solve(&few, &pooled.layout, &kinds, objective, at, effort);
                 *cost = solution.outcomes.iter().map(|outcome| outcome.cost).sum();
                 *at = solution.coordinates;
             }
@@ -63,16 +71,16 @@ impl Guess {
             starts.truncate(starts.len().div_ceil(3));
         }
         let best = starts.into_iter().next();
-        let trials = match best {
+        let (trials, added) = match best {
             Some((_, pooled, coordinates)) => {
                 let own = |(trial, reach): (&PreparedTrial, &f64)| {
                     pooled.values(&coordinates, trial.torque_nm, *reach)
                 };
-                prepared.trials.iter().zip(&reach_rad).map(own).collect()
+                (prepared.trials.iter().zip(&reach_rad).map(own).collect(), pooled.added(&coordinates))
             }
-            None => vec![[1e-3, 1.0, 100.0, 10.0, 5.0, 0.01]; prepared.trials.len()],
+            None => (vec![[1e-3, 1.0, 100.0, 10.0, 5.0, 0.01]; prepared.trials.len()], Vec::new()),
         };
-        Self { trials, reach_rad, lever: prepared.lever }
+        Self { trials, added, reach_rad, lever: prepared.lever }
     }
 
     /// First values that are given: each trial's six base parameters.
@@ -82,10 +90,10 @@ impl Guess {
     pub fn given(prepared: &Prepared, trials: Vec<[f64; 6]>) -> Self {
         assert_eq!(trials.len(), prepared.trials.len(), "first values for every trial");
         let reach_rad = (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect();
-        Self { trials, reach_rad, lever: prepared.lever }
+        Self { trials, added: Vec::new(), reach_rad, lever: prepared.lever }
     }
 
-    /// First values that are known already, trial by trial.
+    /// First values that are known already, trial by trial; those of mechanisms as the model says.
     pub fn at(prepared: &Prepared, parameters: &[Vec<f64>]) -> Self {
         let own = |values: &Vec<f64>| {
             let mut six = [0.0; 6];
@@ -94,6 +102,7 @@ impl Guess {
         };
         Self {
             trials: parameters.iter().map(own).collect(),
+            added: Vec::new(),
             reach_rad: (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect(),
             lever: prepared.lever,
         }
@@ -107,9 +116,7 @@ impl Guess {
     /// The median of each parameter over the trials.
     pub fn middle(&self) -> [f64; 6] {
         std::array::from_fn(|parameter| {
-            let mut values: Vec<f64> = self.trials.iter().map(|own| own[parameter]).collect();
-            values.sort_by(f64::total_cmp);
-            values[values.len() / 2]
+            median(&self.trials.iter().map(|own| own[parameter]).collect::<Vec<_>>())
         })
     }
 
@@ -117,6 +124,7 @@ impl Guess {
     pub fn only(&self, trials: &[usize]) -> Self {
         Self {
             trials: trials.iter().map(|trial| self.trials[*trial]).collect(),
+            added: self.added.clone(),
             reach_rad: trials.iter().map(|trial| self.reach_rad[*trial]).collect(),
             lever: self.lever,
         }
@@ -136,7 +144,8 @@ impl Guess {
         };
         range.low = treatment.low.unwrap_or(range.low);
         range.high = treatment.high.unwrap_or(range.high);
-        range.start = treatment.value.unwrap_or(range.start);
+        let found = parameter.checked_sub(BASE_PARAMETERS.len()).and_then(|added| self.added.get(added));
+        range.start = found.copied().or(treatment.value).unwrap_or(range.start);
         if treatment.law.is_empty() {
             range.start = range.start.clamp(range.low, range.high);
         }
@@ -152,7 +161,7 @@ impl Guess {
             Some((below, above)) => Range { low: start / below, high: start * above, start },
             None => {
                 let reach = geometric_mean(&|trial| self.reach_rad[trial]);
-                Range { low: 0.08 * reach, high: 1.05 * reach, start }
+                Range { low: LEAST_LIMIT * reach, high: MOST_LIMIT * reach, start }
             }
         }
     }
@@ -180,6 +189,12 @@ impl Guess {
             _ => kind.parameters()[parameter].typical,
         }
     }
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[sorted.len() / 2]
 }
 
 fn peak_nm(trial: &PreparedTrial) -> f64 {
@@ -233,14 +248,19 @@ fn representatives(prepared: &Prepared) -> Vec<usize> {
     (0..most).map(|i| (2 * i + 1) * count / (2 * most)).collect()
 }
 
-/// Few parameters for many trials: inertia, interface and decrement in common, k_srs by torque, x_e as a part of the way.
+/// Few parameters for many trials: inertia, interface and decrement in common, k_srs by torque, x_e as a part of the way and an
+/// angle that is the same in all.
 struct Pooled {
     layout: Layout,
     torques: Vec<f64>,
+    middle_reach_rad: f64,
 }
 
+/// Place of the elastic limit's first coordinate.
+const LIMIT: usize = 4;
+
 impl Pooled {
-    fn new(few: &Prepared, point: &[f64; 6]) -> Self {
+    fn new(few: &Prepared, point: &[f64; 6], model: &Model) -> Self {
         let mut torques: Vec<f64> = few.trials.iter().map(|trial| trial.torque_nm).collect();
         torques.sort_by(f64::total_cmp);
         torques.dedup();
@@ -259,13 +279,52 @@ impl Pooled {
             }
         };
         let mut coordinates: Vec<Coordinate> = [0, 1, 2, 4, 5].into_iter().map(coordinate).collect();
+        // The elastic limit: parts of the way, and of the median way.
+        let ways: Vec<f64> = (0..few.trials.len()).map(|trial| few.reach_rad(trial)).collect();
+        let middle = median(&ways);
+        coordinates[LIMIT] = Coordinate {
+            logarithmic: false,
+            low: -0.3,
+            high: 1.5,
+            start: point[5],
+            ..coordinates[LIMIT].clone()
+        };
+        coordinates.push(Coordinate {
+            low: -0.5,
+            high: 0.5,
+            start: 0.0,
+            scale: 0.1,
+            ..coordinates[LIMIT].clone()
+        });
         let first_stiffness = coordinates.len();
         coordinates.extend(torques.iter().map(|_| coordinate(3)));
+        let guess = Guess::given(few, vec![*point; few.trials.len()]);
+        let added: Vec<Link> = model.treatments()[BASE_PARAMETERS.len()..]
+            .iter()
+            .enumerate()
+            .map(|(added, treatment)| {
+                let parameter = BASE_PARAMETERS.len() + added;
+                if treatment.scope == Scope::Fixed {
+                    return Link::Fixed(treatment.value.unwrap_or(0.0));
+                }
+                let (own, link) = Coordinate::of(parameter, guess.range(model, parameter, treatment, &[]));
+                coordinates.push(own);
+                link(coordinates.len() - 1)
+            })
+            .collect();
+        let estimated = (0..BASE_PARAMETERS.len())
+            .chain(
+                (0..added.len())
+                    .filter(|i| !matches!(added[*i], Link::Fixed(_)))
+                    .map(|i| BASE_PARAMETERS.len() + i),
+            )
+            .collect();
         let link = |coordinate: usize| Link::Logarithmic { coordinate, factor: 1.0 };
         let links = |(index, trial): (usize, &PreparedTrial)| {
             let level = torques.iter().position(|torque| *torque == trial.torque_nm).unwrap_or(0);
-            let way = Link::Logarithmic { coordinate: 4, factor: few.reach_rad(index) };
-            vec![link(0), link(1), link(2), link(first_stiffness + level), link(3), way]
+            let way = Link::Sum(vec![(LIMIT, ways[index]), (LIMIT + 1, middle)]);
+            let base = [link(0), link(1), link(2), link(first_stiffness + level), link(3), way];
+            base.into_iter().chain(added.iter().cloned()).collect()
         };
         let component = Component {
             trials: (0..few.trials.len()).collect(),
@@ -278,9 +337,9 @@ impl Pooled {
             links: few.trials.iter().enumerate().map(links).collect(),
             coordinates,
             components: vec![component],
-            estimated: (0..BASE_PARAMETERS.len()).collect(),
+            estimated,
         };
-        Self { layout, torques }
+        Self { layout, torques, middle_reach_rad: middle }
     }
 
     /// The parameters of a trial at this torque, where the motor goes so far.
@@ -291,7 +350,16 @@ impl Pooled {
             })
             .unwrap_or(0);
         let value = |coordinate: usize| libm::exp(coordinates[coordinate]);
-        [value(0), value(1), value(2), value(5 + nearest), value(3), reach_rad * value(4)]
+        let limit = coordinates[LIMIT] * reach_rad + coordinates[LIMIT + 1] * self.middle_reach_rad;
+        let limit = limit.clamp(LEAST_LIMIT * reach_rad, MOST_LIMIT * reach_rad);
+        [value(0), value(1), value(2), value(LIMIT + 2 + nearest), value(3), limit]
+    }
+
+    /// The parameters of the mechanisms.
+    fn added(&self, coordinates: &[f64]) -> Vec<f64> {
+        let mut values = Vec::new();
+        self.layout.parameters(0, coordinates, &mut values);
+        values.split_off(BASE_PARAMETERS.len())
     }
 }
 

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::guess::Guess;
+use super::guess::{Guess, Range};
 use super::model::{Model, Scope, Term, Treatment};
 use super::prepare::Prepared;
 use crate::wrist::BASE_PARAMETERS;
@@ -29,6 +29,29 @@ pub struct Coordinate {
     pub scale: f64,
     /// What is known of it beforehand: a centre and a standard deviation.
     pub prior: Option<(f64, f64)>,
+}
+
+impl Coordinate {
+    /// The coordinate of a parameter that may go over `range`, and how the parameter comes from it: by its logarithm where it
+    /// cannot but be positive.
+    pub(super) fn of(parameter: usize, range: Range) -> (Self, fn(usize) -> Link) {
+        let logarithmic = range.low > 0.0;
+        let place = |x: f64| if logarithmic { libm::log(x) } else { x };
+        let scale = range.start.abs().max(1e-6 * (range.high - range.low).min(1e3)).max(1e-12);
+        let coordinate = Self {
+            parameter,
+            term: None,
+            logarithmic,
+            low: place(range.low),
+            high: place(range.high),
+            start: place(range.start),
+            scale: if logarithmic { 1.0 } else { scale },
+            prior: None,
+        };
+        let by_logarithm: fn(usize) -> Link = |coordinate| Link::Logarithmic { coordinate, factor: 1.0 };
+        let as_it_is: fn(usize) -> Link = |coordinate| Link::Sum(vec![(coordinate, 1.0)]);
+        (coordinate, if logarithmic { by_logarithm } else { as_it_is })
+    }
 }
 
 /// How a trial's parameter comes from the coordinates.
@@ -140,29 +163,12 @@ impl Layout {
         touched: &mut Vec<Vec<usize>>,
     ) {
         let range = guess.range(model, parameter, treatment, members);
-        let scale = (range.start.abs()).max(1e-6 * (range.high - range.low).min(1e3)).max(1e-12);
         if treatment.law.is_empty() {
-            let logarithmic = range.low > 0.0;
-            let place = |x: f64| if logarithmic { libm::log(x) } else { x };
-            self.coordinates.push(Coordinate {
-                parameter,
-                term: None,
-                logarithmic,
-                low: place(range.low),
-                high: place(range.high),
-                start: place(range.start),
-                scale: if logarithmic { 1.0 } else { scale },
-                prior: None,
-            });
+            let (coordinate, link) = Coordinate::of(parameter, range);
+            self.coordinates.push(coordinate);
             touched.push(members.to_vec());
             let index = self.coordinates.len() - 1;
-            for trial in members {
-                self.links[*trial].push(if logarithmic {
-                    Link::Logarithmic { coordinate: index, factor: 1.0 }
-                } else {
-                    Link::Sum(vec![(index, 1.0)])
-                });
-            }
+            members.iter().for_each(|trial| self.links[*trial].push(link(index)));
             return;
         }
         // A law starts as the constant nearest to the guess: its other terms are for the fit to find.

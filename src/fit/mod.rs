@@ -5,6 +5,7 @@ mod estimates;
 mod guess;
 mod layout;
 mod model;
+mod motion;
 mod noise;
 mod normal;
 mod predict;

@@ -126,6 +126,12 @@ impl Model {
         self.mechanisms.iter().map(|switched| switched.kind).collect()
     }
 
+    /// The frequency of the mains' hum, if the model has it; it is taken out of the records rather than fitted.
+    pub fn hum_hz(&self) -> Option<f64> {
+        let hum = self.mechanisms.iter().find(|switched| switched.kind == Kind::MainsHum)?;
+        hum.parameters.get(1)?.value
+    }
+
     /// Names of all parameters in the order of a trial's parameter vector; a mechanism's carry its id.
     pub fn parameter_names(&self) -> Vec<String> {
         let base = BASE_PARAMETERS.iter().map(|name| (*name).to_string());

@@ -5,7 +5,7 @@ use super::noise::{NoiseSource, angle_noise, stride};
 use crate::dataset::{Session, Status};
 use crate::signal::{FilterSpec, Noise, Section, filter, onset};
 use crate::wrist::mechanisms::Covariates;
-use crate::wrist::{self, Lever};
+use crate::wrist::{self, Lever, Smoothing};
 
 /// How the analysis looks at a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,7 +30,7 @@ const LEVEL_S: f64 = 0.010;
 const LEAD_S: f64 = 0.004;
 
 /// Angle before and after the simulated time that is kept for mechanisms that shift it, s.
-const MARGIN_S: f64 = 0.012;
+const MARGIN_S: f64 = 0.020;
 
 /// A session ready to be fitted.
 #[derive(Debug, Clone)]
@@ -55,6 +55,8 @@ pub struct Prepared {
     pub angle_noise_rad: f64,
     /// Step of the encoder that the holds stand still in, rad; zero where the recorded angle is never still.
     pub angle_step_rad: f64,
+    /// How the angle was smoothed: each way with its share of the variance of an error.
+    pub smoothings: Vec<(f64, Smoothing)>,
     /// Noise by trial: index into [`Prepared::noises`]; `None` where the hold is too short to measure any.
     pub noise_of: Vec<Option<usize>>,
     /// The noises measured.
@@ -97,6 +99,8 @@ pub struct PreparedTrial {
     pub theta_0_rad: f64,
     /// Torque before the ramp, N m.
     pub torque_0_nm: f64,
+    /// The recorded angle less that before the ramp, rad, mirrored where the model is; as long as the motion in `input`.
+    pub angle_rad: Vec<f64>,
     /// What the model needs.
     pub input: wrist::Trial,
     /// The filtered torque of the window less the level before, N m, mirrored where the model is.
@@ -135,6 +139,7 @@ impl Prepared {
             stride: stride(session, view, samples),
             angle_noise_rad: 0.0,
             angle_step_rad: 0.0,
+            smoothings: vec![(1.0, Smoothing::ONE_RECORD)],
             noise_of: Vec::new(),
             noises: Vec::new(),
             noise_source: None,
@@ -179,6 +184,7 @@ impl Prepared {
             stride: self.stride,
             angle_noise_rad: self.angle_noise_rad,
             angle_step_rad: self.angle_step_rad,
+            smoothings: self.smoothings.clone(),
             noise_of: trials.iter().map(|trial| self.noise_of[*trial]).collect(),
             noises: self.noises.clone(),
             noise_source: self.noise_source,
@@ -260,6 +266,7 @@ impl Prepared {
                 onset: at - first,
                 covariates: Covariates::default(),
             },
+            angle_rad: angle,
             measured_nm,
             hold_stretches: self.hold_stretches(&torque[..=at]),
         })

@@ -13,8 +13,13 @@ pub struct NoiseMaker {
 }
 
 impl NoiseMaker {
-    /// For the noises of `fit`.
+    /// For everything that `fit` takes for noise, the error of the angle included.
     pub fn new(fit: &Fit) -> Self {
+        Self::of(&fit.covariances)
+    }
+
+    /// For these noises.
+    pub fn of(noises: &[Noise]) -> Self {
         let factor = |noise: &Noise| {
             let eigen = noise.covariance.clone().symmetric_eigen();
             let scale = DVector::from_iterator(
@@ -23,7 +28,7 @@ impl NoiseMaker {
             );
             &eigen.eigenvectors * DMatrix::from_diagonal(&scale)
         };
-        Self { factors: fit.covariances.iter().map(factor).collect() }
+        Self { factors: noises.iter().map(factor).collect() }
     }
 }
 

@@ -64,7 +64,7 @@ impl Fit {
         }
         let points = looks(prepared);
         let (first, _) = objective(prepared, weighting, points.first());
-        let guess = Guess::pooled(prepared, &first, &points);
+        let guess = Guess::pooled(prepared, &first, &points, model);
         // What an error of the angle does to the torque hangs on the damping, of which a look knows the magnitude at best.
         let (objective, covariances) = objective(prepared, weighting, Some(&guess.middle()));
         let mut fit = Self::from_guess(prepared, model, objective, covariances, &guess);
@@ -72,12 +72,27 @@ impl Fit {
         fit
     }
 
-    /// Fits `model` with the yields of single trials leaning on those of all: what a diagnosis starts from, since a yield
-    /// that one trial's data leave open would hide or feign a misfit of the model.
-    pub fn leaning(prepared: &Prepared, model: &Model) -> Self {
-        let first = Self::new(prepared, model, Weighting::MeasuredNoise);
-        let lean = lean(prepared, &first);
-        Self { lean: Some(lean), ..first }.extended(prepared, model)
+    /// Fits `model` with this fit's weights from a first guess of its own: where this fit ended may be far off if it lacks what
+    /// `model` has. Looks for other optima only on the way to [`Fit::settled`].
+    pub fn rival(&self, prepared: &Prepared, model: &Model) -> Self {
+        let points = looks(prepared);
+        let (rough, _) = objective(prepared, Weighting::MeasuredNoise, points.first());
+        let guess = Guess::pooled(prepared, &rough, &points, model);
+        Self::from_guess(prepared, model, self.objective.clone(), self.covariances.clone(), &guess)
+    }
+
+    /// The optimum after a second look, with the yields of single trials leaning on those of all: what a diagnosis compares,
+    /// since a yield that one trial's data leave open would hide or feign a misfit of the model.
+    pub fn settled(mut self, prepared: &Prepared) -> Self {
+        self.look_again(prepared);
+        self.leaning(prepared)
+    }
+
+    /// The same fit with the yields of single trials leaning on those of all.
+    pub fn leaning(self, prepared: &Prepared) -> Self {
+        let lean = lean(prepared, &self);
+        let model = self.model.clone();
+        Self { lean: Some(lean), ..self }.extended(prepared, &model)
     }
 
     /// Fits `model` from given first values, without looking for other optima; see [`Fit::look_again`].
@@ -124,11 +139,14 @@ impl Fit {
         let mut start = layout.start();
         for (trial, links) in layout.links.iter().enumerate() {
             for (parameter, link) in links.iter().enumerate().take(self.parameters[trial].len()) {
-                if let Link::Logarithmic { coordinate, factor } = link {
-                    let bounds = &layout.coordinates[*coordinate];
-                    start[*coordinate] =
-                        libm::log(self.parameters[trial][parameter] / factor).clamp(bounds.low, bounds.high);
-                }
+                let value = self.parameters[trial][parameter];
+                let (coordinate, at) = match link {
+                    Link::Logarithmic { coordinate, factor } => (*coordinate, libm::log(value / factor)),
+                    Link::Sum(terms) if terms.len() == 1 => (terms[0].0, value / terms[0].1),
+                    _ => continue,
+                };
+                let bounds = &layout.coordinates[coordinate];
+                start[coordinate] = at.clamp(bounds.low, bounds.high);
             }
         }
         let solution = solve(prepared, &layout, &kinds, &self.objective, &start, EXTENSION);
@@ -198,7 +216,7 @@ fn lean(prepared: &Prepared, fit: &Fit) -> Guess {
 }
 
 /// How far single trials' k_dec and x_e may be expected from those of all, as standard deviations of their logarithms.
-const LEAN: [(usize, f64); 2] = [(4, 0.2), (ELASTIC_LIMIT, 0.1)];
+const LEAN: [(usize, f64); 2] = [(4, 0.4), (ELASTIC_LIMIT, 0.2)];
 
 /// An extension starts where the fit before it ended.
 const EXTENSION: Effort = Effort { iterations: 40, decrease: 1e-4, longest_step: 0.7 };

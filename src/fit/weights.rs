@@ -9,7 +9,7 @@ use super::noise::STRETCHES_A_WINDOW;
 use super::predict::predict;
 use super::prepare::{Prepared, PreparedTrial};
 use crate::signal::Noise;
-use crate::wrist::{Response, knots};
+use crate::wrist::{Response, Smoothing};
 
 /// Standard deviation below which a direction of the noise is not trusted, N m: the model's own numerical error is some
 /// hundred times smaller, a gauge's noise some hundred times larger.
@@ -60,21 +60,29 @@ const PLACES: usize = 16;
 /// steps. Before the ramp that is a constant, which is then missing from all of it. While the motor is slow, the record waits
 /// for the next step; once it passes a step a sample, every sample's rounding is its own.
 fn angle_covariance(prepared: &Prepared, point: &[f64; 6]) -> DMatrix<f64> {
+    let places = prepared.noise_samples().count();
+    prepared.smoothings.iter().fold(DMatrix::zeros(places, places), |sum, (share, smoothing)| {
+        sum + angle_covariance_of(prepared, *smoothing, point) * *share
+    })
+}
+
+/// The same for an error that is smoothed in one way.
+fn angle_covariance_of(prepared: &Prepared, smoothing: Smoothing, point: &[f64; 6]) -> DMatrix<f64> {
     let places: Vec<usize> = prepared.noise_samples().collect();
-    let responses = responses(prepared, point);
-    let count = prepared.samples + REACH;
+    let response = TorqueResponse::new(prepared, smoothing, point);
+    let count = prepared.samples + response.reach;
     let mut covariance = DMatrix::zeros(places.len(), places.len());
     let mut add_white = |sd_rad: f64, weight: f64, sample: usize| {
         let mut error = vec![0.0; count];
         error[sample] = sd_rad * libm::sqrt(weight);
-        add_square(&mut covariance, &places, &responses, &error);
+        response.add_square(&mut covariance, &places, &error);
     };
     let step = prepared.angle_step_rad;
     if step == 0.0 {
         (0..count).for_each(|sample| add_white(prepared.angle_noise_rad, 1.0, sample));
         return covariance;
     }
-    let motions = mean_motions(prepared);
+    let motions = mean_motions(prepared, count);
     for (share, motion) in &motions {
         let is_fast = |sample: usize| sample > 0 && (motion[sample] - motion[sample - 1]).abs() > step;
         (0..count)
@@ -90,7 +98,7 @@ fn angle_covariance(prepared: &Prepared, point: &[f64; 6]) -> DMatrix<f64> {
             let error: Vec<f64> = (0..count)
                 .map(|s| weight * (if is_fast(s) { 0.0 } else { rounding(motion[s]) } - rounding(0.0)))
                 .collect();
-            add_square(&mut covariance, &places, &responses, &error);
+            response.add_square(&mut covariance, &places, &error);
         }
     }
     covariance
@@ -98,7 +106,7 @@ fn angle_covariance(prepared: &Prepared, point: &[f64; 6]) -> DMatrix<f64> {
 
 /// The motor's motion from the onset on, one for each velocity, with its share of the trials. The mean over trials, which
 /// rest at different places within a step, shows what happens between the steps.
-fn mean_motions(prepared: &Prepared) -> Vec<(f64, Vec<f64>)> {
+fn mean_motions(prepared: &Prepared, count: usize) -> Vec<(f64, Vec<f64>)> {
     let key = |trial: &PreparedTrial| (trial.velocity_rad_s.to_bits(), trial.label.clone());
     let mut keys: Vec<_> = prepared.trials.iter().map(key).collect();
     keys.sort();
@@ -113,36 +121,44 @@ fn mean_motions(prepared: &Prepared) -> Vec<(f64, Vec<f64>)> {
             alike.iter().map(theta).sum::<f64>() / alike.len() as f64
         };
         let share = alike.len() as f64 / prepared.trials.len() as f64;
-        (share, (0..prepared.samples + REACH).map(at).collect())
+        (share, (0..count).map(at).collect())
     };
     keys.iter().map(of_key).collect()
 }
 
-/// Adds the square of the torque's error that an error of the angle, sample by sample from the onset, makes.
-fn add_square(covariance: &mut DMatrix<f64>, places: &[usize], responses: &[f64], error: &[f64]) {
-    let torque = |place: &usize| {
-        let first = (place + REACH + 1).saturating_sub(responses.len());
-        let last = (place + REACH).min(error.len() - 1);
-        (first..=last).map(|wrong| error[wrong] * responses[place + REACH - wrong]).sum::<f64>()
-    };
-    let torque = DVector::from_iterator(places.len(), places.iter().map(torque));
-    *covariance += &torque * torque.transpose();
+/// The torque's response to an angle that is wrong at one sample, per rad, from `reach` samples before it: so far ahead the
+/// smoothing of the angle looks.
+struct TorqueResponse {
+    reach: usize,
+    nm_per_rad: Vec<f64>,
 }
 
-/// How many samples ahead the smoothing of the angle looks.
-const REACH: usize = 12;
+impl TorqueResponse {
+    fn new(prepared: &Prepared, smoothing: Smoothing, point: &[f64; 6]) -> Self {
+        // Small enough to stay where the spring is linear.
+        let error_rad = 1e-7;
+        let reach = smoothing.reach(prepared.period_s);
+        let mut alone = prepared.only(&[0]);
+        alone.samples += reach + 1;
+        let mut angle = vec![0.0; alone.lead + alone.samples + 2 * reach];
+        angle[alone.lead + reach] = error_rad;
+        alone.trials[0].input.motion = smoothing.knots(&angle, alone.period_s);
+        alone.trials[0].input.onset = alone.lead;
+        let mut response = Response::default();
+        predict(&alone, &[], &[], &[0], point, &mut response);
+        Self { reach, nm_per_rad: response.torque_nm.iter().map(|torque| torque / error_rad).collect() }
+    }
 
-/// The torque's response to an angle that is wrong at one sample, per rad, from [`REACH`] samples before it.
-fn responses(prepared: &Prepared, point: &[f64; 6]) -> Vec<f64> {
-    // Small enough to stay where the spring is linear.
-    let error_rad = 1e-7;
-    let mut alone = prepared.only(&[0]);
-    alone.samples += REACH + 1;
-    let mut angle = vec![0.0; alone.lead + alone.samples + REACH];
-    angle[alone.lead + REACH] = error_rad;
-    alone.trials[0].input.motion = knots(&angle, alone.period_s);
-    alone.trials[0].input.onset = alone.lead;
-    let mut response = Response::default();
-    predict(&alone, &[], &[], &[0], point, &mut response);
-    response.torque_nm.iter().map(|torque| torque / error_rad).collect()
+    /// Adds the square of the torque's error that an error of the angle, sample by sample from the onset, makes.
+    fn add_square(&self, covariance: &mut DMatrix<f64>, places: &[usize], error: &[f64]) {
+        let torque = |place: &usize| {
+            let first = (place + self.reach + 1).saturating_sub(self.nm_per_rad.len());
+            let last = (place + self.reach).min(error.len() - 1);
+            (first..=last)
+                .map(|wrong| error[wrong] * self.nm_per_rad[place + self.reach - wrong])
+                .sum::<f64>()
+        };
+        let torque = DVector::from_iterator(places.len(), places.iter().map(torque));
+        *covariance += &torque * torque.transpose();
+    }
 }

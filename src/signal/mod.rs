@@ -1,9 +1,11 @@
 //! From raw samples to what the fit compares: the filter, the onset, the noise of the hold.
 
 mod filter;
+mod hum;
 mod noise;
 mod onset;
 
 pub use filter::{FilterError, FilterSpec, Section, SectionState, filter, filter_both_ways};
+pub use hum::Sinusoid;
 pub use noise::Noise;
 pub use onset::onset;

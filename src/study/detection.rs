@@ -9,8 +9,8 @@ use super::error::UnitError;
 use super::plan::{Study, What};
 use super::power::{Drawing, Found};
 use super::run::{Kept, simulate, view};
-use crate::diagnose::diagnose;
-use crate::fit::{Model, Prepared};
+use crate::diagnose::{Look, diagnose};
+use crate::fit::Model;
 use crate::random::Stream;
 use crate::rig::virtual_wrist::Mechanisms;
 
@@ -67,7 +67,8 @@ fn of_unit(
     let named = |most: &u32| {
         let mut part = session.clone();
         part.trials.retain(|trial| trial.repetition <= *most);
-        let diagnosis = diagnose(&Prepared::new(&part, view(protocol))?, &Model::paper(), seed);
+        let model = Model::paper();
+        let diagnosis = diagnose(&Look::new(&part, view(protocol), &model)?, &model, seed);
         let kinds = diagnosis.causes.iter().map(|cause| cause.kind.id());
         Ok(kinds.into_iter().any(|id| mechanisms.kinds.iter().any(|kind| kind.id() == id)))
     };

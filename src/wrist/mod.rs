@@ -21,7 +21,7 @@ mod vector;
 
 pub use integrate::{Drive, Given, Glide, LONGEST_STEP, Varied, advance, substeps};
 pub use jet::Jet;
-pub use motion::{knots, servo_response};
+pub use motion::{Smoothing, knots, servo_response};
 pub use number::{Number, Plain};
 pub use plant::{
     BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Knot, Lever, LeverCoefficients, MEMORY, Mechanics, Moment,

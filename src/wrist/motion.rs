@@ -4,19 +4,56 @@ use super::mechanisms::{Channels, hermite};
 use super::number::{Number, Plain};
 use super::plant::Knot;
 
-/// Time to either side of a sample over which the recorded angle is smoothed, s: the steps of an encoder lie beyond, the
-/// rise of a ramp and the torque's filter well within.
-const SMOOTHING_S: f64 = 0.0012;
+/// How a recorded angle is smoothed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Smoothing {
+    /// Time to either side of a sample, s.
+    pub half_s: f64,
+    /// What was left over is smoothed as well and added (Tukey's twicing): rises as fast as the stretch stay as they are.
+    pub twice: bool,
+}
 
-/// Angle and speed at every sample: those of the cubic fitted to the samples about it (Savitzky and Golay 1964), over a
-/// shorter stretch near the ends.
+impl Smoothing {
+    /// Of one record: the steps of an encoder lie beyond, the rise of a ramp and the paper's filter well within.
+    pub const ONE_RECORD: Self = Self { half_s: 0.0012, twice: false };
+
+    /// Samples to either side that the result at a sample rests on.
+    pub fn reach(self, period_s: f64) -> usize {
+        let half = (libm::round(self.half_s / period_s) as usize).max(2);
+        if self.twice { 2 * half } else { half }
+    }
+
+    /// Angle and speed at every sample.
+    ///
+    /// # Panics
+    /// If there are fewer than five samples.
+    pub fn knots(self, theta_rad: &[f64], period_s: f64) -> Vec<Knot<f64>> {
+        let mut result = cubics(theta_rad, period_s, self.half_s);
+        if self.twice {
+            let left: Vec<f64> =
+                theta_rad.iter().zip(&result).map(|(theta, knot)| theta - knot.theta).collect();
+            for (knot, more) in result.iter_mut().zip(cubics(&left, period_s, self.half_s)) {
+                *knot = Knot { theta: knot.theta + more.theta, omega: knot.omega + more.omega };
+            }
+        }
+        result
+    }
+}
+
+/// Angle and speed at every sample of one record, s.
 ///
 /// # Panics
 /// If there are fewer than five samples.
 pub fn knots(theta_rad: &[f64], period_s: f64) -> Vec<Knot<f64>> {
+    Smoothing::ONE_RECORD.knots(theta_rad, period_s)
+}
+
+/// Value and slope of the cubic fitted to the samples about each sample (Savitzky and Golay 1964), over a shorter stretch
+/// near the ends.
+fn cubics(theta_rad: &[f64], period_s: f64, half_s: f64) -> Vec<Knot<f64>> {
     let count = theta_rad.len();
     assert!(count >= 5, "speed needs at least five samples");
-    let widest = (libm::round(SMOOTHING_S / period_s) as usize).clamp(2, (count - 1) / 2);
+    let widest = (libm::round(half_s / period_s) as usize).clamp(2, (count - 1) / 2);
     let at = |sample: usize| {
         let half = widest.min(sample).min(count - 1 - sample);
         if half < 2 {

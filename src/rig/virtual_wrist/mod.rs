@@ -3,6 +3,7 @@
 //! tried on before a limb is.
 
 mod emg;
+mod hidden;
 mod limb;
 mod mechanisms;
 mod noise;
@@ -12,6 +13,7 @@ mod servo;
 mod setup;
 mod voluntary;
 
+pub use hidden::{Sealed, hidden};
 pub use mechanisms::{Mechanisms, UnknownMechanism};
 pub use person::{FORMAT as PERSON_FORMAT, Person, PersonError, Surface};
 pub use setup::{RigFile, RigFileError, Setup};

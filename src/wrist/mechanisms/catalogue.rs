@@ -50,6 +50,11 @@ macro_rules! catalogue {
                 match self { $(Self::$name => $module::$name::probes(session),)* }
             }
 
+            /// See [`Mechanism::hidden_sizes`].
+            pub fn hidden_sizes(self, lever: Option<Lever>) -> Option<(f64, f64)> {
+                match self { $(Self::$name => $module::$name::hidden_sizes(lever),)* }
+            }
+
             /// Whether it alters how the recorded angle becomes the motor's.
             pub fn alters_angle(self) -> bool {
                 match self { $(Self::$name => <$module::$name as Mechanism>::ALTERS_ANGLE,)* }

@@ -1,6 +1,7 @@
 //! A smoother transition at the elastic limit than a_s = 100 gives (Eq. 2).
 
 use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
+use crate::wrist::Lever;
 use crate::wrist::number::Number;
 use crate::wrist::plant::{Plant, YIELD_SMOOTHNESS_PER_NM};
 
@@ -15,6 +16,11 @@ impl Mechanism for GradualYield {
         Parameter::new("smoothness_per_nm", "a_s in Eq. 2", (3.0, 100.0), Some(YIELD_SMOOTHNESS_PER_NM), 20.0),
     ];
     const SOURCE: &'static str = "a_s of Eq. 2 of de Vlugt et al. 2011, there fixed at 100";
+
+    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+        let _ = lever;
+        Some((4.0, 8.0))
+    }
 
     fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
         [8.0, 25.0].map(|smoothness| vec![smoothness]).to_vec()

@@ -1,6 +1,7 @@
 //! A lever whose damping b_l is not the one that the session states.
 
 use super::{Surroundings, Class, Covariates, Mechanism, Need, Parameter};
+use crate::wrist::Lever;
 use crate::wrist::number::Number;
 use crate::wrist::plant::Plant;
 
@@ -16,6 +17,10 @@ impl Mechanism for LeverDamping {
     ];
     const SOURCE: &'static str = "b_l of Table 1 of de Vlugt et al. 2011";
     const NEEDS: &'static [Need] = &[Need::Lever];
+
+    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+        lever.map(|lever| (1.5 * lever.damping_nm_s_per_rad, 2.0 * lever.damping_nm_s_per_rad))
+    }
 
     fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
         session.lever.map(|lever| vec![1.1 * lever.damping_nm_s_per_rad]).into_iter().collect()

@@ -1,6 +1,7 @@
 //! A lever whose inertia I_l is not the one that the session states.
 
 use super::{Surroundings, Class, Covariates, Mechanism, Need, Parameter};
+use crate::wrist::Lever;
 use crate::wrist::number::Number;
 use crate::wrist::plant::Plant;
 
@@ -16,6 +17,10 @@ impl Mechanism for LeverInertia {
     ];
     const SOURCE: &'static str = "I_l of Table 1 of de Vlugt et al. 2011";
     const NEEDS: &'static [Need] = &[Need::Lever];
+
+    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+        lever.map(|lever| (1.5 * lever.inertia_kg_m2, 2.0 * lever.inertia_kg_m2))
+    }
 
     fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
         session.lever.map(|lever| vec![1.1 * lever.inertia_kg_m2]).into_iter().collect()

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 pub use past::{Past, hermite};
 
+use super::Lever;
 use super::number::{Number, Plain};
 use super::plant::{MEMORY, Moment, Plant, Torques};
 
@@ -208,6 +209,15 @@ pub trait Mechanism {
     fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
         let _ = session;
         vec![Self::PARAMETERS.iter().map(|parameter| parameter.typical).collect()]
+    }
+
+    /// Between which values of the first parameter a game hides it in a virtual wrist, or `None` if it cannot be; by default
+    /// from two to four times as far from no effect as the typical value.
+    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+        let _ = lever;
+        let first = Self::PARAMETERS.first()?;
+        let absent = first.absent?;
+        Some((absent + 2.0 * (first.typical - absent), absent + 4.0 * (first.typical - absent)))
     }
 
     /// Alters the coefficients of a trial.

@@ -12,7 +12,7 @@ impl Mechanism for PostYieldViscosity {
     const TITLE: &'static str = "viscosity beyond the elastic limit";
     const CLASS: Class = Class::Plant;
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("coefficient_nm_s_per_rad", "torque per speed beyond x_e", (0.0, 2.0), Some(0.0), 0.03),
+        Parameter::new("coefficient_nm_s_per_rad", "torque per speed beyond x_e", (0.0, 2.0), Some(0.0), 0.15),
     ];
     const SOURCE: &'static str = "Rack and Westbury 1974: beyond the short range the muscle acts like a viscous damper";
 

@@ -1,6 +1,7 @@
 //! The recorded angle is the command; the motor follows it with a finite bandwidth.
 
 use super::{Surroundings, Channels, Class, Mechanism, Parameter};
+use crate::wrist::Lever;
 use crate::wrist::number::Number;
 
 /// See the module.
@@ -15,6 +16,11 @@ impl Mechanism for ServoFollowing {
     ];
     const SOURCE: &'static str = "Two equal real poles at the bandwidth";
     const ALTERS_ANGLE: bool = true;
+
+    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+        let _ = lever;
+        Some((100.0, 180.0))
+    }
 
     fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
         [60.0, 200.0].map(|bandwidth| vec![bandwidth]).to_vec()

@@ -12,7 +12,7 @@ impl Mechanism for Stiffening {
     const TITLE: &'static str = "stiffness grows with the joint angle";
     const CLASS: Class = Class::Plant;
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("coefficient_per_rad", "relative growth of k_srs with the joint angle", (-10.0, 30.0), Some(0.0), 2.0),
+        Parameter::new("coefficient_per_rad", "relative growth of k_srs with the joint angle", (-10.0, 30.0), Some(0.0), 4.0),
     ];
     const SOURCE: &'static str = "First-order dependence of stiffness on angle";
 

@@ -12,7 +12,7 @@ impl Mechanism for StressRelaxation {
     const TITLE: &'static str = "stress relaxation in the muscle";
     const CLASS: Class = Class::Plant;
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("stiffness_nm_per_rad", "stiffness of the Maxwell branch", (0.0, 100.0), Some(0.0), 3.0),
+        Parameter::new("stiffness_nm_per_rad", "stiffness of the Maxwell branch", (0.0, 100.0), Some(0.0), 15.0),
         Parameter::new("time_constant_s", "its relaxation time", (0.001, 0.5), None, 0.01),
     ];
     const SOURCE: &'static str = "Maxwell element in parallel with k_j";

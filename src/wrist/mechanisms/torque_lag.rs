@@ -1,6 +1,7 @@
 //! A low-pass in the torque channel that the angle channel does not have.
 
 use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
+use crate::wrist::Lever;
 use crate::wrist::number::Number;
 use crate::wrist::plant::{MEMORY, Moment};
 
@@ -16,6 +17,11 @@ impl Mechanism for TorqueLag {
     ];
     const SOURCE: &'static str = "First-order low-pass";
     const MEMORY: usize = 1;
+
+    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+        let _ = lever;
+        Some((80.0, 160.0))
+    }
 
     fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
         [60.0, 200.0].map(|cutoff| vec![cutoff]).to_vec()

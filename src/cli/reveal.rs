@@ -1,0 +1,83 @@
+//! `ramphold reveal`: what `run --hide` hid, and what the diagnosis made of it.
+
+use std::fs;
+use std::io::Write;
+use std::path::PathBuf;
+
+use ramphold::rig::virtual_wrist::{RigFile, hidden};
+use serde_json::Value;
+
+use super::resume::{Kept, is_seed_of, kept};
+use super::{Console, Failure, Verb};
+
+/// Tell what `run --hide` hid in a session, and whether its diagnosis found it.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  ramphold run protocols/de-vlugt-2011.json --hide 7 --out sessions/riddle\n  \
+                        ramphold diagnose sessions/riddle\n  ramphold reveal sessions/riddle --seed 7\n\n\
+                        Exit code 1 if the diagnosis missed it."
+)]
+pub struct Reveal {
+    /// The session's folder.
+    session: PathBuf,
+    /// The seed that was given to `run --hide`.
+    #[arg(long, value_name = "N")]
+    seed: u64,
+}
+
+impl Verb for Reveal {
+    fn run(self, console: &Console) -> Result<(), Failure> {
+        let Kept { rig: RigFile::Virtual(setup), sealed, .. } = kept(&self.session)?;
+        is_seed_of(sealed.as_ref(), Some(self.seed), "--seed", &self.session)?;
+        let effect = hidden(self.seed, setup.lever);
+        let kind = effect.kinds[0];
+        let mut out = console.results();
+        writeln!(out, "hidden: {} ({})", kind.id(), kind.title())?;
+        for (parameter, value) in kind.parameters().iter().zip(&effect.parameters) {
+            writeln!(out, "  {} = {value:.4e}: {}", parameter.name, parameter.meaning)?;
+        }
+        let diagnosis = self.diagnosis()?;
+        writeln!(out, "verdict: {}", diagnosis["verdict"].as_str().unwrap_or("not said"))?;
+        let mut found = false;
+        for cause in diagnosis["causes"].as_array().into_iter().flatten() {
+            let rivals =
+                cause["indistinguishable"].as_array().into_iter().flatten().filter_map(Value::as_str);
+            let set: Vec<&str> = cause["mechanism"].as_str().into_iter().chain(rivals).collect();
+            let is_it = set.contains(&kind.id());
+            found |= is_it;
+            writeln!(out, "named: {}{}", set.join(" or "), if is_it { ", which is right" } else { "" })?;
+            if set.first() != Some(&kind.id()) {
+                continue;
+            }
+            for (parameter, value) in kind.parameters().iter().zip(&effect.parameters) {
+                let own = &cause["parameters"][parameter.name];
+                if let (Some(low), Some(high)) = (own["low"].as_f64(), own["high"].as_f64()) {
+                    let covers = if (low..=high).contains(value) { "holds" } else { "misses" };
+                    writeln!(
+                        out,
+                        "  {}: {low:.4e} to {high:.4e} {covers} the true {value:.4e}",
+                        parameter.name
+                    )?;
+                }
+            }
+        }
+        if found { Ok(()) } else { Err(Failure::NotFound { mechanism: kind.id() }) }
+    }
+}
+
+impl Reveal {
+    fn diagnosis(&self) -> Result<Value, Failure> {
+        let path = self.session.join("results").join("diagnosis.json");
+        if !path.exists() {
+            let session = self.session.display();
+            return Err(Failure::Usage(format!(
+                "{session}: has no diagnosis yet; get it with: ramphold diagnose {session}"
+            )));
+        }
+        let file = path.display().to_string();
+        let text =
+            fs::read_to_string(&path).map_err(|source| Failure::Read { file: file.clone(), source })?;
+        serde_json::from_str(&text)
+            .map_err(|error| Failure::Usage(format!("{file}: {error}; expected the file of a diagnosis")))
+    }
+}
