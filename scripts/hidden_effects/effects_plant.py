@@ -22,11 +22,13 @@ def joint_friction(s, size, rng):
     level = size * SIZES["joint_friction"]["level_nm"]
     presliding_rad = SIZES["joint_friction"]["presliding_rad"]
 
-    def dahl(t, theta, speed, z, past):
-        return z[0], ((level * speed - np.abs(speed) * z[0]) / presliding_rad)[None]
+    def lugre(t, theta, speed, z, past):
+        # Bristles of stiffness level / presliding that slip the easier the faster, down to the level (Stribeck).
+        slips_at = level * (1 + 0.15 * np.exp(-((speed / 0.3) ** 2)))
+        return z[0], (level / presliding_rad * (speed - np.abs(speed) * z[0] / slips_at))[None]
 
-    s.forces.append(Force(dahl, states=1))
-    return {"level_nm": level}, [], f"Dahl friction, presliding {presliding_rad} rad"
+    s.forces.append(Force(lugre, states=1))
+    return {"level_nm": level, "presliding_rad": presliding_rad}, ["presliding_rad"], "LuGre friction with a Stribeck drop"
 
 
 def interface_hardening(s, size, rng):

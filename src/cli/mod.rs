@@ -6,6 +6,7 @@
 mod check;
 mod cohort;
 mod console;
+mod design;
 mod diagnose;
 mod export;
 mod failure;
@@ -70,6 +71,7 @@ verbs! {
     Export(export::Export),
     Diagnose(diagnose::Diagnose),
     Reveal(reveal::Reveal),
+    Design(design::Design),
     Schedule(schedule::Schedule),
     States(states::States),
     Schema(schema::Schema),

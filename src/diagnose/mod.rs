@@ -9,6 +9,7 @@
 
 mod across;
 mod calibrate;
+mod design;
 mod gain;
 mod hum;
 mod look;
@@ -21,6 +22,7 @@ mod search;
 mod tangent;
 
 pub use across::{LimitLaw, Outlier, Trend};
+pub use design::{Proposal, design};
 pub use gain::{Gain, Ratio};
 pub use hum::{Hum, without as without_hum};
 pub use look::Look;

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::calibrate::{refit, simulated};
+use super::calibrate::simulated;
 use super::screen::{Probe, Score, torques};
 use crate::fit::{Fit, Model, NoiseMaker, Prepared};
 use crate::random::Stream;
@@ -36,6 +36,14 @@ fn fitted_count(kind: Kind) -> usize {
     kind.parameters().iter().filter(|parameter| parameter.fitted).count()
 }
 
+/// The mechanisms that were fitted, the best first.
+pub struct Shortlist {
+    /// They.
+    pub candidates: Vec<Candidate>,
+    /// Variance of the residuals over what the noise says, at the best of them; at least one.
+    pub unit: f64,
+}
+
 /// How many mechanisms are fitted with all care at each step.
 const SHORTLIST: usize = 6;
 
@@ -43,11 +51,11 @@ const SHORTLIST: usize = 6;
 ///
 /// What screening promises tells where to start, not whom to leave out: a model that lacks something large has gone to where
 /// the step to the right mechanism is not straight.
-pub fn candidates(prepared: &Prepared, fit: &Fit, scored: &[(Probe, Score)], unit: f64) -> Vec<Candidate> {
+pub fn candidates(prepared: &Prepared, fit: &Fit, scored: &[(Probe, Score)], freedom: f64) -> Shortlist {
     let mut kinds: Vec<Kind> = scored.iter().map(|(probe, _)| probe.kind).collect();
     kinds.dedup();
     let before = cost(fit);
-    let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - cost(&fit)) / unit, fit };
+    let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - cost(&fit)), fit };
     let mut rough: Vec<Candidate> = kinds
         .into_par_iter()
         .filter_map(|kind| {
@@ -60,8 +68,11 @@ pub fn candidates(prepared: &Prepared, fit: &Fit, scored: &[(Probe, Score)], uni
     rough.truncate(SHORTLIST);
     let mut settled: Vec<Candidate> =
         rough.into_par_iter().map(|own| candidate(own.fit.settled(prepared), own.kind)).collect();
+    let best = settled.iter().map(|own| 2.0 * cost(&own.fit)).fold(f64::INFINITY, f64::min);
+    let unit = (best / freedom).clamp(1.0, f64::MAX);
+    settled.iter_mut().for_each(|own| own.worth /= unit);
     settled.sort_by(|a, b| b.merit().total_cmp(&a.merit()));
-    settled
+    Shortlist { candidates: settled, unit }
 }
 
 /// Half the sum of squares of all trials.
@@ -96,18 +107,31 @@ const SIMULATIONS: usize = 19;
 /// A rival that would have to be this much worse to be ruled out without simulation.
 const FAR_BEHIND: f64 = 25.0;
 
+/// Beyond so many standard deviations of the lead that a rival's truth would give, nothing need be simulated.
+const BEYOND_DOUBT: f64 = 4.5;
+
 /// The rivals of the first candidate that the data do not rule out.
 ///
 /// For each, sessions are simulated in which the rival is the truth, and both are fitted to them: if the first candidate
-/// often wins by as much as it did, the rival may be the truth.
-pub fn not_ruled_out(prepared: &Prepared, candidates: &[Candidate], unit: f64, seed: u64) -> Vec<Kind> {
-    let Some((first, rivals)) = candidates.split_first() else { return Vec::new() };
+/// wins by as much as it did in one of twenty, the rival may be the truth. The session without noise comes first: if the
+/// first candidate leaves D of it, its lead in sessions with noise is about normal about -D with variance 4 D.
+pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> Vec<Kind> {
+    let unit = shortlist.unit;
+    let Some((first, rivals)) = shortlist.candidates.split_first() else { return Vec::new() };
     let lead = |rival: &Candidate| first.worth - rival.worth;
     rivals
         .iter()
         .filter(|rival| rival.worth > 0.0 && lead(rival) < FAR_BEHIND)
         .filter(|rival| {
             let predicted = torques(prepared, &rival.fit.kinds, &rival.fit.parameters);
+            let mut without_noise = prepared.clone();
+            for (trial, torque) in without_noise.trials.iter_mut().zip(&predicted) {
+                trial.measured_nm.clone_from(torque);
+            }
+            let distance = 2.0 * cost(&first.fit.extended(&without_noise, &first.fit.model)) / unit;
+            if lead(rival) > BEYOND_DOUBT * 2.0 * libm::sqrt(distance) - distance {
+                return false;
+            }
             let noise = NoiseMaker::of(&prepared.noises);
             let wins: usize = (0..SIMULATIONS)
                 .into_par_iter()
@@ -115,7 +139,8 @@ pub fn not_ruled_out(prepared: &Prepared, candidates: &[Candidate], unit: f64, s
                     let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
                     let mut stream = Stream::new(seed, &name);
                     let simulated = simulated(prepared, &predicted, &noise, &mut stream);
-                    let (a, b) = (refit(&simulated, &first.fit), refit(&simulated, &rival.fit));
+                    let again = |fit: &Fit| fit.extended(&simulated, &fit.model);
+                    let (a, b) = (again(&first.fit), again(&rival.fit));
                     let simulated_lead = 2.0 * (cost(&b) - cost(&a)) / unit;
                     usize::from(simulated_lead >= lead(rival))
                 })

@@ -143,15 +143,15 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
                 (probe, score)
             })
             .collect();
-        let found = candidates(prepared, &fit, &scored, finding.unit);
-        for own in &found {
+        let found = candidates(prepared, &fit, &scored, tangent.freedom());
+        for own in &found.candidates {
             tracing::debug!(step, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
         }
-        let Some(best) = found.first().filter(|best| best.merit() > WORTH_ADDING) else { break };
+        let Some(best) = found.candidates.first().filter(|best| best.merit() > WORTH_ADDING) else { break };
         causes.push(Cause {
             kind: best.kind,
             p_value: chance.of_any().max(chance.of_largest.min(chance.of_excess)),
-            indistinguishable: not_ruled_out(prepared, &found, finding.unit, seed),
+            indistinguishable: not_ruled_out(prepared, &found, seed),
             evidence: trace_evidence(prepared, &fit, best, seed),
         });
         fit = best.fit.clone();

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::screen::torques;
-use crate::fit::{Fit, Link, Objective, Prepared, predictions};
+use crate::fit::{Component, Fit, Link, Objective, Prediction, Prepared, predictions};
 
 /// A fit's residuals and tangent space, component by component.
 pub struct Tangent {
@@ -15,13 +15,35 @@ pub struct Tangent {
     at_rest: Option<Direction>,
 }
 
-/// One component: trials that share parameters.
+/// One component: trials that share parameters, block after block.
 struct Part {
     trials: Vec<usize>,
-    /// Orthonormal basis of what the parameters can do.
-    basis: DMatrix<f64>,
+    blocks: Vec<Block>,
+    /// Orthonormal basis of what the parameters in common can do beyond those of the blocks.
+    border: DMatrix<f64>,
     /// Whitened residuals (measured less predicted), less what the parameters could still do.
     residual: DVector<f64>,
+}
+
+/// The rows of a block's trials, and an orthonormal basis of what its own parameters can do to them.
+struct Block {
+    first: usize,
+    basis: DMatrix<f64>,
+}
+
+impl Part {
+    /// Takes away from `stacked` what the parameters can absorb.
+    fn project(&self, stacked: &mut DVector<f64>) {
+        for Block { first, basis } in &self.blocks {
+            let mut own = stacked.rows_mut(*first, basis.nrows());
+            own -= basis * basis.tr_mul(&own);
+        }
+        *stacked -= &self.border * self.border.tr_mul(stacked);
+    }
+
+    fn parameters(&self) -> usize {
+        self.blocks.iter().map(|block| block.basis.ncols()).sum::<usize>() + self.border.ncols()
+    }
 }
 
 /// A change of the predictions, whitened, one vector a trial. Projected ones lack the part that the free parameters can absorb,
@@ -36,45 +58,8 @@ impl Tangent {
         let known: Vec<Vec<usize>> = (0..count).map(|trial| known(fit, trial)).collect();
         let rows: Vec<usize> =
             (0..count).map(|trial| whiten_rows(prepared, fit, trial) + known[trial].len()).collect();
-        let parts = fit
-            .layout
-            .components
-            .iter()
-            .map(|component| {
-                let order = component.order();
-                let count: usize = component.trials.iter().map(|trial| rows[*trial]).sum();
-                let mut jacobian = DMatrix::zeros(count, order.len());
-                let mut residual = DVector::zeros(count);
-                let mut first = 0;
-                for trial in &component.trials {
-                    let (own, left) = (&predictions[*trial].jacobian, &predictions[*trial].residual_nm);
-                    let white = whiten_matrix(prepared, fit, *trial, own);
-                    let values = white.nrows();
-                    residual.rows_mut(first, values).copy_from(&whiten(prepared, fit, *trial, left));
-                    for (row, coordinate) in known[*trial].iter().enumerate() {
-                        let (centre, sd) = fit.layout.coordinates[*coordinate].prior.unwrap_or((0.0, 1.0));
-                        residual[first + values + row] =
-                            (centre - fit.solution.coordinates[*coordinate]) / sd;
-                        if let Some(place) = order.iter().position(|own| own == coordinate) {
-                            jacobian[(first + values + row, place)] = 1.0 / sd;
-                        }
-                    }
-                    for (row, parameter) in fit.layout.estimated.iter().enumerate() {
-                        let value = fit.parameters[*trial][*parameter];
-                        fit.layout.slopes(*trial, *parameter, value, |coordinate, slope| {
-                            if let Some(place) = order.iter().position(|own| *own == coordinate) {
-                                let mut column = jacobian.view_mut((first, place), (values, 1));
-                                column += white.column(row) * slope;
-                            }
-                        });
-                    }
-                    first += rows[*trial];
-                }
-                let basis = orthonormal(jacobian);
-                residual -= &basis * basis.tr_mul(&residual);
-                Part { trials: component.trials.clone(), basis, residual }
-            })
-            .collect();
+        let part = |component: &Component| Part::new(prepared, fit, component, &predictions, &rows, &known);
+        let parts = fit.layout.components.iter().map(part).collect();
         let known = known.iter().map(Vec::len).collect();
         let mut tangent = Self { parts, rows, known, at_rest: None };
         if prepared.angle_step_rad > 0.0 {
@@ -101,7 +86,7 @@ impl Tangent {
                 stacked.rows_mut(first, change[*trial].len()).copy_from(&change[*trial]);
                 first += self.rows[*trial];
             }
-            stacked -= &part.basis * part.basis.tr_mul(&stacked);
+            part.project(&mut stacked);
             stacked
         });
         self.without_rounding(projected)
@@ -119,7 +104,7 @@ impl Tangent {
 
     /// Values less parameters: the degrees of freedom of the residuals.
     pub fn freedom(&self) -> f64 {
-        self.parts.iter().map(|part| part.residual.len() as f64 - part.basis.ncols() as f64).sum()
+        self.parts.iter().map(|part| part.residual.len() as f64 - part.parameters() as f64).sum()
     }
 
     /// The whitened values of a trial's torque, without those that stand for what is known beforehand.
@@ -138,6 +123,70 @@ impl Tangent {
             }
         }
         result
+    }
+}
+
+impl Part {
+    fn new(
+        prepared: &Prepared,
+        fit: &Fit,
+        component: &Component,
+        predictions: &[Prediction],
+        rows: &[usize],
+        known: &[Vec<usize>],
+    ) -> Self {
+        let count: usize = component.trials.iter().map(|trial| rows[*trial]).sum();
+        let mut part = Self {
+            trials: Vec::new(),
+            blocks: Vec::new(),
+            border: DMatrix::zeros(count, component.border.len()),
+            residual: DVector::zeros(count),
+        };
+        let mut first = 0;
+        for (block, own) in component.blocks.iter().enumerate() {
+            let begin = first;
+            let trials: Vec<usize> = component.trials_of_block(block).collect();
+            let mut jacobian = DMatrix::zeros(trials.iter().map(|trial| rows[*trial]).sum(), own.len());
+            for trial in trials {
+                let Prediction { jacobian: slopes, residual_nm, .. } = &predictions[trial];
+                let white = whiten_matrix(prepared, fit, trial, slopes);
+                let values = white.nrows();
+                part.residual.rows_mut(first, values).copy_from(&whiten(prepared, fit, trial, residual_nm));
+                for (row, coordinate) in known[trial].iter().enumerate() {
+                    let (centre, sd) = fit.layout.coordinates[*coordinate].prior.unwrap_or((0.0, 1.0));
+                    part.residual[first + values + row] =
+                        (centre - fit.solution.coordinates[*coordinate]) / sd;
+                    if let Some(place) = own.iter().position(|own| own == coordinate) {
+                        jacobian[(first - begin + values + row, place)] = 1.0 / sd;
+                    }
+                }
+                for (row, parameter) in fit.layout.estimated.iter().enumerate() {
+                    let value = fit.parameters[trial][*parameter];
+                    fit.layout.slopes(trial, *parameter, value, |coordinate, slope| {
+                        let change = white.column(row) * slope;
+                        if let Some(place) = own.iter().position(|own| *own == coordinate) {
+                            let mut column = jacobian.view_mut((first - begin, place), (values, 1));
+                            column += change;
+                        } else if let Some(place) = component.border.iter().position(|own| *own == coordinate)
+                        {
+                            let mut column = part.border.view_mut((first, place), (values, 1));
+                            column += change;
+                        }
+                    });
+                }
+                first += rows[trial];
+                part.trials.push(trial);
+            }
+            let basis = orthonormal(jacobian);
+            let mut shared = part.border.rows_mut(begin, basis.nrows());
+            shared -= &basis * basis.tr_mul(&shared);
+            part.blocks.push(Block { first: begin, basis });
+        }
+        part.border = orthonormal(part.border);
+        let mut residual = std::mem::replace(&mut part.residual, DVector::zeros(0));
+        part.project(&mut residual);
+        part.residual = residual;
+        part
     }
 }
 
@@ -178,6 +227,9 @@ fn orthonormal(mut columns: DMatrix<f64>) -> DMatrix<f64> {
         if norm > 0.0 {
             column /= norm;
         }
+    }
+    if columns.ncols() == 0 {
+        return columns;
     }
     let decomposed = columns.col_piv_qr();
     let (basis, triangle) = (decomposed.q(), decomposed.r());

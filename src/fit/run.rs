@@ -78,7 +78,8 @@ impl Fit {
         let points = looks(prepared);
         let (rough, _) = objective(prepared, Weighting::MeasuredNoise, points.first());
         let guess = Guess::pooled(prepared, &rough, &points, model);
-        Self::from_guess(prepared, model, self.objective.clone(), self.covariances.clone(), &guess)
+        let (objective, covariances) = (self.objective.clone(), self.covariances.clone());
+        Self::from_guess_with(prepared, model, objective, covariances, &guess, EXTENSION)
     }
 
     /// The optimum after a second look, with the yields of single trials leaning on those of all: what a diagnosis compares,
@@ -103,9 +104,20 @@ impl Fit {
         covariances: Vec<Noise>,
         guess: &Guess,
     ) -> Self {
+        Self::from_guess_with(prepared, model, objective, covariances, guess, Effort::default())
+    }
+
+    fn from_guess_with(
+        prepared: &Prepared,
+        model: &Model,
+        objective: Objective,
+        covariances: Vec<Noise>,
+        guess: &Guess,
+        effort: Effort,
+    ) -> Self {
         let kinds = model.kinds();
         let layout = Layout::new(prepared, model, guess);
-        let solution = solve(prepared, &layout, &kinds, &objective, &layout.start(), Effort::default());
+        let solution = solve(prepared, &layout, &kinds, &objective, &layout.start(), effort);
         let mut fit = Self {
             model: model.clone(),
             kinds,

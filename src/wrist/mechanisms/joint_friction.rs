@@ -4,9 +4,6 @@ use super::{Class, Mechanism, Parameter, Past};
 use crate::wrist::number::Number;
 use crate::wrist::plant::{MEMORY, Moment, Torques};
 
-/// Speed over which friction builds up, rad/s.
-const SMOOTHING_RAD_S: f64 = 0.05;
-
 /// See the module.
 pub struct JointFriction;
 
@@ -16,18 +13,23 @@ impl Mechanism for JointFriction {
     const CLASS: Class = Class::Plant;
     const PARAMETERS: &'static [Parameter] = &[
         Parameter::new("level_nm", "friction torque in motion", (0.0, 1.0), Some(0.0), 0.05),
+        Parameter::new("presliding_rad", "travel over which it builds up", (0.0002, 0.005), None, 0.0005),
     ];
-    const SOURCE: &'static str = "Coulomb friction, smoothed by tanh over 0.05 rad/s";
+    const SOURCE: &'static str = "Dahl 1968: dz/dt = (level w - z |w|) / presliding; the bristles' torque z tends to the level in motion";
+    const MEMORY: usize = 1;
 
     #[inline(always)]
     fn act<T: Number>(
         p: &[T],
         moment: &Moment<'_, T>,
         _past: &Past<T>,
-        _slot: usize,
+        slot: usize,
         torques: &mut Torques<T>,
-        _rates: &mut [T; MEMORY],
+        rates: &mut [T; MEMORY],
     ) {
-        torques.joint = torques.joint + p[0] * moment.state.omega_j.scale(1.0 / SMOOTHING_RAD_S).tanh();
+        let (speed, bristles) = (moment.state.omega_j, moment.state.memory[slot]);
+        let (forward, backward) = (speed.positive_part(), (-speed).positive_part());
+        rates[slot] = (forward * (p[0] - bristles) - backward * (p[0] + bristles)) / p[1];
+        torques.joint = torques.joint + bristles;
     }
 }

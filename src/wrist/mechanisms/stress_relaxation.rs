@@ -19,7 +19,7 @@ impl Mechanism for StressRelaxation {
     const MEMORY: usize = 1;
 
     fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
-        [0.002, 0.006, 0.02].map(|time_constant| vec![3.0, time_constant]).to_vec()
+        [0.002, 0.006, 0.02].map(|time_constant| vec![15.0, time_constant]).to_vec()
     }
 
     #[inline(always)]

@@ -1,0 +1,136 @@
+//! `ramphold diagnose`, `run --hide`, `reveal` and `design`: what a scientist sees of a wrist that hides something.
+
+mod common;
+
+use std::fs;
+use std::path::PathBuf;
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+/// The paper's protocol, and a folder to work in.
+const PAPER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols/de-vlugt-2011.json");
+const QUICK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols/quick.json");
+
+struct Desk(tempfile::TempDir);
+
+impl Desk {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn call(&self, code: i32, arguments: &[&str]) -> (String, String) {
+        self.call_with("0", code, arguments)
+    }
+
+    /// Calls the program with so many threads (0: as many as there are cores); its standard output and error.
+    fn call_with(&self, threads: &str, code: i32, arguments: &[&str]) -> (String, String) {
+        let mut command = Command::cargo_bin("ramphold").unwrap();
+        let command = command.current_dir(self.0.path()).env("RAYON_NUM_THREADS", threads).args(arguments);
+        let assert = command.assert().code(code);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (text(&assert.get_output().stdout), text(&assert.get_output().stderr))
+    }
+
+    fn diagnosis(&self, file: &str) -> Value {
+        serde_json::from_str(&fs::read_to_string(self.path(file)).unwrap()).unwrap()
+    }
+
+    /// A model with one mechanism at given values.
+    fn model(&self, mechanism: &str, parameters: Value) {
+        let model = serde_json::json!({
+            "format": "ramphold-model/1",
+            "mechanisms": [{ "mechanism": mechanism, "parameters": parameters }],
+        });
+        fs::write(self.path("hides.json"), model.to_string()).unwrap();
+    }
+}
+
+#[test]
+fn a_late_torque_channel_is_named_measured_and_gone_with_the_extended_model() {
+    let desk = Desk::new();
+    desk.model("channel_skew", serde_json::json!({ "delay_s": 0.0009 }));
+    desk.call(0, &["run", PAPER, "--seed", "5", "--model", "hides.json", "--out", "s"]);
+    desk.call(0, &["diagnose", "s", "--seed", "2"]);
+    let found = desk.diagnosis("s/results/diagnosis.json");
+    let causes = found["causes"].as_array().unwrap();
+    let first = &causes[0];
+    let rivals = first["indistinguishable"].as_array().unwrap();
+    let named = first["mechanism"] == "channel_skew" || rivals.iter().any(|id| id == "channel_skew");
+    assert!(named, "{first:#}");
+    let delay = &first["parameters"]["delay_s"];
+    let (low, high) = (delay["low"].as_f64().unwrap(), delay["high"].as_f64().unwrap());
+    assert!(low < 0.0009 + 1e-4 && high > 0.0009 - 1e-4, "{delay}");
+    assert!(first["gain"]["held_out_rmse_ratio"]["high"].as_f64().unwrap() < 1.0, "{first:#}");
+
+    desk.call(0, &["fit", "s", "--model", "s/results/model.json", "--out", "again"]);
+    desk.call(0, &["diagnose", "s", "--model", "s/results/model.json", "--out", "again"]);
+    assert_eq!(desk.diagnosis("again/diagnosis.json")["verdict"], "adequate");
+}
+
+#[test]
+fn a_wrist_that_hides_nothing_is_adequate_and_the_answer_is_the_same_with_any_number_of_threads() {
+    let desk = Desk::new();
+    desk.call(0, &["run", PAPER, "--seed", "11", "--out", "s"]);
+    for threads in ["1", "3"] {
+        desk.call_with(threads, 0, &["diagnose", "s", "--seed", "4", "--out", threads]);
+    }
+    let text = |threads: &str| fs::read(desk.path(&format!("{threads}/diagnosis.json"))).unwrap();
+    assert_eq!(text("1"), text("3"));
+    assert_eq!(desk.diagnosis("1/diagnosis.json")["verdict"], "adequate");
+}
+
+#[test]
+fn what_a_session_hides_stands_nowhere_in_its_folder_and_is_told_to_who_knows_the_seed() {
+    let desk = Desk::new();
+    desk.call(0, &["run", QUICK, "--seed", "5", "--hide", "21", "--out", "s"]);
+    let (told, missed) = desk.call(2, &["reveal", "s", "--seed", "21"]);
+    assert!(told.starts_with("hidden: "), "{told}");
+    assert!(missed.contains("has no diagnosis yet") && missed.contains("ramphold diagnose s"), "{missed}");
+    let effect = told.split_whitespace().nth(1).unwrap();
+    for (name, bytes) in common::files(&desk.path("s")) {
+        let text = String::from_utf8_lossy(&bytes);
+        // The report's list of all mechanisms tells nothing.
+        assert!(name.ends_with(".html") || !text.contains(effect), "{name} tells {effect}");
+    }
+    let (_, wrong) = desk.call(2, &["reveal", "s", "--seed", "22"]);
+    assert!(wrong.contains("--seed 22: is not the seed"), "{wrong}");
+    desk.call(0, &["run", QUICK, "--seed", "5", "--out", "open"]);
+    let (_, nothing) = desk.call(2, &["reveal", "open", "--seed", "21"]);
+    assert!(nothing.contains("was run without --hide"), "{nothing}");
+    let record = |session: &str| fs::read(desk.path(&format!("{session}/trials/trial-001.csv"))).unwrap();
+    assert_ne!(record("s"), record("open"), "the effect is at work");
+}
+
+#[test]
+fn a_design_asks_for_what_it_needs() {
+    let desk = Desk::new();
+    desk.call(0, &["run", QUICK, "--seed", "5", "--out", "s"]);
+    let (_, first) = desk.call(2, &["design", "s"]);
+    assert!(first.contains("ramphold diagnose s"), "{first}");
+    let (_, unknown) = desk.call(2, &["design", "s", "--between", "ghost", "fatigue"]);
+    assert!(unknown.contains("\"ghost\": unknown; expected one of joint_damping"), "{unknown}");
+    let (_, between) = desk.call(2, &["design", "s", "--between", "torque_lag", "fatigue"]);
+    assert!(between.contains("\"fatigue\": shows between trials"), "{between}");
+}
+
+#[test]
+fn the_proposed_protocol_passes_the_check_and_promises_more_than_the_one_before() {
+    let desk = Desk::new();
+    desk.call(0, &["run", PAPER, "--seed", "5", "--out", "s"]);
+    let between = ["joint_damping", "stress_relaxation"];
+    let (table, _) =
+        desk.call(0, &["design", "s", "--between", between[0], between[1], "--out", "next.json"]);
+    desk.call(0, &["check", "next.json"]);
+    let power = |line: &str| line.split_whitespace().next().unwrap().parse::<f64>().unwrap();
+    let best = power(table.lines().nth(1).unwrap());
+    let before = power(table.lines().find(|line| line.ends_with("as it was")).unwrap());
+    assert!(best >= before, "{table}");
+    let (_, there) =
+        desk.call(2, &["design", "s", "--between", between[0], between[1], "--out", "next.json"]);
+    assert!(there.contains("is there already"), "{there}");
+}
