@@ -17,10 +17,10 @@ const PLACES: [(f64, f64); 8] =
     [(0.1, 0.6), (0.2, 0.6), (0.2, 0.9), (0.35, 0.3), (0.35, 0.6), (0.5, 0.6), (0.7, 0.6), (0.85, 0.6)];
 
 /// Most times that the blocks are looked at: with another place for one, the border moves, and with it the others.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 5;
 
 /// A decrease of a block's cost that is worth another place, in units of the noise.
-const WORTH: f64 = 1e-2;
+const WORTH: f64 = 3e-3;
 
 /// A change of log x_e that makes another optimum.
 const ELSEWHERE: f64 = 0.25;
@@ -40,6 +40,9 @@ const TOGETHER: [f64; 2] = [0.4, 0.6];
 
 /// A second look need only tell whether it leads to another optimum.
 const LOOK: Effort = Effort { iterations: 25, decrease: 1e-4, longest_step: 0.7 };
+
+/// The plain sum of squares has valleys so flat that a short look does not tell.
+const PLAIN_LOOK: Effort = Effort { iterations: 60, decrease: 1e-6, longest_step: 0.7 };
 
 /// A block's optimum about another place.
 struct Rival {
@@ -72,6 +75,13 @@ impl Fit {
             fit.look_at_blocks(session);
         }
         fit
+    }
+
+    fn look(&self) -> Effort {
+        match self.objective {
+            Objective::Whitened(_) => LOOK,
+            Objective::LeastSquares => PLAIN_LOOK,
+        }
     }
 
     fn has_own_limits(&self) -> bool {
@@ -121,7 +131,7 @@ impl Fit {
                 promised < first(place) + OUT_OF_REACH * unit(place)
             })
             .collect();
-        let solution = alone.solve(&alone.only(&in_reach), &start, LOOK);
+        let solution = alone.solve(&alone.only(&in_reach), &start, self.look());
         let rival = |(problem, outcome): (&usize, &Outcome)| {
             let (place, range) = (places[*problem], alone.ranges[*problem].clone());
             let own = &self.layout.components[place.0].blocks[place.1];
@@ -207,7 +217,7 @@ impl Fit {
                     start[coordinate] = there.clamp(bounds.low, bounds.high);
                 }
             }
-            let found = solve(prepared, &self.layout, &self.kinds, &self.objective, &start, LOOK);
+            let found = solve(prepared, &self.layout, &self.kinds, &self.objective, &start, self.look());
             let better = |(found, reached): (&Outcome, &Outcome)| found.cost < reached.cost;
             let improved: Vec<bool> =
                 found.outcomes.iter().zip(&self.solution.outcomes).map(better).collect();
