@@ -102,7 +102,7 @@ fn count<T: Number<Plain = Counting>>(problem: &Problem) -> u64 {
         Knot { theta: Counting(knot.theta), omega: Counting(knot.omega) }
     };
     DONE.set(0);
-    let mechanics = Mechanics::new(Plant::base(prepared.lever, &parameters));
+    let mechanics = Mechanics::separate(Plant::base(prepared.lever, &parameters));
     let mut state = State::rest();
     let mut memories = vec![SectionState::<T>::silent(); prepared.sections.len()];
     for sample in 0..prepared.lead + prepared.samples {

@@ -101,6 +101,11 @@ def lowest(results: list[Tried], parts: list[Part]) -> list[float]:
     return [min([part.ours] + [r.costs[i] for r in results]) for i, part in enumerate(parts)]
 
 
+def lowest_of(results: list[Tried]) -> list[float]:
+    """The lowest cost of each part that any of these found."""
+    return [min(costs) for costs in zip(*(r.costs for r in results), strict=True)]
+
+
 def reaches(result: Tried, best: list[float]) -> bool:
     return all(cost <= (1.0 + SAME) * least for cost, least in zip(result.costs, best, strict=True))
 

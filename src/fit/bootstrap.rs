@@ -6,11 +6,7 @@ use super::estimates::QUANTITIES;
 use super::prepare::Prepared;
 use super::resample::{NoiseMaker, resampled};
 use super::run::Fit;
-use super::solve::{Effort, solve};
 use crate::random::Stream;
-
-/// Where a refit starts: in the optimum that the data came from, so few steps lead to its own.
-const REFIT: Effort = Effort { iterations: 30, decrease: 1e-5, longest_step: 0.7 };
 
 /// How many quantities are bootstrapped: all but the VAF, which is no property of the wrist.
 const COUNT: usize = QUANTITIES.len() - 1;
@@ -42,9 +38,7 @@ pub fn bootstrap(prepared: &Prepared, fit: &Fit, refits: usize, seed: u64) -> Ve
         .map(|number| {
             let mut stream = Stream::new(seed, &format!("fit/bootstrap/{number}"));
             let session = resampled(prepared, &predicted, &noise, &mut stream);
-            let start = &fit.solution.coordinates;
-            let solution = solve(&session, &fit.layout, &fit.kinds, &fit.objective, start, REFIT);
-            let refitted = fit.with_solution(solution);
+            let refitted = fit.refitted(&session);
             (0..session.trials.len()).map(|trial| values(&session, &refitted, trial)).collect()
         })
         .collect();

@@ -1,5 +1,6 @@
 //! The wrist's parameters out of the recorded torque, and how well they are known.
 
+mod alone;
 mod bootstrap;
 mod estimates;
 mod guess;

@@ -283,17 +283,18 @@ impl Normal {
         DVector::from_iterator(component.order().len(), values)
     }
 
-    /// The Levenberg-Marquardt step, `held` coordinates staying; `None` if the damped matrix is singular.
+    /// The Levenberg-Marquardt step, `held` coordinates staying; `None` if the damped matrix is singular. `dampings` has one a
+    /// block, the border's last.
     pub fn damped_step(
         &self,
         component: &Component,
         layout: &Layout,
-        damping: f64,
+        dampings: &[f64],
         held: &[bool],
     ) -> Option<DVector<f64>> {
         let border_start = held.len() - component.border.len();
         let border_held = &held[border_start..];
-        let dampen = |matrix: &mut DMatrix<f64>, coordinates: &[usize], held: &[bool]| {
+        let dampen = |matrix: &mut DMatrix<f64>, coordinates: &[usize], held: &[bool], damping: f64| {
             for (i, coordinate) in coordinates.iter().enumerate() {
                 if held[i] {
                     matrix.row_mut(i).fill(0.0);
@@ -308,7 +309,7 @@ impl Normal {
             }
         };
         let mut border = self.border.clone();
-        dampen(&mut border, &component.border, border_held);
+        dampen(&mut border, &component.border, border_held, dampings[self.blocks.len()]);
         let mut right = -&self.border_gradient;
         for (i, held) in border_held.iter().enumerate() {
             if *held {
@@ -317,12 +318,12 @@ impl Normal {
         }
         let mut solved = Vec::with_capacity(self.blocks.len());
         let mut start = 0;
-        for (own, coordinates) in self.blocks.iter().zip(&component.blocks) {
+        for ((own, coordinates), damping) in self.blocks.iter().zip(&component.blocks).zip(dampings) {
             let own_held = &held[start..start + coordinates.len()];
             start += coordinates.len();
             let (mut block, mut with_border, mut gradient) =
                 (own.matrix.clone(), own.with_border.clone(), -&own.gradient);
-            dampen(&mut block, coordinates, own_held);
+            dampen(&mut block, coordinates, own_held, *damping);
             for (i, held) in own_held.iter().enumerate() {
                 if *held {
                     with_border.row_mut(i).fill(0.0);
@@ -364,6 +365,23 @@ impl Normal {
             curvature += own.dot(&(matrix * own)) + 2.0 * own.dot(&(with_border * border_step));
         }
         -gradient.dot(step) - 0.5 * curvature
+    }
+
+    /// What each block, with its share of the border, has in it.
+    pub fn promised_by_block(&self, step: &DVector<f64>) -> Vec<f64> {
+        let border_start = step.len() - self.border.nrows();
+        let border_step = step.rows(border_start, self.border.nrows());
+        let mut start = 0;
+        let promised = |own: &Block| {
+            let mine = step.rows(start, own.matrix.nrows());
+            start += own.matrix.nrows();
+            let slope = own.gradient.dot(&mine) + own.gradient_share.dot(&border_step);
+            let curvature = mine.dot(&(&own.matrix * mine))
+                + 2.0 * mine.dot(&(&own.with_border * border_step))
+                + border_step.dot(&(&own.share * border_step));
+            -slope - 0.5 * curvature
+        };
+        self.blocks.iter().map(promised).collect()
     }
 
     /// The whole Gauss-Newton matrix in the component's order.

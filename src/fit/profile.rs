@@ -6,11 +6,14 @@
 //! small problem of its own, its block and the border; what the other blocks know of the border goes into it as the
 //! quadratic that is left when they are eliminated. All profiles of a session descend side by side.
 
-use super::layout::{Component, Coordinate, Layout, Link};
+use std::ops::Range;
+
+use super::alone::{Alone, Place};
+use super::layout::{Component, Coordinate, Link};
 use super::normal::{Normal, Objective, evaluate};
 use super::prepare::Prepared;
 use super::run::{ELASTIC_LIMIT, Fit};
-use super::solve::{Effort, solve};
+use super::solve::Effort;
 
 /// The parameters that have a profile: k_dec and x_e.
 pub const PROFILED: [usize; 2] = [4, ELASTIC_LIMIT];
@@ -118,97 +121,50 @@ fn ends(fit: &Fit, normals: &[Normal]) -> Vec<End> {
     ends
 }
 
-/// One small problem an end: its block's trials, with coordinates of their own.
+/// One small problem an end.
 struct Problems<'a> {
-    fit: &'a Fit,
-    prepared: Prepared,
-    layout: Layout,
-    /// For each end, its coordinates in `layout` and the costs at the optimum.
-    coordinates: Vec<std::ops::Range<usize>>,
+    alone: Alone<'a>,
+    /// For each end, its coordinate in them, and the cost at the optimum.
     target: Vec<usize>,
     least: Vec<f64>,
-    start: Vec<f64>,
 }
 
 impl<'a> Problems<'a> {
     fn new(prepared: &Prepared, fit: &'a Fit, normals: &[Normal], ends: &[End]) -> Self {
-        let at = &fit.solution.coordinates;
-        let (mut coordinates, mut links, mut components) = (Vec::<Coordinate>::new(), Vec::new(), Vec::new());
-        let (mut trials, mut start) = (Vec::new(), Vec::new());
-        let (mut ranges, mut target) = (Vec::new(), Vec::new());
-        for end in ends {
-            let own = &fit.layout.components[end.component];
-            let order: Vec<usize> = own.blocks[end.block].iter().chain(&own.border).copied().collect();
-            let (first, block) = (coordinates.len(), own.blocks[end.block].len());
-            let here =
-                |coordinate: usize| order.iter().position(|index| *index == coordinate).map(|p| first + p);
-            coordinates.extend(order.iter().map(|index| fit.layout.coordinates[*index].clone()));
-            // What is known of the border beforehand is in what the others know of it.
-            coordinates[first + block..].iter_mut().for_each(|coordinate| coordinate.prior = None);
-            start.extend(order.iter().map(|index| at[*index]));
-            let members: Vec<usize> = own.trials_of_block(end.block).collect();
-            let first_trial = trials.len();
-            for trial in &members {
-                links.push(fit.layout.links[*trial].iter().map(|link| moved(link, &here)).collect());
-                trials.push(*trial);
-            }
-            components.push(Component {
-                trials: (first_trial..trials.len()).collect(),
-                blocks: vec![(first..first + block).collect()],
-                block_of_trial: vec![0; members.len()],
-                border: (first + block..coordinates.len()).collect(),
-                border_known: Some(normals[end.component].known_by_others(own, end.block, at)),
-            });
-            target.push(here(end.coordinate).unwrap_or(first));
-            ranges.push(first..coordinates.len());
-        }
-        let layout = Layout { coordinates, links, components, estimated: fit.layout.estimated.clone() };
-        let mut problems = Self {
-            fit,
-            prepared: prepared.only(&trials),
-            layout,
-            coordinates: ranges,
-            target,
-            least: Vec::new(),
-            start,
+        let places: Vec<Place> = ends.iter().map(|end| (end.component, end.block)).collect();
+        let alone = Alone::new(prepared, fit, normals, &places);
+        let target = |(end, range): (&End, &Range<usize>)| {
+            let block = &fit.layout.components[end.component].blocks[end.block];
+            range.start + block.iter().position(|index| *index == end.coordinate).unwrap_or(0)
         };
-        problems.least = problems.costs(&problems.start.clone());
-        problems
-    }
-
-    fn costs(&self, at: &[f64]) -> Vec<f64> {
-        let components: Vec<&Component> = self.layout.components.iter().collect();
-        evaluate(&self.prepared, &self.layout, &self.fit.kinds, &self.fit.objective, &components, at)
-            .iter()
-            .map(|normal| normal.cost)
-            .collect()
+        Self {
+            target: ends.iter().zip(&alone.ranges).map(target).collect(),
+            least: alone.normals(&alone.start).iter().map(|normal| normal.cost).collect(),
+            alone,
+        }
     }
 
     /// Seeks all ends, by the secant of the root of the fall, which is nearly straight.
     fn seek(&self, ends: &mut [End]) {
-        let mut reached = self.start.clone();
+        let mut reached = self.alone.start.clone();
         for _ in 0..ROUNDS {
             let sought: Vec<usize> = (0..ends.len()).filter(|index| ends[*index].found.is_none()).collect();
             if sought.is_empty() {
                 return;
             }
-            let mut layout = Layout {
-                components: sought.iter().map(|index| self.layout.components[*index].clone()).collect(),
-                ..self.layout.clone()
-            };
+            let mut layout = self.alone.only(&sought);
             let mut start = reached.clone();
             for index in &sought {
                 let (target, at) = (self.target[*index], ends[*index].at);
                 (layout.coordinates[target].low, layout.coordinates[target].high) = (at, at);
                 start[target] = at;
             }
-            let (kinds, objective) = (&self.fit.kinds, &self.fit.objective);
-            let solution = solve(&self.prepared, &layout, kinds, objective, &start, STEPS);
+            let solution = self.alone.solve(&layout, &start, STEPS);
             for (index, outcome) in sought.iter().zip(&solution.outcomes) {
-                let range = self.coordinates[*index].clone();
+                let range = self.alone.ranges[*index].clone();
                 reached[range.clone()].copy_from_slice(&solution.coordinates[range]);
                 let fall = 2.0 * (outcome.cost - self.least[*index]).max(0.0);
-                ends[*index].judge(&self.layout.coordinates[self.target[*index]], libm::sqrt(fall));
+                ends[*index].judge(&self.alone.layout.coordinates[self.target[*index]], libm::sqrt(fall));
             }
         }
         // What is still open lies between two known points: the straight line between them is near enough.
@@ -248,17 +204,5 @@ impl End {
                 if self.upwards { next.min(bound) } else { next.max(bound) }
             }
         };
-    }
-}
-
-/// A link with its coordinates in other places.
-fn moved(link: &Link, place: &dyn Fn(usize) -> Option<usize>) -> Link {
-    let there = |coordinate: &usize| place(*coordinate).unwrap_or(0);
-    match link {
-        Link::Fixed(value) => Link::Fixed(*value),
-        Link::Logarithmic { coordinate, factor } => {
-            Link::Logarithmic { coordinate: there(coordinate), factor: *factor }
-        }
-        Link::Sum(terms) => Link::Sum(terms.iter().map(|(index, factor)| (there(index), *factor)).collect()),
     }
 }

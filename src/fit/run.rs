@@ -55,12 +55,7 @@ impl Fit {
     /// optima that the noise does not tell apart, and this is the one that the data know.
     pub fn new(prepared: &Prepared, model: &Model, weighting: Weighting) -> Self {
         if weighting == Weighting::Plain && prepared.noise_source == Some(NoiseSource::Holds) {
-            let mut fit = Self::new(prepared, model, Weighting::MeasuredNoise);
-            fit.objective = Objective::LeastSquares;
-            let (kinds, start) = (&fit.kinds, &fit.solution.coordinates);
-            fit.solution = solve(prepared, &fit.layout, kinds, &fit.objective, start, Effort::default());
-            fit.take_parameters();
-            return fit;
+            return Self::new(prepared, model, Weighting::MeasuredNoise).plainly(prepared);
         }
         let points = looks(prepared);
         let (first, _) = objective(prepared, weighting, points.first());
@@ -79,7 +74,7 @@ impl Fit {
         let (rough, _) = objective(prepared, Weighting::MeasuredNoise, points.first());
         let guess = Guess::pooled(prepared, &rough, &points, model);
         let (objective, covariances) = (self.objective.clone(), self.covariances.clone());
-        Self::from_guess_with(prepared, model, objective, covariances, &guess, EXTENSION)
+        Self::from_guess(prepared, model, objective, covariances, &guess)
     }
 
     /// The optimum after a second look, with the yields of single trials leaning on those of all: what a diagnosis compares,
@@ -96,6 +91,16 @@ impl Fit {
         Self { lean: Some(lean), ..self }.extended(prepared, &model)
     }
 
+    /// The same fit with all samples alike, from where this one ended.
+    pub fn plainly(mut self, prepared: &Prepared) -> Self {
+        self.objective = Objective::LeastSquares;
+        let start = &self.solution.coordinates;
+        self.solution = solve(prepared, &self.layout, &self.kinds, &self.objective, start, Effort::default());
+        self.take_parameters();
+        self.look_again(prepared);
+        self
+    }
+
     /// Fits `model` from given first values, without looking for other optima; see [`Fit::look_again`].
     pub fn from_guess(
         prepared: &Prepared,
@@ -104,20 +109,22 @@ impl Fit {
         covariances: Vec<Noise>,
         guess: &Guess,
     ) -> Self {
-        Self::from_guess_with(prepared, model, objective, covariances, guess, Effort::default())
+        let layout = Layout::new(prepared, model, guess);
+        let start = layout.start();
+        Self::from_start(prepared, model, layout, objective, covariances, &start)
     }
 
-    fn from_guess_with(
+    /// Fits `model` in its `layout` from given coordinates.
+    pub fn from_start(
         prepared: &Prepared,
         model: &Model,
+        layout: Layout,
         objective: Objective,
         covariances: Vec<Noise>,
-        guess: &Guess,
-        effort: Effort,
+        start: &[f64],
     ) -> Self {
         let kinds = model.kinds();
-        let layout = Layout::new(prepared, model, guess);
-        let solution = solve(prepared, &layout, &kinds, &objective, &layout.start(), effort);
+        let solution = solve(prepared, &layout, &kinds, &objective, start, Effort::default());
         let mut fit = Self {
             model: model.clone(),
             kinds,
@@ -233,7 +240,9 @@ const LEAN: [(usize, f64); 2] = [(4, 0.4), (ELASTIC_LIMIT, 0.2)];
 /// An extension starts where the fit before it ended.
 const EXTENSION: Effort = Effort { iterations: 40, decrease: 1e-4, longest_step: 0.7 };
 
-/// Index of x_e in a trial's parameters.
+/// Index of k_srs, k_dec and x_e in a trial's parameters.
+pub(super) const STIFFNESS: usize = 3;
+pub(super) const DECREMENT: usize = 4;
 pub(super) const ELASTIC_LIMIT: usize = 5;
 
 /// What to minimise, and the covariance of the residuals where one could be measured; `point` as for [`covariances`].

@@ -64,11 +64,47 @@ pub struct Solution {
     pub outcomes: Vec<Outcome>,
 }
 
+/// How far one block dares to go. What the blocks share with the border apart, they are problems of their own: where one
+/// trial's valley bends, only that trial is held back.
+#[derive(Debug, Clone, Copy)]
+struct Stride {
+    damping: f64,
+    growth: f64,
+    /// Longest step of its logarithmic coordinates.
+    longest: f64,
+}
+
+impl Stride {
+    /// After a step that brought `gain` times what it promised.
+    fn after_gain(&mut self, gain: f64, effort: Effort) {
+        let excess = 2.0 * gain - 1.0;
+        self.damping = (self.damping * (1.0 - excess * excess * excess).clamp(0.1, 2.0)).max(1e-12);
+        self.growth = 2.0;
+        if gain > 0.75 {
+            self.longest = (2.0 * self.longest).min(4.0 * effort.longest_step);
+        }
+    }
+
+    /// After a step that had nothing at stake.
+    fn recover(&mut self) {
+        (self.damping, self.growth) = ((0.3 * self.damping).max(1e-12), 2.0);
+    }
+
+    /// After a step that led up, or not down as promised.
+    fn after_failure(&mut self, effort: Effort) {
+        self.damping *= self.growth;
+        self.growth *= 2.0;
+        self.longest = (0.5 * self.longest).min(effort.longest_step);
+    }
+}
+
 /// One component on its way down.
 struct Descent<'a> {
     component: &'a Component,
-    damping: f64,
-    growth: f64,
+    /// One stride a block, the border's last.
+    strides: Vec<Stride>,
+    /// Each block's part in what is promised.
+    promised_by_block: Vec<f64>,
     /// The point reached, its cost and normal equations.
     reached: Option<(f64, Normal)>,
     trial_point: Vec<(usize, f64)>,
@@ -92,7 +128,7 @@ pub fn solve(
     effort: Effort,
 ) -> Solution {
     let mut coordinates = start.to_vec();
-    let mut descents: Vec<Descent> = layout.components.iter().map(Descent::new).collect();
+    let mut descents: Vec<Descent> = layout.components.iter().map(|own| Descent::new(own, effort)).collect();
     loop {
         let active: Vec<usize> = (0..descents.len()).filter(|i| descents[*i].outcome.is_none()).collect();
         if active.is_empty() {
@@ -115,11 +151,12 @@ pub fn solve(
 }
 
 impl<'a> Descent<'a> {
-    fn new(component: &'a Component) -> Self {
+    fn new(component: &'a Component, effort: Effort) -> Self {
+        let stride = Stride { damping: 1e-2, growth: 2.0, longest: effort.longest_step };
         Self {
             component,
-            damping: 1e-2,
-            growth: 2.0,
+            strides: vec![stride; component.blocks.len() + 1],
+            promised_by_block: Vec::new(),
             reached: None,
             trial_point: Vec::new(),
             promised: 0.0,
@@ -138,18 +175,16 @@ impl<'a> Descent<'a> {
         match &self.reached {
             None if !cost.is_finite() => return self.end(Stop::NotFinite, f64::INFINITY),
             None => self.reached = Some((cost, normal)),
-            Some((before, _)) => {
+            Some((before, at)) => {
                 let before = *before;
                 let decrease = before - cost;
+                let gains: Vec<f64> =
+                    at.block_costs().zip(normal.block_costs()).map(|(before, now)| before - now).collect();
                 if decrease > 0.0 && cost.is_finite() {
                     for (coordinate, value) in &self.trial_point {
                         coordinates[*coordinate] = *value;
                     }
-                    let gain = decrease / self.promised.max(f64::MIN_POSITIVE);
-                    let excess = 2.0 * gain - 1.0;
-                    self.damping *= (1.0 - excess * excess * excess).clamp(1.0 / 5.0, 2.0);
-                    self.damping = self.damping.max(1e-12);
-                    self.growth = 2.0;
+                    self.learn(&gains, decrease, effort);
                     self.reached = Some((cost, normal));
                     let small =
                         decrease <= effort.decrease * cost && self.promised <= 10.0 * effort.decrease * cost;
@@ -161,9 +196,8 @@ impl<'a> Descent<'a> {
                     if self.promised <= effort.decrease * before {
                         return self.end(Stop::Converged, before);
                     }
-                    self.damping *= self.growth;
-                    self.growth *= 2.0;
-                    if self.damping > 1e12 {
+                    self.learn(&gains, decrease, effort);
+                    if self.most_damping() > 1e12 {
                         return self.end(Stop::Stalled, before);
                     }
                 }
@@ -173,9 +207,41 @@ impl<'a> Descent<'a> {
         if self.iterations >= effort.iterations {
             return self.end(Stop::Iterations, cost);
         }
-        self.propose(layout, coordinates, effort);
-        if self.promised <= 1e-3 * effort.decrease * cost {
+        self.propose(layout, coordinates);
+        let cautious = if self.most_damping() <= 1e-2 { 1.0 } else { 1e-3 };
+        if self.promised <= cautious * effort.decrease * cost {
             self.end(Stop::Converged, cost);
+        }
+    }
+
+    fn most_damping(&self) -> f64 {
+        self.strides.iter().map(|stride| stride.damping).fold(0.0, f64::max)
+    }
+
+    /// Fits the strides to what the last step brought, block by block.
+    fn learn(&mut self, gains: &[f64], decrease: f64, effort: Effort) {
+        let taken = decrease > 0.0;
+        let notable = 1e-3 * self.promised.abs();
+        let mut blamed = false;
+        for ((stride, gain), promised) in self.strides.iter_mut().zip(gains).zip(&self.promised_by_block) {
+            // A block may be promised a loss where the border moves for the others; only what the model did not foresee counts.
+            if *gain < 0.0 && gain - promised < -0.75 * promised.abs().max(notable) || gain.is_nan() {
+                stride.after_failure(effort);
+                blamed = true;
+            } else if *promised <= notable {
+                stride.recover();
+            } else if taken {
+                stride.after_gain(gain / promised, effort);
+            }
+        }
+        let Some((border, blocks)) = self.strides.split_last_mut() else { return };
+        if taken {
+            border.after_gain(decrease / self.promised.max(f64::MIN_POSITIVE), effort);
+        } else {
+            border.after_failure(effort);
+            if !blamed {
+                blocks.iter_mut().for_each(|stride| stride.after_failure(effort));
+            }
         }
     }
 
@@ -196,7 +262,7 @@ impl<'a> Descent<'a> {
     }
 
     /// The next point: a damped Gauss-Newton step within the bounds.
-    fn propose(&mut self, layout: &Layout, coordinates: &[f64], effort: Effort) {
+    fn propose(&mut self, layout: &Layout, coordinates: &[f64]) {
         let Some((_, normal)) = &self.reached else { return };
         let order = self.component.order();
         let gradient = normal.gradient(self.component);
@@ -210,54 +276,60 @@ impl<'a> Descent<'a> {
                 (x <= c.low + edge && *slope > 0.0) || (x >= c.high - edge && *slope < 0.0)
             })
             .collect();
+        let component = self.component;
+        let lengths = component.blocks.iter().map(Vec::len).chain([component.border.len()]);
+        let longest: Vec<f64> = (self.strides.iter().zip(lengths))
+            .flat_map(|(stride, length)| std::iter::repeat_n(stride.longest, length))
+            .collect();
         loop {
-            if let Some(step) = normal.damped_step(self.component, layout, self.damping, &held) {
+            let dampings: Vec<f64> = self.strides.iter().map(|stride| stride.damping).collect();
+            if let Some(step) = normal.damped_step(component, layout, &dampings, &held) {
                 // Cut off one by one, so that a coordinate that hardly matters does not hold up the others; if that leads
                 // up, shortened as a whole.
-                let mut taken = within_bounds(layout, &order, coordinates, &step, effort.longest_step, false);
-                self.promised = normal.promised_decrease(self.component, &gradient, &taken);
+                let mut taken = within_bounds(layout, &order, coordinates, &step, &longest, false);
+                self.promised = normal.promised_decrease(component, &gradient, &taken);
                 if self.promised <= 0.0 {
-                    taken = within_bounds(layout, &order, coordinates, &step, effort.longest_step, true);
-                    self.promised = normal.promised_decrease(self.component, &gradient, &taken);
+                    taken = within_bounds(layout, &order, coordinates, &step, &longest, true);
+                    self.promised = normal.promised_decrease(component, &gradient, &taken);
                 }
                 // A step cut off at the bounds may lead up; a shorter one, more along the gradient, does not.
-                if self.promised > 0.0 || self.damping > 1e12 {
+                if self.promised > 0.0 || self.most_damping() > 1e12 {
+                    self.promised_by_block = normal.promised_by_block(&taken);
                     self.trial_point.clear();
                     self.trial_point.extend(
                         order.iter().zip(&taken).map(|(index, by)| (*index, coordinates[*index] + by)),
                     );
                     return;
                 }
-            } else if self.damping > 1e12 {
+            } else if self.most_damping() > 1e12 {
                 self.promised = 0.0;
                 return;
             }
-            self.damping = (self.damping * 10.0).max(1e-10);
+            self.strides.iter_mut().for_each(|own| own.damping = (own.damping * 10.0).max(1e-10));
         }
     }
 }
 
-/// The step with no logarithmic coordinate going further than `longest`, by shortening it as a whole or by cutting each off;
+/// The step with no logarithmic coordinate going further than its `longest`, by shortening it as a whole or by cutting each off;
 /// then cut off at the bounds.
 fn within_bounds(
     layout: &Layout,
     order: &[usize],
     coordinates: &[f64],
     step: &DVector<f64>,
-    longest: f64,
+    longest: &[f64],
     as_a_whole: bool,
 ) -> DVector<f64> {
-    let logarithmic = order.iter().zip(step).filter(|(index, _)| layout.coordinates[**index].logarithmic);
-    let furthest = logarithmic.map(|(_, by)| by.abs()).fold(0.0, f64::max);
-    let shorten = if as_a_whole && furthest > longest { longest / furthest } else { 1.0 };
-    DVector::from_iterator(
-        order.len(),
-        order.iter().zip(step).map(|(index, by)| {
-            let (c, x) = (&layout.coordinates[*index], coordinates[*index]);
-            let most = if c.logarithmic { longest } else { f64::INFINITY };
-            (x + (shorten * by).clamp(-most, most)).clamp(c.low, c.high) - x
-        }),
-    )
+    let most = |place: usize| {
+        if layout.coordinates[order[place]].logarithmic { longest[place] } else { f64::INFINITY }
+    };
+    let excess = (0..order.len()).map(|place| step[place].abs() / most(place)).fold(1.0, f64::max);
+    let shorten = if as_a_whole { 1.0 / excess } else { 1.0 };
+    DVector::from_fn(order.len(), |place, _| {
+        let (c, x) = (&layout.coordinates[order[place]], coordinates[order[place]]);
+        let by = (shorten * step[place]).clamp(-most(place), most(place));
+        (x + by).clamp(c.low, c.high) - x
+    })
 }
 
 impl Component {

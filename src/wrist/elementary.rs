@@ -7,20 +7,66 @@ use super::number::Plain;
 
 /// 1/n! for the Taylor series of exp on |r| <= log(2)/2, whose remainder after r^12 is below 2e-16.
 const INVERSE_FACTORIALS: [f64; 13] = [
-    1.0 / 479_001_600.0,
-    1.0 / 39_916_800.0,
-    1.0 / 3_628_800.0,
-    1.0 / 362_880.0,
-    1.0 / 40_320.0,
-    1.0 / 5_040.0,
-    1.0 / 720.0,
-    1.0 / 120.0,
-    1.0 / 24.0,
-    1.0 / 6.0,
+    1.0,
+    1.0,
     0.5,
-    1.0,
-    1.0,
+    1.0 / 6.0,
+    1.0 / 24.0,
+    1.0 / 120.0,
+    1.0 / 720.0,
+    1.0 / 5_040.0,
+    1.0 / 40_320.0,
+    1.0 / 362_880.0,
+    1.0 / 3_628_800.0,
+    1.0 / 39_916_800.0,
+    1.0 / 479_001_600.0,
 ];
+
+/// 1/(2n + 1) for the series of artanh(s)/s in s^2, s <= 1/3, whose remainder after s^30 is below 2e-17.
+const INVERSE_ODDS: [f64; 16] = [
+    1.0,
+    1.0 / 3.0,
+    1.0 / 5.0,
+    1.0 / 7.0,
+    1.0 / 9.0,
+    1.0 / 11.0,
+    1.0 / 13.0,
+    1.0 / 15.0,
+    1.0 / 17.0,
+    1.0 / 19.0,
+    1.0 / 21.0,
+    1.0 / 23.0,
+    1.0 / 25.0,
+    1.0 / 27.0,
+    1.0 / 29.0,
+    1.0 / 31.0,
+];
+
+/// The polynomial with these coefficients, lowest first, summed by pairs (Estrin 1960): Horner's rule makes every step wait
+/// for the one before, and the model waits for its yield.
+#[inline(always)]
+fn polynomial<P: Plain, const N: usize>(coefficients: &[f64; N], x: P) -> P {
+    let mut terms = [P::splat(0.0); N];
+    let mut term = 0;
+    while term < N {
+        terms[term] = P::splat(coefficients[term]);
+        term += 1;
+    }
+    let (mut count, mut power) = (N, x);
+    while count > 1 {
+        let mut pair = 0;
+        while 2 * pair + 1 < count {
+            terms[pair] = terms[2 * pair] + terms[2 * pair + 1] * power;
+            pair += 1;
+        }
+        if count % 2 == 1 {
+            terms[pair] = terms[count - 1];
+        }
+        count = count.div_ceil(2);
+        power = power * power;
+    }
+    terms[0]
+}
 
 /// 2^52 + 2^51: adding and subtracting it rounds to the nearest integer.
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
@@ -35,13 +81,7 @@ pub(super) fn exp<P: Plain>(x: P) -> P {
     let shifted = x * P::splat(std::f64::consts::LOG2_E) + P::splat(ROUNDER);
     let power = shifted - P::splat(ROUNDER);
     let r = x - power * P::splat(LN_2[0]) - power * P::splat(LN_2[1]);
-    let mut series = P::splat(INVERSE_FACTORIALS[0]);
-    let mut term = 1;
-    while term < INVERSE_FACTORIALS.len() {
-        series = series * r + P::splat(INVERSE_FACTORIALS[term]);
-        term += 1;
-    }
-    series.times_power_of_two(shifted)
+    polynomial(&INVERSE_FACTORIALS, r).times_power_of_two(shifted)
 }
 
 /// log(1 + e^x) and its slope, the logistic function of x.
@@ -51,13 +91,7 @@ pub(super) fn softplus<P: Plain>(x: P) -> (P, P) {
     let e = exp(x.min(-x)); // e^-|x|, in (0, 1]
     // log(1 + e) = 2 artanh(s) with s = e / (2 + e) <= 1/3
     let s = e / (P::splat(2.0) + e);
-    let square = s * s;
-    let mut series = P::splat(1.0 / 31.0);
-    let mut odd = 29;
-    while odd > 0 {
-        series = series * square + P::splat(1.0 / odd as f64);
-        odd -= 2;
-    }
+    let series = polynomial(&INVERSE_ODDS, s * s);
     let inverse = one / (one + e);
     let value = x.max(P::splat(0.0)) + (s + s) * series;
     (value, x.where_positive(inverse, e * inverse))

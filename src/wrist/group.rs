@@ -1,5 +1,6 @@
 //! One group of trials, side by side in the lanes of a vector, through the model from start to end.
 
+use super::coefficient::Coefficients;
 use super::integrate::{Drive, Given, Glide, Varied, advance};
 use super::jet::Jet;
 use super::mechanisms::{Channels, Covariates, Extension, Mechanisms, NoExtension, Past};
@@ -23,6 +24,25 @@ pub(super) struct Job<'a> {
     pub wanted: std::ops::Range<usize>,
 }
 
+/// Which of a number's derivatives is the one wanted in each place.
+type Slots = [usize; MOST_SLOPES];
+
+impl Job<'_> {
+    /// In the base model the derivative with respect to each parameter has a place of its own.
+    fn own_slots(&self) -> Slots {
+        let mut slots = self.slots_in_order();
+        for (slot, wanted) in slots.iter_mut().zip(&self.request.wanted[self.wanted.clone()]) {
+            *slot = *wanted;
+        }
+        slots
+    }
+
+    /// With mechanisms there are more parameters than places: those wanted have them, in order.
+    fn slots_in_order(&self) -> Slots {
+        std::array::from_fn(|place| place)
+    }
+}
+
 /// Most derivatives that one pass computes.
 pub(super) const MOST_SLOPES: usize = 9;
 
@@ -43,9 +63,9 @@ pub(super) fn run<P: Plain>(job: &Job, response: &mut Response) {
     }
 }
 
-/// The parameters of the lanes' trials; those wanted carry a derivative.
+/// The parameters of the lanes' trials; those wanted carry a derivative, in the place that `slots` says.
 #[inline(always)]
-fn seeded<P: Plain, T: Number<Plain = P>>(job: &Job) -> Vec<T> {
+fn seeded<P: Plain, T: Number<Plain = P>>(job: &Job, slots: &Slots) -> Vec<T> {
     let count = job.request.parameter_count();
     let mut seeded = Vec::with_capacity(count);
     let mut parameter = 0;
@@ -59,7 +79,7 @@ fn seeded<P: Plain, T: Number<Plain = P>>(job: &Job) -> Vec<T> {
         let mut index = usize::MAX;
         for (place, wanted) in job.request.wanted[job.wanted.clone()].iter().enumerate() {
             if *wanted == parameter {
-                index = place;
+                index = slots[place];
             }
         }
         seeded.push(T::variable(P::load(&values), index));
@@ -70,9 +90,10 @@ fn seeded<P: Plain, T: Number<Plain = P>>(job: &Job) -> Vec<T> {
 
 #[inline(always)]
 fn base<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut Response) {
-    let parameters = seeded::<P, T>(job);
-    let mechanics = Mechanics::new(Plant::base(job.request.lever, &parameters));
-    let mut run = Run::<T>::new(job);
+    let slots = job.own_slots();
+    let parameters = seeded::<P, T>(job, &slots);
+    let mechanics = Mechanics::separate(Plant::base(job.request.lever, &parameters));
+    let mut run = Run::<T>::new(job, slots);
     let mut from = recorded::<P>(job, 0);
     while run.sample < run.samples {
         let to = recorded::<P>(job, run.sample + 1);
@@ -84,7 +105,8 @@ fn base<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut Response) {
 #[inline(always)]
 pub(super) fn extended<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut Response) {
     let request = job.request;
-    let parameters = seeded::<P, T>(job);
+    let slots = job.slots_in_order();
+    let parameters = seeded::<P, T>(job, &slots);
     let trial = covariates::<P>(job);
     let start_s = -(request.lead as f64) * request.period_s;
     let mut past = Past::new(start_s, request.period_s);
@@ -95,7 +117,7 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut
     let channels = switched_on.channels();
     let mechanics = Mechanics::new(plant);
     let motion = motion::<P, T>(job, &channels);
-    let mut run = Run::<T>::new(job);
+    let mut run = Run::<T>::new(job, slots);
     while run.sample < run.samples {
         let extension = Mechanisms { kinds: request.kinds, parameters: added, trial: &trial, past: &past };
         let glide = Glide::new(motion[run.sample], motion[run.sample + 1], request.period_s);
@@ -107,6 +129,7 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut
 
 /// The state of a run: where the wrist is, and what the filter remembers.
 struct Run<T> {
+    slots: Slots,
     samples: usize,
     sample: usize,
     start_s: f64,
@@ -116,9 +139,10 @@ struct Run<T> {
 
 impl<T: Number> Run<T> {
     #[inline(always)]
-    fn new(job: &Job) -> Self {
+    fn new(job: &Job, slots: Slots) -> Self {
         let request = job.request;
         Self {
+            slots,
             samples: request.lead + request.samples,
             sample: 0,
             start_s: -(request.lead as f64) * request.period_s,
@@ -129,11 +153,11 @@ impl<T: Number> Run<T> {
 
     /// Records the present sample and moves to the next; returns the rates of the added states at the present one.
     #[inline(always)]
-    fn step<X: Extension<T>, D: Drive<T>>(
+    fn step<C: Coefficients<T>, X: Extension<T>, D: Drive<T>>(
         &mut self,
         job: &Job,
         response: &mut Response,
-        mechanics: &Mechanics<T>,
+        mechanics: &Mechanics<T, C>,
         extension: &X,
         drive: &D,
     ) -> [T; MEMORY] {
@@ -147,7 +171,7 @@ impl<T: Number> Run<T> {
             section += 1;
         }
         if self.sample >= request.lead {
-            store(job, response, self.sample - request.lead, torque);
+            store(job, &self.slots, response, self.sample - request.lead, torque);
         }
         self.sample += 1;
         rates
@@ -156,7 +180,7 @@ impl<T: Number> Run<T> {
 
 /// Writes the lanes' torques, and what derivatives they carry, at `sample`.
 #[inline(always)]
-fn store<T: Number>(job: &Job, response: &mut Response, sample: usize, torque: T) {
+fn store<T: Number>(job: &Job, slots: &Slots, response: &mut Response, sample: usize, torque: T) {
     let (samples, wanted) = (job.request.samples, job.request.wanted.len());
     let mut lane = 0;
     while lane < job.trials.len() {
@@ -165,7 +189,7 @@ fn store<T: Number>(job: &Job, response: &mut Response, sample: usize, torque: T
     }
     let mut slope = 0;
     while slope < job.wanted.len() {
-        let values = torque.derivative(slope);
+        let values = torque.derivative(slots[slope]);
         let mut lane = 0;
         while lane < job.trials.len() {
             let row = (job.first + lane) * samples + sample;

@@ -1,5 +1,6 @@
 //! Fourth-order Runge-Kutta through the motor's motion between two samples.
 
+use super::coefficient::Coefficients;
 use super::mechanisms::Extension;
 use super::number::{Number, Plain};
 use super::plant::{Knot, MEMORY, Mechanics, State};
@@ -79,8 +80,8 @@ const STAGES: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 /
 /// One loop over all evaluations, rather than one over steps around one over stages, keeps a single copy of the model's
 /// equations in the compiled code.
 #[inline(always)]
-pub fn advance<T: Number, X: Extension<T>, D: Drive<T>>(
-    mechanics: &Mechanics<T>,
+pub fn advance<T: Number, C: Coefficients<T>, X: Extension<T>, D: Drive<T>>(
+    mechanics: &Mechanics<T, C>,
     extension: &X,
     state: &mut State<T>,
     drive: &D,

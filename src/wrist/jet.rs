@@ -52,7 +52,7 @@ impl<P: Plain, const N: usize> Number for Jet<P, N> {
 
     #[inline(always)]
     fn derivative(self, index: usize) -> P {
-        self.slope[index]
+        if index < N { self.slope[index] } else { P::splat(0.0) }
     }
 
     #[inline(always)]
@@ -63,6 +63,19 @@ impl<P: Plain, const N: usize> Number for Jet<P, N> {
     #[inline(always)]
     fn times(self, factor: P) -> Self {
         Self { value: self.value * factor, slope: each_slope!(N, |i| self.slope[i] * factor) }
+    }
+
+    #[inline(always)]
+    fn shifted(self, by: P) -> Self {
+        Self { value: self.value + by, slope: self.slope }
+    }
+
+    #[inline(always)]
+    fn with_slope(mut self, index: usize, slope: P) -> Self {
+        if index < N {
+            self.slope[index] = self.slope[index] + slope;
+        }
+        self
     }
 
     #[inline(always)]

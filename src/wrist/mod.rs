@@ -5,6 +5,7 @@
 
 pub mod mechanisms;
 
+mod coefficient;
 mod elementary;
 mod group;
 mod integrate;
@@ -19,6 +20,7 @@ mod trace;
 #[cfg(target_arch = "x86_64")]
 mod vector;
 
+pub use coefficient::{Coefficient, Coefficients, Mixed, Separate};
 pub use integrate::{Drive, Given, Glide, LONGEST_STEP, Varied, advance, substeps};
 pub use jet::Jet;
 pub use motion::{Smoothing, knots, servo_response};

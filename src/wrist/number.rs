@@ -37,6 +37,19 @@ pub trait Number:
     /// Product with a constant.
     fn times(self, factor: Self::Plain) -> Self;
 
+    /// Sum with a constant.
+    #[inline(always)]
+    fn shifted(self, by: Self::Plain) -> Self {
+        self + Self::lift(by)
+    }
+
+    /// The number with `slope` added to its derivative with respect to parameter number `index`, where there is room for it.
+    #[inline(always)]
+    fn with_slope(self, index: usize, slope: Self::Plain) -> Self {
+        let _ = (index, slope);
+        self
+    }
+
     /// f(self), given the value and the slope of f there.
     fn chain(self, value: Self::Plain, slope: Self::Plain) -> Self;
 

@@ -5,6 +5,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::coefficient::{Coefficient, Coefficients, Mixed, Separate};
 use super::mechanisms::Extension;
 use super::number::Number;
 
@@ -151,33 +152,71 @@ pub struct Torques<T> {
 
 /// The plant made ready for integration: what does not change within a trial is computed once.
 #[derive(Debug, Clone, Copy)]
-pub struct Mechanics<T> {
+pub struct Mechanics<T: Number, C: Coefficients<T> = Mixed> {
     /// The coefficients.
     pub plant: Plant<T>,
-    inverse_joint_inertia: T,
-    inverse_lever_inertia: T,
+    lever: Option<LeverFactors<C::Constant>>,
+    /// 1 / I_j, b_h, k_h, k_srs, x_e, b_j.
+    inverse_joint_inertia: C::Sole<0>,
+    interface_damping: C::Sole<1>,
+    interface_stiffness: C::Sole<2>,
+    short_range_stiffness: C::Sole<3>,
+    elastic_limit: C::Sole<5>,
+    joint_damping: C::Constant,
     /// a_s k_dec.
-    yield_slope: T,
-    inverse_smoothness: T,
+    yield_slope: C::Sole<4>,
+    inverse_smoothness: C::Constant,
     /// log(1 + exp(-a_s k_dec x_e)): Eq. 2 is not exactly zero at theta_j = 0, but the change from the steady state is.
     yield_at_rest: T,
 }
 
+/// 1 / I_l, b_l and k_l.
+#[derive(Debug, Clone, Copy)]
+struct LeverFactors<F> {
+    inverse_inertia: F,
+    damping: F,
+    stiffness: F,
+}
+
 impl<T: Number> Mechanics<T> {
-    /// Prepares `plant`.
+    /// Prepares `plant`, as mechanisms may have altered it.
     #[inline(always)]
     pub fn new(plant: Plant<T>) -> Self {
+        Self::prepared(plant)
+    }
+}
+
+impl<T: Number> Mechanics<T, Separate> {
+    /// Prepares the `plant` of the base model, whose parameter number i carries at most the derivative number i.
+    #[inline(always)]
+    pub fn separate(plant: Plant<T>) -> Self {
+        Self::prepared(plant)
+    }
+}
+
+impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
+    #[inline(always)]
+    fn prepared(plant: Plant<T>) -> Self {
         let one = T::constant(1.0);
         let yield_slope = plant.smoothness * plant.stiffness_decrement;
         Self {
             plant,
-            inverse_joint_inertia: one / plant.joint_inertia,
-            inverse_lever_inertia: match plant.lever {
-                Some(lever) => one / lever.inertia,
-                None => one,
+            lever: match plant.lever {
+                Some(lever) => Some(LeverFactors {
+                    inverse_inertia: C::constant(one / lever.inertia),
+                    damping: C::constant(lever.damping),
+                    stiffness: C::constant(lever.stiffness),
+                }),
+                None => None,
             },
-            yield_slope,
-            inverse_smoothness: one / plant.smoothness,
+            inverse_joint_inertia: C::sole(one / plant.joint_inertia),
+            interface_damping: C::sole(plant.interface_damping),
+            interface_stiffness: C::sole(plant.interface_stiffness),
+            short_range_stiffness: C::sole(plant.short_range_stiffness),
+            elastic_limit: C::sole(plant.elastic_limit),
+            joint_damping: C::constant(plant.joint_damping),
+            yield_slope: C::sole(yield_slope),
+            inverse_smoothness: C::constant(one / plant.smoothness),
             yield_at_rest: (-(yield_slope * plant.elastic_limit)).softplus(),
         }
     }
@@ -185,9 +224,9 @@ impl<T: Number> Mechanics<T> {
     /// The elastic joint torque T_j,elas (Eq. 2) as a change from the steady state, and a_s k_dec (theta_j - x_e).
     #[inline(always)]
     pub fn elastic_torque(&self, theta_j: T) -> (T, T) {
-        let beyond = self.yield_slope * (theta_j - self.plant.elastic_limit);
-        let loss = (beyond.softplus() - self.yield_at_rest) * self.inverse_smoothness;
-        (self.plant.short_range_stiffness * theta_j - loss, beyond)
+        let beyond = self.yield_slope.of(self.elastic_limit.off(theta_j));
+        let loss = self.inverse_smoothness.of(beyond.softplus() - self.yield_at_rest);
+        (self.short_range_stiffness.of(theta_j) - loss, beyond)
     }
 
     /// Eq. 3-7: the torques in `state`, and how fast the state changes.
@@ -199,29 +238,28 @@ impl<T: Number> Mechanics<T> {
         motor: Knot<T>,
         time_s: f64,
     ) -> (Torques<T>, State<T>) {
-        let plant = &self.plant;
-        let (handle, lever_torque) = match plant.lever {
+        let (handle, lever_torque) = match self.lever {
             None => (motor, T::constant(0.0)),
             Some(lever) => {
-                let torque = lever.damping * (motor.omega - state.omega_l)
-                    + lever.stiffness * (motor.theta - state.theta_l); // Eq. 5
+                let torque = lever.damping.of(motor.omega - state.omega_l)
+                    + lever.stiffness.of(motor.theta - state.theta_l); // Eq. 5
                 (Knot { theta: state.theta_l, omega: state.omega_l }, torque)
             }
         };
-        let interface = plant.interface_damping * (handle.omega - state.omega_j)
-            + plant.interface_stiffness * (handle.theta - state.theta_j); // Eq. 6
+        let interface = self.interface_damping.of(handle.omega - state.omega_j)
+            + self.interface_stiffness.of(handle.theta - state.theta_j); // Eq. 6
         let (elastic, beyond) = self.elastic_torque(state.theta_j);
-        let joint = plant.joint_damping * state.omega_j + elastic; // Eq. 7
+        let joint = self.joint_damping.of(state.omega_j) + elastic; // Eq. 7
         let mut torques = Torques { lever: lever_torque, interface, joint, beyond, measured: lever_torque };
         let mut rates = State::rest();
-        let moment = Moment { plant, state, handle, time_s };
+        let moment = Moment { plant: &self.plant, state, handle, time_s };
         if X::ACTIVE {
             extension.act(&moment, &mut torques, &mut rates.memory);
         }
-        rates.omega_j = (torques.interface - torques.joint) * self.inverse_joint_inertia; // Eq. 4
+        rates.omega_j = self.inverse_joint_inertia.of(torques.interface - torques.joint); // Eq. 4
         rates.theta_j = state.omega_j;
-        if plant.lever.is_some() {
-            rates.omega_l = (torques.lever - torques.interface) * self.inverse_lever_inertia; // Eq. 3
+        if let Some(lever) = self.lever {
+            rates.omega_l = lever.inverse_inertia.of(torques.lever - torques.interface); // Eq. 3
             rates.theta_l = state.omega_l;
         } else {
             torques.lever = torques.interface;

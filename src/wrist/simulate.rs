@@ -66,7 +66,7 @@ impl Width {
         #[cfg(target_arch = "x86_64")]
         {
             let mut widths = Vec::new();
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
+            if has_avx_512() {
                 widths.push(Self::Eight);
             }
             if is_x86_feature_detected!("avx2") {
@@ -113,54 +113,79 @@ pub fn simulate(request: &Request, trials: &[&Trial], parameters: &[f64], respon
     response.torque_nm.resize(trials.len() * request.samples, 0.0);
     response.slopes.clear();
     response.slopes.resize(trials.len() * request.samples * request.wanted.len(), 0.0);
+    let count = trials.len();
+    let given = Trials { request, trials, parameters };
     match request.width {
-        Width::One => each_group::<f64>(request, trials, parameters, response, group_of_one),
+        Width::One => given.each_group::<f64>(0..count, response, group_of_one),
         #[cfg(target_arch = "x86_64")]
         Width::Four => {
             assert!(is_x86_feature_detected!("avx2"), "this processor has no AVX2");
-            each_group::<super::vector::Four>(request, trials, parameters, response, |job, response| {
+            given.each_group::<super::vector::Four>(0..count, response, |job, response| {
                 // SAFETY: the processor has AVX2, as asserted above.
                 unsafe { group_of_four(job, response) }
             });
         }
         #[cfg(target_arch = "x86_64")]
         Width::Eight => {
-            assert!(
-                is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq"),
-                "this processor has no AVX-512"
-            );
-            each_group::<super::vector::Eight>(request, trials, parameters, response, |job, response| {
+            assert!(has_avx_512(), "this processor has no AVX-512");
+            // What is left over and fills no more than half a vector goes through one of half the width.
+            let rest = count % 8;
+            let whole = if rest <= 4 { count - rest } else { count };
+            given.each_group::<super::vector::Eight>(0..whole, response, |job, response| {
                 // SAFETY: the processor has AVX-512, as asserted above.
                 unsafe { group_of_eight(job, response) }
+            });
+            given.each_group::<super::vector::Four>(whole..count, response, |job, response| {
+                // SAFETY: the processor has AVX-512, as asserted above.
+                unsafe { half_a_group_of_eight(job, response) }
             });
         }
     }
 }
 
-fn each_group<P: Plain>(
-    request: &Request,
-    trials: &[&Trial],
-    parameters: &[f64],
-    response: &mut Response,
-    run: impl Fn(&Job, &mut Response),
-) {
-    let count = request.parameter_count();
-    for first in (0..trials.len()).step_by(P::LANES) {
-        let last = (first + P::LANES).min(trials.len());
-        let mut begin = 0;
-        loop {
-            let end = (begin + MOST_SLOPES).min(request.wanted.len());
-            let job = Job {
-                request,
-                trials: &trials[first..last],
-                parameters: &parameters[first * count..last * count],
-                first,
-                wanted: begin..end,
-            };
-            run(&job, response);
-            begin = end;
-            if begin == request.wanted.len() {
-                break;
+/// Whether the processor has all that the widest vectors are compiled for.
+#[cfg(target_arch = "x86_64")]
+fn has_avx_512() -> bool {
+    is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512bw")
+}
+
+/// What is to be simulated.
+struct Trials<'a> {
+    request: &'a Request<'a>,
+    trials: &'a [&'a Trial],
+    parameters: &'a [f64],
+}
+
+impl Trials<'_> {
+    /// Runs the trials in `range` in groups of as many as `P` has lanes.
+    fn each_group<P: Plain>(
+        &self,
+        range: std::ops::Range<usize>,
+        response: &mut Response,
+        run: impl Fn(&Job, &mut Response),
+    ) {
+        let Self { request, trials, parameters } = self;
+        let count = request.parameter_count();
+        for first in range.clone().step_by(P::LANES) {
+            let last = (first + P::LANES).min(range.end);
+            let mut begin = 0;
+            loop {
+                let end = (begin + MOST_SLOPES).min(request.wanted.len());
+                let job = Job {
+                    request,
+                    trials: &trials[first..last],
+                    parameters: &parameters[first * count..last * count],
+                    first,
+                    wanted: begin..end,
+                };
+                run(&job, response);
+                begin = end;
+                if begin == request.wanted.len() {
+                    break;
+                }
             }
         }
     }
@@ -180,4 +205,11 @@ fn group_of_four(job: &Job, response: &mut Response) {
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
 fn group_of_eight(job: &Job, response: &mut Response) {
     group::run::<super::vector::Eight>(job, response);
+}
+
+/// Four trials with the registers of the widest vectors.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
+fn half_a_group_of_eight(job: &Job, response: &mut Response) {
+    group::run::<super::vector::Four>(job, response);
 }

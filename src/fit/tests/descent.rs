@@ -26,7 +26,7 @@ fn the_arrowhead_step_is_that_of_the_dense_matrix() {
     let damping = 0.01;
     let mut held = vec![false; 61];
     (held[3], held[17]) = (true, true);
-    let step = normal.damped_step(component, &layout, damping, &held).unwrap();
+    let step = normal.damped_step(component, &layout, &[damping; 13], &held).unwrap();
     let mut dense = normal.dense(component);
     let mut right = -normal.gradient(component);
     for i in 0..61 {
@@ -74,29 +74,43 @@ fn the_gradient_is_that_of_the_cost() {
     }
 }
 
+/// Of so many random starts within a factor of three of the truth, those that end within 0.1 % of the best.
+fn reached(prepared: &Prepared, starts: u32) -> usize {
+    let program = Fit::new(prepared, &Model::paper(), Weighting::MeasuredNoise);
+    let truths: Vec<[f64; 6]> =
+        prepared.trials.iter().map(|trial| truth(trial.velocity_rad_s, trial.torque_nm)).collect();
+    let cost = |fit: &Fit| fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>();
+    let cost_from = |start: u32| {
+        let mut stream = Stream::new(3, &format!("start/{start}"));
+        let mut coordinates = program.layout.start();
+        for (links, own) in program.layout.links.iter().zip(&truths) {
+            for (link, value) in links.iter().zip(own) {
+                let Link::Logarithmic { coordinate, .. } = link else { panic!("all are logarithms") };
+                let away = (2.0 * stream.uniform() - 1.0) * libm::log(3.0);
+                let bounds = &program.layout.coordinates[*coordinate];
+                coordinates[*coordinate] = (libm::log(*value) + away).clamp(bounds.low, bounds.high);
+            }
+        }
+        let (layout, objective) = (program.layout.clone(), program.objective.clone());
+        let covariances = program.covariances.clone();
+        let mut fit =
+            Fit::from_start(prepared, &Model::paper(), layout, objective, covariances, &coordinates);
+        fit.look_again(prepared);
+        cost(&fit)
+    };
+    let costs: Vec<f64> = (0..starts).into_par_iter().map(cost_from).collect();
+    let best = costs.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(cost(&program) < 1.001 * best, "the program's own start: {} and {best}", cost(&program));
+    costs.iter().filter(|cost| **cost < 1.001 * best).count()
+}
+
 #[test]
 fn from_two_hundred_starts_within_a_factor_of_three_the_fit_reaches_the_same_optimum() {
-    let prepared = Maker::new(1).prepared();
-    let points = looks(&prepared);
-    let (objective, covariances) = objective(&prepared, Weighting::MeasuredNoise, points.first());
-    let fit_from = |guess: &Guess| {
-        let (objective, covariances) = (objective.clone(), covariances.clone());
-        let mut fit = Fit::from_guess(&prepared, &Model::paper(), objective, covariances, guess);
-        fit.look_again(&prepared);
-        fit
-    };
-    let cost = |fit: &Fit| fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>();
-    let best = cost(&fit_from(&guess_of_truth(&prepared)));
-    let reaches = |start: u32| {
-        let mut stream = Stream::new(3, &format!("start/{start}"));
-        let mut spread = |value: f64| value * libm::exp((2.0 * stream.uniform() - 1.0) * libm::log(3.0));
-        let first = prepared.trials.iter().map(|t| truth(t.velocity_rad_s, t.torque_nm).map(&mut spread));
-        let found = cost(&fit_from(&Guess::given(&prepared, first.collect())));
-        assert!(found > best * 0.999, "the reference was not the best: {found} and {best}");
-        found < best * 1.001
-    };
-    let reached = (0..200).into_par_iter().filter(|start| reaches(*start)).count();
-    assert!(reached >= 198, "{reached} of 200");
+    for seed in [1, 2, 3] {
+        let prepared = Maker { seed, ..Maker::new(1) }.prepared();
+        let reached = reached(&prepared, 200);
+        assert!(reached >= 198, "session {seed}: {reached} of 200");
+    }
 }
 
 #[test]
@@ -143,4 +157,27 @@ fn a_parameter_without_influence_leaves_the_others_determined() {
     }
     let all = estimates.iter().flat_map(|e| e.se.into_iter().chain(e.sem).flatten());
     assert!(all.into_iter().all(f64::is_finite));
+}
+
+#[test]
+fn a_refit_ends_where_a_second_look_from_the_fits_own_start_does() {
+    // The optimum that a drawn session has need not be the one about the truth: steps from there alone ended 1 % above it.
+    let prepared = Maker::new(1).prepared();
+    let fit = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
+    let predicted: Vec<Vec<f64>> =
+        predictions(&prepared, &fit).into_iter().map(|own| own.torque_nm).collect();
+    let noise = NoiseMaker::new(&fit);
+    let excess = |number: u32| {
+        let mut stream = Stream::new(1, &format!("refit/{number}"));
+        let session = resampled(&prepared, &predicted, &noise, &mut stream);
+        let (layout, objective) = (fit.layout.clone(), fit.objective.clone());
+        let start = layout.start();
+        let mut afresh =
+            Fit::from_start(&session, &Model::paper(), layout, objective, fit.covariances.clone(), &start);
+        afresh.look_again(&session);
+        let cost = |fit: &Fit| fit.solution.outcomes[0].cost;
+        cost(&fit.refitted(&session)) / cost(&afresh) - 1.0
+    };
+    let worst = (0..40).into_par_iter().map(excess).reduce(|| 0.0, f64::max);
+    assert!(worst < 1e-3, "{worst:e} above");
 }
