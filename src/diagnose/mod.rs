@@ -8,6 +8,7 @@
 //! Then the trials are compared with each other (`across`). Steps are repeated until nothing is left over.
 
 mod across;
+mod by_trial;
 mod calibrate;
 mod design;
 mod gain;

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
+use super::by_trial::residual_by_trial;
 use super::gain::residuals;
 use super::search::{Cause, Diagnosis, Evidence};
 use crate::dataset::Disk;
@@ -35,6 +36,7 @@ impl Diagnosis {
                 "mechanism": unseen.kind.id(), "class": unseen.kind.class(), "reason": unseen.reason,
             })).collect::<Vec<_>>(),
             "laws": { "elastic_limit": self.limit_law },
+            "residual_by_trial": residual_by_trial(prepared, &self.before, &self.after),
             "residual_map": residual_map(prepared, &self.before, &self.after),
             "remarks": self.remarks,
         })

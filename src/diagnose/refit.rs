@@ -44,8 +44,10 @@ pub struct Shortlist {
     pub unit: f64,
 }
 
-/// How many mechanisms are fitted with all care at each step.
-const SHORTLIST: usize = 6;
+/// A mechanism that was fitted roughly is fitted with all care if it comes this near to the best, in units of the noise, or as
+/// a part of what the best is worth: yields that a rough fit leaves in the wrong place cost as much.
+const WITHIN_REACH: f64 = 120.0;
+const PART_OF_BEST: f64 = 0.1;
 
 /// Every mechanism that was probed, fitted in full; the best with all care. The best first.
 ///
@@ -64,8 +66,9 @@ pub fn candidates(prepared: &Prepared, fit: &Fit, scored: &[(Probe, Score)], fre
             Some(candidate(fits.min_by(|a, b| cost(a).total_cmp(&cost(b)))?, kind))
         })
         .collect();
-    rough.sort_by(|a, b| b.merit().total_cmp(&a.merit()));
-    rough.truncate(SHORTLIST);
+    rough.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+    let best = rough.first().map_or(0.0, |own| own.worth);
+    rough.retain(|own| own.worth > best - WITHIN_REACH.max(PART_OF_BEST * best));
     let mut settled: Vec<Candidate> =
         rough.into_par_iter().map(|own| candidate(own.fit.settled(prepared), own.kind)).collect();
     let best = settled.iter().map(|own| 2.0 * cost(&own.fit)).fold(f64::INFINITY, f64::min);
