@@ -10,6 +10,7 @@ mod diagnose;
 mod export;
 mod failure;
 mod fit;
+mod live;
 mod model;
 mod operator;
 mod power;
