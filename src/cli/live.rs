@@ -53,9 +53,9 @@ pub struct PageOptions {
     /// A name under which browsers ask for the pages, beside the address itself; can be given more than once.
     #[arg(long, value_name = "NAME")]
     host: Vec<String>,
-    /// The wrist in the handle: the person's page is mirrored to its side.
-    #[arg(long, value_enum, default_value_t = Side::Right)]
-    wrist: Side,
+    /// The wrist in the handle: the person's page is mirrored to its side [default: right].
+    #[arg(long, value_enum)]
+    wrist: Option<Side>,
 }
 
 /// Left or right.
@@ -95,12 +95,12 @@ impl PageOptions {
         Ok(address)
     }
 
-    /// Which wrist is in the handle.
-    pub fn wrist(&self) -> Wrist {
-        match self.wrist {
+    /// Which wrist is in the handle, if that was said.
+    pub fn wrist(&self) -> Option<Wrist> {
+        self.wrist.map(|side| match side {
             Side::Left => Wrist::Left,
             Side::Right => Wrist::Right,
-        }
+        })
     }
 
     /// Says where the pages are, and what to mind. Said also when nothing else is: without it, there is no way in.
@@ -140,7 +140,7 @@ impl ConsoleOptions {
         Ok(Some(Plan {
             pages: self.console.then(|| self.pages.address()).transpose()?,
             terminal: self.tui,
-            wrist: self.pages.wrist(),
+            wrist: self.pages.wrist().unwrap_or_default(),
             missed_after: (self.operator_timeout > 0.0)
                 .then(|| Duration::from_secs_f64(self.operator_timeout)),
             starts_at_once,

@@ -24,6 +24,7 @@ mod schedule;
 mod schema;
 mod states;
 mod verify;
+mod watch;
 
 use std::process::ExitCode;
 
@@ -61,6 +62,7 @@ verbs! {
     Run(run::Run),
     Resume(resume::Resume),
     Replay(replay::Replay),
+    Watch(watch::Watch),
     Verify(verify::Verify),
     Check(check::Check),
     Fit(fit::Fit),

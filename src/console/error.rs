@@ -4,6 +4,9 @@ use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
+use crate::dataset::DatasetError;
+use crate::protocol::ProtocolError;
+
 /// Why a console cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum ConsoleError {
@@ -42,6 +45,15 @@ pub enum ConsoleError {
     /// The threads of the console cannot be started.
     #[error("the console cannot be started: {0}")]
     Start(io::Error),
+    /// The recorded session cannot be read.
+    #[error(transparent)]
+    Session(#[from] DatasetError),
+    /// Nor can its protocol.
+    #[error(transparent)]
+    Protocol(#[from] ProtocolError),
+    /// There is nothing to play.
+    #[error("{}: nothing happened in this session that could be played", .0.display())]
+    Empty(PathBuf),
     /// The terminal cannot be drawn on.
     #[error("the terminal cannot be drawn on: {0}. Is this a terminal? Leave --tui out otherwise")]
     Terminal(io::Error),
@@ -50,6 +62,14 @@ pub enum ConsoleError {
 impl ConsoleError {
     /// What was asked for makes no sense; otherwise the system refused.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::Plain(_) | Self::Nameless(_) | Self::Certificate { .. })
+        matches!(
+            self,
+            Self::Plain(_)
+                | Self::Nameless(_)
+                | Self::Certificate { .. }
+                | Self::Session(_)
+                | Self::Protocol(_)
+                | Self::Empty(_)
+        )
     }
 }

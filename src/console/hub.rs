@@ -122,9 +122,9 @@ impl Hub {
         self.strip.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// How the recording is played.
-    pub fn set_tape(&mut self, tape: Tape) {
-        self.now.tape = Some(tape);
+    /// How the recording is played; whether that is news.
+    pub fn set_tape(&mut self, tape: Tape) -> bool {
+        self.now.tape.replace(tape) != Some(tape)
     }
 
     /// Takes a step in.

@@ -2,7 +2,7 @@
 //!
 //! The loop lets a copy of each step out through a ring ([`Tapped`]) and hears words through another ([`Listener`]); it
 //! never waits for what is behind them. The [`Hub`] makes pictures of the steps; pages in a browser ([`web`]) and the
-//! [`terminal`] draw the latest.
+//! [`terminal`] draw the latest. A recorded session comes the same way ([`player`]).
 
 mod beat;
 mod error;
@@ -12,6 +12,7 @@ mod hub;
 mod live;
 mod now;
 mod orders;
+pub mod player;
 mod screen;
 mod story;
 mod strip;

@@ -127,7 +127,7 @@ export function drawCurve(canvas, fit) {
   if (!fit?.measured_nm) return surface(canvas);
   const all = [...fit.measured_nm, ...fit.predicted_nm];
   const [low, high] = [Math.min(0, ...all), Math.max(...all)];
-  const view = frame(canvas, [low * 1.05, high * 1.05], "torque above the level before, N m");
+  const view = frame(canvas, [low * 1.05, high * 1.05], `N m, ${Math.round(fit.measured_nm.length * fit.period_s * 1e3)} ms from the onset`);
   const { pen, width, y } = view;
   const last = fit.measured_nm.length;
   const x = (sample) => MARGIN + (sample / last) * (width - MARGIN - 4);
@@ -143,8 +143,6 @@ export function drawCurve(canvas, fit) {
   draw(fit.measured_nm, colour("ink"), 2.4, []);
   draw(fit.predicted_nm, colour("c2"), 2, [5, 4]);
   pen.textAlign = "right";
-  pen.fillStyle = colour("soft");
-  pen.fillText(`${Math.round(last * fit.period_s * 1e3)} ms after the onset`, width - 4, 7);
   pen.fillStyle = colour("c2");
   pen.fillText("model", width - 4, 7 + 14);
 }

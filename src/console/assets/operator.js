@@ -133,15 +133,23 @@ function tellConditions() {
 }
 
 const VALUES = [
-  ["VAF", "vaf", 4, 1],
-  ["k_srs N m/rad", "k_srs_nm_per_rad", 1, 1],
-  ["k_dec N m/rad", "k_dec_nm_per_rad", 1, 1],
-  ["x_e mrad", "x_e_rad", 1, 1e3],
-  ["x_t ms", "x_t_s", 1, 1e3],
-  ["I_j g m²", "i_j_kg_m2", 2, 1e3],
-  ["b_h N m s/rad", "b_h_nm_s_per_rad", 2, 1],
-  ["k_h N m/rad", "k_h_nm_per_rad", 0, 1],
+  ["VAF", "vaf", 4, 1, ""],
+  ["k_srs", "k_srs_nm_per_rad", 1, 1, "N m/rad"],
+  ["k_dec", "k_dec_nm_per_rad", 1, 1, "N m/rad"],
+  ["x_e", "x_e_rad", 1, 1e3, "mrad"],
+  ["x_t", "x_t_s", 1, 1e3, "ms"],
+  ["I_j", "i_j_kg_m2", 2, 1e3, "g m²"],
+  ["b_h", "b_h_nm_s_per_rad", 2, 1, "N m s/rad"],
+  ["k_h", "k_h_nm_per_rad", 0, 1, "N m/rad"],
 ];
+
+/// A value with its standard error, where the data tell one.
+function estimated(fit, [term, key, places, factor, unit]) {
+  const [value, se] = [fit.values[key], fit.se[key]];
+  // An error as large as the value says that the trial alone does not tell it.
+  const error = !Number.isFinite(se) ? "" : se < 1 ? ` ± ${fixed(se * value, places, factor)}` : " ± ?";
+  return [term, `${fixed(value, places, factor)}${error} ${unit}`];
+}
 
 function list(id, rows) {
   by(id).replaceChildren(...rows.map(([term, value, isBad]) => {
@@ -161,11 +169,7 @@ function tellFit() {
   const condition = fit?.values ? `: ${fit.velocity_rad_s} rad/s, ${fit.torque_nm} N m` : "";
   text("fit-of", fit ? `trial ${fit.trial}${condition}` : "no trial yet");
   by("curve").setAttribute("aria-label", fit?.values ? `measured torque of trial ${fit.trial} and the model's, VAF ${fixed(fit.values.vaf, 4)}` : "no fit yet");
-  list("values", fit?.values ? VALUES.map(([term, key, places, factor]) => {
-    const se = fit.se[key];
-    const error = Number.isFinite(se) ? ` ± ${fixed(se * fit.values[key], places, factor)}` : "";
-    return [term, fixed(fit.values[key], places, factor) + error];
-  }) : []);
+  list("values", fit?.values ? VALUES.map((own) => estimated(fit, own)) : []);
   text("remarks", fit ? fit.reason ?? fit.remarks.join("; ") : "");
 }
 

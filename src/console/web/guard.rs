@@ -53,10 +53,10 @@ impl Tokens {
     /// # Errors
     /// If the system has none.
     pub fn draw() -> Result<Self, ConsoleError> {
-        let token = || {
+        let token = || -> Result<String, ConsoleError> {
             let mut bytes = [0u8; TOKEN_BYTES];
             getrandom::fill(&mut bytes).map_err(|error| ConsoleError::Random(error.to_string()))?;
-            Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>())
+            Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
         };
         Ok(Self { operator: token()?, person: token()? })
     }

@@ -15,6 +15,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 use tokio::sync::watch;
+use tokio_rustls::TlsAcceptor;
 
 use super::{ConsoleError, Controls, ScreenTimes, Views, nice};
 use guard::Guard;
@@ -38,7 +39,7 @@ impl Address {
     /// Whether nobody else gets in there.
     ///
     /// # Errors
-    /// If others could read along, or a forged request could not be told from an honest one.
+    /// If others could read along, a file of the certificate cannot be used, or a forged request could not be told from an honest one.
     pub fn check(&self) -> Result<(), ConsoleError> {
         let ip = self.listen.ip();
         if !ip.is_loopback() && self.certificate.is_none() {
@@ -47,7 +48,11 @@ impl Address {
         if ip.is_unspecified() && self.hosts.is_empty() {
             return Err(ConsoleError::Nameless(self.listen));
         }
-        Ok(())
+        self.acceptor().map(|_| ())
+    }
+
+    fn acceptor(&self) -> Result<Option<TlsAcceptor>, ConsoleError> {
+        self.certificate.as_ref().map(|(chain, key)| tls::acceptor(chain, key)).transpose()
     }
 }
 
@@ -82,7 +87,7 @@ impl Server {
     pub fn start(address: &Address, content: Content) -> Result<Self, ConsoleError> {
         address.check()?;
         let listen = address.listen;
-        let tls = address.certificate.as_ref().map(|(chain, key)| tls::acceptor(chain, key)).transpose()?;
+        let tls = address.acceptor()?;
         let bind = |source| ConsoleError::Bind { address: listen, source };
         let listener = TcpListener::bind(listen).map_err(bind)?;
         listener.set_nonblocking(true).map_err(bind)?;
