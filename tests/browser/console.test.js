@@ -47,7 +47,7 @@ async function open(url, { width = 1280, height = 800, dark = false } = {}) {
 }
 
 const phase = (page, wanted) => page.locator("#phase", { hasText: new RegExp(`^${wanted}$`) }).waitFor();
-const button = (page, word) => page.locator(`footer [data-word=${word}]`);
+const button = (page, word) => page.locator(`#desk [data-word=${word}]`);
 const yes = (page) => page.locator("#sure button[value=yes]").click();
 const outcomes = (page) => page.locator("#trial-rows tr td.words").allTextContents();
 const label = (page, wanted) => page.locator(`#display[aria-label*="${wanted}"]`).waitFor();

@@ -5,12 +5,16 @@ import { createInterface } from "node:readline";
 
 import { program } from "./sessions.js";
 
+const running = new Set();
+process.on("exit", () => running.forEach((child) => child.kill("SIGKILL")));
+
 /// Starts the program and waits for the addresses of its pages, which it prints on lines of their own.
 export async function start(args, { cwd } = {}) {
   const child = spawn(program(), args, { cwd, stdio: ["ignore", "pipe", "pipe"] });
   const said = [];
   const ended = once(child, "close").then(([code]) => code);
-  process.on("exit", () => child.kill("SIGKILL"));
+  running.add(child);
+  ended.then(() => running.delete(child));
   const pages = [];
   const ready = new Promise((resolve, reject) => {
     createInterface({ input: child.stderr }).on("line", (line) => {

@@ -4,4 +4,5 @@ mod audit;
 mod program;
 mod security;
 mod steering;
+mod terminal;
 mod tls;

@@ -165,12 +165,13 @@ function list(id, rows) {
 
 function tellFit() {
   const fit = story.last_fit;
-  drawCurve(by("curve"), fit);
   const condition = fit?.values ? `: ${fit.velocity_rad_s} rad/s, ${fit.torque_nm} N m` : "";
   text("fit-of", fit ? `trial ${fit.trial}${condition}` : "no trial yet");
   by("curve").setAttribute("aria-label", fit?.values ? `measured torque of trial ${fit.trial} and the model's, VAF ${fixed(fit.values.vaf, 4)}` : "no fit yet");
   list("values", fit?.values ? VALUES.map((own) => estimated(fit, own)) : []);
   text("remarks", fit ? fit.reason ?? fit.remarks.join("; ") : "");
+  // When all that stands beside it has its place.
+  drawCurve(by("curve"), fit);
 }
 
 function tellLog() {

@@ -178,3 +178,79 @@ fn question<'a>(now: &Now, desk: &'a Desk) -> Text<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::console::hub::waiting;
+    use ratatui_core::backend::TestBackend;
+    use ratatui_core::terminal::Terminal;
+    use serde_json::json;
+
+    fn drawn(now: &Now, desk: &Desk) -> String {
+        let about = About {
+            protocol: "a first look".to_owned(),
+            subject: "V00".to_owned(),
+            folder: "sessions/first".to_owned(),
+            rig: "virtual wrist".to_owned(),
+        };
+        let fit = json!({ "k_srs_nm_per_rad": 22.71, "vaf": 0.9981 });
+        let story = json!({
+            "trials": [
+                { "number": 1, "velocity_rad_s": 3.25, "torque_nm": 2.1, "status": "ok", "fit": fit },
+                { "number": 2, "velocity_rad_s": 1.3, "torque_nm": 0.9 },
+            ],
+            "log": [{ "t_s": 12.34, "kind": "note", "text": "electrode re-glued" }],
+            "gauges": { "latest_us": 812, "missed": 0, "bus_load": 0.31, "disk_free_bytes": 6.2e10 },
+        });
+        let mut screen = Terminal::new(TestBackend::new(110, 20)).unwrap();
+        screen.draw(|frame| draw(frame, now, &story.to_string(), &about, desk)).unwrap();
+        screen.backend().to_string()
+    }
+
+    fn held(level: f64) -> Now {
+        let mut now = waiting(None);
+        now.shown.cue = Asked::Target;
+        (now.shown.level, now.shown.band_fraction, now.shown.gate) = (level, 0.025, 0.5);
+        (now.torque_nm, now.target_nm) = (0.9 * level, Some(0.9));
+        now.possible = vec!["pause", "abort"];
+        now
+    }
+
+    #[test]
+    fn torque_gate_trials_and_log_are_on_the_screen() {
+        let picture = drawn(&held(0.5), &Desk::Watching);
+        for part in
+            ["V00 · a first look", "0.45 N m of 0.9", "22.7", "0.998", "under way", "12.3 electrode re-glued"]
+        {
+            assert!(picture.contains(part), "{part} is not in\n{picture}");
+        }
+        for part in
+            ["late by 812 us at most, 0 missed, bus 31 %, disk 62.0 GB", "space pause", "x end the session"]
+        {
+            assert!(picture.contains(part), "{part} is not in\n{picture}");
+        }
+        assert!(!picture.contains("k skip"), "what is not possible is offered");
+    }
+
+    #[test]
+    fn the_bar_reaches_its_band_when_the_torque_does() {
+        let line = |level: f64| {
+            let picture = drawn(&held(level), &Desk::Watching);
+            let line = picture.lines().find(|line| line.contains("torque")).unwrap().to_owned();
+            (line.matches('█').count(), line.matches('│').count())
+        };
+        let ((half, _), (whole, _), (over, edges)) = (line(0.5), line(1.0), line(1.2));
+        // 96 cells of which the target is at four fifths.
+        assert_eq!(half, 38);
+        assert!((75..=79).contains(&whole), "{whole}");
+        assert!(over > 90 && edges == 0, "{over} cells, {edges} of the band in front");
+        assert!(line(0.5).1 >= 3, "the band is not drawn");
+    }
+
+    #[test]
+    fn what_is_asked_is_on_the_last_line() {
+        assert!(drawn(&held(1.0), &Desk::Asked(crate::session::Event::Abort)).contains("abort: sure?"));
+        assert!(drawn(&held(1.0), &Desk::Writing("grip".to_owned())).contains("note: grip"));
+    }
+}
