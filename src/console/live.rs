@@ -18,7 +18,7 @@ use super::{
     Beat, ConsoleError, Controls, Listener, Orders, Place, Request, ScreenTimes, Tapped, Told, nice,
 };
 use crate::dataset::{BackgroundRecorder, Deed, Desk, LONGEST_NOTE, Trial, Wrist};
-use crate::session::{Event, Machine};
+use crate::session::{Event, Machine, Source};
 
 /// How often the hub looks for steps.
 const IDLE: Duration = Duration::from_millis(2);
@@ -275,7 +275,11 @@ struct Desks {
 impl Controls for Desks {
     fn hear(&self, request: Request, desk: Desk) {
         match request {
-            Request::Word { word, sure } if sure || !is_final(word) => self.orders.say(word, desk),
+            Request::Word { word, sure }
+                if word.source() == Source::Operator && (sure || !is_final(word)) =>
+            {
+                self.orders.say(word, desk)
+            }
             Request::PauseAfterTrial => self.orders.pause_after_trial(Deed::AskedForPauseAfterTrial, desk),
             Request::Note { text, clock } => {
                 let (text, clock) = (cut(text.trim(), LONGEST_NOTE), clock.map(|clock| cut(&clock, 40)));
@@ -283,7 +287,7 @@ impl Controls for Desks {
                     self.orders.note(Deed::Noted { text, clock }, desk);
                 }
             }
-            // Not sure, or meant for a recording.
+            // Nothing that an operator says, not sure, or meant for a recording.
             Request::Word { .. } | Request::Play { .. } | Request::Seek { .. } => {}
         }
     }

@@ -46,6 +46,10 @@ async function open(url, { width = 1280, height = 800, dark = false } = {}) {
   return { page, wrong, close: () => context.close() };
 }
 
+const ready = async (page) => {
+  await page.locator("#line", { hasText: "connected" }).waitFor();
+  await phase(page, "ready");
+};
 const phase = (page, wanted) => page.locator("#phase", { hasText: new RegExp(`^${wanted}$`) }).waitFor();
 const button = (page, word) => page.locator(`#desk [data-word=${word}]`);
 const yes = (page) => page.locator("#sure button[value=yes]").click();
@@ -62,7 +66,7 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   const operator = await open(program.operator);
   const person = await open(program.person);
   const { page } = operator;
-  await phase(page, "ready");
+  await ready(page);
   await label(person.page, "waiting");
   await button(page, "start").click();
   // What moves the motor asks first, and no is no.
@@ -105,14 +109,14 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
 });
 
 test("the keyboard alone is enough", async () => {
-  const { out, program } = await session("--speed", "5");
+  const { out, program } = await session("--speed", "2");
   const { page, wrong, close } = await open(program.operator);
-  await phase(page, "ready");
+  await ready(page);
   await page.keyboard.press("x");
   await page.keyboard.press("Escape");
   await page.keyboard.press("s");
   await page.keyboard.press("Enter");
-  await phase(page, "rest");
+  await page.locator("#phase", { hasNotText: "ready" }).waitFor();
   await page.keyboard.press("n");
   // Letters in a note are no commands.
   await page.keyboard.type("x k s b");
@@ -123,7 +127,7 @@ test("the keyboard alone is enough", async () => {
   await page.keyboard.press("k");
   await page.keyboard.press("Enter");
   await page.keyboard.press("Space");
-  await phase(page, "hold");
+  await page.locator("#phase", { hasNotText: "paused" }).waitFor();
   await page.keyboard.press("?");
   assert.ok(await page.locator("#help").isVisible());
   await page.keyboard.press("Escape");
@@ -152,7 +156,7 @@ describe("accessibility", () => {
         const { violations } = await page.evaluate(() => globalThis.axe.run());
         return violations.flatMap(({ id, nodes }) => nodes.map((node) => `${id}: ${node.html} ${node.failureSummary}`));
       };
-      await phase(operator.page, "ready");
+      await ready(operator.page);
       assert.deepEqual([...(await check(operator)), ...(await check(person))], []);
       await operator.page.keyboard.press("s");
       assert.deepEqual(await check(operator), []);
@@ -171,7 +175,7 @@ describe("accessibility", () => {
 test("a page that is loaded again shows the present state at once, and losing it changes nothing", async () => {
   const { program } = await session("--speed", "5", "--operator-timeout", "0");
   const { page, close } = await open(program.operator);
-  await phase(page, "ready");
+  await ready(page);
   await page.keyboard.press("s");
   await page.keyboard.press("Enter");
   await page.locator("#trial-rows tr.ok").nth(1).waitFor();

@@ -11,6 +11,8 @@ fn every_word_and_note_is_in_the_journal_with_its_place() {
     let mut program = Program::run(&["--speed", "20"]);
     let mut operator = program.operator.live();
     operator.phase("ready");
+    // Not the operator's to say, and so not said.
+    operator.send(&json!({ "word": { "word": "gate_opened", "sure": true } }));
     // Not possible here, and said all the same.
     operator.send(&json!({ "word": { "word": "resume" } }));
     operator.until("its refusal", |message| {

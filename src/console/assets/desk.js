@@ -22,6 +22,9 @@ function element(name, attributes = {}, ...children) {
   return made;
 }
 
+/// A button that is there to be pressed; one of a question just answered may still have the focus.
+const isButton = (target) => target instanceof HTMLButtonElement && !target.closest("dialog");
+
 /// The local time with its place in the world, as a laboratory notes it.
 function clock() {
   const now = new Date();
@@ -35,6 +38,7 @@ export class Desk {
   constructor(send) {
     this.send = send;
     this.now = null;
+    this.isConnected = false;
     this.foot = document.getElementById("desk");
     this.sure = document.getElementById("sure");
     this.help = document.getElementById("help");
@@ -89,6 +93,12 @@ export class Desk {
     return [this.play, element("label", {}, "speed", this.speed), element("span", { class: "wide" }, this.slider), this.time];
   }
 
+  /// Without a line nothing can be asked for: a word that is late is worse than one that has to be said again.
+  connected(isConnected) {
+    this.isConnected = isConnected;
+    if (this.now) this.show(this.now);
+  }
+
   show(now) {
     this.now = now;
     if (this.isTape) return this.showTape(now);
@@ -110,7 +120,7 @@ export class Desk {
   }
 
   isPossible({ word, needs }) {
-    return !this.now?.is_over && this.now?.possible.includes(word ?? needs);
+    return this.isConnected && !this.now?.is_over && this.now?.possible.includes(word ?? needs);
   }
 
   press(event) {
@@ -127,7 +137,7 @@ export class Desk {
 
   pressWord(key, target) {
     // The space bar presses the button that has the focus.
-    if (key === " " && target instanceof HTMLButtonElement) return false;
+    if (key === " " && isButton(target)) return false;
     if (key === "n") {
       this.note.focus();
       return true;
@@ -139,7 +149,7 @@ export class Desk {
 
   pressTape(key, target) {
     if (target === this.slider || target === this.speed) return false;
-    if (key === " " && !(target instanceof HTMLButtonElement)) this.toggle();
+    if (key === " " && !isButton(target)) this.toggle();
     else if (key === "ArrowLeft") this.seek(this.now.t_s - 5);
     else if (key === "ArrowRight") this.seek(this.now.t_s + 5);
     else if (key === "ArrowUp" || key === "ArrowDown") {

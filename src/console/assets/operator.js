@@ -18,6 +18,7 @@ const desk = new Desk((message) => send(message));
 const send = connect(take, (state) => {
   isOver ||= state === "over";
   const words = { open: "connected", lost: "no connection", over: "session over" };
+  desk.connected(state === "open");
   by("line").textContent = words[isOver ? "over" : state];
   by("line").className = `badge ${isOver ? "" : state === "open" ? "good" : "bad"}`;
 });
