@@ -93,7 +93,7 @@ impl Orders {
         let remark = Remark { sample: self.0.place.sample(), desk, deed };
         if self.0.remarks.send(remark.clone()) {
             self.tell(Told::Did(remark));
-        } else {
+        } else if !matches!(remark.deed, Deed::Joined | Deed::Left) {
             self.tell(Told::Alarm("the session is over: this was not kept".to_owned()));
         }
     }
@@ -132,14 +132,14 @@ impl Listener {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// The wish for a pause becomes the word when no trial is broken off by it. A ramp notes it; in the rest the session
-    /// pauses at once.
+    /// The wish for a pause becomes the word when no measurement is broken off by it. A ramp notes it; in a rest the
+    /// session pauses at once.
     fn due_pause(&mut self, phase: Phase) -> Option<Event> {
         if !self.shared.pause_after_trial.load(Ordering::Acquire) {
             return None;
         }
         match phase {
-            Phase::Hold | Phase::Delay | Phase::Homing => None,
+            Phase::Offset | Phase::MvcEffort | Phase::Hold | Phase::Delay | Phase::Homing => None,
             Phase::Ready | Phase::Paused | Phase::Faulted | Phase::Finished | Phase::Aborted => {
                 self.shared.pause_after_trial.store(false, Ordering::Release);
                 None

@@ -78,7 +78,8 @@ fn with_a_certificate_the_pages_are_encrypted() {
 
     // Who speaks plainly gets nothing.
     let mut plain = TcpStream::connect(format!("127.0.0.1:{port}")).unwrap();
-    write!(plain, "GET {} HTTP/1.1\r\nHost: {}\r\n\r\n", page.path, page.host).unwrap();
+    // The line may be cut before all of it is said.
+    let _ = write!(plain, "GET {} HTTP/1.1\r\nHost: {}\r\n\r\n", page.path, page.host);
     let mut answer = Vec::new();
     let _ = plain.read_to_end(&mut answer);
     assert!(!String::from_utf8_lossy(&answer).contains("HTTP/1.1 200"));
