@@ -18,12 +18,14 @@
 //! | fit | [`fit`] | the wrist's parameters out of the recorded torque, and how well they are known |
 //! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what mending it gains |
 //! | report | [`report`] | figures and tables of a session for a person |
+//! | console | [`console`] | what operator and person see while a session runs, and how the operator is heard |
 //! | statistics | [`statistics`] | what a table of many persons says |
 //! | study | [`study`] | many persons through one protocol |
 //! | export | [`export`] | sessions in the formats of other tools |
 //!
 //! SI units throughout; a field's name carries its unit. The ramp is positive and so is the resistance to it.
 
+pub mod console;
 pub mod dataset;
 pub mod diagnose;
 pub mod export;

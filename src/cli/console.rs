@@ -58,6 +58,11 @@ impl Console {
         bar
     }
 
+    /// A line without which the program is of no use; always said.
+    pub fn announce(&self, message: impl Display) {
+        to_stderr(&message);
+    }
+
     /// Why the program ends without having done its work; always said.
     pub fn error(&self, error: impl Display) {
         to_stderr(&format_args!("error: {error}"));

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use ramphold::console::ConsoleError;
 use ramphold::dataset::{DatasetError, RecordError, ResumeError};
 use ramphold::export::ExportError;
 use ramphold::fit::{ModelError, PrepareError, WriteError};
@@ -124,6 +125,9 @@ pub enum Failure {
         /// Trials left.
         left: usize,
     },
+    /// The console cannot be opened.
+    #[error(transparent)]
+    Live(#[from] ConsoleError),
     /// A session cannot be gone on with.
     #[error(transparent)]
     Resume(#[from] ResumeError),
@@ -177,6 +181,13 @@ impl Failure {
             | Self::CanRig(_)
             | Self::Record(RecordError::Exists(_)) => 2,
             Self::Export(error) => {
+                if error.is_bad_input() {
+                    2
+                } else {
+                    1
+                }
+            }
+            Self::Live(error) => {
                 if error.is_bad_input() {
                     2
                 } else {

@@ -11,6 +11,7 @@ mod diagnose;
 mod export;
 mod failure;
 mod fit;
+mod live;
 mod model;
 mod operator;
 mod power;
@@ -25,6 +26,7 @@ mod schedule;
 mod schema;
 mod states;
 mod verify;
+mod watch;
 
 use std::process::ExitCode;
 
@@ -62,6 +64,7 @@ verbs! {
     Run(run::Run),
     Resume(resume::Resume),
     Replay(replay::Replay),
+    Watch(watch::Watch),
     Verify(verify::Verify),
     Check(check::Check),
     Fit(fit::Fit),

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ramphold::rig::Fault;
 use ramphold::session::{Event, Machine, Operator, Phase, Status};
-use signal_hook::consts::{SIGINT, SIGTERM};
 
+use super::live::stop_on_signals;
 use super::{Console, Failure};
 
 /// Samples between two looks at the progress.
@@ -23,10 +23,7 @@ pub struct CommandLineOperator {
 impl CommandLineOperator {
     /// Listens to Ctrl-C and to the request to end; shows progress where someone can see it.
     pub fn new(machine: &Machine, console: &Console) -> Result<Self, Failure> {
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            signal_hook::flag::register(signal, stop.clone()).map_err(Failure::Signals)?;
-        }
+        let stop = stop_on_signals()?;
         let target =
             if console.is_quiet() { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let planned = machine.ledger().queue().len() as u64;

@@ -4,13 +4,17 @@ use std::fs;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-use ramphold::dataset::{Disk, Resumable, Resumed};
+use ramphold::console::Plan;
+use ramphold::dataset::{self, Disk, Resumable, Resumed};
+use ramphold::protocol::ValidProtocol;
 use ramphold::rig::can::CanMotor;
 use ramphold::rig::virtual_wrist::{Person, RigFile, Sealed, VirtualWrist};
+use ramphold::wrist::Lever;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::run::{finish, go_on, with_hidden};
+use super::live::{ConsoleOptions, Facts, see_off};
+use super::run::{Pace, finish, go_on, with_hidden};
 use super::run_motor;
 use super::{Console, Failure, Verb};
 
@@ -31,12 +35,19 @@ pub struct Resume {
     #[arg(long, value_name = "SEED")]
     hide: Option<u64>,
     /// At true speed rather than as fast as it goes.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "speed")]
     real_time: bool,
+    /// So many times true speed; for a virtual wrist.
+    #[arg(long, value_name = "FACTOR")]
+    speed: Option<f64>,
+    #[command(flatten)]
+    desk: ConsoleOptions,
 }
 
 impl Verb for Resume {
     fn run(self, console: &Console) -> Result<(), Failure> {
+        let has_console = self.desk.check()?;
+        let pace = Pace::of(self.real_time, self.speed)?;
         let session = Resumable::open(&self.session, Disk::default())?;
         if session.is_complete() {
             let folder = self.session.display();
@@ -49,7 +60,7 @@ impl Verb for Resume {
         let is_finished = session.is_finished();
         // Whatever is wrong with the rig is said before anything in the folder is changed.
         let rig = if is_finished { None } else { Some(self.rig(&session)?) };
-        if let Some(Motor::Virtual(_)) = rig {
+        if let (Some(Motor::Virtual(..)), false) = (&rig, has_console) {
             let what = format!("subject {subject}: {left} trials left to do");
             operators_word(self.yes, &what)?;
         }
@@ -72,28 +83,44 @@ impl Verb for Resume {
             return finish(&machine, true, &self.session, console);
         };
         console.message(format_args!("session {}, subject {subject}, seed {seed}", self.session.display()));
-        let machine = match rig {
-            Motor::Virtual(wrist) => go_on(*wrist, machine, recorder, self.real_time, console)?,
-            Motor::Can(motor) => run_motor::go_on(*motor, machine, recorder, self.yes, console)?,
+        let plan = if has_console { self.plan(&rig, &subject, pace)? } else { None };
+        let desk = (&self.desk, plan);
+        let (machine, live) = match rig {
+            Motor::Virtual(wrist, _) => go_on(*wrist, machine, recorder, pace, desk, console)?,
+            Motor::Can(motor) => run_motor::go_on(*motor, machine, recorder, self.yes, desk, console)?,
         };
-        finish(&machine, false, &self.session, console)
+        see_off(live, &self.session, finish(&machine, false, &self.session, console))
     }
 }
 
 /// What the session goes on with.
 enum Motor {
-    Virtual(Box<VirtualWrist>),
+    Virtual(Box<VirtualWrist>, Option<Lever>),
     Can(Box<CanMotor>),
 }
 
 impl Resume {
+    /// The console that was asked for.
+    fn plan(&self, rig: &Motor, subject: &str, pace: Pace) -> Result<Option<Plan>, Failure> {
+        let protocol = ValidProtocol::read(&self.session.join("protocol.json"))?;
+        let (lever, rig, is_patient) = match rig {
+            Motor::Virtual(_, lever) => (*lever, "virtual wrist".to_owned(), pace.is_patient()),
+            Motor::Can(motor) => (motor.lever(), motor.name().to_owned(), false),
+        };
+        let earlier = dataset::load(&self.session)?.trials;
+        let folder = &self.session;
+        let facts = Facts { protocol: &protocol, subject, lever, rig: &rig, folder, earlier };
+        self.desk.plan(facts, self.yes, is_patient)
+    }
+
     fn rig(&self, session: &Resumable) -> Result<Motor, Failure> {
         if !run_motor::was_on_can(&self.session) {
             let Kept { rig: RigFile::Virtual(setup), person, sealed } = kept(&self.session)?;
             is_seed_of(sealed.as_ref(), self.hide, "--hide", &self.session)?;
+            let lever = setup.lever;
             let setup = with_hidden(setup, self.hide);
             let wrist = VirtualWrist::new(person, setup, session.seed(), session.sample_rate_hz());
-            return Ok(Motor::Virtual(Box::new(wrist)));
+            return Ok(Motor::Virtual(Box::new(wrist), lever));
         }
         let motor = run_motor::motor_of(&self.session)?;
         if motor.motion_delay_samples() != session.motion_delay_samples() {

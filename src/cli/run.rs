@@ -4,6 +4,7 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use ramphold::console::{Live, Plan};
 use ramphold::dataset::{BackgroundRecorder, Disk, Manifest, NewSession, RecordError, Recorder, Resumable};
 use ramphold::fit::{Model, Weighting};
 use ramphold::protocol::ValidProtocol;
@@ -12,6 +13,7 @@ use ramphold::schedule;
 use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Status, conduct};
 
 use super::fit::{fit_session, table};
+use super::live::{ConsoleOptions, Facts, see_off};
 use super::model::add_model;
 use super::operator::CommandLineOperator;
 use super::report::write_report;
@@ -39,8 +41,11 @@ pub struct Run {
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
     /// At true speed rather than as fast as it goes; a motor always runs at true speed.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "speed")]
     real_time: bool,
+    /// So many times true speed; for a virtual wrist.
+    #[arg(long, value_name = "FACTOR")]
+    speed: Option<f64>,
     /// A model file: the virtual wrist has its mechanisms, at the values given (the fit at the end stays the paper's).
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
@@ -51,11 +56,15 @@ pub struct Run {
     /// The operator's word that a motor may be armed, instead of asking for it; a virtual rig needs none.
     #[arg(long)]
     pub(super) yes: bool,
+    #[command(flatten)]
+    pub(super) desk: ConsoleOptions,
 }
 
 impl Verb for Run {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let protocol = ValidProtocol::read(&self.protocol)?;
+        self.desk.check()?;
+        let pace = Pace::of(self.real_time, self.speed)?;
         if let Some(file) = self.rig.as_deref().filter(|file| run_motor::is_on_can(file)) {
             if self.hide.is_some() {
                 return Err(Failure::Usage(format!(
@@ -90,11 +99,20 @@ impl Verb for Run {
         .create(&folder, Disk::default())?;
         console.message(format_args!("session {}, subject {}, seed {seed}", folder.display(), person.id));
 
+        let facts = Facts {
+            protocol: &protocol,
+            subject: &person.id,
+            lever: setup.lever,
+            rig: "virtual wrist",
+            folder: &folder,
+            earlier: Vec::new(),
+        };
+        let plan = self.desk.plan(facts, self.yes, pace.is_patient())?;
         let setup = with_hidden(setup.clone(), self.hide);
         let wrist = VirtualWrist::new(person, setup, seed, settings.sample_rate_hz);
         let machine = Machine::new(Arc::new(settings));
-        let machine = go_on(wrist, machine, recorder, self.real_time, console)?;
-        finish(&machine, false, &folder, console)
+        let (machine, live) = go_on(wrist, machine, recorder, pace, (&self.desk, plan), console)?;
+        see_off(live, &folder, finish(&machine, false, &folder, console))
     }
 }
 
@@ -142,17 +160,59 @@ pub(super) fn new_folder(path: &Path) -> PathBuf {
     (2..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| path.to_owned())
 }
 
-/// Runs a session, new or resumed, until it is over.
+/// How fast a session on the virtual wrist goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pace {
+    /// As fast as it goes.
+    Free,
+    /// So many times true speed.
+    Times(f64),
+}
+
+impl Pace {
+    /// What the options say.
+    pub fn of(real_time: bool, speed: Option<f64>) -> Result<Self, Failure> {
+        match speed {
+            None if real_time => Ok(Self::Times(1.0)),
+            None => Ok(Self::Free),
+            Some(speed) if (0.01..=1000.0).contains(&speed) => Ok(Self::Times(speed)),
+            Some(speed) => {
+                Err(Failure::Usage(format!("--speed {speed}: expected a number from 0.01 to 1000")))
+            }
+        }
+    }
+
+    /// Whether nobody waits for the next sample.
+    pub fn is_patient(self) -> bool {
+        self == Self::Free
+    }
+}
+
+/// Runs a session, new or resumed, until it is over; with the console that was asked for, which is still open then.
 pub fn go_on(
     wrist: VirtualWrist,
     mut machine: Machine,
     mut recorder: Recorder,
-    real_time: bool,
+    pace: Pace,
+    (desk, plan): (&ConsoleOptions, Option<Plan>),
     console: &Console,
-) -> Result<Machine, Failure> {
+) -> Result<(Machine, Option<Live>), Failure> {
+    let rate_hz = machine.settings().sample_rate_hz;
+    if let Some(plan) = plan {
+        let live = match pace {
+            Pace::Free => desk.conduct(plan, wrist, &mut machine, &mut AsFastAsItGoes, recorder, console)?.1,
+            Pace::Times(speed) => {
+                let mut clock = RealTime::new(speed * rate_hz);
+                let live = desk.conduct(plan, wrist, &mut machine, &mut clock, recorder, console)?.1;
+                console.message(clock.lateness());
+                live
+            }
+        };
+        return Ok((machine, Some(live)));
+    }
     let mut operator = CommandLineOperator::new(&machine, console)?;
-    let ended = if real_time {
-        let mut clock = RealTime::new(machine.settings().sample_rate_hz);
+    let ended = if let Pace::Times(speed) = pace {
+        let mut clock = RealTime::new(speed * rate_hz);
         let mut recorder = BackgroundRecorder::start(recorder);
         let ended = conduct(wrist, &mut machine, &mut operator, &mut clock, &mut recorder);
         console.message(clock.lateness());
@@ -163,7 +223,7 @@ pub fn go_on(
     };
     operator.finish();
     ended?;
-    Ok(machine)
+    Ok((machine, None))
 }
 
 /// Says what became of the trials, fits them if the session was (or is now) finished, writes the results, and takes

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use ramphold::console::{Live, Plan};
 use ramphold::dataset::{BackgroundRecorder, Disk, NewSession, RecordError, Recorder};
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::Fault;
@@ -12,8 +13,8 @@ use ramphold::rig::can::file::ValidRigFile;
 use ramphold::rig::can::{CanMotor, Connection, DryRun, Summary};
 use ramphold::schedule;
 use ramphold::session::{AsFastAsItGoes, Event, Machine, Operator, Phase, Settings, conduct};
-use signal_hook::consts::{SIGINT, SIGTERM};
 
+use super::live::{ConsoleOptions, Facts, see_off, stop_on_signals};
 use super::run::{Run, drawn_seed, finish, subject_number};
 use super::{Console, Failure};
 
@@ -61,8 +62,11 @@ pub fn run(verb: &Run, protocol: &ValidProtocol, file: &Path, console: &Console)
     .create(&folder, Disk::default())?;
     console.message(format_args!("session {}, subject {subject}, seed {seed}", folder.display()));
     let machine = Machine::new(Arc::new(settings));
-    let machine = go_on(motor, machine, recorder, verb.yes, console)?;
-    finish(&machine, false, &folder, console)
+    let facts =
+        Facts { protocol, subject, lever: rig.lever, rig: &rig.name, folder: &folder, earlier: Vec::new() };
+    let plan = verb.desk.plan(facts, verb.yes, false)?;
+    let (machine, live) = go_on(motor, machine, recorder, verb.yes, (&verb.desk, plan), console)?;
+    see_off(live, &folder, finish(&machine, false, &folder, console))
 }
 
 /// The motor of a session that is gone on with: the rig and the protocol are those that its folder keeps.
@@ -79,9 +83,16 @@ pub fn go_on(
     mut machine: Machine,
     recorder: Recorder,
     yes: bool,
+    (desk, plan): (&ConsoleOptions, Option<Plan>),
     console: &Console,
-) -> Result<Machine, Failure> {
+) -> Result<(Machine, Option<Live>), Failure> {
     let folder = recorder.folder().to_owned();
+    if let Some(plan) = plan {
+        let (motor, live) =
+            desk.conduct(plan, motor, &mut machine, &mut AsFastAsItGoes, recorder, console)?;
+        keep_summary(&motor.summary(), &folder, console)?;
+        return Ok((machine, Some(live)));
+    }
     let mut operator = AtTheMotor::new(yes, console)?;
     let mut recorder = BackgroundRecorder::start(recorder);
     let ended = conduct(motor, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut recorder);
@@ -89,7 +100,7 @@ pub fn go_on(
     let motor = ended?;
     kept?;
     keep_summary(&motor.summary(), &folder, console)?;
-    Ok(machine)
+    Ok((machine, None))
 }
 
 /// Each run of a session has a file of its own: `bus.json`, and `bus-2.json`, `bus-3.json` when it was resumed.
@@ -113,11 +124,7 @@ struct AtTheMotor {
 
 impl AtTheMotor {
     fn new(yes: bool, console: &Console) -> Result<Self, Failure> {
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            signal_hook::flag::register(signal, stop.clone()).map_err(Failure::Signals)?;
-        }
-        Ok(Self { stop, yes, console: *console })
+        Ok(Self { stop: stop_on_signals()?, yes, console: *console })
     }
 
     fn says_yes_to(&self, question: &str) -> bool {

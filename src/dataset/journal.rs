@@ -12,6 +12,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::deed::Remark;
 use super::disk::Disk;
 use crate::session::{Event, Happening};
 
@@ -53,6 +54,8 @@ pub enum Record {
         /// The word.
         word: Event,
     },
+    /// Somebody did something at a console.
+    Console(Remark),
     /// The program had ended in the middle of the session and was started again; samples are counted anew.
     Resumed {
         /// The trial that was under way then, if there was one: it is aborted.

@@ -26,7 +26,25 @@ pub struct MemoryRecorder {
 impl MemoryRecorder {
     /// Nothing is recorded yet.
     pub fn new(settings: Arc<Settings>) -> Self {
-        Self { ledger: Ledger::new(&settings), settings, records: Vec::new(), open: false }
+        let ledger = Ledger::new(&settings);
+        Self::with_ledger(settings, ledger)
+    }
+
+    /// Nothing is recorded yet of a session of which `ledger` is already done.
+    pub fn with_ledger(settings: Arc<Settings>, ledger: Ledger) -> Self {
+        Self { ledger, settings, records: Vec::new(), open: false }
+    }
+
+    /// What happened so far.
+    pub fn ledger(&self) -> &Ledger {
+        &self.ledger
+    }
+
+    /// The last trial with its record, which is given away; `None` while it is under way, and for practice.
+    pub fn take_last_trial(&mut self) -> Option<Trial> {
+        let attempt = self.ledger.attempts().last()?;
+        let record = self.records.get_mut(self.ledger.attempts().len() - 1)?.take()?;
+        trial(attempt, record, &self.ledger, &self.settings, &Rows::new(self.settings.sample_rate_hz))
     }
 
     /// The session as [`super::load`] would give it.
@@ -48,7 +66,8 @@ impl MemoryRecorder {
         }
     }
 
-    fn keep_step(&mut self, step: &Step) {
+    /// Keeps a step.
+    pub fn keep_step(&mut self, step: &Step) {
         if let Some(happening) = &step.happened {
             self.ledger.apply(happening);
         }

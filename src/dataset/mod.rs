@@ -1,5 +1,6 @@
 //! Session folders: reading what was measured, writing what was run.
 
+mod deed;
 mod disk;
 mod error;
 mod folder;
@@ -20,6 +21,7 @@ mod writer;
 use std::collections::BTreeMap;
 
 pub use crate::session::Status;
+pub use deed::{Deed, Desk, LONGEST_NOTE, Remark, Wrist};
 pub use disk::Disk;
 pub use error::{DatasetError, Place};
 pub use folder::{NewSession, PROGRAM};
@@ -28,10 +30,11 @@ pub use load::load;
 pub use manifest::{Change, MANIFEST, Manifest};
 pub use memory::MemoryRecorder;
 pub use recorder::{RecordError, Recorder, Step};
-pub use replay::{Difference, Replay, replay};
+pub use replay::{Difference, Observer, Replay, replay, replay_watched};
 pub use resume::{Resumable, ResumeError, Resumed};
 use serde::{Deserialize, Serialize};
-pub use writer::BackgroundRecorder;
+pub use story::remarks;
+pub use writer::{BackgroundRecorder, Remarks};
 
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;

@@ -6,6 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::deed::Remark;
 use super::disk::Disk;
 use super::journal::{Interrupted, Journal, Record};
 use super::rows::{HEADER, Rows};
@@ -90,12 +91,15 @@ pub struct Recorder {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Step {
     /// Steps so far.
-    sample: u64,
+    pub sample: u64,
     /// What the rig measured.
-    pub(super) measured: Option<Sample>,
-    pub(super) recording: Recording,
-    pub(super) happened: Option<Happening>,
-    refused: Option<Event>,
+    pub measured: Option<Sample>,
+    /// To which record it belongs.
+    pub recording: Recording,
+    /// What happened.
+    pub happened: Option<Happening>,
+    /// The operator's word that was not possible.
+    pub refused: Option<Event>,
 }
 
 impl Step {
@@ -155,6 +159,11 @@ impl Recorder {
     /// The session's folder.
     pub fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// Keeps what was done at a console. When this returns it is on disk.
+    pub fn keep_remark(&mut self, remark: Remark) -> Result<(), RecordError> {
+        self.append(&Record::Console(remark))
     }
 
     fn append(&mut self, record: &Record) -> Result<(), RecordError> {

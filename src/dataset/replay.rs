@@ -6,6 +6,7 @@
 //! sample that was kept.
 
 use std::fmt;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -83,11 +84,23 @@ impl fmt::Display for Difference {
     }
 }
 
+/// Who looks on: called after each step that came out as recorded, with what the session was told, what it answered, and
+/// how it stands. It can end the replay there.
+pub type Observer<'a> = dyn FnMut(&Input, &Output, &Machine) -> ControlFlow<()> + 'a;
+
 /// Goes through the session in `folder` again, up to the first difference.
 ///
 /// # Errors
 /// If the folder cannot be read, or its journal is damaged in the middle.
 pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
+    replay_watched(folder, &mut |_, _, _| ControlFlow::Continue(()))
+}
+
+/// The same, with somebody who looks on.
+///
+/// # Errors
+/// As [`replay`].
+pub fn replay_watched(folder: &Path, observer: &mut Observer) -> Result<Replay, DatasetError> {
     let story = Story::read(folder)?;
     story.undamaged()?;
     let mut standing = Standing::new(&story.settings);
@@ -107,9 +120,12 @@ pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
         replay.starts += 1;
         let mut player = Player::new(&story, standing, replay.starts);
         player.ended_well = resumed.is_none() && !is_under_way(&lines);
-        let played = player.play(&lines)?;
+        let played = player.play(&lines, observer)?;
         replay.steps += player.machine.sample();
         replay.events += player.events;
+        if player.is_stopped {
+            return Ok(replay);
+        }
         if let Some(difference) = played {
             replay.difference = Some(difference);
             return Ok(replay);
@@ -154,7 +170,7 @@ impl Line {
             Record::Refused { sample, word } => {
                 Some(Self { sample: sample.saturating_sub(1), record: LineRecord::Refused(*word) })
             }
-            Record::Session { .. } | Record::Resumed { .. } => None,
+            Record::Session { .. } | Record::Resumed { .. } | Record::Console(_) => None,
         }
     }
 }
@@ -180,6 +196,8 @@ struct Player<'a> {
     rows: Option<Rows>,
     angle_rad: f64,
     events: usize,
+    /// The observer has seen enough.
+    is_stopped: bool,
 }
 
 impl<'a> Player<'a> {
@@ -197,11 +215,12 @@ impl<'a> Player<'a> {
             rows: None,
             angle_rad: 0.0,
             events: 0,
+            is_stopped: false,
         }
     }
 
     /// Plays the lines of the journal; the first difference.
-    fn play(&mut self, lines: &[Line]) -> Result<Option<Difference>, DatasetError> {
+    fn play(&mut self, lines: &[Line], observer: &mut Observer) -> Result<Option<Difference>, DatasetError> {
         let longest = (LONGEST_WAIT_S * self.story.settings.sample_rate_hz) as u64;
         let mut lines = lines;
         loop {
@@ -243,6 +262,10 @@ impl<'a> Player<'a> {
             self.events += usize::from(happened.is_some());
             if let Some(difference) = self.follow(&output)? {
                 return Ok(Some(difference));
+            }
+            if observer(&input, &output, &self.machine).is_break() {
+                self.is_stopped = true;
+                return Ok(None);
             }
             lines = later;
         }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::FORMAT;
+use super::deed::Remark;
 use super::error::{DatasetError, Place};
 use super::folder::{Description, sha256};
 use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalText, Record};
@@ -93,6 +94,24 @@ impl Story {
     }
 }
 
+/// What was done at consoles while the session in `folder` ran, each with the number of the start that it belongs to, from 1.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub fn remarks(folder: &Path) -> Result<Vec<(usize, Remark)>, DatasetError> {
+    let story = Story::read(folder)?;
+    let mut start = 1;
+    let mut found = Vec::new();
+    for placed in story.journal.records {
+        match placed.record {
+            Record::Resumed { .. } => start += 1,
+            Record::Console(remark) => found.push((start, remark)),
+            _ => {}
+        }
+    }
+    Ok(found)
+}
+
 /// The order that was drawn when the session began.
 fn order(folder: &Folder) -> Result<Vec<schedule::Planned>, DatasetError> {
     let text = folder.text("schedule.csv", None)?;
@@ -130,7 +149,7 @@ impl Standing {
     /// After one more record of the journal.
     pub fn take(&mut self, record: &Record) {
         match record {
-            Record::Session { .. } | Record::Refused { .. } => {}
+            Record::Session { .. } | Record::Refused { .. } | Record::Console(_) => {}
             Record::Happened(happening) => {
                 let before = self.ledger.recording(self.phase);
                 self.ledger.apply(happening);

@@ -3,11 +3,13 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
+use super::deed::Remark;
 use super::recorder::{RecordError, Recorder, Step};
 use crate::session::{Input, Machine, Output, Recorder as KeepsSession};
 
@@ -15,6 +17,8 @@ use crate::session::{Input, Machine, Output, Recorder as KeepsSession};
 const ROOM: usize = 1 << 16;
 /// How often the thread looks when there is nothing to do.
 const IDLE: Duration = Duration::from_millis(2);
+/// How long a loop that has time waits before it looks again.
+const A_MOMENT: Duration = Duration::from_micros(20);
 
 /// A [`Recorder`] at work on a thread of its own.
 #[derive(Debug)]
@@ -23,6 +27,9 @@ pub struct BackgroundRecorder {
     thread: Option<JoinHandle<Result<(), RecordError>>>,
     /// Journal entries handed over.
     told: u64,
+    /// The loop has time: it waits for the disk rather than fail.
+    is_patient: bool,
+    remarks: Remarks,
     shared: Arc<Shared>,
 }
 
@@ -36,20 +43,60 @@ struct Shared {
     failed: AtomicBool,
 }
 
+/// Where others than the loop hand in what was done at a console.
+#[derive(Debug, Clone)]
+pub struct Remarks(mpsc::Sender<Remark>);
+
+impl Remarks {
+    /// Has it written into the journal; whether anybody still writes one.
+    pub fn send(&self, remark: Remark) -> bool {
+        self.0.send(remark).is_ok()
+    }
+}
+
 impl BackgroundRecorder {
     /// Takes a recorder to a thread of its own.
     pub fn start(recorder: Recorder) -> Self {
         let (ring, steps) = RingBuffer::new(ROOM);
+        let (remarks, remarked) = mpsc::channel();
         let shared = Arc::new(Shared::default());
         let thread = thread::spawn({
             let shared = shared.clone();
             move || {
                 // Also when it panics.
                 let _failed = FailedUnlessOver(&shared);
-                write(recorder, steps, &shared)
+                write(recorder, steps, &remarked, &shared)
             }
         });
-        Self { ring, thread: Some(thread), told: 0, shared }
+        Self { ring, thread: Some(thread), told: 0, is_patient: false, remarks: Remarks(remarks), shared }
+    }
+
+    /// The same for a loop without deadlines: it waits until what happened is on disk, as with the recorder itself.
+    pub fn patient(recorder: Recorder) -> Self {
+        let mut started = Self::start(recorder);
+        started.is_patient = true;
+        started
+    }
+
+    /// Where others than the loop hand in what was done at a console.
+    pub fn remarks(&self) -> Remarks {
+        self.remarks.clone()
+    }
+
+    fn wake(&self) {
+        self.thread.iter().for_each(|thread| thread.thread().unpark());
+    }
+
+    /// Waits for room, or for the disk.
+    fn wait_while(&mut self, goes_on: impl Fn(&Self) -> bool) -> Result<(), RecordError> {
+        while goes_on(self) {
+            if self.shared.failed.load(Ordering::Acquire) {
+                return self.join().and(Err(RecordError::WriterGone));
+            }
+            self.wake();
+            thread::sleep(A_MOMENT);
+        }
+        Ok(())
     }
 
     /// Waits until everything is written.
@@ -79,7 +126,12 @@ impl Drop for FailedUnlessOver<'_> {
     }
 }
 
-fn write(mut recorder: Recorder, mut steps: Consumer<Step>, shared: &Shared) -> Result<(), RecordError> {
+fn write(
+    mut recorder: Recorder,
+    mut steps: Consumer<Step>,
+    remarks: &mpsc::Receiver<Remark>,
+    shared: &Shared,
+) -> Result<(), RecordError> {
     loop {
         // Asked before looking, so that what came just before the end is still seen.
         let over = shared.over.load(Ordering::Acquire);
@@ -90,8 +142,11 @@ fn write(mut recorder: Recorder, mut steps: Consumer<Step>, shared: &Shared) -> 
                     shared.safe.fetch_add(1, Ordering::Release);
                 }
             }
-            Err(_) if over => return Ok(()),
-            Err(_) => thread::park_timeout(IDLE),
+            Err(_) => match remarks.try_recv() {
+                Ok(remark) => recorder.keep_remark(remark)?,
+                Err(_) if over => return Ok(()),
+                Err(_) => thread::park_timeout(IDLE),
+            },
         }
     }
 }
@@ -111,13 +166,16 @@ impl KeepsSession for BackgroundRecorder {
         if !step.is_kept() {
             return Ok(());
         }
-        self.ring.push(step).map_err(|_| RecordError::TooSlow { waiting: ROOM })?;
+        if self.is_patient {
+            self.wait_while(|own| own.ring.is_full())?;
+        }
+        self.ring.push(step).map_err(|PushError::Full(_)| RecordError::TooSlow { waiting: ROOM })?;
         if step.is_told() {
             self.told += 1;
             // The ramp waits for the journal, so nobody should sleep over it.
-            self.thread.iter().for_each(|thread| thread.thread().unpark());
+            self.wake();
         }
-        Ok(())
+        if self.is_patient { self.wait_while(|own| !own.on_disk()) } else { Ok(()) }
     }
 }
 

@@ -13,7 +13,9 @@ const COVARIATES: [Covariate; 6] = [
     ("velocity_rad_s", |prepared, trial| prepared.trials[trial].velocity_rad_s),
     ("torque_nm", |prepared, trial| prepared.trials[trial].torque_nm),
     ("rest_s", |prepared, trial| prepared.trials[trial].input.covariates.rest_s),
-    ("flexor_emg_excess_mvc", |prepared, trial| prepared.trials[trial].input.covariates.flexor_emg_excess_mvc),
+    ("flexor_emg_excess_mvc", |prepared, trial| {
+        prepared.trials[trial].input.covariates.flexor_emg_excess_mvc
+    }),
     ("extensor_emg_mvc", |prepared, trial| prepared.trials[trial].input.covariates.extensor_emg_mvc),
 ];
 

@@ -108,16 +108,12 @@ fn start(parameter: &Parameter, probed: f64, multiple: f64) -> f64 {
 const SIMULATIONS: usize = 19;
 
 /// A rival that would have to be this much worse to be ruled out without simulation.
-const FAR_BEHIND: f64 = 25.0;
-
-/// Beyond so many standard deviations of the lead that a rival's truth would give, nothing need be simulated.
-const BEYOND_DOUBT: f64 = 4.5;
+const FAR_BEHIND: f64 = 60.0;
 
 /// The rivals of the first candidate that the data do not rule out.
 ///
 /// For each, sessions are simulated in which the rival is the truth, and both are fitted to them: if the first candidate
-/// wins by as much as it did in one of twenty, the rival may be the truth. The session without noise comes first: if the
-/// first candidate leaves D of it, its lead in sessions with noise is about normal about -D with variance 4 D.
+/// wins by as much as it did in one of twenty, the rival may be the truth.
 pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> Vec<Kind> {
     let unit = shortlist.unit;
     let Some((first, rivals)) = shortlist.candidates.split_first() else { return Vec::new() };
@@ -127,14 +123,6 @@ pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> V
         .filter(|rival| rival.worth > 0.0 && lead(rival) < FAR_BEHIND)
         .filter(|rival| {
             let predicted = torques(prepared, &rival.fit.kinds, &rival.fit.parameters);
-            let mut without_noise = prepared.clone();
-            for (trial, torque) in without_noise.trials.iter_mut().zip(&predicted) {
-                trial.measured_nm.clone_from(torque);
-            }
-            let distance = 2.0 * cost(&first.fit.extended(&without_noise, &first.fit.model)) / unit;
-            if lead(rival) > BEYOND_DOUBT * 2.0 * libm::sqrt(distance) - distance {
-                return false;
-            }
             let noise = NoiseMaker::of(&prepared.noises);
             let wins: usize = (0..SIMULATIONS)
                 .into_par_iter()

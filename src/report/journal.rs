@@ -23,7 +23,7 @@ const HEAD: usize = 8 + 1 + 16 + 1;
 /// Reads the journal's lines; one that was cut off by a crash is counted and passed over.
 pub fn times(text: &str, sample_rate_hz: f64) -> Times {
     let mut times = Times::default();
-    let (mut before_s, mut last_s) = (0.0, 0.0);
+    let (mut before_s, mut last_s) = (0.0, 0.0_f64);
     let mut trial: Option<(u32, f64)> = None;
     for line in text.lines() {
         let Some(record) = line.get(HEAD..).and_then(|json| serde_json::from_str::<Value>(json).ok()) else {
@@ -36,7 +36,10 @@ pub fn times(text: &str, sample_rate_hz: f64) -> Times {
             last_s = 0.0;
         }
         let Some(sample) = record["sample"].as_u64() else { continue };
-        last_s = sample as f64 / sample_rate_hz;
+        last_s = last_s.max(sample as f64 / sample_rate_hz);
+        if let Some(note) = record["deed"]["noted"]["text"].as_str() {
+            times.incidents.push((before_s + sample as f64 / sample_rate_hz, format!("note: {note}")));
+        }
         let detail = &record["detail"];
         if detail["began"]["practice"] == false {
             trial = detail["began"]["number"].as_u64().map(|number| (number as u32, last_s));

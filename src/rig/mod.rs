@@ -69,7 +69,8 @@ pub enum Cue {
 }
 
 /// Which way the person pushes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Direction {
     /// Flexion: against the ramp.
     Flexion,
@@ -138,6 +139,23 @@ impl OperatorsWord {
     }
 }
 
+/// How a loop keeps its time, and how its bus fares.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+pub struct Vitals {
+    /// Periods so far.
+    pub periods: u64,
+    /// How late 99 % of them began at most, us.
+    pub late_p99_us: u64,
+    /// The latest beginning, us.
+    pub latest_us: u64,
+    /// Periods whose readings came too late, and points in time that were slept through.
+    pub missed: u64,
+    /// Load of the bus, 0 to 1, if there is one.
+    pub bus_load: Option<f64>,
+    /// Errors seen on the bus.
+    pub bus_errors: u64,
+}
+
 /// A rig that cannot move.
 pub trait Rig: Sized {
     /// The same rig, able to move.
@@ -160,6 +178,11 @@ pub trait Armed: Sized {
     /// # Errors
     /// What went wrong, after the motor was made safe.
     fn exchange(&mut self, command: &Command) -> Result<Sample, Fault>;
+
+    /// How its loop and its bus fare; `None` if it has neither, and somebody else keeps the time. Asked for now and then.
+    fn vitals(&self) -> Option<Vitals> {
+        None
+    }
 
     /// From now on, EMG is given in units `factors` times as large (FCR, ECR): the maximal effort was measured.
     fn rescale_emg(&mut self, factors: [f64; 2]);

@@ -6,7 +6,7 @@ use super::lateness::Lateness;
 use super::machine::Machine;
 use super::step::{Detail, Input, Output, Reading};
 use super::words::{Event, Phase};
-use crate::rig::{Armed, Command, Cue, Fault, Motor, OperatorsWord, Rig};
+use crate::rig::{Armed, Command, Cue, Fault, Motor, OperatorsWord, Rig, Vitals};
 
 /// The operator, at a console or on a command line.
 pub trait Operator {
@@ -24,12 +24,23 @@ pub trait Operator {
 
     /// A fault stopped the session; the motor is safe.
     fn faulted(&mut self, fault: Fault);
+
+    /// How the loop fares, now and then. Must not make it wait.
+    fn vitals(&mut self, _vitals: Vitals) {}
 }
+
+/// Samples between two looks at how the loop fares.
+const VITALS_EVERY: u64 = 512;
 
 /// Who owns the time: as fast as it goes, or true periods.
 pub trait Clock {
     /// Waits for the next period.
     fn wait(&mut self);
+
+    /// How it keeps its time, if it keeps one.
+    fn vitals(&self) -> Option<Vitals> {
+        None
+    }
 }
 
 /// Simulated time: as fast as it goes.
@@ -69,6 +80,16 @@ impl Clock for RealTime {
         }
         self.lateness.add(Instant::now().saturating_duration_since(next));
         self.next = Some(next);
+    }
+
+    fn vitals(&self) -> Option<Vitals> {
+        Some(Vitals {
+            periods: self.lateness.periods(),
+            late_p99_us: self.lateness.quantile_us(0.99),
+            latest_us: self.lateness.latest().as_micros() as u64,
+            missed: self.lateness.later_than(self.period),
+            ..Vitals::default()
+        })
     }
 }
 
@@ -162,6 +183,11 @@ fn run_armed<A: Armed, K: Recorder>(
         }
         if let (false, Some(factors)) = (scaled_before, machine.ledger().emg_factors()) {
             armed.rescale_emg(factors);
+        }
+        if machine.sample().is_multiple_of(VITALS_EVERY)
+            && let Some(vitals) = armed.vitals().or_else(|| clock.vitals())
+        {
+            operator.vitals(vitals);
         }
         command = output.command;
         clock.wait();

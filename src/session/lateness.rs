@@ -33,6 +33,18 @@ impl Lateness {
         self.latest
     }
 
+    /// What a fraction of the periods did not exceed, us, to the upper end of its bin.
+    pub fn quantile_us(&self, fraction: f64) -> u64 {
+        let wanted = (fraction * self.periods() as f64).ceil() as u64;
+        let mut seen = 0;
+        let within = self.bins.iter().position(|count| {
+            seen += count;
+            seen >= wanted
+        });
+        let latest_us = self.latest.as_micros() as u64;
+        within.filter(|bin| *bin < BINS - 1).map_or(latest_us, |bin| latest_us.min(1 << bin))
+    }
+
     /// How many periods began later than `limit`, to the resolution of the bins: those of a bin that contains it count.
     pub fn later_than(&self, limit: Duration) -> u64 {
         let bins = self.bins.iter().enumerate();
@@ -67,6 +79,7 @@ mod tests {
         assert_eq!([lateness.bins[10], lateness.bins[11], lateness.bins[20]], [1, 1, 1]);
         assert_eq!(lateness.later_than(Duration::from_micros(1024)), 2);
         assert_eq!(lateness.latest(), Duration::from_secs(5));
+        assert_eq!([lateness.quantile_us(0.5), lateness.quantile_us(1.0)], [4, 5_000_000]);
         assert!(lateness.to_string().contains("<    1024 us         1"), "{lateness}");
     }
 }

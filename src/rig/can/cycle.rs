@@ -37,6 +37,14 @@ pub struct Tally {
     pub seconds: f64,
 }
 
+impl Tally {
+    /// Load of a bus that carries so many bits a second, 0 to 1.
+    pub fn load(&self, bits_per_s: f64) -> f64 {
+        let capacity = self.seconds * bits_per_s;
+        if capacity > 0.0 { self.bits as f64 / capacity } else { 0.0 }
+    }
+}
+
 /// The cycle of a motor that has, or is given, power.
 #[derive(Debug)]
 pub struct Cycle {

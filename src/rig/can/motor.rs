@@ -17,7 +17,8 @@ use super::safe;
 use super::summary::Summary;
 use super::units::JointAngle;
 use crate::protocol::Limits;
-use crate::rig::{Armed, Command, Cue, Direction, Fault, Motor, OperatorsWord, Rig, Sample};
+use crate::rig::{Armed, Command, Cue, Direction, Fault, Motor, OperatorsWord, Rig, Sample, Vitals};
+use crate::wrist::Lever;
 
 /// How long a drive may take from SHUTDOWN to following its target.
 const ENABLE_S: f64 = 3.0;
@@ -52,10 +53,33 @@ impl CanMotor {
         (self.on_bus.drive.periods_to_target() * samples).saturating_sub(1) as u64
     }
 
+    /// The lever between motor and handle; `None` for a rigid one.
+    pub fn lever(&self) -> Option<Lever> {
+        self.on_bus.file.lever
+    }
+
+    /// The rig's name.
+    pub fn name(&self) -> &str {
+        &self.on_bus.file.name
+    }
+
     /// What happened on the bus so far.
     pub fn summary(&self) -> Summary {
         let Connection { file, link, .. } = &self.on_bus;
         Summary::new(file, &self.tally, link.counters(), self.privileges.as_ref(), &self.faults)
+    }
+
+    fn vitals(&self) -> Vitals {
+        let Connection { file, link, .. } = &self.on_bus;
+        let tally = &self.tally;
+        Vitals {
+            periods: tally.periods,
+            late_p99_us: tally.lateness.quantile_us(0.99),
+            latest_us: tally.lateness.longest_us(),
+            missed: tally.missed + tally.overruns,
+            bus_load: Some(tally.load(f64::from(file.bit_rate.bits_per_s()))),
+            bus_errors: link.counters().bus_errors,
+        }
     }
 
     /// Powers the motor where it stands and brings it the last stretch to the start position.
@@ -273,6 +297,10 @@ impl Armed for ArmedCanMotor {
             self.collect_samples();
         }
         self.ready.pop_front().ok_or(Fault::NoSample)
+    }
+
+    fn vitals(&self) -> Option<Vitals> {
+        Some(self.motor.vitals())
     }
 
     fn rescale_emg(&mut self, factors: [f64; 2]) {

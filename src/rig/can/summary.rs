@@ -78,7 +78,6 @@ impl Summary {
         realtime: Option<&Privileges>,
         faults: &[CanFault],
     ) -> Self {
-        let capacity = tally.seconds * f64::from(file.bit_rate.bits_per_s());
         Self {
             format: "ramphold-bus/1",
             rig: file.name.clone(),
@@ -89,7 +88,7 @@ impl Summary {
             missed_cycles: tally.missed,
             overruns: tally.overruns,
             duplicate_frames: tally.duplicates,
-            bus_load: if capacity > 0.0 { tally.bits as f64 / capacity } else { 0.0 },
+            bus_load: tally.load(f64::from(file.bit_rate.bits_per_s())),
             lateness: (&tally.lateness).into(),
             response: (&tally.response).into(),
             frames: *frames,

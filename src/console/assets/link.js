@@ -1,0 +1,49 @@
+// The line to the program: pictures come in, what the operator asks for goes out. A page that comes back, or whose line
+// was cut, gets the present state at once.
+const LONGEST_WAIT_MS = 2000;
+
+export function connect(take, state) {
+  const url = new URL("live", location.href);
+  url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+  let socket;
+  let waitMs = 100;
+  const send = (message) => {
+    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  };
+  const open = () => {
+    socket = new WebSocket(url);
+    socket.addEventListener("open", () => {
+      waitMs = 100;
+      state("open");
+    });
+    socket.addEventListener("message", ({ data }) => {
+      const message = JSON.parse(data);
+      if (message === null) return;
+      // Whoever does not answer is sent no more: a slow page misses pictures instead of getting old ones.
+      if (message.kind === "now") send({ seen: message.n });
+      take(message);
+    });
+    socket.addEventListener("close", ({ reason }) => {
+      if (reason === "over") return state("over");
+      state("lost");
+      setTimeout(open, waitMs);
+      waitMs = Math.min(2 * waitMs, LONGEST_WAIT_MS);
+    });
+  };
+  open();
+  return send;
+}
+
+/// Fits a canvas to its place on the screen and gives what to draw with, in CSS pixels.
+export function surface(canvas) {
+  const { clientWidth: width, clientHeight: height } = canvas;
+  const scale = window.devicePixelRatio || 1;
+  if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
+    canvas.width = Math.round(width * scale);
+    canvas.height = Math.round(height * scale);
+  }
+  const pen = canvas.getContext("2d");
+  pen.setTransform(scale, 0, 0, scale, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  return { pen, width, height };
+}

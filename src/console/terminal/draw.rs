@@ -1,0 +1,256 @@
+//! The picture in the terminal: torque against its band, muscles, gate, trials, log.
+
+use ratatui_core::layout::{Constraint, Layout, Rect};
+use ratatui_core::style::{Color, Modifier, Style};
+use ratatui_core::terminal::Frame;
+use ratatui_core::text::{Line, Span, Text};
+use ratatui_widgets::block::Block;
+use ratatui_widgets::borders::Borders;
+use ratatui_widgets::paragraph::{Paragraph, Wrap};
+use ratatui_widgets::table::{Row, Table};
+use serde_json::Value;
+
+use super::keys::Desk;
+use crate::console::{About, Asked, Now};
+
+/// Where on the bar the target is; the bar ends a quarter beyond it.
+const FULL: f64 = 1.25;
+
+const GREEN: Style = Style::new().fg(Color::Green);
+const SOFT: Style = Style::new().fg(Color::DarkGray);
+const WARN: Style = Style::new().fg(Color::Yellow);
+
+/// Draws everything.
+pub fn draw(frame: &mut Frame, now: &Now, story: &str, about: &About, desk: &Desk) {
+    let story: Value = serde_json::from_str(story).unwrap_or_default();
+    let [head, bars, lists, foot] = Layout::vertical([
+        Constraint::Length(2),
+        Constraint::Length(6),
+        Constraint::Min(4),
+        Constraint::Length(2),
+    ])
+    .areas(frame.area());
+    frame.render_widget(heading(now, about), head);
+    frame.render_widget(Text::from(bar_lines(now, usize::from(bars.width))), bars);
+    let [left, right] = Layout::horizontal([Constraint::Length(44), Constraint::Min(20)]).areas(lists);
+    trials(frame, left, &story);
+    log(frame, right, &story);
+    frame.render_widget(question(now, desk), foot);
+}
+
+fn heading<'a>(now: &Now, about: &'a About) -> Text<'a> {
+    let phase = Span::styled(now.phase.name(), Style::new().add_modifier(Modifier::BOLD));
+    let rest = now.shown.rest_left_s.map_or(String::new(), |left_s| format!("  {left_s:.0} s"));
+    let trial = now.trial.map_or(String::new(), |trial| {
+        let kind = if trial.practice { "practice" } else { "trial" };
+        format!("  {kind} {} at {} rad/s", trial.number, trial.velocity_rad_s)
+    });
+    let done = format!("  {} of {} done", now.shown.done, now.shown.total);
+    let pause = Span::styled(if now.pause_asked { "  pause comes" } else { "" }, WARN);
+    Text::from(vec![
+        Line::from(format!("{} · {} · {}", about.subject, about.protocol, about.folder)),
+        Line::from(vec![phase, rest.into(), trial.into(), done.into(), pause]),
+    ])
+}
+
+fn bar_lines<'a>(now: &Now, width: usize) -> Vec<Line<'a>> {
+    let shown = &now.shown;
+    let room = width.saturating_sub(14).max(10);
+    let asks = matches!(shown.cue, Asked::Target | Asked::Stay | Asked::Moving);
+    let in_band = asks && (shown.level - 1.0).abs() < shown.band_fraction;
+    let torque = now.target_nm.map_or(format!("{:6.2} N m", now.torque_nm), |target_nm| {
+        format!("{:6.2} N m of {target_nm}", now.torque_nm)
+    });
+    let band = asks.then_some([1.0 - shown.band_fraction, 1.0 + shown.band_fraction]);
+    let style = if in_band { GREEN } else { Style::new() };
+    let named = |name: &'static str, line: Vec<Span<'a>>| {
+        Line::from([vec![Span::raw(format!("{name:>7} "))], line].concat())
+    };
+    vec![
+        Line::from(""),
+        named(
+            "torque",
+            bar(shown.level / FULL, band.map(|edges| edges.map(|edge| edge / FULL)), room, style),
+        ),
+        named("", vec![Span::raw(torque)]),
+        named("gate", bar(shown.gate, None, room, GREEN)),
+        named("FCR", bar(shown.emg_mvc[0], None, room, SOFT)),
+        named("ECR", bar(shown.emg_mvc[1], None, room, SOFT)),
+    ]
+}
+
+/// A bar of a fraction of the room, with a band drawn into it.
+fn bar<'a>(fraction: f64, band: Option<[f64; 2]>, room: usize, style: Style) -> Vec<Span<'a>> {
+    let cell = |fraction: f64| (fraction.clamp(0.0, 1.0) * room as f64).round() as usize;
+    let (filled, band) = (cell(fraction), band.map(|edges| edges.map(cell)));
+    let spans = (0..room).map(|at| match band {
+        // A band narrower than a cell is still a cell wide.
+        Some([low, high]) if (low..=high.max(low)).contains(&at) => {
+            Span::styled(if at < filled { "█" } else { "│" }, GREEN)
+        }
+        _ if at < filled => Span::styled("█", style),
+        _ => Span::styled("·", SOFT),
+    });
+    spans.collect()
+}
+
+fn trials(frame: &mut Frame, area: Rect, story: &Value) {
+    let number =
+        |trial: &Value, name: &str| trial[name].as_f64().map_or(String::new(), |value| value.to_string());
+    let rounded =
+        |value: &Value, places: usize| value.as_f64().map_or(String::new(), |x| format!("{x:.places$}"));
+    let row = |trial: &Value| {
+        let status = trial["status"].as_str().unwrap_or("under way").to_owned();
+        let style = match status.as_str() {
+            "ok" => GREEN,
+            "under way" => Style::new().add_modifier(Modifier::BOLD),
+            _ => WARN,
+        };
+        let name = if trial["practice"] == true { "practice " } else { "" };
+        Row::new([
+            format!("{name}{}", trial["number"]),
+            number(trial, "velocity_rad_s"),
+            number(trial, "torque_nm"),
+            status,
+            rounded(&trial["fit"]["k_srs_nm_per_rad"], 1),
+            rounded(&trial["fit"]["vaf"], 3),
+        ])
+        .style(style)
+    };
+    let all = story["trials"].as_array().map_or(&[][..], Vec::as_slice);
+    let room = usize::from(area.height.saturating_sub(2));
+    let rows = all.iter().skip(all.len().saturating_sub(room)).map(row);
+    let widths = [4, 6, 6, 10, 6, 6].map(Constraint::Length);
+    let head = Row::new(["", "rad/s", "N m", "", "k_srs", "VAF"]).style(SOFT);
+    let block = Block::new().borders(Borders::TOP).title("trials");
+    frame.render_widget(Table::new(rows, widths).header(head).block(block), area);
+}
+
+fn log(frame: &mut Frame, area: Rect, story: &Value) {
+    let gauges = &story["gauges"];
+    let load =
+        gauges["bus_load"].as_f64().map_or(String::new(), |load| format!(", bus {:.0} %", load * 100.0));
+    let disk = gauges["disk_free_bytes"]
+        .as_f64()
+        .map_or(String::new(), |free| format!(", disk {:.1} GB", free / 1e9));
+    let title =
+        format!("late by {} us at most, {} missed{load}{disk}", gauges["latest_us"], gauges["missed"]);
+    let line = |line: &Value| {
+        let style = match line["kind"].as_str() {
+            Some("alarm") => Style::new().fg(Color::Red),
+            Some("refused") => WARN,
+            Some("note" | "said") => GREEN,
+            _ => Style::new(),
+        };
+        let text =
+            format!("{:7.1} {}", line["t_s"].as_f64().unwrap_or(0.0), line["text"].as_str().unwrap_or(""));
+        Line::styled(text, style)
+    };
+    let all = story["log"].as_array().map_or(&[][..], Vec::as_slice);
+    let room = usize::from(area.height.saturating_sub(1));
+    let lines: Vec<Line> = all.iter().skip(all.len().saturating_sub(room)).map(line).collect();
+    let block = Block::new().borders(Borders::TOP | Borders::LEFT).title(title);
+    frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: false }).block(block), area);
+}
+
+fn question<'a>(now: &Now, desk: &'a Desk) -> Text<'a> {
+    match desk {
+        Desk::Asked(word) => {
+            Line::styled(format!("{}: sure? Enter or y; any other key: no", word.name()), WARN).into()
+        }
+        Desk::AskedToStop => {
+            Line::styled("End the session now? Ctrl-C again, Enter or y; any other key: no", WARN).into()
+        }
+        Desk::Writing(text) => Line::from(format!("note: {text}▏ (Enter keeps it, Esc does not)")).into(),
+        Desk::Watching => {
+            let keys = [
+                ("s", "start", "start"),
+                ("s", "arm again", "rearm"),
+                ("space", "pause", "pause"),
+                ("space", "go on", "resume"),
+                ("k", "skip", "skip"),
+                ("b", "repeat the last", "repeat"),
+                ("x", "end the session", "abort"),
+            ];
+            let possible = keys.iter().filter(|(_, _, word)| now.possible.contains(word));
+            let own = possible.map(|(key, what, _)| format!("{key} {what}   ")).collect::<String>();
+            Line::styled(format!("{own}e pause after the trial   n note"), SOFT).into()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::console::hub::waiting;
+    use ratatui_core::backend::TestBackend;
+    use ratatui_core::terminal::Terminal;
+    use serde_json::json;
+
+    fn drawn(now: &Now, desk: &Desk) -> String {
+        let about = About {
+            protocol: "a first look".to_owned(),
+            subject: "V00".to_owned(),
+            folder: "sessions/first".to_owned(),
+            rig: "virtual wrist".to_owned(),
+        };
+        let fit = json!({ "k_srs_nm_per_rad": 22.71, "vaf": 0.9981 });
+        let story = json!({
+            "trials": [
+                { "number": 1, "velocity_rad_s": 3.25, "torque_nm": 2.1, "status": "ok", "fit": fit },
+                { "number": 2, "velocity_rad_s": 1.3, "torque_nm": 0.9 },
+            ],
+            "log": [{ "t_s": 12.34, "kind": "note", "text": "electrode re-glued" }],
+            "gauges": { "latest_us": 812, "missed": 0, "bus_load": 0.31, "disk_free_bytes": 6.2e10 },
+        });
+        let mut screen = Terminal::new(TestBackend::new(110, 20)).unwrap();
+        screen.draw(|frame| draw(frame, now, &story.to_string(), &about, desk)).unwrap();
+        screen.backend().to_string()
+    }
+
+    fn held(level: f64) -> Now {
+        let mut now = waiting(None);
+        now.shown.cue = Asked::Target;
+        (now.shown.level, now.shown.band_fraction, now.shown.gate) = (level, 0.025, 0.5);
+        (now.torque_nm, now.target_nm) = (0.9 * level, Some(0.9));
+        now.possible = vec!["pause", "abort"];
+        now
+    }
+
+    #[test]
+    fn torque_gate_trials_and_log_are_on_the_screen() {
+        let picture = drawn(&held(0.5), &Desk::Watching);
+        for part in
+            ["V00 · a first look", "0.45 N m of 0.9", "22.7", "0.998", "under way", "12.3 electrode re-glued"]
+        {
+            assert!(picture.contains(part), "{part} is not in\n{picture}");
+        }
+        for part in
+            ["late by 812 us at most, 0 missed, bus 31 %, disk 62.0 GB", "space pause", "x end the session"]
+        {
+            assert!(picture.contains(part), "{part} is not in\n{picture}");
+        }
+        assert!(!picture.contains("k skip"), "what is not possible is offered");
+    }
+
+    #[test]
+    fn the_bar_reaches_its_band_when_the_torque_does() {
+        let line = |level: f64| {
+            let picture = drawn(&held(level), &Desk::Watching);
+            let line = picture.lines().find(|line| line.contains("torque")).unwrap().to_owned();
+            (line.matches('█').count(), line.matches('│').count())
+        };
+        let ((half, _), (whole, _), (over, edges)) = (line(0.5), line(1.0), line(1.2));
+        // 96 cells of which the target is at four fifths.
+        assert_eq!(half, 38);
+        assert!((75..=79).contains(&whole), "{whole}");
+        assert!(over > 90 && edges == 0, "{over} cells, {edges} of the band in front");
+        assert!(line(0.5).1 >= 3, "the band is not drawn");
+    }
+
+    #[test]
+    fn what_is_asked_is_on_the_last_line() {
+        assert!(drawn(&held(1.0), &Desk::Asked(crate::session::Event::Abort)).contains("abort: sure?"));
+        assert!(drawn(&held(1.0), &Desk::Writing("grip".to_owned())).contains("note: grip"));
+    }
+}

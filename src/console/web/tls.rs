@@ -1,0 +1,38 @@
+//! The certificate for addresses that others can reach.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use tokio_rustls::TlsAcceptor;
+use tokio_rustls::rustls::ServerConfig;
+use tokio_rustls::rustls::crypto::ring;
+use tokio_rustls::rustls::pki_types::pem::PemObject;
+use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
+
+use super::super::ConsoleError;
+
+/// What encrypts connections with the certificate in two PEM files.
+pub fn acceptor(chain: &Path, key: &Path) -> Result<TlsAcceptor, ConsoleError> {
+    let wrong = |file: &Path, expected| {
+        let file = file.to_owned();
+        move |problem: String| ConsoleError::Certificate { file, problem, expected }
+    };
+    let bad_chain = wrong(chain, "a certificate chain");
+    let certificates: Result<Vec<_>, _> =
+        CertificateDer::pem_file_iter(chain).and_then(|certificates| certificates.collect());
+    let certificates = match certificates {
+        Ok(certificates) if !certificates.is_empty() => certificates,
+        Ok(_) => return Err(bad_chain("holds no certificate".to_owned())),
+        Err(error) => return Err(bad_chain(error.to_string())),
+    };
+    let bad_key = wrong(key, "the private key of the certificate");
+    let private = match PrivateKeyDer::from_pem_file(key) {
+        Ok(private) => private,
+        Err(error) => return Err(bad_key(error.to_string())),
+    };
+    ServerConfig::builder_with_provider(Arc::new(ring::default_provider()))
+        .with_safe_default_protocol_versions()
+        .and_then(|builder| builder.with_no_client_auth().with_single_cert(certificates, private))
+        .map(|config| TlsAcceptor::from(Arc::new(config)))
+        .map_err(|error| bad_key(error.to_string()))
+}

@@ -1,0 +1,292 @@
+// The console in a real browser: node --test tests/browser
+import assert from "node:assert/strict";
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join } from "node:path";
+import { after, before, describe, test } from "node:test";
+import { chromium } from "playwright-core";
+
+import { start } from "./program.js";
+import { browser, desk } from "./sessions.js";
+
+const root = new URL("../..", import.meta.url).pathname;
+const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const folder = desk();
+const SCREENS = [[1280, 800], [1920, 1080], [390, 844]];
+let chrome;
+
+before(async () => {
+  chrome = await chromium.launch({ executablePath: browser(), args: ["--no-sandbox"] });
+});
+after(async () => chrome?.close());
+
+let sessions = 0;
+
+/// A quick session whose rests are short, with its pages.
+async function session(...more) {
+  const protocol = JSON.parse(readFileSync(join(root, "protocols/quick.json"), "utf8"));
+  protocol.before = { offset_s: 0.3, mvc: { efforts: 1, duration_s: 0.5, rest_s: 0.3 }, familiarisation_trials: 0 };
+  const file = join(folder, "protocol.json");
+  writeFileSync(file, JSON.stringify(protocol));
+  const out = join(folder, `session-${(sessions += 1)}`);
+  return { out, program: await start(["run", file, "--seed", "1", "--console", "--out", out, ...more]) };
+}
+
+/// A page with what went wrong on it, and whatever it asked of others than the program.
+async function open(url, { width = 1280, height = 800, dark = false } = {}) {
+  const context = await chrome.newContext({ viewport: { width, height }, colorScheme: dark ? "dark" : "light" });
+  const page = await context.newPage();
+  const wrong = [];
+  page.on("console", (message) => wrong.push(`${message.type()}: ${message.text()}`));
+  page.on("pageerror", (error) => wrong.push(String(error)));
+  page.on("request", (request) => {
+    if (new URL(request.url()).host !== new URL(url).host) wrong.push(`asked for ${request.url()}`);
+  });
+  await page.goto(url);
+  return { page, wrong, close: () => context.close() };
+}
+
+const ready = async (page) => {
+  await page.locator("#line", { hasText: "connected" }).waitFor();
+  await phase(page, "ready");
+};
+const phase = (page, wanted) => page.locator("#phase", { hasText: new RegExp(`^${wanted}$`) }).waitFor();
+const button = (page, word) => page.locator(`#desk [data-word=${word}]`);
+const yes = (page) => page.locator("#sure button[value=yes]").click();
+const outcomes = (page) => page.locator("#trial-rows tr td.words").allTextContents();
+const label = (page, wanted) => page.locator(`#display[aria-label*="${wanted}"]`).waitFor();
+
+function journal(out) {
+  const lines = readFileSync(join(out, "journal.log"), "utf8").trim().split("\n");
+  return lines.map((line) => JSON.parse(line.slice(26)));
+}
+
+test("a whole session is run with the mouse: paused, a trial repeated and one skipped, finished", async () => {
+  const { out, program } = await session("--speed", "5");
+  const operator = await open(program.operator);
+  const person = await open(program.person);
+  const { page } = operator;
+  await ready(page);
+  await label(person.page, "waiting");
+  await button(page, "start").click();
+  // What moves the motor asks first, and no is no.
+  await page.locator("#sure button[value=no]").click();
+  await phase(page, "ready");
+  await button(page, "start").click();
+  await yes(page);
+  await phase(page, "hold");
+  await label(person.page, "bring the bar into the band");
+  await page.locator("#trial-rows tr.ok").first().waitFor();
+  await label(person.page, "rest");
+  await button(page, "pause_after_trial").click();
+  await phase(page, "paused");
+  await label(person.page, "a break");
+  const before = await page.locator("#trial-rows tr.ok").count();
+  await button(page, "repeat").click();
+  await yes(page);
+  await page.locator("#trial-rows tr.rejected").waitFor();
+  assert.equal(await page.locator("#trial-rows tr.ok").count(), before - 1);
+  await button(page, "skip").click();
+  assert.equal(await page.locator("#effect").textContent(), "next trial left out");
+  await yes(page);
+  await page.locator("#progress", { hasText: `${before - 1} of` }).waitFor();
+  await page.fill("#note", "electrode <b>re-glued</b>");
+  await page.locator("#note-form button").click();
+  await page.locator("#lines li.note", { hasText: "electrode <b>re-glued</b>" }).waitFor();
+  await button(page, "resume").click();
+  await page.locator("#phase", { hasText: "finished" }).waitFor({ timeout: 60000 });
+  await page.locator("#line", { hasText: "session over" }).waitFor();
+  await label(person.page, "all trials are done");
+  // The fit of each trial, and the table of the conditions.
+  const fitted = await page.locator("#trial-rows tr.ok td:nth-child(7)").allTextContents();
+  assert.ok(fitted.length === 7 && fitted.every((vaf) => Number(vaf) > 0.98), fitted.join());
+  assert.equal(await page.locator("#condition-rows tr").count(), 4);
+  assert.equal(await program.ended, 0);
+  const words = journal(out).filter((record) => record.record === "console" && record.deed.said);
+  assert.deepEqual(words.map(({ deed }) => deed.said.word), ["start", "repeat", "skip", "resume"]);
+  assert.deepEqual([...operator.wrong, ...person.wrong], []);
+  await Promise.all([operator.close(), person.close()]);
+});
+
+test("the keyboard alone is enough", async () => {
+  const { out, program } = await session("--speed", "2");
+  const { page, wrong, close } = await open(program.operator);
+  await ready(page);
+  await page.keyboard.press("x");
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("s");
+  await page.keyboard.press("Enter");
+  await page.locator("#phase", { hasNotText: "ready" }).waitFor();
+  await page.keyboard.press("n");
+  // Letters in a note are no commands.
+  await page.keyboard.type("x k s b");
+  await page.keyboard.press("Enter");
+  await page.locator("#lines li.note", { hasText: "x k s b" }).waitFor();
+  await page.keyboard.press("e");
+  await phase(page, "paused");
+  await page.keyboard.press("k");
+  await page.keyboard.press("Enter");
+  await page.keyboard.press("Space");
+  await page.locator("#phase", { hasNotText: "paused" }).waitFor();
+  await page.keyboard.press("?");
+  assert.ok(await page.locator("#help").isVisible());
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("Space");
+  await phase(page, "paused");
+  // Every button is reached with the tabulator, and the space bar presses the one that has the focus.
+  await button(page, "abort").focus();
+  await page.keyboard.press("Space");
+  await page.keyboard.press("Enter");
+  await phase(page, "aborted");
+  assert.equal(await program.ended, 1);
+  const said = journal(out).flatMap(({ deed }) => deed?.said?.word ?? []);
+  assert.deepEqual(said, ["start", "skip", "resume", "pause", "abort"]);
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
+describe("accessibility", () => {
+  for (const dark of [false, true]) {
+    test(`axe finds nothing wrong in the ${dark ? "dark" : "light"}`, async () => {
+      const { program } = await session("--speed", "5");
+      const operator = await open(program.operator, { dark });
+      const person = await open(program.person, { dark });
+      const check = async ({ page }) => {
+        await page.evaluate(axe);
+        const { violations } = await page.evaluate(() => globalThis.axe.run());
+        return violations.flatMap(({ id, nodes }) => nodes.map((node) => `${id}: ${node.html} ${node.failureSummary}`));
+      };
+      await ready(operator.page);
+      assert.deepEqual([...(await check(operator)), ...(await check(person))], []);
+      await operator.page.keyboard.press("s");
+      assert.deepEqual(await check(operator), []);
+      await operator.page.keyboard.press("Enter");
+      await operator.page.locator("#trial-rows tr.ok").first().waitFor();
+      await operator.page.locator("#condition-rows tr").first().waitFor();
+      await operator.page.keyboard.press("e");
+      await phase(operator.page, "paused");
+      assert.deepEqual([...(await check(operator)), ...(await check(person))], []);
+      await program.stop();
+      await Promise.all([operator.close(), person.close()]);
+    });
+  }
+});
+
+test("a page that is loaded again shows the present state at once, and losing it changes nothing", async () => {
+  const { program } = await session("--speed", "5", "--operator-timeout", "0");
+  const { page, close } = await open(program.operator);
+  await ready(page);
+  await page.keyboard.press("s");
+  await page.keyboard.press("Enter");
+  await page.locator("#trial-rows tr.ok").nth(1).waitFor();
+  await page.reload();
+  await page.locator("#trial-rows tr.ok").nth(1).waitFor();
+  assert.notEqual(await page.locator("#phase").textContent(), "ready");
+  await close();
+  assert.equal(await program.ended, 0);
+});
+
+test("everything fits on each screen, and every button is in reach", async () => {
+  const { program } = await session("--speed", "5");
+  for (const [width, height] of SCREENS) {
+    const { page, wrong, close } = await open(program.operator, { width, height });
+    await phase(page, "ready");
+    assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), width);
+    for (const word of ["start", "pause", "abort"]) {
+      const { y, height: tall } = await button(page, word).boundingBox();
+      assert.ok(y >= 0 && y + tall <= height, `${word} is out of sight at ${width} x ${height}`);
+    }
+    assert.deepEqual(wrong, []);
+    await close();
+  }
+  await program.stop();
+});
+
+describe("a recorded session", () => {
+  let recorded;
+  before(async () => {
+    const { out, program } = await session("--yes");
+    assert.equal(await program.ended, 0);
+    recorded = out;
+  });
+
+  /// A moment in the first trial, s.
+  function moment(part) {
+    const happened = journal(recorded).filter((record) => record.record === "happened");
+    const at = (event) => happened.find((record) => record.event === event && record.to !== "mvc_effort").sample / 2500;
+    const hold = happened.find((record) => record.to === "hold").sample / 2500;
+    return hold + part * (at("gate_opened") - hold);
+  }
+
+  test("is played, at another speed, and from another place", async () => {
+    const program = await start(["watch", recorded]);
+    const { page, wrong, close } = await open(program.operator);
+    const person = await open(program.person);
+    await page.locator("#play").waitFor();
+    assert.equal(await page.locator("#note-form").isVisible(), false);
+    await page.locator("#place").fill(String(moment(0.5)));
+    await phase(page, "hold");
+    await label(person.page, "bring the bar into the band");
+    await page.selectOption("#speed", "50");
+    await page.locator("#play").click();
+    await phase(page, "finished");
+    await label(person.page, "all trials are done");
+    assert.equal(await page.locator("#trial-rows tr.ok").count(), 8);
+    // Back: what was still to come is to come again.
+    await page.locator("#place").fill(String(moment(0.5)));
+    await phase(page, "hold");
+    assert.equal(await page.locator("#trial-rows tr.ok").count(), 0);
+    await page.locator("#place").evaluate((place) => place.blur());
+    await page.keyboard.press("ArrowLeft");
+    await page.locator("#phase", { hasNotText: "hold" }).waitFor();
+    assert.deepEqual([...wrong, ...person.wrong], []);
+    await Promise.all([close(), person.close()]);
+    assert.equal(await program.stop(), 0);
+  });
+
+  test("shows the left wrist the mirror image of the right one's", async () => {
+    const pictures = {};
+    for (const wrist of ["left", "right"]) {
+      const program = await start(["watch", recorded, "--wrist", wrist]);
+      const operator = await open(program.operator);
+      const person = await open(program.person);
+      await operator.page.locator("#place").fill(String(moment(0.8)));
+      await label(person.page, "bring the bar into the band");
+      await person.page.waitForTimeout(300);
+      pictures[wrist] = await person.page.evaluate((flip) => {
+        const display = document.getElementById("display");
+        const { width, height } = display;
+        const copy = new OffscreenCanvas(width, height).getContext("2d");
+        if (flip) copy.setTransform(-1, 0, 0, 1, width, 0);
+        copy.drawImage(display, 0, 0);
+        return [...copy.getImageData(0, 0, width, height).data].filter((_, place) => place % 97 === 0);
+      }, wrist === "left");
+      await Promise.all([operator.close(), person.close()]);
+      await program.stop();
+    }
+    const differ = pictures.left.filter((value, place) => Math.abs(value - pictures.right[place]) > 40).length;
+    assert.ok(differ < pictures.left.length / 200, `${differ} of ${pictures.left.length} differ`);
+    assert.ok(new Set(pictures.right).size > 5, "nothing was drawn");
+  });
+
+  // For a person to look at: SCREENSHOTS=DIR node --test tests/browser
+  test("pictures of both pages", { skip: !process.env.SCREENSHOTS }, async () => {
+    mkdirSync(process.env.SCREENSHOTS, { recursive: true });
+    const program = await start(["watch", recorded]);
+    for (const [width, height] of SCREENS) {
+      for (const dark of [false, true]) {
+        const operator = await open(program.operator, { width, height, dark });
+        const person = await open(program.person, { width, height, dark });
+        for (const [name, at] of [["hold", moment(0.7)], ["held", moment(0.97)], ["rest", moment(-0.2)], ["late", 24]]) {
+          await operator.page.locator("#place").fill(String(at));
+          await operator.page.waitForTimeout(600);
+          const path = (page) => join(process.env.SCREENSHOTS, `${page}-${name}-${width}${dark ? "-dark" : ""}.png`);
+          await operator.page.screenshot({ path: path("operator") });
+          if (!dark) await person.page.screenshot({ path: path("person") });
+        }
+        await Promise.all([operator.close(), person.close()]);
+      }
+    }
+    await program.stop();
+  });
+});

@@ -1,0 +1,8 @@
+//! The console from outside: a browser's requests, and those of somebody who should not be there.
+
+mod audit;
+mod program;
+mod security;
+mod steering;
+mod terminal;
+mod tls;
