@@ -51,23 +51,19 @@ impl Desk {
 }
 
 #[test]
-fn a_late_torque_channel_is_named_measured_and_gone_with_the_extended_model() {
+fn a_slack_handle_is_named_measured_and_gone_with_the_extended_model() {
     let desk = Desk::new();
-    desk.model("channel_skew", serde_json::json!({ "delay_s": 0.0009 }));
+    desk.model("interface_slack", serde_json::json!({ "half_width_rad": 0.0006 }));
     desk.call(0, &["run", PAPER, "--seed", "5", "--model", "hides.json", "--out", "s"]);
     desk.call(0, &["diagnose", "s", "--seed", "2"]);
     let found = desk.diagnosis("s/results/diagnosis.json");
-    let causes = found["causes"].as_array().unwrap();
-    let first = &causes[0];
-    let rivals = first["indistinguishable"].as_array().unwrap();
-    let named = first["mechanism"] == "channel_skew" || rivals.iter().any(|id| id == "channel_skew");
-    assert!(named, "{first:#}");
-    let delay = &first["parameters"]["delay_s"];
-    let (low, high) = (delay["low"].as_f64().unwrap(), delay["high"].as_f64().unwrap());
-    assert!(low < 0.0009 + 1e-4 && high > 0.0009 - 1e-4, "{delay}");
-    assert!(first["gain"]["held_out_rmse_ratio"]["high"].as_f64().unwrap() < 1.0, "{first:#}");
+    assert_eq!(found["verdict"], "named", "{found:#}");
+    let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
+    assert_eq!(cause["mechanism"], "interface_slack");
+    let width = cause["parameters"]["half_width_rad"]["value"].as_f64().unwrap();
+    assert!((width - 0.0006).abs() < 0.00006, "{width}");
+    assert!(cause["gain"]["held_out_rmse_ratio"]["high"].as_f64().unwrap() < 1.0, "{cause:#}");
 
-    desk.call(0, &["fit", "s", "--model", "s/results/model.json", "--out", "again"]);
     desk.call(0, &["diagnose", "s", "--model", "s/results/model.json", "--out", "again"]);
     assert_eq!(desk.diagnosis("again/diagnosis.json")["verdict"], "adequate");
 }
