@@ -8,8 +8,8 @@ use ramphold::dataset;
 use ramphold::diagnose::{Proposal, design};
 use ramphold::protocol::ValidProtocol;
 use ramphold::wrist::mechanisms::{CATALOGUE, Class, Kind};
-use serde_json::Value;
 
+use super::diagnose::{named, read_diagnosis};
 use super::{Console, Failure, Verb};
 
 /// Propose the protocol that best tells apart the causes which a session's diagnosis left open.
@@ -72,26 +72,11 @@ impl Design {
 
     /// The first cause of the diagnosis that could be another, with what it could be.
     fn left_open(&self) -> Result<Vec<Kind>, Failure> {
-        let path = self.session.join("results").join("diagnosis.json");
+        let diagnosis = read_diagnosis(&self.session)?;
+        if let Some((_, ids)) = named(&diagnosis).find(|(_, ids)| ids.len() > 1) {
+            return ids.into_iter().take(MOST).map(kind).collect();
+        }
         let session = self.session.display();
-        if !path.exists() {
-            return Err(Failure::Usage(format!(
-                "{session}: has no diagnosis yet; get it with: ramphold diagnose {session}"
-            )));
-        }
-        let file = path.display().to_string();
-        let text =
-            fs::read_to_string(&path).map_err(|source| Failure::Read { file: file.clone(), source })?;
-        let diagnosis: Value = serde_json::from_str(&text)
-            .map_err(|error| Failure::Usage(format!("{file}: {error}; expected the file of a diagnosis")))?;
-        for cause in diagnosis["causes"].as_array().into_iter().flatten() {
-            let rivals =
-                cause["indistinguishable"].as_array().into_iter().flatten().filter_map(Value::as_str);
-            let ids: Vec<&str> = cause["mechanism"].as_str().into_iter().chain(rivals).collect();
-            if ids.len() > 1 {
-                return ids.into_iter().take(MOST).map(kind).collect();
-            }
-        }
         Err(Failure::Usage(format!(
             "{session}: its diagnosis left no cause open, so nothing is to be told apart; name mechanisms with --between"
         )))

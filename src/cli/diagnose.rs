@@ -1,7 +1,8 @@
 //! `ramphold diagnose`: what the model gets wrong, why, and what mending it gains.
 
+use std::fs;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use ramphold::dataset::{self, Disk, Manifest};
 use ramphold::diagnose::{Cause, Diagnosis, Evidence, Look, Verdict, diagnose, picture};
@@ -60,6 +61,29 @@ impl Verb for Diagnose {
         }
         summary(console, &diagnosis, &json)
     }
+}
+
+/// The diagnosis that a session has.
+pub fn read_diagnosis(session: &Path) -> Result<Value, Failure> {
+    let path = session.join("results").join("diagnosis.json");
+    if !path.exists() {
+        let session = session.display();
+        return Err(Failure::Usage(format!(
+            "{session}: has no diagnosis yet; get it with: ramphold diagnose {session}"
+        )));
+    }
+    let file = path.display().to_string();
+    let text = fs::read_to_string(&path).map_err(|source| Failure::Read { file: file.clone(), source })?;
+    serde_json::from_str(&text)
+        .map_err(|error| Failure::Usage(format!("{file}: {error}; expected the file of a diagnosis")))
+}
+
+/// For each cause of a diagnosis its entry, and the ids of all that it could be: the first is the one named.
+pub fn named(diagnosis: &Value) -> impl Iterator<Item = (&Value, Vec<&str>)> {
+    diagnosis["causes"].as_array().into_iter().flatten().map(|cause| {
+        let rivals = cause["indistinguishable"].as_array().into_iter().flatten().filter_map(Value::as_str);
+        (cause, cause["mechanism"].as_str().into_iter().chain(rivals).collect())
+    })
 }
 
 fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(), Failure> {

@@ -1,12 +1,11 @@
 //! `ramphold reveal`: what `run --hide` hid, and what the diagnosis made of it.
 
-use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
 use ramphold::rig::virtual_wrist::{RigFile, hidden};
-use serde_json::Value;
 
+use super::diagnose::{named, read_diagnosis};
 use super::resume::{Kept, is_seed_of, kept};
 use super::{Console, Failure, Verb};
 
@@ -36,13 +35,10 @@ impl Verb for Reveal {
         for (parameter, value) in kind.parameters().iter().zip(&effect.parameters) {
             writeln!(out, "  {} = {value:.4e}: {}", parameter.name, parameter.meaning)?;
         }
-        let diagnosis = self.diagnosis()?;
+        let diagnosis = read_diagnosis(&self.session)?;
         writeln!(out, "verdict: {}", diagnosis["verdict"].as_str().unwrap_or("not said"))?;
         let mut found = false;
-        for cause in diagnosis["causes"].as_array().into_iter().flatten() {
-            let rivals =
-                cause["indistinguishable"].as_array().into_iter().flatten().filter_map(Value::as_str);
-            let set: Vec<&str> = cause["mechanism"].as_str().into_iter().chain(rivals).collect();
+        for (cause, set) in named(&diagnosis) {
             let is_it = set.contains(&kind.id());
             found |= is_it;
             writeln!(out, "named: {}{}", set.join(" or "), if is_it { ", which is right" } else { "" })?;
@@ -62,22 +58,5 @@ impl Verb for Reveal {
             }
         }
         if found { Ok(()) } else { Err(Failure::NotFound { mechanism: kind.id() }) }
-    }
-}
-
-impl Reveal {
-    fn diagnosis(&self) -> Result<Value, Failure> {
-        let path = self.session.join("results").join("diagnosis.json");
-        if !path.exists() {
-            let session = self.session.display();
-            return Err(Failure::Usage(format!(
-                "{session}: has no diagnosis yet; get it with: ramphold diagnose {session}"
-            )));
-        }
-        let file = path.display().to_string();
-        let text =
-            fs::read_to_string(&path).map_err(|source| Failure::Read { file: file.clone(), source })?;
-        serde_json::from_str(&text)
-            .map_err(|error| Failure::Usage(format!("{file}: {error}; expected the file of a diagnosis")))
     }
 }

@@ -12,7 +12,9 @@ use super::look::Look;
 use super::refit::cost;
 use super::screen::torques;
 use crate::dataset::Session;
-use crate::fit::{Fit, Guess, Model, PrepareError, Prepared, Treatment, View, Weighting, objective};
+use crate::fit::{
+    FirstLook, Fit, Guess, Model, PrepareError, Prepared, Treatment, View, Weighting, objective,
+};
 use crate::protocol::{Protocol, Sweep, ValidProtocol};
 use crate::wrist::mechanisms::Kind;
 use crate::wrist::{BASE_PARAMETERS, Knot, Trial};
@@ -45,21 +47,47 @@ pub fn design(
     now: &ValidProtocol,
     causes: &[Kind],
 ) -> Result<Vec<Proposal>, PrepareError> {
+    let mut seen: Vec<Seen> = Vec::new();
     let mut proposals = Vec::new();
     for (change, protocol) in variants(now) {
-        let view = View { window_s: protocol.window_s, filter: protocol.signal.filter };
-        let look = match Look::new(session, view, &Model::paper()) {
-            Ok(look) => look,
-            // The records are too short for a longer window.
-            Err(_) if protocol.window_s > now.window_s => continue,
-            Err(error) => return Err(error),
+        let place = match seen.iter().position(|own| own.window_s == protocol.window_s) {
+            Some(place) => place,
+            None => match Seen::new(session, &protocol, causes) {
+                Ok(new) => {
+                    seen.push(new);
+                    seen.len() - 1
+                }
+                // The records are too short for a longer window.
+                Err(_) if protocol.window_s > now.window_s => continue,
+                Err(error) => return Err(error),
+            },
         };
-        let power = power(&look.prepared, &protocol, causes);
+        let power = power(&seen[place], &protocol, causes);
         proposals.push(Proposal { change, protocol, power });
     }
-    let minutes = |proposal: &Proposal| proposal.protocol.trial_count();
-    proposals.sort_by(|a, b| b.least_power().total_cmp(&a.least_power()).then(minutes(a).cmp(&minutes(b))));
+    let trials = |proposal: &Proposal| proposal.protocol.trial_count();
+    proposals.sort_by(|a, b| b.least_power().total_cmp(&a.least_power()).then(trials(a).cmp(&trials(b))));
     Ok(proposals)
+}
+
+/// The session as seen in one window, and fitted with each of the causes.
+struct Seen {
+    window_s: f64,
+    prepared: Prepared,
+    fits: Vec<Fit>,
+}
+
+impl Seen {
+    fn new(session: &Session, protocol: &ValidProtocol, causes: &[Kind]) -> Result<Self, PrepareError> {
+        let view = View { window_s: protocol.window_s, filter: protocol.signal.filter };
+        let prepared = Look::new(session, view, &Model::paper())?.prepared;
+        let base = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
+        let first = FirstLook::new(&prepared, Weighting::MeasuredNoise);
+        let with =
+            |kind: &Kind| base.rival(&prepared, &first, &Model::paper().with(*kind)).settled(&prepared);
+        let fits = causes.par_iter().map(with).collect();
+        Ok(Self { window_s: view.window_s, prepared, fits })
+    }
 }
 
 /// The protocol as it is, and changed in what separates mechanisms: more trials, a wider range of velocity or torque, a longer
@@ -123,12 +151,8 @@ fn variants(now: &ValidProtocol) -> Vec<(String, ValidProtocol)> {
 
 /// For each ordered pair of causes, the probability that a session of `protocol` in which the first is true rules the second
 /// out.
-fn power(prepared: &Prepared, protocol: &ValidProtocol, causes: &[Kind]) -> Vec<(Kind, Kind, f64)> {
-    let base = Fit::new(prepared, &Model::paper(), Weighting::MeasuredNoise);
-    let fits: Vec<Fit> = causes
-        .par_iter()
-        .map(|kind| base.rival(prepared, &Model::paper().with(*kind)).settled(prepared))
-        .collect();
+fn power(seen: &Seen, protocol: &ValidProtocol, causes: &[Kind]) -> Vec<(Kind, Kind, f64)> {
+    let Seen { prepared, fits, .. } = seen;
     let pairs: Vec<(usize, usize)> = (0..causes.len())
         .flat_map(|one| (0..causes.len()).filter(move |other| *other != one).map(move |other| (one, other)))
         .collect();

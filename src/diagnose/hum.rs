@@ -3,7 +3,8 @@
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use crate::dataset::{Session, Status, Trial};
-use crate::signal::{Sinusoid, onset};
+use crate::fit::onset_sample;
+use crate::signal::Sinusoid;
 
 /// Hum found in the holds.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -79,7 +80,7 @@ pub fn without(session: &Session, frequency_hz: f64) -> Session {
     for trial in &mut clean.trials {
         let Some(hold) = hold(trial, period_s) else { continue };
         let Some(hum) = Sinusoid::fitted(hold, period_s, frequency_hz) else { continue };
-        let end = end_of_hold(trial, period_s).unwrap_or(0) as f64 - 1.0;
+        let end = onset_sample(trial, period_s).unwrap_or(0) as f64 - 1.0;
         for (sample, torque) in trial.record.torque_l_nm.iter_mut().enumerate() {
             *torque -= hum.at((sample as f64 - end) * period_s);
         }
@@ -89,15 +90,7 @@ pub fn without(session: &Session, frequency_hz: f64) -> Session {
 
 /// The torque before the onset.
 fn hold(trial: &Trial, period_s: f64) -> Option<&[f64]> {
-    let end = end_of_hold(trial, period_s)?;
+    let end = onset_sample(trial, period_s)?;
     let longest = libm::round(LONGEST_S / period_s) as usize;
     trial.record.torque_l_nm.get(end.saturating_sub(longest)..end)
-}
-
-/// Sample at which the ramp begins.
-fn end_of_hold(trial: &Trial, period_s: f64) -> Option<usize> {
-    match trial.onset_s {
-        Some(onset_s) => Some(libm::round((onset_s - trial.record.start_s) / period_s).max(0.0) as usize),
-        None => onset(&trial.record.theta_m_rad),
-    }
 }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::calibrate::simulated;
 use super::screen::{Probe, Score, torques};
-use crate::fit::{Fit, Model, NoiseMaker, Prepared};
+use crate::fit::{FirstLook, Fit, Model, NoiseMaker, Prepared, Weighting};
 use crate::random::Stream;
 use crate::wrist::mechanisms::{Kind, Parameter};
 
@@ -57,12 +57,14 @@ pub fn candidates(prepared: &Prepared, fit: &Fit, scored: &[(Probe, Score)], fre
     let mut kinds: Vec<Kind> = scored.iter().map(|(probe, _)| probe.kind).collect();
     kinds.dedup();
     let before = cost(fit);
+    let first = FirstLook::new(prepared, Weighting::MeasuredNoise);
     let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - cost(&fit)), fit };
     let mut rough: Vec<Candidate> = kinds
         .into_par_iter()
         .filter_map(|kind| {
             let starts = scored.iter().filter(|(probe, _)| probe.kind == kind);
-            let fits = starts.map(|(probe, score)| fit.rival(prepared, &model_with(fit, probe, score)));
+            let fits =
+                starts.map(|(probe, score)| fit.rival(prepared, &first, &model_with(fit, probe, score)));
             Some(candidate(fits.min_by(|a, b| cost(a).total_cmp(&cost(b)))?, kind))
         })
         .collect();
@@ -83,7 +85,7 @@ pub fn cost(fit: &Fit) -> f64 {
     fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum()
 }
 
-/// The model of `fit` with a probe's mechanism, which starts where the probe's best multiple lies.
+/// The model of `fit` with a probe's mechanism, which starts as [`start`] says.
 fn model_with(fit: &Fit, probe: &Probe, score: &Score) -> Model {
     let mut model = fit.model.clone().with(probe.kind);
     if let Some(added) = model.mechanisms.last_mut() {

@@ -30,11 +30,11 @@ pub use model::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term
 pub use noise::NoiseSource;
 pub use normal::{Normal, Objective};
 pub use predict::predict;
-pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View};
+pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View, onset_sample};
 pub use profile::{Interval, PROFILED, profiles};
 pub use resample::{NoiseMaker, resampled};
 pub use results::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
-pub use run::{Fit, Weighting, objective};
+pub use run::{FirstLook, Fit, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};
 pub use uncertainty::{
     Prediction, Uncertainty, covariance, predictions, uncertainties, variance_accounted_for,

@@ -208,13 +208,10 @@ impl Prepared {
     /// Cuts, filters and levels one trial, or says why it cannot be used.
     fn trial(&self, trial: &crate::dataset::Trial) -> Result<PreparedTrial, String> {
         let record = &trial.record;
-        let (at, onset_found) = match trial.onset_s {
-            Some(onset_s) => (libm::round((onset_s - record.start_s) / self.period_s) as usize, false),
-            None => match onset(&record.theta_m_rad) {
-                Some(at) => (at, true),
-                None => return Err("no movement of the motor stands out of the noise: no onset found".into()),
-            },
+        let Some(at) = onset_sample(trial, self.period_s) else {
+            return Err("no movement of the motor stands out of the noise: no onset found".into());
         };
+        let onset_found = trial.onset_s.is_none();
         let count = record.theta_m_rad.len();
         let level = self.level_samples();
         let before = level.max(self.lead + 2);
@@ -315,6 +312,14 @@ impl Prepared {
             let same: Vec<f64> = emg.iter().filter(|(t, _)| t == torque).map(|(_, level)| *level).collect();
             trial.input.covariates.flexor_emg_excess_mvc = own - mean(&same);
         }
+    }
+}
+
+/// The sample at which a trial's ramp begins: as the session says, else as the movement shows.
+pub fn onset_sample(trial: &crate::dataset::Trial, period_s: f64) -> Option<usize> {
+    match trial.onset_s {
+        Some(onset_s) => Some(libm::round((onset_s - trial.record.start_s) / period_s) as usize),
+        None => onset(&trial.record.theta_m_rad),
     }
 }
 

@@ -48,6 +48,25 @@ pub struct Fit {
     pub several: Vec<usize>,
 }
 
+/// What first guesses are made from, whatever the model: the pilot's best points, and weights that go with them.
+pub struct FirstLook {
+    points: Vec<[f64; 6]>,
+    objective: Objective,
+}
+
+impl FirstLook {
+    /// Looks at a session.
+    pub fn new(prepared: &Prepared, weighting: Weighting) -> Self {
+        let points = looks(prepared);
+        let (objective, _) = objective(prepared, weighting, points.first());
+        Self { points, objective }
+    }
+
+    fn guess(&self, prepared: &Prepared, model: &Model) -> Guess {
+        Guess::pooled(prepared, &self.objective, &self.points, model)
+    }
+}
+
 impl Fit {
     /// Fits `model`.
     ///
@@ -57,9 +76,7 @@ impl Fit {
         if weighting == Weighting::Plain && prepared.noise_source == Some(NoiseSource::Holds) {
             return Self::new(prepared, model, Weighting::MeasuredNoise).plainly(prepared);
         }
-        let points = looks(prepared);
-        let (first, _) = objective(prepared, weighting, points.first());
-        let guess = Guess::pooled(prepared, &first, &points, model);
+        let guess = FirstLook::new(prepared, weighting).guess(prepared, model);
         // What an error of the angle does to the torque hangs on the damping, of which a look knows the magnitude at best.
         let (objective, covariances) = objective(prepared, weighting, Some(&guess.middle()));
         let mut fit = Self::from_guess(prepared, model, objective, covariances, &guess);
@@ -69,10 +86,8 @@ impl Fit {
 
     /// Fits `model` with this fit's weights from a first guess of its own: where this fit ended may be far off if it lacks what
     /// `model` has. Looks for other optima only on the way to [`Fit::settled`].
-    pub fn rival(&self, prepared: &Prepared, model: &Model) -> Self {
-        let points = looks(prepared);
-        let (rough, _) = objective(prepared, Weighting::MeasuredNoise, points.first());
-        let guess = Guess::pooled(prepared, &rough, &points, model);
+    pub fn rival(&self, prepared: &Prepared, first: &FirstLook, model: &Model) -> Self {
+        let guess = first.guess(prepared, model);
         let (objective, covariances) = (self.objective.clone(), self.covariances.clone());
         Self::from_guess(prepared, model, objective, covariances, &guess)
     }
