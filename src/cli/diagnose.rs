@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use ramphold::dataset::{self, Disk, Manifest};
 use ramphold::diagnose::{Cause, Diagnosis, Evidence, Look, Verdict, diagnose, picture};
 use ramphold::fit::NoiseSource;
+use ramphold::protocol::significant;
 use serde_json::Value;
 
 use super::fit::{read_model, view};
@@ -136,7 +137,7 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
     }
     writeln!(out, ", p = {:.4}", cause.p_value)?;
     for (name, value) in entry["parameters"].as_object().into_iter().flatten() {
-        let number = |key: &str| value[key].as_f64().map_or("?".into(), |x| format!("{x:.4}"));
+        let number = |key: &str| value[key].as_f64().map_or("?".into(), significant);
         writeln!(out, "  {name} = {} (95 %: {} to {})", number("value"), number("low"), number("high"))?;
     }
     match &cause.evidence {

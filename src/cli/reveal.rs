@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use ramphold::protocol::significant;
 use ramphold::rig::virtual_wrist::{RigFile, hidden};
 
 use super::diagnose::{named, read_diagnosis};
@@ -33,7 +34,7 @@ impl Verb for Reveal {
         let mut out = console.results();
         writeln!(out, "hidden: {} ({})", kind.id(), kind.title())?;
         for (parameter, value) in kind.parameters().iter().zip(&effect.parameters) {
-            writeln!(out, "  {} = {value:.4e}: {}", parameter.name, parameter.meaning)?;
+            writeln!(out, "  {} = {}: {}", parameter.name, significant(*value), parameter.meaning)?;
         }
         let diagnosis = read_diagnosis(&self.session)?;
         writeln!(out, "verdict: {}", diagnosis["verdict"].as_str().unwrap_or("not said"))?;
@@ -49,11 +50,8 @@ impl Verb for Reveal {
                 let own = &cause["parameters"][parameter.name];
                 if let (Some(low), Some(high)) = (own["low"].as_f64(), own["high"].as_f64()) {
                     let covers = if (low..=high).contains(value) { "holds" } else { "misses" };
-                    writeln!(
-                        out,
-                        "  {}: {low:.4e} to {high:.4e} {covers} the true {value:.4e}",
-                        parameter.name
-                    )?;
+                    let [low, high, truth] = [low, high, *value].map(significant);
+                    writeln!(out, "  {}: {low} to {high} {covers} the true {truth}", parameter.name)?;
                 }
             }
         }

@@ -29,7 +29,7 @@ pub(super) fn mistaken_unit(path: &str, value: f64, in_range: impl Fn(f64) -> bo
 }
 
 /// Four significant digits, for people.
-pub(super) fn significant(value: f64) -> String {
+pub fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
     }

@@ -107,7 +107,7 @@ pub fn with_spread(mean: f64, sd: f64) -> (String, String) {
     if !(sd > 0.0 && sd.is_finite()) {
         return (significant(mean, 3), significant(sd, 2));
     }
-    let decimals = (1 - sd.log10().floor() as i32).clamp(0, 4) as usize;
+    let decimals = (1 - sd.log10().floor() as i32).clamp(0, 9) as usize;
     (minus(&format!("{mean:.decimals$}")), format!("{sd:.decimals$}"))
 }
 
@@ -154,6 +154,7 @@ mod tests {
     fn numbers_have_the_digits_they_deserve() {
         assert_eq!(with_spread(15.512, 0.98), ("15.51".into(), "0.98".into()));
         assert_eq!(with_spread(305.2, 13.2), ("305".into(), "13".into()));
+        assert_eq!(with_spread(4.71e-5, 1.2e-6), ("0.0000471".into(), "0.0000012".into()));
         assert_eq!(significant(0.012345, 3), "0.0123");
         assert_eq!(significant(-1234.6, 3), "\u{2212}1235");
         assert_eq!(significant(f64::NAN, 3), "–");

@@ -126,26 +126,25 @@ fn at_shifted<T: Number>(
     gain: T,
     period_s: f64,
 ) -> Knot<T> {
-    let (mut from, mut to) = ([Knot::default(); 16], [Knot::default(); 16]);
+    let mut around = [[Knot::default(); 16]; 4];
     let mut whole = [0.0; 16];
     let mut lane = 0;
     while lane < T::Plain::LANES {
         let record = records[lane];
         let place = (starts[lane] + sample) as f64 - shift.plain().lane(lane);
-        let index = (libm::floor(place).max(0.0) as usize).min(record.len() - 2);
-        from[lane] = record[index];
-        to[lane] = record[index + 1];
+        let index = (libm::floor(place).max(1.0) as usize).min(record.len() - 3);
+        for (knot, own) in around.iter_mut().zip(&record[index - 1..]) {
+            knot[lane] = *own;
+        }
         whole[lane] = (starts[lane] + sample) as f64 - index as f64;
         lane += 1;
     }
     let u = T::lift(T::Plain::load(&whole)) - shift;
-    let (start, end) = (gather::<T>(&from), gather::<T>(&to));
-    let (start_slope, end_slope) = (start.omega.scale(period_s), end.omega.scale(period_s));
-    let theta = hermite(u, start.theta, end.theta, start_slope, end_slope);
-    let rise = end.theta - start.theta;
-    let c2 = rise.scale(3.0) - start_slope.scale(2.0) - end_slope;
-    let c3 = start_slope + end_slope - rise.scale(2.0);
-    let omega = (start_slope + u * (c2.scale(2.0) + u * c3.scale(3.0))).scale(1.0 / period_s);
+    let [before, start, end, after] = around.map(|knots| gather::<T>(&knots));
+    let theta = hermite(u, start.theta, end.theta, start.omega.scale(period_s), end.omega.scale(period_s));
+    // Not the slope of that curve: what is left of the encoder's steps in two angles would weigh on their difference.
+    let change = |from: Knot<T>, to: Knot<T>| (to.omega - from.omega).scale(0.5);
+    let omega = hermite(u, start.omega, end.omega, change(before, end), change(start, after));
     Knot { theta: theta / gain, omega: omega / gain }
 }
 

@@ -223,8 +223,15 @@ impl Session {
             self.content.controls.left(Desk::Page);
         }
         let farewell = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
-        // The page may be gone already.
-        let _ = timeout(FAREWELL / 2, socket.send(farewell)).await;
+        // What the page still says is read until it, too, has closed: a socket shut on unread words is reset, and the page
+        // would lose the farewell on its way. It may also be gone already.
+        let part = async {
+            let mut open = socket.send(farewell).await.is_ok();
+            while open {
+                open = matches!(socket.recv().await, Some(Ok(_)));
+            }
+        };
+        let _ = timeout(FAREWELL / 2, part).await;
     }
 
     /// Until either side has enough; why, if it is to be told.
