@@ -227,27 +227,38 @@ impl Fit {
 fn lean(prepared: &Prepared, fit: &Fit) -> Guess {
     let uncertainties = uncertainties(prepared, fit, &predictions(prepared, fit));
     let mut parameters = fit.parameters.clone();
-    let design = |trial: usize| {
+    let sizes = |trial: usize| {
         let own = &prepared.trials[trial];
-        [1.0, libm::log(own.velocity_rad_s.abs().max(1e-3)), libm::log(own.torque_nm.abs().max(1e-3))]
+        [own.velocity_rad_s, own.torque_nm].map(|size| libm::log(size.abs().max(1e-3)))
+    };
+    let trials = prepared.trials.len();
+    let mean = [0, 1].map(|which| (0..trials).map(|t| sizes(t)[which]).sum::<f64>() / trials as f64);
+    let design = |trial: usize| {
+        let own = sizes(trial);
+        Vector3::new(1.0, own[0] - mean[0], own[1] - mean[1])
     };
     for (parameter, sd) in LEAN {
-        let mut square = Matrix3::from_diagonal_element(1e-9);
+        // Few trials that tell may lie on a line: without a bound on its slopes the plane would fall off beside it.
+        let mut square = Matrix3::from_diagonal(&Vector3::new(0.0, STEEPEST, STEEPEST));
         let mut right = Vector3::zeros();
         for (trial, own) in uncertainties.iter().enumerate() {
             let Some(se) = own.se[parameter].filter(|se| *se < 1.0) else { continue };
-            let x = Vector3::from(design(trial));
+            let x = design(trial);
             let weight = 1.0 / (se * se + sd * sd);
             square += weight * x * x.transpose();
             right += weight * libm::log(fit.parameters[trial][parameter]) * x;
         }
         let Some(coefficients) = square.cholesky().map(|factor| factor.solve(&right)) else { continue };
         for (trial, own) in parameters.iter_mut().enumerate() {
-            own[parameter] = libm::exp(coefficients.dot(&Vector3::from(design(trial))));
+            own[parameter] = libm::exp(coefficients.dot(&design(trial)));
         }
     }
     Guess::at(prepared, &parameters)
 }
+
+/// How unlikely steep powers of velocity and torque are, as one over the variance of the power: k_dec and x_e go with
+/// powers between minus and plus one.
+const STEEPEST: f64 = 1.0;
 
 /// How far single trials' k_dec and x_e may be expected from those of all, as standard deviations of their logarithms.
 const LEAN: [(usize, f64); 2] = [(4, 0.4), (ELASTIC_LIMIT, 0.2)];
