@@ -58,7 +58,7 @@ impl Problem {
         // As `Fit::new` goes about it, up to its second look at other optima.
         let points = looks(&prepared);
         let (first, _) = objective(&prepared, Weighting::MeasuredNoise, points.first());
-        let guess = Guess::pooled(&prepared, &first, &points, &Model::paper());
+        let guess = Guess::pooled(&prepared, &first, &points, &Model::paper()).swap_remove(0);
         let (weighed, covariances) = objective(&prepared, Weighting::MeasuredNoise, Some(&guess.middle()));
         let fit = Fit::from_guess(&prepared, &Model::paper(), weighed, covariances, &guess);
         Self { prepared, guess, fit }

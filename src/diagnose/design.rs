@@ -9,7 +9,6 @@ use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::look::Look;
-use super::refit::cost;
 use super::screen::torques;
 use crate::dataset::Session;
 use crate::fit::{
@@ -200,7 +199,7 @@ fn distance(prepared: &Prepared, protocol: &ValidProtocol, truth: &Fit, other: &
         *treatment = Treatment { value: Some(*value), ..treatment.clone() };
     }
     let (weights, covariances) = objective(&planned, Weighting::MeasuredNoise, Some(&guess.middle()));
-    2.0 * cost(&Fit::from_guess(&planned, &model, weights, covariances, &guess))
+    2.0 * Fit::from_guess(&planned, &model, weights, covariances, &guess).cost()
 }
 
 /// The trials of `protocol`, moved as commanded, with the noise of the nearest torque of the session.

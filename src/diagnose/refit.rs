@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use super::calibrate::simulated;
-use super::screen::{Probe, Score, torques};
+use super::screen::{Probe, torques};
 use crate::fit::{FirstLook, Fit, Model, NoiseMaker, Prepared, Weighting};
 use crate::random::Stream;
-use crate::wrist::mechanisms::{Kind, Parameter};
+use crate::wrist::mechanisms::Kind;
 
 /// A mechanism added to a fit, all parameters fitted anew.
 #[derive(Debug, Clone)]
@@ -46,26 +46,29 @@ pub struct Shortlist {
 
 /// A mechanism that was fitted roughly is fitted with all care if it comes this near to the best, in units of the noise, or as
 /// a part of what the best is worth: yields that a rough fit leaves in the wrong place cost as much.
-const WITHIN_REACH: f64 = 120.0;
-const PART_OF_BEST: f64 = 0.1;
+const WITHIN_REACH: f64 = 40.0;
+const PART_OF_BEST: f64 = 0.06;
 
 /// Every mechanism that was probed, fitted in full; the best with all care. The best first.
 ///
 /// What screening promises tells where to start, not whom to leave out: a model that lacks something large has gone to where
-/// the step to the right mechanism is not straight.
-pub fn candidates(prepared: &Prepared, fit: &Fit, scored: &[(Probe, Score)], freedom: f64) -> Shortlist {
-    let mut kinds: Vec<Kind> = scored.iter().map(|(probe, _)| probe.kind).collect();
+/// the step to the right mechanism is not straight. So each starts from a guess of its own, and, since what is missing may
+/// also be small, from where `fit` ended.
+pub fn candidates(prepared: &Prepared, fit: &Fit, probes: &[Probe], freedom: f64) -> Shortlist {
+    let mut kinds: Vec<Kind> = probes.iter().map(|probe| probe.kind).collect();
     kinds.dedup();
-    let before = cost(fit);
+    let before = fit.cost();
     let first = FirstLook::new(prepared, Weighting::MeasuredNoise);
-    let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - cost(&fit)), fit };
+    let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - fit.cost()), fit };
     let mut rough: Vec<Candidate> = kinds
         .into_par_iter()
         .filter_map(|kind| {
-            let starts = scored.iter().filter(|(probe, _)| probe.kind == kind);
-            let fits =
-                starts.map(|(probe, score)| fit.rival(prepared, &first, &model_with(fit, probe, score)));
-            Some(candidate(fits.min_by(|a, b| cost(a).total_cmp(&cost(b)))?, kind))
+            let fits = probes.iter().filter(|probe| probe.kind == kind).flat_map(|probe| {
+                let model = model_with(fit, probe);
+                [fit.rival(prepared, &first, &model), fit.extended(prepared, &model)]
+            });
+            let best = fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
+            Some(candidate(best.regrouped(prepared), kind))
         })
         .collect();
     rough.sort_by(|a, b| b.worth.total_cmp(&a.worth));
@@ -73,73 +76,104 @@ pub fn candidates(prepared: &Prepared, fit: &Fit, scored: &[(Probe, Score)], fre
     rough.retain(|own| own.worth > best - WITHIN_REACH.max(PART_OF_BEST * best));
     let mut settled: Vec<Candidate> =
         rough.into_par_iter().map(|own| candidate(own.fit.settled(prepared), own.kind)).collect();
-    let best = settled.iter().map(|own| 2.0 * cost(&own.fit)).fold(f64::INFINITY, f64::min);
+    let best = settled.iter().map(|own| 2.0 * own.fit.cost()).fold(f64::INFINITY, f64::min);
     let unit = (best / freedom).clamp(1.0, f64::MAX);
     settled.iter_mut().for_each(|own| own.worth /= unit);
     settled.sort_by(|a, b| b.merit().total_cmp(&a.merit()));
     Shortlist { candidates: settled, unit }
 }
 
-/// Half the sum of squares of all trials.
-pub fn cost(fit: &Fit) -> f64 {
-    fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum()
-}
-
-/// The model of `fit` with a probe's mechanism, which starts as [`start`] says.
-fn model_with(fit: &Fit, probe: &Probe, score: &Score) -> Model {
+/// The model of `fit` with a probe's mechanism, which starts at the values probed: how far it will go, and to which side, is for
+/// the fit to find, since a step to it is seldom straight.
+fn model_with(fit: &Fit, probe: &Probe) -> Model {
     let mut model = fit.model.clone().with(probe.kind);
     if let Some(added) = model.mechanisms.last_mut() {
-        for ((treatment, parameter), value) in
-            added.parameters.iter_mut().zip(probe.kind.parameters()).zip(&probe.values)
-        {
-            treatment.value = Some(start(parameter, *value, score.multiple));
+        for (treatment, value) in added.parameters.iter_mut().zip(&probe.values) {
+            treatment.value = Some(*value);
         }
     }
     model
 }
 
-/// Where a parameter starts: at the value probed, or on the other side of the one without effect if that is where the probe
-/// points and it may go there. How far it will go is for the fit to find: a step to it is seldom straight.
-fn start(parameter: &Parameter, probed: f64, multiple: f64) -> f64 {
-    let Some(absent) = parameter.absent.filter(|_| multiple < 0.0) else { return probed };
-    let mirrored = absent + absent - probed;
-    if (parameter.low..=parameter.high).contains(&mirrored) { mirrored } else { probed }
-}
-
 /// How many sessions are simulated from each rival: one win is 5 %.
 const SIMULATIONS: usize = 19;
 
-/// A rival that would have to be this much worse to be ruled out without simulation.
+/// A rival that would have to be this much worse to be ruled out without simulation, in units of the noise or as a part of
+/// what the first is worth.
 const FAR_BEHIND: f64 = 60.0;
+const FAR_BEHIND_PART: f64 = 0.04;
+
+/// How far a mechanism's real law may be from the catalogue's, as a part of the torque that it adds. Assumed: between a lag
+/// of first and one of second order, or a yield that is smeared in another way, it is about that.
+const FORM_ERROR: f64 = 0.05;
+
+/// A lead below this tells nothing: 95 % of chi-square with one degree of freedom.
+const NO_LEAD: f64 = 3.84;
 
 /// The rivals of the first candidate that the data do not rule out.
 ///
-/// For each, sessions are simulated in which the rival is the truth, and both are fitted to them: if the first candidate
-/// wins by as much as it did in one of twenty, the rival may be the truth.
+/// For each, sessions are simulated in which the rival is the truth, with a law that is not quite the catalogue's, and both
+/// are fitted to them: if the first candidate wins by as much as it did in one of twenty, the rival may be the truth.
 pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> Vec<Kind> {
     let unit = shortlist.unit;
     let Some((first, rivals)) = shortlist.candidates.split_first() else { return Vec::new() };
     let lead = |rival: &Candidate| first.worth - rival.worth;
+    let far_behind = FAR_BEHIND.max(FAR_BEHIND_PART * first.worth);
     rivals
         .iter()
-        .filter(|rival| rival.worth > 0.0 && lead(rival) < FAR_BEHIND)
+        .filter(|rival| rival.worth > 0.0 && lead(rival) < far_behind)
         .filter(|rival| {
+            if lead(rival) < NO_LEAD {
+                return true;
+            }
             let predicted = torques(prepared, &rival.fit.kinds, &rival.fit.parameters);
+            let added = added_torque(prepared, rival, &predicted);
             let noise = NoiseMaker::of(&prepared.noises);
-            let wins: usize = (0..SIMULATIONS)
-                .into_par_iter()
-                .map(|number| {
-                    let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
-                    let mut stream = Stream::new(seed, &name);
-                    let simulated = simulated(prepared, &predicted, &noise, &mut stream);
-                    let again = |fit: &Fit| fit.extended(&simulated, &fit.model);
-                    let (a, b) = (again(&first.fit), again(&rival.fit));
-                    let simulated_lead = 2.0 * (cost(&b) - cost(&a)) / unit;
-                    usize::from(simulated_lead >= lead(rival))
-                })
-                .sum();
-            wins > 0
+            (0..SIMULATIONS).into_par_iter().any(|number| {
+                let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
+                let mut stream = Stream::new(seed, &name);
+                let error = if rival.kind.is_exact() { 0.0 } else { FORM_ERROR };
+                let true_law = with_form_error(&predicted, &added, error, &mut stream);
+                let simulated = simulated(prepared, &true_law, &noise, &mut stream);
+                let again = |fit: &Fit| fit.extended(&simulated, &fit.model);
+                let (a, b) = (again(&first.fit), again(&rival.fit));
+                2.0 * (b.cost() - a.cost()) / unit >= lead(rival)
+            })
         })
         .map(|rival| rival.kind)
         .collect()
+}
+
+/// What a candidate's mechanism adds to the torque that it predicts.
+fn added_torque(prepared: &Prepared, own: &Candidate, predicted: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let kinds: Vec<Kind> = own.fit.kinds.iter().copied().filter(|kind| *kind != own.kind).collect();
+    let count = own.kind.parameter_count();
+    let without = |parameters: &Vec<f64>| parameters[..parameters.len() - count].to_vec();
+    let parameters: Vec<Vec<f64>> = own.fit.parameters.iter().map(without).collect();
+    let difference = |(with, without): (&Vec<f64>, &Vec<f64>)| {
+        with.iter().zip(without).map(|(with, without)| with - without).collect()
+    };
+    predicted.iter().zip(&torques(prepared, &kinds, &parameters)).map(difference).collect()
+}
+
+/// The torque under a law that differs from the catalogue's by a smooth factor of time with a standard deviation of `error`,
+/// the same in all trials.
+fn with_form_error(
+    predicted: &[Vec<f64>],
+    added: &[Vec<f64>],
+    error: f64,
+    stream: &mut Stream,
+) -> Vec<Vec<f64>> {
+    // One constant and four waves, of which each has half the variance.
+    let heights: [f64; 5] = std::array::from_fn(|_| error / libm::sqrt(3.0) * stream.normal());
+    let factor = |place: f64| -> f64 {
+        let wave = |(order, height)| height * libm::cos(std::f64::consts::PI * order as f64 * place);
+        heights.iter().enumerate().map(wave).sum()
+    };
+    let trial = |(torque, added): (&Vec<f64>, &Vec<f64>)| {
+        let count = torque.len() as f64;
+        let added = added.iter().enumerate().map(|(sample, added)| factor(sample as f64 / count) * added);
+        torque.iter().zip(added).map(|(torque, error)| torque + error).collect()
+    };
+    predicted.iter().zip(added).map(trial).collect()
 }

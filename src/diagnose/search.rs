@@ -7,7 +7,7 @@ use super::hum::Hum;
 use super::look::Look;
 use super::refit::{Candidate, candidates, not_ruled_out};
 use super::rest::{ResidualTerm, residual_term};
-use super::screen::{Unseen, probes, score};
+use super::screen::{Unseen, probes};
 use super::tangent::Tangent;
 use crate::fit::{Fit, Model, Prepared, Weighting};
 use crate::wrist::mechanisms::Kind;
@@ -105,8 +105,10 @@ const SIGNIFICANT: f64 = 0.01;
 /// of them is: if two leave something over, it is more believable that the catalogue lacks the cause.
 const MOST_STEPS: usize = 2;
 
-/// Least loss of the sum of squares, beyond what its parameters gain from noise, for which a mechanism is added.
+/// Least loss of the sum of squares, beyond what its parameters gain from noise, for which a mechanism is added; and the least
+/// as a part of what the one before it was worth: a law that is a few per cent off leaves something that others describe.
 const WORTH_ADDING: f64 = 8.0;
+const PART_OF_LAST: f64 = 0.06;
 
 /// Diagnoses a session as seen by `model`.
 pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
@@ -121,6 +123,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
     let mut misfit = None;
     let mut p_within = 1.0;
     let mut left_within = 1.0;
+    let mut worth_of_last = 0.0;
     for step in 0..=MOST_STEPS {
         let tangent = Tangent::new(prepared, &fit);
         let (probes, not_visible) = probes(prepared, &fit, &tangent);
@@ -137,18 +140,13 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
         if 2.0 * left_within > SIGNIFICANT || step == MOST_STEPS {
             break;
         }
-        let scored: Vec<_> = probes
-            .into_iter()
-            .map(|probe| {
-                let score = score(&probe, &residuals, finding.unit);
-                (probe, score)
-            })
-            .collect();
-        let found = candidates(prepared, &fit, &scored, tangent.freedom());
+        let found = candidates(prepared, &fit, &probes, tangent.freedom());
         for own in &found.candidates {
             tracing::debug!(step, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
         }
-        let Some(best) = found.candidates.first().filter(|best| best.merit() > WORTH_ADDING) else { break };
+        let least = WORTH_ADDING.max(PART_OF_LAST * worth_of_last);
+        let Some(best) = found.candidates.first().filter(|best| best.merit() > least) else { break };
+        worth_of_last = best.worth;
         causes.push(Cause {
             kind: best.kind,
             p_value: chance.of_any().max(chance.of_largest.min(chance.of_excess)),

@@ -43,9 +43,15 @@ const FREEDOM: [(f64, f64); 5] = [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5
 
 impl Guess {
     /// Fits a few parameters that some trials share, from each of `points` (the pilot's, see [`looks`]), and hands what came
-    /// out best to all trials: the shared fit is determined well enough to have one optimum where single trials have several.
+    /// out to all trials: the shared fit is determined well enough to have few optima where single trials have many. The best
+    /// comes first, then others whose elastic limit lies elsewhere.
     /// The mechanisms of `model` take part: without one that is at work, the others start where it drove them.
-    pub fn pooled(prepared: &Prepared, objective: &Objective, points: &[[f64; 6]], model: &Model) -> Self {
+    pub fn pooled(
+        prepared: &Prepared,
+        objective: &Objective,
+        points: &[[f64; 6]],
+        model: &Model,
+    ) -> Vec<Self> {
         let kinds = model.kinds();
         let reach_rad: Vec<f64> = (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect();
         let some = representatives(prepared);
@@ -61,26 +67,35 @@ impl Guess {
             }
         }
         // Rivals fall behind within a few steps: only the best go on.
-        for effort in APPROACH {
+        for (round, effort) in APPROACH.into_iter().enumerate() {
+            starts.truncate(starts.len().div_ceil(1 + round));
             for (cost, pooled, at) in &mut starts {
                 let solution = solve(&few, &pooled.layout, &kinds, objective, at, effort);
                 *cost = solution.outcomes.iter().map(|outcome| outcome.cost).sum();
                 *at = solution.coordinates;
             }
             starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-            starts.truncate(starts.len().div_ceil(3));
         }
-        let best = starts.into_iter().next();
-        let (trials, added) = match best {
-            Some((_, pooled, coordinates)) => {
-                let own = |(trial, reach): (&PreparedTrial, &f64)| {
-                    pooled.values(&coordinates, trial.torque_nm, *reach)
-                };
-                (prepared.trials.iter().zip(&reach_rad).map(own).collect(), pooled.added(&coordinates))
-            }
-            None => (vec![[1e-3, 1.0, 100.0, 10.0, 5.0, 0.01]; prepared.trials.len()], Vec::new()),
+        let guess = |(_, pooled, coordinates): (f64, Pooled, Vec<f64>)| {
+            let own =
+                |(trial, reach): (&PreparedTrial, &f64)| pooled.values(&coordinates, trial.torque_nm, *reach);
+            let trials = prepared.trials.iter().zip(&reach_rad).map(own).collect();
+            let added = pooled.added(&coordinates);
+            Self { trials, added, reach_rad: reach_rad.clone(), lever: prepared.lever }
         };
-        Self { trials, added, reach_rad, lever: prepared.lever }
+        let mut different: Vec<Self> = Vec::new();
+        for own in starts.into_iter().map(guess) {
+            let limit = own.middle()[5];
+            let is_near = |other: &Self| libm::log(limit / other.middle()[5]).abs() < ELSEWHERE;
+            if !different.iter().any(is_near) {
+                different.push(own);
+            }
+        }
+        if different.is_empty() {
+            let trials = vec![[1e-3, 1.0, 100.0, 10.0, 5.0, 0.01]; prepared.trials.len()];
+            different.push(Self { trials, added: Vec::new(), reach_rad, lever: prepared.lever });
+        }
+        different
     }
 
     /// First values that are given: each trial's six base parameters.
@@ -215,7 +230,10 @@ const KEPT: usize = 2;
 /// Where the elastic limit starts, as a part of the way that the motor goes in the window.
 const LIMIT_PLACES: [f64; 3] = [0.35, 0.5, 0.65];
 
-/// The shared fit need not be exact; after each round a third of the starts goes on.
+/// A change of the logarithm of the elastic limit that makes another guess.
+const ELSEWHERE: f64 = 0.2;
+
+/// The shared fit need not be exact; half of the starts go on after the first round.
 const APPROACH: [Effort; 2] = [
     Effort { iterations: 6, decrease: 1e-2, longest_step: 0.7 },
     Effort { iterations: 30, decrease: 1e-3, longest_step: 0.7 },

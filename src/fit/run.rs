@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::guess::{Guess, looks};
 use super::layout::{Layout, Link};
-use super::model::Model;
+use super::model::{Model, Treatment};
 use super::noise::NoiseSource;
 use super::normal::Objective;
 use super::prepare::Prepared;
@@ -62,7 +62,7 @@ impl FirstLook {
         Self { points, objective }
     }
 
-    fn guess(&self, prepared: &Prepared, model: &Model) -> Guess {
+    fn guesses(&self, prepared: &Prepared, model: &Model) -> Vec<Guess> {
         Guess::pooled(prepared, &self.objective, &self.points, model)
     }
 }
@@ -76,7 +76,7 @@ impl Fit {
         if weighting == Weighting::Plain && prepared.noise_source == Some(NoiseSource::Holds) {
             return Self::new(prepared, model, Weighting::MeasuredNoise).plainly(prepared);
         }
-        let guess = FirstLook::new(prepared, weighting).guess(prepared, model);
+        let guess = FirstLook::new(prepared, weighting).guesses(prepared, model).swap_remove(0);
         // What an error of the angle does to the torque hangs on the damping, of which a look knows the magnitude at best.
         let (objective, covariances) = objective(prepared, weighting, Some(&guess.middle()));
         let mut fit = Self::from_guess(prepared, model, objective, covariances, &guess);
@@ -84,12 +84,50 @@ impl Fit {
         fit
     }
 
-    /// Fits `model` with this fit's weights from a first guess of its own: where this fit ended may be far off if it lacks what
-    /// `model` has. Looks for other optima only on the way to [`Fit::settled`].
+    /// Fits `model` with this fit's weights from first guesses of its own, and takes the best: where this fit ended may be far
+    /// off if it lacks what `model` has. Looks for other optima only on the way to [`Fit::settled`].
+    ///
+    /// Once all parameters start together, and once those of the last mechanism are held until the others have come to terms
+    /// with them: free from the beginning they run off to make up for yields that are in the wrong place.
     pub fn rival(&self, prepared: &Prepared, first: &FirstLook, model: &Model) -> Self {
-        let guess = first.guess(prepared, model);
-        let (objective, covariances) = (self.objective.clone(), self.covariances.clone());
-        Self::from_guess(prepared, model, objective, covariances, &guess)
+        let from = |model: &Model, guess: &Guess| {
+            let (kinds, layout) = (model.kinds(), Layout::new(prepared, model, guess));
+            let solution = solve(prepared, &layout, &kinds, &self.objective, &layout.start(), EXTENSION);
+            let model = model.clone();
+            let fit = Self { model, kinds, layout, lean: None, several: Vec::new(), ..self.clone() };
+            fit.with_solution(solution)
+        };
+        let mut held = model.clone();
+        if let Some(added) = held.mechanisms.last_mut() {
+            for (treatment, parameter) in added.parameters.iter_mut().zip(added.kind.parameters()) {
+                *treatment = Treatment::fixed(treatment.value.unwrap_or(parameter.typical));
+            }
+        }
+        let free = first.guesses(prepared, model).into_iter().take(1).map(|guess| from(model, &guess));
+        let released = first
+            .guesses(prepared, &held)
+            .into_iter()
+            .take(2)
+            .map(|guess| from(&held, &guess).extended(prepared, model));
+        let best = free.chain(released).min_by(|a, b| a.cost().total_cmp(&b.cost()));
+        best.map_or_else(|| self.extended(prepared, model), |fit| fit.leaning(prepared))
+    }
+
+    /// The better of this fit and the one from where all yields lie elsewhere at once.
+    pub fn regrouped(self, prepared: &Prepared) -> Self {
+        let mut other = self.clone();
+        other.look_together(prepared);
+        if other.solution.coordinates == self.solution.coordinates {
+            return self;
+        }
+        other.take_parameters();
+        let other = other.leaning(prepared);
+        if other.cost() < self.cost() { other } else { self }
+    }
+
+    /// Half the sum of squares of all trials, what they lean on included.
+    pub fn cost(&self) -> f64 {
+        self.solution.outcomes.iter().map(|outcome| outcome.cost).sum()
     }
 
     /// The optimum after a second look, with the yields of single trials leaning on those of all: what a diagnosis compares,
@@ -99,11 +137,21 @@ impl Fit {
         self.leaning(prepared)
     }
 
-    /// The same fit with the yields of single trials leaning on those of all.
+    /// The same fit with the yields of single trials leaning on those of all, and these on what they then are.
     pub fn leaning(self, prepared: &Prepared) -> Self {
-        let lean = lean(prepared, &self);
-        let model = self.model.clone();
-        Self { lean: Some(lean), ..self }.extended(prepared, &model)
+        let leant = |fit: &Self| {
+            let fit = Self { lean: Some(lean(prepared, fit)), ..fit.clone() };
+            fit.extended(prepared, &fit.model)
+        };
+        let mut best = leant(&self);
+        for _ in 0..LEANINGS {
+            let next = leant(&best);
+            if next.cost() > best.cost() - WORTH_LEANING {
+                break;
+            }
+            best = next;
+        }
+        best
     }
 
     /// The same fit with all samples alike, from where this one ended.
@@ -255,6 +303,10 @@ fn lean(prepared: &Prepared, fit: &Fit) -> Guess {
     }
     Guess::at(prepared, &parameters)
 }
+
+/// Most times that trials lean anew on where they came to, and the decrease of the cost that is worth another time.
+const LEANINGS: usize = 4;
+const WORTH_LEANING: f64 = 0.5;
 
 /// How unlikely steep powers of velocity and torque are, as one over the variance of the power: k_dec and x_e go with
 /// powers between minus and plus one.

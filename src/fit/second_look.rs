@@ -207,7 +207,7 @@ impl Fit {
 
     /// Starts all trials of a component anew at once: with what they share at a wrong value, none of them gets to the right
     /// place alone.
-    fn look_together(&mut self, prepared: &Prepared) {
+    pub(super) fn look_together(&mut self, prepared: &Prepared) {
         for place in TOGETHER {
             let mut start = self.solution.coordinates.clone();
             for (trial, links) in self.layout.links.iter().enumerate() {

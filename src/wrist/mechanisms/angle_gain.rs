@@ -1,6 +1,6 @@
 //! A calibration error of the angle.
 
-use super::{Channels, Class, Mechanism, Parameter};
+use super::{Channels, Class, Mechanism, Parameter, Surroundings};
 use crate::wrist::number::Number;
 
 /// See the module.
@@ -15,6 +15,11 @@ impl Mechanism for AngleGain {
     ];
     const SOURCE: &'static str = "Calibration factor";
     const ALTERS_ANGLE: bool = true;
+    const EXACT: bool = true;
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        [0.87, 1.15].map(|factor| vec![factor]).to_vec()
+    }
 
     #[inline(always)]
     fn channels<T: Number>(p: &[T], channels: &mut Channels<T>) {

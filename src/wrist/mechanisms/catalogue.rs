@@ -60,6 +60,11 @@ macro_rules! catalogue {
                 match self { $(Self::$name => <$module::$name as Mechanism>::ALTERS_ANGLE,)* }
             }
 
+            /// Whether there is no law in it that could be another.
+            pub fn is_exact(self) -> bool {
+                match self { $(Self::$name => <$module::$name as Mechanism>::EXACT,)* }
+            }
+
             /// See [`Mechanism::disturbance`].
             pub fn disturbance(self, p: &[f64], session_time_s: f64) -> f64 {
                 match self { $(Self::$name => $module::$name::disturbance(p, session_time_s),)* }

@@ -1,6 +1,6 @@
 //! The torque record is late (or early) against the angle record.
 
-use super::{Channels, Class, Mechanism, Parameter};
+use super::{Channels, Class, Mechanism, Parameter, Surroundings};
 use crate::wrist::number::Number;
 
 /// See the module.
@@ -15,6 +15,11 @@ impl Mechanism for ChannelSkew {
     ];
     const SOURCE: &'static str = "Pure delay between the channels";
     const ALTERS_ANGLE: bool = true;
+    const EXACT: bool = true;
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        [-0.0005, 0.0005].map(|delay| vec![delay]).to_vec()
+    }
 
     #[inline(always)]
     fn channels<T: Number>(p: &[T], channels: &mut Channels<T>) {

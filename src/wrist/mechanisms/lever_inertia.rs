@@ -17,13 +17,15 @@ impl Mechanism for LeverInertia {
     ];
     const SOURCE: &'static str = "I_l of Table 1 of de Vlugt et al. 2011";
     const NEEDS: &'static [Need] = &[Need::Lever];
+    const EXACT: bool = true;
 
     fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
         lever.map(|lever| (1.5 * lever.inertia_kg_m2, 2.0 * lever.inertia_kg_m2))
     }
 
     fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
-        session.lever.map(|lever| vec![1.1 * lever.inertia_kg_m2]).into_iter().collect()
+        let factors = |lever: Lever| [0.75, 1.3].map(|factor| vec![factor * lever.inertia_kg_m2]);
+        session.lever.into_iter().flat_map(factors).collect()
     }
 
     #[inline(always)]

@@ -17,13 +17,15 @@ impl Mechanism for LeverStiffness {
     ];
     const SOURCE: &'static str = "k_l of Table 1 of de Vlugt et al. 2011";
     const NEEDS: &'static [Need] = &[Need::Lever];
+    const EXACT: bool = true;
 
     fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
         lever.map(|lever| (0.6 * lever.stiffness_nm_per_rad, 0.75 * lever.stiffness_nm_per_rad))
     }
 
     fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
-        session.lever.map(|lever| vec![1.1 * lever.stiffness_nm_per_rad]).into_iter().collect()
+        let factors = |lever: Lever| [0.75, 1.3].map(|factor| vec![factor * lever.stiffness_nm_per_rad]);
+        session.lever.into_iter().flat_map(factors).collect()
     }
 
     #[inline(always)]

@@ -1,8 +1,8 @@
 //! Voluntary torque that starts to change about the onset.
 
-use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
+use super::{Class, Mechanism, Parameter, Past, Surroundings};
 use crate::wrist::number::Number;
-use crate::wrist::plant::{MEMORY, Moment};
+use crate::wrist::plant::{MEMORY, Moment, Torques};
 
 /// See the module.
 pub struct TorqueDrift;
@@ -15,21 +15,21 @@ impl Mechanism for TorqueDrift {
         Parameter::new("slope_nm_per_s", "slope of the torque", (-50.0, 50.0), Some(0.0), 1.0),
         Parameter::new("start_s", "when it starts, from the onset", (0.0, 0.03), None, 0.005),
     ];
-    const SOURCE: &'static str = "Linear change of the voluntary torque from a moment on";
+    const SOURCE: &'static str = "Linear change of the muscle's torque from a moment on";
 
     fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
         [0.0, 0.01, 0.02].map(|start| vec![1.0, start]).to_vec()
     }
 
     #[inline(always)]
-    fn measure<T: Number>(
+    fn act<T: Number>(
         p: &[T],
         moment: &Moment<'_, T>,
-        _trial: &Covariates<T::Plain>,
+        _past: &Past<T>,
         _slot: usize,
-        torque: T,
+        torques: &mut Torques<T>,
         _rates: &mut [T; MEMORY],
-    ) -> T {
-        torque + p[0] * (T::constant(moment.time_s) - p[1]).positive_part()
+    ) {
+        torques.joint = torques.joint + p[0] * (T::constant(moment.time_s) - p[1]).positive_part();
     }
 }

@@ -1,6 +1,6 @@
 //! A calibration error of the torque.
 
-use super::{Class, Covariates, Mechanism, Parameter};
+use super::{Class, Covariates, Mechanism, Parameter, Surroundings};
 use crate::wrist::number::Number;
 use crate::wrist::plant::{MEMORY, Moment};
 
@@ -15,6 +15,11 @@ impl Mechanism for TorqueGain {
         Parameter::new("factor", "recorded over true torque", (0.3, 3.0), Some(1.0), 1.05),
     ];
     const SOURCE: &'static str = "Calibration factor";
+    const EXACT: bool = true;
+
+    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+        [0.87, 1.15].map(|factor| vec![factor]).to_vec()
+    }
 
     #[inline(always)]
     fn measure<T: Number>(
