@@ -6,7 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from . import catalogue, noise
-from .person import NOMINAL_LEVER, Trials
+from .person import NOMINAL_LEVER, REPETITIONS, Trials
 from .plant import END_S, FINE_HZ, START_S, Motion, Plant, simulate
 from .scenario import Hidden, Scenario, base_scenario
 from .streams import stream
@@ -40,9 +40,9 @@ class Session:
         return np.where(passed.any(axis=1), self.motion.t_s[passed.argmax(axis=1)], np.nan)
 
 
-def generate(seed: int, effect: str = "none", size: float = 1.0) -> Session:
+def generate(seed: int, effect: str = "none", size: float = 1.0, repetitions: int = REPETITIONS) -> Session:
     names = catalogue.parse(effect)
-    scenario = base_scenario(seed)
+    scenario = base_scenario(seed, repetitions)
     hidden = [catalogue.hide(scenario, name, size) for name in names]
     motion = simulate(plant_of(scenario))
 

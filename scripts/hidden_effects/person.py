@@ -109,10 +109,10 @@ class Trials:
         return np.arange(len(self)) / (len(self) - 1)
 
 
-def draw_trials(seed: int, person: Person, torque_scale: float = 1.0) -> Trials:
-    """The random order and every trial's own parameters. `torque_scale`: true over displayed torque."""
+def draw_trials(seed: int, person: Person, repetitions: int = REPETITIONS) -> Trials:
+    """The random order and every trial's own parameters."""
     rng = stream(seed, "order")
-    grid = [(v, t, r + 1) for r in range(REPETITIONS) for v in VELOCITIES_RAD_S for t in TORQUES_NM]
+    grid = [(v, t, r + 1) for r in range(repetitions) for v in VELOCITIES_RAD_S for t in TORQUES_NM]
     grid = [grid[i] for i in rng.permutation(len(grid))]
     v, t, r = (np.array(c) for c in zip(*grid))
     n = len(v)
@@ -127,9 +127,9 @@ def draw_trials(seed: int, person: Person, torque_scale: float = 1.0) -> Trials:
     trials.i_j = np.full(n, person.i_j_kg_m2)
     trials.b_h = person.b_h_nm_s_per_rad * vary(0.01)
     trials.k_h = person.k_h(v) * vary(0.01)
-    trials.k_srs = person.k_srs(t * torque_scale) * vary(0.025)
-    trials.k_dec = person.k_dec(v, t * torque_scale) * vary(0.03)
-    trials.x_e = person.x_e(v, t * torque_scale) * vary(0.02)
+    trials.k_srs = person.k_srs(t) * vary(0.025)
+    trials.k_dec = person.k_dec(v, t) * vary(0.03)
+    trials.x_e = person.x_e(v, t) * vary(0.02)
     return trials
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Callable
 
-from .person import NOMINAL_LEVER, Person, Trials, draw_person, draw_trials
+from .person import NOMINAL_LEVER, REPETITIONS, Person, Trials, draw_person, draw_trials
 from .plant import Force, eq2, gamma_reflex, linear_interface
 from .ramp import AMPLITUDE_RAD, Ramp, Servo
 
@@ -48,9 +48,9 @@ class Scenario:
     angle_factor: float = 1.0  # recorded over true
 
 
-def base_scenario(seed: int) -> Scenario:
+def base_scenario(seed: int, repetitions: int = REPETITIONS) -> Scenario:
     person = draw_person(seed)
-    trials = draw_trials(seed, person)
+    trials = draw_trials(seed, person, repetitions)
     late = person.late_reflex
     return Scenario(
         seed=seed,

@@ -39,8 +39,9 @@ pub struct Gain {
 /// out, with the extension and without, so that what is compared is the mechanism alone. Intervals resample trials.
 pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> Gain {
     let without = squares(prepared, before);
+    let part = parts(prepared);
     let keys: [Box<dyn Fn(usize) -> i64>; 3] = [
-        Box::new(|trial| i64::from(prepared.trials[trial].repetition)),
+        Box::new(|trial| part[trial]),
         Box::new(|trial| (prepared.trials[trial].velocity_rad_s * 1e6) as i64),
         Box::new(|trial| (prepared.trials[trial].torque_nm * 1e6) as i64),
     ];
@@ -53,9 +54,9 @@ pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> Gain {
             Some(ratio(&with, &without, &mut stream))
         })
         .collect();
-    let nothing = Ratio { value: 1.0, low: 1.0, high: 1.0 };
+    let unknown = Ratio { value: f64::NAN, low: f64::NAN, high: f64::NAN };
     Gain {
-        held_out_rmse_ratio: ratios[0].unwrap_or(nothing),
+        held_out_rmse_ratio: ratios[0].unwrap_or(unknown),
         held_out_velocity_rmse_ratio: ratios[1],
         held_out_torque_rmse_ratio: ratios[2],
         vaf_before: mean_vaf(prepared, before),
@@ -77,12 +78,28 @@ pub fn gain_of_cleaning(with: (&Prepared, &Fit), without: (&Prepared, &Fit), see
     }
 }
 
+/// Most parts that are left out in turn: each costs two fits.
+const MOST_PARTS: usize = 12;
+
+/// The part of the session that each trial is left out with: its repetition; several repetitions where there are many, and
+/// every third trial where there is one.
+fn parts(prepared: &Prepared) -> Vec<i64> {
+    let mut repetitions: Vec<u32> = prepared.trials.iter().map(|trial| trial.repetition).collect();
+    repetitions.sort_unstable();
+    repetitions.dedup();
+    let place = |trial: usize| {
+        repetitions.binary_search(&prepared.trials[trial].repetition).unwrap_or(0) % MOST_PARTS
+    };
+    let part = |trial: usize| if repetitions.len() > 1 { place(trial) } else { trial % 3 };
+    (0..prepared.trials.len()).map(|trial| part(trial) as i64).collect()
+}
+
 /// Each trial's mean squared residual, (N m)^2, where the mechanism was fitted to the trials with another key.
 fn held_out_squares(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<Vec<f64>> {
     let mut keys: Vec<i64> = (0..prepared.trials.len()).map(key).collect();
     keys.sort_unstable();
     keys.dedup();
-    if !(2..=12).contains(&keys.len()) {
+    if !(2..=MOST_PARTS).contains(&keys.len()) {
         return None;
     }
     let mut result = vec![0.0; prepared.trials.len()];

@@ -12,7 +12,13 @@ pub struct Look {
     pub prepared: Prepared,
     /// Hum that was found and that the model does not have, and the session with it.
     pub hum: Option<(Hum, Box<Prepared>)>,
+    /// How many trials the session has that can be used; of many, some are looked at.
+    pub usable: usize,
 }
+
+/// Most trials that are looked at. Every mechanism of the catalogue is fitted to them several times, and causes that this many
+/// do not tell apart are told apart by another protocol rather than by more of the same.
+const MOST_TRIALS: usize = 48;
 
 /// Cut-off of the filter that a diagnosis looks through, Hz, and the part of the sampling rate that it stays below.
 ///
@@ -30,17 +36,17 @@ impl Look {
     /// As [`Prepared::new`].
     pub fn new(session: &Session, view: View, model: &Model) -> Result<Self, PrepareError> {
         if let Some(frequency_hz) = model.hum_hz() {
-            let prepared = prepare(&without(session, frequency_hz), view, model)?;
-            return Ok(Self { prepared, hum: None });
+            let (prepared, usable) = prepare(&without(session, frequency_hz), view, model)?;
+            return Ok(Self { prepared, hum: None, usable });
         }
-        let as_it_is = prepare(session, view, model)?;
-        let Some(found) = hum(session) else { return Ok(Self { prepared: as_it_is, hum: None }) };
-        let prepared = prepare(&without(session, found.frequency_hz), view, model)?;
-        Ok(Self { prepared, hum: Some((found, Box::new(as_it_is))) })
+        let (as_it_is, usable) = prepare(session, view, model)?;
+        let Some(found) = hum(session) else { return Ok(Self { prepared: as_it_is, hum: None, usable }) };
+        let (prepared, usable) = prepare(&without(session, found.frequency_hz), view, model)?;
+        Ok(Self { prepared, hum: Some((found, Box::new(as_it_is))), usable })
     }
 }
 
-fn prepare(session: &Session, view: View, model: &Model) -> Result<Prepared, PrepareError> {
+fn prepare(session: &Session, view: View, model: &Model) -> Result<(Prepared, usize), PrepareError> {
     let FilterSpec::Butterworth { order, cutoff_hz, zero_phase } = view.filter;
     let wide = CUTOFF_HZ.min(PART_OF_RATE * session.sample_rate_hz).max(cutoff_hz);
     let filter = FilterSpec::Butterworth { order, cutoff_hz: wide, zero_phase };
@@ -49,5 +55,13 @@ fn prepare(session: &Session, view: View, model: &Model) -> Result<Prepared, Pre
     if prepared.noise_source != Some(NoiseSource::Holds) {
         prepared.take_noise_from_repetitions(model);
     }
-    Ok(prepared)
+    let usable = prepared.trials.len();
+    Ok((if usable > MOST_TRIALS { prepared.only(&some(&prepared)) } else { prepared }, usable))
+}
+
+/// As many trials as are looked at, spread evenly over the conditions and within each over its repetitions.
+fn some(prepared: &Prepared) -> Vec<usize> {
+    let count = prepared.trials.len();
+    // Trials come by condition and repetition.
+    (0..MOST_TRIALS).map(|place| (2 * place + 1) * count / (2 * MOST_TRIALS)).collect()
 }

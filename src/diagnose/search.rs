@@ -5,7 +5,7 @@ use super::calibrate::{Finding, chance, screen};
 use super::gain::{Gain, gain, gain_of_cleaning};
 use super::hum::Hum;
 use super::look::Look;
-use super::refit::{Candidate, candidates, not_ruled_out};
+use super::refit::{candidates, not_ruled_out};
 use super::rest::{ResidualTerm, residual_term};
 use super::screen::{Unseen, probes};
 use super::tangent::Tangent;
@@ -115,6 +115,13 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
     let prepared = &look.prepared;
     let before = Fit::new(prepared, model, Weighting::MeasuredNoise).leaning(prepared);
     let mut remarks = Vec::new();
+    if look.usable > prepared.trials.len() {
+        remarks.push(format!(
+            "{} of {} trials were looked at, spread evenly over the conditions and their repetitions",
+            prepared.trials.len(),
+            look.usable
+        ));
+    }
     let mut fit = before.clone();
     let mut causes: Vec<Cause> =
         look.hum.iter().map(|found| hum_cause(prepared, &before, found, seed)).collect();
@@ -146,12 +153,22 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
         }
         let least = WORTH_ADDING.max(PART_OF_LAST * worth_of_last);
         let Some(best) = found.candidates.first().filter(|best| best.merit() > least) else { break };
+        let gain = gain(prepared, &fit, &best.fit, seed);
+        // What describes the trials that it was fitted to and makes others worse is no cause.
+        if gain.held_out_rmse_ratio.low > 1.0 {
+            break;
+        }
         worth_of_last = best.worth;
         causes.push(Cause {
             kind: best.kind,
             p_value: chance.of_any().max(chance.of_largest.min(chance.of_excess)),
             indistinguishable: not_ruled_out(prepared, &found, seed),
-            evidence: trace_evidence(prepared, &fit, best, seed),
+            evidence: Evidence::Trace {
+                before: Box::new(fit.clone()),
+                after: Box::new(best.fit.clone()),
+                worth: best.worth,
+                gain,
+            },
         });
         fit = best.fit.clone();
     }
@@ -193,15 +210,6 @@ fn hum_cause(clean: &Prepared, fit: &Fit, (hum, as_it_was): &(Hum, Box<Prepared>
         p_value: hum.p_value,
         indistinguishable: Vec::new(),
         evidence: Evidence::Hold { hum: *hum, before, after, gain },
-    }
-}
-
-fn trace_evidence(prepared: &Prepared, before: &Fit, best: &Candidate, seed: u64) -> Evidence {
-    Evidence::Trace {
-        before: Box::new(before.clone()),
-        after: Box::new(best.fit.clone()),
-        worth: best.worth,
-        gain: gain(prepared, before, &best.fit, seed),
     }
 }
 

@@ -24,7 +24,7 @@ class Outcome:
 
 def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: bool) -> Outcome:
     session, out = work / f"session-{case.seed:06d}", work / f"out-{case.seed:06d}"
-    generated = generate(case.seed, case.effect, case.size)
+    generated = generate(case.seed, case.effect, case.size, case.repetitions)
     write_session(generated, session)
     truth = json.loads(json.dumps(truth_of(generated, case.effect), default=float))
     started = time.monotonic()

@@ -79,6 +79,17 @@ def rates(outcomes) -> list[Rate]:
     ]
 
 
+def quick_rates(outcomes) -> list[Rate]:
+    """Of one session each: every mechanism is in what is named, however many are with it, and nothing is found in nothing."""
+    single = [o for o in outcomes if o.case.group == "mechanism"]
+    empty = [o for o in outcomes if o.case.group == "none"]
+    is_in = [any(o.case.effect in named_set(c) for c in causes(o)) for o in single]
+    return [
+        Rate("in what is named", sum(is_in), len(single), 1.0),
+        Rate("false alarms with nothing hidden", sum(verdict(o) != "adequate" for o in empty), len(empty), 0.0, at_most=True),
+    ]
+
+
 def coverage(outcome, nominal=False) -> list[tuple[str, bool]]:
     """Parameter and whether its interval covers the truth, for a mechanism that was named itself.
 
