@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 use std::io::{self, StdoutLock, Write};
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing_subscriber::EnvFilter;
@@ -68,8 +69,18 @@ impl Console {
         to_stderr(&format_args!("error: {error}"));
     }
 
+    /// A sign of life with the time that has passed, for work whose length is not known; hidden as [`Console::progress`] is.
+    pub fn stages(&self) -> ProgressBar {
+        let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let bar = ProgressBar::with_draw_target(None, target);
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed} {msg}") {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(100));
+        bar
+    }
+
     /// Whether the user asked for silence; progress bars respect it.
-    #[allow(dead_code, reason = "for verbs that show progress")]
     pub fn is_quiet(&self) -> bool {
         self.quiet
     }

@@ -48,7 +48,9 @@ impl Verb for Diagnose {
         if prepared.noise_source != Some(NoiseSource::Holds) {
             console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
         }
-        let diagnosis = diagnose(&look, &model, self.seed);
+        let stages = console.stages();
+        let diagnosis = diagnose(&look, &model, self.seed, &|stage| stages.set_message(stage));
+        stages.finish_and_clear();
         let json = diagnosis.to_json(prepared);
         let folder = self.out.clone().unwrap_or_else(|| self.session.join("results"));
         diagnosis.write(prepared, &json, &Disk::default(), &folder)?;

@@ -110,9 +110,10 @@ const MOST_STEPS: usize = 2;
 const WORTH_ADDING: f64 = 8.0;
 const PART_OF_LAST: f64 = 0.06;
 
-/// Diagnoses a session as seen by `model`.
-pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
+/// Diagnoses a session as seen by `model`; `stage` hears what is being done.
+pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static str)) -> Diagnosis {
     let prepared = &look.prepared;
+    stage("fitting the model");
     let before = Fit::new(prepared, model, Weighting::MeasuredNoise).leaning(prepared);
     let mut remarks = Vec::new();
     if look.usable > prepared.trials.len() {
@@ -136,6 +137,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
         let (probes, not_visible) = probes(prepared, &fit, &tangent);
         let residuals = tangent.residuals();
         let finding = screen(prepared, &tangent, &probes, &residuals);
+        stage("comparing the misfit with simulated sessions");
         let chance = chance(prepared, &fit, &tangent, &probes, &finding, seed);
         left_within = chance.of_any();
         tracing::debug!(step, ?finding, ?chance, causes = ?fit.kinds);
@@ -147,18 +149,21 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
         if 2.0 * left_within > SIGNIFICANT || step == MOST_STEPS {
             break;
         }
+        stage("fitting the catalogue");
         let found = candidates(prepared, &fit, &probes, tangent.freedom());
         for own in &found.candidates {
             tracing::debug!(step, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
         }
         let least = WORTH_ADDING.max(PART_OF_LAST * worth_of_last);
         let Some(best) = found.candidates.first().filter(|best| best.merit() > least) else { break };
+        stage("measuring the gain on data left out");
         let gain = gain(prepared, &fit, &best.fit, seed);
         // What describes the trials that it was fitted to and makes others worse is no cause.
         if gain.held_out_rmse_ratio.low > 1.0 {
             break;
         }
         worth_of_last = best.worth;
+        stage("simulating sessions with each rival as the cause");
         causes.push(Cause {
             kind: best.kind,
             p_value: chance.of_any().max(chance.of_largest.min(chance.of_excess)),
@@ -172,6 +177,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64) -> Diagnosis {
         });
         fit = best.fit.clone();
     }
+    stage("comparing the trials with each other");
     let (across, p_across, left_across) = across_trials(prepared, &fit, seed, &mut remarks);
     causes.extend(across);
     causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));

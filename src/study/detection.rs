@@ -68,7 +68,7 @@ fn of_unit(
         let mut part = session.clone();
         part.trials.retain(|trial| trial.repetition <= *most);
         let model = Model::paper();
-        let diagnosis = diagnose(&Look::new(&part, view(protocol), &model)?, &model, seed);
+        let diagnosis = diagnose(&Look::new(&part, view(protocol), &model)?, &model, seed, &|_| ());
         let kinds = diagnosis.causes.iter().map(|cause| cause.kind.id());
         Ok(kinds.into_iter().any(|id| mechanisms.kinds.iter().any(|kind| kind.id() == id)))
     };
