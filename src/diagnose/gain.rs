@@ -39,7 +39,7 @@ pub struct Gain {
 /// out, with the extension and without, so that what is compared is the mechanism alone. Intervals resample trials.
 pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> Gain {
     let without = squares(prepared, before);
-    let part = parts(prepared);
+    let part = parts(&prepared.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>());
     let keys: [Box<dyn Fn(usize) -> i64>; 3] = [
         Box::new(|trial| part[trial]),
         Box::new(|trial| (prepared.trials[trial].velocity_rad_s * 1e6) as i64),
@@ -83,15 +83,15 @@ const MOST_PARTS: usize = 12;
 
 /// The part of the session that each trial is left out with: its repetition; several repetitions where there are many, and
 /// every third trial where there is one.
-fn parts(prepared: &Prepared) -> Vec<i64> {
-    let mut repetitions: Vec<u32> = prepared.trials.iter().map(|trial| trial.repetition).collect();
-    repetitions.sort_unstable();
-    repetitions.dedup();
-    let place = |trial: usize| {
-        repetitions.binary_search(&prepared.trials[trial].repetition).unwrap_or(0) % MOST_PARTS
+fn parts(repetitions: &[u32]) -> Vec<i64> {
+    let mut distinct = repetitions.to_vec();
+    distinct.sort_unstable();
+    distinct.dedup();
+    let part = |(trial, own): (usize, &u32)| match distinct.as_slice() {
+        [_] => trial % 3,
+        several => several.binary_search(own).unwrap_or(0) % MOST_PARTS,
     };
-    let part = |trial: usize| if repetitions.len() > 1 { place(trial) } else { trial % 3 };
-    (0..prepared.trials.len()).map(|trial| part(trial) as i64).collect()
+    repetitions.iter().enumerate().map(|own| part(own) as i64).collect()
 }
 
 /// Each trial's mean squared residual, (N m)^2, where the mechanism was fitted to the trials with another key.
@@ -167,4 +167,27 @@ fn ratio(with: &[f64], without: &[f64], stream: &mut Stream) -> Ratio {
         .collect();
     drawn.sort_by(f64::total_cmp);
     Ratio { value: of(&all), low: drawn[12], high: drawn[487] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of more than twelve repetitions, and of one, a ratio of 1.000 was once written without having been measured.
+    #[test]
+    fn however_many_repetitions_there_are_each_trial_is_left_out_once_and_most_stay() {
+        for count in [1, 2, 3, 12, 13, 46] {
+            let repetitions: Vec<u32> = (0..4 * count).map(|trial| trial % count + 1).collect();
+            let parts = parts(&repetitions);
+            let mut distinct = parts.clone();
+            distinct.sort_unstable();
+            distinct.dedup();
+            assert!((2..=MOST_PARTS).contains(&distinct.len()), "{count} repetitions: {parts:?}");
+            let largest = distinct.iter().map(|own| parts.iter().filter(|part| *part == own).count()).max();
+            assert!(
+                largest.is_some_and(|largest| 2 * largest <= parts.len()),
+                "{count} repetitions: {parts:?}"
+            );
+        }
+    }
 }
