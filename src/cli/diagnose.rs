@@ -139,6 +139,9 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
     }
     writeln!(out, ", p = {:.4}", cause.p_value)?;
     for (name, value) in entry["parameters"].as_object().into_iter().flatten() {
+        if !value["value"].is_number() {
+            continue;
+        }
         let number = |key: &str| value[key].as_f64().map_or("?".into(), significant);
         writeln!(out, "  {name} = {} (95 %: {} to {})", number("value"), number("low"), number("high"))?;
     }

@@ -6,6 +6,7 @@ use serde_json::{Map, Value, json};
 
 use super::by_trial::residual_by_trial;
 use super::gain::residuals;
+use super::refit::FORM_ERROR;
 use super::search::{Cause, Diagnosis, Evidence};
 use crate::dataset::Disk;
 use crate::fit::{Fit, Model, Prepared, Switched, Treatment, WriteError, write_files};
@@ -89,12 +90,15 @@ impl Diagnosis {
 /// Each parameter of a cause with its 95 % interval.
 fn parameters(diagnosis: &Diagnosis, prepared: &Prepared, cause: &Cause) -> Value {
     let values: Vec<(f64, Option<f64>, bool)> = match &cause.evidence {
-        Evidence::Outliers(_) => return json!({}),
+        Evidence::Outliers(outliers) => {
+            let trials: Vec<u32> = outliers.iter().map(|own| prepared.trials[own.trial].number).collect();
+            return json!({ "trials": { "value": trials } });
+        }
         Evidence::Hold { hum, .. } => {
             let [value, low, high] = hum.amplitude_nm;
             return json!({
                 "amplitude_nm": { "value": value, "low": low, "high": high },
-                "frequency_hz": { "value": hum.frequency_hz, "low": null, "high": null },
+                "frequency_hz": { "value": hum.frequency_hz, "low": hum.frequency_hz, "high": hum.frequency_hz },
             });
         }
         Evidence::Trend(trend) => trend.values.iter().map(|(value, se)| (*value, *se, false)).collect(),
@@ -112,7 +116,8 @@ fn parameters(diagnosis: &Diagnosis, prepared: &Prepared, cause: &Cause) -> Valu
     named.map(|(parameter, own)| (parameter.name.to_string(), entry(own))).collect::<Map<_, _>>().into()
 }
 
-/// Values and standard errors of a mechanism's parameters in `fit`, and whether they are fitted as logarithms.
+/// Values and standard errors of a mechanism's parameters in `fit`, and whether they are fitted as logarithms. That its law may
+/// be another than the catalogue's is part of the error.
 fn added_values(fit: &Fit, prepared: &Prepared, kind: Kind) -> Vec<(f64, Option<f64>, bool)> {
     let mut first = BASE_PARAMETERS.len();
     for own in fit.kinds.iter().take_while(|own| **own != kind) {
@@ -121,8 +126,11 @@ fn added_values(fit: &Fit, prepared: &Prepared, kind: Kind) -> Vec<(f64, Option<
     let se = fit.standard_errors(prepared);
     (first..first + kind.parameter_count())
         .map(|index| {
-            let low = kind.parameters()[index - first].low;
-            (fit.parameters[0][index], se.get(index).copied().flatten(), low > 0.0)
+            let (parameter, value) = (&kind.parameters()[index - first], fit.parameters[0][index]);
+            let law =
+                if kind.is_exact() { 0.0 } else { FORM_ERROR * (value - parameter.absent.unwrap_or(0.0)) };
+            let se = se.get(index).copied().flatten().map(|se| libm::hypot(se, law));
+            (value, se, parameter.low > 0.0)
         })
         .collect()
 }

@@ -105,7 +105,7 @@ const FAR_BEHIND_PART: f64 = 0.04;
 
 /// How far a mechanism's real law may be from the catalogue's, as a part of the torque that it adds. Assumed: between a lag
 /// of first and one of second order, or a yield that is smeared in another way, it is about that.
-const FORM_ERROR: f64 = 0.05;
+pub const FORM_ERROR: f64 = 0.03;
 
 /// A lead below this tells nothing: 95 % of chi-square with one degree of freedom.
 const NO_LEAD: f64 = 3.84;

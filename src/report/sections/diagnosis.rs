@@ -155,7 +155,13 @@ fn cause(file: &mut File, at: &str, mechanism: &str) -> Vec<Cell> {
         .iter()
         .map(|name| {
             let key = name.replace('~', "~0").replace('/', "~1");
-            format!("{name} {}", file.interval(&format!("{at}/parameters/{key}"), 3))
+            let path = format!("{at}/parameters/{key}");
+            match file.root.pointer(&format!("{path}/value")).and_then(Value::as_array) {
+                Some(list) => {
+                    format!("{name} {}", list.iter().map(Value::to_string).collect::<Vec<_>>().join(", "))
+                }
+                None => format!("{name} {}", file.interval(&path, 3)),
+            }
         })
         .collect();
     let rivals = match file.root.pointer(&format!("{at}/indistinguishable")).and_then(Value::as_array) {

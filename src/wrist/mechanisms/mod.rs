@@ -204,7 +204,7 @@ pub trait Mechanism {
     const MEMORY: usize = 0;
     /// It alters how the recorded angle becomes the motor's.
     const ALTERS_ANGLE: bool = false;
-    /// It is a constant or a time that is other than assumed: there is no law that could be another.
+    /// It is a constant that is other than assumed: there is no law that could be another.
     const EXACT: bool = false;
 
     /// Values at which a diagnosis looks whether the mechanism would help; by default the typical ones.

@@ -13,12 +13,12 @@ impl Mechanism for TorqueDrift {
     const CLASS: Class = Class::Trial;
     const PARAMETERS: &'static [Parameter] = &[
         Parameter::new("slope_nm_per_s", "slope of the torque", (-50.0, 50.0), Some(0.0), 1.0),
-        Parameter::new("start_s", "when it starts, from the onset", (0.0, 0.03), None, 0.005),
+        Parameter::new("start_s", "when it starts, from the onset", (-0.004, 0.03), None, 0.005),
     ];
     const SOURCE: &'static str = "Linear change of the muscle's torque from a moment on";
 
     fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
-        [0.0, 0.01, 0.02].map(|start| vec![1.0, start]).to_vec()
+        [-0.002, 0.01, 0.02].map(|start| vec![1.0, start]).to_vec()
     }
 
     #[inline(always)]
