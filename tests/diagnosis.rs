@@ -1,28 +1,19 @@
 //! `ramphold diagnose`, `run --hide`, `reveal` and `design`: what a scientist sees of a wrist that hides something.
 
 mod common;
+mod desk;
 
 use std::fs;
-use std::path::PathBuf;
 
 use assert_cmd::Command;
+use desk::Desk;
 use serde_json::Value;
 
-/// The paper's protocol, and a folder to work in.
+/// The paper's protocol, and one of a minute.
 const PAPER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols/de-vlugt-2011.json");
 const QUICK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols/quick.json");
 
-struct Desk(tempfile::TempDir);
-
 impl Desk {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
     fn call(&self, code: i32, arguments: &[&str]) -> (String, String) {
         self.call_with("0", code, arguments)
     }

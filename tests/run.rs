@@ -1,6 +1,7 @@
 //! `ramphold run`: a session from its protocol to its folder, and what becomes of it when something goes wrong.
 
 mod common;
+mod desk;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,21 +12,11 @@ use std::time::Duration;
 use assert_cmd::Command;
 use assert_cmd::cargo::cargo_bin;
 use common::files;
+use desk::Desk;
 use ramphold::dataset::{self, Status};
 use serde_json::{Value, json};
 
-/// A folder to work in.
-struct Desk(tempfile::TempDir);
-
 impl Desk {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
     /// The quick protocol after a change.
     fn protocol(&self, change: impl FnOnce(&mut Value)) -> PathBuf {
         let mut protocol: Value = serde_json::from_str(include_str!("../protocols/quick.json")).unwrap();

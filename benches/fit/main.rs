@@ -20,7 +20,7 @@ use ramphold::fit::{self, Fit, Model, Weighting};
 use ramphold::wrist::{Response, Width, simulate};
 use serde_json::{Value, json};
 
-use problem::{Part, Problem, Starts, cost};
+use problem::{Part, Problem, Starts};
 use watch::{best, on_threads, once, peak_bytes};
 
 /// Refits of the bootstrap that is timed, and of the one that is meant.
@@ -114,7 +114,7 @@ fn one_simulation(problem: &Problem, together: usize, width: Width, wanted: &[us
 /// Fits the session and says how much memory that took at most.
 fn memory(problem: &Problem) -> Value {
     let solution = problem.weighed(&problem.all()).solve();
-    json!({ "peak_bytes": peak_bytes(), "cost": cost(&solution) })
+    json!({ "peak_bytes": peak_bytes(), "cost": solution.cost() })
 }
 
 /// What a simulation with six sensitivities asks of the processor, and what the processor can do.

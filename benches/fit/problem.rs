@@ -209,8 +209,3 @@ fn places(links: &[Link]) -> Vec<usize> {
 pub fn measured(prepared: &Prepared) -> Vec<&Vec<f64>> {
     prepared.trials.iter().map(|trial| &trial.measured_nm).collect()
 }
-
-/// Half the sum of squares, all repetitions together.
-pub fn cost(solution: &Solution) -> f64 {
-    solution.outcomes.iter().map(|outcome| outcome.cost).sum()
-}

@@ -26,7 +26,7 @@ pub fn screen(prepared: &Prepared, tangent: &Tangent, probes: &[Probe], residual
     let squares: f64 = residuals.iter().map(DVector::norm_squared).sum();
     let freedom = tangent.freedom() - pattern.count as f64;
     let unit = ((squares - pattern.statistic) / freedom.max(1.0)).max(1.0);
-    let largest = probes.iter().map(|probe| score(probe, residuals, unit).sigmas.abs()).fold(0.0, f64::max);
+    let largest = probes.iter().map(|probe| score(probe, residuals, unit).abs()).fold(0.0, f64::max);
     let count = pattern.count.max(1) as f64;
     Finding { largest, excess: (pattern.statistic - count) / libm::sqrt(2.0 * count), unit }
 }

@@ -119,6 +119,7 @@ pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> V
     let Some((first, rivals)) = shortlist.candidates.split_first() else { return Vec::new() };
     let lead = |rival: &Candidate| first.worth - rival.worth;
     let far_behind = FAR_BEHIND.max(FAR_BEHIND_PART * first.worth);
+    let noise = NoiseMaker::of(&prepared.noises);
     rivals
         .iter()
         .filter(|rival| rival.worth > 0.0 && lead(rival) < far_behind)
@@ -128,7 +129,6 @@ pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> V
             }
             let predicted = torques(prepared, &rival.fit.kinds, &rival.fit.parameters);
             let added = added_torque(prepared, rival, &predicted);
-            let noise = NoiseMaker::of(&prepared.noises);
             (0..SIMULATIONS).into_par_iter().any(|number| {
                 let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
                 let mut stream = Stream::new(seed, &name);
@@ -144,16 +144,16 @@ pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> V
         .collect()
 }
 
-/// What a candidate's mechanism adds to the torque that it predicts.
+/// What a candidate's mechanism, the last of its fit, adds to the torque that it predicts.
 fn added_torque(prepared: &Prepared, own: &Candidate, predicted: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let kinds: Vec<Kind> = own.fit.kinds.iter().copied().filter(|kind| *kind != own.kind).collect();
+    let kinds = &own.fit.kinds[..own.fit.kinds.len() - 1];
     let count = own.kind.parameter_count();
     let without = |parameters: &Vec<f64>| parameters[..parameters.len() - count].to_vec();
     let parameters: Vec<Vec<f64>> = own.fit.parameters.iter().map(without).collect();
     let difference = |(with, without): (&Vec<f64>, &Vec<f64>)| {
         with.iter().zip(without).map(|(with, without)| with - without).collect()
     };
-    predicted.iter().zip(&torques(prepared, &kinds, &parameters)).map(difference).collect()
+    predicted.iter().zip(&torques(prepared, kinds, &parameters)).map(difference).collect()
 }
 
 /// The torque under a law that differs from the catalogue's by a smooth factor of time with a standard deviation of `error`,

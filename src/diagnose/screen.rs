@@ -20,17 +20,6 @@ pub struct Probe {
     pub size: (f64, f64),
 }
 
-/// What a probe finds in residuals.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Score {
-    /// How many multiples of the change fit the residuals best.
-    pub multiple: f64,
-    /// That in standard errors, the larger of the noise's and of the one that the trials' scatter shows.
-    pub sigmas: f64,
-    /// What the sum of squares would lose, in units of the noise.
-    pub worth: f64,
-}
-
 /// A mechanism that this session cannot tell about.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unseen {
@@ -148,7 +137,7 @@ fn length(direction: &Direction) -> f64 {
 }
 
 /// What `probe` finds in `residuals`, whose variance is `unit` times what the noise says.
-pub fn score(probe: &Probe, residuals: &Direction, unit: f64) -> Score {
+pub fn score(probe: &Probe, residuals: &Direction, unit: f64) -> f64 {
     let squares: f64 = probe.size.1 * probe.size.1;
     let products: Vec<f64> = probe.direction.iter().zip(residuals).map(|(d, r)| d.dot(r)).collect();
     let sum: f64 = products.iter().sum();
@@ -163,5 +152,5 @@ pub fn score(probe: &Probe, residuals: &Direction, unit: f64) -> Score {
         })
         .sum();
     let variance = (unit * squares).max(scatter);
-    Score { multiple, sigmas: sum / libm::sqrt(variance), worth: sum * sum / squares / unit }
+    sum / libm::sqrt(variance)
 }

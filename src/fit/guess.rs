@@ -71,7 +71,7 @@ impl Guess {
             starts.truncate(starts.len().div_ceil(1 + round));
             for (cost, pooled, at) in &mut starts {
                 let solution = solve(&few, &pooled.layout, &kinds, objective, at, effort);
-                *cost = solution.outcomes.iter().map(|outcome| outcome.cost).sum();
+                *cost = solution.cost();
                 *at = solution.coordinates;
             }
             starts.sort_by(|a, b| a.0.total_cmp(&b.0));

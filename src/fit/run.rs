@@ -90,12 +90,11 @@ impl Fit {
     /// Once all parameters start together, and once those of the last mechanism are held until the others have come to terms
     /// with them: free from the beginning they run off to make up for yields that are in the wrong place.
     pub fn rival(&self, prepared: &Prepared, first: &FirstLook, model: &Model) -> Self {
+        let alone = Self { lean: None, ..self.clone() };
         let from = |model: &Model, guess: &Guess| {
-            let (kinds, layout) = (model.kinds(), Layout::new(prepared, model, guess));
-            let solution = solve(prepared, &layout, &kinds, &self.objective, &layout.start(), EXTENSION);
-            let model = model.clone();
-            let fit = Self { model, kinds, layout, lean: None, several: Vec::new(), ..self.clone() };
-            fit.with_solution(solution)
+            let layout = Layout::new(prepared, model, guess);
+            let start = layout.start();
+            alone.descended(prepared, model, layout, &start)
         };
         let mut held = model.clone();
         if let Some(added) = held.mechanisms.last_mut() {
@@ -127,7 +126,7 @@ impl Fit {
 
     /// Half the sum of squares of all trials, what they lean on included.
     pub fn cost(&self) -> f64 {
-        self.solution.outcomes.iter().map(|outcome| outcome.cost).sum()
+        self.solution.cost()
     }
 
     /// The optimum after a second look, with the yields of single trials leaning on those of all: what a diagnosis compares,
@@ -138,12 +137,12 @@ impl Fit {
     }
 
     /// The same fit with the yields of single trials leaning on those of all, and these on what they then are.
-    pub fn leaning(self, prepared: &Prepared) -> Self {
+    pub fn leaning(&self, prepared: &Prepared) -> Self {
         let leant = |fit: &Self| {
             let fit = Self { lean: Some(lean(prepared, fit)), ..fit.clone() };
             fit.extended(prepared, &fit.model)
         };
-        let mut best = leant(&self);
+        let mut best = leant(self);
         for _ in 0..LEANINGS {
             let next = leant(&best);
             if next.cost() > best.cost() - WORTH_LEANING {
@@ -213,7 +212,6 @@ impl Fit {
     /// A model that adds mechanisms to this fit's, fitted from where this fit ended.
     pub fn extended(&self, prepared: &Prepared, model: &Model) -> Self {
         let guess = Guess::at(prepared, &self.parameters);
-        let kinds = model.kinds();
         let mut layout = Layout::new(prepared, model, &guess);
         if let Some(lean) = &self.lean {
             layout.lean(lean, &LEAN);
@@ -231,7 +229,13 @@ impl Fit {
                 start[coordinate] = at.clamp(bounds.low, bounds.high);
             }
         }
-        let solution = solve(prepared, &layout, &kinds, &self.objective, &start, EXTENSION);
+        self.descended(prepared, model, layout, &start)
+    }
+
+    /// `model` in its `layout`, weighed as this fit is, from given coordinates a short way down.
+    fn descended(&self, prepared: &Prepared, model: &Model, layout: Layout, start: &[f64]) -> Self {
+        let kinds = model.kinds();
+        let solution = solve(prepared, &layout, &kinds, &self.objective, start, EXTENSION);
         let fit = Self { model: model.clone(), kinds, layout, several: Vec::new(), ..self.clone() };
         fit.with_solution(solution)
     }

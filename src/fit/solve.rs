@@ -64,6 +64,13 @@ pub struct Solution {
     pub outcomes: Vec<Outcome>,
 }
 
+impl Solution {
+    /// Half the sum of squares of all components, what is known beforehand included.
+    pub fn cost(&self) -> f64 {
+        self.outcomes.iter().map(|outcome| outcome.cost).sum()
+    }
+}
+
 /// How far one block dares to go. What the blocks share with the border apart, they are problems of their own: where one
 /// trial's valley bends, only that trial is held back.
 #[derive(Debug, Clone, Copy)]

@@ -2,6 +2,7 @@
 
 from collections import Counter, defaultdict
 from dataclasses import dataclass
+from math import inf
 from statistics import median
 
 from .plan import TOLD_APART
@@ -42,8 +43,8 @@ def verdict(outcome) -> str:
     return outcome.diagnosis["verdict"] if outcome.diagnosis else "failed"
 
 
-def found(outcome, mechanism) -> bool:
-    return any(mechanism in named_set(c) and len(named_set(c)) <= LARGEST_SET for c in causes(outcome))
+def found(outcome, mechanism, largest_set=LARGEST_SET) -> bool:
+    return any(mechanism in named_set(c) and len(named_set(c)) <= largest_set for c in causes(outcome))
 
 
 def alone(outcome, mechanism) -> bool:
@@ -83,9 +84,9 @@ def quick_rates(outcomes) -> list[Rate]:
     """Of one session each: every mechanism is in what is named, however many are with it, and nothing is found in nothing."""
     single = [o for o in outcomes if o.case.group == "mechanism"]
     empty = [o for o in outcomes if o.case.group == "none"]
-    is_in = [any(o.case.effect in named_set(c) for c in causes(o)) for o in single]
+    is_in = sum(found(o, o.case.effect, largest_set=inf) for o in single)
     return [
-        Rate("in what is named", sum(is_in), len(single), 1.0),
+        Rate("in what is named", is_in, len(single), 1.0),
         Rate("false alarms with nothing hidden", sum(verdict(o) != "adequate" for o in empty), len(empty), 0.0, at_most=True),
     ]
 

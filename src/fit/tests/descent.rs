@@ -80,7 +80,6 @@ fn reached(prepared: &Prepared, starts: u32) -> [usize; 2] {
     let program = Fit::new(prepared, &Model::paper(), Weighting::MeasuredNoise);
     let truths: Vec<[f64; 6]> =
         prepared.trials.iter().map(|trial| truth(trial.velocity_rad_s, trial.torque_nm)).collect();
-    let cost = |fit: &Fit| fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>();
     let costs_from = |start: u32| {
         let mut stream = Stream::new(3, &format!("start/{start}"));
         let mut coordinates = program.layout.start();
@@ -97,10 +96,10 @@ fn reached(prepared: &Prepared, starts: u32) -> [usize; 2] {
         let mut fit =
             Fit::from_start(prepared, &Model::paper(), layout, objective, covariances, &coordinates);
         fit.look_again(prepared);
-        [cost(&fit), cost(&fit.plainly(prepared))]
+        [fit.cost(), fit.plainly(prepared).cost()]
     };
     let costs: Vec<[f64; 2]> = (0..starts).into_par_iter().map(costs_from).collect();
-    let own = [cost(&program), cost(&program.plainly(prepared))];
+    let own = [program.cost(), program.plainly(prepared).cost()];
     [0, 1].map(|way| {
         let best = costs.iter().map(|costs| costs[way]).fold(f64::INFINITY, f64::min);
         assert!(own[way] < 1.001 * best, "the program's own start: {} and {best}", own[way]);

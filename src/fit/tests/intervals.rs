@@ -11,7 +11,7 @@ fn fitted() -> (Prepared, Fit) {
 #[test]
 fn at_the_ends_of_a_profile_the_whole_fit_has_lost_what_95_percent_of_noise_can_make() {
     let (prepared, fit) = fitted();
-    let least: f64 = fit.solution.outcomes.iter().map(|outcome| outcome.cost).sum();
+    let least = fit.cost();
     let profiles = profiles(&prepared, &fit);
     let mut looked_at = 0;
     for trial in [0, 5, 11] {
@@ -29,7 +29,7 @@ fn at_the_ends_of_a_profile_the_whole_fit_has_lost_what_95_percent_of_noise_can_
                 let mut start = fit.solution.coordinates.clone();
                 start[coordinate] = place;
                 let held = solve(&prepared, &layout, &fit.kinds, &fit.objective, &start, Effort::default());
-                let fall = 2.0 * (held.outcomes.iter().map(|outcome| outcome.cost).sum::<f64>() - least);
+                let fall = 2.0 * (held.cost() - least);
                 assert!((3.5..4.2).contains(&fall), "trial {trial}: {value} to {end} costs {fall}");
                 looked_at += 1;
             }
