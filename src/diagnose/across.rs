@@ -60,12 +60,20 @@ impl Stiffnesses {
 
     /// Values less the mean of their condition.
     fn centred(&self, values: &[f64]) -> Vec<f64> {
-        let mean = |condition: usize| {
-            let own = self.conditions.iter().zip(values).filter(|(c, _)| **c == condition);
-            let (count, sum) = own.fold((0.0, 0.0), |(n, s), (_, v)| (n + 1.0, s + v));
-            sum / count
+        let means = self.levels(&vec![1.0; values.len()], values);
+        values.iter().zip(means).map(|(value, mean)| value - mean).collect()
+    }
+
+    /// For each trial the one factor of its condition by which `weights` come nearest to `values`.
+    fn levels(&self, weights: &[f64], values: &[f64]) -> Vec<f64> {
+        let level = |condition: &usize| {
+            let own = (0..values.len()).filter(|place| self.conditions[*place] == *condition);
+            let (product, square) = own.fold((0.0, 0.0), |(product, square), place| {
+                (product + weights[place] * values[place], square + weights[place] * weights[place])
+            });
+            product / square
         };
-        self.conditions.iter().zip(values).map(|(condition, value)| value - mean(*condition)).collect()
+        self.conditions.iter().map(level).collect()
     }
 }
 
@@ -82,27 +90,45 @@ fn candidates(prepared: &Prepared, fit: &Fit) -> Vec<(Kind, Vec<Vec<f64>>)> {
         .collect()
 }
 
-/// The stiffness that a mechanism makes of a trial's, with derivatives by its values.
-fn shaped(prepared: &Prepared, fit: &Fit, trial: usize, kind: Kind, values: &[f64]) -> Jet<f64, 9> {
+/// The logarithm of the stiffness that a mechanism makes of `stiffness` in a trial, and its derivatives by the logarithm of
+/// that stiffness and by the mechanism's first value.
+fn shaped(
+    prepared: &Prepared,
+    fit: &Fit,
+    trial: usize,
+    kind: Kind,
+    values: &[f64],
+    stiffness: f64,
+) -> [f64; 3] {
     let mut base = [Jet::<f64, 9>::constant(1.0); 6];
     for (slot, value) in base.iter_mut().zip(&fit.parameters[trial]) {
         *slot = Jet::constant(*value);
     }
+    base[STIFFNESS] = Jet::variable(stiffness, BASE);
     let mut plant = Plant::base(prepared.lever, &base);
     let jets: Vec<Jet<f64, 9>> =
         values.iter().enumerate().map(|(i, value)| Jet::variable(*value, i)).collect();
     kind.shape(&jets, &mut plant, &prepared.trials[trial].input.covariates);
-    plant.short_range_stiffness
+    let shaped = plant.short_range_stiffness;
+    let value = shaped.value.max(LEAST_STIFFNESS);
+    [libm::log(value), shaped.slope[BASE] * stiffness / value, shaped.slope[0] / value]
 }
+
+/// Place of the unshaped stiffness among the derivatives; the mechanism's values come first.
+const BASE: usize = 8;
+
+/// Where a stiffness has a logarithm, N m/rad.
+const LEAST_STIFFNESS: f64 = 1e-9;
 
 fn acts_on_stiffness(prepared: &Prepared, fit: &Fit, kind: Kind, values: &[f64]) -> bool {
     (0..prepared.trials.len()).any(|trial| {
-        let after = shaped(prepared, fit, trial, kind, values).value;
-        (after / fit.parameters[trial][STIFFNESS] - 1.0).abs() > 1e-9
+        let stiffness = fit.parameters[trial][STIFFNESS].max(LEAST_STIFFNESS);
+        (shaped(prepared, fit, trial, kind, values, stiffness)[0] - libm::log(stiffness)).abs() > 1e-9
     })
 }
 
-/// The trend of one mechanism, by Gauss-Newton from a probe, the conditions' means being free.
+/// The trend of one mechanism, by Gauss-Newton from a probe: one stiffness for each condition, which the mechanism makes another in
+/// each of its trials.
 fn trend(
     prepared: &Prepared,
     fit: &Fit,
@@ -115,52 +141,83 @@ fn trend(
     let first: &Parameter = kind.parameters().first()?;
     let mut values = probe.to_vec();
     values[0] = first.absent.unwrap_or(0.0);
-    let (mut slopes, mut left) = (Vec::new(), Vec::new());
-    for _ in 0..8 {
-        let jets: Vec<Jet<f64, 9>> =
-            data.trials.iter().map(|trial| shaped(prepared, fit, *trial, kind, &values)).collect();
-        let base: Vec<f64> =
-            data.trials.iter().map(|trial| libm::log(fit.parameters[*trial][STIFFNESS])).collect();
-        let effect: Vec<f64> =
-            jets.iter().zip(&base).map(|(jet, base)| libm::log(jet.value.max(1e-9)) - base).collect();
-        let without: Vec<f64> = logarithms.iter().zip(&effect).map(|(y, e)| y - e).collect();
-        left = data.centred(&without);
-        slopes = data.centred(&jets.iter().map(|jet| jet.slope[0] / jet.value.max(1e-9)).collect::<Vec<_>>());
-        let square: f64 = slopes.iter().map(|x| x * x).sum();
+    let mut levels = data.levels(&vec![1.0; logarithms.len()], logarithms);
+    let mut last = Linear { left: data.centred(logarithms), weights: Vec::new(), slopes: Vec::new() };
+    for _ in 0..STEPS {
+        let shaped: Vec<[f64; 3]> = (0..levels.len())
+            .map(|place| shaped(prepared, fit, data.trials[place], kind, &values, libm::exp(levels[place])))
+            .collect();
+        let weights: Vec<f64> = shaped.iter().map(|[_, weight, _]| *weight).collect();
+        let without_levels = |values: Vec<f64>| -> (Vec<f64>, Vec<f64>) {
+            let levels = data.levels(&weights, &values);
+            let left = (0..values.len()).map(|place| values[place] - weights[place] * levels[place]).collect();
+            (left, levels)
+        };
+        let (left, rises) =
+            without_levels(logarithms.iter().zip(&shaped).map(|(own, [value, ..])| own - value).collect());
+        let (slopes, turns) = without_levels(shaped.iter().map(|[.., slope]| *slope).collect());
+        let square = squares(&slopes);
         if square < 1e-20 {
             return None;
         }
         let step = slopes.iter().zip(&left).map(|(x, y)| x * y).sum::<f64>() / square;
-        values[0] = (values[0] + step).clamp(first.low, first.high);
-        if step.abs() < 1e-9 * values[0].abs().max(1e-6) {
+        let before = values[0];
+        values[0] = (before + step).clamp(first.low, first.high);
+        let step = values[0] - before;
+        for (place, level) in levels.iter_mut().enumerate() {
+            *level += (rises[place] - step * turns[place]).clamp(-LONGEST_RISE, LONGEST_RISE);
+        }
+        last = Linear { left, weights, slopes };
+        if step.abs() < 1e-6 * values[0].abs().max(1e-6) {
             break;
         }
     }
-    let square: f64 = slopes.iter().map(|x| x * x).sum();
-    let variance = left.iter().map(|e| e * e).sum::<f64>() / (data.freedom() - 1.0);
-    let se = libm::sqrt(variance / square);
+    let variance = squares(&last.left) / (data.freedom() - 1.0);
+    let se = libm::sqrt(variance / squares(&last.slopes));
     let t = (values[0] - first.absent.unwrap_or(0.0)) / se;
     let mut result: Vec<(f64, Option<f64>)> = values.iter().map(|value| (*value, None)).collect();
     result[0].1 = Some(se);
-    Some(Trend { kind, values: result, t, left_out_ratio: left_out_ratio(data, logarithms, &slopes, &left) })
+    Some(Trend { kind, values: result, t, left_out_ratio: last.left_out_ratio(data, logarithms) })
 }
 
-/// Leaving out each trial in turn: its deviation from the other repetitions, with the trend of all others and without.
-fn left_out_ratio(data: &Stiffnesses, logarithms: &[f64], slopes: &[f64], left: &[f64]) -> f64 {
-    let before = data.centred(logarithms);
-    let square: f64 = slopes.iter().map(|x| x * x).sum();
-    let (mut with, mut without) = (0.0, 0.0);
-    for (place, condition) in data.conditions.iter().enumerate() {
-        let repetitions = data.conditions.iter().filter(|c| *c == condition).count() as f64;
-        if repetitions < 2.0 {
-            continue;
+/// Most steps of a trend's fit, and how far a condition's stiffness may go in one, as a logarithm.
+const STEPS: usize = 12;
+const LONGEST_RISE: f64 = 0.5;
+
+fn squares(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum()
+}
+
+/// A trend about its optimum: what it leaves of each trial's logarithm, how that goes with the logarithm of its condition's
+/// stiffness, and with the mechanism's value once these are free.
+struct Linear {
+    left: Vec<f64>,
+    weights: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
+impl Linear {
+    /// Leaving out each trial in turn: its deviation from the other repetitions, with the trend of all others and without.
+    fn left_out_ratio(&self, data: &Stiffnesses, logarithms: &[f64]) -> f64 {
+        let before = data.centred(logarithms);
+        let square = squares(&self.slopes);
+        let (mut with, mut without) = (0.0, 0.0);
+        for (place, condition) in data.conditions.iter().enumerate() {
+            let repetitions = || (0..data.trials.len()).filter(|other| data.conditions[*other] == *condition);
+            let count = repetitions().count() as f64;
+            if count < 2.0 {
+                continue;
+            }
+            let weights: f64 = repetitions().map(|other| self.weights[other] * self.weights[other]).sum();
+            let own = self.weights[place] * self.weights[place] / weights;
+            let leverage = (own + self.slopes[place] * self.slopes[place] / square).min(0.95);
+            let error = self.left[place] / (1.0 - leverage);
+            with += error * error;
+            let error = before[place] / (1.0 - 1.0 / count);
+            without += error * error;
         }
-        let own = 1.0 - 1.0 / repetitions;
-        let leverage = (1.0 / repetitions + slopes[place] * slopes[place] / square).min(0.95);
-        with += left[place] * left[place] / ((1.0 - leverage) * (1.0 - leverage));
-        without += before[place] * before[place] / (own * own);
+        libm::sqrt(with / without.max(1e-30))
     }
-    libm::sqrt(with / without.max(1e-30))
 }
 
 /// How many times the trials are shuffled among the repetitions of their conditions.
