@@ -150,7 +150,8 @@ fn trend(
         let weights: Vec<f64> = shaped.iter().map(|[_, weight, _]| *weight).collect();
         let without_levels = |values: Vec<f64>| -> (Vec<f64>, Vec<f64>) {
             let levels = data.levels(&weights, &values);
-            let left = (0..values.len()).map(|place| values[place] - weights[place] * levels[place]).collect();
+            let left =
+                (0..values.len()).map(|place| values[place] - weights[place] * levels[place]).collect();
             (left, levels)
         };
         let (left, rises) =

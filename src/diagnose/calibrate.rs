@@ -16,8 +16,8 @@ pub struct Finding {
     pub largest: f64,
     /// The pattern's excess over what it is without one, in its own standard deviations.
     pub excess: f64,
-    /// Variance of the residuals about their pattern over what the noise says; at least one.
-    pub unit: f64,
+    /// Variance of the residuals about their pattern over what the noise says.
+    pub scatter: f64,
 }
 
 /// Screens `residuals`.
@@ -25,10 +25,11 @@ pub fn screen(prepared: &Prepared, tangent: &Tangent, probes: &[Probe], residual
     let pattern = pattern(prepared, tangent, residuals);
     let squares: f64 = residuals.iter().map(DVector::norm_squared).sum();
     let freedom = tangent.freedom() - pattern.count as f64;
-    let unit = ((squares - pattern.statistic) / freedom.max(1.0)).max(1.0);
-    let largest = probes.iter().map(|probe| score(probe, residuals, unit).abs()).fold(0.0, f64::max);
+    let scatter = (squares - pattern.statistic) / freedom.max(1.0);
+    let largest =
+        probes.iter().map(|probe| score(probe, residuals, scatter.max(1.0)).abs()).fold(0.0, f64::max);
     let count = pattern.count.max(1) as f64;
-    Finding { largest, excess: (pattern.statistic - count) / libm::sqrt(2.0 * count), unit }
+    Finding { largest, excess: (pattern.statistic - count) / libm::sqrt(2.0 * count), scatter }
 }
 
 /// The session as it might have come out were `predicted` right: fresh noise of the torque, angles recorded again.
@@ -50,14 +51,27 @@ pub struct Chance {
     pub of_largest: f64,
     /// Of the pattern.
     pub of_excess: f64,
+    /// Of the scatter about it.
+    pub of_scatter: f64,
+    /// That scatter, over what it is in the simulated sessions.
+    pub scatter: f64,
 }
 
 impl Chance {
-    /// Of either, two having been looked at.
+    /// Of any, three having been looked at.
     pub fn of_any(self) -> f64 {
-        (2.0 * self.of_largest.min(self.of_excess)).min(1.0)
+        (3.0 * self.of_largest.min(self.of_excess).min(self.of_scatter)).min(1.0)
+    }
+
+    /// Of what repetitions have in common, and so a mechanism can explain.
+    pub fn of_common(self) -> f64 {
+        (3.0 * self.of_largest.min(self.of_excess)).min(1.0)
     }
 }
+
+/// A scatter less than this many times that of the simulated sessions is none, however little these differ: no hold tells the
+/// noise of a ramp to more than some fifth of its variance. Assumed.
+const LEAST_SCATTER: f64 = 1.2;
 
 /// How many sessions without any misfit are simulated.
 pub const SIMULATIONS: usize = 60;
@@ -83,9 +97,15 @@ pub fn chance(
             screen(&simulated, tangent, probes, &residuals)
         })
         .collect();
+    let all = |what: fn(&Finding) -> f64| null.iter().map(what).collect::<Vec<_>>();
+    let of = |what: fn(&Finding) -> f64| gumbel_tail(&all(what), what(finding));
+    let usual = all(|finding| finding.scatter).iter().sum::<f64>() / SIMULATIONS as f64;
+    let scatter = finding.scatter / usual;
     Chance {
-        of_largest: gumbel_tail(&null.iter().map(|f| f.largest).collect::<Vec<_>>(), finding.largest),
-        of_excess: gumbel_tail(&null.iter().map(|f| f.excess).collect::<Vec<_>>(), finding.excess),
+        of_largest: of(|finding| finding.largest),
+        of_excess: of(|finding| finding.excess),
+        of_scatter: if scatter < LEAST_SCATTER { 1.0 } else { of(|finding| finding.scatter) },
+        scatter,
     }
 }
 
@@ -100,7 +120,7 @@ pub fn refit(prepared: &Prepared, fit: &Fit) -> Fit {
 }
 
 /// The probability of a value at least as large as `value`, by the Gumbel distribution with the mean and the spread of the
-/// `simulated` maxima; not below a tenth of what their number resolves.
+/// `simulated` maxima; not below a twentieth of what their number resolves.
 pub fn gumbel_tail(simulated: &[f64], value: f64) -> f64 {
     let count = simulated.len() as f64;
     let mean = simulated.iter().sum::<f64>() / count;
@@ -108,8 +128,8 @@ pub fn gumbel_tail(simulated: &[f64], value: f64) -> f64 {
     const EULER: f64 = 0.577_215_664_901_532_9;
     let scale = libm::sqrt(6.0 * variance) / std::f64::consts::PI;
     if scale == 0.0 {
-        return if value > mean { 0.1 / count } else { 1.0 };
+        return if value > mean { 0.05 / count } else { 1.0 };
     }
     let reduced = (value - (mean - EULER * scale)) / scale;
-    (-libm::expm1(-libm::exp(-reduced))).max(0.1 / count).min(1.0)
+    (-libm::expm1(-libm::exp(-reduced))).max(0.05 / count).min(1.0)
 }

@@ -28,7 +28,7 @@ impl Diagnosis {
                 "p_value": self.p_value,
                 "largest_score": self.misfit.largest,
                 "pattern_excess": self.misfit.excess,
-                "residual_variance_over_noise": self.misfit.unit,
+                "residual_variance_over_noise": self.misfit.scatter,
             },
             "causes": self.causes.iter().map(|cause| self.cause(prepared, cause)).collect::<Vec<_>>(),
             "left_over": { "p_value": self.left_over_p_value },
