@@ -117,13 +117,16 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut
     let channels = switched_on.channels();
     let mechanics = Mechanics::new(plant);
     let motion = motion::<P, T>(job, &channels);
+    let remembers = switched_on.memory() > 0;
     let mut run = Run::<T>::new(job, slots);
     while run.sample < run.samples {
         let extension = Mechanisms { kinds: request.kinds, parameters: added, trial: &trial, past: &past };
         let glide = Glide::new(motion[run.sample], motion[run.sample + 1], request.period_s);
         let states = run.state.memory;
         let rates = run.step(job, response, &mechanics, &extension, &Varied(glide));
-        past.push(states, rates);
+        if remembers {
+            past.push(states, rates);
+        }
     }
 }
 

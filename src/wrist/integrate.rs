@@ -90,43 +90,59 @@ pub fn advance<T: Number, C: Coefficients<T>, X: Extension<T>, D: Drive<T>>(
     substeps: usize,
 ) -> (T, [T; MEMORY]) {
     let step = period_s / substeps as f64;
+    let memory = extension.memory();
     let zero = T::constant(0.0);
     let (mut measured, mut memory_rates) = (zero, [zero; MEMORY]);
     let mut begin = *state;
     let mut at = begin;
+    let mut rates = State::rest();
     let mut evaluation = 0;
     while evaluation < substeps * STAGES.len() {
         let (substep, stage) = (evaluation / STAGES.len(), evaluation % STAGES.len());
         let u = (substep as f64 + STAGES[stage].0) / substeps as f64;
-        let (torques, rates) = mechanics.rates(extension, &at, drive.motor(u), start_s + u * period_s);
+        let torques = mechanics.rates(extension, &at, drive.motor(u), start_s + u * period_s, &mut rates);
         if evaluation == 0 {
             measured = torques.measured;
-            memory_rates = rates.memory;
+            memory_rates[..memory].copy_from_slice(&rates.memory[..memory]);
         }
-        step_from::<T, X>(state, &rates, STAGES[stage].1 * step);
+        state.add(&rates, STAGES[stage].1 * step, memory);
         if stage + 1 == STAGES.len() {
-            begin = *state;
-            at = begin;
+            begin.copy_from(state, memory);
+            at.copy_from(state, memory);
         } else {
-            at = begin;
-            step_from::<T, X>(&mut at, &rates, STAGES[stage + 1].0 * step);
+            at.copy_from(&begin, memory);
+            at.add(&rates, STAGES[stage + 1].0 * step, memory);
         }
         evaluation += 1;
     }
     (measured, memory_rates)
 }
 
-/// Adds `step * rates` to `state`.
-#[inline(always)]
-fn step_from<T: Number, X: Extension<T>>(state: &mut State<T>, rates: &State<T>, step: f64) {
-    state.theta_l = state.theta_l + rates.theta_l.scale(step);
-    state.omega_l = state.omega_l + rates.omega_l.scale(step);
-    state.theta_j = state.theta_j + rates.theta_j.scale(step);
-    state.omega_j = state.omega_j + rates.omega_j.scale(step);
-    if X::ACTIVE {
+impl<T: Number> State<T> {
+    /// Adds `step * rates`, of the added states to the first `memory`.
+    #[inline(always)]
+    fn add(&mut self, rates: &Self, step: f64, memory: usize) {
+        self.theta_l = self.theta_l + rates.theta_l.scale(step);
+        self.omega_l = self.omega_l + rates.omega_l.scale(step);
+        self.theta_j = self.theta_j + rates.theta_j.scale(step);
+        self.omega_j = self.omega_j + rates.omega_j.scale(step);
         let mut slot = 0;
-        while slot < MEMORY {
-            state.memory[slot] = state.memory[slot] + rates.memory[slot].scale(step);
+        while slot < memory {
+            self.memory[slot] = self.memory[slot] + rates.memory[slot].scale(step);
+            slot += 1;
+        }
+    }
+
+    /// Becomes `other`, of whose added states the first `memory` are in use: they are large, and mostly none is.
+    #[inline(always)]
+    fn copy_from(&mut self, other: &Self, memory: usize) {
+        self.theta_l = other.theta_l;
+        self.omega_l = other.omega_l;
+        self.theta_j = other.theta_j;
+        self.omega_j = other.omega_j;
+        let mut slot = 0;
+        while slot < memory {
+            self.memory[slot] = other.memory[slot];
             slot += 1;
         }
     }

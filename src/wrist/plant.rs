@@ -229,7 +229,7 @@ impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
         (self.short_range_stiffness.of(theta_j) - loss, beyond)
     }
 
-    /// Eq. 3-7: the torques in `state`, and how fast the state changes.
+    /// Eq. 3-7: the torques in `state`, and into `rates`, at rest before the first call, how fast the state changes.
     #[inline(always)]
     pub fn rates<X: Extension<T>>(
         &self,
@@ -237,7 +237,8 @@ impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
         state: &State<T>,
         motor: Knot<T>,
         time_s: f64,
-    ) -> (Torques<T>, State<T>) {
+        rates: &mut State<T>,
+    ) -> Torques<T> {
         let (handle, lever_torque) = match self.lever {
             None => (motor, T::constant(0.0)),
             Some(lever) => {
@@ -251,7 +252,6 @@ impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
         let (elastic, beyond) = self.elastic_torque(state.theta_j);
         let joint = self.joint_damping.of(state.omega_j) + elastic; // Eq. 7
         let mut torques = Torques { lever: lever_torque, interface, joint, beyond, measured: lever_torque };
-        let mut rates = State::rest();
         let moment = Moment { plant: &self.plant, state, handle, time_s };
         if X::ACTIVE {
             extension.act(&moment, &mut torques, &mut rates.memory);
@@ -268,7 +268,7 @@ impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
         if X::ACTIVE {
             torques.measured = extension.measure(&moment, torques.lever, &mut rates.memory);
         }
-        (torques, rates)
+        torques
     }
 }
 

@@ -65,7 +65,8 @@ fn instant<X: Extension<f64>>(
     motor: Knot<f64>,
     time_s: f64,
 ) -> Instant {
-    let (torques, rates) = mechanics.rates(extension, state, motor, time_s);
+    let mut rates = State::rest();
+    let torques = mechanics.rates(extension, state, motor, time_s, &mut rates);
     Instant {
         time_s,
         motor,

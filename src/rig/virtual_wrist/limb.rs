@@ -251,7 +251,7 @@ impl Moving {
             end_s - start_s,
             self.substeps,
         );
-        (self.mechanics.rates(extension, &self.state, to, end_s).0, rates)
+        (self.mechanics.rates(extension, &self.state, to, end_s, &mut State::rest()), rates)
     }
 }
 

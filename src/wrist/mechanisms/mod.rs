@@ -273,6 +273,9 @@ pub trait Extension<T: Number> {
     /// Whether there is anything at all.
     const ACTIVE: bool;
 
+    /// How many states are added.
+    fn memory(&self) -> usize;
+
     /// Adds torques and the rates of the added states.
     fn act(&self, moment: &Moment<'_, T>, torques: &mut Torques<T>, rates: &mut [T; MEMORY]);
 
@@ -285,6 +288,11 @@ pub struct NoExtension;
 
 impl<T: Number> Extension<T> for NoExtension {
     const ACTIVE: bool = false;
+
+    #[inline(always)]
+    fn memory(&self) -> usize {
+        0
+    }
 
     #[inline(always)]
     fn act(&self, _: &Moment<'_, T>, _: &mut Torques<T>, _: &mut [T; MEMORY]) {}
@@ -335,6 +343,11 @@ impl<T: Number> Mechanisms<'_, T> {
 
 impl<T: Number> Extension<T> for Mechanisms<'_, T> {
     const ACTIVE: bool = true;
+
+    #[inline(always)]
+    fn memory(&self) -> usize {
+        self.kinds.iter().map(|kind| kind.memory()).sum()
+    }
 
     #[inline(always)]
     fn act(&self, moment: &Moment<'_, T>, torques: &mut Torques<T>, rates: &mut [T; MEMORY]) {
