@@ -30,8 +30,9 @@ def servo_following(s, size, rng):
     s.servo.bandwidth_hz = SIZES["servo_following"]["bandwidth_hz"] / size
     s.servo.stiffness_nm_per_rad = np.inf
     s.record_command = True
-    return {"bandwidth_hz": s.servo.delay_matched_bandwidth_hz()}, [], \
-        "poles a factor 10 apart; the value is the single pole of the same delay; no droop under load"
+    return {"bandwidth_hz": s.servo.delay_matched_natural_hz()}, ["bandwidth_hz"], \
+        "poles a factor 10 apart; the value is the natural frequency of a critically damped servo of the same delay; " \
+        "no droop under load"
 
 
 def channel_skew(s, size, rng):
@@ -49,7 +50,7 @@ def torque_lag(s, size, rng):
         return torque[:, :1] + lfilter(num.ravel(), den, torque - torque[:, :1], axis=1)
 
     s.torque_chain.append(lag)
-    return {"cutoff_hz": cutoff}, [], "poles a factor 10 apart; the value is the single pole of the same delay"
+    return {"cutoff_hz": cutoff}, ["cutoff_hz"], "poles a factor 10 apart; the value is the single pole of the same delay"
 
 
 def torque_gain(s, size, rng):

@@ -41,6 +41,6 @@ class Servo:
         fast = self.SPEED_LOOP_RATIO * slow
         return slow * fast * (command - load_nm / self.stiffness_nm_per_rad - angle) - (slow + fast) * speed
 
-    def delay_matched_bandwidth_hz(self):
-        """The single pole that delays slow movement as much as the two do."""
-        return self.bandwidth_hz / (1 + 1 / self.SPEED_LOOP_RATIO)
+    def delay_matched_natural_hz(self):
+        """Natural frequency of the critically damped servo that delays slow movement as much as this one does."""
+        return 2 * self.bandwidth_hz / (1 + 1 / self.SPEED_LOOP_RATIO)

@@ -5,6 +5,8 @@
 //! the two are apart; in a real session the lead of the true cause is then normal about D with variance 4 D.
 
 use nalgebra::{Matrix3, Vector3};
+use std::slice;
+
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
@@ -82,8 +84,10 @@ impl Seen {
         let prepared = Look::new(session, view, &Model::paper())?.prepared;
         let base = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
         let first = FirstLook::new(&prepared, Weighting::MeasuredNoise);
-        let with =
-            |kind: &Kind| base.rival(&prepared, &first, &Model::paper().with(*kind)).settled(&prepared);
+        let with = |kind: &Kind| {
+            let model = Model::paper().with(*kind);
+            base.rival(&prepared, &first, slice::from_ref(&model)).settled(&prepared)
+        };
         let fits = causes.par_iter().map(with).collect();
         Ok(Self { window_s: view.window_s, prepared, fits })
     }

@@ -62,13 +62,13 @@ pub fn candidates(prepared: &Prepared, fit: &Fit, probes: &[Probe], freedom: f64
     let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - fit.cost()), fit };
     let mut rough: Vec<Candidate> = kinds
         .into_par_iter()
-        .filter_map(|kind| {
-            let fits = probes.iter().filter(|probe| probe.kind == kind).flat_map(|probe| {
-                let model = model_with(fit, probe);
-                [fit.rival(prepared, &first, &model), fit.extended(prepared, &model)]
-            });
-            let best = fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
-            Some(candidate(best.regrouped(prepared), kind))
+        .map(|kind| {
+            let models: Vec<Model> = probes
+                .iter()
+                .filter(|probe| probe.kind == kind)
+                .map(|probe| model_with(fit, probe))
+                .collect();
+            candidate(fit.rival(prepared, &first, &models), kind)
         })
         .collect();
     rough.sort_by(|a, b| b.worth.total_cmp(&a.worth));

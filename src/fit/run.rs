@@ -84,36 +84,59 @@ impl Fit {
         fit
     }
 
-    /// Fits `model` with this fit's weights from first guesses of its own, and takes the best: where this fit ended may be far
-    /// off if it lacks what `model` has. Looks for other optima only on the way to [`Fit::settled`].
+    /// Fits a model that adds a mechanism to this fit's, with this fit's weights: from first guesses of its own, since where this
+    /// fit ended may be far off if it lacks what the model has, and from there, since what it lacks may be small. `models` are
+    /// the same but for the values that the mechanism starts from. Looks for other optima only on the way to [`Fit::settled`].
     ///
-    /// Once all parameters start together, and once those of the last mechanism are held until the others have come to terms
-    /// with them: free from the beginning they run off to make up for yields that are in the wrong place.
-    pub fn rival(&self, prepared: &Prepared, first: &FirstLook, model: &Model) -> Self {
-        let alone = Self { lean: None, ..self.clone() };
+    /// Once all parameters start together, and once those of the mechanism are held until the others have come to terms
+    /// with them: free from the beginning they run off to make up for yields that are in the wrong place. A few trials tell
+    /// which start leads furthest down.
+    ///
+    /// # Panics
+    /// If there are no models.
+    pub fn rival(&self, prepared: &Prepared, first: &FirstLook, models: &[Model]) -> Self {
+        let some = Sample::of(prepared);
+        let few = prepared.only(&some.trials);
+        let parameters = some.trials.iter().map(|trial| self.parameters[*trial].clone()).collect();
+        let here = Self { parameters, lean: None, ..self.clone() };
         let from = |model: &Model, guess: &Guess| {
-            let layout = Layout::new(prepared, model, guess);
+            let layout = Layout::new(&few, model, &guess.only(&some.trials));
             let start = layout.start();
-            alone.descended(prepared, model, layout, &start)
+            here.descended(&few, model, layout, &start, GLANCE)
         };
-        let mut held = model.clone();
-        if let Some(added) = held.mechanisms.last_mut() {
-            for (treatment, parameter) in added.parameters.iter_mut().zip(added.kind.parameters()) {
-                *treatment = Treatment::fixed(treatment.value.unwrap_or(parameter.typical));
+        let starts = |model: &Model| {
+            let mut held = model.clone();
+            if let Some(added) = held.mechanisms.last_mut() {
+                for (treatment, parameter) in added.parameters.iter_mut().zip(added.kind.parameters()) {
+                    *treatment = Treatment::fixed(treatment.value.unwrap_or(parameter.typical));
+                }
             }
-        }
-        let free = first.guesses(prepared, model).into_iter().take(1).map(|guess| from(model, &guess));
-        let released = first
-            .guesses(prepared, &held)
-            .into_iter()
-            .take(2)
-            .map(|guess| from(&held, &guess).extended(prepared, model));
-        let best = free.chain(released).min_by(|a, b| a.cost().total_cmp(&b.cost()));
-        best.map_or_else(|| self.extended(prepared, model), |fit| fit.leaning(prepared))
+            let free = first.guesses(prepared, model).into_iter().take(1).map(|guess| from(model, &guess));
+            let released = first
+                .guesses(prepared, &held)
+                .into_iter()
+                .take(2)
+                .map(|guess| from(&held, &guess).extended_by(&few, model, GLANCE));
+            let mut all: Vec<Self> = free.chain(released).collect();
+            all.push(here.extended_by(&few, model, GLANCE));
+            all
+        };
+        let mut starts: Vec<Self> = models.iter().flat_map(starts).collect();
+        starts.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+        let within = starts[0].cost() * (1.0 + GLANCE_ERROR);
+        let to_the_end = |fit: &Self| {
+            let parameters = some.like.iter().map(|own| fit.parameters[*own].clone()).collect();
+            Self { parameters, ..fit.clone() }.extended(prepared, &fit.model)
+        };
+        let (best, others) = starts.split_first().expect("at least one model");
+        let others = others.iter().take_while(|fit| fit.cost() <= within).map(to_the_end);
+        let best =
+            others.fold(to_the_end(best), |best, own| if own.cost() < best.cost() { own } else { best });
+        best.leaning(prepared).regrouped(prepared)
     }
 
     /// The better of this fit and the one from where all yields lie elsewhere at once.
-    pub fn regrouped(self, prepared: &Prepared) -> Self {
+    fn regrouped(self, prepared: &Prepared) -> Self {
         let mut other = self.clone();
         other.look_together(prepared);
         if other.solution.coordinates == self.solution.coordinates {
@@ -211,6 +234,10 @@ impl Fit {
 
     /// A model that adds mechanisms to this fit's, fitted from where this fit ended.
     pub fn extended(&self, prepared: &Prepared, model: &Model) -> Self {
+        self.extended_by(prepared, model, EXTENSION)
+    }
+
+    fn extended_by(&self, prepared: &Prepared, model: &Model, effort: Effort) -> Self {
         let guess = Guess::at(prepared, &self.parameters);
         let mut layout = Layout::new(prepared, model, &guess);
         if let Some(lean) = &self.lean {
@@ -229,13 +256,20 @@ impl Fit {
                 start[coordinate] = at.clamp(bounds.low, bounds.high);
             }
         }
-        self.descended(prepared, model, layout, &start)
+        self.descended(prepared, model, layout, &start, effort)
     }
 
-    /// `model` in its `layout`, weighed as this fit is, from given coordinates a short way down.
-    fn descended(&self, prepared: &Prepared, model: &Model, layout: Layout, start: &[f64]) -> Self {
+    /// `model` in its `layout`, weighed as this fit is, from given coordinates as far down as `effort` goes.
+    fn descended(
+        &self,
+        prepared: &Prepared,
+        model: &Model,
+        layout: Layout,
+        start: &[f64],
+        effort: Effort,
+    ) -> Self {
         let kinds = model.kinds();
-        let solution = solve(prepared, &layout, &kinds, &self.objective, start, EXTENSION);
+        let solution = solve(prepared, &layout, &kinds, &self.objective, start, effort);
         let fit = Self { model: model.clone(), kinds, layout, several: Vec::new(), ..self.clone() };
         fit.with_solution(solution)
     }
@@ -321,6 +355,44 @@ const LEAN: [(usize, f64); 2] = [(4, 0.4), (ELASTIC_LIMIT, 0.2)];
 
 /// An extension starts where the fit before it ended.
 const EXTENSION: Effort = Effort { iterations: 40, decrease: 1e-4, longest_step: 0.7 };
+
+/// Trials that stand for all: some of each condition.
+struct Sample {
+    trials: Vec<usize>,
+    /// For each trial of the session, the place of the one that stands for it.
+    like: Vec<usize>,
+}
+
+/// About how many trials a glance needs.
+const GLANCED_AT: usize = 12;
+
+impl Sample {
+    fn of(prepared: &Prepared) -> Self {
+        let conditions: Vec<usize> = prepared.trials.iter().map(|trial| trial.condition).collect();
+        let mut distinct = conditions.clone();
+        distinct.sort_unstable();
+        distinct.dedup();
+        let of_each = GLANCED_AT.div_ceil(distinct.len().max(1));
+        let mut some = Self { trials: Vec::new(), like: Vec::new() };
+        for (trial, condition) in conditions.iter().enumerate() {
+            let alike: Vec<usize> = (0..some.trials.len())
+                .filter(|place| conditions[some.trials[*place]] == *condition)
+                .collect();
+            if alike.len() < of_each {
+                some.like.push(some.trials.len());
+                some.trials.push(trial);
+            } else {
+                some.like.push(alike[trial % of_each]);
+            }
+        }
+        some
+    }
+}
+
+/// Which of several starts leads furthest down shows long before its end; those stay that are behind by less than this part of
+/// the cost.
+const GLANCE: Effort = Effort { iterations: 15, decrease: 2e-3, longest_step: 0.7 };
+const GLANCE_ERROR: f64 = 0.06;
 
 /// Index of k_srs, k_dec and x_e in a trial's parameters.
 pub(super) const STIFFNESS: usize = 3;

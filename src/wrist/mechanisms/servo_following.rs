@@ -12,7 +12,7 @@ impl Mechanism for ServoFollowing {
     const TITLE: &'static str = "the recorded angle is the command, not the motor's";
     const CLASS: Class = Class::Rig;
     const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("bandwidth_hz", "bandwidth of the servo", (5.0, 2000.0), None, 100.0),
+        Parameter::new("bandwidth_hz", "natural frequency of the critically damped servo", (5.0, 2000.0), None, 100.0),
     ];
     const SOURCE: &'static str = "Two equal real poles at the bandwidth";
     const ALTERS_ANGLE: bool = true;
