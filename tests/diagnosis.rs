@@ -59,6 +59,31 @@ fn a_slack_handle_is_named_measured_and_gone_with_the_extended_model() {
     assert_eq!(desk.diagnosis("again/diagnosis.json")["verdict"], "adequate");
 }
 
+/// What the antagonist adds was once looked for in the mean of its EMG, which swings about zero, and on top of stiffnesses that had it
+/// already.
+#[test]
+fn what_an_antagonist_adds_is_found_in_its_raw_emg_and_measured() {
+    let desk = Desk::new();
+    let person = serde_json::json!({
+        "format": "ramphold-person/1",
+        "id": "Ada",
+        "muscles": { "cocontraction": 0.8 },
+        "spread": { "cocontraction": 0.4 },
+    });
+    fs::write(desk.path("ada.json"), person.to_string()).unwrap();
+    desk.model("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 60.0 }));
+    desk.call(
+        0,
+        &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--model", "hides.json", "--out", "s"],
+    );
+    desk.call(0, &["diagnose", "s", "--seed", "2"]);
+    let found = desk.diagnosis("s/results/diagnosis.json");
+    let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
+    assert_eq!(cause["mechanism"], "cocontraction");
+    let stiffness = cause["parameters"]["stiffness_nm_per_rad_per_mvc"]["value"].as_f64().unwrap();
+    assert!((45.0..80.0).contains(&stiffness), "{stiffness}");
+}
+
 #[test]
 fn a_wrist_that_hides_nothing_is_adequate_and_the_answer_is_the_same_with_any_number_of_threads() {
     let desk = Desk::new();

@@ -15,7 +15,7 @@ from .scenario import SIZES
 def joint_damping(s, size, rng):
     b = size * SIZES["joint_damping"]["damping_nm_s_per_rad"]
     s.forces.append(Force(lambda t, theta, speed, z, past: (b * speed, None)))
-    return {"damping_nm_s_per_rad": b}, [], "linear, as Eq. 7 has it"
+    return {"b_j_nm_s_per_rad": b}, [], "linear, as Eq. 7 has it"
 
 
 def joint_friction(s, size, rng):
@@ -161,7 +161,7 @@ def activation_scaling(s, size, rng):
     power = size * np.log(k_ends[1] / k_ends[0]) / np.log(ends[1] / ends[0])
     t.k_srs *= (t.emg_fcr_mvc / expected) ** power
     slope = power * s.person.k_srs(1.5) / middle
-    return {"slope": float(slope)}, ["slope"], \
+    return {"slope_nm_per_rad_per_mvc": float(slope)}, ["slope_nm_per_rad_per_mvc"], \
         f"k_srs ~ EMG^{power:.3f} within and between conditions; slope is dk_srs/dEMG at 1.5 N m, in N m/rad per MVC"
 
 

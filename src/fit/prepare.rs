@@ -295,8 +295,12 @@ impl Prepared {
             let source = usable[place];
             let hold_end = libm::round((trial.onset_s - source.record.start_s) / self.period_s) as usize;
             let longest = libm::round(HOLD_S / self.period_s) as usize;
+            // Rectified: EMG swings about zero, whatever the muscle does. An envelope stays what it is.
             let in_hold = |channel: &Option<Vec<f64>>| {
-                channel.as_ref().map_or(0.0, |c| mean(&c[hold_end.saturating_sub(longest)..hold_end]))
+                channel.as_ref().map_or(0.0, |channel| {
+                    let hold = &channel[hold_end.saturating_sub(longest)..hold_end];
+                    mean(&hold.iter().map(|emg| emg.abs()).collect::<Vec<_>>())
+                })
             };
             emg.push((trial.torque_nm, in_hold(&source.record.emg_fcr_mvc)));
             trial.input.covariates = Covariates {
