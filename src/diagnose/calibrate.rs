@@ -25,7 +25,7 @@ pub fn screen(prepared: &Prepared, tangent: &Tangent, probes: &[Probe], residual
     let pattern = pattern(prepared, tangent, residuals);
     let squares: f64 = residuals.iter().map(DVector::norm_squared).sum();
     let freedom = tangent.freedom() - pattern.count as f64;
-    let scatter = (squares - pattern.statistic) / freedom.max(1.0);
+    let scatter = (squares - pattern.squares) / freedom.max(1.0);
     let largest =
         probes.iter().map(|probe| score(probe, residuals, scatter.max(1.0)).abs()).fold(0.0, f64::max);
     let count = pattern.count.max(1) as f64;

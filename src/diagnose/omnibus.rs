@@ -16,11 +16,13 @@ pub struct Pattern {
     pub statistic: f64,
     /// How many ratios there are: what the statistic is without any pattern.
     pub count: usize,
+    /// The part of the sum of squares that goes with one, velocity and torque.
+    pub squares: f64,
 }
 
 /// The pattern in whitened residuals. Trials of one noise share their axes; noises are treated one by one and added up.
 pub fn pattern(prepared: &Prepared, tangent: &Tangent, residuals: &Direction) -> Pattern {
-    let mut result = Pattern { statistic: 0.0, count: 0 };
+    let mut result = Pattern { statistic: 0.0, count: 0, squares: 0.0 };
     let mut groups: Vec<Option<usize>> = prepared.noise_of.clone();
     groups.sort_unstable();
     groups.dedup();
@@ -55,6 +57,7 @@ fn add(
         let expected = freedom / (freedom - 2.0).max(1.0);
         result.statistic += coefficients.norm_squared() / variance / expected;
         result.count += regressors.ncols();
+        result.squares += coefficients.norm_squared();
     }
 }
 
