@@ -3,8 +3,10 @@
 mod alone;
 mod bootstrap;
 mod estimates;
+mod first_look;
 mod guess;
 mod layout;
+mod lean;
 mod model;
 mod motion;
 mod noise;
@@ -14,6 +16,7 @@ mod prepare;
 mod profile;
 mod resample;
 mod results;
+mod rival;
 mod run;
 mod second_look;
 mod solve;
@@ -24,6 +27,7 @@ pub use bootstrap::{BOOTSTRAPPED, Scatter, bootstrap};
 pub use estimates::{
     ConditionEstimate, Estimate, QUANTITIES, by_condition, estimates, estimates_alone, simulated,
 };
+pub use first_look::FirstLook;
 pub use guess::{Guess, looks};
 pub use layout::{Component, Coordinate, Layout, Link};
 pub use model::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};
@@ -34,7 +38,7 @@ pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View, onset_sa
 pub use profile::{Interval, PROFILED, profiles};
 pub use resample::{NoiseMaker, resampled};
 pub use results::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
-pub use run::{FirstLook, Fit, Weighting, objective};
+pub use run::{Fit, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};
 pub use uncertainty::{
     Prediction, Uncertainty, covariance, predictions, uncertainties, variance_accounted_for,
