@@ -5,7 +5,7 @@
 //! (`tangent`). Within the trace, every mechanism of the catalogue is probed (`screen`), a pattern without a name is
 //! looked for besides (`omnibus`), and both are compared with simulated sessions in which nothing is wrong
 //! (`calibrate`). What stands out is refitted in full, and rivals that could pass for it are named with it (`refit`).
-//! Then the trials are compared with each other (`across`). Steps are repeated until nothing is left over.
+//! Then the trials are compared with each other (`across`, `trend`, `outliers`). Steps are repeated until nothing is left over.
 
 mod across;
 mod by_trial;
@@ -13,20 +13,25 @@ mod calibrate;
 mod design;
 mod gain;
 mod hum;
+mod limit_law;
 mod look;
 mod omnibus;
+mod outliers;
 mod output;
 mod refit;
 mod rest;
 mod screen;
 mod search;
 mod tangent;
+mod trend;
 
-pub use across::{LimitLaw, Outlier, Trend};
 pub use design::{Proposal, design};
 pub use gain::{Gain, Ratio};
 pub use hum::{Hum, without as without_hum};
+pub use limit_law::LimitLaw;
 pub use look::Look;
+pub use outliers::Outlier;
 pub use output::{DIAGNOSIS_FORMAT, picture};
 pub use screen::Unseen;
 pub use search::{Cause, Diagnosis, Evidence, Verdict, diagnose};
+pub use trend::Trend;

@@ -155,7 +155,7 @@ fn shift(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
 }
 
 /// Mean of k_srs as estimated, and with the effect on each trial taken away.
-fn stiffness_shift(prepared: &Prepared, fit: &Fit, kind: Kind, trend: &super::across::Trend) -> Value {
+fn stiffness_shift(prepared: &Prepared, fit: &Fit, kind: Kind, trend: &super::trend::Trend) -> Value {
     let count = fit.parameters.len() as f64;
     let values: Vec<f64> = trend.values.iter().map(|(value, _)| *value).collect();
     let (mut before, mut after) = (0.0, 0.0);

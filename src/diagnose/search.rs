@@ -1,14 +1,17 @@
 //! The search: forward steps until nothing is left over.
 
-use super::across::{LimitLaw, Outlier, Stiffnesses, Trend, limit_law, outliers, strongest_trend};
+use super::across::Stiffnesses;
 use super::calibrate::{Finding, chance, screen};
 use super::gain::{Gain, gain, gain_of_cleaning};
 use super::hum::Hum;
+use super::limit_law::{LimitLaw, limit_law};
 use super::look::Look;
+use super::outliers::{Outlier, outliers};
 use super::refit::{candidates, not_ruled_out};
 use super::rest::{ResidualTerm, residual_term};
 use super::screen::{Unseen, probes};
 use super::tangent::Tangent;
+use super::trend::{Trend, strongest_trend};
 use crate::fit::{Fit, Model, Prepared, Weighting};
 use crate::wrist::mechanisms::Kind;
 

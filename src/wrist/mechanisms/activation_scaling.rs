@@ -2,6 +2,7 @@
 
 use super::{Class, Covariates, Mechanism, Need, Parameter};
 use crate::wrist::number::Number;
+use crate::wrist::Lever;
 use crate::wrist::plant::Plant;
 
 /// See the module.
@@ -16,6 +17,12 @@ impl Mechanism for ActivationScaling {
     ];
     const SOURCE: &'static str = "Linear in the flexor EMG";
     const NEEDS: &'static [Need] = &[Need::FlexorEmg];
+
+    /// The flexor's EMG differs by about 1 % of its greatest from trial to trial in a virtual person.
+    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+        let _ = lever;
+        Some((120.0, 240.0))
+    }
 
     #[inline(always)]
     fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {

@@ -1,6 +1,7 @@
 //! Short range stiffness that a movement has lowered and rest restores.
 
 use super::{Surroundings, Class, Covariates, Mechanism, Need, Parameter};
+use crate::wrist::Lever;
 use crate::wrist::number::Number;
 use crate::wrist::plant::Plant;
 
@@ -17,6 +18,12 @@ impl Mechanism for Thixotropy {
     ];
     const SOURCE: &'static str = "Lakie et al. 1984: exponential recovery with rest";
     const NEEDS: &'static [Need] = &[Need::Rest];
+
+    /// A protocol has one rest for all trials, so that it would hide without doing anything.
+    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+        let _ = lever;
+        None
+    }
 
     fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
         [2.0, 5.0, 12.0].map(|time_constant| vec![0.1, time_constant]).to_vec()
