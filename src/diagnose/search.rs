@@ -164,8 +164,8 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
         let Some(best) = found.candidates.first().filter(|best| best.merit() > least) else { break };
         stage("measuring the gain on data left out");
         let gain = gain(prepared, &fit, &best.fit, seed);
-        // What describes the trials that it was fitted to and makes others worse is no cause.
-        if gain.held_out_rmse_ratio.low > 1.0 {
+        // What describes the trials that it was fitted to and does nothing for others is no cause.
+        if gain.held_out_rmse_ratio.value >= 1.0 {
             break;
         }
         worth_of_last = best.worth;
