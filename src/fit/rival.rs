@@ -11,7 +11,7 @@ use super::solve::Effort;
 /// Which of several starts leads furthest down shows long before its end; those stay that are behind by less than this part of
 /// the cost.
 const GLANCE: Effort = Effort { iterations: 15, decrease: 2e-3, longest_step: 0.7 };
-const GLANCE_ERROR: f64 = 0.06;
+const GLANCE_ERROR: f64 = 0.25;
 
 /// About how many trials a glance needs.
 const GLANCED_AT: usize = 12;
