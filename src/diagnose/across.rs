@@ -9,6 +9,9 @@ use crate::fit::{Fit, Prepared};
 /// Index of k_srs in a trial's parameters.
 pub const STIFFNESS: usize = 3;
 
+/// Where a stiffness still has a logarithm, N m/rad.
+pub const LEAST_STIFFNESS: f64 = 1e-9;
+
 /// The logarithms of the stiffnesses and the conditions of the trials that are looked at.
 pub struct Stiffnesses {
     /// Indices of the trials.
@@ -20,19 +23,17 @@ pub struct Stiffnesses {
 }
 
 /// Fewest trials in excess of the conditions that a trend can be seen on.
-const FEWEST_FREE: usize = 6;
+const FEWEST_FREE: f64 = 6.0;
 
 impl Stiffnesses {
     /// Those of `fit`, without the trials in `except`; `None` if there are too few repetitions.
     pub fn new(prepared: &Prepared, fit: &Fit, except: &[usize]) -> Option<Self> {
         let trials: Vec<usize> = (0..prepared.trials.len()).filter(|t| !except.contains(t)).collect();
         let conditions: Vec<usize> = trials.iter().map(|trial| prepared.trials[*trial].condition).collect();
-        let mut distinct = conditions.clone();
-        distinct.sort_unstable();
-        distinct.dedup();
-        let logarithms =
-            trials.iter().map(|trial| libm::log(fit.parameters[*trial][STIFFNESS].max(1e-9))).collect();
-        (trials.len() >= distinct.len() + FEWEST_FREE).then_some(Self { trials, logarithms, conditions })
+        let logarithm = |trial: &usize| libm::log(fit.parameters[*trial][STIFFNESS].max(LEAST_STIFFNESS));
+        let logarithms = trials.iter().map(logarithm).collect();
+        let own = Self { trials, logarithms, conditions };
+        (own.freedom() >= FEWEST_FREE).then_some(own)
     }
 
     /// Degrees of freedom about the conditions' means.

@@ -57,15 +57,23 @@ pub struct Chance {
     pub scatter: f64,
 }
 
+/// How many things are looked at: the largest score, the pattern, the scatter.
+const LOOKS: f64 = 3.0;
+
 impl Chance {
-    /// Of any, three having been looked at.
+    /// Of anything.
     pub fn of_any(self) -> f64 {
-        (3.0 * self.of_largest.min(self.of_excess).min(self.of_scatter)).min(1.0)
+        self.of_common().min(self.of_own())
     }
 
     /// Of what repetitions have in common, and so a mechanism can explain.
     pub fn of_common(self) -> f64 {
-        (3.0 * self.of_largest.min(self.of_excess)).min(1.0)
+        (LOOKS * self.of_largest.min(self.of_excess)).min(1.0)
+    }
+
+    /// Of what each has of its own.
+    pub fn of_own(self) -> f64 {
+        (LOOKS * self.of_scatter).min(1.0)
     }
 }
 

@@ -4,9 +4,9 @@
 //! the session. The other cause is fitted to it. What it leaves of the sum of squares, D, in units of the noise, is how far
 //! the two are apart; in a real session the lead of the true cause is then normal about D with variance 4 D.
 
-use nalgebra::{Matrix3, Vector3};
 use std::slice;
 
+use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 

@@ -1,9 +1,9 @@
 //! Trials whose stiffness is not that of their repetitions.
 
 use super::across::Stiffnesses;
-use crate::random::Stream;
+use crate::statistics::t_two_sided;
 
-/// A trial that does not belong, with its deviation in standard deviations of the others.
+/// A trial that does not belong.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outlier {
     /// Index of the trial.
@@ -12,73 +12,104 @@ pub struct Outlier {
     pub ratio: f64,
 }
 
-/// Trials whose stiffness is further from their repetitions than the spread of all allows, and the probability of the
-/// furthest where all trials belong.
+/// Probability below which a trial does not belong, over all trials. Stricter than a trend's: trials vary with heavier tails than
+/// a normal distribution.
+const IMPROBABLE: f64 = 0.005;
+
+/// Most outliers that are looked for, as a part of the trials.
+const MOST: usize = 4;
+
+/// Trials whose stiffness is further from their repetitions than the spread of all others allows, and how probable the most
+/// improbable of them is where all trials belong.
 ///
-/// Each is compared with the nearest of the others of its condition; the spread is the median of these distances, which a
-/// few outliers do not move. What the largest is by chance is simulated with the same conditions and repetitions.
-pub fn outliers(data: &Stiffnesses, seed: u64) -> (Vec<Outlier>, f64) {
-    let distances = distances(data, &data.logarithms);
-    let spread = median(distances.iter().map(|d| d.abs()).collect());
-    if spread <= 0.0 {
-        return (Vec::new(), 1.0);
-    }
-    let mut stream = Stream::new(seed, "outliers");
-    let mut maxima: Vec<f64> = (0..1000)
-        .map(|_| {
-            let normals: Vec<f64> = data.trials.iter().map(|_| stream.normal()).collect();
-            let own = self::distances(data, &normals);
-            let spread = median(own.iter().map(|d| d.abs()).collect());
-            own.iter().map(|d| d.abs()).fold(0.0, f64::max) / spread
-        })
-        .collect();
-    maxima.sort_by(f64::total_cmp);
-    let beyond = |ratio: f64| {
-        (maxima.iter().filter(|m| **m >= ratio).count() as f64 + 1.0) / (maxima.len() as f64 + 1.0)
-    };
-    let mut found = Vec::new();
+/// The generalized extreme Studentized deviate (Rosner 1983): the furthest is taken away again and again, and as many are outliers as
+/// the last improbable one tells, since two that widen the spread may hide each other.
+pub fn outliers(data: &Stiffnesses) -> (Vec<Outlier>, f64) {
     let mut left = data.without(&[]);
-    // One at a time: an outlier taken away no longer spoils the comparison of its repetitions.
-    while let Some((place, ratio)) = furthest(&left, spread) {
-        if beyond(ratio) > 0.01 || found.len() * 4 > data.trials.len() {
-            break;
+    let (mut taken, mut odd, mut least) = (Vec::new(), 0, 1.0_f64);
+    while taken.len() * MOST < data.trials.len() {
+        let Some((furthest, chance)) = Deviation::furthest(&left) else { break };
+        taken.push(furthest);
+        least = least.min(chance);
+        if chance < IMPROBABLE {
+            odd = taken.len();
         }
-        let distance = self::distances(&left, &left.logarithms)[place];
-        found.push(Outlier { trial: left.trials[place], ratio: libm::exp(distance) });
-        left = left.without(&[left.trials[place]]);
+        left = left.without(&[furthest.trial]);
     }
-    let first = distances.iter().map(|d| d.abs()).fold(0.0, f64::max) / spread;
-    (found, beyond(first))
+    taken.truncate(odd);
+    (taken, least)
 }
 
-fn furthest(data: &Stiffnesses, spread: f64) -> Option<(usize, f64)> {
-    let distances = distances(data, &data.logarithms);
-    let by_size = |a: &usize, b: &usize| distances[*a].abs().total_cmp(&distances[*b].abs());
-    (0..distances.len()).max_by(by_size).map(|place| (place, distances[place].abs() / spread))
+/// How far a trial is from the mean of its condition's others, as a logarithm.
+struct Deviation {
+    place: usize,
+    distance: f64,
+    /// What it has of the sum of squares about the conditions' means.
+    square: f64,
 }
 
-/// Each value less the nearest of the others of its condition.
-fn distances(data: &Stiffnesses, values: &[f64]) -> Vec<f64> {
-    (0..values.len())
-        .map(|place| {
-            let others: Vec<f64> = (0..values.len())
-                .filter(|other| *other != place && data.conditions[*other] == data.conditions[place])
-                .map(|other| values[other])
-                .collect();
-            if others.is_empty() {
-                return 0.0;
-            }
-            // The mean of two would let one outlier make its neighbours look like two more.
-            let nearest = others
-                .iter()
-                .copied()
-                .min_by(|a, b| (a - values[place]).abs().total_cmp(&(b - values[place]).abs()));
-            values[place] - nearest.unwrap_or(values[place])
-        })
-        .collect()
+impl Deviation {
+    fn of(data: &Stiffnesses, place: usize, centred: &[f64]) -> Option<Self> {
+        let count = data.conditions.iter().filter(|other| **other == data.conditions[place]).count() as f64;
+        let distance = centred[place] * count / (count - 1.0);
+        (count > 1.0).then_some(Self { place, distance, square: centred[place] * distance })
+    }
+
+    /// The trial that is furthest from its repetitions, and how probable one as far is among so many.
+    fn furthest(data: &Stiffnesses) -> Option<(Outlier, f64)> {
+        let centred = data.centred(&data.logarithms);
+        let all = (0..centred.len()).filter_map(|place| Self::of(data, place, &centred));
+        let furthest = all.max_by(|a, b| a.square.total_cmp(&b.square))?;
+        let freedom = data.freedom() - 1.0;
+        let others: f64 = centred.iter().map(|own| own * own).sum::<f64>() - furthest.square;
+        if freedom < 1.0 || others <= 0.0 {
+            return None;
+        }
+        let t = libm::sqrt(furthest.square * freedom / others);
+        let chance = (centred.len() as f64 * t_two_sided(t, freedom)).min(1.0);
+        Some((Outlier { trial: data.trials[furthest.place], ratio: libm::exp(furthest.distance) }, chance))
+    }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    if values.is_empty() { 0.0 } else { values[values.len() / 2] }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    /// Twelve conditions of three trials, whose stiffnesses differ by 3 % but for those that are `odd`.
+    fn session(seed: u64, odd: &[(usize, f64)]) -> Stiffnesses {
+        let mut stream = Stream::new(seed, "stiffnesses");
+        let mut logarithms: Vec<f64> = (0..36).map(|_| 3.0 + 0.03 * stream.normal()).collect();
+        odd.iter().for_each(|(trial, by)| logarithms[*trial] += by);
+        Stiffnesses {
+            trials: (0..36).collect(),
+            logarithms,
+            conditions: (0..36).map(|trial| trial / 3).collect(),
+        }
+    }
+
+    fn found(data: &Stiffnesses) -> Vec<usize> {
+        let mut trials: Vec<usize> = outliers(data).0.iter().map(|own| own.trial).collect();
+        trials.sort_unstable();
+        trials
+    }
+
+    #[test]
+    fn two_trials_that_do_not_belong_do_not_hide_each_other() {
+        let right =
+            (0..100).filter(|seed| found(&session(*seed, &[(7, 0.26), (20, -0.26)])) == [7, 20]).count();
+        assert!(right >= 95, "both, and no other, in {right} of 100 sessions");
+    }
+
+    #[test]
+    fn one_odd_trial_does_not_make_its_repetitions_odd() {
+        let right = (0..100).filter(|seed| found(&session(*seed, &[(7, 0.4)])) == [7]).count();
+        assert!(right >= 95, "it alone in {right} of 100 sessions");
+    }
+
+    #[test]
+    fn where_all_trials_belong_one_session_in_a_hundred_at_most_has_an_outlier() {
+        let wrong = (0..1000).filter(|seed| !found(&session(*seed, &[])).is_empty()).count();
+        assert!(wrong <= 12, "{wrong} of 1000 sessions");
+    }
 }

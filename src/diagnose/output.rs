@@ -4,10 +4,12 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
+use super::across::STIFFNESS;
 use super::by_trial::residual_by_trial;
 use super::gain::residuals;
 use super::refit::FORM_ERROR;
 use super::search::{Cause, Diagnosis, Evidence};
+use super::trend::{Trend, without_effect};
 use crate::dataset::Disk;
 use crate::fit::{Fit, Model, Prepared, Switched, Treatment, WriteError, write_files};
 use crate::wrist::BASE_PARAMETERS;
@@ -155,16 +157,13 @@ fn shift(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
 }
 
 /// Mean of k_srs as estimated, and with the effect on each trial taken away.
-fn stiffness_shift(prepared: &Prepared, fit: &Fit, kind: Kind, trend: &super::trend::Trend) -> Value {
+fn stiffness_shift(prepared: &Prepared, fit: &Fit, kind: Kind, trend: &Trend) -> Value {
     let count = fit.parameters.len() as f64;
     let values: Vec<f64> = trend.values.iter().map(|(value, _)| *value).collect();
     let (mut before, mut after) = (0.0, 0.0);
     for (trial, own) in fit.parameters.iter().enumerate() {
-        let mut plant = crate::wrist::Plant::base(prepared.lever, own.as_slice());
-        kind.shape(&values, &mut plant, &prepared.trials[trial].input.covariates);
-        before += own[3] / count;
-        // The effect turns the wrist's own stiffness into the estimated one; undone to first order.
-        after += own[3] * own[3] / plant.short_range_stiffness / count;
+        before += own[STIFFNESS] / count;
+        after += without_effect(prepared, fit, trial, kind, &values) / count;
     }
     json!({ "k_srs_nm_per_rad": { "before": before, "after": after } })
 }

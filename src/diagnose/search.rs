@@ -150,7 +150,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
             misfit = Some(finding);
             p_within = left_within;
         }
-        scatter = (6.0 * chance.of_scatter < SIGNIFICANT).then_some(chance.scatter);
+        scatter = (2.0 * chance.of_own() < SIGNIFICANT).then_some(chance.scatter);
         // What differs from repetition to repetition no mechanism explains.
         if 2.0 * chance.of_common() > SIGNIFICANT || step == MOST_STEPS {
             break;
@@ -246,12 +246,12 @@ fn across_trials(
         return (Vec::new(), 1.0, 1.0);
     };
     let mut causes = Vec::new();
-    let (found, p_outliers) = outliers(&all, seed);
+    let (found, p_outliers) = outliers(&all);
     let except: Vec<usize> = found.iter().map(|outlier| outlier.trial).collect();
     let kept = Stiffnesses::new(prepared, fit, &except);
     let trends = kept.as_ref().and_then(|data| strongest_trend(prepared, fit, data, seed));
     let p_trend = trends.as_ref().map_or(1.0, |(_, p)| *p);
-    if !found.is_empty() && 4.0 * p_outliers < 5.0 * SIGNIFICANT {
+    if !found.is_empty() {
         causes.push(Cause {
             kind: Kind::OutlierTrial,
             p_value: (2.0 * p_outliers).min(1.0),

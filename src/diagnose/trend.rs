@@ -1,6 +1,6 @@
 //! How the trials' stiffnesses go with the place in the session, the rest before, and the EMG.
 
-use super::across::{STIFFNESS, Stiffnesses};
+use super::across::{LEAST_STIFFNESS, STIFFNESS, Stiffnesses};
 use super::calibrate::gumbel_tail;
 use super::screen::missing;
 use crate::fit::{Fit, Prepared};
@@ -61,14 +61,21 @@ fn shaped(
 /// Place of the unshaped stiffness among the derivatives; the mechanism's values come first.
 const BASE: usize = 8;
 
-/// Where a stiffness has a logarithm, N m/rad.
-const LEAST_STIFFNESS: f64 = 1e-9;
-
 fn acts_on_stiffness(prepared: &Prepared, fit: &Fit, kind: Kind, values: &[f64]) -> bool {
     (0..prepared.trials.len()).any(|trial| {
         let stiffness = fit.parameters[trial][STIFFNESS].max(LEAST_STIFFNESS);
         (shaped(prepared, fit, trial, kind, values, stiffness)[0] - libm::log(stiffness)).abs() > 1e-9
     })
+}
+
+/// A trial's stiffness with the effect of a mechanism on it taken away.
+///
+/// The mechanisms of the catalogue add to a stiffness or multiply it, so one step of Newton's is exact.
+pub fn without_effect(prepared: &Prepared, fit: &Fit, trial: usize, kind: Kind, values: &[f64]) -> f64 {
+    let stiffness = fit.parameters[trial][STIFFNESS];
+    let [logarithm, weight, _] = shaped(prepared, fit, trial, kind, values, stiffness);
+    let shaped = libm::exp(logarithm);
+    stiffness + (stiffness - shaped) / (weight * shaped / stiffness)
 }
 
 /// The trend of one mechanism, by Gauss-Newton from a probe: one stiffness for each condition, which the mechanism makes another in

@@ -308,7 +308,7 @@ impl Layout {
 }
 
 /// The trials that share a parameter of this scope, group by group.
-fn groups(prepared: &Prepared, scope: Scope) -> Vec<Vec<usize>> {
+pub(super) fn groups(prepared: &Prepared, scope: Scope) -> Vec<Vec<usize>> {
     let key = |trial: usize| match scope {
         Scope::Trial => trial,
         Scope::Condition => prepared.trials[trial].condition,

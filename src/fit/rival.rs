@@ -2,8 +2,8 @@
 
 use super::first_look::FirstLook;
 use super::guess::Guess;
-use super::layout::Layout;
-use super::model::{Model, Treatment};
+use super::layout::{Layout, groups};
+use super::model::{Model, Scope, Treatment};
 use super::prepare::Prepared;
 use super::run::Fit;
 use super::solve::Effort;
@@ -24,8 +24,12 @@ impl Fit {
     /// If there are no models.
     pub fn rival(&self, prepared: &Prepared, first: &FirstLook, models: &[Model]) -> Self {
         let some = Sample::of(prepared);
+        let few = prepared.only(&some.trials);
+        let here = Self { lean: None, ..self.of(&some.trials) };
+        let guesses =
+            |model: &Model| first.guesses(prepared, model).into_iter().map(|guess| guess.only(&some.trials));
         let mut starts: Vec<Self> =
-            models.iter().flat_map(|model| self.glances(prepared, &some, first, model)).collect();
+            models.iter().flat_map(|model| here.glances(&few, model, guesses)).collect();
         starts.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
         let within = starts[0].cost() * (1.0 + GLANCE_ERROR);
         let to_the_end = |fit: &Self| {
@@ -37,19 +41,21 @@ impl Fit {
         best.expect("at least one model").leaning(prepared).regrouped(prepared)
     }
 
-    /// `model` a short way down from several starts, on some of the trials: from first guesses of its own, since where this fit
-    /// ended may be far off if it lacks what the model has, and from there, since what it lacks may be small.
+    /// `model` a short way down from several starts: from first guesses of its own, since where this fit ended may be far off
+    /// if it lacks what the model has, and from there, since what it lacks may be small.
     ///
     /// Once all parameters start together, and once those of the mechanism are held until the others have come to terms
     /// with them: free from the beginning they run off to make up for yields that are in the wrong place.
-    fn glances(&self, prepared: &Prepared, some: &Sample, first: &FirstLook, model: &Model) -> Vec<Self> {
-        let few = prepared.only(&some.trials);
-        let parameters = some.trials.iter().map(|trial| self.parameters[*trial].clone()).collect();
-        let here = Self { parameters, lean: None, ..self.clone() };
+    fn glances<G: Iterator<Item = Guess>>(
+        &self,
+        prepared: &Prepared,
+        model: &Model,
+        guesses: impl Fn(&Model) -> G,
+    ) -> Vec<Self> {
         let from = |model: &Model, guess: &Guess| {
-            let layout = Layout::new(&few, model, &guess.only(&some.trials));
+            let layout = Layout::new(prepared, model, guess);
             let start = layout.start();
-            here.descended(&few, model, layout, &start, GLANCE)
+            self.descended(prepared, model, layout, &start, GLANCE)
         };
         let mut held = model.clone();
         if let Some(added) = held.mechanisms.last_mut() {
@@ -57,15 +63,12 @@ impl Fit {
                 *treatment = Treatment::fixed(treatment.value.unwrap_or(parameter.typical));
             }
         }
-        let free = first.guesses(prepared, model).into_iter().take(1).map(|guess| from(model, &guess));
-        let released = first
-            .guesses(prepared, &held)
-            .into_iter()
-            .take(2)
-            .map(|guess| from(&held, &guess).extended_by(&few, model, GLANCE));
-        let mut all: Vec<Self> = free.chain(released).collect();
-        all.push(here.extended_by(&few, model, GLANCE));
-        all
+        let free = guesses(model).take(1).map(|guess| from(model, &guess));
+        let released =
+            guesses(&held).take(2).map(|guess| from(&held, &guess).extended_by(prepared, model, GLANCE));
+        free.chain(released)
+            .chain(std::iter::once_with(|| self.extended_by(prepared, model, GLANCE)))
+            .collect()
     }
 
     /// The better of this fit and the one from where all yields lie elsewhere at once.
@@ -97,21 +100,14 @@ struct Sample {
 
 impl Sample {
     fn of(prepared: &Prepared) -> Self {
-        let conditions: Vec<usize> = prepared.trials.iter().map(|trial| trial.condition).collect();
-        let mut distinct = conditions.clone();
-        distinct.sort_unstable();
-        distinct.dedup();
-        let of_each = GLANCED_AT.div_ceil(distinct.len().max(1));
-        let mut some = Self { trials: Vec::new(), stands_for: Vec::new() };
-        for (trial, condition) in conditions.iter().enumerate() {
-            let alike: Vec<usize> = (0..some.trials.len())
-                .filter(|place| conditions[some.trials[*place]] == *condition)
-                .collect();
-            if alike.len() < of_each {
-                some.stands_for.push(some.trials.len());
-                some.trials.push(trial);
-            } else {
-                some.stands_for.push(alike[trial % of_each]);
+        let conditions = groups(prepared, Scope::Condition);
+        let of_each = GLANCED_AT.div_ceil(conditions.len().max(1));
+        let mut some = Self { trials: Vec::new(), stands_for: vec![0; prepared.trials.len()] };
+        for alike in &conditions {
+            let first = some.trials.len();
+            some.trials.extend(alike.iter().take(of_each));
+            for (place, trial) in alike.iter().enumerate() {
+                some.stands_for[*trial] = first + place % of_each;
             }
         }
         some

@@ -169,9 +169,14 @@ impl Fit {
 
     /// `model` fitted to some of the trials that this fit was made on, from where it ended.
     pub fn on(&self, prepared: &Prepared, trials: &[usize], model: &Model) -> Self {
+        self.of(trials).extended(&prepared.only(trials), model)
+    }
+
+    /// Where this fit ended in some of its trials, as a start for theirs alone.
+    pub(super) fn of(&self, trials: &[usize]) -> Self {
         let parameters = trials.iter().map(|trial| self.parameters[*trial].clone()).collect();
         let lean = self.lean.as_ref().map(|guess| guess.only(trials));
-        Self { parameters, lean, ..self.clone() }.extended(&prepared.only(trials), model)
+        Self { parameters, lean, ..self.clone() }
     }
 
     pub(super) fn take_parameters(&mut self) {
