@@ -110,6 +110,7 @@ impl Problem {
             period_s: self.prepared.period_s,
             samples: self.prepared.samples,
             lead: self.prepared.lead,
+            level: 0,
             substeps: self.substeps(),
             filter: &self.prepared.sections,
             wanted,

@@ -141,12 +141,14 @@ impl Fit {
 pub fn simulated(prepared: &Prepared, fit: &Fit, index: usize) -> Vec<Instant> {
     let trial: &PreparedTrial = &prepared.trials[index];
     let parameters = &fit.parameters[index];
+    let (lead, level) = prepared.lead_and_level(&fit.kinds);
     let request = Request {
         lever: prepared.lever,
         kinds: &fit.kinds,
         period_s: prepared.period_s,
         samples: trial.input.motion.len() - trial.input.onset,
-        lead: prepared.lead,
+        lead,
+        level,
         substeps: substeps(prepared.lever, parameters, prepared.period_s),
         filter: &prepared.sections,
         wanted: &[],

@@ -29,13 +29,15 @@ pub fn predict(
     order.sort_unstable();
     let shares: Vec<&[(usize, usize)]> =
         order.chunk_by(|a, b| a.0 == b.0).flat_map(|alike| alike.chunks(SHARE)).collect();
+    let (lead, level) = prepared.lead_and_level(kinds);
     let run = |share: &&[(usize, usize)]| {
         let request = Request {
             lever: prepared.lever,
             kinds,
             period_s: prepared.period_s,
             samples: prepared.samples,
-            lead: prepared.lead,
+            lead,
+            level,
             substeps: share[0].0,
             filter: &prepared.sections,
             wanted,

@@ -4,7 +4,7 @@
 use super::noise::{NoiseSource, angle_noise, stride};
 use crate::dataset::{Session, Status};
 use crate::signal::{FilterSpec, Noise, Section, filter, onset};
-use crate::wrist::mechanisms::Covariates;
+use crate::wrist::mechanisms::{Covariates, Kind};
 use crate::wrist::{self, Lever, Smoothing};
 
 /// How the analysis looks at a record.
@@ -198,6 +198,16 @@ impl Prepared {
             .iter()
             .map(|knot| knot.theta)
             .fold(1e-6, f64::max)
+    }
+
+    /// How many samples before the onset a simulation with `kinds` starts, and of how many it takes the level off: where something
+    /// acts before the onset, the level that is taken off the measured torque has a part of it.
+    pub fn lead_and_level(&self, kinds: &[Kind]) -> (usize, usize) {
+        let before_s = kinds.iter().map(|kind| kind.before_onset_s()).fold(0.0, f64::max);
+        if before_s == 0.0 {
+            return (self.lead, 0);
+        }
+        (self.lead + libm::ceil(before_s / self.period_s) as usize, self.level_samples())
     }
 
     /// How many samples of filtered torque or raw angle make the level before the ramp.

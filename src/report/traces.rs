@@ -88,12 +88,14 @@ fn one(session: &Session, prepared: &Prepared, trial: &PreparedTrial, fitted: Op
         return trace;
     };
     let kinds = model.kinds();
+    let (lead, level) = prepared.lead_and_level(&kinds);
     let request = Request {
         lever: prepared.lever,
         kinds: &kinds,
         period_s: prepared.period_s,
         samples: trial.input.motion.len() - trial.input.onset,
-        lead: prepared.lead,
+        lead,
+        level,
         substeps: substeps(prepared.lever, &parameters, prepared.period_s),
         filter: &prepared.sections,
         wanted: &[],

@@ -137,6 +137,7 @@ struct Run<T> {
     sample: usize,
     start_s: f64,
     state: State<T>,
+    level: T,
     filter: [SectionState<T>; MOST_SECTIONS],
 }
 
@@ -150,6 +151,7 @@ impl<T: Number> Run<T> {
             sample: 0,
             start_s: -(request.lead as f64) * request.period_s,
             state: State::rest(),
+            level: T::constant(0.0),
             filter: [SectionState::silent(); MOST_SECTIONS],
         }
     }
@@ -173,8 +175,11 @@ impl<T: Number> Run<T> {
             torque = request.filter[section].step(&mut self.filter[section], torque);
             section += 1;
         }
+        if self.sample <= request.lead && self.sample + request.level > request.lead {
+            self.level = self.level + torque.scale(1.0 / request.level as f64);
+        }
         if self.sample >= request.lead {
-            store(job, &self.slots, response, self.sample - request.lead, torque);
+            store(job, &self.slots, response, self.sample - request.lead, torque - self.level);
         }
         self.sample += 1;
         rates
@@ -211,7 +216,7 @@ fn recorded<P: Plain>(job: &Job, sample: usize) -> Knot<P> {
     while lane < P::LANES {
         let trial = job.trials[lane.min(job.trials.len() - 1)];
         // The step after the last sample is taken in place: nothing looks at where it leads.
-        let index = (trial.onset - job.request.lead + sample).min(trial.motion.len() - 1);
+        let index = (trial.onset + sample).saturating_sub(job.request.lead).min(trial.motion.len() - 1);
         lanes[lane] = trial.motion[index];
         lane += 1;
     }
@@ -233,12 +238,12 @@ pub(super) fn motion<P: Plain, T: Number<Plain = P>>(job: &Job, channels: &Chann
         return motion;
     }
     let mut records: [&[Knot<f64>]; MOST_LANES] = [&[]; MOST_LANES];
-    let mut starts = [0; MOST_LANES];
+    let mut starts = [0.0; MOST_LANES];
     let mut lane = 0;
     while lane < P::LANES {
         let trial = job.trials[lane.min(job.trials.len() - 1)];
         records[lane] = &trial.motion;
-        starts[lane] = trial.onset - request.lead;
+        starts[lane] = trial.onset as f64 - request.lead as f64;
         lane += 1;
     }
     unrecord(&records, &starts, count, channels, request.period_s)

@@ -95,7 +95,7 @@ fn cubic_at(around: &[f64], period_s: f64) -> Knot<f64> {
 #[inline(always)]
 pub(super) fn unrecord<T: Number>(
     records: &[&[Knot<f64>]; 16],
-    starts: &[usize; 16],
+    starts: &[f64; 16],
     count: usize,
     channels: &Channels<T>,
     period_s: f64,
@@ -120,7 +120,7 @@ pub(super) fn unrecord<T: Number>(
 #[inline(always)]
 fn at_shifted<T: Number>(
     records: &[&[Knot<f64>]; 16],
-    starts: &[usize; 16],
+    starts: &[f64; 16],
     sample: usize,
     shift: T,
     gain: T,
@@ -131,12 +131,14 @@ fn at_shifted<T: Number>(
     let mut lane = 0;
     while lane < T::Plain::LANES {
         let record = records[lane];
-        let place = (starts[lane] + sample) as f64 - shift.plain().lane(lane);
-        let index = (libm::floor(place).max(1.0) as usize).min(record.len() - 3);
+        let unshifted = starts[lane] + sample as f64;
+        // Before the record the motor stands where its beginning shows it.
+        let place = (unshifted - shift.plain().lane(lane)).max(1.0);
+        let index = (libm::floor(place) as usize).min(record.len() - 3);
         for (knot, own) in around.iter_mut().zip(&record[index - 1..]) {
             knot[lane] = *own;
         }
-        whole[lane] = (starts[lane] + sample) as f64 - index as f64;
+        whole[lane] = place + shift.plain().lane(lane) - index as f64;
         lane += 1;
     }
     let u = T::lift(T::Plain::load(&whole)) - shift;

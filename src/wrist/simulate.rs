@@ -30,6 +30,8 @@ pub struct Request<'a> {
     pub samples: usize,
     /// How many samples before the onset the simulation starts.
     pub lead: usize,
+    /// How many samples, the onset's the last, make the level that is taken off the prediction; none if zero.
+    pub level: usize,
     /// Runge-Kutta steps a sample.
     pub substeps: usize,
     /// The filter that the predicted torque goes through.
@@ -98,16 +100,13 @@ pub struct Response {
 /// Simulates `trials`; `parameters` holds a vector of [`Request::parameter_count`] for each, one after the other.
 ///
 /// # Panics
-/// If `parameters` has another length, or a trial's motion does not reach from `lead` samples before its onset to
-/// `samples` after.
+/// If `parameters` has another length, or a trial's motion does not reach `samples` beyond its onset. Before the first of its
+/// knots the motor stands still.
 pub fn simulate(request: &Request, trials: &[&Trial], parameters: &[f64], response: &mut Response) {
     let count = request.parameter_count();
     assert_eq!(parameters.len(), count * trials.len(), "one parameter vector a trial");
     for trial in trials {
-        assert!(
-            trial.onset >= request.lead && trial.motion.len() >= trial.onset + request.samples,
-            "motion too short"
-        );
+        assert!(trial.motion.len() >= trial.onset + request.samples, "motion too short");
     }
     response.torque_nm.clear();
     response.torque_nm.resize(trials.len() * request.samples, 0.0);

@@ -87,6 +87,7 @@ impl Maker {
             period_s: PERIOD_S,
             samples: 150,
             lead: 10,
+            level: 0,
             substeps: 8,
             filter: &[],
             wanted: &[],

@@ -71,7 +71,7 @@ struct Moving {
 impl Limb {
     /// The limb of `person` in a rig of `setup`.
     pub fn new(person: &Person, setup: &Setup, sample_rate_hz: f64) -> Self {
-        let switched = person.mechanisms.and(&setup.mechanisms);
+        let switched = person.mechanisms.and(&setup.mechanisms).from_the_onset();
         Self {
             lever: setup.lever,
             reflex: person.reflex,

@@ -27,6 +27,17 @@ impl Mechanisms {
             parameters: [&self.parameters[..], &other.parameters].concat(),
         }
     }
+
+    /// The same in a wrist that does not know of a ramp until it begins.
+    pub fn from_the_onset(mut self) -> Self {
+        let mut rest = self.parameters.as_mut_slice();
+        for kind in &self.kinds {
+            let (own, others) = rest.split_at_mut(kind.parameter_count());
+            kind.from_the_onset(own);
+            rest = others;
+        }
+        self
+    }
 }
 
 impl FromIterator<(Kind, Vec<f64>)> for Mechanisms {

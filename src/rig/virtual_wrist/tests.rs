@@ -226,6 +226,11 @@ fn mechanisms_of_the_catalogue_act_in_the_virtual_wrist() {
     }
     let damped = torque(r#"[{"mechanism":"joint_damping","parameters":{"b_j_nm_s_per_rad":0.05}}]"#);
     assert!((damped[60] - base[60]).abs() > 0.03);
+    // A virtual person does not know of the ramp before it begins.
+    let drifting =
+        torque(r#"[{"mechanism":"torque_drift","parameters":{"slope_nm_per_s":3,"start_s":-0.01}}]"#);
+    assert!((drifting[0] - base[0]).abs() < 1e-3, "no step at the onset: {} N m", drifting[0] - base[0]);
+    assert!((drifting[60] - base[60]).abs() > 0.01);
 }
 
 #[test]

@@ -65,6 +65,16 @@ macro_rules! catalogue {
                 match self { $(Self::$name => <$module::$name as Mechanism>::EXACT,)* }
             }
 
+            /// How long before the onset it may begin to act, s.
+            pub fn before_onset_s(self) -> f64 {
+                match self { $(Self::$name => <$module::$name as Mechanism>::BEFORE_ONSET_S,)* }
+            }
+
+            /// See [`Mechanism::from_the_onset`].
+            pub fn from_the_onset(self, p: &mut [f64]) {
+                match self { $(Self::$name => $module::$name::from_the_onset(p),)* }
+            }
+
             /// See [`Mechanism::disturbance`].
             pub fn disturbance(self, p: &[f64], session_time_s: f64) -> f64 {
                 match self { $(Self::$name => $module::$name::disturbance(p, session_time_s),)* }

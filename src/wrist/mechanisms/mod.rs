@@ -206,6 +206,13 @@ pub trait Mechanism {
     const ALTERS_ANGLE: bool = false;
     /// It is a constant that is other than assumed: there is no law that could be another.
     const EXACT: bool = false;
+    /// How long before the onset it may begin to act, s.
+    const BEFORE_ONSET_S: f64 = 0.0;
+
+    /// What it is in a wrist that does not know of the ramp until it begins: what would begin before it begins with it.
+    fn from_the_onset(p: &mut [f64]) {
+        let _ = p;
+    }
 
     /// Values at which a diagnosis looks whether the mechanism would help; by default the typical ones.
     fn probes(session: &Surroundings) -> Vec<Vec<f64>> {

@@ -58,6 +58,7 @@ fn request<'a>(kinds: &'a [Kind], filter: &'a [Section], wanted: &'a [usize]) ->
         period_s: PERIOD_S,
         samples: SAMPLES,
         lead: LEAD,
+        level: 0,
         substeps: 2,
         filter,
         wanted,
@@ -158,5 +159,36 @@ fn a_delay_by_part_of_a_sample_leaves_the_torque_as_steady_as_one_by_whole_sampl
     for samples in [-1.5, 0.5, 2.25] {
         let (part, whole) = (error_nm(samples), error_nm(2.0));
         assert!(part < 1.2 * whole, "{samples} samples: {part:e} N m instead of {whole:e}");
+    }
+}
+
+/// Once the simulation began 4 ms before the onset, and a torque that had drifted for 7 ms fitted 1.6 times as steep.
+#[test]
+fn what_drifted_before_the_onset_is_in_the_torque_and_in_the_level_that_is_taken_off() {
+    let kinds = [Kind::TorqueDrift];
+    let request = |lead, level| Request { lead, level, ..request(&kinds, &[], &[]) };
+    let drifting = |start_s: f64| PERSON.into_iter().chain([3.0, start_s]).collect::<Vec<f64>>();
+    let trial = ramp(2.6);
+    let as_it_is = run(&request(30, 0), &trial, &drifting(-0.010)).torque_nm;
+    let levelled = run(&request(30, 25), &trial, &drifting(-0.010)).torque_nm;
+    // The same seen from 24 samples earlier: the 25 that make the level come first.
+    let earlier = Trial { onset: trial.onset - 24, ..trial.clone() };
+    let before = run(&request(6, 0), &earlier, &drifting(-0.010 + 24.0 * PERIOD_S)).torque_nm;
+    let level_nm = before[..25].iter().sum::<f64>() / 25.0;
+    assert!(level_nm > 1e-3, "the drift is in the level: {level_nm} N m");
+    for (sample, (got, raw)) in levelled.iter().zip(&as_it_is).enumerate() {
+        assert!((got - (raw - level_nm)).abs() < 1e-9, "sample {sample}: {got}, {raw} less {level_nm}");
+    }
+}
+
+#[test]
+fn before_the_first_of_its_samples_the_motor_stands() {
+    let whole = ramp(2.6);
+    let short = Trial { motion: whole.motion[30..].to_vec(), onset: whole.onset - 30, ..whole.clone() };
+    for kinds in [vec![], vec![Kind::ChannelSkew]] {
+        let request = Request { lead: 35, ..request(&kinds, &[], &[]) };
+        let parameters: Vec<f64> = PERSON.into_iter().chain(kinds.iter().map(|_| 0.0008)).collect();
+        let [a, b] = [&whole, &short].map(|trial| run(&request, trial, &parameters).torque_nm);
+        assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12), "{kinds:?}");
     }
 }
