@@ -108,6 +108,10 @@ const SIGNIFICANT: f64 = 0.01;
 /// of them is: if two leave something over, it is more believable that the catalogue lacks the cause.
 const MOST_STEPS: usize = 2;
 
+/// The same for what two causes within the trace leave: that something is wrong is known then, and two mechanisms can describe much
+/// that neither of them is. Assumed.
+const SIGNIFICANT_AFTER_TWO: f64 = 0.05;
+
 /// Least loss of the sum of squares, beyond what its parameters gain from noise, for which a mechanism is added; and the least
 /// as a part of what the one before it was worth: a law that is a few per cent off leaves something that others describe.
 const WORTH_ADDING: f64 = 8.0;
@@ -168,7 +172,8 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
         if gain.held_out_rmse_ratio.value >= 1.0 {
             break;
         }
-        worth_of_last = best.worth;
+        // A constant that is other than assumed leaves nothing: it has no law that could be another.
+        worth_of_last = if best.kind.is_exact() { 0.0 } else { best.worth };
         stage("simulating sessions with each rival as the cause");
         causes.push(Cause {
             kind: best.kind,
@@ -194,7 +199,9 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
     causes.extend(across);
     causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));
     let left_over_p_value = (2.0 * left_within.min(left_across)).min(1.0);
-    let verdict = if left_over_p_value < SIGNIFICANT {
+    let added = fit.kinds.len() - before.kinds.len();
+    let least = if added < 2 { SIGNIFICANT } else { SIGNIFICANT_AFTER_TWO };
+    let verdict = if left_over_p_value < least {
         Verdict::Unexplained
     } else if causes.iter().any(|cause| !cause.indistinguishable.is_empty()) {
         Verdict::Ambiguous

@@ -15,6 +15,7 @@ impl Mechanism for ChannelSkew {
     ];
     const SOURCE: &'static str = "Pure delay between the channels";
     const ALTERS_ANGLE: bool = true;
+    const EXACT: bool = true;
 
     fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
         [-0.0005, 0.0005].map(|delay| vec![delay]).to_vec()
