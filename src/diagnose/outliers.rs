@@ -16,7 +16,7 @@ pub struct Outlier {
 /// a normal distribution.
 const IMPROBABLE: f64 = 0.005;
 
-/// Most outliers that are looked for, as a part of the trials.
+/// Most outliers that are looked for: one in so many trials.
 const MOST: usize = 4;
 
 /// Trials whose stiffness is further from their repetitions than the spread of all others allows, and how probable the most
