@@ -31,11 +31,12 @@ impl Desk {
         serde_json::from_str(&fs::read_to_string(self.path(file)).unwrap()).unwrap()
     }
 
-    /// A model with one mechanism at given values.
-    fn model(&self, mechanism: &str, parameters: Value) {
+    /// A model with mechanisms at given values.
+    fn model(&self, mechanisms: &[(&str, Value)]) {
+        let one = |(id, values): &(&str, Value)| serde_json::json!({ "mechanism": id, "parameters": values });
         let model = serde_json::json!({
             "format": "ramphold-model/1",
-            "mechanisms": [{ "mechanism": mechanism, "parameters": parameters }],
+            "mechanisms": mechanisms.iter().map(one).collect::<Vec<Value>>(),
         });
         fs::write(self.path("hides.json"), model.to_string()).unwrap();
     }
@@ -44,7 +45,7 @@ impl Desk {
 #[test]
 fn a_slack_handle_is_named_measured_and_gone_with_the_extended_model() {
     let desk = Desk::new();
-    desk.model("interface_slack", serde_json::json!({ "half_width_rad": 0.0006 }));
+    desk.model(&[("interface_slack", serde_json::json!({ "half_width_rad": 0.0006 }))]);
     desk.call(0, &["run", PAPER, "--seed", "5", "--model", "hides.json", "--out", "s"]);
     desk.call(0, &["diagnose", "s", "--seed", "2"]);
     let found = desk.diagnosis("s/results/diagnosis.json");
@@ -59,6 +60,27 @@ fn a_slack_handle_is_named_measured_and_gone_with_the_extended_model() {
     assert_eq!(desk.diagnosis("again/diagnosis.json")["verdict"], "adequate");
 }
 
+/// A second cause had once to be worth a twentieth of the first even if that was a delay, which has no law that could be off.
+#[test]
+fn a_small_cause_is_found_beside_a_delay_that_is_worth_many_times_as_much() {
+    let desk = Desk::new();
+    let delay = ("channel_skew", serde_json::json!({ "delay_s": -0.002 }));
+    let hardening = ("interface_hardening", serde_json::json!({ "strength_per_rad2": 4000.0 }));
+    desk.model(&[delay, hardening]);
+    desk.call(0, &["run", PAPER, "--seed", "5", "--model", "hides.json", "--out", "s"]);
+    desk.call(0, &["diagnose", "s", "--seed", "2"]);
+    let found = desk.diagnosis("s/results/diagnosis.json");
+    let causes: Vec<&str> = found["causes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|cause| cause["mechanism"].as_str().unwrap())
+        .collect();
+    assert_eq!(causes, ["channel_skew", "interface_hardening"], "{found:#}");
+    let worth = |place: usize| found["causes"][place]["worth_chi_square"].as_f64().unwrap();
+    assert!(worth(1) < 0.06 * worth(0), "{} beside {}", worth(1), worth(0));
+}
+
 /// What the antagonist adds was once looked for in the mean of its EMG, which swings about zero, and on top of stiffnesses that had it
 /// already.
 #[test]
@@ -71,7 +93,7 @@ fn what_an_antagonist_adds_is_found_in_its_raw_emg_and_measured() {
         "spread": { "cocontraction": 0.4 },
     });
     fs::write(desk.path("ada.json"), person.to_string()).unwrap();
-    desk.model("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 60.0 }));
+    desk.model(&[("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 60.0 }))]);
     desk.call(
         0,
         &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--model", "hides.json", "--out", "s"],

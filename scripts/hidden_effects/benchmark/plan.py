@@ -73,10 +73,10 @@ def cases(counts: Counts, first_seed: int, size: float = 1.0) -> list[Case]:
 
 
 def quick_cases(first_seed: int) -> list[Case]:
-    """One session for each mechanism that can be found, one whose clock is unsteady, two without anything, and one with two of
-    which the second is small beside the first: one repetition where that is enough."""
+    """One session for each mechanism that can be found, one whose clock is unsteady, and two without anything: one repetition
+    where that is enough."""
     effects = [m for m in MECHANISMS if m not in NEVER_NAMED]
     short = {e: {} if e in NEEDS_REPETITIONS else {"size": QUICK_SIZE, "repetitions": 1} for e in effects}
     singles = [Case(e, first_seed + i, **short[e]) for i, e in enumerate(effects)]
-    others = ["alien:jittered_clock", "none", "none", "interface_hardening+channel_skew"]
+    others = ["alien:jittered_clock", "none", "none"]
     return singles + [Case(e, first_seed + len(singles) + i) for i, e in enumerate(others)]

@@ -165,9 +165,9 @@ export class Desk {
     document.getElementById("question").textContent = question;
     const ways = this.hello.transitions.filter((way) => way.from === this.now.phase && way.event === word);
     document.getElementById("effect").textContent = [...new Set(ways.map((way) => way.does).filter(Boolean))].join(", or ");
-    this.sure.returnValue = "";
-    this.sure.onclose = () => {
-      if (this.sure.returnValue === "yes") this.send({ word: { word, sure: true } });
+    // Not when the dialog is closed: that is told later, and the next key's word would overtake this one.
+    this.sure.querySelector("form").onsubmit = ({ submitter }) => {
+      if (submitter.value === "yes") this.send({ word: { word, sure: true } });
     };
     this.sure.showModal();
   }
