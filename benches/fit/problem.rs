@@ -104,18 +104,7 @@ impl Problem {
 
     /// A simulation of the session's windows, with derivatives for the parameters `wanted`.
     pub fn request<'a>(&'a self, width: Width, wanted: &'a [usize]) -> Request<'a> {
-        Request {
-            lever: self.prepared.lever,
-            kinds: &[],
-            period_s: self.prepared.period_s,
-            samples: self.prepared.samples,
-            lead: self.prepared.lead,
-            level: 0,
-            substeps: self.substeps(),
-            filter: &self.prepared.sections,
-            wanted,
-            width,
-        }
+        Request { wanted, width, ..self.prepared.request(&[], self.substeps()) }
     }
 
     /// Runge-Kutta steps a sample that the fit takes at the start.

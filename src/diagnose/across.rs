@@ -44,6 +44,11 @@ impl Stiffnesses {
         (self.trials.len() - distinct.len()) as f64
     }
 
+    /// The trials of the condition of the one in this place, itself among them.
+    pub fn repetitions(&self, place: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.trials.len()).filter(move |other| self.conditions[*other] == self.conditions[place])
+    }
+
     /// Values less the mean of their condition.
     pub fn centred(&self, values: &[f64]) -> Vec<f64> {
         let means = self.levels(&vec![1.0; values.len()], values);
@@ -52,14 +57,13 @@ impl Stiffnesses {
 
     /// For each trial the one factor of its condition by which `weights` come nearest to `values`.
     pub fn levels(&self, weights: &[f64], values: &[f64]) -> Vec<f64> {
-        let level = |condition: &usize| {
-            let own = (0..values.len()).filter(|place| self.conditions[*place] == *condition);
-            let (product, square) = own.fold((0.0, 0.0), |(product, square), place| {
-                (product + weights[place] * values[place], square + weights[place] * weights[place])
+        let level = |place: usize| {
+            let (product, square) = self.repetitions(place).fold((0.0, 0.0), |(product, square), other| {
+                (product + weights[other] * values[other], square + weights[other] * weights[other])
             });
             product / square
         };
-        self.conditions.iter().map(level).collect()
+        (0..values.len()).map(level).collect()
     }
 
     /// The same without the trials in `except`.

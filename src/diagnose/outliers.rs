@@ -50,7 +50,7 @@ struct Deviation {
 
 impl Deviation {
     fn of(data: &Stiffnesses, place: usize, centred: &[f64]) -> Option<Self> {
-        let count = data.conditions.iter().filter(|other| **other == data.conditions[place]).count() as f64;
+        let count = data.repetitions(place).count() as f64;
         let distance = centred[place] * count / (count - 1.0);
         (count > 1.0).then_some(Self { place, distance, square: centred[place] * distance })
     }

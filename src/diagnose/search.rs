@@ -138,7 +138,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
     let mut misfit = None;
     let mut p_within = 1.0;
     let mut left_within = 1.0;
-    let mut worth_of_last = 0.0;
+    let mut least = WORTH_ADDING;
     let mut scatter = None;
     for step in 0..=MOST_STEPS {
         let tangent = Tangent::new(prepared, &fit);
@@ -164,7 +164,6 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
         for own in &found.candidates {
             tracing::debug!(step, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
         }
-        let least = WORTH_ADDING.max(PART_OF_LAST * worth_of_last);
         let Some(best) = found.candidates.first().filter(|best| best.merit() > least) else { break };
         stage("measuring the gain on data left out");
         let gain = gain(prepared, &fit, &best.fit, seed);
@@ -173,7 +172,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
             break;
         }
         // A constant that is other than assumed leaves nothing: it has no law that could be another.
-        worth_of_last = if best.kind.is_exact() { 0.0 } else { best.worth };
+        least = if best.kind.is_exact() { WORTH_ADDING } else { WORTH_ADDING.max(PART_OF_LAST * best.worth) };
         stage("simulating sessions with each rival as the cause");
         causes.push(Cause {
             kind: best.kind,
@@ -200,8 +199,8 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
     causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));
     let left_over_p_value = (2.0 * left_within.min(left_across)).min(1.0);
     let added = fit.kinds.len() - before.kinds.len();
-    let least = if added < 2 { SIGNIFICANT } else { SIGNIFICANT_AFTER_TWO };
-    let verdict = if left_over_p_value < least {
+    let significant = if added < 2 { SIGNIFICANT } else { SIGNIFICANT_AFTER_TWO };
+    let verdict = if left_over_p_value < significant {
         Verdict::Unexplained
     } else if causes.iter().any(|cause| !cause.indistinguishable.is_empty()) {
         Verdict::Ambiguous

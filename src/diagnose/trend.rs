@@ -162,18 +162,18 @@ impl Linear {
         let before = data.centred(logarithms);
         let square = squares(&self.slopes);
         let (mut with, mut without) = (0.0, 0.0);
-        for (place, condition) in data.conditions.iter().enumerate() {
-            let repetitions = || (0..data.trials.len()).filter(|other| data.conditions[*other] == *condition);
-            let count = repetitions().count() as f64;
+        for (place, deviation) in before.iter().enumerate() {
+            let count = data.repetitions(place).count() as f64;
             if count < 2.0 {
                 continue;
             }
-            let weights: f64 = repetitions().map(|other| self.weights[other] * self.weights[other]).sum();
+            let weights: f64 =
+                data.repetitions(place).map(|other| self.weights[other] * self.weights[other]).sum();
             let own = self.weights[place] * self.weights[place] / weights;
             let leverage = (own + self.slopes[place] * self.slopes[place] / square).min(0.95);
             let error = self.left[place] / (1.0 - leverage);
             with += error * error;
-            let error = before[place] / (1.0 - 1.0 / count);
+            let error = deviation / (1.0 - 1.0 / count);
             without += error * error;
         }
         libm::sqrt(with / without.max(1e-30))

@@ -7,7 +7,7 @@ use super::profile::{Interval, profiles};
 use super::run::{ELASTIC_LIMIT, Fit};
 use super::solve::Stop;
 use super::uncertainty::{predictions, uncertainties, variance_accounted_for};
-use crate::wrist::{BASE_PARAMETERS, Instant, Request, Width, srs_period_s, substeps, trace};
+use crate::wrist::{BASE_PARAMETERS, Instant, Request, srs_period_s, substeps, trace};
 
 /// What was estimated from one trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -141,19 +141,9 @@ impl Fit {
 pub fn simulated(prepared: &Prepared, fit: &Fit, index: usize) -> Vec<Instant> {
     let trial: &PreparedTrial = &prepared.trials[index];
     let parameters = &fit.parameters[index];
-    let (lead, level) = prepared.lead_and_level(&fit.kinds);
-    let request = Request {
-        lever: prepared.lever,
-        kinds: &fit.kinds,
-        period_s: prepared.period_s,
-        samples: trial.input.motion.len() - trial.input.onset,
-        lead,
-        level,
-        substeps: substeps(prepared.lever, parameters, prepared.period_s),
-        filter: &prepared.sections,
-        wanted: &[],
-        width: Width::One,
-    };
+    let substeps = substeps(prepared.lever, parameters, prepared.period_s);
+    let samples = trial.input.motion.len() - trial.input.onset;
+    let request = Request { samples, ..prepared.request(&fit.kinds, substeps) };
     trace(&request, &trial.input, parameters)
 }
 

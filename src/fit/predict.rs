@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::prepare::Prepared;
 use crate::wrist::mechanisms::Kind;
-use crate::wrist::{Request, Response, Width, simulate, substeps};
+use crate::wrist::{Request, Response, simulate, substeps};
 
 /// Trials that one thread takes through the model at a time.
 const SHARE: usize = 16;
@@ -29,20 +29,8 @@ pub fn predict(
     order.sort_unstable();
     let shares: Vec<&[(usize, usize)]> =
         order.chunk_by(|a, b| a.0 == b.0).flat_map(|alike| alike.chunks(SHARE)).collect();
-    let (lead, level) = prepared.lead_and_level(kinds);
     let run = |share: &&[(usize, usize)]| {
-        let request = Request {
-            lever: prepared.lever,
-            kinds,
-            period_s: prepared.period_s,
-            samples: prepared.samples,
-            lead,
-            level,
-            substeps: share[0].0,
-            filter: &prepared.sections,
-            wanted,
-            width: Width::fastest(),
-        };
+        let request = Request { wanted, ..prepared.request(kinds, share[0].0) };
         let inputs: Vec<_> = share.iter().map(|(_, place)| &prepared.trials[trials[*place]].input).collect();
         let flat: Vec<f64> = share.iter().flat_map(|(_, place)| own(*place)).copied().collect();
         let mut part = Response::default();

@@ -5,7 +5,7 @@ use super::noise::{NoiseSource, angle_noise, stride};
 use crate::dataset::{Session, Status};
 use crate::signal::{FilterSpec, Noise, Section, filter, onset};
 use crate::wrist::mechanisms::{Covariates, Kind};
-use crate::wrist::{self, Lever, Smoothing};
+use crate::wrist::{self, Lever, Request, Smoothing, Width};
 
 /// How the analysis looks at a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -200,14 +200,24 @@ impl Prepared {
             .fold(1e-6, f64::max)
     }
 
-    /// How many samples before the onset a simulation with `kinds` starts, and of how many it takes the level off: where something
-    /// acts before the onset, the level that is taken off the measured torque has a part of it.
-    pub fn lead_and_level(&self, kinds: &[Kind]) -> (usize, usize) {
+    /// What to ask of a model with `kinds` for the window's torque, in so many integration steps a sample.
+    ///
+    /// Where something acts before the onset, the simulation starts so much earlier, and the level that was taken off the
+    /// measured torque, which has a part of it, is taken off as well.
+    pub fn request<'a>(&'a self, kinds: &'a [Kind], substeps: usize) -> Request<'a> {
         let before_s = kinds.iter().map(|kind| kind.before_onset_s()).fold(0.0, f64::max);
-        if before_s == 0.0 {
-            return (self.lead, 0);
+        Request {
+            lever: self.lever,
+            kinds,
+            period_s: self.period_s,
+            samples: self.samples,
+            lead: self.lead + libm::ceil(before_s / self.period_s) as usize,
+            level: if before_s > 0.0 { self.level_samples() } else { 0 },
+            substeps,
+            filter: &self.sections,
+            wanted: &[],
+            width: Width::fastest(),
         }
-        (self.lead + libm::ceil(before_s / self.period_s) as usize, self.level_samples())
     }
 
     /// How many samples of filtered torque or raw angle make the level before the ramp.

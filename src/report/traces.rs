@@ -7,7 +7,7 @@ use crate::dataset::{Session, Status};
 use crate::fit::{Prepared, PreparedTrial, View};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
-use crate::wrist::{self, Instant, Request, Response, Width, simulate, substeps};
+use crate::wrist::{self, Instant, Request, Response, simulate, substeps};
 
 /// A trial with what was measured and what was fitted. Torques and angles are changes from the hold, turned so that the
 /// ramp is positive, as in section 2.4 of the paper.
@@ -88,19 +88,9 @@ fn one(session: &Session, prepared: &Prepared, trial: &PreparedTrial, fitted: Op
         return trace;
     };
     let kinds = model.kinds();
-    let (lead, level) = prepared.lead_and_level(&kinds);
-    let request = Request {
-        lever: prepared.lever,
-        kinds: &kinds,
-        period_s: prepared.period_s,
-        samples: trial.input.motion.len() - trial.input.onset,
-        lead,
-        level,
-        substeps: substeps(prepared.lever, &parameters, prepared.period_s),
-        filter: &prepared.sections,
-        wanted: &[],
-        width: Width::One,
-    };
+    let substeps = substeps(prepared.lever, &parameters, prepared.period_s);
+    let samples = trial.input.motion.len() - trial.input.onset;
+    let request = Request { samples, ..prepared.request(&kinds, substeps) };
     trace.instants = wrist::trace(&request, &trial.input, &parameters);
     let mut response = Response::default();
     simulate(&request, &[&trial.input], &parameters, &mut response);
