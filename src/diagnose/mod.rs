@@ -13,6 +13,7 @@ mod calibrate;
 mod design;
 mod gain;
 mod hum;
+mod law;
 mod limit_law;
 mod look;
 mod omnibus;

@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::across::STIFFNESS;
 use super::by_trial::residual_by_trial;
 use super::gain::residuals;
-use super::refit::FORM_ERROR;
+use super::law::FORM_ERROR;
 use super::search::{Cause, Diagnosis, Evidence};
 use super::trend::{Trend, without_effect};
 use crate::dataset::Disk;

@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::calibrate::simulated;
-use super::screen::{Probe, torques};
+use super::law::Added;
+use super::screen::Probe;
 use crate::fit::{FirstLook, Fit, Model, NoiseMaker, Prepared, Weighting};
 use crate::random::Stream;
 use crate::wrist::mechanisms::Kind;
@@ -103,10 +104,6 @@ const SIMULATIONS: usize = 19;
 const FAR_BEHIND: f64 = 60.0;
 const FAR_BEHIND_PART: f64 = 0.04;
 
-/// How far a mechanism's real law may be from the catalogue's, as a part of the torque that it adds. Assumed: between a lag
-/// of first and one of second order, or a yield that is smeared in another way, it is about that.
-pub const FORM_ERROR: f64 = 0.03;
-
 /// A lead below this tells nothing: 95 % of chi-square with one degree of freedom.
 const NO_LEAD: f64 = 3.84;
 
@@ -127,13 +124,11 @@ pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> V
             if lead(rival) < NO_LEAD {
                 return true;
             }
-            let predicted = torques(prepared, &rival.fit.kinds, &rival.fit.parameters);
-            let added = added_torque(prepared, rival, &predicted);
+            let added = Added::new(prepared, rival);
             (0..SIMULATIONS).into_par_iter().any(|number| {
                 let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
                 let mut stream = Stream::new(seed, &name);
-                let error = if rival.kind.is_exact() { 0.0 } else { FORM_ERROR };
-                let true_law = with_form_error(&predicted, &added, error, &mut stream);
+                let true_law = added.under_another_law(&mut stream);
                 let simulated = simulated(prepared, &true_law, &noise, &mut stream);
                 let again = |fit: &Fit| fit.extended(&simulated, &fit.model);
                 let (a, b) = (again(&first.fit), again(&rival.fit));
@@ -142,38 +137,4 @@ pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> V
         })
         .map(|rival| rival.kind)
         .collect()
-}
-
-/// What a candidate's mechanism, the last of its fit, adds to the torque that it predicts.
-fn added_torque(prepared: &Prepared, own: &Candidate, predicted: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let kinds = &own.fit.kinds[..own.fit.kinds.len() - 1];
-    let count = own.kind.parameter_count();
-    let without = |parameters: &Vec<f64>| parameters[..parameters.len() - count].to_vec();
-    let parameters: Vec<Vec<f64>> = own.fit.parameters.iter().map(without).collect();
-    let difference = |(with, without): (&Vec<f64>, &Vec<f64>)| {
-        with.iter().zip(without).map(|(with, without)| with - without).collect()
-    };
-    predicted.iter().zip(&torques(prepared, kinds, &parameters)).map(difference).collect()
-}
-
-/// The torque under a law that differs from the catalogue's by a smooth factor of time with a standard deviation of `error`,
-/// the same in all trials.
-fn with_form_error(
-    predicted: &[Vec<f64>],
-    added: &[Vec<f64>],
-    error: f64,
-    stream: &mut Stream,
-) -> Vec<Vec<f64>> {
-    // One constant and four waves, of which each has half the variance.
-    let heights: [f64; 5] = std::array::from_fn(|_| error / libm::sqrt(3.0) * stream.normal());
-    let factor = |place: f64| -> f64 {
-        let wave = |(order, height)| height * libm::cos(std::f64::consts::PI * order as f64 * place);
-        heights.iter().enumerate().map(wave).sum()
-    };
-    let trial = |(torque, added): (&Vec<f64>, &Vec<f64>)| {
-        let count = torque.len() as f64;
-        let added = added.iter().enumerate().map(|(sample, added)| factor(sample as f64 / count) * added);
-        torque.iter().zip(added).map(|(torque, error)| torque + error).collect()
-    };
-    predicted.iter().zip(added).map(trial).collect()
 }

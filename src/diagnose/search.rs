@@ -4,10 +4,11 @@ use super::across::Stiffnesses;
 use super::calibrate::{Finding, chance, screen};
 use super::gain::{Gain, gain, gain_of_cleaning};
 use super::hum::Hum;
+use super::law::Added;
 use super::limit_law::{LimitLaw, limit_law};
 use super::look::Look;
 use super::outliers::{Outlier, outliers};
-use super::refit::{candidates, not_ruled_out};
+use super::refit::{Candidate, candidates, not_ruled_out};
 use super::rest::{ResidualTerm, residual_term};
 use super::screen::{Unseen, probes};
 use super::tangent::Tangent;
@@ -112,10 +113,8 @@ const MOST_STEPS: usize = 2;
 /// that neither of them is. Assumed.
 const SIGNIFICANT_AFTER_TWO: f64 = 0.05;
 
-/// Least loss of the sum of squares, beyond what its parameters gain from noise, for which a mechanism is added; and the least
-/// as a part of what the one before it was worth: a law that is a few per cent off leaves something that others describe.
+/// Least loss of the sum of squares, beyond what its parameters gain from noise, for which a mechanism is added.
 const WORTH_ADDING: f64 = 8.0;
-const PART_OF_LAST: f64 = 0.06;
 
 /// Diagnoses a session as seen by `model`; `stage` hears what is being done.
 pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static str)) -> Diagnosis {
@@ -138,7 +137,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
     let mut misfit = None;
     let mut p_within = 1.0;
     let mut left_within = 1.0;
-    let mut least = WORTH_ADDING;
+    let mut last: Option<Candidate> = None;
     let mut scatter = None;
     for step in 0..=MOST_STEPS {
         let tangent = Tangent::new(prepared, &fit);
@@ -164,6 +163,11 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
         for own in &found.candidates {
             tracing::debug!(step, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
         }
+        // What the last law leaves, should it be another, others describe.
+        let left_by_law =
+            last.as_ref().map_or(0.0, |own| Added::new(prepared, own).may_leave(prepared, &tangent));
+        tracing::debug!(step, left_by_law);
+        let least = WORTH_ADDING.max(left_by_law);
         let Some(best) = found.candidates.first().filter(|best| best.merit() > least) else { break };
         stage("measuring the gain on data left out");
         let gain = gain(prepared, &fit, &best.fit, seed);
@@ -171,8 +175,6 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
         if gain.held_out_rmse_ratio.value >= 1.0 {
             break;
         }
-        // A constant that is other than assumed leaves nothing: it has no law that could be another.
-        least = if best.kind.is_exact() { WORTH_ADDING } else { WORTH_ADDING.max(PART_OF_LAST * best.worth) };
         stage("simulating sessions with each rival as the cause");
         causes.push(Cause {
             kind: best.kind,
@@ -186,6 +188,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
             },
         });
         fit = best.fit.clone();
+        last = Some(best.clone());
     }
     if let Some(ratio) = scatter {
         remarks.push(format!(

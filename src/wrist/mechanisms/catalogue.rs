@@ -65,6 +65,11 @@ macro_rules! catalogue {
                 match self { $(Self::$name => <$module::$name as Mechanism>::EXACT,)* }
             }
 
+            /// See [`Mechanism::delay_s`].
+            pub fn delay_s(self, p: &[f64]) -> Option<f64> {
+                match self { $(Self::$name => $module::$name::delay_s(p),)* }
+            }
+
             /// How long before the onset it may begin to act, s.
             pub fn before_onset_s(self) -> f64 {
                 match self { $(Self::$name => <$module::$name as Mechanism>::BEFORE_ONSET_S,)* }

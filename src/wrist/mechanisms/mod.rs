@@ -209,6 +209,12 @@ pub trait Mechanism {
     /// How long before the onset it may begin to act, s.
     const BEFORE_ONSET_S: f64 = 0.0;
 
+    /// For a lag, its mean delay, s: another law of the same delay spreads it otherwise.
+    fn delay_s(p: &[f64]) -> Option<f64> {
+        let _ = p;
+        None
+    }
+
     /// What it is in a wrist that does not know of the ramp until it begins: what would begin before it begins with it.
     fn from_the_onset(p: &mut [f64]) {
         let _ = p;

@@ -17,6 +17,10 @@ impl Mechanism for ServoFollowing {
     const SOURCE: &'static str = "Two equal real poles at the bandwidth";
     const ALTERS_ANGLE: bool = true;
 
+    fn delay_s(p: &[f64]) -> Option<f64> {
+        Some(2.0 / (std::f64::consts::TAU * p[0]))
+    }
+
     fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
         let _ = lever;
         Some((100.0, 180.0))

@@ -18,6 +18,10 @@ impl Mechanism for TorqueLag {
     const SOURCE: &'static str = "First-order low-pass";
     const MEMORY: usize = 1;
 
+    fn delay_s(p: &[f64]) -> Option<f64> {
+        Some(1.0 / (std::f64::consts::TAU * p[0]))
+    }
+
     fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
         let _ = lever;
         Some((80.0, 160.0))

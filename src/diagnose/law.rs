@@ -1,0 +1,136 @@
+//! How a mechanism's real law may differ from the catalogue's, and what that would leave over.
+
+use super::refit::Candidate;
+use super::screen::torques;
+use super::tangent::{Direction, Tangent, whiten};
+use crate::fit::Prepared;
+use crate::random::Stream;
+
+/// How far a mechanism's real law may be from the catalogue's, as a part of the torque that it adds. Assumed: between laws that
+/// yield, slide or give in another way, it is about that.
+pub const FORM_ERROR: f64 = 0.03;
+
+/// Of a lag the same, as a part of its delay. Of one delay, lags of first and of second order and a pure one have second
+/// moments of 2, 1.5 (critically damped) and 1 of its square; half of the difference is a shift in time of what they add.
+const SPREAD_ERROR: f64 = 0.25;
+
+/// What any other law that is a few per cent off leaves, as a part of what the mechanism is worth. Assumed.
+const PART_LEFT: f64 = 0.06;
+
+/// What a candidate's mechanism, the last of its fit, adds to the torque that it predicts.
+pub struct Added<'a> {
+    own: &'a Candidate,
+    period_s: f64,
+    /// Predicted torques, a vector a trial, N m.
+    predicted_nm: Vec<Vec<f64>>,
+    /// What the mechanism adds to them.
+    added_nm: Vec<Vec<f64>>,
+}
+
+impl<'a> Added<'a> {
+    pub fn new(prepared: &Prepared, own: &'a Candidate) -> Self {
+        let predicted_nm = torques(prepared, &own.fit.kinds, &own.fit.parameters);
+        let kinds = &own.fit.kinds[..own.fit.kinds.len() - 1];
+        let without = |parameters: &Vec<f64>| parameters[..parameters.len() - own.values().len()].to_vec();
+        let parameters: Vec<Vec<f64>> = own.fit.parameters.iter().map(without).collect();
+        let difference = |(with, without): (&Vec<f64>, &Vec<f64>)| {
+            with.iter().zip(without).map(|(with, without)| with - without).collect()
+        };
+        let without = torques(prepared, kinds, &parameters);
+        let added_nm = predicted_nm.iter().zip(&without).map(difference).collect();
+        Self { own, period_s: prepared.period_s, predicted_nm, added_nm }
+    }
+
+    /// The torques under another law, the same in all trials, N m.
+    pub fn under_another_law(&self, stream: &mut Stream) -> Vec<Vec<f64>> {
+        let law = match self.spread_samples() {
+            _ if self.own.kind.is_exact() => return self.predicted_nm.clone(),
+            Some(spread) => OtherLaw::Later(spread * stream.normal()),
+            // Each wave has half the variance of the constant.
+            None => OtherLaw::Factor(std::array::from_fn(|_| FORM_ERROR / libm::sqrt(3.0) * stream.normal())),
+        };
+        let plus = |(torque, added): (&Vec<f64>, &Vec<f64>)| {
+            torque.iter().zip(law.errors_nm(added)).map(|(torque, error)| torque + error).collect()
+        };
+        self.predicted_nm.iter().zip(&self.added_nm).map(plus).collect()
+    }
+
+    /// What would be left of the sum of squares for other mechanisms to describe, were the law another, in units of the noise.
+    /// `tangent` is that of the candidate's fit.
+    pub fn may_leave(&self, prepared: &Prepared, tangent: &Tangent) -> f64 {
+        match self.spread_samples() {
+            _ if self.own.kind.is_exact() => 0.0,
+            Some(spread) => {
+                let error = |(trial, added): (usize, &Vec<f64>)| {
+                    whiten(prepared, &self.own.fit, trial, &OtherLaw::Later(spread).errors_nm(added))
+                };
+                let change: Direction = self.added_nm.iter().enumerate().map(error).collect();
+                tangent.project(&change).iter().map(|own| own.norm_squared()).sum()
+            }
+            None => PART_LEFT * self.own.worth,
+        }
+    }
+
+    /// By how much a lag of the same delay that is another may shift what it adds, samples; `None` where it is no lag.
+    fn spread_samples(&self) -> Option<f64> {
+        let delay_s = self.own.kind.delay_s(self.own.values())?;
+        Some(SPREAD_ERROR * delay_s / self.period_s)
+    }
+}
+
+/// A law that is not the catalogue's.
+enum OtherLaw {
+    /// A lag that spreads the same delay otherwise: to second order, what it adds comes so many samples later.
+    Later(f64),
+    /// What it adds has a smooth factor: one constant and four waves of time.
+    Factor([f64; 5]),
+}
+
+impl OtherLaw {
+    /// What it adds over the catalogue's `added`.
+    fn errors_nm(&self, added: &[f64]) -> Vec<f64> {
+        (0..added.len()).map(|sample| self.error_nm(added, sample)).collect()
+    }
+
+    fn error_nm(&self, added: &[f64], sample: usize) -> f64 {
+        match self {
+            Self::Later(samples) => {
+                let (before, after) = (sample.saturating_sub(1), (sample + 1).min(added.len() - 1));
+                -samples * (added[after] - added[before]) / (after - before) as f64
+            }
+            Self::Factor(heights) => {
+                let place = sample as f64 / added.len() as f64;
+                let wave = |(order, height)| height * libm::cos(std::f64::consts::PI * order as f64 * place);
+                heights.iter().enumerate().map(wave).sum::<f64>() * added[sample]
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lag_and_a_pure_delay_of_as_much_differ_by_a_shift_of_what_they_add() {
+        let (period_s, delay_s) = (1e-4, 1e-3);
+        let rise = |t: f64| if t < 0.0 { 0.0 } else { 1.0 - libm::cos(t / 0.008) };
+        let times: Vec<f64> = (0..400).map(|sample| f64::from(sample) * period_s).collect();
+        let mut lagged = Vec::new();
+        let mut state = 0.0;
+        for t in &times {
+            lagged.push(state);
+            state += (rise(*t) - state) * period_s / delay_s;
+        }
+        let added: Vec<f64> = times.iter().zip(&lagged).map(|(t, lagged)| lagged - rise(*t)).collect();
+        let error = OtherLaw::Later(-0.5 * delay_s / period_s).errors_nm(&added);
+        // Once what the onset has set off is over.
+        let (mut apart, mut left) = (0.0_f64, 0.0_f64);
+        for sample in 80..400 {
+            let delayed = rise(times[sample] - delay_s);
+            apart = apart.max((delayed - lagged[sample]).abs());
+            left = left.max((delayed - lagged[sample] - error[sample]).abs());
+        }
+        assert!(left < 0.3 * apart, "{left} of {apart}");
+    }
+}
