@@ -17,18 +17,35 @@ const SPREAD_ERROR: f64 = 0.25;
 /// What any other law that is a few per cent off leaves, as a part of what the mechanism is worth. Assumed.
 const PART_LEFT: f64 = 0.06;
 
-/// What a candidate's mechanism, the last of its fit, adds to the torque that it predicts.
-pub struct Added<'a> {
-    own: &'a Candidate,
-    period_s: f64,
-    /// Predicted torques, a vector a trial, N m.
-    predicted_nm: Vec<Vec<f64>>,
-    /// What the mechanism adds to them.
-    added_nm: Vec<Vec<f64>>,
+/// How a candidate's law may be another.
+enum Doubt {
+    /// It is a constant that is other than assumed: not at all.
+    None,
+    /// It is a lag: what it adds may come so many samples (sd) earlier or later.
+    Spread(f64),
+    /// By a smooth factor.
+    Form,
 }
 
-impl<'a> Added<'a> {
-    pub fn new(prepared: &Prepared, own: &'a Candidate) -> Self {
+impl Doubt {
+    fn of(own: &Candidate, period_s: f64) -> Self {
+        match own.kind.delay_s(own.values()) {
+            _ if own.kind.is_exact() => Self::None,
+            Some(delay_s) => Self::Spread(SPREAD_ERROR * delay_s / period_s),
+            None => Self::Form,
+        }
+    }
+}
+
+/// What a candidate predicts, and what its mechanism, the last of its fit, adds to that: a vector a trial each, N m.
+pub struct Added {
+    predicted_nm: Vec<Vec<f64>>,
+    added_nm: Vec<Vec<f64>>,
+    doubt: Doubt,
+}
+
+impl Added {
+    pub fn new(prepared: &Prepared, own: &Candidate) -> Self {
         let predicted_nm = torques(prepared, &own.fit.kinds, &own.fit.parameters);
         let kinds = &own.fit.kinds[..own.fit.kinds.len() - 1];
         let without = |parameters: &Vec<f64>| parameters[..parameters.len() - own.values().len()].to_vec();
@@ -38,43 +55,40 @@ impl<'a> Added<'a> {
         };
         let without = torques(prepared, kinds, &parameters);
         let added_nm = predicted_nm.iter().zip(&without).map(difference).collect();
-        Self { own, period_s: prepared.period_s, predicted_nm, added_nm }
+        Self { predicted_nm, added_nm, doubt: Doubt::of(own, prepared.period_s) }
     }
 
     /// The torques under another law, the same in all trials, N m.
     pub fn under_another_law(&self, stream: &mut Stream) -> Vec<Vec<f64>> {
-        let law = match self.spread_samples() {
-            _ if self.own.kind.is_exact() => return self.predicted_nm.clone(),
-            Some(spread) => OtherLaw::Later(spread * stream.normal()),
+        let law = match self.doubt {
+            Doubt::None => return self.predicted_nm.clone(),
+            Doubt::Spread(samples) => OtherLaw::Later(samples * stream.normal()),
             // Each wave has half the variance of the constant.
-            None => OtherLaw::Factor(std::array::from_fn(|_| FORM_ERROR / libm::sqrt(3.0) * stream.normal())),
+            Doubt::Form => {
+                OtherLaw::Factor(std::array::from_fn(|_| FORM_ERROR / libm::sqrt(3.0) * stream.normal()))
+            }
         };
         let plus = |(torque, added): (&Vec<f64>, &Vec<f64>)| {
             torque.iter().zip(law.errors_nm(added)).map(|(torque, error)| torque + error).collect()
         };
         self.predicted_nm.iter().zip(&self.added_nm).map(plus).collect()
     }
+}
 
-    /// What would be left of the sum of squares for other mechanisms to describe, were the law another, in units of the noise.
-    /// `tangent` is that of the candidate's fit.
-    pub fn may_leave(&self, prepared: &Prepared, tangent: &Tangent) -> f64 {
-        match self.spread_samples() {
-            _ if self.own.kind.is_exact() => 0.0,
-            Some(spread) => {
-                let error = |(trial, added): (usize, &Vec<f64>)| {
-                    whiten(prepared, &self.own.fit, trial, &OtherLaw::Later(spread).errors_nm(added))
-                };
-                let change: Direction = self.added_nm.iter().enumerate().map(error).collect();
-                tangent.project(&change).iter().map(|own| own.norm_squared()).sum()
-            }
-            None => PART_LEFT * self.own.worth,
+/// What would be left of the sum of squares for other mechanisms to describe, were the law of `own` another, in units of the
+/// noise. `tangent` is that of its fit.
+pub fn may_leave(prepared: &Prepared, tangent: &Tangent, own: &Candidate) -> f64 {
+    match Doubt::of(own, prepared.period_s) {
+        Doubt::None => 0.0,
+        Doubt::Spread(samples) => {
+            let error = |(trial, added): (usize, &Vec<f64>)| {
+                whiten(prepared, &own.fit, trial, &OtherLaw::Later(samples).errors_nm(added))
+            };
+            let added_nm = Added::new(prepared, own).added_nm;
+            let change: Direction = added_nm.iter().enumerate().map(error).collect();
+            tangent.project(&change).iter().map(|own| own.norm_squared()).sum()
         }
-    }
-
-    /// By how much a lag of the same delay that is another may shift what it adds, samples; `None` where it is no lag.
-    fn spread_samples(&self) -> Option<f64> {
-        let delay_s = self.own.kind.delay_s(self.own.values())?;
-        Some(SPREAD_ERROR * delay_s / self.period_s)
+        Doubt::Form => PART_LEFT * own.worth,
     }
 }
 

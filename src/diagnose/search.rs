@@ -4,7 +4,7 @@ use super::across::Stiffnesses;
 use super::calibrate::{Finding, chance, screen};
 use super::gain::{Gain, gain, gain_of_cleaning};
 use super::hum::Hum;
-use super::law::Added;
+use super::law::may_leave;
 use super::limit_law::{LimitLaw, limit_law};
 use super::look::Look;
 use super::outliers::{Outlier, outliers};
@@ -164,8 +164,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
             tracing::debug!(step, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
         }
         // What the last law leaves, should it be another, others describe.
-        let left_by_law =
-            last.as_ref().map_or(0.0, |own| Added::new(prepared, own).may_leave(prepared, &tangent));
+        let left_by_law = last.as_ref().map_or(0.0, |own| may_leave(prepared, &tangent, own));
         tracing::debug!(step, left_by_law);
         let least = WORTH_ADDING.max(left_by_law);
         let Some(best) = found.candidates.first().filter(|best| best.merit() > least) else { break };
