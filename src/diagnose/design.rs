@@ -13,9 +13,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::look::Look;
 use super::screen::torques;
 use crate::dataset::Session;
-use crate::fit::{
-    FirstLook, Fit, Guess, Model, PrepareError, Prepared, Treatment, View, Weighting, objective,
-};
+use crate::fit::{Fit, Guess, Model, PrepareError, Prepared, Scout, Treatment, View, Weighting, objective};
 use crate::protocol::{Protocol, Sweep, ValidProtocol};
 use crate::wrist::mechanisms::Kind;
 use crate::wrist::{BASE_PARAMETERS, Knot, Trial};
@@ -83,10 +81,10 @@ impl Seen {
         let view = View { window_s: protocol.window_s, filter: protocol.signal.filter };
         let prepared = Look::new(session, view, &Model::paper())?.prepared;
         let base = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
-        let first = FirstLook::new(&prepared, Weighting::MeasuredNoise);
+        let scout = Scout::new(&prepared, &base);
         let with = |kind: &Kind| {
             let model = Model::paper().with(*kind);
-            base.rival(&prepared, &first, slice::from_ref(&model)).settled(&prepared)
+            scout.follow(&scout.glance(slice::from_ref(&model))).settled(&prepared)
         };
         let fits = causes.par_iter().map(with).collect();
         Ok(Self { window_s: view.window_s, prepared, fits })

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::calibrate::simulated;
 use super::law::Added;
 use super::screen::Probe;
-use crate::fit::{FirstLook, Fit, Model, NoiseMaker, Prepared, Weighting};
+use crate::fit::{Fit, Glance, Model, NoiseMaker, Prepared, Scout};
 use crate::random::Stream;
 use crate::wrist::mechanisms::Kind;
 
@@ -45,6 +45,11 @@ pub struct Shortlist {
     pub unit: f64,
 }
 
+/// A mechanism is fitted to all trials if what it promises on some comes this near to what the best does, in units of the noise, or
+/// as a part of that.
+const PROMISED: f64 = 80.0;
+const PART_PROMISED: f64 = 0.35;
+
 /// A mechanism that was fitted roughly is fitted with all care if it comes this near to the best, in units of the noise, or as
 /// a part of what the best is worth: yields that a rough fit leaves in the wrong place cost as much.
 const WITHIN_REACH: f64 = 40.0;
@@ -59,19 +64,21 @@ pub fn candidates(prepared: &Prepared, fit: &Fit, probes: &[Probe], freedom: f64
     let mut kinds: Vec<Kind> = probes.iter().map(|probe| probe.kind).collect();
     kinds.dedup();
     let before = fit.cost();
-    let first = FirstLook::new(prepared, Weighting::MeasuredNoise);
+    let scout = Scout::new(prepared, fit);
     let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - fit.cost()), fit };
-    let mut rough: Vec<Candidate> = kinds
+    let mut glances: Vec<(Kind, Glance)> = kinds
         .into_par_iter()
         .map(|kind| {
-            let models: Vec<Model> = probes
-                .iter()
-                .filter(|probe| probe.kind == kind)
-                .map(|probe| model_with(fit, probe))
-                .collect();
-            candidate(fit.rival(prepared, &first, &models), kind)
+            let of_kind = probes.iter().filter(|probe| probe.kind == kind);
+            let models: Vec<Model> = of_kind.map(|probe| model_with(fit, probe)).collect();
+            (kind, scout.glance(&models))
         })
         .collect();
+    let best = glances.iter().map(|(_, glance)| glance.promise).fold(0.0, f64::max);
+    let within = PROMISED.max(PART_PROMISED * best);
+    glances.retain(|(_, glance)| glance.promise > best - within);
+    let mut rough: Vec<Candidate> =
+        glances.into_par_iter().map(|(kind, glance)| candidate(scout.follow(&glance), kind)).collect();
     rough.sort_by(|a, b| b.worth.total_cmp(&a.worth));
     let best = rough.first().map_or(0.0, |own| own.worth);
     rough.retain(|own| own.worth > best - WITHIN_REACH.max(PART_OF_BEST * best));

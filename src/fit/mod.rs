@@ -27,7 +27,6 @@ pub use bootstrap::{BOOTSTRAPPED, Scatter, bootstrap};
 pub use estimates::{
     ConditionEstimate, Estimate, QUANTITIES, by_condition, estimates, estimates_alone, simulated,
 };
-pub use first_look::FirstLook;
 pub use guess::{Guess, looks};
 pub use layout::{Component, Coordinate, Layout, Link};
 pub use model::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};
@@ -38,6 +37,7 @@ pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View, onset_sa
 pub use profile::{Interval, PROFILED, profiles};
 pub use resample::{NoiseMaker, resampled};
 pub use results::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
+pub use rival::{Glance, Scout};
 pub use run::{Fit, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};
 pub use uncertainty::{

@@ -5,7 +5,7 @@ use super::guess::Guess;
 use super::layout::{Layout, groups};
 use super::model::{Model, Scope, Treatment};
 use super::prepare::Prepared;
-use super::run::Fit;
+use super::run::{Fit, Weighting};
 use super::solve::Effort;
 
 /// Which of several starts leads furthest down shows long before its end; those stay that are behind by less than this part of
@@ -13,34 +13,103 @@ use super::solve::Effort;
 const GLANCE: Effort = Effort { iterations: 15, decrease: 2e-3, longest_step: 0.7 };
 const GLANCE_ERROR: f64 = 0.25;
 
+/// Those that stay go on as far as tells what they promise.
+const SECOND_GLANCE: Effort = Effort { iterations: 40, decrease: 2e-4, longest_step: 0.7 };
+
+/// All trials go on where some of them ended within this much of the best, in units of the cost, in at most so many places whose
+/// values differ by this part.
+const NEAR: f64 = 25.0;
+const MOST_WAYS: usize = 5;
+const SAME: f64 = 0.02;
+
 /// About how many trials a glance needs.
 const GLANCED_AT: usize = 12;
 
-impl Fit {
-    /// Fits a model that adds a mechanism to this fit's, with this fit's weights. `models` are the same but for the values that
-    /// the mechanism starts from. Looks for other optima only on the way to [`Fit::settled`].
-    ///
-    /// # Panics
-    /// If there are no models.
-    pub fn rival(&self, prepared: &Prepared, first: &FirstLook, models: &[Model]) -> Self {
+/// Where a fit stands before mechanisms are added to it, in the session and in some of its trials.
+pub struct Scout<'a> {
+    prepared: &'a Prepared,
+    first: FirstLook,
+    some: Sample,
+    few: Prepared,
+    /// The fit in those trials, and what its cost is there.
+    here: Fit,
+    cost: f64,
+}
+
+/// A model that adds a mechanism, a short way down from several starts on some trials.
+pub struct Glance {
+    /// The best first.
+    starts: Vec<Fit>,
+    /// What the best of them promises that the sum of squares of the whole session will lose, in units of the noise.
+    pub promise: f64,
+}
+
+impl<'a> Scout<'a> {
+    /// Stands where `fit` ended.
+    pub fn new(prepared: &'a Prepared, fit: &'a Fit) -> Self {
+        let first = FirstLook::new(prepared, Weighting::MeasuredNoise);
         let some = Sample::of(prepared);
         let few = prepared.only(&some.trials);
-        let here = Self { lean: None, ..self.of(&some.trials) };
-        let guesses =
-            |model: &Model| first.guesses(prepared, model).into_iter().map(|guess| guess.only(&some.trials));
-        let mut starts: Vec<Self> =
-            models.iter().flat_map(|model| here.glances(&few, model, guesses)).collect();
-        starts.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
-        let within = starts[0].cost() * (1.0 + GLANCE_ERROR);
-        let to_the_end = |fit: &Self| {
-            let parameters = some.stands_for.iter().map(|own| fit.parameters[*own].clone()).collect();
-            Self { parameters, ..fit.clone() }.extended(prepared, &fit.model)
-        };
-        let ends = starts.iter().take_while(|fit| fit.cost() <= within).map(to_the_end);
-        let best = ends.reduce(|best, own| if own.cost() < best.cost() { own } else { best });
-        best.expect("at least one model").leaning(prepared).regrouped(prepared)
+        let here = Fit { lean: None, ..fit.of(&some.trials) };
+        let cost = here.extended_by(&few, &fit.model, GLANCE).cost();
+        Self { prepared, first, some, few, here, cost }
     }
 
+    /// Looks a short way down from each start of the `models`, which are the same but for the values that the mechanism starts
+    /// from.
+    pub fn glance(&self, models: &[Model]) -> Glance {
+        let guesses = |model: &Model| {
+            let all = self.first.guesses(self.prepared, model).into_iter();
+            all.map(|guess| guess.only(&self.some.trials))
+        };
+        let glances = |model: &Model| self.here.glances(&self.few, model, guesses);
+        let mut starts: Vec<Fit> = models.iter().flat_map(glances).collect();
+        sort(&mut starts);
+        let within = starts[0].cost() * (1.0 + GLANCE_ERROR);
+        starts.retain(|fit| fit.cost() <= within);
+        starts.iter_mut().for_each(|fit| *fit = fit.extended_by(&self.few, &fit.model, SECOND_GLANCE));
+        sort(&mut starts);
+        starts.insert(0, starts[0].clone().regrouped(&self.few));
+        let best = starts.first().map_or(f64::INFINITY, Fit::cost);
+        let share = self.some.trials.len() as f64 / self.prepared.trials.len() as f64;
+        Glance { starts, promise: 2.0 * (self.cost - best) / share }
+    }
+
+    /// Goes on with all trials from where the best starts led, with the weights of the fit. Looks for other optima only on the way
+    /// to [`Fit::settled`].
+    ///
+    /// # Panics
+    /// If nothing was looked at.
+    pub fn follow(&self, glance: &Glance) -> Fit {
+        let within = glance.starts[0].cost() + NEAR;
+        let to_the_end = |fit: &Fit| {
+            let parameters = self.some.stands_for.iter().map(|own| fit.parameters[*own].clone()).collect();
+            Fit { parameters, ..fit.clone() }.extended(self.prepared, &fit.model)
+        };
+        let mut ways: Vec<&Fit> = Vec::new();
+        for own in glance.starts.iter().take_while(|own| own.cost() <= within) {
+            if ways.len() < MOST_WAYS && !ways.iter().any(|other| same(own, other)) {
+                ways.push(own);
+            }
+        }
+        let ends = ways.into_iter().map(to_the_end);
+        let best = ends.reduce(|best, own| if own.cost() < best.cost() { own } else { best });
+        best.expect("at least one model").leaning(self.prepared)
+    }
+}
+
+fn sort(fits: &mut [Fit]) {
+    fits.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+}
+
+/// Whether two fits ended in the same optimum, as far as the mechanism goes.
+fn same(one: &Fit, other: &Fit) -> bool {
+    let of_base = one.parameters[0].len() - one.kinds.last().map_or(0, |kind| kind.parameter_count());
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * a.abs().max(b.abs());
+    one.parameters[0][of_base..].iter().zip(&other.parameters[0][of_base..]).all(near)
+}
+
+impl Fit {
     /// `model` a short way down from several starts: from first guesses of its own, since where this fit ended may be far off
     /// if it lacks what the model has, and from there, since what it lacks may be small.
     ///
@@ -71,16 +140,11 @@ impl Fit {
             .collect()
     }
 
-    /// The better of this fit and the one from where all yields lie elsewhere at once.
-    fn regrouped(self, prepared: &Prepared) -> Self {
-        let mut other = self.clone();
-        other.look_together(prepared);
-        if other.solution.coordinates == self.solution.coordinates {
-            return self;
-        }
-        other.take_parameters();
-        let other = other.leaning(prepared);
-        if other.cost() < self.cost() { other } else { self }
+    /// The better of this fit and the ones from where all yields lie elsewhere at once. What they lean on would hold them.
+    fn regrouped(mut self, prepared: &Prepared) -> Self {
+        self.look_together(prepared);
+        self.take_parameters();
+        self
     }
 
     /// The optimum after a second look, with the yields of single trials leaning on those of all: what a diagnosis compares,

@@ -35,8 +35,8 @@ const OUT_OF_REACH: f64 = 12.0;
 /// About how many independent values the paper's filter leaves in its window of 40 ms.
 const INDEPENDENT_VALUES: f64 = 4.5;
 
-/// Elastic limits that all trials of a component are started from together.
-const TOGETHER: [f64; 2] = [0.4, 0.6];
+/// Places that all trials of a component are started from together.
+const TOGETHER: [(f64, f64); 2] = [(0.4, 0.6), (0.6, 0.6)];
 
 /// A second look need only tell whether it leads to another optimum.
 const LOOK: Effort = Effort { iterations: 25, decrease: 1e-4, longest_step: 0.7 };
@@ -148,16 +148,9 @@ impl Fit {
     fn starts(&self, prepared: &Prepared, alone: &Alone, places: &[Place]) -> Vec<f64> {
         let mut start = alone.start.clone();
         for (problem, place) in places.iter().enumerate() {
-            let (limit, decrement) = PLACES[problem % PLACES.len()];
             let component = &self.layout.components[place.0];
             let Some(trial) = component.trials_of_block(place.1).next() else { continue };
-            let (own, reach) = (&self.parameters[trial], prepared.reach_rad(trial));
-            // What the window's end shows stays: the mean stiffness up to there.
-            let mean = own[STIFFNESS] - own[DECREMENT] * (1.0 - own[ELASTIC_LIMIT] / reach).max(0.0);
-            let stiffness = mean.max(0.2 * own[STIFFNESS]) / (1.0 - decrement * (1.0 - limit));
-            let values =
-                [(STIFFNESS, stiffness), (DECREMENT, decrement * stiffness), (ELASTIC_LIMIT, limit * reach)];
-            for (parameter, value) in values {
+            for (parameter, value) in self.elsewhere(prepared, trial, PLACES[problem % PLACES.len()]) {
                 let Some(coordinate) = self.coordinate_of(place.0, place.1, parameter) else { continue };
                 let own = &component.blocks[place.1];
                 let at = alone.ranges[problem].start
@@ -167,6 +160,19 @@ impl Fit {
             }
         }
         start
+    }
+
+    /// A trial's k_srs, k_dec and x_e at a place. What the window's end shows stays: the mean stiffness up to there.
+    fn elsewhere(
+        &self,
+        prepared: &Prepared,
+        trial: usize,
+        (limit, decrement): (f64, f64),
+    ) -> [(usize, f64); 3] {
+        let (own, reach) = (&self.parameters[trial], prepared.reach_rad(trial));
+        let mean = own[STIFFNESS] - own[DECREMENT] * (1.0 - own[ELASTIC_LIMIT] / reach).max(0.0);
+        let stiffness = mean.max(0.2 * own[STIFFNESS]) / (1.0 - decrement * (1.0 - limit));
+        [(STIFFNESS, stiffness), (DECREMENT, decrement * stiffness), (ELASTIC_LIMIT, limit * reach)]
     }
 
     /// The trials of each open component that have another optimum which the data do not tell apart from their best.
@@ -211,10 +217,11 @@ impl Fit {
         for place in TOGETHER {
             let mut start = self.solution.coordinates.clone();
             for (trial, links) in self.layout.links.iter().enumerate() {
-                if let Link::Logarithmic { coordinate, .. } = links[ELASTIC_LIMIT] {
-                    let bounds = &self.layout.coordinates[coordinate];
-                    let there = libm::log(place * prepared.reach_rad(trial));
-                    start[coordinate] = there.clamp(bounds.low, bounds.high);
+                for (parameter, value) in self.elsewhere(prepared, trial, place) {
+                    if let Link::Logarithmic { coordinate, factor } = links[parameter] {
+                        let bounds = &self.layout.coordinates[coordinate];
+                        start[coordinate] = libm::log(value / factor).clamp(bounds.low, bounds.high);
+                    }
                 }
             }
             let found = solve(prepared, &self.layout, &self.kinds, &self.objective, &start, self.look());
