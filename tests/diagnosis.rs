@@ -106,6 +106,48 @@ fn what_an_antagonist_adds_is_found_in_its_raw_emg_and_measured() {
     assert!((45.0..80.0).contains(&stiffness), "{stiffness}");
 }
 
+/// The yields of all trials once stayed at half of their place, with twice the stiffness, since what single trials lean on was there as
+/// well: the stiffness of the lever was blamed, with its two gains.
+#[test]
+fn an_inertia_of_the_lever_is_named_though_all_yields_go_astray_without_it() {
+    let desk = Desk::new();
+    desk.model(&[("lever_inertia", serde_json::json!({ "inertia_kg_m2": 0.0040 }))]);
+    desk.call(0, &["run", PAPER, "--seed", "1", "--model", "hides.json", "--out", "s"]);
+    desk.call(0, &["diagnose", "s", "--seed", "2"]);
+    let found = desk.diagnosis("s/results/diagnosis.json");
+    assert_eq!(found["verdict"], "named", "{found:#}");
+    let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
+    assert_eq!(cause["mechanism"], "lever_inertia");
+    let bound = |end: &str| cause["parameters"]["inertia_kg_m2"][end].as_f64().unwrap();
+    assert!(bound("low") < 0.0040 && 0.0040 < bound("high"), "{cause:#}");
+}
+
+/// A limit that is a time is no misfit, since each condition has a limit of its own: it is a law over the velocities.
+#[test]
+fn whether_the_muscle_yields_after_a_time_or_at_an_angle_is_told() {
+    let desk = Desk::new();
+    let limits = [
+        ("timed_yield", serde_json::json!({ "at_lowest": 0.026, "per_rad_s": 0.02, "per_nm": 0.0 })),
+        ("fixed_angle", serde_json::json!({ "at_lowest": 0.026, "per_rad_s": 0.0, "per_nm": 0.0 })),
+        ("linear", serde_json::json!({ "at_lowest": 0.033, "per_rad_s": 0.013, "per_nm": 0.0 })),
+    ];
+    for (law, surface) in limits {
+        let person =
+            serde_json::json!({ "format": "ramphold-person/1", "id": "Ada", "elastic_limit_rad": surface });
+        fs::write(desk.path("ada.json"), person.to_string()).unwrap();
+        desk.call(0, &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--out", law]);
+        let (told, _) = desk.call(0, &["diagnose", law, "--seed", "2"]);
+        let found = desk.diagnosis(&format!("{law}/results/diagnosis.json"));
+        assert_eq!(found["verdict"], "adequate");
+        let own = &found["laws"]["elastic_limit"];
+        assert_eq!(own["law"], law, "{own:#}");
+        let per_rad_s = surface["per_rad_s"].as_f64().unwrap();
+        let bound = |end: &str| own["x_t_s"][end].as_f64().unwrap();
+        assert!(bound("low") < per_rad_s && per_rad_s < bound("high"), "{own:#}");
+        assert!(told.contains("elastic limit: "), "{told}");
+    }
+}
+
 #[test]
 fn a_wrist_that_hides_nothing_is_adequate_and_the_answer_is_the_same_with_any_number_of_threads() {
     let desk = Desk::new();

@@ -106,6 +106,9 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
     for (cause, entry) in diagnosis.causes.iter().zip(json["causes"].as_array().into_iter().flatten()) {
         print_cause(&mut out, cause, entry)?;
     }
+    if let Some(law) = &diagnosis.limit_law {
+        writeln!(out, "elastic limit: {law}")?;
+    }
     if let Some(term) = &diagnosis.residual_term {
         let terms: Vec<String> =
             term.terms.iter().map(|t| format!("{:.3e} * ({})", t.coefficient, t.term)).collect();

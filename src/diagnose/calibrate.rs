@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
+use super::limit_law::limits;
 use super::omnibus::pattern;
 use super::screen::{Probe, score, torques};
 use super::tangent::{Direction, Tangent};
@@ -84,36 +85,43 @@ const LEAST_SCATTER: f64 = 1.2;
 /// How many sessions without any misfit are simulated.
 pub const SIMULATIONS: usize = 60;
 
-/// Compares `finding` with simulated sessions in which the fitted model is right.
-pub fn chance(
-    prepared: &Prepared,
-    fit: &Fit,
-    tangent: &Tangent,
-    probes: &[Probe],
-    finding: &Finding,
-    seed: u64,
-) -> Chance {
-    let predicted = torques(prepared, &fit.kinds, &fit.parameters);
-    let noise = NoiseMaker::of(&prepared.noises);
-    let null: Vec<Finding> = (0..SIMULATIONS)
-        .into_par_iter()
-        .map(|number| {
-            let mut stream = Stream::new(seed, &format!("bootstrap/{}/{number}", fit.kinds.len()));
-            let simulated = simulated(prepared, &predicted, &noise, &mut stream);
-            let refitted = refit(&simulated, fit);
-            let residuals = Tangent::new(&simulated, &refitted).residuals();
-            screen(&simulated, tangent, probes, &residuals)
-        })
-        .collect();
-    let all = |what: fn(&Finding) -> f64| null.iter().map(what).collect::<Vec<_>>();
-    let of = |what: fn(&Finding) -> f64| gumbel_tail(&all(what), what(finding));
-    let usual = all(|finding| finding.scatter).iter().sum::<f64>() / SIMULATIONS as f64;
-    let scatter = finding.scatter / usual;
-    Chance {
-        of_largest: of(|finding| finding.largest),
-        of_excess: of(|finding| finding.excess),
-        of_scatter: if scatter < LEAST_SCATTER { 1.0 } else { of(|finding| finding.scatter) },
-        scatter,
+/// What comes out of sessions simulated with the fitted model as the truth.
+pub struct Simulated {
+    /// What screening makes of their residuals.
+    findings: Vec<Finding>,
+    /// Their trials' elastic limits, rad.
+    pub limits: Vec<Vec<f64>>,
+}
+
+impl Simulated {
+    pub fn new(prepared: &Prepared, fit: &Fit, tangent: &Tangent, probes: &[Probe], seed: u64) -> Self {
+        let predicted = torques(prepared, &fit.kinds, &fit.parameters);
+        let noise = NoiseMaker::of(&prepared.noises);
+        let (findings, limits) = (0..SIMULATIONS)
+            .into_par_iter()
+            .map(|number| {
+                let mut stream = Stream::new(seed, &format!("bootstrap/{}/{number}", fit.kinds.len()));
+                let simulated = simulated(prepared, &predicted, &noise, &mut stream);
+                let refitted = refit(&simulated, fit);
+                let residuals = Tangent::new(&simulated, &refitted).residuals();
+                (screen(&simulated, tangent, probes, &residuals), limits(&refitted))
+            })
+            .unzip();
+        Self { findings, limits }
+    }
+
+    /// How probable such a finding is in them.
+    pub fn chance(&self, finding: &Finding) -> Chance {
+        let all = |what: fn(&Finding) -> f64| self.findings.iter().map(what).collect::<Vec<_>>();
+        let of = |what: fn(&Finding) -> f64| gumbel_tail(&all(what), what(finding));
+        let usual = all(|finding| finding.scatter).iter().sum::<f64>() / SIMULATIONS as f64;
+        let scatter = finding.scatter / usual;
+        Chance {
+            of_largest: of(|finding| finding.largest),
+            of_excess: of(|finding| finding.excess),
+            of_scatter: if scatter < LEAST_SCATTER { 1.0 } else { of(|finding| finding.scatter) },
+            scatter,
+        }
     }
 }
 

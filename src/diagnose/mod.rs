@@ -29,7 +29,7 @@ mod trend;
 pub use design::{Proposal, design};
 pub use gain::{Gain, Ratio};
 pub use hum::{Hum, without as without_hum};
-pub use limit_law::LimitLaw;
+pub use limit_law::{Law, LimitLaw};
 pub use look::Look;
 pub use outliers::Outlier;
 pub use output::{DIAGNOSIS_FORMAT, picture};

@@ -8,6 +8,7 @@ use super::across::STIFFNESS;
 use super::by_trial::residual_by_trial;
 use super::gain::residuals;
 use super::law::FORM_ERROR;
+use super::limit_law::LimitLaw;
 use super::search::{Cause, Diagnosis, Evidence};
 use super::trend::{Trend, without_effect};
 use crate::dataset::Disk;
@@ -38,7 +39,7 @@ impl Diagnosis {
             "not_visible": self.unseen.iter().map(|unseen| json!({
                 "mechanism": unseen.kind.id(), "class": unseen.kind.class(), "reason": unseen.reason,
             })).collect::<Vec<_>>(),
-            "laws": { "elastic_limit": self.limit_law },
+            "laws": { "elastic_limit": self.limit_law.as_ref().map(LimitLaw::to_json) },
             "residual_by_trial": residual_by_trial(prepared, &self.before, &self.after),
             "residual_map": residual_map(prepared, &self.before, &self.after),
             "remarks": self.remarks,

@@ -1,7 +1,7 @@
 //! The search: forward steps until nothing is left over.
 
 use super::across::Stiffnesses;
-use super::calibrate::{Finding, chance, screen};
+use super::calibrate::{Finding, Simulated, screen};
 use super::gain::{Gain, gain, gain_of_cleaning};
 use super::hum::Hum;
 use super::law::may_leave;
@@ -139,13 +139,16 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
     let mut left_within = 1.0;
     let mut last: Option<Candidate> = None;
     let mut scatter = None;
+    let mut simulated_limits = Vec::new();
     for step in 0..=MOST_STEPS {
         let tangent = Tangent::new(prepared, &fit);
         let (probes, not_visible) = probes(prepared, &fit, &tangent);
         let residuals = tangent.residuals();
         let finding = screen(prepared, &tangent, &probes, &residuals);
         stage("comparing the misfit with simulated sessions");
-        let chance = chance(prepared, &fit, &tangent, &probes, &finding, seed);
+        let simulated = Simulated::new(prepared, &fit, &tangent, &probes, seed);
+        let chance = simulated.chance(&finding);
+        simulated_limits = simulated.limits;
         left_within = chance.of_any();
         tracing::debug!(step, ?finding, ?chance, causes = ?fit.kinds);
         if step == 0 {
@@ -220,7 +223,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
         left_over_p_value,
         residual_term,
         unseen,
-        limit_law: limit_law(prepared, &fit),
+        limit_law: limit_law(prepared, &fit, &simulated_limits),
         before,
         after: fit,
         remarks,

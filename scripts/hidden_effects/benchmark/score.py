@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf
 from statistics import median
 
-from .plan import TOLD_APART
+from .plan import LAWS, TOLD_APART
 
 LARGEST_SET = 3
 MATERIAL_BIAS = 0.02  # of the true value: less than this needs no mending
@@ -43,11 +43,20 @@ def verdict(outcome) -> str:
     return outcome.diagnosis["verdict"] if outcome.diagnosis else "failed"
 
 
+def law(outcome) -> dict:
+    """The law of the elastic limit, with its values."""
+    return ((outcome.diagnosis or {}).get("laws") or {}).get("elastic_limit") or {}
+
+
 def found(outcome, mechanism, largest_set=LARGEST_SET) -> bool:
+    if mechanism in LAWS:
+        return law(outcome).get("law") == mechanism
     return any(mechanism in named_set(c) and len(named_set(c)) <= largest_set for c in causes(outcome))
 
 
 def alone(outcome, mechanism) -> bool:
+    if mechanism in LAWS:
+        return found(outcome, mechanism) and not causes(outcome)
     return [named_set(c) for c in causes(outcome)] == [{mechanism}]
 
 
@@ -62,6 +71,7 @@ def rates(outcomes) -> list[Rate]:
     for o in single:
         every[o.case.effect].append(found(o, o.case.effect))
     count = lambda xs: sum(map(bool, xs))
+    others = [o for o in outcomes if o.case.effect not in LAWS and law(o)]
     return [
         Rate("named, or in a named set of at most 3", count(found(o, o.case.effect) for o in single), len(single),
              0.95),
@@ -75,6 +85,8 @@ def rates(outcomes) -> list[Rate]:
              len(by["alien"]), 0.90),
         Rate("both of two", count(all(found(o, m) for m in o.case.effect.split("+")) for o in by["pair"]),
              len(by["pair"]), 0.80),
+        Rate("a limit that is not a time said to be one", count(found(o, m) for o in others for m in LAWS), len(others),
+             0.05, at_most=True),
         Rate("values whose interval covers the truth", count(covered), len(covered), 0.90),
         *(bias_rate(single, name) for name in ("k_srs_nm_per_rad", "x_e_rad")),
     ]
@@ -100,10 +112,13 @@ def coverage(outcome, nominal=False) -> list[tuple[str, bool]]:
     Parameters whose hidden form has no exact counterpart (`nominal`) are counted apart.
     """
     hidden = outcome.truth["hidden"][0]
-    cause = next((c for c in causes(outcome) if c["mechanism"] == hidden["mechanism"]), None)
-    if cause is None:
+    if hidden["mechanism"] in LAWS:
+        values = law(outcome) if found(outcome, hidden["mechanism"]) else None
+    else:
+        values = next((c["parameters"] for c in causes(outcome) if c["mechanism"] == hidden["mechanism"]), None)
+    if values is None:
         return []
-    return [(name, _covers(cause["parameters"].get(name), true["value"]))
+    return [(name, _covers(values.get(name), true["value"]))
             for name, true in hidden["parameters"].items() if true["nominal"] == nominal]
 
 
@@ -148,5 +163,6 @@ def answers(outcomes) -> Counter:
     def phrase(o):
         sets = " & ".join("/".join(sorted(named_set(c), key=lambda m: m != c["mechanism"])) for c in causes(o))
         said = verdict(o)
-        return sets if said in ("named", "ambiguous") else f"{said}" + (f" ({sets})" if sets else "")
+        said = sets if said in ("named", "ambiguous") else f"{said}" + (f" ({sets})" if sets else "")
+        return f"{said}, law: {law(o).get('law')}" if o.case.effect in LAWS else said
     return Counter(phrase(o) for o in outcomes)

@@ -67,6 +67,21 @@ def test_alone_means_one_cause_and_no_rival():
     assert not score.alone(outcome("fatigue", [named("fatigue", ["thixotropy"])]), "fatigue")
 
 
+def test_a_law_of_the_elastic_limit_is_found_as_a_law_and_not_as_a_cause():
+    def with_law(effect, law):
+        o = outcome(effect, [], "adequate")
+        o.diagnosis["laws"] = {"elastic_limit": {"law": law, "delay_s": {"value": 1, "low": 0.5, "high": 1.5}}}
+        return o
+    told = with_law("timed_yield", "timed_yield")
+    assert score.found(told, "timed_yield") and score.alone(told, "timed_yield")
+    assert score.coverage(told) == [("delay_s", True)]
+    assert not score.found(with_law("timed_yield", "linear"), "timed_yield")
+    assert not score.found(outcome("timed_yield", [named("timed_yield")]), "timed_yield")
+    [false] = [r for r in score.rates([with_law("none", "timed_yield"), with_law("none", "linear")])
+               if r.name.startswith("a limit that is not a time")]
+    assert (false.hits, false.of) == (1, 2)
+
+
 @pytest.mark.parametrize("low, high, hit", [(0.5, 1.5, True), (1.1, 1.5, False), (None, None, False)])
 def test_an_interval_covers_or_does_not(low, high, hit):
     o = outcome("channel_skew", [named("channel_skew", delay_s={"value": 1, "low": low, "high": high})])

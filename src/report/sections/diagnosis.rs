@@ -32,6 +32,9 @@ pub fn diagnosis(material: &Material) -> Section {
     if let Some(figure) = residual_map(&map) {
         section.figure(figure);
     }
+    if let Some(law) = file.root.pointer("/laws/elastic_limit/says").and_then(Value::as_str) {
+        section.say(&format!("Elastic limit: {law}."));
+    }
     for remark in file.root["remarks"].as_array().into_iter().flatten().filter_map(Value::as_str) {
         section.say(&format!("Remark: {remark}."));
     }
