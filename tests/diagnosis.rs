@@ -142,8 +142,8 @@ fn whether_the_muscle_yields_after_a_time_or_at_an_angle_is_told() {
         let own = &found["laws"]["elastic_limit"];
         assert_eq!(own["law"], law, "{own:#}");
         let per_rad_s = surface["per_rad_s"].as_f64().unwrap();
-        let bound = |end: &str| own["x_t_s"][end].as_f64().unwrap();
-        assert!(bound("low") < per_rad_s && per_rad_s < bound("high"), "{own:#}");
+        let x_t_s = own["x_t_s"]["value"].as_f64().unwrap();
+        assert!((x_t_s - per_rad_s).abs() < 0.0015, "{own:#}");
         assert!(told.contains("elastic limit: "), "{told}");
     }
 }
