@@ -40,15 +40,21 @@ impl Desk {
         });
         fs::write(self.path("hides.json"), model.to_string()).unwrap();
     }
+
+    /// What is said of a wrist with these mechanisms that went through the paper's protocol.
+    fn diagnosis_of(&self, mechanisms: &[(&str, Value)], seed: &str) -> Value {
+        self.model(mechanisms);
+        self.call(0, &["run", PAPER, "--seed", seed, "--model", "hides.json", "--out", "s"]);
+        self.call(0, &["diagnose", "s", "--seed", "2"]);
+        self.diagnosis("s/results/diagnosis.json")
+    }
 }
 
 #[test]
 fn a_slack_handle_is_named_measured_and_gone_with_the_extended_model() {
     let desk = Desk::new();
-    desk.model(&[("interface_slack", serde_json::json!({ "half_width_rad": 0.0006 }))]);
-    desk.call(0, &["run", PAPER, "--seed", "5", "--model", "hides.json", "--out", "s"]);
-    desk.call(0, &["diagnose", "s", "--seed", "2"]);
-    let found = desk.diagnosis("s/results/diagnosis.json");
+    let slack = ("interface_slack", serde_json::json!({ "half_width_rad": 0.0006 }));
+    let found = desk.diagnosis_of(&[slack], "5");
     assert_eq!(found["verdict"], "named", "{found:#}");
     let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
     assert_eq!(cause["mechanism"], "interface_slack");
@@ -66,10 +72,7 @@ fn a_small_cause_is_found_beside_a_delay_that_is_worth_many_times_as_much() {
     let desk = Desk::new();
     let delay = ("channel_skew", serde_json::json!({ "delay_s": -0.002 }));
     let hardening = ("interface_hardening", serde_json::json!({ "strength_per_rad2": 4000.0 }));
-    desk.model(&[delay, hardening]);
-    desk.call(0, &["run", PAPER, "--seed", "5", "--model", "hides.json", "--out", "s"]);
-    desk.call(0, &["diagnose", "s", "--seed", "2"]);
-    let found = desk.diagnosis("s/results/diagnosis.json");
+    let found = desk.diagnosis_of(&[delay, hardening], "5");
     let causes: Vec<&str> = found["causes"]
         .as_array()
         .unwrap()
@@ -111,10 +114,8 @@ fn what_an_antagonist_adds_is_found_in_its_raw_emg_and_measured() {
 #[test]
 fn an_inertia_of_the_lever_is_named_though_all_yields_go_astray_without_it() {
     let desk = Desk::new();
-    desk.model(&[("lever_inertia", serde_json::json!({ "inertia_kg_m2": 0.0040 }))]);
-    desk.call(0, &["run", PAPER, "--seed", "1", "--model", "hides.json", "--out", "s"]);
-    desk.call(0, &["diagnose", "s", "--seed", "2"]);
-    let found = desk.diagnosis("s/results/diagnosis.json");
+    let inertia = ("lever_inertia", serde_json::json!({ "inertia_kg_m2": 0.0040 }));
+    let found = desk.diagnosis_of(&[inertia], "1");
     assert_eq!(found["verdict"], "named", "{found:#}");
     let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
     assert_eq!(cause["mechanism"], "lever_inertia");

@@ -4,10 +4,7 @@
 //! in the session, the rest, the EMG ([`super::trend`])? And does any trial differ more than the spread of all allows
 //! ([`super::outliers`])?
 
-use crate::fit::{Fit, Prepared};
-
-/// Index of k_srs in a trial's parameters.
-pub const STIFFNESS: usize = 3;
+use crate::fit::{Fit, Prepared, STIFFNESS};
 
 /// Where a stiffness still has a logarithm, N m/rad.
 pub const LEAST_STIFFNESS: f64 = 1e-9;

@@ -3,7 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
-use crate::fit::{Fit, Prepared};
+use crate::fit::{ELASTIC_LIMIT, Fit, Prepared};
+use crate::statistics::Sample;
 use crate::wrist::mechanisms::Kind;
 
 /// Which law the elastic limits follow over the velocities.
@@ -50,8 +51,6 @@ pub fn limits(fit: &Fit) -> Vec<f64> {
     fit.parameters.iter().map(|own| own[ELASTIC_LIMIT]).collect()
 }
 
-const ELASTIC_LIMIT: usize = 5;
-
 /// The law of a fit's elastic limits; `simulated` are those of sessions simulated with that fit as the truth.
 ///
 /// Weighed least squares on one, velocity and torque. A trial's weight is from its noise, which is how its limit scatters between the
@@ -66,8 +65,8 @@ pub fn limit_law(prepared: &Prepared, fit: &Fit, simulated: &[Vec<f64>]) -> Opti
         return None;
     }
     let own = limits(fit);
-    let noise: Vec<f64> =
-        trials.iter().map(|t| variance(simulated.iter().map(|limits| limits[*t]))).collect();
+    let scatter = |t: &usize| simulated.iter().map(|limits| limits[*t]).collect::<Sample>().variance();
+    let noise: Vec<f64> = trials.iter().map(scatter).collect::<Option<_>>()?;
     let mean = |of: &dyn Fn(usize) -> f64| trials.iter().map(|t| of(*t)).sum::<f64>() / trials.len() as f64;
     let mean_torque = mean(&|trial| prepared.trials[trial].torque_nm);
     let row = |trial: &usize| {
@@ -81,12 +80,12 @@ pub fn limit_law(prepared: &Prepared, fit: &Fit, simulated: &[Vec<f64>]) -> Opti
     let in_simulated: Vec<Vector3<f64>> =
         simulated.iter().map(|limits| plane.coefficients(&of_trials(limits))).collect();
     let value = |index: usize| {
-        let in_common = variance(in_simulated.iter().map(|own| own[index]));
+        let in_common = in_simulated.iter().map(|own| own[index]).collect::<Sample>().variance()?;
         let between_trials =
             plane.variance_between * plane.shares.iter().map(|s| s[index] * s[index]).sum::<f64>();
-        (coefficients[index], libm::sqrt(in_common + between_trials))
+        Some((coefficients[index], libm::sqrt(in_common + between_trials)))
     };
-    let (x_0, x_t) = (value(0), value(1));
+    let (x_0, x_t, per_torque) = (value(0)?, value(1)?, value(2)?);
     // What the mean limit owes to each.
     let limit = mean(&|trial| own[trial]);
     let velocity = mean(&|trial| prepared.trials[trial].velocity_rad_s.abs());
@@ -97,7 +96,7 @@ pub fn limit_law(prepared: &Prepared, fit: &Fit, simulated: &[Vec<f64>]) -> Opti
         (Part::Some, Part::Some) => Law::Linear,
         _ => Law::Undecided,
     };
-    Some(LimitLaw { law, x_0_rad: x_0, x_t_s: x_t, per_torque_rad_per_nm: value(2) })
+    Some(LimitLaw { law, x_0_rad: x_0, x_t_s: x_t, per_torque_rad_per_nm: per_torque })
 }
 
 /// Whether a trial yields within the window. One that does so at its end or later has a limit that its neighbours told.
@@ -109,12 +108,6 @@ fn is_seen(prepared: &Prepared, fit: &Fit, trial: usize) -> bool {
 
 /// Part of the window after which a yield does not show. Assumed.
 const SEEN: f64 = 0.95;
-
-fn variance(values: impl Iterator<Item = f64> + Clone) -> f64 {
-    let count = values.clone().count() as f64;
-    let mean = values.clone().sum::<f64>() / count;
-    values.map(|value| (value - mean) * (value - mean)).sum::<f64>() / (count - 1.0)
-}
 
 /// Weighed least squares.
 struct Plane {
@@ -131,7 +124,7 @@ impl Plane {
         if low.excess(rows, noise, limits) <= 0.0 {
             return Some(low);
         }
-        let mut high = variance(limits.iter().copied());
+        let mut high = limits.iter().copied().collect::<Sample>().variance()?;
         for _ in 0..BISECTIONS {
             let middle = Self::with(rows, noise, 0.5 * (low.variance_between + high))?;
             if middle.excess(rows, noise, limits) > 0.0 {

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::across::STIFFNESS;
 use super::by_trial::residual_by_trial;
 use super::gain::residuals;
 use super::law::FORM_ERROR;
@@ -12,7 +11,7 @@ use super::limit_law::LimitLaw;
 use super::search::{Cause, Diagnosis, Evidence};
 use super::trend::{Trend, without_effect};
 use crate::dataset::Disk;
-use crate::fit::{Fit, Model, Prepared, Switched, Treatment, WriteError, write_files};
+use crate::fit::{Fit, Model, Prepared, STIFFNESS, Switched, Treatment, WriteError, write_files};
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::Kind;
 

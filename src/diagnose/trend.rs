@@ -1,9 +1,9 @@
 //! How the trials' stiffnesses go with the place in the session, the rest before, and the EMG.
 
-use super::across::{LEAST_STIFFNESS, STIFFNESS, Stiffnesses};
+use super::across::{LEAST_STIFFNESS, Stiffnesses};
 use super::calibrate::gumbel_tail;
 use super::screen::missing;
-use crate::fit::{Fit, Prepared};
+use crate::fit::{Fit, Prepared, STIFFNESS};
 use crate::random::Stream;
 use crate::wrist::mechanisms::{CATALOGUE, Class, Kind, Parameter, Surroundings};
 use crate::wrist::{Jet, Number, Plant};

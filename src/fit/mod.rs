@@ -38,7 +38,7 @@ pub use profile::{Interval, PROFILED, profiles};
 pub use resample::{NoiseMaker, resampled};
 pub use results::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
 pub use rival::{Glance, Scout};
-pub use run::{Fit, Weighting, objective};
+pub use run::{ELASTIC_LIMIT, Fit, STIFFNESS, Weighting, objective};
 pub use solve::{Effort, Outcome, Solution, Stop, solve};
 pub use uncertainty::{
     Prediction, Uncertainty, covariance, predictions, uncertainties, variance_accounted_for,

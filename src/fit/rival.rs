@@ -57,6 +57,9 @@ impl<'a> Scout<'a> {
 
     /// Looks a short way down from each start of the `models`, which are the same but for the values that the mechanism starts
     /// from.
+    ///
+    /// # Panics
+    /// If there are no models.
     pub fn glance(&self, models: &[Model]) -> Glance {
         let guesses = |model: &Model| {
             let all = self.first.guesses(self.prepared, model).into_iter();
@@ -70,16 +73,13 @@ impl<'a> Scout<'a> {
         starts.iter_mut().for_each(|fit| *fit = fit.extended_by(&self.few, &fit.model, SECOND_GLANCE));
         sort(&mut starts);
         starts.insert(0, starts[0].clone().regrouped(&self.few));
-        let best = starts.first().map_or(f64::INFINITY, Fit::cost);
+        let best = starts[0].cost();
         let share = self.some.trials.len() as f64 / self.prepared.trials.len() as f64;
         Glance { starts, promise: 2.0 * (self.cost - best) / share }
     }
 
     /// Goes on with all trials from where the best starts led, with the weights of the fit. Looks for other optima only on the way
     /// to [`Fit::settled`].
-    ///
-    /// # Panics
-    /// If nothing was looked at.
     pub fn follow(&self, glance: &Glance) -> Fit {
         let within = glance.starts[0].cost() + NEAR;
         let to_the_end = |fit: &Fit| {

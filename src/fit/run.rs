@@ -210,9 +210,10 @@ impl Fit {
 const EXTENSION: Effort = Effort { iterations: 40, decrease: 1e-4, longest_step: 0.7 };
 
 /// Index of k_srs, k_dec and x_e in a trial's parameters.
-pub(super) const STIFFNESS: usize = 3;
+pub const STIFFNESS: usize = 3;
 pub(super) const DECREMENT: usize = 4;
-pub(super) const ELASTIC_LIMIT: usize = 5;
+/// See [`STIFFNESS`].
+pub const ELASTIC_LIMIT: usize = 5;
 
 /// What to minimise, and the covariance of the residuals where one could be measured; `point` as for [`covariances`].
 ///
