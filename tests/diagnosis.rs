@@ -110,17 +110,32 @@ fn what_an_antagonist_adds_is_found_in_its_raw_emg_and_measured() {
 }
 
 /// The yields of all trials once stayed at half of their place, with twice the stiffness, since what single trials lean on was there as
-/// well: the stiffness of the lever was blamed, with its two gains.
+/// well: the stiffness of the lever was blamed, with its two gains. The larger inertia's own fit stayed there too, since it began with a
+/// third of it.
 #[test]
 fn an_inertia_of_the_lever_is_named_though_all_yields_go_astray_without_it() {
-    let desk = Desk::new();
-    let inertia = ("lever_inertia", serde_json::json!({ "inertia_kg_m2": 0.0040 }));
-    let found = desk.diagnosis_of(&[inertia], "1");
-    assert_eq!(found["verdict"], "named", "{found:#}");
-    let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
-    assert_eq!(cause["mechanism"], "lever_inertia");
-    let bound = |end: &str| cause["parameters"]["inertia_kg_m2"][end].as_f64().unwrap();
-    assert!(bound("low") < 0.0040 && 0.0040 < bound("high"), "{cause:#}");
+    for inertia_kg_m2 in [0.0040, 0.0055] {
+        let inertia = ("lever_inertia", serde_json::json!({ "inertia_kg_m2": inertia_kg_m2 }));
+        let found = Desk::new().diagnosis_of(&[inertia], "1");
+        assert_eq!(found["verdict"], "named", "{found:#}");
+        let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
+        assert_eq!(cause["mechanism"], "lever_inertia");
+        let bound = |end: &str| cause["parameters"]["inertia_kg_m2"][end].as_f64().unwrap();
+        assert!(bound("low") < inertia_kg_m2 && inertia_kg_m2 < bound("high"), "{cause:#}");
+    }
+}
+
+/// A low-pass with a slack handle was once answered with an angle gain and the slack: of two causes the first was chosen without the
+/// second, and kept.
+#[test]
+fn the_first_of_two_causes_is_chosen_again_once_the_second_is_known() {
+    let lag = ("torque_lag", serde_json::json!({ "cutoff_hz": 150.0 }));
+    let slack = ("interface_slack", serde_json::json!({ "half_width_rad": 0.0004 }));
+    let found = Desk::new().diagnosis_of(&[lag, slack], "1");
+    let mechanism = |place: usize| found["causes"][place]["mechanism"].as_str();
+    let causes = [mechanism(0), mechanism(1), mechanism(2)];
+    assert_eq!(causes, [Some("torque_lag"), Some("interface_slack"), None], "{found:#}");
+    assert_ne!(found["verdict"], "unexplained", "{found:#}");
 }
 
 /// A limit that is a time is no misfit, since each condition has a limit of its own: it is a law over the velocities.

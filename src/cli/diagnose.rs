@@ -112,12 +112,17 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
     if let Some(term) = &diagnosis.residual_term {
         let terms: Vec<String> =
             term.terms.iter().map(|t| format!("{:.3e} * ({})", t.coefficient, t.term)).collect();
+        let about = match terms.as_slice() {
+            [] => "no sum of simple terms describes what is left".to_string(),
+            _ => format!(
+                "what is left is about {} (N m): a description of {:.0} % of it, not a mechanism",
+                terms.join(" + "),
+                100.0 * term.described
+            ),
+        };
         writeln!(
             out,
-            "what is left is about {} (N m): a description of {:.0} % of it, not a mechanism; largest {:.1} ms after \
-             the onset, at {:.2} rad/s and {:.1} N m",
-            terms.join(" + "),
-            100.0 * term.described,
+            "{about}; largest {:.1} ms after the onset, at {:.2} rad/s and {:.1} N m",
             1e3 * term.largest_at_s,
             term.largest_in.0,
             term.largest_in.1

@@ -1,6 +1,7 @@
 //! What an extension gains on data that it was not fitted to.
 
 use super::screen::torques;
+use super::tangent::whiten;
 use crate::fit::{Fit, Model, Prepared, Scope, variance_accounted_for};
 use crate::random::Stream;
 use crate::wrist::BASE_PARAMETERS;
@@ -31,6 +32,9 @@ pub struct Gain {
     pub vaf_before: f64,
     /// With the extension.
     pub vaf_after: f64,
+    /// What the sum of squares of the repetitions left out loses by the extension, in units of the noise.
+    #[serde(skip)]
+    pub held_out_loss: f64,
 }
 
 /// The gain of `after`, which adds its last mechanism to `before`.
@@ -39,21 +43,19 @@ pub struct Gain {
 /// out, with the extension and without, so that what is compared is the mechanism alone. Intervals resample trials.
 pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> Gain {
     let without = squares(prepared, before);
+    let weighed = weighed_squares(prepared, before);
     let part = parts(&prepared.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>());
     let keys: [Box<dyn Fn(usize) -> i64>; 3] = [
         Box::new(|trial| part[trial]),
         Box::new(|trial| (prepared.trials[trial].velocity_rad_s * 1e6) as i64),
         Box::new(|trial| (prepared.trials[trial].torque_nm * 1e6) as i64),
     ];
-    let ratios: Vec<Option<Ratio>> = keys
-        .iter()
-        .enumerate()
-        .map(|(index, key)| {
-            let with = held_out_squares(prepared, after, key)?;
-            let mut stream = Stream::new(seed, &format!("gain/{index}/{}", after.kinds.len()));
-            Some(ratio(&with, &without, &mut stream))
-        })
-        .collect();
+    let left_out: Vec<Option<LeftOut>> = keys.iter().map(|key| left_out(prepared, after, key)).collect();
+    let ratio_of = |(index, with): (usize, &Option<LeftOut>)| {
+        let mut stream = Stream::new(seed, &format!("gain/{index}/{}", after.kinds.len()));
+        with.as_ref().map(|with| ratio(&with.squares, &without, &mut stream))
+    };
+    let ratios: Vec<Option<Ratio>> = left_out.iter().enumerate().map(ratio_of).collect();
     let unknown = Ratio { value: f64::NAN, low: f64::NAN, high: f64::NAN };
     Gain {
         held_out_rmse_ratio: ratios[0].unwrap_or(unknown),
@@ -61,6 +63,7 @@ pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> Gain {
         held_out_torque_rmse_ratio: ratios[2],
         vaf_before: mean_vaf(prepared, before),
         vaf_after: mean_vaf(prepared, after),
+        held_out_loss: left_out[0].as_ref().map_or(f64::NAN, |with| weighed - with.weighed),
     }
 }
 
@@ -75,6 +78,7 @@ pub fn gain_of_cleaning(with: (&Prepared, &Fit), without: (&Prepared, &Fit), see
         held_out_torque_rmse_ratio: None,
         vaf_before: mean_vaf(with.0, with.1),
         vaf_after: mean_vaf(without.0, without.1),
+        held_out_loss: weighed_squares(with.0, with.1) - weighed_squares(without.0, without.1),
     }
 }
 
@@ -94,15 +98,23 @@ fn parts(repetitions: &[u32]) -> Vec<i64> {
     repetitions.iter().enumerate().map(|own| part(own) as i64).collect()
 }
 
-/// Each trial's mean squared residual, (N m)^2, where the mechanism was fitted to the trials with another key.
-fn held_out_squares(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<Vec<f64>> {
+/// What is left of trials that a mechanism's values were not fitted to.
+struct LeftOut {
+    /// Each trial's mean squared residual, (N m)^2.
+    squares: Vec<f64>,
+    /// The sum of all squares in units of the noise.
+    weighed: f64,
+}
+
+/// Each trial, where the mechanism was fitted to the trials with another key.
+fn left_out(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<LeftOut> {
     let mut keys: Vec<i64> = (0..prepared.trials.len()).map(key).collect();
     keys.sort_unstable();
     keys.dedup();
     if !(2..=MOST_PARTS).contains(&keys.len()) {
         return None;
     }
-    let mut result = vec![0.0; prepared.trials.len()];
+    let mut result = LeftOut { squares: vec![0.0; prepared.trials.len()], weighed: 0.0 };
     for held in keys {
         let rest: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) != held).collect();
         let out: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) == held).collect();
@@ -110,8 +122,9 @@ fn held_out_squares(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64
         let own = after.on(prepared, &out, &held_model(&others));
         let few = prepared.only(&out);
         for (place, square) in squares(&few, &own).into_iter().enumerate() {
-            result[out[place]] = square;
+            result.squares[out[place]] = square;
         }
+        result.weighed += weighed_squares(&few, &own);
     }
     Some(result)
 }
@@ -136,6 +149,12 @@ fn squares(prepared: &Prepared, fit: &Fit) -> Vec<f64> {
         .iter()
         .map(|own| own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64)
         .collect()
+}
+
+/// The sum of all squared residuals in units of the noise.
+fn weighed_squares(prepared: &Prepared, fit: &Fit) -> f64 {
+    let own = |(trial, residual): (usize, &Vec<f64>)| whiten(prepared, fit, trial, residual).norm_squared();
+    residuals(prepared, fit).iter().enumerate().map(own).sum()
 }
 
 /// Measured less predicted, N m, by trial.

@@ -23,6 +23,7 @@ mod refit;
 mod rest;
 mod screen;
 mod search;
+mod steps;
 mod tangent;
 mod trend;
 

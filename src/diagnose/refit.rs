@@ -28,8 +28,7 @@ impl Candidate {
 
     /// The values of its parameters.
     pub fn values(&self) -> &[f64] {
-        let own = &self.fit.parameters[0];
-        &own[own.len() - self.kind.parameter_count()..]
+        self.fit.added()
     }
 }
 
@@ -38,11 +37,20 @@ fn fitted_count(kind: Kind) -> usize {
 }
 
 /// The mechanisms that were fitted, the best first.
+#[derive(Debug, Clone)]
 pub struct Shortlist {
     /// They.
     pub candidates: Vec<Candidate>,
     /// Variance of the residuals over what the noise says, at the best of them; at least one.
     pub unit: f64,
+}
+
+impl Shortlist {
+    /// The same with one of its kinds in front.
+    pub fn led_by(mut self, kind: Kind) -> Self {
+        self.candidates.sort_by_key(|own| own.kind != kind);
+        self
+    }
 }
 
 /// A mechanism is fitted to all trials if what it promises on some comes this near to what the best does, in units of the noise, or
@@ -59,11 +67,11 @@ const PART_OF_BEST: f64 = 0.06;
 ///
 /// What screening promises tells where to start, not whom to leave out: a model that lacks something large has gone to where
 /// the step to the right mechanism is not straight. So each starts from a guess of its own, and, since what is missing may
-/// also be small, from where `fit` ended.
-pub fn candidates(prepared: &Prepared, fit: &Fit, probes: &[Probe], freedom: f64) -> Shortlist {
+/// also be small, from where `fit` ended. What each is worth counts from the fit `before`.
+pub fn candidates(prepared: &Prepared, before: &Fit, fit: &Fit, probes: &[Probe], freedom: f64) -> Shortlist {
     let mut kinds: Vec<Kind> = probes.iter().map(|probe| probe.kind).collect();
     kinds.dedup();
-    let before = fit.cost();
+    let before = before.cost();
     let scout = Scout::new(prepared, fit);
     let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - fit.cost()), fit };
     let mut glances: Vec<(Kind, Glance)> = kinds
@@ -83,11 +91,14 @@ pub fn candidates(prepared: &Prepared, fit: &Fit, probes: &[Probe], freedom: f64
     let best = rough.first().map_or(0.0, |own| own.worth);
     rough.retain(|own| own.worth > best - WITHIN_REACH.max(PART_OF_BEST * best));
     let mut settled: Vec<Candidate> =
-        rough.into_par_iter().map(|own| candidate(own.fit.settled(prepared), own.kind)).collect();
+        rough.into_par_iter().map(|own| candidate(scout.anew(own.fit).settled(prepared), own.kind)).collect();
     let best = settled.iter().map(|own| 2.0 * own.fit.cost()).fold(f64::INFINITY, f64::min);
     let unit = (best / freedom).clamp(1.0, f64::MAX);
     settled.iter_mut().for_each(|own| own.worth /= unit);
     settled.sort_by(|a, b| b.merit().total_cmp(&a.merit()));
+    for own in &settled {
+        tracing::debug!(beside = ?fit.kinds, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
+    }
     Shortlist { candidates: settled, unit }
 }
 

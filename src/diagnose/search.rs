@@ -1,17 +1,15 @@
-//! The search: forward steps until nothing is left over.
+//! A diagnosis: within the trace, then across the trials, and what both come to.
 
 use super::across::Stiffnesses;
-use super::calibrate::{Finding, Simulated, screen};
-use super::gain::{Gain, gain, gain_of_cleaning};
+use super::calibrate::Finding;
+use super::gain::{Gain, gain_of_cleaning};
 use super::hum::Hum;
-use super::law::may_leave;
 use super::limit_law::{LimitLaw, limit_law};
 use super::look::Look;
 use super::outliers::{Outlier, outliers};
-use super::refit::{Candidate, candidates, not_ruled_out};
 use super::rest::{ResidualTerm, residual_term};
-use super::screen::{Unseen, probes};
-use super::tangent::Tangent;
+use super::screen::Unseen;
+use super::steps::Steps;
 use super::trend::{Trend, strongest_trend};
 use crate::fit::{Fit, Model, Prepared, Weighting};
 use crate::wrist::mechanisms::Kind;
@@ -103,18 +101,11 @@ pub struct Diagnosis {
 
 /// Probability below which a misfit is one, over both levels. Stricter than the 5 % of false alarms that are allowed, since the
 /// simulated sessions have Gaussian noise of exactly the measured covariance, and real ones do not.
-const SIGNIFICANT: f64 = 0.01;
-
-/// Most mechanisms that are added one after the other. With three or four of them nearly anything can be described that none
-/// of them is: if two leave something over, it is more believable that the catalogue lacks the cause.
-const MOST_STEPS: usize = 2;
+pub const SIGNIFICANT: f64 = 0.01;
 
 /// The same for what two causes within the trace leave: that something is wrong is known then, and two mechanisms can describe much
 /// that neither of them is. Assumed.
 const SIGNIFICANT_AFTER_TWO: f64 = 0.05;
-
-/// Least loss of the sum of squares, beyond what its parameters gain from noise, for which a mechanism is added.
-const WORTH_ADDING: f64 = 8.0;
 
 /// Diagnoses a session as seen by `model`; `stage` hears what is being done.
 pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static str)) -> Diagnosis {
@@ -129,81 +120,23 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
             look.usable
         ));
     }
-    let mut fit = before.clone();
     let mut causes: Vec<Cause> =
         look.hum.iter().map(|found| hum_cause(prepared, &before, found, seed)).collect();
     let p_hum = causes.first().map_or(1.0, |cause| cause.p_value);
-    let mut unseen = Vec::new();
-    let mut misfit = None;
-    let mut p_within = 1.0;
-    let mut left_within = 1.0;
-    let mut last: Option<Candidate> = None;
-    let mut scatter = None;
-    let mut simulated_limits = Vec::new();
-    for step in 0..=MOST_STEPS {
-        let tangent = Tangent::new(prepared, &fit);
-        let (probes, not_visible) = probes(prepared, &fit, &tangent);
-        let residuals = tangent.residuals();
-        let finding = screen(prepared, &tangent, &probes, &residuals);
-        stage("comparing the misfit with simulated sessions");
-        let simulated = Simulated::new(prepared, &fit, &tangent, &probes, seed);
-        let chance = simulated.chance(&finding);
-        simulated_limits = simulated.limits;
-        left_within = chance.of_any();
-        tracing::debug!(step, ?finding, ?chance, causes = ?fit.kinds);
-        if step == 0 {
-            unseen = not_visible;
-            misfit = Some(finding);
-            p_within = left_within;
-        }
-        scatter = (2.0 * chance.of_own() < SIGNIFICANT).then_some(chance.scatter);
-        // What differs from repetition to repetition no mechanism explains.
-        if 2.0 * chance.of_common() > SIGNIFICANT || step == MOST_STEPS {
-            break;
-        }
-        stage("fitting the catalogue");
-        let found = candidates(prepared, &fit, &probes, tangent.freedom());
-        for own in &found.candidates {
-            tracing::debug!(step, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
-        }
-        // What the last law leaves, should it be another, others describe.
-        let left_by_law = last.as_ref().map_or(0.0, |own| may_leave(prepared, &tangent, own));
-        tracing::debug!(step, left_by_law);
-        let least = WORTH_ADDING.max(left_by_law);
-        let Some(best) = found.candidates.first().filter(|best| best.merit() > least) else { break };
-        stage("measuring the gain on data left out");
-        let gain = gain(prepared, &fit, &best.fit, seed);
-        // What describes the trials that it was fitted to and does nothing for others is no cause.
-        if gain.held_out_rmse_ratio.value >= 1.0 {
-            break;
-        }
-        stage("simulating sessions with each rival as the cause");
-        causes.push(Cause {
-            kind: best.kind,
-            p_value: chance.of_common(),
-            indistinguishable: not_ruled_out(prepared, &found, seed),
-            evidence: Evidence::Trace {
-                before: Box::new(fit.clone()),
-                after: Box::new(best.fit.clone()),
-                worth: best.worth,
-                gain,
-            },
-        });
-        fit = best.fit.clone();
-        last = Some(best.clone());
-    }
-    if let Some(ratio) = scatter {
+    let within = Steps::taken(prepared, &before, seed, stage);
+    causes.extend(within.causes);
+    if let Some(ratio) = within.scatter {
         remarks.push(format!(
             "residuals scatter with {ratio:.1} times the variance of the noise, otherwise in each repetition: something on the \
              ramps that the noise does not show and that no mechanism describes, such as an unsteady clock or a coarse converter"
         ));
     }
     stage("comparing the trials with each other");
-    let (across, p_across, left_across) = across_trials(prepared, &fit, seed, &mut remarks);
+    let (across, p_across, left_across) = across_trials(prepared, &within.fit, seed, &mut remarks);
     causes.extend(across);
     causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));
-    let left_over_p_value = (2.0 * left_within.min(left_across)).min(1.0);
-    let added = fit.kinds.len() - before.kinds.len();
+    let left_over_p_value = (2.0 * within.left_p_value.min(left_across)).min(1.0);
+    let added = within.fit.kinds.len() - before.kinds.len();
     let significant = if added < 2 { SIGNIFICANT } else { SIGNIFICANT_AFTER_TWO };
     let verdict = if left_over_p_value < significant {
         Verdict::Unexplained
@@ -214,18 +147,19 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
     } else {
         Verdict::Named
     };
-    let residual_term = (verdict == Verdict::Unexplained).then(|| residual_term(prepared, &fit)).flatten();
+    let residual_term =
+        (verdict == Verdict::Unexplained).then(|| residual_term(prepared, &within.fit)).flatten();
     Diagnosis {
         verdict,
-        misfit: misfit.unwrap_or(Finding { largest: 0.0, excess: 0.0, scatter: 1.0 }),
-        p_value: (2.0 * p_within.min(p_across)).min(p_hum).min(1.0),
+        misfit: within.misfit,
+        p_value: (2.0 * within.p_value.min(p_across)).min(p_hum).min(1.0),
         causes,
         left_over_p_value,
         residual_term,
-        unseen,
-        limit_law: limit_law(prepared, &fit, &simulated_limits),
+        unseen: within.unseen,
+        limit_law: limit_law(prepared, &within.fit, &within.simulated_limits),
         before,
-        after: fit,
+        after: within.fit,
         remarks,
     }
 }

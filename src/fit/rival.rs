@@ -22,6 +22,9 @@ const NEAR: f64 = 25.0;
 const MOST_WAYS: usize = 5;
 const SAME: f64 = 0.02;
 
+/// To start anew is worth the way to the end if it leads lower by this part of the cost.
+const LOWER: f64 = 0.005;
+
 /// About how many trials a glance needs.
 const GLANCED_AT: usize = 12;
 
@@ -61,11 +64,7 @@ impl<'a> Scout<'a> {
     /// # Panics
     /// If there are no models.
     pub fn glance(&self, models: &[Model]) -> Glance {
-        let guesses = |model: &Model| {
-            let all = self.first.guesses(self.prepared, model).into_iter();
-            all.map(|guess| guess.only(&self.some.trials))
-        };
-        let glances = |model: &Model| self.here.glances(&self.few, model, guesses);
+        let glances = |model: &Model| self.here.glances(&self.few, model, |model| self.guesses(model));
         let mut starts: Vec<Fit> = models.iter().flat_map(glances).collect();
         sort(&mut starts);
         let within = starts[0].cost() * (1.0 + GLANCE_ERROR);
@@ -82,19 +81,48 @@ impl<'a> Scout<'a> {
     /// to [`Fit::settled`].
     pub fn follow(&self, glance: &Glance) -> Fit {
         let within = glance.starts[0].cost() + NEAR;
-        let to_the_end = |fit: &Fit| {
-            let parameters = self.some.stands_for.iter().map(|own| fit.parameters[*own].clone()).collect();
-            Fit { parameters, ..fit.clone() }.extended(self.prepared, &fit.model)
-        };
         let mut ways: Vec<&Fit> = Vec::new();
         for own in glance.starts.iter().take_while(|own| own.cost() <= within) {
             if ways.len() < MOST_WAYS && !ways.iter().any(|other| same(own, other)) {
                 ways.push(own);
             }
         }
-        let ends = ways.into_iter().map(to_the_end);
+        let ends = ways.into_iter().map(|own| self.to_the_end(own));
         let best = ends.reduce(|best, own| if own.cost() < best.cost() { own } else { best });
         best.expect("at least one model").leaning(self.prepared)
+    }
+
+    /// The better of a fit and where it leads to start anew with the mechanism at the values found: from a size that is far from
+    /// the true one all yields can go astray, and the way back is closed once the size is right.
+    pub fn anew(&self, fit: Fit) -> Fit {
+        let held = held_at(&fit.model, fit.added());
+        let mut starts: Vec<Fit> = self
+            .guesses(&held)
+            .take(2)
+            .map(|guess| {
+                self.here.glanced(&self.few, &held, &guess).extended_by(&self.few, &fit.model, SECOND_GLANCE)
+            })
+            .collect();
+        sort(&mut starts);
+        let best = starts.swap_remove(0).regrouped(&self.few);
+        let here = Fit { lean: None, ..fit.of(&self.some.trials) };
+        let cost = here.extended_by(&self.few, &fit.model, SECOND_GLANCE).cost();
+        if best.cost() > cost * (1.0 - LOWER) {
+            return fit;
+        }
+        let other = self.to_the_end(&best).leaning(self.prepared);
+        if other.cost() < fit.cost() { other } else { fit }
+    }
+
+    fn guesses(&self, model: &Model) -> impl Iterator<Item = Guess> + use<'_, 'a> {
+        let all = self.first.guesses(self.prepared, model).into_iter();
+        all.map(|guess| guess.only(&self.some.trials))
+    }
+
+    /// All trials from where those that stand for them ended.
+    fn to_the_end(&self, fit: &Fit) -> Fit {
+        let parameters = self.some.stands_for.iter().map(|own| fit.parameters[*own].clone()).collect();
+        Fit { parameters, ..fit.clone() }.extended(self.prepared, &fit.model)
     }
 }
 
@@ -104,9 +132,17 @@ fn sort(fits: &mut [Fit]) {
 
 /// Whether two fits ended in the same optimum, as far as the mechanism goes.
 fn same(one: &Fit, other: &Fit) -> bool {
-    let of_base = one.parameters[0].len() - one.kinds.last().map_or(0, |kind| kind.parameter_count());
     let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * a.abs().max(b.abs());
-    one.parameters[0][of_base..].iter().zip(&other.parameters[0][of_base..]).all(near)
+    one.added().iter().zip(other.added()).all(near)
+}
+
+/// A model with its last mechanism held at these values.
+fn held_at(model: &Model, values: &[f64]) -> Model {
+    let mut held = model.clone();
+    if let Some(added) = held.mechanisms.last_mut() {
+        added.parameters = values.iter().copied().map(Treatment::fixed).collect();
+    }
+    held
 }
 
 impl Fit {
@@ -121,23 +157,33 @@ impl Fit {
         model: &Model,
         guesses: impl Fn(&Model) -> G,
     ) -> Vec<Self> {
-        let from = |model: &Model, guess: &Guess| {
-            let layout = Layout::new(prepared, model, guess);
-            let start = layout.start();
-            self.descended(prepared, model, layout, &start, GLANCE)
-        };
-        let mut held = model.clone();
-        if let Some(added) = held.mechanisms.last_mut() {
-            for (treatment, parameter) in added.parameters.iter_mut().zip(added.kind.parameters()) {
-                *treatment = Treatment::fixed(treatment.value.unwrap_or(parameter.typical));
-            }
-        }
-        let free = guesses(model).take(1).map(|guess| from(model, &guess));
-        let released =
-            guesses(&held).take(2).map(|guess| from(&held, &guess).extended_by(prepared, model, GLANCE));
+        let added = model
+            .mechanisms
+            .last()
+            .into_iter()
+            .flat_map(|own| own.parameters.iter().zip(own.kind.parameters()));
+        let first: Vec<f64> = added.map(|(own, parameter)| own.value.unwrap_or(parameter.typical)).collect();
+        let held = held_at(model, &first);
+        let free = guesses(model).take(1).map(|guess| self.glanced(prepared, model, &guess));
+        let released = guesses(&held)
+            .take(2)
+            .map(|guess| self.glanced(prepared, &held, &guess).extended_by(prepared, model, GLANCE));
         free.chain(released)
             .chain(std::iter::once_with(|| self.extended_by(prepared, model, GLANCE)))
             .collect()
+    }
+
+    /// `model` a short way down from a guess.
+    fn glanced(&self, prepared: &Prepared, model: &Model, guess: &Guess) -> Self {
+        let layout = Layout::new(prepared, model, guess);
+        let start = layout.start();
+        self.descended(prepared, model, layout, &start, GLANCE)
+    }
+
+    /// The values of the last mechanism.
+    pub fn added(&self) -> &[f64] {
+        let own = self.kinds.last().map_or(0, |kind| kind.parameter_count());
+        &self.parameters[0][self.parameters[0].len() - own..]
     }
 
     /// The better of this fit and the ones from where all yields lie elsewhere at once. What they lean on would hold them.

@@ -11,6 +11,7 @@ use super::prepare::Prepared;
 use super::solve::{Effort, Outcome, Solution, solve};
 use super::weights::{covariances, whiteners};
 use crate::signal::Noise;
+use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::Kind;
 
 /// Which residuals are minimised.
@@ -150,6 +151,21 @@ impl Fit {
             }
         }
         self.descended(prepared, model, layout, &start, effort)
+    }
+
+    /// The same fit with one of its mechanisms taken out and all else left where it is: a place to look from for another.
+    ///
+    /// # Panics
+    /// If it does not have the mechanism.
+    pub fn without(&self, prepared: &Prepared, kind: Kind) -> Self {
+        let place = self.kinds.iter().position(|own| *own == kind).expect("a mechanism of this fit");
+        let mut model = self.model.clone();
+        model.mechanisms.remove(place);
+        let before: usize = self.kinds[..place].iter().map(|own| own.parameter_count()).sum();
+        let own = BASE_PARAMETERS.len() + before..BASE_PARAMETERS.len() + before + kind.parameter_count();
+        let mut left = self.clone();
+        left.parameters.iter_mut().for_each(|parameters| drop(parameters.drain(own.clone())));
+        left.extended_by(prepared, &model, Effort { iterations: 1, ..EXTENSION })
     }
 
     /// `model` in its `layout`, weighed as this fit is, from given coordinates as far down as `effort` goes.

@@ -1,0 +1,181 @@
+//! Forward steps within the trace, a cause each, until nothing is left over; the first of two is then chosen again.
+
+use super::calibrate::{Chance, Finding, Simulated, screen};
+use super::gain::{Gain, gain};
+use super::law::may_leave;
+use super::refit::{Candidate, Shortlist, candidates, not_ruled_out};
+use super::screen::{Probe, Unseen, probes};
+use super::search::{Cause, Evidence, SIGNIFICANT};
+use super::tangent::Tangent;
+use crate::fit::{Fit, Prepared};
+use crate::wrist::mechanisms::Kind;
+
+/// What the steps lead to.
+pub struct Steps {
+    /// The causes, in the order in which they were found.
+    pub causes: Vec<Cause>,
+    /// The fit with all of them.
+    pub fit: Fit,
+    /// The misfit of the model as given, and the probability of such a one where there is none.
+    pub misfit: Finding,
+    pub p_value: f64,
+    /// The probability of the misfit that is left.
+    pub left_p_value: f64,
+    /// Variance of what repetitions do not have in common over that of the noise, if it is more.
+    pub scatter: Option<f64>,
+    /// What this session cannot tell about.
+    pub unseen: Vec<Unseen>,
+    /// The trials' elastic limits in sessions simulated with `fit`, rad.
+    pub simulated_limits: Vec<Vec<f64>>,
+}
+
+/// Most mechanisms that are added one after the other. With three or four of them nearly anything can be described that none
+/// of them is: if two leave something over, it is more believable that the catalogue lacks the cause.
+const MOST_STEPS: usize = 2;
+
+/// Least loss of the sum of squares, beyond what its parameters gain from noise, for which a mechanism is added.
+const WORTH_ADDING: f64 = 8.0;
+
+impl Steps {
+    /// Adds to the model of `before` what it lacks; `stage` hears what is being done.
+    pub fn taken(prepared: &Prepared, before: &Fit, seed: u64, stage: &dyn Fn(&'static str)) -> Self {
+        let seen_by = |fit: &Fit| {
+            stage("comparing the misfit with simulated sessions");
+            Seen::new(prepared, fit, seed)
+        };
+        let mut seen = seen_by(before);
+        let (misfit, p_value, unseen) = (seen.finding, seen.chance.of_any(), seen.unseen.clone());
+        let mut steps: Vec<Step> = Vec::new();
+        let mut with_second = None;
+        // What differs from repetition to repetition no mechanism explains.
+        while 2.0 * seen.chance.of_common() <= SIGNIFICANT && steps.len() < MOST_STEPS {
+            let Some(step) = seen.step(prepared, steps.last(), seed, stage) else { break };
+            steps.push(step);
+            if let ([first, second], None) = (steps.as_slice(), &with_second)
+                && first.shortlist.candidates.len() > 1
+            {
+                stage("choosing the first cause again");
+                let again = first.again_with(prepared, second);
+                let best = again.candidates[0].kind;
+                if best != first.own.kind {
+                    steps = vec![first.led_by(prepared, best, seed)];
+                }
+                with_second = Some(again);
+            }
+            seen = seen_by(&steps[steps.len() - 1].own.fit);
+        }
+        if let ([first, _], Some(again)) = (steps.as_mut_slice(), with_second) {
+            first.shortlist = again;
+        }
+        stage("simulating sessions with each rival as the cause");
+        Self {
+            causes: steps.into_iter().map(|step| step.cause(prepared, seed)).collect(),
+            misfit,
+            p_value,
+            left_p_value: seen.chance.of_any(),
+            scatter: (2.0 * seen.chance.of_own() < SIGNIFICANT).then_some(seen.chance.scatter),
+            unseen,
+            simulated_limits: seen.simulated_limits,
+            fit: seen.fit,
+        }
+    }
+}
+
+/// A fit, and what screening makes of what it leaves.
+struct Seen {
+    fit: Fit,
+    probes: Vec<Probe>,
+    unseen: Vec<Unseen>,
+    finding: Finding,
+    chance: Chance,
+    simulated_limits: Vec<Vec<f64>>,
+    tangent: Tangent,
+}
+
+impl Seen {
+    fn new(prepared: &Prepared, fit: &Fit, seed: u64) -> Self {
+        let tangent = Tangent::new(prepared, fit);
+        let (probes, unseen) = probes(prepared, fit, &tangent);
+        let finding = screen(prepared, &tangent, &probes, &tangent.residuals());
+        let simulated = Simulated::new(prepared, fit, &tangent, &probes, seed);
+        let chance = simulated.chance(&finding);
+        tracing::debug!(?finding, ?chance, causes = ?fit.kinds);
+        Self {
+            fit: fit.clone(),
+            tangent,
+            probes,
+            unseen,
+            finding,
+            chance,
+            simulated_limits: simulated.limits,
+        }
+    }
+
+    /// The mechanism that mends most, unless it could be what another law of the `last` one leaves, or describes only the
+    /// trials that it was fitted to.
+    fn step(
+        &self,
+        prepared: &Prepared,
+        last: Option<&Step>,
+        seed: u64,
+        stage: &dyn Fn(&'static str),
+    ) -> Option<Step> {
+        stage("fitting the catalogue");
+        let shortlist = candidates(prepared, &self.fit, &self.fit, &self.probes, self.tangent.freedom());
+        let left_by_law = last.map_or(0.0, |last| may_leave(prepared, &self.tangent, &last.own));
+        tracing::debug!(left_by_law);
+        let own = shortlist.candidates.first()?.clone();
+        if own.merit() <= WORTH_ADDING.max(left_by_law) {
+            return None;
+        }
+        stage("measuring the gain on data left out");
+        let gain = gain(prepared, &self.fit, &own.fit, seed);
+        if gain.held_out_loss <= 0.0 {
+            return None;
+        }
+        Some(Step { before: self.fit.clone(), own, p_value: self.chance.of_common(), gain, shortlist })
+    }
+}
+
+/// A mechanism that was added.
+struct Step {
+    before: Fit,
+    own: Candidate,
+    p_value: f64,
+    gain: Gain,
+    /// It and those that could stand in its place.
+    shortlist: Shortlist,
+}
+
+impl Step {
+    /// It and its rivals with what the `second` step added: what one of two causes leaves can make another look like the first.
+    fn again_with(&self, prepared: &Prepared, second: &Self) -> Shortlist {
+        let without = second.own.fit.without(prepared, self.own.kind);
+        let tangent = Tangent::new(prepared, &without);
+        let (mut probes, _) = probes(prepared, &without, &tangent);
+        probes.retain(|probe| self.shortlist.candidates.iter().any(|own| own.kind == probe.kind));
+        candidates(prepared, &self.before, &without, &probes, tangent.freedom())
+    }
+
+    /// The step to a rival instead.
+    fn led_by(&self, prepared: &Prepared, rival: Kind, seed: u64) -> Self {
+        let shortlist = self.shortlist.clone().led_by(rival);
+        let own = shortlist.candidates[0].clone();
+        let gain = gain(prepared, &self.before, &own.fit, seed);
+        Self { before: self.before.clone(), own, p_value: self.p_value, gain, shortlist }
+    }
+
+    fn cause(self, prepared: &Prepared, seed: u64) -> Cause {
+        Cause {
+            kind: self.own.kind,
+            p_value: self.p_value,
+            indistinguishable: not_ruled_out(prepared, &self.shortlist.led_by(self.own.kind), seed),
+            evidence: Evidence::Trace {
+                before: Box::new(self.before),
+                after: Box::new(self.own.fit),
+                worth: self.own.worth,
+                gain: self.gain,
+            },
+        }
+    }
+}
