@@ -7,6 +7,7 @@ use super::law::Added;
 use super::screen::Probe;
 use crate::fit::{Fit, Glance, Model, NoiseMaker, Prepared, Scout};
 use crate::random::Stream;
+use crate::statistics::Sample;
 use crate::wrist::mechanisms::Kind;
 
 /// A mechanism added to a fit, all parameters fitted anew.
@@ -63,6 +64,9 @@ const PART_PROMISED: f64 = 0.35;
 const WITHIN_REACH: f64 = 40.0;
 const PART_OF_BEST: f64 = 0.06;
 
+/// It is not if it is worth less than this part of the best, however little that is.
+const LEAST_PART: f64 = 0.25;
+
 /// Every mechanism that was probed, fitted in full; the best with all care. The best first.
 ///
 /// What screening promises tells where to start, not whom to leave out: a model that lacks something large has gone to where
@@ -89,7 +93,8 @@ pub fn candidates(prepared: &Prepared, before: &Fit, fit: &Fit, probes: &[Probe]
         glances.into_par_iter().map(|(kind, glance)| candidate(scout.follow(&glance), kind)).collect();
     rough.sort_by(|a, b| b.worth.total_cmp(&a.worth));
     let best = rough.first().map_or(0.0, |own| own.worth);
-    rough.retain(|own| own.worth > best - WITHIN_REACH.max(PART_OF_BEST * best));
+    let least = (best - WITHIN_REACH.max(PART_OF_BEST * best)).max(LEAST_PART * best);
+    rough.retain(|own| own.worth >= least);
     let mut settled: Vec<Candidate> =
         rough.into_par_iter().map(|own| candidate(scout.anew(own.fit).settled(prepared), own.kind)).collect();
     let best = settled.iter().map(|own| 2.0 * own.fit.cost()).fold(f64::INFINITY, f64::min);
@@ -117,10 +122,19 @@ fn model_with(fit: &Fit, probe: &Probe) -> Model {
 /// How many sessions are simulated from each rival: one win is 5 %.
 const SIMULATIONS: usize = 19;
 
+/// After so many of them, a lead that one more would reach with a probability below 0.005 (by Student's t) is taken for out of reach.
+const FIRST_SIMULATIONS: usize = 6;
+const OUT_OF_REACH: f64 = 4.4;
+
 /// A rival that would have to be this much worse to be ruled out without simulation, in units of the noise or as a part of
 /// what the first is worth.
 const FAR_BEHIND: f64 = 60.0;
 const FAR_BEHIND_PART: f64 = 0.04;
+
+/// By how much that is, of a first that is worth so much.
+pub fn far_behind(worth: f64) -> f64 {
+    FAR_BEHIND.max(FAR_BEHIND_PART * worth)
+}
 
 /// A lead below this tells nothing: 95 % of chi-square with one degree of freedom.
 const NO_LEAD: f64 = 3.84;
@@ -133,26 +147,36 @@ pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> V
     let unit = shortlist.unit;
     let Some((first, rivals)) = shortlist.candidates.split_first() else { return Vec::new() };
     let lead = |rival: &Candidate| first.worth - rival.worth;
-    let far_behind = FAR_BEHIND.max(FAR_BEHIND_PART * first.worth);
     let noise = NoiseMaker::of(&prepared.noises);
+    let may_be_true = |rival: &&Candidate| {
+        if lead(rival) < NO_LEAD {
+            return true;
+        }
+        let added = Added::new(prepared, rival);
+        is_reached(lead(rival), |number| {
+            let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
+            let mut stream = Stream::new(seed, &name);
+            let true_law = added.under_another_law(&mut stream);
+            let simulated = simulated(prepared, &true_law, &noise, &mut stream);
+            let again = |fit: &Fit| fit.extended(&simulated, &fit.model);
+            let (a, b) = (again(&first.fit), again(&rival.fit));
+            2.0 * (b.cost() - a.cost()) / unit
+        })
+    };
     rivals
         .iter()
-        .filter(|rival| rival.worth > 0.0 && lead(rival) < far_behind)
-        .filter(|rival| {
-            if lead(rival) < NO_LEAD {
-                return true;
-            }
-            let added = Added::new(prepared, rival);
-            (0..SIMULATIONS).into_par_iter().any(|number| {
-                let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
-                let mut stream = Stream::new(seed, &name);
-                let true_law = added.under_another_law(&mut stream);
-                let simulated = simulated(prepared, &true_law, &noise, &mut stream);
-                let again = |fit: &Fit| fit.extended(&simulated, &fit.model);
-                let (a, b) = (again(&first.fit), again(&rival.fit));
-                2.0 * (b.cost() - a.cost()) / unit >= lead(rival)
-            })
-        })
+        .filter(|rival| rival.worth > 0.0 && lead(rival) < far_behind(first.worth))
+        .filter(may_be_true)
         .map(|rival| rival.kind)
         .collect()
+}
+
+/// Whether any simulated session reaches a lead; a few tell where it is far out of reach.
+fn is_reached(lead: f64, lead_in: impl Fn(usize) -> f64 + Sync) -> bool {
+    let some: Vec<f64> = (0..FIRST_SIMULATIONS).into_par_iter().map(&lead_in).collect();
+    let sample: Sample = some.iter().copied().collect();
+    let furthest = sample.mean() + OUT_OF_REACH * libm::sqrt(sample.variance().unwrap_or(0.0));
+    some.iter().any(|own| *own >= lead)
+        || lead < furthest
+            && (FIRST_SIMULATIONS..SIMULATIONS).into_par_iter().any(|number| lead_in(number) >= lead)
 }

@@ -3,7 +3,7 @@
 use super::calibrate::{Chance, Finding, Simulated, screen};
 use super::gain::{Gain, gain};
 use super::law::may_leave;
-use super::refit::{Candidate, Shortlist, candidates, not_ruled_out};
+use super::refit::{Candidate, Shortlist, candidates, far_behind, not_ruled_out};
 use super::screen::{Probe, Unseen, probes};
 use super::search::{Cause, Evidence, SIGNIFICANT};
 use super::tangent::Tangent;
@@ -46,26 +46,27 @@ impl Steps {
         let mut seen = seen_by(before);
         let (misfit, p_value, unseen) = (seen.finding, seen.chance.of_any(), seen.unseen.clone());
         let mut steps: Vec<Step> = Vec::new();
-        let mut with_second = None;
+        let mut beside = None;
         // What differs from repetition to repetition no mechanism explains.
         while 2.0 * seen.chance.of_common() <= SIGNIFICANT && steps.len() < MOST_STEPS {
             let Some(step) = seen.step(prepared, steps.last(), seed, stage) else { break };
             steps.push(step);
-            if let ([first, second], None) = (steps.as_slice(), &with_second)
-                && first.shortlist.candidates.len() > 1
-            {
+            if let ([first, second], None) = (steps.as_slice(), &beside) {
                 stage("choosing the first cause again");
-                let again = first.again_with(prepared, second);
-                let best = again.candidates[0].kind;
+                let second_kind = second.own.kind;
+                let rivals = first.rivals_beside(prepared, second);
+                let best = rivals.candidates[0].kind;
                 if best != first.own.kind {
                     steps = vec![first.led_by(prepared, best, seed)];
                 }
-                with_second = Some(again);
+                beside = Some((second_kind, rivals));
             }
             seen = seen_by(&steps[steps.len() - 1].own.fit);
         }
-        if let ([first, _], Some(again)) = (steps.as_mut_slice(), with_second) {
-            first.shortlist = again;
+        if let ([first, second], Some((kind, rivals))) = (steps.as_mut_slice(), beside)
+            && second.own.kind == kind
+        {
+            first.shortlist = rivals;
         }
         stage("simulating sessions with each rival as the cause");
         Self {
@@ -148,13 +149,24 @@ struct Step {
 }
 
 impl Step {
-    /// It and its rivals with what the `second` step added: what one of two causes leaves can make another look like the first.
-    fn again_with(&self, prepared: &Prepared, second: &Self) -> Shortlist {
-        let without = second.own.fit.without(prepared, self.own.kind);
-        let tangent = Tangent::new(prepared, &without);
-        let (mut probes, _) = probes(prepared, &without, &tangent);
-        probes.retain(|probe| self.shortlist.candidates.iter().any(|own| own.kind == probe.kind));
-        candidates(prepared, &self.before, &without, &probes, tangent.freedom())
+    /// It and its rivals with what the `second` step added, which can make another look like the first: those that are behind
+    /// by less than the second is worth, or could be indistinguishable. As they were without it if there are none.
+    fn rivals_beside(&self, prepared: &Prepared, second: &Self) -> Shortlist {
+        let within = second.own.worth.max(far_behind(self.own.worth));
+        let behind = |own: &Candidate| self.own.worth - own.worth;
+        let near = self.shortlist.candidates.iter().filter(|own| behind(own) < within);
+        let kinds: Vec<Kind> = near.map(|own| own.kind).collect();
+        if kinds.len() > 1 {
+            let without = second.own.fit.without(prepared, self.own.kind);
+            let tangent = Tangent::new(prepared, &without);
+            let (mut probes, _) = probes(prepared, &without, &tangent);
+            probes.retain(|probe| kinds.contains(&probe.kind));
+            let found = candidates(prepared, &self.before, &without, &probes, tangent.freedom());
+            if !found.candidates.is_empty() {
+                return found;
+            }
+        }
+        self.shortlist.clone()
     }
 
     /// The step to a rival instead.
