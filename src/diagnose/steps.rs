@@ -131,7 +131,8 @@ impl Seen {
         }
         stage("measuring the gain on data left out");
         let gain = gain(prepared, &self.fit, &own.fit, seed);
-        if gain.held_out_loss <= 0.0 {
+        // Two can describe much that neither is: the second must gain in N m as well.
+        if gain.held_out_loss <= 0.0 || last.is_some() && gain.held_out_rmse_ratio.value >= 1.0 {
             return None;
         }
         Some(Step { before: self.fit.clone(), own, p_value: self.chance.of_common(), gain, shortlist })
