@@ -173,7 +173,12 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
             "  spread of k_srs about the other repetitions: {:.3} of what it was (t = {:.1})",
             trend.left_out_ratio, trend.t
         )?,
-        Evidence::Outliers(_) => writeln!(out, "  trials: {}", entry["trials"])?,
+        Evidence::Outliers(_) => {
+            for own in entry["trials"].as_array().into_iter().flatten() {
+                let ratio = own["k_srs_ratio"].as_f64().unwrap_or(f64::NAN);
+                writeln!(out, "  trial {}: k_srs {ratio:.2} times that of its repetitions", own["trial"])?;
+            }
+        }
     }
     Ok(())
 }
