@@ -173,10 +173,10 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
             "  spread of k_srs about the other repetitions: {:.3} of what it was (t = {:.1})",
             trend.left_out_ratio, trend.t
         )?,
-        Evidence::Outliers(_) => {
-            for own in entry["trials"].as_array().into_iter().flatten() {
-                let ratio = own["k_srs_ratio"].as_f64().unwrap_or(f64::NAN);
-                writeln!(out, "  trial {}: k_srs {ratio:.2} times that of its repetitions", own["trial"])?;
+        Evidence::Outliers(outliers) => {
+            for (own, told) in outliers.iter().zip(entry["trials"].as_array().into_iter().flatten()) {
+                let number = &told["trial"];
+                writeln!(out, "  trial {number}: k_srs {:.2} times that of its repetitions", own.ratio)?;
             }
         }
     }

@@ -58,6 +58,10 @@ pub struct Chance {
     pub scatter: f64,
 }
 
+/// Probability below which a misfit is one, over both levels. Stricter than the 5 % of false alarms that are allowed, since the
+/// simulated sessions have Gaussian noise of exactly the measured covariance, and real ones do not.
+pub const SIGNIFICANT: f64 = 0.01;
+
 /// How many things are looked at: the largest score, the pattern, the scatter.
 const LOOKS: f64 = 3.0;
 

@@ -32,45 +32,45 @@ pub struct Gain {
     pub vaf_before: f64,
     /// With the extension.
     pub vaf_after: f64,
-    /// What the sum of squares of the repetitions left out loses by the extension, in units of the noise.
-    #[serde(skip)]
-    pub held_out_loss: f64,
 }
 
-/// The gain of `after`, which adds its last mechanism to `before`.
+/// The gain of `after`, which adds its last mechanism to `before`, and what the sum of squares of the repetitions left out loses by it,
+/// in units of the noise.
 ///
 /// The mechanism's values come from the other trials and are held; the wrist's own parameters are free in the trials left
 /// out, with the extension and without, so that what is compared is the mechanism alone. Intervals resample trials.
-pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> Gain {
-    let without = squares(prepared, before);
-    let weighed = weighed_squares(prepared, before);
+pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> (Gain, f64) {
+    let without = Squares::of(prepared, before);
     let part = parts(&prepared.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>());
     let keys: [Box<dyn Fn(usize) -> i64>; 3] = [
         Box::new(|trial| part[trial]),
         Box::new(|trial| (prepared.trials[trial].velocity_rad_s * 1e6) as i64),
         Box::new(|trial| (prepared.trials[trial].torque_nm * 1e6) as i64),
     ];
-    let left_out: Vec<Option<LeftOut>> = keys.iter().map(|key| left_out(prepared, after, key)).collect();
-    let ratio_of = |(index, with): (usize, &Option<LeftOut>)| {
+    let held_out: Vec<Option<Squares>> =
+        keys.iter().map(|key| held_out_squares(prepared, after, key)).collect();
+    let ratio_of = |(index, with): (usize, &Option<Squares>)| {
         let mut stream = Stream::new(seed, &format!("gain/{index}/{}", after.kinds.len()));
-        with.as_ref().map(|with| ratio(&with.squares, &without, &mut stream))
+        with.as_ref().map(|with| ratio(&with.of_trials, &without.of_trials, &mut stream))
     };
-    let ratios: Vec<Option<Ratio>> = left_out.iter().enumerate().map(ratio_of).collect();
+    let ratios: Vec<Option<Ratio>> = held_out.iter().enumerate().map(ratio_of).collect();
+    let loss = held_out[0].as_ref().map_or(f64::NAN, |with| without.weighed - with.weighed);
     let unknown = Ratio { value: f64::NAN, low: f64::NAN, high: f64::NAN };
-    Gain {
+    let gain = Gain {
         held_out_rmse_ratio: ratios[0].unwrap_or(unknown),
         held_out_velocity_rmse_ratio: ratios[1],
         held_out_torque_rmse_ratio: ratios[2],
         vaf_before: mean_vaf(prepared, before),
         vaf_after: mean_vaf(prepared, after),
-        held_out_loss: left_out[0].as_ref().map_or(f64::NAN, |with| weighed - with.weighed),
-    }
+    };
+    (gain, loss)
 }
 
 /// The gain of taking hum out of the record: `without` it a fit of the same model leaves less. It was found in the holds, so
 /// every ramp is data held out.
 pub fn gain_of_cleaning(with: (&Prepared, &Fit), without: (&Prepared, &Fit), seed: u64) -> Gain {
-    let (before, after) = (squares(with.0, with.1), squares(without.0, without.1));
+    let (before, after) =
+        (Squares::of(with.0, with.1).of_trials, Squares::of(without.0, without.1).of_trials);
     let held_out_rmse_ratio = ratio(&after, &before, &mut Stream::new(seed, "gain/hum"));
     Gain {
         held_out_rmse_ratio,
@@ -78,7 +78,6 @@ pub fn gain_of_cleaning(with: (&Prepared, &Fit), without: (&Prepared, &Fit), see
         held_out_torque_rmse_ratio: None,
         vaf_before: mean_vaf(with.0, with.1),
         vaf_after: mean_vaf(without.0, without.1),
-        held_out_loss: weighed_squares(with.0, with.1) - weighed_squares(without.0, without.1),
     }
 }
 
@@ -98,33 +97,45 @@ fn parts(repetitions: &[u32]) -> Vec<i64> {
     repetitions.iter().enumerate().map(|own| part(own) as i64).collect()
 }
 
-/// What is left of trials that a mechanism's values were not fitted to.
-struct LeftOut {
+/// What a fit leaves.
+struct Squares {
     /// Each trial's mean squared residual, (N m)^2.
-    squares: Vec<f64>,
+    of_trials: Vec<f64>,
     /// The sum of all squares in units of the noise.
     weighed: f64,
 }
 
-/// Each trial, where the mechanism was fitted to the trials with another key.
-fn left_out(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<LeftOut> {
+impl Squares {
+    fn of(prepared: &Prepared, fit: &Fit) -> Self {
+        let residuals = residuals(prepared, fit);
+        let mean = |own: &Vec<f64>| own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64;
+        let weighed = |(trial, own): (usize, &Vec<f64>)| whiten(prepared, fit, trial, own).norm_squared();
+        Self {
+            of_trials: residuals.iter().map(mean).collect(),
+            weighed: residuals.iter().enumerate().map(weighed).sum(),
+        }
+    }
+}
+
+/// What is left of each trial where the mechanism was fitted to the trials with another key.
+fn held_out_squares(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<Squares> {
     let mut keys: Vec<i64> = (0..prepared.trials.len()).map(key).collect();
     keys.sort_unstable();
     keys.dedup();
     if !(2..=MOST_PARTS).contains(&keys.len()) {
         return None;
     }
-    let mut result = LeftOut { squares: vec![0.0; prepared.trials.len()], weighed: 0.0 };
+    let mut result = Squares { of_trials: vec![0.0; prepared.trials.len()], weighed: 0.0 };
     for held in keys {
         let rest: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) != held).collect();
         let out: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) == held).collect();
         let others = after.on(prepared, &rest, &after.model);
         let own = after.on(prepared, &out, &held_model(&others));
-        let few = prepared.only(&out);
-        for (place, square) in squares(&few, &own).into_iter().enumerate() {
-            result.squares[out[place]] = square;
+        let left = Squares::of(&prepared.only(&out), &own);
+        for (trial, square) in out.into_iter().zip(left.of_trials) {
+            result.of_trials[trial] = square;
         }
-        result.weighed += weighed_squares(&few, &own);
+        result.weighed += left.weighed;
     }
     Some(result)
 }
@@ -142,19 +153,6 @@ fn held_model(fit: &Fit) -> Model {
         }
     }
     model
-}
-
-fn squares(prepared: &Prepared, fit: &Fit) -> Vec<f64> {
-    residuals(prepared, fit)
-        .iter()
-        .map(|own| own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64)
-        .collect()
-}
-
-/// The sum of all squared residuals in units of the noise.
-fn weighed_squares(prepared: &Prepared, fit: &Fit) -> f64 {
-    let own = |(trial, residual): (usize, &Vec<f64>)| whiten(prepared, fit, trial, residual).norm_squared();
-    residuals(prepared, fit).iter().enumerate().map(own).sum()
 }
 
 /// Measured less predicted, N m, by trial.

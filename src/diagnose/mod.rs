@@ -10,6 +10,7 @@
 mod across;
 mod by_trial;
 mod calibrate;
+mod cause;
 mod design;
 mod gain;
 mod hum;
@@ -27,6 +28,7 @@ mod steps;
 mod tangent;
 mod trend;
 
+pub use cause::{Cause, Evidence};
 pub use design::{Proposal, design};
 pub use gain::{Gain, Ratio};
 pub use hum::{Hum, without as without_hum};
@@ -35,5 +37,5 @@ pub use look::Look;
 pub use outliers::Outlier;
 pub use output::{DIAGNOSIS_FORMAT, picture};
 pub use screen::Unseen;
-pub use search::{Cause, Diagnosis, Evidence, Verdict, diagnose};
+pub use search::{Diagnosis, Verdict, diagnose};
 pub use trend::Trend;

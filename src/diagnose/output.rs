@@ -5,10 +5,11 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::by_trial::residual_by_trial;
+use super::cause::{Cause, Evidence};
 use super::gain::residuals;
 use super::law::FORM_ERROR;
 use super::limit_law::LimitLaw;
-use super::search::{Cause, Diagnosis, Evidence};
+use super::search::Diagnosis;
 use super::trend::{Trend, without_effect};
 use crate::dataset::Disk;
 use crate::fit::{Fit, Model, Prepared, STIFFNESS, Switched, Treatment, WriteError, write_files};

@@ -1,12 +1,13 @@
 //! A diagnosis: within the trace, then across the trials, and what both come to.
 
 use super::across::Stiffnesses;
-use super::calibrate::Finding;
-use super::gain::{Gain, gain_of_cleaning};
+use super::calibrate::{Finding, SIGNIFICANT};
+use super::cause::{Cause, Evidence};
+use super::gain::gain_of_cleaning;
 use super::hum::Hum;
 use super::limit_law::{LimitLaw, limit_law};
 use super::look::Look;
-use super::outliers::{Outlier, outliers};
+use super::outliers::outliers;
 use super::rest::{ResidualTerm, residual_term};
 use super::screen::Unseen;
 use super::steps::Steps;
@@ -26,50 +27,6 @@ pub enum Verdict {
     Ambiguous,
     /// Misfit remains that no candidate explains.
     Unexplained,
-}
-
-/// What a cause rests on.
-#[derive(Debug, Clone)]
-pub enum Evidence {
-    /// It was added to the model and fitted.
-    Trace {
-        /// The fit before it was added.
-        before: Box<Fit>,
-        /// The fit with it.
-        after: Box<Fit>,
-        /// Loss of the sum of squares, in units of the noise.
-        worth: f64,
-        /// Gain on data held out.
-        gain: Gain,
-    },
-    /// It is in the holds already, and was taken out of the records.
-    Hold {
-        /// What was found.
-        hum: Hum,
-        /// The fit with it in the records.
-        before: Box<Fit>,
-        /// The same model fitted to the records without it.
-        after: Box<Fit>,
-        /// Gain on the ramps.
-        gain: Gain,
-    },
-    /// The trials' stiffnesses go with it.
-    Trend(Trend),
-    /// Single trials stand apart.
-    Outliers(Vec<Outlier>),
-}
-
-/// A named cause.
-#[derive(Debug, Clone)]
-pub struct Cause {
-    /// Which mechanism.
-    pub kind: Kind,
-    /// Probability of evidence as strong where it is absent, over the whole catalogue.
-    pub p_value: f64,
-    /// Other mechanisms that the data do not rule out in its place.
-    pub indistinguishable: Vec<Kind>,
-    /// What it rests on.
-    pub evidence: Evidence,
 }
 
 /// A diagnosis.
@@ -98,10 +55,6 @@ pub struct Diagnosis {
     /// Remarks for a person.
     pub remarks: Vec<String>,
 }
-
-/// Probability below which a misfit is one, over both levels. Stricter than the 5 % of false alarms that are allowed, since the
-/// simulated sessions have Gaussian noise of exactly the measured covariance, and real ones do not.
-pub const SIGNIFICANT: f64 = 0.01;
 
 /// The same for what two causes within the trace leave: that something is wrong is known then, and two mechanisms can describe much
 /// that neither of them is. Assumed.

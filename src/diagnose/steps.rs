@@ -1,11 +1,11 @@
 //! Forward steps within the trace, a cause each, until nothing is left over; the first of two is then chosen again.
 
-use super::calibrate::{Chance, Finding, Simulated, screen};
+use super::calibrate::{Chance, Finding, SIGNIFICANT, Simulated, screen};
+use super::cause::{Cause, Evidence};
 use super::gain::{Gain, gain};
 use super::law::may_leave;
 use super::refit::{Candidate, Shortlist, candidates, far_behind, not_ruled_out};
 use super::screen::{Probe, Unseen, probes};
-use super::search::{Cause, Evidence, SIGNIFICANT};
 use super::tangent::Tangent;
 use crate::fit::{Fit, Prepared};
 use crate::wrist::mechanisms::Kind;
@@ -130,9 +130,9 @@ impl Seen {
             return None;
         }
         stage("measuring the gain on data left out");
-        let gain = gain(prepared, &self.fit, &own.fit, seed);
+        let (gain, loss) = gain(prepared, &self.fit, &own.fit, seed);
         // Two can describe much that neither is: the second must gain in N m as well.
-        if gain.held_out_loss <= 0.0 || last.is_some() && gain.held_out_rmse_ratio.value >= 1.0 {
+        if loss <= 0.0 || last.is_some() && gain.held_out_rmse_ratio.value >= 1.0 {
             return None;
         }
         Some(Step { before: self.fit.clone(), own, p_value: self.chance.of_common(), gain, shortlist })
@@ -145,7 +145,7 @@ struct Step {
     own: Candidate,
     p_value: f64,
     gain: Gain,
-    /// It and those that could stand in its place.
+    /// It, first, and those that could stand in its place.
     shortlist: Shortlist,
 }
 
@@ -174,7 +174,7 @@ impl Step {
     fn led_by(&self, prepared: &Prepared, rival: Kind, seed: u64) -> Self {
         let shortlist = self.shortlist.clone().led_by(rival);
         let own = shortlist.candidates[0].clone();
-        let gain = gain(prepared, &self.before, &own.fit, seed);
+        let (gain, _) = gain(prepared, &self.before, &own.fit, seed);
         Self { before: self.before.clone(), own, p_value: self.p_value, gain, shortlist }
     }
 
@@ -182,7 +182,7 @@ impl Step {
         Cause {
             kind: self.own.kind,
             p_value: self.p_value,
-            indistinguishable: not_ruled_out(prepared, &self.shortlist.led_by(self.own.kind), seed),
+            indistinguishable: not_ruled_out(prepared, &self.shortlist, seed),
             evidence: Evidence::Trace {
                 before: Box::new(self.before),
                 after: Box::new(self.own.fit),

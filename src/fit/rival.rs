@@ -95,14 +95,9 @@ impl<'a> Scout<'a> {
     /// The better of a fit and where it leads to start anew with the mechanism at the values found: from a size that is far from
     /// the true one all yields can go astray, and the way back is closed once the size is right.
     pub fn anew(&self, fit: Fit) -> Fit {
-        let held = held_at(&fit.model, fit.added());
-        let mut starts: Vec<Fit> = self
-            .guesses(&held)
-            .take(2)
-            .map(|guess| {
-                self.here.glanced(&self.few, &held, &guess).extended_by(&self.few, &fit.model, SECOND_GLANCE)
-            })
-            .collect();
+        let guesses = |model: &Model| self.guesses(model);
+        let released = self.here.released(&self.few, &fit.model, fit.added(), guesses, SECOND_GLANCE);
+        let mut starts: Vec<Fit> = released.collect();
         sort(&mut starts);
         let best = starts.swap_remove(0).regrouped(&self.few);
         let here = Fit { lean: None, ..fit.of(&self.some.trials) };
@@ -114,6 +109,7 @@ impl<'a> Scout<'a> {
         if other.cost() < fit.cost() { other } else { fit }
     }
 
+    /// First guesses of those trials that tell.
     fn guesses(&self, model: &Model) -> impl Iterator<Item = Guess> + use<'_, 'a> {
         let all = self.first.guesses(self.prepared, model).into_iter();
         all.map(|guess| guess.only(&self.some.trials))
@@ -136,15 +132,6 @@ fn same(one: &Fit, other: &Fit) -> bool {
     one.added().iter().zip(other.added()).all(near)
 }
 
-/// A model with its last mechanism held at these values.
-fn held_at(model: &Model, values: &[f64]) -> Model {
-    let mut held = model.clone();
-    if let Some(added) = held.mechanisms.last_mut() {
-        added.parameters = values.iter().copied().map(Treatment::fixed).collect();
-    }
-    held
-}
-
 impl Fit {
     /// `model` a short way down from several starts: from first guesses of its own, since where this fit ended may be far off
     /// if it lacks what the model has, and from there, since what it lacks may be small.
@@ -163,14 +150,29 @@ impl Fit {
             .into_iter()
             .flat_map(|own| own.parameters.iter().zip(own.kind.parameters()));
         let first: Vec<f64> = added.map(|(own, parameter)| own.value.unwrap_or(parameter.typical)).collect();
-        let held = held_at(model, &first);
         let free = guesses(model).take(1).map(|guess| self.glanced(prepared, model, &guess));
-        let released = guesses(&held)
-            .take(2)
-            .map(|guess| self.glanced(prepared, &held, &guess).extended_by(prepared, model, GLANCE));
+        let released = self.released(prepared, model, &first, &guesses, GLANCE);
         free.chain(released)
             .chain(std::iter::once_with(|| self.extended_by(prepared, model, GLANCE)))
             .collect()
+    }
+
+    /// `model` after its last mechanism was held at these values until the others had come to terms with them.
+    fn released<G: Iterator<Item = Guess>>(
+        &self,
+        prepared: &Prepared,
+        model: &Model,
+        values: &[f64],
+        guesses: impl Fn(&Model) -> G,
+        effort: Effort,
+    ) -> impl Iterator<Item = Self> {
+        let mut held = model.clone();
+        if let Some(added) = held.mechanisms.last_mut() {
+            added.parameters = values.iter().copied().map(Treatment::fixed).collect();
+        }
+        guesses(&held)
+            .take(2)
+            .map(move |guess| self.glanced(prepared, &held, &guess).extended_by(prepared, model, effort))
     }
 
     /// `model` a short way down from a guess.
