@@ -1,12 +1,12 @@
 //! One group of trials, side by side in the lanes of a vector, through the model from start to end.
 
 use super::coefficient::Coefficients;
-use super::integrate::{Drive, Given, Glide, Varied, advance};
+use super::integrate::{Drive, Given, Glide, Varied, Walk};
 use super::jet::Jet;
 use super::mechanisms::{Channels, Covariates, Extension, Mechanisms, NoExtension, Past};
 use super::motion::{gather, unrecord};
 use super::number::{Number, Plain};
-use super::plant::{BASE_PARAMETERS, Knot, MEMORY, Mechanics, Plant, State};
+use super::plant::{BASE_PARAMETERS, Knot, Mechanics, Plant};
 use super::simulate::{Request, Response, Trial};
 use crate::signal::SectionState;
 
@@ -59,6 +59,8 @@ pub(super) fn run<P: Plain>(job: &Job, response: &mut Response) {
         (true, 0) => base::<P, P>(job, response),
         (true, _) => base::<P, Jet<P, 6>>(job, response),
         (false, 0) => extended::<P, P>(job, response),
+        // Most mechanisms have one parameter that is estimated.
+        (false, ..=7) => extended::<P, Jet<P, 7>>(job, response),
         (false, _) => extended::<P, Jet<P, 9>>(job, response),
     }
 }
@@ -122,10 +124,9 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(job: &Job, response: &mut
     while run.sample < run.samples {
         let extension = Mechanisms { kinds: request.kinds, parameters: added, trial: &trial, past: &past };
         let glide = Glide::new(motion[run.sample], motion[run.sample + 1], request.period_s);
-        let states = run.state.memory;
-        let rates = run.step(job, response, &mechanics, &extension, &Varied(glide));
+        run.step(job, response, &mechanics, &extension, &Varied(glide));
         if remembers {
-            past.push(states, rates);
+            past.push(run.walk.memory);
         }
     }
 }
@@ -136,7 +137,7 @@ struct Run<T> {
     samples: usize,
     sample: usize,
     start_s: f64,
-    state: State<T>,
+    walk: Walk<T>,
     level: T,
     filter: [SectionState<T>; MOST_SECTIONS],
 }
@@ -150,13 +151,13 @@ impl<T: Number> Run<T> {
             samples: request.lead + request.samples,
             sample: 0,
             start_s: -(request.lead as f64) * request.period_s,
-            state: State::rest(),
+            walk: Walk::at_rest(),
             level: T::constant(0.0),
             filter: [SectionState::silent(); MOST_SECTIONS],
         }
     }
 
-    /// Records the present sample and moves to the next; returns the rates of the added states at the present one.
+    /// Records the present sample and moves to the next.
     #[inline(always)]
     fn step<C: Coefficients<T>, X: Extension<T>, D: Drive<T>>(
         &mut self,
@@ -165,11 +166,11 @@ impl<T: Number> Run<T> {
         mechanics: &Mechanics<T, C>,
         extension: &X,
         drive: &D,
-    ) -> [T; MEMORY] {
+    ) {
         let request = job.request;
         let time_s = self.start_s + self.sample as f64 * request.period_s;
-        let (mut torque, rates) =
-            advance(mechanics, extension, &mut self.state, drive, time_s, request.period_s, request.substeps);
+        let mut torque =
+            self.walk.advance(mechanics, extension, drive, time_s, request.period_s, request.substeps);
         let mut section = 0;
         while section < request.filter.len() {
             torque = request.filter[section].step(&mut self.filter[section], torque);
@@ -182,7 +183,6 @@ impl<T: Number> Run<T> {
             store(job, &self.slots, response, self.sample - request.lead, torque - self.level);
         }
         self.sample += 1;
-        rates
     }
 }
 

@@ -74,48 +74,69 @@ impl<P: Plain, T: Number<Plain = P>> Drive<T> for Given<P> {
 /// The classical Runge-Kutta scheme: where each stage looks, and what it weighs.
 const STAGES: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 / 3.0), (1.0, 1.0 / 6.0)];
 
-/// Moves `state` from one sample to the next in `substeps` equal steps; returns the measured torque at the first sample
-/// and the rates of the added states there.
-///
-/// One loop over all evaluations, rather than one over steps around one over stages, keeps a single copy of the model's
-/// equations in the compiled code.
-#[inline(always)]
-pub fn advance<T: Number, C: Coefficients<T>, X: Extension<T>, D: Drive<T>>(
-    mechanics: &Mechanics<T, C>,
-    extension: &X,
-    state: &mut State<T>,
-    drive: &D,
-    start_s: f64,
-    period_s: f64,
-    substeps: usize,
-) -> (T, [T; MEMORY]) {
-    let step = period_s / substeps as f64;
-    let memory = extension.memory();
-    let zero = T::constant(0.0);
-    let (mut measured, mut memory_rates) = (zero, [zero; MEMORY]);
-    let mut begin = *state;
-    let mut at = begin;
-    let mut rates = State::rest();
-    let mut evaluation = 0;
-    while evaluation < substeps * STAGES.len() {
-        let (substep, stage) = (evaluation / STAGES.len(), evaluation % STAGES.len());
-        let u = (substep as f64 + STAGES[stage].0) / substeps as f64;
-        let torques = mechanics.rates(extension, &at, drive.motor(u), start_s + u * period_s, &mut rates);
-        if evaluation == 0 {
-            measured = torques.measured;
-            memory_rates[..memory].copy_from_slice(&rates.memory[..memory]);
-        }
-        state.add(&rates, STAGES[stage].1 * step, memory);
-        if stage + 1 == STAGES.len() {
-            begin.copy_from(state, memory);
-            at.copy_from(state, memory);
-        } else {
-            at.copy_from(&begin, memory);
-            at.add(&rates, STAGES[stage + 1].0 * step, memory);
-        }
-        evaluation += 1;
+/// A wrist on its way from sample to sample. With derivatives a state takes kilobytes: what the scheme needs besides is kept
+/// rather than made anew each time, and added states that are not in use are left alone.
+#[derive(Debug, Clone)]
+pub struct Walk<T> {
+    /// Where it is.
+    pub state: State<T>,
+    /// The added states at the last sample, and their rates.
+    pub memory: [[T; MEMORY]; 2],
+    begin: State<T>,
+    at: State<T>,
+    rates: State<T>,
+}
+
+impl<T: Number> Walk<T> {
+    /// At rest.
+    #[inline(always)]
+    pub fn at_rest() -> Self {
+        let rest = State::rest();
+        Self { state: rest, memory: [rest.memory; 2], begin: rest, at: rest, rates: rest }
     }
-    (measured, memory_rates)
+
+    /// Moves from one sample to the next in `substeps` equal steps; returns the measured torque at the first sample.
+    ///
+    /// One loop over all evaluations, rather than one over steps around one over stages, keeps a single copy of the model's
+    /// equations in the compiled code.
+    #[inline(always)]
+    pub fn advance<C: Coefficients<T>, X: Extension<T>, D: Drive<T>>(
+        &mut self,
+        mechanics: &Mechanics<T, C>,
+        extension: &X,
+        drive: &D,
+        start_s: f64,
+        period_s: f64,
+        substeps: usize,
+    ) -> T {
+        let Self { state, memory: [first, first_rates], begin, at, rates } = self;
+        let step = period_s / substeps as f64;
+        let memory = extension.memory();
+        let mut measured = T::constant(0.0);
+        begin.copy_from(state, memory);
+        at.copy_from(state, memory);
+        let mut evaluation = 0;
+        while evaluation < substeps * STAGES.len() {
+            let (substep, stage) = (evaluation / STAGES.len(), evaluation % STAGES.len());
+            let u = (substep as f64 + STAGES[stage].0) / substeps as f64;
+            let torques = mechanics.rates(extension, at, drive.motor(u), start_s + u * period_s, rates);
+            if evaluation == 0 {
+                measured = torques.measured;
+                first[..memory].copy_from_slice(&state.memory[..memory]);
+                first_rates[..memory].copy_from_slice(&rates.memory[..memory]);
+            }
+            state.add(rates, STAGES[stage].1 * step, memory);
+            if stage + 1 == STAGES.len() {
+                begin.copy_from(state, memory);
+                at.copy_from(state, memory);
+            } else {
+                at.copy_from(begin, memory);
+                at.add(rates, STAGES[stage + 1].0 * step, memory);
+            }
+            evaluation += 1;
+        }
+        measured
+    }
 }
 
 impl<T: Number> State<T> {

@@ -21,7 +21,7 @@ mod trace;
 mod vector;
 
 pub use coefficient::{Coefficient, Coefficients, Mixed, Separate};
-pub use integrate::{Drive, Given, Glide, LONGEST_STEP, Varied, advance, substeps};
+pub use integrate::{Drive, Given, Glide, LONGEST_STEP, Varied, Walk, substeps};
 pub use jet::Jet;
 pub use motion::{Smoothing, knots, servo_response};
 pub use number::{Number, Plain};

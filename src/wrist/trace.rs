@@ -1,7 +1,7 @@
 //! One trial with everything that moves, for pictures and for what is derived from the motion.
 
 use super::group::{Job, motion};
-use super::integrate::{Glide, Varied, advance};
+use super::integrate::{Glide, Varied, Walk};
 use super::mechanisms::{Extension, Mechanisms, Past};
 use super::plant::{BASE_PARAMETERS, Knot, Mechanics, Plant, State, Torques};
 use super::simulate::{Request, Trial};
@@ -40,20 +40,18 @@ pub fn trace(request: &Request, trial: &Trial, parameters: &[f64]) -> Vec<Instan
     let channels = switched_on.channels();
     let mechanics = Mechanics::new(plant);
     let knots = motion::<f64, f64>(&job, &channels);
-    let mut state = State::rest();
+    let mut walk = Walk::at_rest();
     let mut instants = Vec::with_capacity(request.samples);
     for sample in 0..request.lead + request.samples {
         let time_s = start_s + sample as f64 * request.period_s;
         let extension =
             Mechanisms { kinds: request.kinds, parameters: added, trial: &trial.covariates, past: &past };
         if sample >= request.lead {
-            instants.push(instant(&mechanics, &extension, &state, knots[sample], time_s));
+            instants.push(instant(&mechanics, &extension, &walk.state, knots[sample], time_s));
         }
         let glide = Varied(Glide::new(knots[sample], knots[sample + 1], request.period_s));
-        let states = state.memory;
-        let (_, rates) =
-            advance(&mechanics, &extension, &mut state, &glide, time_s, request.period_s, request.substeps);
-        past.push(states, rates);
+        walk.advance(&mechanics, &extension, &glide, time_s, request.period_s, request.substeps);
+        past.push(walk.memory);
     }
     instants
 }

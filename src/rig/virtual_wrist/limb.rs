@@ -7,7 +7,7 @@ use super::setup::Setup;
 use super::voluntary::TrialSpread;
 use crate::rig::Upcoming;
 use crate::wrist::mechanisms::{Channels, Covariates, Extension, Mechanisms, NoExtension, Past};
-use crate::wrist::{Given, Glide, Knot, Lever, MEMORY, Mechanics, Plant, State, Torques, advance, substeps};
+use crate::wrist::{Given, Glide, Knot, Lever, Mechanics, Plant, State, Torques, Walk, substeps};
 
 /// Time constant with which the muscle's resistance fades when the person lets go after a ramp, s. Assumed.
 const LETTING_GO_S: f64 = 0.08;
@@ -56,7 +56,7 @@ struct Moving {
     covariates: Covariates,
     past: Past<f64>,
     substeps: usize,
-    state: State<f64>,
+    walk: Walk<f64>,
     sign: f64,
     origin_rad: f64,
     from: Knot<f64>,
@@ -150,7 +150,7 @@ impl Limb {
             covariates,
             past,
             substeps: substeps(self.lever, &trial.parameters, self.period_s),
-            state: State::rest(),
+            walk: Walk::at_rest(),
             sign,
             origin_rad: motor.theta,
             from: Knot::default(),
@@ -206,7 +206,7 @@ impl Moving {
         let end_s = (self.sample + 1) as f64 * period_s;
         let drive = Given(Glide::new(self.from, to, period_s));
         let torques = if switched.kinds.is_empty() {
-            self.run(&NoExtension, &drive, to, start_s, end_s).0
+            self.run(&NoExtension, &drive, to, start_s, end_s)
         } else {
             let past = std::mem::replace(&mut self.past, Past::new(0.0, period_s));
             let covariates = self.covariates;
@@ -216,10 +216,9 @@ impl Moving {
                 trial: &covariates,
                 past: &past,
             };
-            let states = self.state.memory;
-            let (torques, rates) = self.run(&extension, &drive, to, start_s, end_s);
+            let torques = self.run(&extension, &drive, to, start_s, end_s);
             self.past = past;
-            self.past.push(states, rates);
+            self.past.push(self.walk.memory);
             torques
         };
         self.from = to;
@@ -241,17 +240,9 @@ impl Moving {
         to: Knot<f64>,
         start_s: f64,
         end_s: f64,
-    ) -> (Torques<f64>, [f64; MEMORY]) {
-        let (_, rates) = advance(
-            &self.mechanics,
-            extension,
-            &mut self.state,
-            drive,
-            start_s,
-            end_s - start_s,
-            self.substeps,
-        );
-        (self.mechanics.rates(extension, &self.state, to, end_s, &mut State::rest()), rates)
+    ) -> Torques<f64> {
+        self.walk.advance(&self.mechanics, extension, drive, start_s, end_s - start_s, self.substeps);
+        self.mechanics.rates(extension, &self.walk.state, to, end_s, &mut State::rest())
     }
 }
 

@@ -7,7 +7,7 @@ use crate::wrist::plant::MEMORY;
 pub struct Past<T> {
     start_s: f64,
     period_s: f64,
-    entries: Vec<([T; MEMORY], [T; MEMORY])>,
+    entries: Vec<[[T; MEMORY]; 2]>,
 }
 
 impl<T: Number> Past<T> {
@@ -17,8 +17,8 @@ impl<T: Number> Past<T> {
     }
 
     /// Adds the states at the next sample, and their rates.
-    pub fn push(&mut self, states: [T; MEMORY], rates: [T; MEMORY]) {
-        self.entries.push((states, rates));
+    pub fn push(&mut self, states_and_rates: [[T; MEMORY]; 2]) {
+        self.entries.push(states_and_rates);
     }
 
     /// State `slot` at `time_s - delay`, by cubic Hermite interpolation; zero before the start. A moment after the last
@@ -41,10 +41,10 @@ impl<T: Number> Past<T> {
             let index = index.min(self.entries.len() - 1);
             let fraction = T::constant((time_s - self.start_s) / self.period_s - index as f64)
                 - delay.scale(1.0 / self.period_s);
-            let (from, from_rate) = (self.entries[index].0[slot], self.entries[index].1[slot]);
+            let (from, from_rate) = (self.entries[index][0][slot], self.entries[index][1][slot]);
             let value = match self.entries.get(index + 1) {
                 None => from + from_rate.scale(self.period_s) * fraction,
-                Some((to, to_rate)) => hermite(
+                Some([to, to_rate]) => hermite(
                     fraction,
                     from,
                     to[slot],
