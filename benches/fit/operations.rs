@@ -5,7 +5,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use ramphold::signal::SectionState;
 use ramphold::wrist::mechanisms::NoExtension;
-use ramphold::wrist::{Given, Glide, Jet, Knot, Mechanics, Number, Plain, Plant, State, advance};
+use ramphold::wrist::{Given, Glide, Jet, Knot, Mechanics, Number, Plain, Plant, Walk};
 
 use crate::problem::Problem;
 
@@ -103,12 +103,12 @@ fn count<T: Number<Plain = Counting>>(problem: &Problem) -> u64 {
     };
     DONE.set(0);
     let mechanics = Mechanics::separate(Plant::base(prepared.lever, &parameters));
-    let mut state = State::rest();
+    let mut walk = Walk::at_rest();
     let mut memories = vec![SectionState::<T>::silent(); prepared.sections.len()];
     for sample in 0..prepared.lead + prepared.samples {
         let drive = Given(Glide::new(knot(sample), knot(sample + 1), prepared.period_s));
-        let (mut torque, _) =
-            advance(&mechanics, &NoExtension, &mut state, &drive, 0.0, prepared.period_s, problem.substeps());
+        let mut torque =
+            walk.advance(&mechanics, &NoExtension, &drive, 0.0, prepared.period_s, problem.substeps());
         for (section, memory) in prepared.sections.iter().zip(&mut memories) {
             torque = section.step(memory, torque);
         }
