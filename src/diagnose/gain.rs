@@ -129,9 +129,10 @@ fn held_out_squares(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64
     for held in keys {
         let rest: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) != held).collect();
         let out: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) == held).collect();
-        let others = after.on(prepared, &rest, &after.model);
-        let own = after.on(prepared, &out, &held_model(&others));
-        let left = Squares::of(&prepared.only(&out), &own);
+        let others = after.on(&prepared.only(&rest), &rest, &after.model);
+        let held_out = prepared.only(&out);
+        let own = after.on(&held_out, &out, &held_model(&others));
+        let left = Squares::of(&held_out, &own);
         for (trial, square) in out.into_iter().zip(left.of_trials) {
             result.of_trials[trial] = square;
         }

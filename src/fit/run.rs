@@ -183,9 +183,9 @@ impl Fit {
         fit.with_solution(solution)
     }
 
-    /// `model` fitted to some of the trials that this fit was made on, from where it ended.
-    pub fn on(&self, prepared: &Prepared, trials: &[usize], model: &Model) -> Self {
-        self.of(trials).extended(&prepared.only(trials), model)
+    /// `model` fitted to `some` of the trials that this fit was made on, from where it ended; `trials` says which they are here.
+    pub fn on(&self, some: &Prepared, trials: &[usize], model: &Model) -> Self {
+        self.of(trials).extended(some, model)
     }
 
     /// Where this fit ended in some of its trials, as a start for theirs alone.
