@@ -1,49 +1,36 @@
 //! The wrist's parameters out of the recorded torque, and how well they are known.
 
-mod alone;
-mod bootstrap;
-mod estimates;
-mod first_look;
-mod guess;
-mod layout;
-mod lean;
+mod data;
+mod fitted;
+mod inference;
 mod model;
-mod motion;
-mod noise;
-mod normal;
-mod predict;
-mod prepare;
-mod profile;
-mod resample;
-mod results;
-mod rival;
-mod run;
-mod second_look;
-mod solve;
-mod uncertainty;
-mod weights;
+mod output;
+mod parameters;
+mod residuals;
+mod search;
+mod solver;
 
-pub use bootstrap::{BOOTSTRAPPED, Scatter, bootstrap};
-pub use estimates::{
-    ConditionEstimate, Estimate, QUANTITIES, by_condition, estimates, estimates_alone, simulated,
-};
-pub use guess::{Guess, looks};
-pub use layout::{Component, Coordinate, Layout, Link};
-pub use model::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};
-pub use noise::NoiseSource;
-pub use normal::{Normal, Objective};
-pub use predict::predict;
-pub use prepare::{LeftOut, PrepareError, Prepared, PreparedTrial, View, onset_sample};
-pub use profile::{Interval, PROFILED, profiles};
-pub use resample::{NoiseMaker, resampled};
-pub use results::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
-pub use rival::{Glance, Scout};
-pub use run::{ELASTIC_LIMIT, Fit, STIFFNESS, Weighting, objective};
-pub use solve::{Effort, Outcome, Solution, Stop, solve};
-pub use uncertainty::{
+pub use data::hold_noise::NoiseSource;
+pub use data::preprocessing::{LeftOut, PrepareError, Prepared, PreparedTrial, View, onset_sample};
+pub use fitted::fit::{ELASTIC_LIMIT, Fit, STIFFNESS, Weighting, objective};
+pub use fitted::uncertainty::{
     Prediction, Uncertainty, covariance, predictions, uncertainties, variance_accounted_for,
 };
-pub use weights::{covariances, whiteners};
+pub use inference::bootstrap::{BOOTSTRAPPED, Scatter, bootstrap};
+pub use inference::profile::{Interval, PROFILED, profiles};
+pub use inference::resampling::{NoiseMaker, resampled};
+pub use model::specification::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};
+pub use output::estimates::{
+    ConditionEstimate, Estimate, QUANTITIES, by_condition, estimates, estimates_alone, simulated,
+};
+pub use output::result_files::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
+pub use parameters::parameterisation::{Component, Coordinate, Layout, Link};
+pub use residuals::prediction::predict;
+pub use residuals::residual_covariance::{covariances, whiteners};
+pub use search::extension_search::{Glance, Scout};
+pub use search::starting_values::{Guess, looks};
+pub use solver::levenberg_marquardt::{Effort, Outcome, Solution, Stop, solve};
+pub use solver::normal_equations::{Normal, Objective};
 
 #[cfg(test)]
 mod tests;

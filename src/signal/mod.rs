@@ -2,10 +2,10 @@
 
 mod filter;
 mod hum;
-mod noise;
+mod noise_covariance;
 mod onset;
 
 pub use filter::{FilterError, FilterSpec, Section, SectionState, filter, filter_both_ways};
 pub use hum::Sinusoid;
-pub use noise::Noise;
+pub use noise_covariance::Noise;
 pub use onset::onset;

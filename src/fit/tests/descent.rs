@@ -3,8 +3,8 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::super::normal::evaluate;
-use super::super::solve::solve;
+use super::super::solver::levenberg_marquardt::solve;
+use super::super::solver::normal_equations::evaluate;
 use super::*;
 
 fn guess_of_truth(prepared: &Prepared) -> Guess {

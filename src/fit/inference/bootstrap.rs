@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::estimates::QUANTITIES;
-use super::prepare::Prepared;
-use super::resample::{NoiseMaker, resampled};
-use super::run::Fit;
+use super::resampling::{NoiseMaker, resampled};
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::fitted::fit::Fit;
+use crate::fit::output::estimates::QUANTITIES;
 use crate::random::Stream;
 
 /// How many quantities are bootstrapped: all but the VAF, which is no property of the wrist.
@@ -30,8 +30,10 @@ pub fn bootstrap(prepared: &Prepared, fit: &Fit, refits: usize, seed: u64) -> Ve
     if fit.covariances.is_empty() {
         return Vec::new();
     }
-    let predicted: Vec<Vec<f64>> =
-        super::uncertainty::predictions(prepared, fit).into_iter().map(|own| own.torque_nm).collect();
+    let predicted: Vec<Vec<f64>> = crate::fit::fitted::uncertainty::predictions(prepared, fit)
+        .into_iter()
+        .map(|own| own.torque_nm)
+        .collect();
     let noise = NoiseMaker::new(fit);
     let drawn: Vec<Vec<[Option<f64>; COUNT]>> = (0..refits)
         .into_par_iter()

@@ -1,6 +1,6 @@
 //! The noise of a session: measured in the holds, or where there are none in how repetitions differ.
 
-use super::prepare::{HOLD_S, Prepared, PreparedTrial, View, mean};
+use super::preprocessing::{HOLD_S, Prepared, PreparedTrial, View, mean};
 use crate::dataset::Session;
 use crate::signal::{FilterSpec, Noise};
 
@@ -18,7 +18,7 @@ pub enum NoiseSource {
 }
 
 /// How many stretches begin within one window's length: that many overlapping ones are worth about one.
-pub(super) const STRETCHES_A_WINDOW: usize = 10;
+pub(in crate::fit) const STRETCHES_A_WINDOW: usize = 10;
 
 /// Independent stretches of hold that a torque level needs for a noise of its own, for each sample that it is measured on;
 /// with fewer, all levels share one.
@@ -44,7 +44,7 @@ impl Prepared {
     }
 
     /// Stretches of the hold (which ends at the onset), each a window long, less the level before it; they overlap.
-    pub(super) fn hold_stretches(&self, hold: &[f64]) -> Vec<Vec<f64>> {
+    pub(in crate::fit) fn hold_stretches(&self, hold: &[f64]) -> Vec<Vec<f64>> {
         let level = self.level_samples();
         let settling =
             if self.sections.is_empty() { 0 } else { libm::ceil(SETTLING_S / self.period_s) as usize };
@@ -62,7 +62,7 @@ impl Prepared {
     }
 
     /// The covariance of the noise, by torque level where the holds are long enough, else over all trials.
-    pub(super) fn measure_noise(&mut self) {
+    pub(in crate::fit) fn measure_noise(&mut self) {
         let mut levels: Vec<f64> = self.trials.iter().map(|trial| trial.torque_nm).collect();
         levels.sort_by(f64::total_cmp);
         levels.dedup();
@@ -98,9 +98,9 @@ impl Prepared {
 
     /// Takes the noise from how residuals of a plain fit scatter among the repetitions of a condition; for sessions without a
     /// hold. It lacks what the trials' own parameters absorbed, so a part of its mean variance is added to every direction.
-    pub fn take_noise_from_repetitions(&mut self, model: &super::Model) {
-        let fit = super::Fit::new(self, model, super::Weighting::Plain);
-        let predictions = super::predictions(self, &fit);
+    pub fn take_noise_from_repetitions(&mut self, model: &crate::fit::Model) {
+        let fit = crate::fit::Fit::new(self, model, crate::fit::Weighting::Plain);
+        let predictions = crate::fit::predictions(self, &fit);
         let places: Vec<usize> = self.noise_samples().collect();
         let of_trial =
             |trial: usize| places.iter().map(|p| predictions[trial].residual_nm[*p]).collect::<Vec<f64>>();
@@ -155,7 +155,7 @@ impl Prepared {
 
 /// Every how many samples the noise is measured: six times the cut-off stays below half the rate of what is left, and a
 /// long window keeps at most a hundred values.
-pub(super) fn stride(session: &Session, view: View, samples: usize) -> usize {
+pub(in crate::fit) fn stride(session: &Session, view: View, samples: usize) -> usize {
     let FilterSpec::Butterworth { cutoff_hz, .. } = session.recorded_filter.unwrap_or(view.filter);
     let by_filter = libm::floor(session.sample_rate_hz / (12.0 * cutoff_hz)) as usize;
     by_filter.max(samples.div_ceil(100)).max(1)
@@ -163,7 +163,7 @@ pub(super) fn stride(session: &Session, view: View, samples: usize) -> usize {
 
 /// The error of the recorded angle, rad: from its second differences in the holds, at least that of the encoder's steps,
 /// which a still motor does not show; and that step, where the holds are still.
-pub(super) fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
+pub(in crate::fit) fn angle_noise(trials: &[&crate::dataset::Trial]) -> (f64, f64) {
     let (mut squares, mut count, mut step) = (Vec::new(), 0.0, f64::INFINITY);
     for trial in trials {
         // The first sample may have been measured before the trial began.

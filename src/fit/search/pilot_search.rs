@@ -1,10 +1,10 @@
 //! A first look at a session, before any model of it.
 
-use super::guess::{Guess, looks};
-use super::model::Model;
-use super::normal::Objective;
-use super::prepare::Prepared;
-use super::run::{Weighting, objective};
+use super::starting_values::{Guess, looks};
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::fitted::fit::{Weighting, objective};
+use crate::fit::model::specification::Model;
+use crate::fit::solver::normal_equations::Objective;
 
 /// What first guesses are made from, whatever the model: the pilot's best points, and weights that go with them.
 pub struct FirstLook {
@@ -21,7 +21,7 @@ impl FirstLook {
     }
 
     /// First guesses of `model`, the best first.
-    pub(super) fn guesses(&self, prepared: &Prepared, model: &Model) -> Vec<Guess> {
+    pub(in crate::fit) fn guesses(&self, prepared: &Prepared, model: &Model) -> Vec<Guess> {
         Guess::pooled(prepared, &self.objective, &self.points, model)
     }
 }

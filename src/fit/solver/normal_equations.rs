@@ -2,10 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::layout::{BorderKnown, Component, Layout};
-use super::predict::predict;
-use super::prepare::Prepared;
-use super::solve::factor;
+use super::levenberg_marquardt::factor;
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::parameters::parameterisation::{BorderKnown, Component, Layout};
+use crate::fit::residuals::prediction::predict;
 use crate::wrist::Response;
 use crate::wrist::mechanisms::Kind;
 
@@ -270,7 +270,7 @@ impl Normal {
         whole.view_mut((0, own), (own, border)).copy_from(with_border);
         whole.view_mut((own, 0), (border, own)).copy_from(&with_border.transpose());
         whole.view_mut((own, own), (border, border)).copy_from(&(share + &known.information));
-        match super::uncertainty::invert(whole) {
+        match crate::fit::fitted::uncertainty::invert(whole) {
             Some(inverse) => (0..own).map(|i| libm::sqrt(inverse[(i, i)])).collect(),
             None => vec![f64::INFINITY; own],
         }

@@ -5,9 +5,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::guess::{Guess, Range};
-use super::model::{Model, Scope, Term, Treatment};
-use super::prepare::Prepared;
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::model::specification::{Model, Scope, Term, Treatment};
+use crate::fit::search::starting_values::{Guess, Range};
 use crate::wrist::BASE_PARAMETERS;
 
 /// One number that the least squares moves.
@@ -34,7 +34,7 @@ pub struct Coordinate {
 impl Coordinate {
     /// The coordinate of a parameter that may go over `range`, and how the parameter comes from it: by its logarithm where it
     /// cannot but be positive.
-    pub(super) fn of(parameter: usize, range: Range) -> (Self, fn(usize) -> Link) {
+    pub(in crate::fit) fn of(parameter: usize, range: Range) -> (Self, fn(usize) -> Link) {
         let logarithmic = range.low > 0.0;
         let place = |x: f64| if logarithmic { libm::log(x) } else { x };
         let scale = range.start.abs().max(1e-6 * (range.high - range.low).min(1e3)).max(1e-12);
@@ -308,7 +308,7 @@ impl Layout {
 }
 
 /// The trials that share a parameter of this scope, group by group.
-pub(super) fn groups(prepared: &Prepared, scope: Scope) -> Vec<Vec<usize>> {
+pub(in crate::fit) fn groups(prepared: &Prepared, scope: Scope) -> Vec<Vec<usize>> {
     let key = |trial: usize| match scope {
         Scope::Trial => trial,
         Scope::Condition => prepared.trials[trial].condition,

@@ -1,15 +1,15 @@
 //! A whole fit: weights, start, solution, and a second look at trials that may have several optima.
 
-use super::first_look::FirstLook;
-use super::guess::Guess;
-use super::layout::{Layout, Link};
-use super::lean::LEAN;
-use super::model::Model;
-use super::noise::NoiseSource;
-use super::normal::Objective;
-use super::prepare::Prepared;
-use super::solve::{Effort, Outcome, Solution, solve};
-use super::weights::{covariances, whiteners};
+use crate::fit::data::hold_noise::NoiseSource;
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::model::specification::Model;
+use crate::fit::parameters::parameterisation::{Layout, Link};
+use crate::fit::residuals::residual_covariance::{covariances, whiteners};
+use crate::fit::search::pilot_search::FirstLook;
+use crate::fit::search::shrinkage::LEAN;
+use crate::fit::search::starting_values::Guess;
+use crate::fit::solver::levenberg_marquardt::{Effort, Outcome, Solution, solve};
+use crate::fit::solver::normal_equations::Objective;
 use crate::signal::Noise;
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::Kind;
@@ -131,7 +131,7 @@ impl Fit {
         self.extended_by(prepared, model, EXTENSION)
     }
 
-    pub(super) fn extended_by(&self, prepared: &Prepared, model: &Model, effort: Effort) -> Self {
+    pub(in crate::fit) fn extended_by(&self, prepared: &Prepared, model: &Model, effort: Effort) -> Self {
         let guess = Guess::at(prepared, &self.parameters);
         let mut layout = Layout::new(prepared, model, &guess);
         if let Some(lean) = &self.lean {
@@ -169,7 +169,7 @@ impl Fit {
     }
 
     /// `model` in its `layout`, weighed as this fit is, from given coordinates as far down as `effort` goes.
-    pub(super) fn descended(
+    pub(in crate::fit) fn descended(
         &self,
         prepared: &Prepared,
         model: &Model,
@@ -189,13 +189,13 @@ impl Fit {
     }
 
     /// Where this fit ended in some of its trials, as a start for theirs alone.
-    pub(super) fn of(&self, trials: &[usize]) -> Self {
+    pub(in crate::fit) fn of(&self, trials: &[usize]) -> Self {
         let parameters = trials.iter().map(|trial| self.parameters[*trial].clone()).collect();
         let lean = self.lean.as_ref().map(|guess| guess.only(trials));
         Self { parameters, lean, ..self.clone() }
     }
 
-    pub(super) fn take_parameters(&mut self) {
+    pub(in crate::fit) fn take_parameters(&mut self) {
         self.parameters = (0..self.layout.links.len())
             .map(|trial| {
                 let mut own = Vec::new();
@@ -227,7 +227,7 @@ const EXTENSION: Effort = Effort { iterations: 40, decrease: 1e-4, longest_step:
 
 /// Index of k_srs, k_dec and x_e in a trial's parameters.
 pub const STIFFNESS: usize = 3;
-pub(super) const DECREMENT: usize = 4;
+pub(in crate::fit) const DECREMENT: usize = 4;
 /// See [`STIFFNESS`].
 pub const ELASTIC_LIMIT: usize = 5;
 

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
-use super::bootstrap::{BOOTSTRAPPED, Scatter};
 use super::estimates::{ConditionEstimate, Estimate, QUANTITIES, by_condition};
-use super::model::Model;
-use super::prepare::{Prepared, View};
-use super::profile::{Interval, PROFILED};
-use super::run::{Fit, Weighting};
 use crate::dataset::Disk;
+use crate::fit::data::preprocessing::{Prepared, View};
+use crate::fit::fitted::fit::{Fit, Weighting};
+use crate::fit::inference::bootstrap::{BOOTSTRAPPED, Scatter};
+use crate::fit::inference::profile::{Interval, PROFILED};
+use crate::fit::model::specification::Model;
 use crate::wrist::BASE_PARAMETERS;
 
 /// The version of `fit.json` that this program writes.
@@ -210,7 +210,7 @@ fn json(
             "effective_samples": noise.effective_samples(),
         })
     };
-    let left_out = |left: &super::prepare::LeftOut| json!({ "trial": left.trial, "reason": left.reason });
+    let left_out = |left: &crate::fit::data::preprocessing::LeftOut| json!({ "trial": left.trial, "reason": left.reason });
     json!({
         "format": FIT_FORMAT,
         "version": env!("CARGO_PKG_VERSION"),
@@ -248,8 +248,8 @@ fn profile_json(profile: &[Option<Interval>; 2]) -> Value {
 /// Plain where no noise could be measured, whatever was asked.
 fn weighting_in_force(asked: Weighting, fit: &Fit) -> Weighting {
     match fit.objective {
-        super::normal::Objective::LeastSquares => Weighting::Plain,
-        super::normal::Objective::Whitened(_) => asked,
+        crate::fit::solver::normal_equations::Objective::LeastSquares => Weighting::Plain,
+        crate::fit::solver::normal_equations::Objective::Whitened(_) => asked,
     }
 }
 

@@ -1,12 +1,12 @@
 //! Where a fit starts and what it may try. One pilot trial is looked at widely, over scales read off its record, so that an
 //! ankle starts as an ankle; a fit of few parameters to some trials goes on from there, and all trials start where it ends.
 
-use super::layout::{Component, Coordinate, Layout, Link};
-use super::model::{Model, Scope, Treatment};
-use super::normal::Objective;
-use super::predict::predict;
-use super::prepare::{Prepared, PreparedTrial};
-use super::solve::{Effort, solve};
+use crate::fit::data::preprocessing::{Prepared, PreparedTrial};
+use crate::fit::model::specification::{Model, Scope, Treatment};
+use crate::fit::parameters::parameterisation::{Component, Coordinate, Layout, Link};
+use crate::fit::residuals::prediction::predict;
+use crate::fit::solver::levenberg_marquardt::{Effort, solve};
+use crate::fit::solver::normal_equations::Objective;
 use crate::random::Stream;
 use crate::wrist::mechanisms::Kind;
 use crate::wrist::{BASE_PARAMETERS, Response};
@@ -146,7 +146,7 @@ impl Guess {
     }
 
     /// The range of a parameter that `members` share.
-    pub(super) fn range(
+    pub(in crate::fit) fn range(
         &self,
         model: &Model,
         parameter: usize,

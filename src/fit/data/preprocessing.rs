@@ -1,7 +1,7 @@
 //! From a measured session to what the fit compares (section 2.4 of the paper): levels before the ramp subtracted, torque
 //! filtered, the window cut; and the same done to the hold, which tells the noise.
 
-use super::noise::{NoiseSource, angle_noise, stride};
+use super::hold_noise::{NoiseSource, angle_noise, stride};
 use crate::dataset::{Session, Status};
 use crate::signal::{FilterSpec, Noise, Section, filter, onset};
 use crate::wrist::mechanisms::{Covariates, Kind};
@@ -168,7 +168,7 @@ impl Prepared {
 const FEWEST_SAMPLES: usize = 12;
 
 /// Longest hold that is looked at, s: the gate guarantees this much.
-pub(super) const HOLD_S: f64 = 0.5;
+pub(in crate::fit) const HOLD_S: f64 = 0.5;
 
 impl Prepared {
     /// The same preparation for some of the trials.
@@ -221,7 +221,7 @@ impl Prepared {
     }
 
     /// How many samples of filtered torque or raw angle make the level before the ramp.
-    pub(super) fn level_samples(&self) -> usize {
+    pub(in crate::fit) fn level_samples(&self) -> usize {
         (libm::round(LEVEL_S / self.period_s) as usize).max(2)
     }
 
@@ -347,7 +347,7 @@ pub fn onset_sample(trial: &crate::dataset::Trial, period_s: f64) -> Option<usiz
     }
 }
 
-pub(super) fn mean(values: &[f64]) -> f64 {
+pub(in crate::fit) fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 

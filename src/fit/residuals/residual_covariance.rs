@@ -5,9 +5,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::noise::STRETCHES_A_WINDOW;
-use super::predict::predict;
-use super::prepare::{Prepared, PreparedTrial};
+use super::prediction::predict;
+use crate::fit::data::hold_noise::STRETCHES_A_WINDOW;
+use crate::fit::data::preprocessing::{Prepared, PreparedTrial};
 use crate::signal::Noise;
 use crate::wrist::{Response, Smoothing};
 

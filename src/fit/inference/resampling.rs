@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::prepare::Prepared;
-use super::run::Fit;
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::fitted::fit::Fit;
 use crate::random::Stream;
 use crate::signal::Noise;
 

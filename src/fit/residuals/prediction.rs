@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::prepare::Prepared;
+use crate::fit::data::preprocessing::Prepared;
 use crate::wrist::mechanisms::Kind;
 use crate::wrist::{Request, Response, simulate, substeps};
 

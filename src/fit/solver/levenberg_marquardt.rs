@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::layout::{Component, Layout};
-use super::normal::{Normal, Objective};
-use super::prepare::Prepared;
+use super::normal_equations::{Normal, Objective};
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::parameters::parameterisation::{Component, Layout};
 use crate::wrist::mechanisms::Kind;
 
 /// Why an optimisation ended.
@@ -148,7 +148,8 @@ pub fn solve(
             }
         }
         let components: Vec<&Component> = active.iter().map(|index| descents[*index].component).collect();
-        let evaluated = super::normal::evaluate(prepared, layout, kinds, objective, &components, &candidate);
+        let evaluated =
+            super::normal_equations::evaluate(prepared, layout, kinds, objective, &components, &candidate);
         for (index, normal) in active.iter().zip(evaluated) {
             descents[*index].judge(layout, &mut coordinates, normal, effort);
         }
@@ -347,6 +348,6 @@ impl Component {
 }
 
 /// The Cholesky factor of a small matrix; `None` if it is not positive definite.
-pub(super) fn factor(matrix: DMatrix<f64>) -> Option<nalgebra::Cholesky<f64, nalgebra::Dyn>> {
+pub(in crate::fit) fn factor(matrix: DMatrix<f64>) -> Option<nalgebra::Cholesky<f64, nalgebra::Dyn>> {
     nalgebra::Cholesky::new(matrix)
 }

@@ -2,10 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::normal::{Objective, evaluate};
-use super::predict::predict;
-use super::prepare::Prepared;
-use super::run::Fit;
+use super::fit::Fit;
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::residuals::prediction::predict;
+use crate::fit::solver::normal_equations::{Objective, evaluate};
 use crate::wrist::{BASE_PARAMETERS, Response};
 
 /// One trial's uncertainty, by the six base parameters; relative to the parameter.
@@ -98,7 +98,10 @@ pub fn covariance(prepared: &Prepared, fit: &Fit, predictions: &[Prediction]) ->
     let components: Vec<_> = fit.layout.components.iter().collect();
     let at = &fit.solution.coordinates;
     let normals = evaluate(prepared, &fit.layout, &fit.kinds, &fit.objective, &components, at);
-    let of_component = |(component, normal): (&&super::layout::Component, &super::normal::Normal)| {
+    let of_component = |(component, normal): (
+        &&crate::fit::parameters::parameterisation::Component,
+        &crate::fit::solver::normal_equations::Normal,
+    )| {
         let order = component.order();
         let mut matrix = normal.dense(component);
         let held: Vec<bool> = order
@@ -138,7 +141,7 @@ fn filling(
     prepared: &Prepared,
     fit: &Fit,
     predictions: &[Prediction],
-    component: &super::layout::Component,
+    component: &crate::fit::parameters::parameterisation::Component,
     order: &[usize],
 ) -> DMatrix<f64> {
     let places: Vec<usize> = prepared.noise_samples().collect();
@@ -207,7 +210,7 @@ fn finite(value: f64) -> Option<f64> {
 }
 
 /// The inverse of a positive definite matrix, scaled first; `None` if it is singular.
-pub(super) fn invert(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(in crate::fit) fn invert(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scale: Vec<f64> =
         matrix.diagonal().iter().map(|x| 1.0 / libm::sqrt(x.max(f64::MIN_POSITIVE))).collect();
     let scaled =

@@ -8,12 +8,12 @@
 
 use std::ops::Range;
 
-use super::alone::{Alone, Place};
-use super::layout::{Component, Coordinate, Link};
-use super::normal::{Normal, Objective, evaluate};
-use super::prepare::Prepared;
-use super::run::{ELASTIC_LIMIT, Fit};
-use super::solve::Effort;
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::fitted::block_subproblem::{Alone, Place};
+use crate::fit::fitted::fit::{ELASTIC_LIMIT, Fit};
+use crate::fit::parameters::parameterisation::{Component, Coordinate, Link};
+use crate::fit::solver::levenberg_marquardt::Effort;
+use crate::fit::solver::normal_equations::{Normal, Objective, evaluate};
 
 /// The parameters that have a profile: k_dec and x_e.
 pub const PROFILED: [usize; 2] = [4, ELASTIC_LIMIT];

@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
-use super::prepare::{Prepared, PreparedTrial};
-use super::profile::{Interval, profiles};
-use super::run::{ELASTIC_LIMIT, Fit};
-use super::solve::Stop;
-use super::uncertainty::{predictions, uncertainties, variance_accounted_for};
+use crate::fit::data::preprocessing::{Prepared, PreparedTrial};
+use crate::fit::fitted::fit::{ELASTIC_LIMIT, Fit};
+use crate::fit::fitted::uncertainty::{predictions, uncertainties, variance_accounted_for};
+use crate::fit::inference::profile::{Interval, profiles};
+use crate::fit::solver::levenberg_marquardt::Stop;
 use crate::wrist::{BASE_PARAMETERS, Instant, Request, srs_period_s, substeps, trace};
 
 /// What was estimated from one trial.
@@ -35,7 +35,7 @@ pub struct Estimate {
     pub sem: [Option<f64>; 6],
     /// Standard error from the measured noise, relative to each parameter; absent where the data do not tell.
     pub se: [Option<f64>; 6],
-    /// 95 % profile likelihood intervals of k_dec and x_e ([`super::PROFILED`]); absent where they are not a trial's own.
+    /// 95 % profile likelihood intervals of k_dec and x_e ([`crate::fit::PROFILED`]); absent where they are not a trial's own.
     #[serde(skip)]
     pub profile: [Option<Interval>; 2],
     /// Whether the optimisation came to its end.

@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::guess::Guess;
-use super::prepare::Prepared;
-use super::run::{DECREMENT, ELASTIC_LIMIT, Fit};
-use super::uncertainty::{predictions, uncertainties};
+use super::starting_values::Guess;
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::fitted::fit::{DECREMENT, ELASTIC_LIMIT, Fit};
+use crate::fit::fitted::uncertainty::{predictions, uncertainties};
 
 impl Fit {
     /// The same fit with the yields of single trials leaning on those of all, and these on what they then are.
@@ -69,4 +69,4 @@ const WORTH_LEANING: f64 = 0.5;
 const STEEPEST: f64 = 1.0;
 
 /// How far single trials' k_dec and x_e may be expected from those of all, as standard deviations of their logarithms.
-pub(super) const LEAN: [(usize, f64); 2] = [(DECREMENT, 0.4), (ELASTIC_LIMIT, 0.2)];
+pub(in crate::fit) const LEAN: [(usize, f64); 2] = [(DECREMENT, 0.4), (ELASTIC_LIMIT, 0.2)];

@@ -4,7 +4,7 @@
 //! looks, the steps of an encoder would be worth as much as the torque's own noise, and a mechanism that smooths the angle
 //! (a servo that lags, a damping of the lever that is too large) would look like an improvement of the model.
 
-use super::prepare::{Prepared, PreparedTrial};
+use super::preprocessing::{Prepared, PreparedTrial};
 use crate::random::Stream;
 use crate::wrist::{Knot, Smoothing};
 

@@ -3,18 +3,18 @@
 
 use std::ops::Range;
 
-use super::layout::{BorderKnown, Component, Layout, Link};
-use super::normal::{Normal, Objective, evaluate};
-use super::prepare::Prepared;
-use super::run::Fit;
-use super::solve::{Effort, Solution, solve};
+use super::fit::Fit;
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::parameters::parameterisation::{BorderKnown, Component, Layout, Link};
+use crate::fit::solver::levenberg_marquardt::{Effort, Solution, solve};
+use crate::fit::solver::normal_equations::{Normal, Objective, evaluate};
 use crate::wrist::mechanisms::Kind;
 
 /// A block of trials: index of its component, and of the block in it.
-pub(super) type Place = (usize, usize);
+pub(in crate::fit) type Place = (usize, usize);
 
 /// Small problems, one a place.
-pub(super) struct Alone<'a> {
+pub(in crate::fit) struct Alone<'a> {
     kinds: &'a [Kind],
     objective: &'a Objective,
     prepared: Prepared,

@@ -1,12 +1,12 @@
 //! A mechanism added to a fit: of many starts a few trials tell which leads furthest down, and all trials where it ends.
 
-use super::first_look::FirstLook;
-use super::guess::Guess;
-use super::layout::{Layout, groups};
-use super::model::{Model, Scope, Treatment};
-use super::prepare::Prepared;
-use super::run::{Fit, Weighting};
-use super::solve::Effort;
+use super::pilot_search::FirstLook;
+use super::starting_values::Guess;
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::fitted::fit::{Fit, Weighting};
+use crate::fit::model::specification::{Model, Scope, Treatment};
+use crate::fit::parameters::parameterisation::{Layout, groups};
+use crate::fit::solver::levenberg_marquardt::Effort;
 
 /// Which of several starts leads furthest down shows long before its end; those stay that are behind by less than this part of
 /// the cost.

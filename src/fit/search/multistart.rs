@@ -3,13 +3,13 @@
 //! So every block of trials is started again, alone, from places that have nothing to do with where the fit ended. Most
 //! need not go far: with the elastic limit held there, one linear step of the other parameters tells that nothing comes near.
 
-use super::alone::{Alone, Place};
-use super::layout::{Layout, Link};
-use super::model::Scope;
-use super::normal::{Normal, Objective, evaluate};
-use super::prepare::Prepared;
-use super::run::{DECREMENT, ELASTIC_LIMIT, Fit, STIFFNESS};
-use super::solve::{Effort, Outcome, Solution, solve};
+use crate::fit::data::preprocessing::Prepared;
+use crate::fit::fitted::block_subproblem::{Alone, Place};
+use crate::fit::fitted::fit::{DECREMENT, ELASTIC_LIMIT, Fit, STIFFNESS};
+use crate::fit::model::specification::Scope;
+use crate::fit::parameters::parameterisation::{Layout, Link};
+use crate::fit::solver::levenberg_marquardt::{Effort, Outcome, Solution, solve};
+use crate::fit::solver::normal_equations::{Normal, Objective, evaluate};
 
 /// Where blocks start again: the elastic limit as a part of the way that the motor goes in the window, and k_dec as a part of
 /// k_srs.
@@ -213,7 +213,7 @@ impl Fit {
 
     /// Starts all trials of a component anew at once: with what they share at a wrong value, none of them gets to the right
     /// place alone.
-    pub(super) fn look_together(&mut self, prepared: &Prepared) {
+    pub(in crate::fit) fn look_together(&mut self, prepared: &Prepared) {
         for place in TOGETHER {
             let mut start = self.solution.coordinates.clone();
             for (trial, links) in self.layout.links.iter().enumerate() {

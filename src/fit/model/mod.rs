@@ -1,0 +1,3 @@
+//! The fit model as an experimenter specifies it.
+
+pub mod specification;

@@ -1,0 +1,3 @@
+//! From the fit model to the coordinates that the optimisation changes.
+
+pub mod parameterisation;

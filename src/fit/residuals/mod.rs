@@ -1,0 +1,4 @@
+//! Predicted torque, the covariance of the residuals, and the objective function.
+
+pub mod prediction;
+pub mod residual_covariance;

@@ -1,0 +1,7 @@
+//! Starting values and the search for the global optimum.
+
+pub mod extension_search;
+pub mod multistart;
+pub mod pilot_search;
+pub mod shrinkage;
+pub mod starting_values;
