@@ -9,7 +9,7 @@ use ramphold::fit::{QUANTITIES, write_files};
 use ramphold::report::{PowerCurve, power_figure};
 use ramphold::rig::virtual_wrist::Mechanisms;
 use ramphold::statistics::wilson;
-use ramphold::study::detection::{Named, detections, found};
+use ramphold::study::detection_power::{Named, detections, found};
 use ramphold::study::power::{Arms, Drawing, Found, Limit, Shift, Sought, Verdict, power, verdicts};
 use ramphold::study::{Study, StudyError};
 

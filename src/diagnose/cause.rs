@@ -1,9 +1,9 @@
 //! A named cause, and what it rests on.
 
-use super::gain::Gain;
-use super::hum::Hum;
-use super::outliers::Outlier;
-use super::trend::Trend;
+use super::across_trials::covariate_regression::Trend;
+use super::across_trials::outliers::Outlier;
+use super::mains_hum::Hum;
+use super::within_trial::cross_validation::Gain;
 use crate::fit::Fit;
 use crate::wrist::mechanisms::Kind;
 

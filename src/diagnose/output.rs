@@ -4,13 +4,13 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::by_trial::residual_by_trial;
+use super::across_trials::covariate_regression::{Trend, without_effect};
+use super::across_trials::elastic_limit_law::LimitLaw;
 use super::cause::{Cause, Evidence};
-use super::gain::residuals;
-use super::law::FORM_ERROR;
-use super::limit_law::LimitLaw;
-use super::search::Diagnosis;
-use super::trend::{Trend, without_effect};
+use super::diagnosis::Diagnosis;
+use super::residual_correlation::residual_by_trial;
+use super::within_trial::cross_validation::residuals;
+use super::within_trial::discrepancy::FORM_ERROR;
 use crate::dataset::Disk;
 use crate::fit::{Fit, Model, Prepared, STIFFNESS, Switched, Treatment, WriteError, write_files};
 use crate::wrist::BASE_PARAMETERS;

@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 
 use super::error::{Problem, StudyError};
 use super::plan::Study;
-use super::run::{self, Kept};
+use super::unit_session::{self, Kept};
 use crate::fit::{Estimate, fit_header, fit_row};
 
 /// Folder of the parts in that of a study.
@@ -109,7 +109,7 @@ fn text(study: &Study, part: u64, kept: Kept, done: impl Fn() + Sync) -> String 
         .into_par_iter()
         .map(|index| {
             let unit = study.unit(index);
-            let rows = run::fit(study, &unit, kept).map_err(|error| {
+            let rows = unit_session::fit(study, &unit, kept).map_err(|error| {
                 let reason = error.to_string().replace(['\n', '\r'], " ");
                 format!("# failed {}\n", serde_json::json!([unit.subject, unit.session, reason]))
             });

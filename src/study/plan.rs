@@ -8,8 +8,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::error::{Problem, StudyError};
-use super::file::{Measured, Persons, StudyFile, VirtualPersons};
 use super::population::{Population, subject_id};
+use super::study_file::{Measured, Persons, StudyFile, VirtualPersons};
 use crate::dataset::PROGRAM;
 use crate::fit::Weighting;
 use crate::protocol::ValidProtocol;

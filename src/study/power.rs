@@ -9,8 +9,8 @@ use std::str::FromStr;
 
 use super::error::UnitError;
 use super::plan::{Study, Unit};
-use super::pool::{Pooled, pool};
 use super::population::Population;
+use super::simulated_pool::{Pooled, pool};
 use super::tables::Layout;
 use crate::fit::QUANTITIES;
 use crate::random::Stream;

@@ -3,7 +3,7 @@
 use crate::fit::QUANTITIES;
 use crate::statistics::{Contrast, Design, Effect, Moments, anova, holm, reliability};
 
-use super::gather::Gathered;
+use super::aggregation::Gathered;
 
 /// Format of `study.json`.
 pub const RESULTS_FORMAT: &str = "ramphold-study-results/1";

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::error::UnitError;
 use super::plan::{Study, What};
 use super::power::{Drawing, Found};
-use super::run::{Kept, simulate, view};
+use super::unit_session::{Kept, simulate, view};
 use crate::diagnose::{Look, diagnose};
 use crate::fit::Model;
 use crate::random::Stream;

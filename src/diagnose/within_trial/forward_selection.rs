@@ -1,12 +1,12 @@
 //! Forward steps within the trace, a cause each, until nothing is left over; the first of two is then chosen again.
 
-use super::calibrate::{Chance, Finding, SIGNIFICANT, Simulated, screen};
-use super::cause::{Cause, Evidence};
-use super::gain::{Gain, gain};
-use super::law::may_leave;
-use super::refit::{Candidate, Shortlist, candidates, far_behind, not_ruled_out};
-use super::screen::{Probe, Unseen, probes};
-use super::tangent::Tangent;
+use super::candidates::{Candidate, Shortlist, candidates, far_behind, not_ruled_out};
+use super::cross_validation::{Gain, gain};
+use super::discrepancy::may_leave;
+use super::null_distribution::{Chance, Finding, SIGNIFICANT, Simulated, screen};
+use super::residual_projection::Tangent;
+use super::score_test::{Probe, Unseen, probes};
+use crate::diagnose::cause::{Cause, Evidence};
 use crate::fit::{Fit, Prepared};
 use crate::wrist::mechanisms::Kind;
 

@@ -1,6 +1,6 @@
 //! A session as a diagnosis looks at it: through a wide filter, with one motion for trials that move alike, without hum.
 
-use super::hum::{Hum, hum, without};
+use super::mains_hum::{Hum, hum, without};
 use crate::dataset::Session;
 use crate::fit::{Model, NoiseSource, PrepareError, Prepared, View};
 use crate::signal::FilterSpec;

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::aggregation::{Gathered, Origin, assemble, gather};
 use super::error::{Problem, StudyError};
-use super::gather::{Gathered, Origin, assemble, gather};
 use super::part::{NEW, PARTS, Part, write_whole};
 use super::plan::Study;
 use super::tables::{RESULTS_FORMAT, Tables};

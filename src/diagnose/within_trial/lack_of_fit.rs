@@ -6,7 +6,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::tangent::{Direction, Tangent};
+use super::residual_projection::{Direction, Tangent};
 use crate::fit::Prepared;
 
 /// How strongly the residuals go with one, velocity and torque, summed over independent values of the window.

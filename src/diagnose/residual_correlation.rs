@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::gain::residuals;
+use super::within_trial::cross_validation::residuals;
 use crate::fit::{Fit, Prepared};
 
 /// What a trial's residual may go with.

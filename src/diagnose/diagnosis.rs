@@ -1,17 +1,17 @@
 //! A diagnosis: within the trace, then across the trials, and what both come to.
 
-use super::across::Stiffnesses;
-use super::calibrate::{Finding, SIGNIFICANT};
+use super::across_trials::covariate_regression::{Trend, strongest_trend};
+use super::across_trials::elastic_limit_law::{LimitLaw, limit_law};
+use super::across_trials::outliers::outliers;
+use super::across_trials::stiffness_table::Stiffnesses;
 use super::cause::{Cause, Evidence};
-use super::gain::gain_of_cleaning;
-use super::hum::Hum;
-use super::limit_law::{LimitLaw, limit_law};
-use super::look::Look;
-use super::outliers::outliers;
-use super::rest::{ResidualTerm, residual_term};
-use super::screen::Unseen;
-use super::steps::Steps;
-use super::trend::{Trend, strongest_trend};
+use super::mains_hum::Hum;
+use super::preprocessing::Look;
+use super::within_trial::cross_validation::gain_of_cleaning;
+use super::within_trial::forward_selection::Steps;
+use super::within_trial::null_distribution::{Finding, SIGNIFICANT};
+use super::within_trial::residual_terms::{ResidualTerm, residual_term};
+use super::within_trial::score_test::Unseen;
 use crate::fit::{Fit, Model, Prepared, Weighting};
 use crate::wrist::mechanisms::Kind;
 

@@ -8,8 +8,8 @@ use std::path::Path;
 
 use super::error::{Problem, StudyError};
 use super::part::{Part, header};
-use super::persons::{Cells, PersonRows, Rows};
 use super::plan::Study;
+use super::table_reader::{Cells, PersonRows, Rows};
 use super::tables::Layout;
 use crate::fit::QUANTITIES;
 use crate::statistics::{Moments, Sample};
@@ -91,7 +91,7 @@ pub fn gather(
         if !kept(&mut person) {
             continue;
         }
-        let bits = |row: &super::persons::Row| (row.condition.0.to_bits(), row.condition.1.to_bits());
+        let bits = |row: &super::table_reader::Row| (row.condition.0.to_bits(), row.condition.1.to_bits());
         let mut own: Vec<_> = person.rows.iter().map(bits).collect();
         own.sort_unstable();
         own.dedup();

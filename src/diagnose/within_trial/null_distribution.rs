@@ -3,10 +3,10 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::limit_law::limits;
-use super::omnibus::pattern;
-use super::screen::{Probe, score, torques};
-use super::tangent::{Direction, Tangent};
+use super::lack_of_fit::pattern;
+use super::residual_projection::{Direction, Tangent};
+use super::score_test::{Probe, score, torques};
+use crate::diagnose::across_trials::elastic_limit_law::limits;
 use crate::fit::{Effort, Fit, NoiseMaker, Prepared, resampled, solve};
 use crate::random::Stream;
 

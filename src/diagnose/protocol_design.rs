@@ -10,8 +10,8 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::look::Look;
-use super::screen::torques;
+use super::preprocessing::Look;
+use super::within_trial::score_test::torques;
 use crate::dataset::Session;
 use crate::fit::{Fit, Guess, Model, PrepareError, Prepared, Scout, Treatment, View, Weighting, objective};
 use crate::protocol::{Protocol, Sweep, ValidProtocol};

@@ -1,8 +1,8 @@
 //! How the trials' stiffnesses go with the place in the session, the rest before, and the EMG.
 
-use super::across::{LEAST_STIFFNESS, Stiffnesses};
-use super::calibrate::gumbel_tail;
-use super::screen::missing;
+use super::stiffness_table::{LEAST_STIFFNESS, Stiffnesses};
+use crate::diagnose::within_trial::null_distribution::gumbel_tail;
+use crate::diagnose::within_trial::score_test::missing;
 use crate::fit::{Fit, Prepared, STIFFNESS};
 use crate::random::Stream;
 use crate::wrist::mechanisms::{CATALOGUE, Class, Kind, Parameter, Surroundings};

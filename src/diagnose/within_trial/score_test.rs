@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::tangent::{Direction, Tangent, whiten};
+use super::residual_projection::{Direction, Tangent, whiten};
 use crate::fit::{Fit, Prepared, predict};
 use crate::wrist::Response;
 use crate::wrist::mechanisms::{CATALOGUE, Class, Kind, Need, Surroundings};

@@ -1,7 +1,7 @@
 //! What an extension gains on data that it was not fitted to.
 
-use super::screen::torques;
-use super::tangent::whiten;
+use super::residual_projection::whiten;
+use super::score_test::torques;
 use crate::fit::{Fit, Model, Prepared, Scope, variance_accounted_for};
 use crate::random::Stream;
 use crate::wrist::BASE_PARAMETERS;

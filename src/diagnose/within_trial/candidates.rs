@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::calibrate::simulated;
-use super::law::Added;
-use super::screen::Probe;
+use super::discrepancy::Added;
+use super::null_distribution::simulated;
+use super::score_test::Probe;
 use crate::fit::{Fit, Glance, Model, NoiseMaker, Prepared, Scout};
 use crate::random::Stream;
 use crate::statistics::Sample;

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::screen::torques;
+use super::score_test::torques;
 use crate::fit::{Component, Fit, Link, Objective, Prediction, Prepared, predictions};
 
 /// A fit's residuals and tangent space, component by component.

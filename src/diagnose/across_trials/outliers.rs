@@ -1,6 +1,6 @@
 //! Trials whose stiffness is not that of their repetitions.
 
-use super::across::Stiffnesses;
+use super::stiffness_table::Stiffnesses;
 use crate::statistics::t_two_sided;
 
 /// A trial that does not belong.

@@ -1,8 +1,8 @@
 //! How a mechanism's real law may differ from the catalogue's, and what that would leave over.
 
-use super::refit::Candidate;
-use super::screen::torques;
-use super::tangent::{Direction, Tangent, whiten};
+use super::candidates::Candidate;
+use super::residual_projection::{Direction, Tangent, whiten};
+use super::score_test::torques;
 use crate::fit::Prepared;
 use crate::random::Stream;
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::gain::residuals;
+use super::cross_validation::residuals;
 use crate::fit::{Fit, Prepared};
 
 /// A sparse description of the residual torque.

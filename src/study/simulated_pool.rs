@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::error::UnitError;
 use super::plan::{Study, Unit};
-use super::run::{self, Kept};
+use super::unit_session::{self, Kept};
 use crate::fit::{Estimate, QUANTITIES};
 
 /// A person of the pool: means in each cell over the first repetitions, as if the session had only had those.
@@ -58,7 +58,7 @@ pub fn pool(
     let fitted: Vec<Result<Pooled, UnitError>> = units
         .par_iter()
         .map(|unit| {
-            let estimates = run::fit(study, unit, Kept::No)?;
+            let estimates = unit_session::fit(study, unit, Kept::No)?;
             done();
             Ok(Pooled::of(&estimates, conditions, repetitions))
         })
