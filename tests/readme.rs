@@ -49,8 +49,8 @@ fn the_commands_and_the_python_example_of_the_readme_work() {
 #[test]
 fn the_files_that_the_readme_and_the_decisions_link_to_are_there() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let decisions = fs::read_to_string(root.join("docs/decisions/README.md")).unwrap();
-    for (text, folder) in [(README, root.to_owned()), (&decisions, root.join("docs/decisions"))] {
+    let decisions = fs::read_to_string(root.join("docs/explanation/decisions/README.md")).unwrap();
+    for (text, folder) in [(README, root.to_owned()), (&decisions, root.join("docs/explanation/decisions"))] {
         let links: Vec<&str> = text.split("](").skip(1).filter_map(|rest| rest.split(')').next()).collect();
         assert!(links.len() >= 5, "{links:?}");
         for link in links {
@@ -62,7 +62,7 @@ fn the_files_that_the_readme_and_the_decisions_link_to_are_there() {
 #[test]
 fn the_persons_rigs_and_models_in_the_docs_can_be_run() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let text = fs::read_to_string(root.join("docs/virtual-wrist.md")).unwrap();
+    let text = fs::read_to_string(root.join("docs/how-to/virtual-wrist.md")).unwrap();
     let blocks: Vec<&str> =
         text.split("```json\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
     let [person, rig, model] = blocks[..] else { panic!("{blocks:?}") };

@@ -1,4 +1,4 @@
-"""python -m bench_peers PROGRAM SESSION WORK [ROUNDS]: measures, and prints docs/bench.md."""
+"""python -m bench_peers PROGRAM SESSION WORK [ROUNDS]: measures, and prints docs/benchmarks/bench.md."""
 
 import dataclasses
 import json

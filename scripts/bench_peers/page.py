@@ -1,4 +1,4 @@
-"""docs/bench.md out of what was measured."""
+"""docs/benchmarks/bench.md out of what was measured."""
 
 from pathlib import Path
 

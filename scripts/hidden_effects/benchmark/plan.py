@@ -51,7 +51,7 @@ class Counts:
 
 FULL = Counts(per_mechanism=10, none=100, alien=30, pair=20)
 
-# What a session of this kind does not show at any size: docs/diagnosis.md says why.
+# What a session of this kind does not show at any size: docs/explanation/diagnosis.md says why.
 NEVER_NAMED = {"gradual_yield"}
 
 # No misfit, since the elastic limit is free in every condition, but a law over the velocities: told as such.

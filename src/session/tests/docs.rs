@@ -5,19 +5,19 @@ use crate::session::table;
 
 #[test]
 fn the_documented_table_and_diagram_are_those_of_the_machine() {
-    let docs = include_str!("../../../docs/states.md");
+    let docs = include_str!("../../../docs/reference/states.md");
     for (kind, text) in [("text", table::text()), ("mermaid", table::mermaid())] {
         let block = format!("```{kind}\n{text}```\n");
-        assert!(docs.contains(&block), "docs/states.md must contain:\n{block}");
+        assert!(docs.contains(&block), "docs/reference/states.md must contain:\n{block}");
     }
 }
 
 #[test]
 fn every_change_of_the_rules_is_documented() {
-    let docs = include_str!("../../../docs/states.md").split_whitespace().collect::<Vec<_>>().join(" ");
+    let docs = include_str!("../../../docs/reference/states.md").split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(docs.contains(&format!("In force: rules {RULES}.")));
     for change in CHANGES {
         let line = format!("- Rules {}: {}.", change.rules, change.text);
-        assert!(docs.contains(&line), "docs/states.md must contain: {line}");
+        assert!(docs.contains(&line), "docs/reference/states.md must contain: {line}");
     }
 }

@@ -9,7 +9,7 @@ use crate::protocol::{Problem, ProtocolError};
 pub enum RigFileError {
     /// The file cannot be read.
     #[error(
-        "{file}: cannot be read: {source}. Give the path of a rig file; docs/rig.md says how to write one. Nothing is armed without it"
+        "{file}: cannot be read: {source}. Give the path of a rig file; docs/how-to/real-motor.md says how to write one. Nothing is armed without it"
     )]
     Unreadable {
         /// The file as it was named.

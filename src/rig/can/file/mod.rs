@@ -100,7 +100,7 @@ fn typed(source: &Node) -> Result<RigFile, Problem> {
             line: place.map_or(1, |node| node.line),
             value: place.map(ToString::to_string),
             expected: error.inner().to_string(),
-            advice: "compare with the example in docs/rig.md".to_owned(),
+            advice: "compare with the example in docs/how-to/real-motor.md".to_owned(),
             path: if path == "." { "the rig file".to_owned() } else { path },
         }
     })
