@@ -14,7 +14,8 @@ fn the_documented_table_and_diagram_are_those_of_the_machine() {
 
 #[test]
 fn every_change_of_the_rules_is_documented() {
-    let docs = include_str!("../../../docs/reference/states.md").split_whitespace().collect::<Vec<_>>().join(" ");
+    let docs =
+        include_str!("../../../docs/reference/states.md").split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(docs.contains(&format!("In force: rules {RULES}.")));
     for change in CHANGES {
         let line = format!("- Rules {}: {}.", change.rules, change.text);

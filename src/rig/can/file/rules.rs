@@ -127,7 +127,8 @@ fn motor(file: &RigFile, findings: &mut Findings) {
             findings.in_range("motor.kd_nm_s_per_rad", motor.kd_nm_s_per_rad, 0.0, 5.0);
             findings.in_range("motor.go_to_start_rad_s", motor.go_to_start_rad_s, 0.001, 2.0);
             if !motor.has_no_limits_of_its_own {
-                let advice = "read about MIT mode in docs/how-to/real-motor.md and say so, or use a drive with limits";
+                let advice =
+                    "read about MIT mode in docs/how-to/real-motor.md and say so, or use a drive with limits";
                 findings.add("motor.has_no_limits_of_its_own", "true", advice);
             }
         }
