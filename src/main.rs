@@ -1,5 +1,6 @@
 //! Command line in, exit code out.
 
+mod app;
 mod cli;
 
 use std::process::ExitCode;

@@ -5,11 +5,9 @@
 
 mod check;
 mod cohort;
-mod console;
 mod design;
 mod diagnose;
 mod export;
-mod failure;
 mod fit;
 mod live;
 mod model;
@@ -32,8 +30,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-pub use console::Console;
-pub use failure::Failure;
+use crate::app::{Console, Failure};
 
 /// What a verb does when it is called.
 pub trait Verb {
