@@ -7,7 +7,9 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use ramphold::dataset;
-use ramphold::fit::{Estimate, Fit, Model, PROFILED, Prepared, View, Weighting, estimates};
+use ramphold::fit::{
+    Fit, Model, Observations, PROFILED_PARAMETERS, PreprocessingSettings, TrialEstimate, Weighting, estimates,
+};
 use ramphold::wrist::BASE_PARAMETERS;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -60,7 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         std::fs::read_dir(&folder)?.map(|entry| entry.map(|e| e.path())).collect::<Result<_, _>>()?;
     sessions.retain(|path| path.join("session.json").exists());
     sessions.sort();
-    let fitted: Vec<(Vec<Estimate>, Value)> = sessions
+    let fitted: Vec<(Vec<TrialEstimate>, Value)> = sessions
         .par_iter()
         .map(|session| {
             fit(&folder, session, weighting).map_err(|error| format!("{}: {error}", session.display()))
@@ -80,9 +82,9 @@ fn main() -> Result<(), Box<dyn Error>> {
                 let relative = |se: f64| [value * (-WIDTH * se).exp(), value * (WIDTH * se).exp()];
                 honest.take(estimate.se[parameter].map(relative), truth, value);
                 eq9.take(estimate.sem[parameter].map(relative), truth, value);
-                if let Some(place) = PROFILED.iter().position(|own| *own == parameter) {
+                if let Some(place) = PROFILED_PARAMETERS.iter().position(|own| *own == parameter) {
                     let ends = estimate.profile[place];
-                    let open = |own: ramphold::fit::Interval| {
+                    let open = |own: ramphold::fit::ProfileInterval| {
                         [own.low.unwrap_or(0.0), own.high.unwrap_or(f64::INFINITY)]
                     };
                     profile.take(ends.map(open), truth, value);
@@ -99,7 +101,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "median_error": at(0.5),
             "error_68": 0.5 * (at(0.84) - at(0.16)),
             "measured_noise": honest.json(),
-            "profile": PROFILED.contains(&parameter).then(|| profile.json()),
+            "profile": PROFILED_PARAMETERS.contains(&parameter).then(|| profile.json()),
             "eq9": eq9.json(),
             "several_optima": several,
         }));
@@ -116,9 +118,9 @@ fn fit(
     folder: &Path,
     path: &Path,
     weighting: Weighting,
-) -> Result<(Vec<Estimate>, Value), Box<dyn Error + Send + Sync>> {
+) -> Result<(Vec<TrialEstimate>, Value), Box<dyn Error + Send + Sync>> {
     let session = dataset::load(path)?;
-    let prepared = Prepared::new(&session, View::default())?;
+    let prepared = Observations::new(&session, PreprocessingSettings::default())?;
     let fit = Fit::new(&prepared, &Model::paper(), weighting);
     let name = path.file_name().unwrap_or_default();
     let truth = std::fs::read_to_string(folder.join("truth").join(name).with_extension("json"))?;

@@ -7,8 +7,8 @@ use std::path::Path;
 
 use ramphold::dataset;
 use ramphold::fit::{
-    Effort, Fit, Guess, Layout, Link, Model, Objective, Prepared, Solution, View, Weighting, looks,
-    objective, solve,
+    Fit, Model, Objective, Observations, Parameterisation, PreprocessingSettings, Solution, SolverOptions,
+    StartingValues, Transform, Weighting, objective, pilot_points, solve,
 };
 use ramphold::wrist::{
     JOINT_DAMPING_NM_S_PER_RAD, Knot, Request, Response, Width, YIELD_SMOOTHNESS_PER_NM, simulate, substeps,
@@ -35,16 +35,16 @@ impl Starts {
 /// A session and the first values that the program finds for it.
 pub struct Problem {
     /// The session's windows.
-    pub prepared: Prepared,
+    pub prepared: Observations,
     /// Its fit, weighed by the noise of the holds.
     pub fit: Fit,
-    guess: Guess,
+    guess: StartingValues,
 }
 
 /// Some trials of a session, a start, and what is to be minimised.
 pub struct Part {
-    prepared: Prepared,
-    layout: Layout,
+    prepared: Observations,
+    parameterisation: Parameterisation,
     objective: Objective,
     start: Vec<f64>,
 }
@@ -53,14 +53,16 @@ impl Problem {
     /// Reads and prepares the session in `folder`.
     pub fn read(folder: &Path) -> Self {
         let session = dataset::load(folder).expect("a session");
-        let prepared = Prepared::new(&session, View::default()).expect("trials that can be fitted");
+        let prepared =
+            Observations::new(&session, PreprocessingSettings::default()).expect("trials that can be fitted");
         assert!(prepared.lever.is_some(), "the peers' model has a lever");
         // As `Fit::new` goes about it, up to its second look at other optima.
-        let points = looks(&prepared);
+        let points = pilot_points(&prepared);
         let (first, _) = objective(&prepared, Weighting::MeasuredNoise, points.first());
-        let guess = Guess::pooled(&prepared, &first, &points, &Model::paper()).swap_remove(0);
-        let (weighed, covariances) = objective(&prepared, Weighting::MeasuredNoise, Some(&guess.middle()));
-        let fit = Fit::from_guess(&prepared, &Model::paper(), weighed, covariances, &guess);
+        let guess = StartingValues::pooled(&prepared, &first, &points, &Model::paper()).swap_remove(0);
+        let (weighed, covariances) =
+            objective(&prepared, Weighting::MeasuredNoise, Some(&guess.median_values()));
+        let fit = Fit::from_starting_values(&prepared, &Model::paper(), weighed, covariances, &guess);
         Self { prepared, guess, fit }
     }
 
@@ -76,10 +78,10 @@ impl Problem {
 
     /// The weighed problem of some trials, from the program's own start.
     pub fn weighed(&self, trials: &[usize]) -> Part {
-        let prepared = self.prepared.only(trials);
-        let layout = Layout::new(&prepared, &Model::paper(), &self.guess.only(trials));
-        let start = layout.start();
-        Part { prepared, layout, objective: self.fit.objective.clone(), start }
+        let prepared = self.prepared.subset(trials);
+        let parameterisation = Parameterisation::new(&prepared, &Model::paper(), &self.guess.subset(trials));
+        let start = parameterisation.start();
+        Part { prepared, parameterisation, objective: self.fit.objective.clone(), start }
     }
 
     /// The plain problem of some trials, from `start`, or from the program's own where that is absent.
@@ -96,7 +98,7 @@ impl Problem {
         let part = self.weighed(&self.all());
         let own = |trial| {
             let mut parameters = Vec::new();
-            part.layout.parameters(trial, &part.start, &mut parameters);
+            part.parameterisation.parameters(trial, &part.start, &mut parameters);
             parameters
         };
         self.all().into_iter().map(own).collect()
@@ -154,17 +156,24 @@ impl Problem {
 impl Part {
     /// Solves it as the program does.
     pub fn solve(&self) -> Solution {
-        solve(&self.prepared, &self.layout, &[], &self.objective, &self.start, Effort::default())
+        solve(
+            &self.prepared,
+            &self.parameterisation,
+            &[],
+            &self.objective,
+            &self.start,
+            SolverOptions::default(),
+        )
     }
 
     /// Measured torque, coordinates (all of them logarithms), whiteners, and where ours ends.
     pub fn as_json(&self) -> Value {
-        let coordinates = &self.layout.coordinates;
+        let coordinates = &self.parameterisation.coordinates;
         let solution = self.solve();
         json!({
             "measured_nm": measured(&self.prepared),
             "repetitions": self.prepared.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>(),
-            "coordinate_of": self.layout.links.iter().map(|links| places(links)).collect::<Vec<_>>(),
+            "coordinate_of": self.parameterisation.transforms.iter().map(|links| places(links)).collect::<Vec<_>>(),
             "low": coordinates.iter().map(|c| c.low).collect::<Vec<_>>(),
             "high": coordinates.iter().map(|c| c.high).collect::<Vec<_>>(),
             "start": self.start,
@@ -182,20 +191,20 @@ impl Part {
             let matrix = &matrices[noise.expect("every trial has a hold")];
             matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
         };
-        Some(self.prepared.noise_of.iter().map(rows).collect())
+        Some(self.prepared.noise_index.iter().map(rows).collect())
     }
 }
 
 /// The coordinates that a trial's parameters are.
-fn places(links: &[Link]) -> Vec<usize> {
-    let place = |link: &Link| match link {
-        Link::Logarithmic { coordinate, .. } => *coordinate,
+fn places(links: &[Transform]) -> Vec<usize> {
+    let place = |link: &Transform| match link {
+        Transform::Logarithmic { coordinate, .. } => *coordinate,
         other => panic!("the peers know logarithmic coordinates only, not {other:?}"),
     };
     links.iter().map(place).collect()
 }
 
 /// The measured torque, trial by trial.
-pub fn measured(prepared: &Prepared) -> Vec<&Vec<f64>> {
+pub fn measured(prepared: &Observations) -> Vec<&Vec<f64>> {
     prepared.trials.iter().map(|trial| &trial.measured_nm).collect()
 }

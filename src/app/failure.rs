@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use ramphold::console::ConsoleError;
 use ramphold::dataset::{DatasetError, RecordError, ResumeError};
 use ramphold::export::ExportError;
-use ramphold::fit::{ModelError, PrepareError, WriteError};
+use ramphold::fit::{ModelError, PreprocessingError, WriteError};
 use ramphold::protocol::{ProtocolError, TooShort};
 use ramphold::report::ReportError;
 use ramphold::rig::can;
@@ -32,7 +32,7 @@ pub enum Failure {
         /// The session's folder.
         session: String,
         /// Why.
-        source: PrepareError,
+        source: PreprocessingError,
     },
     /// A model file cannot be used.
     #[error("{file}: {source}")]

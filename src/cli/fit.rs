@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use ramphold::dataset::{self, Disk, Manifest};
 use ramphold::diagnose::without_hum;
-use ramphold::fit::{self, ConditionEstimate, Model, Prepared, Results, View, Weighting};
+use ramphold::fit::{
+    self, ConditionEstimate, Model, Observations, PreprocessingSettings, Results, Weighting,
+};
 use ramphold::protocol::ValidProtocol;
 use rayon::prelude::*;
 
@@ -181,13 +183,13 @@ fn prepare_and_fit(
     model: &Model,
     window_s: Option<f64>,
     weighting: Weighting,
-) -> Result<(Prepared, Results, fit::Fit), Failure> {
+) -> Result<(Observations, Results, fit::Fit), Failure> {
     let mut session = dataset::load(folder)?;
     if let Some(frequency_hz) = model.hum_hz() {
         session = without_hum(&session, frequency_hz);
     }
     let view = view(folder, window_s)?;
-    let prepared = Prepared::new(&session, view)
+    let prepared = Observations::new(&session, view)
         .map_err(|source| Failure::Prepare { session: folder.display().to_string(), source })?;
     let fit = fit::Fit::new(&prepared, model, weighting);
     let results = Results::new(&session.subject.id, &prepared, &fit, view, weighting);
@@ -195,12 +197,12 @@ fn prepare_and_fit(
 }
 
 /// How the session's protocol looks at its records, or the paper does; `window_s` overrides.
-pub fn view(folder: &Path, window_s: Option<f64>) -> Result<View, Failure> {
+pub fn view(folder: &Path, window_s: Option<f64>) -> Result<PreprocessingSettings, Failure> {
     let file = folder.join("protocol.json");
-    let mut view = View::default();
+    let mut view = PreprocessingSettings::default();
     if file.exists() {
         let protocol = ValidProtocol::read(&file)?;
-        view = View { window_s: protocol.window_s, filter: protocol.signal.filter };
+        view = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
     }
     if let Some(window_s) = window_s {
         if !(window_s > 0.0 && window_s <= 10.0) {

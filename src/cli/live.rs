@@ -10,7 +10,7 @@ use clap::ValueEnum;
 use ramphold::console::web::Address;
 use ramphold::console::{About, Circumstances, Live, Plan};
 use ramphold::dataset::{BackgroundRecorder, Recorder, Trial, Wrist};
-use ramphold::fit::View;
+use ramphold::fit::PreprocessingSettings;
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::Rig;
 use ramphold::session::{Clock, Machine, conduct};
@@ -155,7 +155,7 @@ impl ConsoleOptions {
                 subject: facts.subject.to_owned(),
                 sample_rate_hz: protocol.signal.sample_rate_hz,
                 lever: facts.lever,
-                view: View { window_s: protocol.window_s, filter: protocol.signal.filter },
+                view: PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter },
             },
             earlier: facts.earlier,
             folder: facts.folder.to_owned(),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ramphold::fit::{Model, ModelError, Scope, Switched, Treatment};
+use ramphold::fit::{AddedMechanism, Model, ModelError, ParameterSpec, Scope};
 use ramphold::rig::virtual_wrist::{Mechanisms, Person, Setup};
 use ramphold::wrist::BASE_PARAMETERS;
 use ramphold::wrist::mechanisms::Kind;
@@ -41,8 +41,8 @@ fn mechanisms(model: &Model) -> Result<Mechanisms, ModelError> {
         .collect()
 }
 
-fn values(index: usize, switched: &Switched) -> Result<Vec<f64>, ModelError> {
-    let value = |(name, treatment): (&str, &Treatment)| {
+fn values(index: usize, switched: &AddedMechanism) -> Result<Vec<f64>, ModelError> {
+    let value = |(name, treatment): (&str, &ParameterSpec)| {
         treatment.value.filter(|_| treatment.law.is_empty()).ok_or_else(|| ModelError::Value {
             path: format!("mechanisms[{index}].parameters.{name}"),
             message: "expected a value, which is what a virtual wrist runs with, and no law".to_owned(),

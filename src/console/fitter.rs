@@ -7,7 +7,10 @@ use std::thread;
 
 use super::nice;
 use crate::dataset::{Session, Status, Subject, Trial};
-use crate::fit::{Estimate, Fit, Model, Prepared, View, Weighting, estimates_alone, predictions};
+use crate::fit::{
+    Fit, Model, Observations, PreprocessingSettings, TrialEstimate, Weighting, estimates_without_profiles,
+    predictions,
+};
 use crate::wrist::Lever;
 
 /// What it takes to fit a trial, beside the trial.
@@ -20,14 +23,14 @@ pub struct Circumstances {
     /// The lever of the rig.
     pub lever: Option<Lever>,
     /// How the analysis looks at a record.
-    pub view: View,
+    pub view: PreprocessingSettings,
 }
 
 /// A trial and its fit.
 #[derive(Debug, Clone)]
 pub struct Fitted {
     /// What was estimated.
-    pub estimate: Estimate,
+    pub estimate: TrialEstimate,
     /// The filtered torque of the window less the level before the ramp, N m.
     pub measured_nm: Vec<f64>,
     /// The model's, N m.
@@ -83,9 +86,10 @@ fn fit(circumstances: &Circumstances, trial: Trial) -> Result<Box<Fitted>, Strin
         recorded_filter: None,
         trials: vec![trial],
     };
-    let prepared = Prepared::new(&session, circumstances.view).map_err(|error| error.to_string())?;
+    let prepared = Observations::new(&session, circumstances.view).map_err(|error| error.to_string())?;
     let fit = Fit::new(&prepared, &Model::paper(), Weighting::default());
-    let estimate = estimates_alone(&prepared, &fit).pop().ok_or("the trial could not be prepared")?;
+    let estimate =
+        estimates_without_profiles(&prepared, &fit).pop().ok_or("the trial could not be prepared")?;
     let measured_nm = prepared.trials[0].measured_nm.clone();
     let residual_nm = &predictions(&prepared, &fit)[0].residual_nm;
     let predicted_nm = measured_nm.iter().zip(residual_nm).map(|(measured, left)| measured - left).collect();

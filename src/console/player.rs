@@ -16,7 +16,7 @@ use super::now::Tape;
 use super::web::{Address, Content, Role, Server};
 use super::{Beat, ConsoleError, Controls, Request, ScreenTimes, nice};
 use crate::dataset::{self, Deed, Desk, Remark, Wrist, replay_watched};
-use crate::fit::View;
+use crate::fit::PreprocessingSettings;
 use crate::protocol::ValidProtocol;
 use crate::session::{Ledger, Settings};
 
@@ -84,7 +84,7 @@ impl Recording {
             subject: session.subject.id,
             sample_rate_hz: session.sample_rate_hz,
             lever: session.lever,
-            view: View { window_s: protocol.window_s, filter: protocol.signal.filter },
+            view: PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter },
         });
         let ledger = Ledger::new(&recording.settings);
         let tape = Tape { speed: 1.0, is_playing: false, length_s: recording.length_s };

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::ScreenTime;
 use super::fitter::{Fitted, Outcome};
 use crate::dataset::{Deed, Desk, Remark};
-use crate::fit::{ConditionEstimate, Estimate, QUANTITIES, by_condition};
+use crate::fit::{ConditionEstimate, QUANTITIES, TrialEstimate, by_condition};
 use crate::rig::Vitals;
 use crate::session::{Attempt, Detail, Event, Happening, Ledger, Phase, Planned, Settings, Source};
 
@@ -211,8 +211,8 @@ fn condition(condition: &ConditionEstimate) -> Value {
     })
 }
 
-fn conditions(mut estimates: Vec<Estimate>) -> Vec<ConditionEstimate> {
-    let key = |estimate: &Estimate| (estimate.torque_nm, estimate.velocity_rad_s);
+fn conditions(mut estimates: Vec<TrialEstimate>) -> Vec<ConditionEstimate> {
+    let key = |estimate: &TrialEstimate| (estimate.torque_nm, estimate.velocity_rad_s);
     estimates.sort_by(|a, b| {
         let ((torque_a, velocity_a), (torque_b, velocity_b)) = (key(a), key(b));
         torque_a.total_cmp(&torque_b).then(velocity_a.total_cmp(&velocity_b))

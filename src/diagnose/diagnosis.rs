@@ -12,7 +12,7 @@ use super::within_trial::forward_selection::Steps;
 use super::within_trial::null_distribution::{Finding, SIGNIFICANT};
 use super::within_trial::residual_terms::{ResidualTerm, residual_term};
 use super::within_trial::score_test::Unseen;
-use crate::fit::{Fit, Model, Prepared, Weighting};
+use crate::fit::{Fit, Model, Observations, Weighting};
 use crate::wrist::mechanisms::Kind;
 
 /// What the diagnosis comes to.
@@ -64,7 +64,7 @@ const SIGNIFICANT_AFTER_TWO: f64 = 0.05;
 pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static str)) -> Diagnosis {
     let prepared = &look.prepared;
     stage("fitting the model");
-    let before = Fit::new(prepared, model, Weighting::MeasuredNoise).leaning(prepared);
+    let before = Fit::new(prepared, model, Weighting::MeasuredNoise).with_shrinkage(prepared);
     let mut remarks = Vec::new();
     if look.usable > prepared.trials.len() {
         remarks.push(format!(
@@ -117,8 +117,13 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
     }
 }
 
-fn hum_cause(clean: &Prepared, fit: &Fit, (hum, as_it_was): &(Hum, Box<Prepared>), seed: u64) -> Cause {
-    let before = Fit::new(as_it_was, &fit.model, Weighting::MeasuredNoise).leaning(as_it_was);
+fn hum_cause(
+    clean: &Observations,
+    fit: &Fit,
+    (hum, as_it_was): &(Hum, Box<Observations>),
+    seed: u64,
+) -> Cause {
+    let before = Fit::new(as_it_was, &fit.model, Weighting::MeasuredNoise).with_shrinkage(as_it_was);
     let gain = gain_of_cleaning((as_it_was, &before), (clean, fit), seed);
     let (before, after) = (Box::new(before), Box::new(fit.clone()));
     Cause {
@@ -131,7 +136,7 @@ fn hum_cause(clean: &Prepared, fit: &Fit, (hum, as_it_was): &(Hum, Box<Prepared>
 
 /// Looks for outliers and trends; returns the causes, the probability of the first finding and of what is left.
 fn across_trials(
-    prepared: &Prepared,
+    prepared: &Observations,
     fit: &Fit,
     seed: u64,
     remarks: &mut Vec<String>,

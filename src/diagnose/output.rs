@@ -12,7 +12,7 @@ use super::residual_correlation::residual_by_trial;
 use super::within_trial::cross_validation::residuals;
 use super::within_trial::discrepancy::FORM_ERROR;
 use crate::dataset::Disk;
-use crate::fit::{Fit, Model, Prepared, STIFFNESS, Switched, Treatment, WriteError, write_files};
+use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::Kind;
 
@@ -21,7 +21,7 @@ pub const DIAGNOSIS_FORMAT: &str = "ramphold-diagnosis/1";
 
 impl Diagnosis {
     /// The diagnosis as its file.
-    pub fn to_json(&self, prepared: &Prepared) -> Value {
+    pub fn to_json(&self, prepared: &Observations) -> Value {
         json!({
             "format": DIAGNOSIS_FORMAT,
             "version": env!("CARGO_PKG_VERSION"),
@@ -46,7 +46,7 @@ impl Diagnosis {
         })
     }
 
-    fn cause(&self, prepared: &Prepared, cause: &Cause) -> Value {
+    fn cause(&self, prepared: &Observations, cause: &Cause) -> Value {
         let mut entry = Map::new();
         entry.insert("mechanism".into(), json!(cause.kind.id()));
         entry.insert("title".into(), json!(cause.kind.title()));
@@ -91,7 +91,7 @@ impl Diagnosis {
 }
 
 /// Each parameter of a cause with its 95 % interval.
-fn parameters(diagnosis: &Diagnosis, prepared: &Prepared, cause: &Cause) -> Value {
+fn parameters(diagnosis: &Diagnosis, prepared: &Observations, cause: &Cause) -> Value {
     let values: Vec<(f64, Option<f64>, bool)> = match &cause.evidence {
         Evidence::Outliers(outliers) => {
             let trials: Vec<u32> = outliers.iter().map(|own| prepared.trials[own.trial].number).collect();
@@ -121,7 +121,7 @@ fn parameters(diagnosis: &Diagnosis, prepared: &Prepared, cause: &Cause) -> Valu
 
 /// Values and standard errors of a mechanism's parameters in `fit`, and whether they are fitted as logarithms. That its law may
 /// be another than the catalogue's is part of the error.
-fn added_values(fit: &Fit, prepared: &Prepared, kind: Kind) -> Vec<(f64, Option<f64>, bool)> {
+fn added_values(fit: &Fit, prepared: &Observations, kind: Kind) -> Vec<(f64, Option<f64>, bool)> {
     let mut first = BASE_PARAMETERS.len();
     for own in fit.kinds.iter().take_while(|own| **own != kind) {
         first += own.parameter_count();
@@ -139,7 +139,7 @@ fn added_values(fit: &Fit, prepared: &Prepared, kind: Kind) -> Vec<(f64, Option<
 }
 
 /// Means over trials of the parameters that a reader looks at, without and with the extension.
-fn shift(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
+fn shift(prepared: &Observations, before: &Fit, after: &Fit) -> Value {
     let mean = |fit: &Fit, parameter: usize| {
         fit.parameters.iter().map(|own| own[parameter]).sum::<f64>() / fit.parameters.len() as f64
     };
@@ -158,19 +158,19 @@ fn shift(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
 }
 
 /// Mean of k_srs as estimated, and with the effect on each trial taken away.
-fn stiffness_shift(prepared: &Prepared, fit: &Fit, kind: Kind, trend: &Trend) -> Value {
+fn stiffness_shift(prepared: &Observations, fit: &Fit, kind: Kind, trend: &Trend) -> Value {
     let count = fit.parameters.len() as f64;
     let values: Vec<f64> = trend.values.iter().map(|(value, _)| *value).collect();
     let (mut before, mut after) = (0.0, 0.0);
     for (trial, own) in fit.parameters.iter().enumerate() {
-        before += own[STIFFNESS] / count;
+        before += own[K_SRS] / count;
         after += without_effect(prepared, fit, trial, kind, &values) / count;
     }
     json!({ "k_srs_nm_per_rad": { "before": before, "after": after } })
 }
 
 /// Mean residual by time for each velocity and torque, with its noise band, before and after the extension.
-fn residual_map(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
+fn residual_map(prepared: &Observations, before: &Fit, after: &Fit) -> Value {
     let step = prepared.samples.div_ceil(50);
     let samples: Vec<usize> = (0..prepared.samples).step_by(step).collect();
     let (first, second) = (residuals(prepared, before), residuals(prepared, after));
@@ -186,7 +186,7 @@ fn residual_map(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
             let mean =
                 |of: &[Vec<f64>], sample: usize| trials.iter().map(|t| of[*t][sample]).sum::<f64>() / count;
             let own = &prepared.trials[trials[0]];
-            let noise = prepared.noise_of[trials[0]].map(|index| &prepared.noises[index]);
+            let noise = prepared.noise_index[trials[0]].map(|index| &prepared.noise_covariances[index]);
             let band = |sample: usize| {
                 let noise = noise?;
                 let places: Vec<usize> = prepared.noise_samples().collect();
@@ -244,12 +244,12 @@ pub fn picture(map: &Value) -> String {
 
 impl Diagnosis {
     /// The base model with the named mechanisms at their values, which `fit`, `run` and `diagnose` accept.
-    pub fn model(&self, prepared: &Prepared) -> Model {
+    pub fn model(&self, prepared: &Observations) -> Model {
         let mut model = self.after.model.clone();
         let mut index = BASE_PARAMETERS.len();
         for switched in &mut model.mechanisms {
             for treatment in &mut switched.parameters {
-                *treatment = Treatment::fixed(self.after.parameters[0][index]);
+                *treatment = ParameterSpec::fixed(self.after.parameters[0][index]);
                 index += 1;
             }
         }
@@ -259,8 +259,8 @@ impl Diagnosis {
                 Evidence::Hold { hum, .. } => vec![hum.amplitude_nm[0], hum.frequency_hz],
                 _ => continue,
             };
-            let parameters = values.into_iter().map(Treatment::fixed).collect();
-            model.mechanisms.push(Switched { kind: cause.kind, parameters });
+            let parameters = values.into_iter().map(ParameterSpec::fixed).collect();
+            model.mechanisms.push(AddedMechanism { kind: cause.kind, parameters });
         }
         debug_assert_eq!(prepared.trials.len(), self.after.parameters.len());
         model
@@ -272,7 +272,7 @@ impl Diagnosis {
     /// If a file cannot be written.
     pub fn write(
         &self,
-        prepared: &Prepared,
+        prepared: &Observations,
         json: &Value,
         disk: &Disk,
         folder: &Path,

@@ -2,16 +2,16 @@
 
 use super::mains_hum::{Hum, hum, without};
 use crate::dataset::Session;
-use crate::fit::{Model, NoiseSource, PrepareError, Prepared, View};
+use crate::fit::{Model, NoiseSource, Observations, PreprocessingError, PreprocessingSettings};
 use crate::signal::FilterSpec;
 
 /// What is diagnosed.
 #[derive(Debug, Clone)]
 pub struct Look {
     /// The session prepared.
-    pub prepared: Prepared,
+    pub prepared: Observations,
     /// Hum that was found and that the model does not have, and the session with it.
-    pub hum: Option<(Hum, Box<Prepared>)>,
+    pub hum: Option<(Hum, Box<Observations>)>,
     /// How many trials the session has that can be used; of many, some are looked at.
     pub usable: usize,
 }
@@ -33,8 +33,12 @@ impl Look {
     /// Where the holds are too short to tell the noise, it is taken from how the repetitions differ.
     ///
     /// # Errors
-    /// As [`Prepared::new`].
-    pub fn new(session: &Session, view: View, model: &Model) -> Result<Self, PrepareError> {
+    /// As [`Observations::new`].
+    pub fn new(
+        session: &Session,
+        view: PreprocessingSettings,
+        model: &Model,
+    ) -> Result<Self, PreprocessingError> {
         if let Some(frequency_hz) = model.hum_hz() {
             let (prepared, usable) = prepare(&without(session, frequency_hz), view, model)?;
             return Ok(Self { prepared, hum: None, usable });
@@ -46,21 +50,25 @@ impl Look {
     }
 }
 
-fn prepare(session: &Session, view: View, model: &Model) -> Result<(Prepared, usize), PrepareError> {
+fn prepare(
+    session: &Session,
+    view: PreprocessingSettings,
+    model: &Model,
+) -> Result<(Observations, usize), PreprocessingError> {
     let FilterSpec::Butterworth { order, cutoff_hz, zero_phase } = view.filter;
     let wide = CUTOFF_HZ.min(PART_OF_RATE * session.sample_rate_hz).max(cutoff_hz);
     let filter = FilterSpec::Butterworth { order, cutoff_hz: wide, zero_phase };
-    let mut prepared = Prepared::new(session, View { filter, ..view })?;
-    prepared.share_motion();
+    let mut prepared = Observations::new(session, PreprocessingSettings { filter, ..view })?;
+    prepared.average_motion();
     if prepared.noise_source != Some(NoiseSource::Holds) {
         prepared.take_noise_from_repetitions(model);
     }
     let usable = prepared.trials.len();
-    Ok((if usable > MOST_TRIALS { prepared.only(&some(&prepared)) } else { prepared }, usable))
+    Ok((if usable > MOST_TRIALS { prepared.subset(&some(&prepared)) } else { prepared }, usable))
 }
 
 /// As many trials as are looked at, spread evenly over the conditions and within each over its repetitions.
-fn some(prepared: &Prepared) -> Vec<usize> {
+fn some(prepared: &Observations) -> Vec<usize> {
     let count = prepared.trials.len();
     // Trials come by condition and repetition.
     (0..MOST_TRIALS).map(|place| (2 * place + 1) * count / (2 * MOST_TRIALS)).collect()

@@ -13,7 +13,10 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use super::preprocessing::Look;
 use super::within_trial::score_test::torques;
 use crate::dataset::Session;
-use crate::fit::{Fit, Guess, Model, PrepareError, Prepared, Scout, Treatment, View, Weighting, objective};
+use crate::fit::{
+    ExtensionSearch, Fit, Model, Observations, ParameterSpec, PreprocessingError, PreprocessingSettings,
+    StartingValues, Weighting, objective,
+};
 use crate::protocol::{Protocol, Sweep, ValidProtocol};
 use crate::wrist::mechanisms::Kind;
 use crate::wrist::{BASE_PARAMETERS, Knot, Trial};
@@ -40,12 +43,12 @@ impl Proposal {
 /// by. Proposals that no check would pass are not made.
 ///
 /// # Errors
-/// As [`Prepared::new`].
+/// As [`Observations::new`].
 pub fn design(
     session: &Session,
     now: &ValidProtocol,
     causes: &[Kind],
-) -> Result<Vec<Proposal>, PrepareError> {
+) -> Result<Vec<Proposal>, PreprocessingError> {
     let mut seen: Vec<Seen> = Vec::new();
     let mut proposals = Vec::new();
     for (change, protocol) in variants(now) {
@@ -72,19 +75,19 @@ pub fn design(
 /// The session as seen in one window, and fitted with each of the causes.
 struct Seen {
     window_s: f64,
-    prepared: Prepared,
+    prepared: Observations,
     fits: Vec<Fit>,
 }
 
 impl Seen {
-    fn new(session: &Session, protocol: &ValidProtocol, causes: &[Kind]) -> Result<Self, PrepareError> {
-        let view = View { window_s: protocol.window_s, filter: protocol.signal.filter };
+    fn new(session: &Session, protocol: &ValidProtocol, causes: &[Kind]) -> Result<Self, PreprocessingError> {
+        let view = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
         let prepared = Look::new(session, view, &Model::paper())?.prepared;
         let base = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
-        let scout = Scout::new(&prepared, &base);
+        let search = ExtensionSearch::new(&prepared, &base);
         let with = |kind: &Kind| {
             let model = Model::paper().with(*kind);
-            scout.follow(&scout.glance(slice::from_ref(&model))).settled(&prepared)
+            search.complete(&search.screen(slice::from_ref(&model))).refined(&prepared)
         };
         let fits = causes.par_iter().map(with).collect();
         Ok(Self { window_s: view.window_s, prepared, fits })
@@ -185,7 +188,7 @@ fn power_of(true_distance: f64, other_distance: f64) -> f64 {
 }
 
 /// What is left of the sum of squares, in units of the noise, where `truth` is the case and the model of `other` is fitted.
-fn distance(prepared: &Prepared, protocol: &ValidProtocol, truth: &Fit, other: &Fit) -> f64 {
+fn distance(prepared: &Observations, protocol: &ValidProtocol, truth: &Fit, other: &Fit) -> f64 {
     let mut planned = planned(prepared, protocol);
     let parameters = at_conditions(&planned, prepared, truth);
     let predicted = torques(&planned, &truth.kinds, &parameters);
@@ -193,20 +196,20 @@ fn distance(prepared: &Prepared, protocol: &ValidProtocol, truth: &Fit, other: &
         trial.measured_nm = torque;
     }
     let starts = at_conditions(&planned, prepared, other);
-    let guess = Guess::at(&planned, &starts);
+    let guess = StartingValues::at(&planned, &starts);
     let mut model = other.model.clone();
     let added = &other.parameters[0][BASE_PARAMETERS.len()..];
     let treatments = model.mechanisms.iter_mut().flat_map(|switched| &mut switched.parameters);
     for (treatment, value) in treatments.zip(added) {
-        *treatment = Treatment { value: Some(*value), ..treatment.clone() };
+        *treatment = ParameterSpec { value: Some(*value), ..treatment.clone() };
     }
-    let (weights, covariances) = objective(&planned, Weighting::MeasuredNoise, Some(&guess.middle()));
-    2.0 * Fit::from_guess(&planned, &model, weights, covariances, &guess).cost()
+    let (weights, covariances) = objective(&planned, Weighting::MeasuredNoise, Some(&guess.median_values()));
+    2.0 * Fit::from_starting_values(&planned, &model, weights, covariances, &guess).cost()
 }
 
 /// The trials of `protocol`, moved as commanded, with the noise of the nearest torque of the session.
-fn planned(prepared: &Prepared, protocol: &ValidProtocol) -> Prepared {
-    let mut planned = prepared.only(&[]);
+fn planned(prepared: &Observations, protocol: &ValidProtocol) -> Observations {
+    let mut planned = prepared.subset(&[]);
     let margin = 2 * prepared.lead;
     let before = prepared.lead + margin;
     let mut condition = 0;
@@ -234,7 +237,7 @@ fn planned(prepared: &Prepared, protocol: &ValidProtocol) -> Prepared {
                 trial.input.covariates.torque_before_nm = *torque;
                 (trial.velocity_rad_s, trial.torque_nm) = (velocity.abs(), *torque);
                 (trial.condition, trial.repetition) = (condition, repetition);
-                planned.noise_of.push(prepared.noise_of[nearest]);
+                planned.noise_index.push(prepared.noise_index[nearest]);
                 planned.trials.push(trial);
             }
             condition += 1;
@@ -244,14 +247,14 @@ fn planned(prepared: &Prepared, protocol: &ValidProtocol) -> Prepared {
 }
 
 /// A trial of the session at the torque nearest to this.
-fn nearest(prepared: &Prepared, torque_nm: f64) -> usize {
+fn nearest(prepared: &Observations, torque_nm: f64) -> usize {
     let away = |trial: &usize| (prepared.trials[*trial].torque_nm - torque_nm).abs();
     (0..prepared.trials.len()).min_by(|a, b| away(a).total_cmp(&away(b))).unwrap_or(0)
 }
 
 /// The parameters of `fit` at the conditions of other trials: k_srs, k_dec and x_e as powers of velocity and torque, the
 /// others their means.
-fn at_conditions(planned: &Prepared, prepared: &Prepared, fit: &Fit) -> Vec<Vec<f64>> {
+fn at_conditions(planned: &Observations, prepared: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let design = |velocity: f64, torque: f64| {
         Vector3::new(1.0, libm::log(velocity.abs().max(1e-3)), libm::log(torque.abs().max(1e-3)))
     };
@@ -269,7 +272,7 @@ fn at_conditions(planned: &Prepared, prepared: &Prepared, fit: &Fit) -> Vec<Vec<
             square.cholesky().map_or_else(Vector3::zeros, |factor| factor.solve(&right))
         })
         .collect();
-    let own = |trial: &crate::fit::PreparedTrial| {
+    let own = |trial: &crate::fit::TrialObservation| {
         let x = design(trial.velocity_rad_s, trial.torque_nm);
         let base = coefficients.iter().map(|own| libm::exp(own.dot(&x)));
         base.chain(fit.parameters[0][BASE_PARAMETERS.len()..].iter().copied()).collect()

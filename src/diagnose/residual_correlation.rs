@@ -3,10 +3,10 @@
 use serde_json::{Map, Value, json};
 
 use super::within_trial::cross_validation::residuals;
-use crate::fit::{Fit, Prepared};
+use crate::fit::{Fit, Observations};
 
 /// What a trial's residual may go with.
-type Covariate = (&'static str, fn(&Prepared, usize) -> f64);
+type Covariate = (&'static str, fn(&Observations, usize) -> f64);
 
 const COVARIATES: [Covariate; 6] = [
     ("progress", |prepared, trial| prepared.trials[trial].input.covariates.progress),
@@ -21,7 +21,7 @@ const COVARIATES: [Covariate; 6] = [
 
 /// A row for each trial with its covariates and its root mean square residual before and after the extension, and Spearman's
 /// rank correlation of the residuals with each covariate (`null` where it does not vary).
-pub fn residual_by_trial(prepared: &Prepared, before: &Fit, after: &Fit) -> Value {
+pub fn residual_by_trial(prepared: &Observations, before: &Fit, after: &Fit) -> Value {
     let rms = |fit: &Fit| -> Vec<f64> {
         let of = |own: &Vec<f64>| libm::sqrt(own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64);
         residuals(prepared, fit).iter().map(of).collect()

@@ -11,26 +11,31 @@ mod search;
 mod solver;
 
 pub use data::hold_noise::NoiseSource;
-pub use data::preprocessing::{LeftOut, PrepareError, Prepared, PreparedTrial, View, onset_sample};
-pub use fitted::fit::{ELASTIC_LIMIT, Fit, STIFFNESS, Weighting, objective};
+pub use data::preprocessing::{
+    ExcludedTrial, Observations, PreprocessingError, PreprocessingSettings, TrialObservation, onset_sample,
+};
+pub use fitted::fit::{Fit, K_SRS, Weighting, X_E, objective};
 pub use fitted::uncertainty::{
     Prediction, Uncertainty, covariance, predictions, uncertainties, variance_accounted_for,
 };
-pub use inference::bootstrap::{BOOTSTRAPPED, Scatter, bootstrap};
-pub use inference::profile::{Interval, PROFILED, profiles};
-pub use inference::resampling::{NoiseMaker, resampled};
-pub use model::specification::{FORMAT as MODEL_FORMAT, Model, ModelError, Scope, Switched, Term, Treatment};
+pub use inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread, bootstrap};
+pub use inference::profile::{PROFILED_PARAMETERS, ProfileInterval, profiles};
+pub use inference::resampling::{NoiseSampler, draw_observations};
+pub use model::specification::{
+    AddedMechanism, FORMAT as MODEL_FORMAT, LawTerm, Model, ModelError, ParameterSpec, Scope,
+};
 pub use output::estimates::{
-    ConditionEstimate, Estimate, QUANTITIES, by_condition, estimates, estimates_alone, simulated,
+    ConditionEstimate, QUANTITIES, TrialEstimate, by_condition, estimates, estimates_without_profiles,
+    simulated,
 };
 pub use output::result_files::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
-pub use parameters::parameterisation::{Component, Coordinate, Layout, Link};
+pub use parameters::parameterisation::{Component, Coordinate, Parameterisation, Transform};
 pub use residuals::prediction::predict;
 pub use residuals::residual_covariance::{covariances, whiteners};
-pub use search::extension_search::{Glance, Scout};
-pub use search::starting_values::{Guess, looks};
-pub use solver::levenberg_marquardt::{Effort, Outcome, Solution, Stop, solve};
-pub use solver::normal_equations::{Normal, Objective};
+pub use search::extension_search::{ExtensionSearch, ScreenedExtension};
+pub use search::starting_values::{StartingValues, pilot_points};
+pub use solver::levenberg_marquardt::{ComponentOutcome, Solution, SolverOptions, Termination, solve};
+pub use solver::normal_equations::{NormalEquations, Objective};
 
 #[cfg(test)]
 mod tests;

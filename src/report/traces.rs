@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::fitted::{Fitted, TrialFit};
 use crate::dataset::{Session, Status};
-use crate::fit::{Prepared, PreparedTrial, View};
+use crate::fit::{Observations, PreprocessingSettings, TrialObservation};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
 use crate::wrist::{self, Instant, Request, Response, simulate, substeps};
@@ -51,21 +51,23 @@ pub fn traces(
     missing: &mut Vec<String>,
 ) -> Vec<Trace> {
     let view = match (fitted, protocol) {
-        (Some(fitted), _) => View {
+        (Some(fitted), _) => PreprocessingSettings {
             window_s: fitted.settings.window_s,
             filter: fitted.settings.filter.unwrap_or(FilterSpec::PAPER),
         },
-        (None, Some(protocol)) => View { window_s: protocol.window_s, filter: protocol.signal.filter },
-        (None, None) => View::default(),
+        (None, Some(protocol)) => {
+            PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter }
+        }
+        (None, None) => PreprocessingSettings::default(),
     };
-    let prepared = match Prepared::new(session, view) {
+    let prepared = match Observations::new(session, view) {
         Ok(prepared) => prepared,
         Err(error) => {
             missing.push(format!("No trial can be drawn: {error}."));
             return Vec::new();
         }
     };
-    for left in &prepared.left_out {
+    for left in &prepared.excluded_trials {
         missing.push(format!("Trial {} is not drawn: {}.", left.trial, left.reason));
     }
     let traces: Vec<Trace> =
@@ -80,7 +82,12 @@ pub fn traces(
     traces
 }
 
-fn one(session: &Session, prepared: &Prepared, trial: &PreparedTrial, fitted: Option<&Fitted>) -> Trace {
+fn one(
+    session: &Session,
+    prepared: &Observations,
+    trial: &TrialObservation,
+    fitted: Option<&Fitted>,
+) -> Trace {
     let mut trace = recorded(session, prepared, trial);
     let Some(fitted) = fitted else { return trace };
     trace.fit = fitted.trials.iter().find(|fit| fit.trial == trial.number).cloned();
@@ -105,7 +112,7 @@ fn one(session: &Session, prepared: &Prepared, trial: &PreparedTrial, fitted: Op
     trace
 }
 
-fn recorded(session: &Session, prepared: &Prepared, trial: &PreparedTrial) -> Trace {
+fn recorded(session: &Session, prepared: &Observations, trial: &TrialObservation) -> Trace {
     let mut trace = Trace {
         number: trial.number,
         label: trial.label.clone(),

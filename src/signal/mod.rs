@@ -7,5 +7,5 @@ mod onset;
 
 pub use filter::{FilterError, FilterSpec, Section, SectionState, filter, filter_both_ways};
 pub use hum::Sinusoid;
-pub use noise_covariance::Noise;
+pub use noise_covariance::NoiseCovariance;
 pub use onset::onset;

@@ -8,14 +8,14 @@ use nalgebra::DMatrix;
 
 /// Covariance of the noise in the analysed window.
 #[derive(Debug, Clone)]
-pub struct Noise {
+pub struct NoiseCovariance {
     /// Covariance of the samples of the window, (N m)^2.
     pub covariance: DMatrix<f64>,
     /// How many stretches of hold it was measured on; neighbours overlap.
     pub stretches: usize,
 }
 
-impl Noise {
+impl NoiseCovariance {
     /// Measures the covariance on `stretches`: torque over a window, less the level before it, some samples of it.
     ///
     /// `None` if there are fewer than two.
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn white_noise_through_the_papers_filter_leaves_four_to_five_independent_values() {
-        let noise = Noise::measure(&filtered_stretches(3000)).unwrap();
+        let noise = NoiseCovariance::measure(&filtered_stretches(3000)).unwrap();
         let effective = noise.effective_samples();
         assert!((3.5..5.5).contains(&effective), "{effective}");
     }
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn the_whitener_makes_fresh_noise_white() {
         let stretches = filtered_stretches(4000);
-        let whitener = Noise::measure(&stretches[..2000]).unwrap().whitener(1e-9);
+        let whitener = NoiseCovariance::measure(&stretches[..2000]).unwrap().whitener(1e-9);
         let fresh: Vec<DVector<f64>> =
             stretches[2000..].iter().map(|s| &whitener * DVector::from_column_slice(s)).collect();
         for component in 0..8 {
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn noise_needs_at_least_two_stretches() {
-        assert!(Noise::measure(&[]).is_none());
-        assert!(Noise::measure(&filtered_stretches(1)).is_none());
+        assert!(NoiseCovariance::measure(&[]).is_none());
+        assert!(NoiseCovariance::measure(&filtered_stretches(1)).is_none());
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::part::PartError;
 use crate::dataset::{DatasetError, RecordError};
-use crate::fit::PrepareError;
+use crate::fit::PreprocessingError;
 use crate::protocol::{ProtocolError, TooShort};
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{PersonError, RigFileError};
@@ -129,7 +129,7 @@ pub enum UnitError {
     Protocol(#[from] ProtocolError),
     /// The session cannot be analysed.
     #[error(transparent)]
-    Prepare(#[from] PrepareError),
+    Prepare(#[from] PreprocessingError),
 }
 
 /// Something about the persons that keeps a table from holding all of them. Each is said; the rest is computed.

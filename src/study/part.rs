@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 use super::error::{Problem, StudyError};
 use super::plan::Study;
 use super::unit_session::{self, Kept};
-use crate::fit::{Estimate, fit_header, fit_row};
+use crate::fit::{TrialEstimate, fit_header, fit_row};
 
 /// Folder of the parts in that of a study.
 pub const PARTS: &str = "parts";
@@ -115,7 +115,8 @@ fn text(study: &Study, part: u64, kept: Kept, done: impl Fn() + Sync) -> String 
             });
             done();
             let subject = cell(&unit.subject);
-            let line = |estimate: &Estimate| format!("{subject},{},{}\n", fit_row(estimate), unit.session);
+            let line =
+                |estimate: &TrialEstimate| format!("{subject},{},{}\n", fit_row(estimate), unit.session);
             rows.map(|estimates| estimates.iter().map(line).collect())
         })
         .collect();

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::error::UnitError;
 use super::plan::{Study, Unit};
 use super::unit_session::{self, Kept};
-use crate::fit::{Estimate, QUANTITIES};
+use crate::fit::{QUANTITIES, TrialEstimate};
 
 /// A person of the pool: means in each cell over the first repetitions, as if the session had only had those.
 #[derive(Debug, Clone)]
@@ -16,7 +16,7 @@ pub struct Pooled {
 
 impl Pooled {
     /// What `estimates` say in the cells at `conditions`.
-    pub fn of(estimates: &[Estimate], conditions: &[(f64, f64)], repetitions: u32) -> Self {
+    pub fn of(estimates: &[TrialEstimate], conditions: &[(f64, f64)], repetitions: u32) -> Self {
         let mean = |quantity: usize, (velocity, torque): (f64, f64), most: u32| {
             let own = estimates.iter().filter(|estimate| {
                 estimate.converged

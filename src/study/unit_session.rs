@@ -7,7 +7,9 @@ use std::sync::Arc;
 use super::error::UnitError;
 use super::plan::{Study, Unit, What};
 use crate::dataset::{self, Disk, Manifest, MemoryRecorder, NewSession, Session};
-use crate::fit::{Estimate, Fit, Model, Prepared, View, estimates_alone};
+use crate::fit::{
+    Fit, Model, Observations, PreprocessingSettings, TrialEstimate, estimates_without_profiles,
+};
 use crate::protocol::ValidProtocol;
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
@@ -24,23 +26,27 @@ pub enum Kept<'a> {
 }
 
 /// Runs or reads a unit and fits it.
-pub fn fit(study: &Study, unit: &Unit, kept: Kept) -> Result<Vec<Estimate>, UnitError> {
+pub fn fit(study: &Study, unit: &Unit, kept: Kept) -> Result<Vec<TrialEstimate>, UnitError> {
     let (session, view) = match &unit.what {
         What::Virtual { protocol, .. } => (simulate(unit, kept)?, view(protocol)),
         What::Measured(folder) => {
             let file = folder.join("protocol.json");
-            let view = if file.exists() { view(&ValidProtocol::read(&file)?) } else { View::default() };
+            let view = if file.exists() {
+                view(&ValidProtocol::read(&file)?)
+            } else {
+                PreprocessingSettings::default()
+            };
             (Some(dataset::load(folder)?), view)
         }
     };
     let Some(session) = session else { return Ok(Vec::new()) };
-    let prepared = Prepared::new(&session, view)?;
+    let prepared = Observations::new(&session, view)?;
     let fit = Fit::new(&prepared, &Model::paper(), study.weighting);
-    Ok(estimates_alone(&prepared, &fit))
+    Ok(estimates_without_profiles(&prepared, &fit))
 }
 
-pub(super) fn view(protocol: &ValidProtocol) -> View {
-    View { window_s: protocol.window_s, filter: protocol.signal.filter }
+pub(super) fn view(protocol: &ValidProtocol) -> PreprocessingSettings {
+    PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter }
 }
 
 /// The session of a virtual unit; `None` of a measured one.

@@ -3,7 +3,7 @@
 use super::stiffness_table::{LEAST_STIFFNESS, Stiffnesses};
 use crate::diagnose::within_trial::null_distribution::gumbel_tail;
 use crate::diagnose::within_trial::score_test::missing;
-use crate::fit::{Fit, Prepared, STIFFNESS};
+use crate::fit::{Fit, K_SRS, Observations};
 use crate::random::Stream;
 use crate::wrist::mechanisms::{CATALOGUE, Class, Kind, Parameter, Surroundings};
 use crate::wrist::{Jet, Number, Plant};
@@ -22,7 +22,7 @@ pub struct Trend {
 }
 
 /// The mechanisms that act on k_srs from trial to trial, with what a change of each value does to its logarithm.
-fn candidates(prepared: &Prepared, fit: &Fit) -> Vec<(Kind, Vec<Vec<f64>>)> {
+fn candidates(prepared: &Observations, fit: &Fit) -> Vec<(Kind, Vec<Vec<f64>>)> {
     let session = Surroundings { lever: prepared.lever, highest_torque_nm: 0.0 };
     CATALOGUE
         .iter()
@@ -37,7 +37,7 @@ fn candidates(prepared: &Prepared, fit: &Fit) -> Vec<(Kind, Vec<Vec<f64>>)> {
 /// The logarithm of the stiffness that a mechanism makes of `stiffness` in a trial, and its derivatives by the logarithm of
 /// that stiffness and by the mechanism's first value.
 fn shaped(
-    prepared: &Prepared,
+    prepared: &Observations,
     fit: &Fit,
     trial: usize,
     kind: Kind,
@@ -48,7 +48,7 @@ fn shaped(
     for (slot, value) in base.iter_mut().zip(&fit.parameters[trial]) {
         *slot = Jet::constant(*value);
     }
-    base[STIFFNESS] = Jet::variable(stiffness, BASE);
+    base[K_SRS] = Jet::variable(stiffness, BASE);
     let mut plant = Plant::base(prepared.lever, &base);
     let jets: Vec<Jet<f64, 9>> =
         values.iter().enumerate().map(|(i, value)| Jet::variable(*value, i)).collect();
@@ -61,9 +61,9 @@ fn shaped(
 /// Place of the unshaped stiffness among the derivatives; the mechanism's values come first.
 const BASE: usize = 8;
 
-fn acts_on_stiffness(prepared: &Prepared, fit: &Fit, kind: Kind, values: &[f64]) -> bool {
+fn acts_on_stiffness(prepared: &Observations, fit: &Fit, kind: Kind, values: &[f64]) -> bool {
     (0..prepared.trials.len()).any(|trial| {
-        let stiffness = fit.parameters[trial][STIFFNESS].max(LEAST_STIFFNESS);
+        let stiffness = fit.parameters[trial][K_SRS].max(LEAST_STIFFNESS);
         (shaped(prepared, fit, trial, kind, values, stiffness)[0] - libm::log(stiffness)).abs() > 1e-9
     })
 }
@@ -71,8 +71,8 @@ fn acts_on_stiffness(prepared: &Prepared, fit: &Fit, kind: Kind, values: &[f64])
 /// A trial's stiffness with the effect of a mechanism on it taken away.
 ///
 /// The mechanisms of the catalogue add to a stiffness or multiply it, so one step of Newton's is exact.
-pub fn without_effect(prepared: &Prepared, fit: &Fit, trial: usize, kind: Kind, values: &[f64]) -> f64 {
-    let stiffness = fit.parameters[trial][STIFFNESS];
+pub fn without_effect(prepared: &Observations, fit: &Fit, trial: usize, kind: Kind, values: &[f64]) -> f64 {
+    let stiffness = fit.parameters[trial][K_SRS];
     let [logarithm, weight, _] = shaped(prepared, fit, trial, kind, values, stiffness);
     let shaped = libm::exp(logarithm);
     stiffness + (stiffness - shaped) / (weight * shaped / stiffness)
@@ -81,7 +81,7 @@ pub fn without_effect(prepared: &Prepared, fit: &Fit, trial: usize, kind: Kind, 
 /// The trend of one mechanism, by Gauss-Newton from a probe: one stiffness for each condition, which the mechanism makes another in
 /// each of its trials.
 fn trend(
-    prepared: &Prepared,
+    prepared: &Observations,
     fit: &Fit,
     data: &Stiffnesses,
     logarithms: &[f64],
@@ -189,7 +189,7 @@ const SHUFFLES: usize = 400;
 
 /// The strongest trend, and how probable one as strong is where trials of a condition are exchangeable.
 pub fn strongest_trend(
-    prepared: &Prepared,
+    prepared: &Observations,
     fit: &Fit,
     data: &Stiffnesses,
     seed: u64,

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
-use crate::fit::{ELASTIC_LIMIT, Fit, Prepared};
+use crate::fit::{Fit, Observations, X_E};
 use crate::statistics::Sample;
 use crate::wrist::mechanisms::Kind;
 
@@ -48,7 +48,7 @@ const NOT_ZERO: f64 = 2.58;
 
 /// Each trial's elastic limit, rad.
 pub fn limits(fit: &Fit) -> Vec<f64> {
-    fit.parameters.iter().map(|own| own[ELASTIC_LIMIT]).collect()
+    fit.parameters.iter().map(|own| own[X_E]).collect()
 }
 
 /// The law of a fit's elastic limits; `simulated` are those of sessions simulated with that fit as the truth.
@@ -58,7 +58,7 @@ pub fn limits(fit: &Fit) -> Vec<f64> {
 /// 1982). Errors that trials have in common, of the inertia or of a velocity's recorded motion, do not show in that scatter: they
 /// are in how the coefficients scatter between the simulated sessions. `None` if velocity or torque does not vary, if too few
 /// limits are seen, or if the model has a law for them.
-pub fn limit_law(prepared: &Prepared, fit: &Fit, simulated: &[Vec<f64>]) -> Option<LimitLaw> {
+pub fn limit_law(prepared: &Observations, fit: &Fit, simulated: &[Vec<f64>]) -> Option<LimitLaw> {
     let trials: Vec<usize> =
         (0..prepared.trials.len()).filter(|trial| is_seen(prepared, fit, *trial)).collect();
     if trials.len() < FEWEST || fit.kinds.contains(&Kind::TimedYield) {
@@ -100,10 +100,10 @@ pub fn limit_law(prepared: &Prepared, fit: &Fit, simulated: &[Vec<f64>]) -> Opti
 }
 
 /// Whether a trial yields within the window. One that does so at its end or later has a limit that its neighbours told.
-fn is_seen(prepared: &Prepared, fit: &Fit, trial: usize) -> bool {
+fn is_seen(prepared: &Observations, fit: &Fit, trial: usize) -> bool {
     let window_s = prepared.samples as f64 * prepared.period_s;
     let within = |time_s: f64| time_s < SEEN * window_s;
-    !fit.at_bound(trial, ELASTIC_LIMIT) && fit.x_t_s(prepared, trial).is_some_and(within)
+    !fit.at_bound(trial, X_E) && fit.x_t_s(prepared, trial).is_some_and(within)
 }
 
 /// Part of the window after which a yield does not show. Assumed.

@@ -4,7 +4,7 @@
 //! in the session, the rest, the EMG ([`super::trend`])? And does any trial differ more than the spread of all allows
 //! ([`super::outliers`])?
 
-use crate::fit::{Fit, Prepared, STIFFNESS};
+use crate::fit::{Fit, K_SRS, Observations};
 
 /// Where a stiffness still has a logarithm, N m/rad.
 pub const LEAST_STIFFNESS: f64 = 1e-9;
@@ -24,10 +24,10 @@ const FEWEST_FREE: f64 = 6.0;
 
 impl Stiffnesses {
     /// Those of `fit`, without the trials in `except`; `None` if there are too few repetitions.
-    pub fn new(prepared: &Prepared, fit: &Fit, except: &[usize]) -> Option<Self> {
+    pub fn new(prepared: &Observations, fit: &Fit, except: &[usize]) -> Option<Self> {
         let trials: Vec<usize> = (0..prepared.trials.len()).filter(|t| !except.contains(t)).collect();
         let conditions: Vec<usize> = trials.iter().map(|trial| prepared.trials[*trial].condition).collect();
-        let logarithm = |trial: &usize| libm::log(fit.parameters[*trial][STIFFNESS].max(LEAST_STIFFNESS));
+        let logarithm = |trial: &usize| libm::log(fit.parameters[*trial][K_SRS].max(LEAST_STIFFNESS));
         let logarithms = trials.iter().map(logarithm).collect();
         let own = Self { trials, logarithms, conditions };
         (own.freedom() >= FEWEST_FREE).then_some(own)

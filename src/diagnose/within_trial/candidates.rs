@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::discrepancy::Added;
 use super::null_distribution::simulated;
 use super::score_test::Probe;
-use crate::fit::{Fit, Glance, Model, NoiseMaker, Prepared, Scout};
+use crate::fit::{ExtensionSearch, Fit, Model, NoiseSampler, Observations, ScreenedExtension};
 use crate::random::Stream;
 use crate::statistics::Sample;
 use crate::wrist::mechanisms::Kind;
@@ -72,31 +72,39 @@ const LEAST_PART: f64 = 0.25;
 /// What screening promises tells where to start, not whom to leave out: a model that lacks something large has gone to where
 /// the step to the right mechanism is not straight. So each starts from a guess of its own, and, since what is missing may
 /// also be small, from where `fit` ended. What each is worth counts from the fit `before`.
-pub fn candidates(prepared: &Prepared, before: &Fit, fit: &Fit, probes: &[Probe], freedom: f64) -> Shortlist {
+pub fn candidates(
+    prepared: &Observations,
+    before: &Fit,
+    fit: &Fit,
+    probes: &[Probe],
+    freedom: f64,
+) -> Shortlist {
     let mut kinds: Vec<Kind> = probes.iter().map(|probe| probe.kind).collect();
     kinds.dedup();
     let before = before.cost();
-    let scout = Scout::new(prepared, fit);
+    let search = ExtensionSearch::new(prepared, fit);
     let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - fit.cost()), fit };
-    let mut glances: Vec<(Kind, Glance)> = kinds
+    let mut glances: Vec<(Kind, ScreenedExtension)> = kinds
         .into_par_iter()
         .map(|kind| {
             let of_kind = probes.iter().filter(|probe| probe.kind == kind);
             let models: Vec<Model> = of_kind.map(|probe| model_with(fit, probe)).collect();
-            (kind, scout.glance(&models))
+            (kind, search.screen(&models))
         })
         .collect();
-    let best = glances.iter().map(|(_, glance)| glance.promise).fold(0.0, f64::max);
+    let best = glances.iter().map(|(_, glance)| glance.predicted_gain).fold(0.0, f64::max);
     let within = PROMISED.max(PART_PROMISED * best);
-    glances.retain(|(_, glance)| glance.promise > best - within);
+    glances.retain(|(_, glance)| glance.predicted_gain > best - within);
     let mut rough: Vec<Candidate> =
-        glances.into_par_iter().map(|(kind, glance)| candidate(scout.follow(&glance), kind)).collect();
+        glances.into_par_iter().map(|(kind, glance)| candidate(search.complete(&glance), kind)).collect();
     rough.sort_by(|a, b| b.worth.total_cmp(&a.worth));
     let best = rough.first().map_or(0.0, |own| own.worth);
     let least = (best - WITHIN_REACH.max(PART_OF_BEST * best)).max(LEAST_PART * best);
     rough.retain(|own| own.worth >= least);
-    let mut settled: Vec<Candidate> =
-        rough.into_par_iter().map(|own| candidate(scout.anew(own.fit).settled(prepared), own.kind)).collect();
+    let mut settled: Vec<Candidate> = rough
+        .into_par_iter()
+        .map(|own| candidate(search.restart(own.fit).refined(prepared), own.kind))
+        .collect();
     let best = settled.iter().map(|own| 2.0 * own.fit.cost()).fold(f64::INFINITY, f64::min);
     let unit = (best / freedom).clamp(1.0, f64::MAX);
     settled.iter_mut().for_each(|own| own.worth /= unit);
@@ -143,11 +151,11 @@ const NO_LEAD: f64 = 3.84;
 ///
 /// For each, sessions are simulated in which the rival is the truth, with a law that is not quite the catalogue's, and both
 /// are fitted to them: if the first candidate wins by as much as it did in one of twenty, the rival may be the truth.
-pub fn not_ruled_out(prepared: &Prepared, shortlist: &Shortlist, seed: u64) -> Vec<Kind> {
+pub fn not_ruled_out(prepared: &Observations, shortlist: &Shortlist, seed: u64) -> Vec<Kind> {
     let unit = shortlist.unit;
     let Some((first, rivals)) = shortlist.candidates.split_first() else { return Vec::new() };
     let lead = |rival: &Candidate| first.worth - rival.worth;
-    let noise = NoiseMaker::of(&prepared.noises);
+    let noise = NoiseSampler::of(&prepared.noise_covariances);
     let may_be_true = |rival: &&Candidate| {
         if lead(rival) < NO_LEAD {
             return true;

@@ -2,7 +2,7 @@
 
 use super::residual_projection::whiten;
 use super::score_test::torques;
-use crate::fit::{Fit, Model, Prepared, Scope, variance_accounted_for};
+use crate::fit::{Fit, Model, Observations, Scope, variance_accounted_for};
 use crate::random::Stream;
 use crate::wrist::BASE_PARAMETERS;
 
@@ -39,7 +39,7 @@ pub struct Gain {
 ///
 /// The mechanism's values come from the other trials and are held; the wrist's own parameters are free in the trials left
 /// out, with the extension and without, so that what is compared is the mechanism alone. Intervals resample trials.
-pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> (Gain, f64) {
+pub fn gain(prepared: &Observations, before: &Fit, after: &Fit, seed: u64) -> (Gain, f64) {
     let without = Squares::of(prepared, before);
     let part = parts(&prepared.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>());
     let keys: [Box<dyn Fn(usize) -> i64>; 3] = [
@@ -68,7 +68,7 @@ pub fn gain(prepared: &Prepared, before: &Fit, after: &Fit, seed: u64) -> (Gain,
 
 /// The gain of taking hum out of the record: `without` it a fit of the same model leaves less. It was found in the holds, so
 /// every ramp is data held out.
-pub fn gain_of_cleaning(with: (&Prepared, &Fit), without: (&Prepared, &Fit), seed: u64) -> Gain {
+pub fn gain_of_cleaning(with: (&Observations, &Fit), without: (&Observations, &Fit), seed: u64) -> Gain {
     let (before, after) =
         (Squares::of(with.0, with.1).of_trials, Squares::of(without.0, without.1).of_trials);
     let held_out_rmse_ratio = ratio(&after, &before, &mut Stream::new(seed, "gain/hum"));
@@ -106,7 +106,7 @@ struct Squares {
 }
 
 impl Squares {
-    fn of(prepared: &Prepared, fit: &Fit) -> Self {
+    fn of(prepared: &Observations, fit: &Fit) -> Self {
         let residuals = residuals(prepared, fit);
         let mean = |own: &Vec<f64>| own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64;
         let weighed = |(trial, own): (usize, &Vec<f64>)| whiten(prepared, fit, trial, own).norm_squared();
@@ -118,7 +118,7 @@ impl Squares {
 }
 
 /// What is left of each trial where the mechanism was fitted to the trials with another key.
-fn held_out_squares(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<Squares> {
+fn held_out_squares(prepared: &Observations, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<Squares> {
     let mut keys: Vec<i64> = (0..prepared.trials.len()).map(key).collect();
     keys.sort_unstable();
     keys.dedup();
@@ -129,8 +129,8 @@ fn held_out_squares(prepared: &Prepared, after: &Fit, key: &dyn Fn(usize) -> i64
     for held in keys {
         let rest: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) != held).collect();
         let out: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) == held).collect();
-        let others = after.on(&prepared.only(&rest), &rest, &after.model);
-        let held_out = prepared.only(&out);
+        let others = after.on(&prepared.subset(&rest), &rest, &after.model);
+        let held_out = prepared.subset(&out);
         let own = after.on(&held_out, &out, &held_model(&others));
         let left = Squares::of(&held_out, &own);
         for (trial, square) in out.into_iter().zip(left.of_trials) {
@@ -157,7 +157,7 @@ fn held_model(fit: &Fit) -> Model {
 }
 
 /// Measured less predicted, N m, by trial.
-pub fn residuals(prepared: &Prepared, fit: &Fit) -> Vec<Vec<f64>> {
+pub fn residuals(prepared: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let predicted = torques(prepared, &fit.kinds, &fit.parameters);
     let own = |trial: usize| -> Vec<f64> {
         prepared.trials[trial].measured_nm.iter().zip(&predicted[trial]).map(|(m, p)| m - p).collect()
@@ -166,7 +166,7 @@ pub fn residuals(prepared: &Prepared, fit: &Fit) -> Vec<Vec<f64>> {
 }
 
 /// Mean over trials of the variance of the torque accounted for.
-pub fn mean_vaf(prepared: &Prepared, fit: &Fit) -> f64 {
+pub fn mean_vaf(prepared: &Observations, fit: &Fit) -> f64 {
     let residuals = residuals(prepared, fit);
     let own = |trial: usize| variance_accounted_for(&prepared.trials[trial].measured_nm, &residuals[trial]);
     (0..residuals.len()).map(own).sum::<f64>() / residuals.len() as f64

@@ -3,7 +3,7 @@
 use super::candidates::Candidate;
 use super::residual_projection::{Direction, Tangent, whiten};
 use super::score_test::torques;
-use crate::fit::Prepared;
+use crate::fit::Observations;
 use crate::random::Stream;
 
 /// How far a mechanism's real law may be from the catalogue's, as a part of the torque that it adds. Assumed: between laws that
@@ -45,7 +45,7 @@ pub struct Added {
 }
 
 impl Added {
-    pub fn new(prepared: &Prepared, own: &Candidate) -> Self {
+    pub fn new(prepared: &Observations, own: &Candidate) -> Self {
         let predicted_nm = torques(prepared, &own.fit.kinds, &own.fit.parameters);
         let kinds = &own.fit.kinds[..own.fit.kinds.len() - 1];
         let without = |parameters: &Vec<f64>| parameters[..parameters.len() - own.values().len()].to_vec();
@@ -77,7 +77,7 @@ impl Added {
 
 /// What would be left of the sum of squares for other mechanisms to describe, were the law of `own` another, in units of the
 /// noise. `tangent` is that of its fit.
-pub fn may_leave(prepared: &Prepared, tangent: &Tangent, own: &Candidate) -> f64 {
+pub fn may_leave(prepared: &Observations, tangent: &Tangent, own: &Candidate) -> f64 {
     match Doubt::of(own, prepared.period_s) {
         Doubt::None => 0.0,
         Doubt::Spread(samples) => {

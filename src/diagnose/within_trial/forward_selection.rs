@@ -7,7 +7,7 @@ use super::null_distribution::{Chance, Finding, SIGNIFICANT, Simulated, screen};
 use super::residual_projection::Tangent;
 use super::score_test::{Probe, Unseen, probes};
 use crate::diagnose::cause::{Cause, Evidence};
-use crate::fit::{Fit, Prepared};
+use crate::fit::{Fit, Observations};
 use crate::wrist::mechanisms::Kind;
 
 /// What the steps lead to.
@@ -38,7 +38,7 @@ const WORTH_ADDING: f64 = 8.0;
 
 impl Steps {
     /// Adds to the model of `before` what it lacks; `stage` hears what is being done.
-    pub fn taken(prepared: &Prepared, before: &Fit, seed: u64, stage: &dyn Fn(&'static str)) -> Self {
+    pub fn taken(prepared: &Observations, before: &Fit, seed: u64, stage: &dyn Fn(&'static str)) -> Self {
         let seen_by = |fit: &Fit| {
             stage("comparing the misfit with simulated sessions");
             Seen::new(prepared, fit, seed)
@@ -94,7 +94,7 @@ struct Seen {
 }
 
 impl Seen {
-    fn new(prepared: &Prepared, fit: &Fit, seed: u64) -> Self {
+    fn new(prepared: &Observations, fit: &Fit, seed: u64) -> Self {
         let tangent = Tangent::new(prepared, fit);
         let (probes, unseen) = probes(prepared, fit, &tangent);
         let finding = screen(prepared, &tangent, &probes, &tangent.residuals());
@@ -116,7 +116,7 @@ impl Seen {
     /// trials that it was fitted to.
     fn step(
         &self,
-        prepared: &Prepared,
+        prepared: &Observations,
         last: Option<&Step>,
         seed: u64,
         stage: &dyn Fn(&'static str),
@@ -152,7 +152,7 @@ struct Step {
 impl Step {
     /// It and its rivals with what the `second` step added, which can make another look like the first: those that are behind
     /// by less than the second is worth, or could be indistinguishable. As they were without it if there are none.
-    fn rivals_beside(&self, prepared: &Prepared, second: &Self) -> Shortlist {
+    fn rivals_beside(&self, prepared: &Observations, second: &Self) -> Shortlist {
         let within = second.own.worth.max(far_behind(self.own.worth));
         let behind = |own: &Candidate| self.own.worth - own.worth;
         let near = self.shortlist.candidates.iter().filter(|own| behind(own) < within);
@@ -171,14 +171,14 @@ impl Step {
     }
 
     /// The step to a rival instead.
-    fn led_by(&self, prepared: &Prepared, rival: Kind, seed: u64) -> Self {
+    fn led_by(&self, prepared: &Observations, rival: Kind, seed: u64) -> Self {
         let shortlist = self.shortlist.clone().led_by(rival);
         let own = shortlist.candidates[0].clone();
         let (gain, _) = gain(prepared, &self.before, &own.fit, seed);
         Self { before: self.before.clone(), own, p_value: self.p_value, gain, shortlist }
     }
 
-    fn cause(self, prepared: &Prepared, seed: u64) -> Cause {
+    fn cause(self, prepared: &Observations, seed: u64) -> Cause {
         Cause {
             kind: self.own.kind,
             p_value: self.p_value,

@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::residual_projection::{Direction, Tangent};
-use crate::fit::Prepared;
+use crate::fit::Observations;
 
 /// How strongly the residuals go with one, velocity and torque, summed over independent values of the window.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,21 +21,21 @@ pub struct Pattern {
 }
 
 /// The pattern in whitened residuals. Trials of one noise share their axes; noises are treated one by one and added up.
-pub fn pattern(prepared: &Prepared, tangent: &Tangent, residuals: &Direction) -> Pattern {
+pub fn pattern(prepared: &Observations, tangent: &Tangent, residuals: &Direction) -> Pattern {
     let mut result = Pattern { statistic: 0.0, count: 0, squares: 0.0 };
-    let mut groups: Vec<Option<usize>> = prepared.noise_of.clone();
+    let mut groups: Vec<Option<usize>> = prepared.noise_index.clone();
     groups.sort_unstable();
     groups.dedup();
     for group in groups {
         let trials: Vec<usize> =
-            (0..residuals.len()).filter(|trial| prepared.noise_of[*trial] == group).collect();
+            (0..residuals.len()).filter(|trial| prepared.noise_index[*trial] == group).collect();
         add(prepared, tangent, residuals, &trials, &mut result);
     }
     result
 }
 
 fn add(
-    prepared: &Prepared,
+    prepared: &Observations,
     tangent: &Tangent,
     residuals: &Direction,
     trials: &[usize],
@@ -62,7 +62,7 @@ fn add(
 }
 
 /// Orthonormal columns: one, velocity, torque, as far as they vary.
-fn regressors(prepared: &Prepared, trials: &[usize]) -> DMatrix<f64> {
+fn regressors(prepared: &Observations, trials: &[usize]) -> DMatrix<f64> {
     let columns: [&dyn Fn(usize) -> f64; 3] =
         [&|_| 1.0, &|trial| prepared.trials[trial].velocity_rad_s, &|trial| prepared.trials[trial].torque_nm];
     let mut kept: Vec<DVector<f64>> = Vec::new();

@@ -7,7 +7,7 @@ use super::lack_of_fit::pattern;
 use super::residual_projection::{Direction, Tangent};
 use super::score_test::{Probe, score, torques};
 use crate::diagnose::across_trials::elastic_limit_law::limits;
-use crate::fit::{Effort, Fit, NoiseMaker, Prepared, resampled, solve};
+use crate::fit::{Fit, NoiseSampler, Observations, SolverOptions, draw_observations, solve};
 use crate::random::Stream;
 
 /// What screening makes of residuals.
@@ -22,7 +22,12 @@ pub struct Finding {
 }
 
 /// Screens `residuals`.
-pub fn screen(prepared: &Prepared, tangent: &Tangent, probes: &[Probe], residuals: &Direction) -> Finding {
+pub fn screen(
+    prepared: &Observations,
+    tangent: &Tangent,
+    probes: &[Probe],
+    residuals: &Direction,
+) -> Finding {
     let pattern = pattern(prepared, tangent, residuals);
     let squares: f64 = residuals.iter().map(DVector::norm_squared).sum();
     let freedom = tangent.freedom() - pattern.count as f64;
@@ -35,13 +40,13 @@ pub fn screen(prepared: &Prepared, tangent: &Tangent, probes: &[Probe], residual
 
 /// The session as it might have come out were `predicted` right: fresh noise of the torque, angles recorded again.
 pub fn simulated(
-    prepared: &Prepared,
+    prepared: &Observations,
     predicted: &[Vec<f64>],
-    noise: &NoiseMaker,
+    noise: &NoiseSampler,
     stream: &mut Stream,
-) -> Prepared {
-    let mut session = resampled(prepared, predicted, noise, stream);
-    session.record_again(stream);
+) -> Observations {
+    let mut session = draw_observations(prepared, predicted, noise, stream);
+    session.redraw_angle_error(stream);
     session
 }
 
@@ -98,9 +103,9 @@ pub struct Simulated {
 }
 
 impl Simulated {
-    pub fn new(prepared: &Prepared, fit: &Fit, tangent: &Tangent, probes: &[Probe], seed: u64) -> Self {
+    pub fn new(prepared: &Observations, fit: &Fit, tangent: &Tangent, probes: &[Probe], seed: u64) -> Self {
         let predicted = torques(prepared, &fit.kinds, &fit.parameters);
-        let noise = NoiseMaker::of(&prepared.noises);
+        let noise = NoiseSampler::of(&prepared.noise_covariances);
         let (findings, limits) = (0..SIMULATIONS)
             .into_par_iter()
             .map(|number| {
@@ -130,13 +135,13 @@ impl Simulated {
 }
 
 /// A refit needs no more than this: it starts where the data came from.
-const REFIT: Effort = Effort { iterations: 6, decrease: 1e-3, longest_step: 0.7 };
+const REFIT: SolverOptions = SolverOptions { max_iterations: 6, tolerance: 1e-3, max_log_step: 0.7 };
 
 /// Fits the model of `fit` to other data, from where `fit` ended.
-pub fn refit(prepared: &Prepared, fit: &Fit) -> Fit {
+pub fn refit(prepared: &Observations, fit: &Fit) -> Fit {
     let start = &fit.solution.coordinates;
-    let solution = solve(prepared, &fit.layout, &fit.kinds, &fit.objective, start, REFIT);
-    fit.with_solution(solution)
+    let solution = solve(prepared, &fit.parameterisation, &fit.kinds, &fit.objective, start, REFIT);
+    fit.at_solution(solution)
 }
 
 /// The probability of a value at least as large as `value`, by the Gumbel distribution with the mean and the spread of the

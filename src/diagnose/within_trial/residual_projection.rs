@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::score_test::torques;
-use crate::fit::{Component, Fit, Link, Objective, Prediction, Prepared, predictions};
+use crate::fit::{Component, Fit, Objective, Observations, Prediction, Transform, predictions};
 
 /// A fit's residuals and tangent space, component by component.
 pub struct Tangent {
@@ -52,14 +52,14 @@ pub type Direction = Vec<DVector<f64>>;
 
 impl Tangent {
     /// The tangent space of `fit`.
-    pub fn new(prepared: &Prepared, fit: &Fit) -> Self {
+    pub fn new(prepared: &Observations, fit: &Fit) -> Self {
         let predictions = predictions(prepared, fit);
         let count = prepared.trials.len();
         let known: Vec<Vec<usize>> = (0..count).map(|trial| known(fit, trial)).collect();
         let rows: Vec<usize> =
             (0..count).map(|trial| whiten_rows(prepared, fit, trial) + known[trial].len()).collect();
         let part = |component: &Component| Part::new(prepared, fit, component, &predictions, &rows, &known);
-        let parts = fit.layout.components.iter().map(part).collect();
+        let parts = fit.parameterisation.components.iter().map(part).collect();
         let known = known.iter().map(Vec::len).collect();
         let mut tangent = Self { parts, rows, known, at_rest: None };
         if prepared.angle_step_rad > 0.0 {
@@ -128,7 +128,7 @@ impl Tangent {
 
 impl Part {
     fn new(
-        prepared: &Prepared,
+        prepared: &Observations,
         fit: &Fit,
         component: &Component,
         predictions: &[Prediction],
@@ -153,16 +153,17 @@ impl Part {
                 let values = white.nrows();
                 part.residual.rows_mut(first, values).copy_from(&whiten(prepared, fit, trial, residual_nm));
                 for (row, coordinate) in known[trial].iter().enumerate() {
-                    let (centre, sd) = fit.layout.coordinates[*coordinate].prior.unwrap_or((0.0, 1.0));
+                    let (centre, sd) =
+                        fit.parameterisation.coordinates[*coordinate].prior.unwrap_or((0.0, 1.0));
                     part.residual[first + values + row] =
                         (centre - fit.solution.coordinates[*coordinate]) / sd;
                     if let Some(place) = own.iter().position(|own| own == coordinate) {
                         jacobian[(first - begin + values + row, place)] = 1.0 / sd;
                     }
                 }
-                for (row, parameter) in fit.layout.estimated.iter().enumerate() {
+                for (row, parameter) in fit.parameterisation.estimated.iter().enumerate() {
                     let value = fit.parameters[trial][*parameter];
-                    fit.layout.slopes(trial, *parameter, value, |coordinate, slope| {
+                    fit.parameterisation.slopes(trial, *parameter, value, |coordinate, slope| {
                         let change = white.column(row) * slope;
                         if let Some(place) = own.iter().position(|own| *own == coordinate) {
                             let mut column = jacobian.view_mut((first - begin, place), (values, 1));
@@ -195,7 +196,7 @@ const LEAVES_S: (f64, f64) = (0.001, 0.004);
 
 /// The change of the predictions if the angle at rest was rounded by one step: the motor comes back to the same place after
 /// each trial, so that the error is the same in all of them and averages out in none.
-fn rounding_at_rest(prepared: &Prepared, fit: &Fit) -> Direction {
+fn rounding_at_rest(prepared: &Observations, fit: &Fit) -> Direction {
     let mut shifted = prepared.clone();
     for trial in &mut shifted.trials {
         let onset = trial.input.onset;
@@ -242,9 +243,9 @@ fn orthonormal(mut columns: DMatrix<f64>) -> DMatrix<f64> {
 /// The coordinates of a trial's own block that something is known of beforehand.
 fn known(fit: &Fit, trial: usize) -> Vec<usize> {
     let mut known = Vec::new();
-    for link in &fit.layout.links[trial] {
-        if let Link::Logarithmic { coordinate, .. } = link
-            && fit.layout.coordinates[*coordinate].prior.is_some()
+    for link in &fit.parameterisation.transforms[trial] {
+        if let Transform::Logarithmic { coordinate, .. } = link
+            && fit.parameterisation.coordinates[*coordinate].prior.is_some()
         {
             known.push(*coordinate);
         }
@@ -252,24 +253,24 @@ fn known(fit: &Fit, trial: usize) -> Vec<usize> {
     known
 }
 
-fn whiten_rows(prepared: &Prepared, fit: &Fit, trial: usize) -> usize {
-    match (&fit.objective, prepared.noise_of[trial]) {
+fn whiten_rows(prepared: &Observations, fit: &Fit, trial: usize) -> usize {
+    match (&fit.objective, prepared.noise_index[trial]) {
         (Objective::Whitened(whiteners), Some(noise)) => whiteners[noise].nrows(),
         _ => prepared.samples,
     }
 }
 
 /// A trial's torques in units of its noise.
-pub fn whiten(prepared: &Prepared, fit: &Fit, trial: usize, torque_nm: &[f64]) -> DVector<f64> {
+pub fn whiten(prepared: &Observations, fit: &Fit, trial: usize, torque_nm: &[f64]) -> DVector<f64> {
     let torque = DVector::from_column_slice(torque_nm);
-    match (&fit.objective, prepared.noise_of[trial]) {
+    match (&fit.objective, prepared.noise_index[trial]) {
         (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * torque,
         _ => torque,
     }
 }
 
-fn whiten_matrix(prepared: &Prepared, fit: &Fit, trial: usize, columns: &DMatrix<f64>) -> DMatrix<f64> {
-    match (&fit.objective, prepared.noise_of[trial]) {
+fn whiten_matrix(prepared: &Observations, fit: &Fit, trial: usize, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    match (&fit.objective, prepared.noise_index[trial]) {
         (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * columns,
         _ => columns.clone(),
     }

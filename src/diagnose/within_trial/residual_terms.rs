@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::cross_validation::residuals;
-use crate::fit::{Fit, Prepared};
+use crate::fit::{Fit, Observations};
 
 /// A sparse description of the residual torque.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -36,7 +36,7 @@ const MOST_TERMS: usize = 3;
 const WORTH: f64 = 0.03;
 
 /// Describes the residuals of `fit`; `None` if there are none to describe.
-pub fn residual_term(prepared: &Prepared, fit: &Fit) -> Option<ResidualTerm> {
+pub fn residual_term(prepared: &Observations, fit: &Fit) -> Option<ResidualTerm> {
     let residuals = residuals(prepared, fit);
     let samples = prepared.samples;
     let total = residuals.len() * samples;
@@ -87,7 +87,7 @@ pub fn residual_term(prepared: &Prepared, fit: &Fit) -> Option<ResidualTerm> {
 }
 
 /// The terms that a description may choose from, over all samples of all trials.
-fn dictionary(prepared: &Prepared) -> Vec<(String, DVector<f64>)> {
+fn dictionary(prepared: &Observations) -> Vec<(String, DVector<f64>)> {
     let window = prepared.samples as f64 * prepared.period_s;
     type Basis = (String, Box<dyn Fn(f64, f64, f64, f64) -> f64>);
     let mut basis: Vec<Basis> = vec![

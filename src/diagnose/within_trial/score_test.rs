@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 
 use super::residual_projection::{Direction, Tangent, whiten};
-use crate::fit::{Fit, Prepared, predict};
+use crate::fit::{Fit, Observations, predict};
 use crate::wrist::Response;
 use crate::wrist::mechanisms::{CATALOGUE, Class, Kind, Need, Surroundings};
 
@@ -33,7 +33,7 @@ pub struct Unseen {
 const VISIBLE: f64 = 0.5;
 
 /// The probes of the whole catalogue within the trace, and what cannot be seen there.
-pub fn probes(prepared: &Prepared, fit: &Fit, tangent: &Tangent) -> (Vec<Probe>, Vec<Unseen>) {
+pub fn probes(prepared: &Observations, fit: &Fit, tangent: &Tangent) -> (Vec<Probe>, Vec<Unseen>) {
     let highest = prepared.trials.iter().map(|trial| {
         let change = trial.measured_nm.iter().copied().fold(0.0, f64::max);
         change + trial.direction * trial.torque_0_nm
@@ -79,7 +79,7 @@ pub fn probes(prepared: &Prepared, fit: &Fit, tangent: &Tangent) -> (Vec<Probe>,
 }
 
 /// What the session lacks for a mechanism to be considered.
-pub fn missing(prepared: &Prepared, kind: Kind) -> Option<String> {
+pub fn missing(prepared: &Observations, kind: Kind) -> Option<String> {
     let varies = |read: &dyn Fn(usize) -> f64| {
         (1..prepared.trials.len()).any(|trial| (read(trial) - read(0)).abs() > 1e-12)
     };
@@ -100,7 +100,7 @@ pub fn missing(prepared: &Prepared, kind: Kind) -> Option<String> {
 }
 
 /// Predicted torques of all trials.
-pub fn torques(prepared: &Prepared, kinds: &[Kind], parameters: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub fn torques(prepared: &Observations, kinds: &[Kind], parameters: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let trials: Vec<usize> = (0..prepared.trials.len()).collect();
     let flat: Vec<f64> = parameters.iter().flatten().copied().collect();
     let mut response = Response::default();
@@ -109,7 +109,7 @@ pub fn torques(prepared: &Prepared, kinds: &[Kind], parameters: &[Vec<f64>]) -> 
 }
 
 fn probe(
-    prepared: &Prepared,
+    prepared: &Observations,
     fit: &Fit,
     tangent: &Tangent,
     base: &[Vec<f64>],

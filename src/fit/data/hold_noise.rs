@@ -1,8 +1,8 @@
 //! The noise of a session: measured in the holds, or where there are none in how repetitions differ.
 
-use super::preprocessing::{HOLD_S, Prepared, PreparedTrial, View, mean};
+use super::preprocessing::{HOLD_S, Observations, PreprocessingSettings, TrialObservation, mean};
 use crate::dataset::Session;
-use crate::signal::{FilterSpec, Noise};
+use crate::signal::{FilterSpec, NoiseCovariance};
 
 /// Where the noise was measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -37,7 +37,7 @@ const FEWEST_DIFFERENCES: usize = 12;
 /// Time that the filter is given to settle at the start of a record, s.
 const SETTLING_S: f64 = 0.025;
 
-impl Prepared {
+impl Observations {
     /// The samples of the window that noise is measured on; the last is among them.
     pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
         (0..self.samples).rev().step_by(self.stride).collect::<Vec<_>>().into_iter().rev()
@@ -67,7 +67,7 @@ impl Prepared {
         levels.sort_by(f64::total_cmp);
         levels.dedup();
         let stretches = |wanted: Option<f64>| -> Vec<Vec<f64>> {
-            let of_level = |trial: &&PreparedTrial| wanted.is_none_or(|level| trial.torque_nm == level);
+            let of_level = |trial: &&TrialObservation| wanted.is_none_or(|level| trial.torque_nm == level);
             self.trials
                 .iter()
                 .filter(of_level)
@@ -77,9 +77,11 @@ impl Prepared {
         let by_level: Vec<_> = levels.iter().map(|level| stretches(Some(*level))).collect();
         let enough = STRETCHES_FOR_OWN_NOISE * STRETCHES_A_WINDOW * self.noise_samples().count();
         if by_level.iter().all(|own| own.len() >= enough) {
-            self.noises = by_level.iter().filter_map(|own| Noise::measure(own)).collect();
-            let level_of = |trial: &PreparedTrial| levels.iter().position(|level| *level == trial.torque_nm);
-            self.noise_of = self.trials.iter().map(level_of).collect();
+            self.noise_covariances =
+                by_level.iter().filter_map(|own| NoiseCovariance::measure(own)).collect();
+            let level_of =
+                |trial: &TrialObservation| levels.iter().position(|level| *level == trial.torque_nm);
+            self.noise_index = self.trials.iter().map(level_of).collect();
             self.noise_source = Some(NoiseSource::Holds);
             return;
         }
@@ -90,10 +92,10 @@ impl Prepared {
             (NoiseSource::Repetitions, self.differences())
         };
         if of.len() >= FEWEST_DIFFERENCES {
-            self.noises = Noise::measure(&of).into_iter().collect();
+            self.noise_covariances = NoiseCovariance::measure(&of).into_iter().collect();
             self.noise_source = Some(source);
         }
-        self.noise_of = vec![(!self.noises.is_empty()).then_some(0); self.trials.len()];
+        self.noise_index = vec![(!self.noise_covariances.is_empty()).then_some(0); self.trials.len()];
     }
 
     /// Takes the noise from how residuals of a plain fit scatter among the repetitions of a condition; for sessions without a
@@ -119,14 +121,14 @@ impl Prepared {
             let mean_at = |place: usize| same.iter().map(|r| r[place]).sum::<f64>() / count;
             deviations.push((0..own.len()).map(|place| bias * (own[place] - mean_at(place))).collect());
         }
-        if let Some(mut noise) = Noise::measure(&deviations) {
+        if let Some(mut noise) = NoiseCovariance::measure(&deviations) {
             let floor = ABSORBED * noise.covariance.trace() / noise.covariance.nrows() as f64;
             for place in 0..noise.covariance.nrows() {
                 noise.covariance[(place, place)] += floor;
             }
             self.noise_source = Some(NoiseSource::Residuals);
-            self.noises = vec![noise];
-            self.noise_of = vec![Some(0); self.trials.len()];
+            self.noise_covariances = vec![noise];
+            self.noise_index = vec![Some(0); self.trials.len()];
         }
     }
 
@@ -134,13 +136,13 @@ impl Prepared {
     /// records; one repetition of each condition, which says nothing new, is left out.
     fn differences(&self) -> Vec<Vec<f64>> {
         let places: Vec<usize> = self.noise_samples().collect();
-        let same = |a: &PreparedTrial, b: &PreparedTrial| a.condition == b.condition;
-        let of_condition = |trials: &[PreparedTrial]| -> Vec<Vec<f64>> {
+        let same = |a: &TrialObservation, b: &TrialObservation| a.condition == b.condition;
+        let of_condition = |trials: &[TrialObservation]| -> Vec<Vec<f64>> {
             let count = trials.len() as f64;
             let at = |place: usize| trials.iter().map(move |trial| trial.measured_nm[place]);
             let means: Vec<f64> = places.iter().map(|place| at(*place).sum::<f64>() / count).collect();
             let enlarge = libm::sqrt(count / (count - 1.0));
-            let own = |trial: &PreparedTrial| {
+            let own = |trial: &TrialObservation| {
                 places
                     .iter()
                     .zip(&means)
@@ -155,7 +157,7 @@ impl Prepared {
 
 /// Every how many samples the noise is measured: six times the cut-off stays below half the rate of what is left, and a
 /// long window keeps at most a hundred values.
-pub(in crate::fit) fn stride(session: &Session, view: View, samples: usize) -> usize {
+pub(in crate::fit) fn stride(session: &Session, view: PreprocessingSettings, samples: usize) -> usize {
     let FilterSpec::Butterworth { cutoff_hz, .. } = session.recorded_filter.unwrap_or(view.filter);
     let by_filter = libm::floor(session.sample_rate_hz / (12.0 * cutoff_hz)) as usize;
     by_filter.max(samples.div_ceil(100)).max(1)

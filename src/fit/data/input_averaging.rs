@@ -1,10 +1,10 @@
 //! One motion for trials that the motor is told to move alike in: their encoder's steps average out.
 //!
 //! Behind the paper's filter a single record, lightly smoothed, is good enough. Up to some hundred hertz, where a diagnosis
-//! looks, the steps of an encoder would be worth as much as the torque's own noise, and a mechanism that smooths the angle
+//! pilot_points, the steps of an encoder would be worth as much as the torque's own noise, and a mechanism that smooths the angle
 //! (a servo that lags, a damping of the lever that is too large) would look like an improvement of the model.
 
-use super::preprocessing::{Prepared, PreparedTrial};
+use super::preprocessing::{Observations, TrialObservation};
 use crate::random::Stream;
 use crate::wrist::{Knot, Smoothing};
 
@@ -14,10 +14,10 @@ const MEAN: Smoothing = Smoothing { half_s: 0.004, twice: true };
 /// Of how a trial differs from the mean: the motor gives way under another load, which is slow.
 const OWN: Smoothing = Smoothing { half_s: 0.008, twice: true };
 
-impl Prepared {
+impl Observations {
     /// Replaces each trial's motion by what trials of its velocity have in common and its own slow difference from that.
-    pub fn share_motion(&mut self) {
-        let key = |trial: &PreparedTrial| (trial.velocity_rad_s.to_bits(), trial.label.clone());
+    pub fn average_motion(&mut self) {
+        let key = |trial: &TrialObservation| (trial.velocity_rad_s.to_bits(), trial.label.clone());
         let mut keys: Vec<_> = self.trials.iter().map(key).collect();
         keys.sort();
         keys.dedup();
@@ -27,11 +27,11 @@ impl Prepared {
             self.share_among(&alike);
         }
         let of_mean = keys.len() as f64 / self.trials.len() as f64;
-        self.smoothings = vec![(of_mean, MEAN), (1.0 - of_mean, OWN)];
+        self.angle_smoothings = vec![(of_mean, MEAN), (1.0 - of_mean, OWN)];
     }
 
-    /// Records the motions again, as a motor would that rested elsewhere within its encoder's steps.
-    pub fn record_again(&mut self, stream: &mut Stream) {
+    /// Records the motions again, as a motor would that rested restart_point within its encoder's steps.
+    pub fn redraw_angle_error(&mut self, stream: &mut Stream) {
         let step = self.angle_step_rad;
         for trial in &mut self.trials {
             let rest = step * (stream.uniform() - 0.5);
@@ -46,8 +46,8 @@ impl Prepared {
             trial.angle_rad = trial.input.motion.iter().map(|knot| recorded(knot.theta)).collect();
             trial.input.motion = Smoothing::ONE_RECORD.knots(&trial.angle_rad, self.period_s);
         }
-        if self.smoothings.len() > 1 {
-            self.share_motion();
+        if self.angle_smoothings.len() > 1 {
+            self.average_motion();
         }
     }
 
@@ -55,7 +55,7 @@ impl Prepared {
         let trials = || alike.iter().map(|trial| &self.trials[*trial]);
         let before = trials().map(|trial| trial.input.onset).min().unwrap_or(0);
         let after = trials().map(|trial| trial.angle_rad.len() - trial.input.onset).min().unwrap_or(0);
-        let aligned = |trial: &PreparedTrial| {
+        let aligned = |trial: &TrialObservation| {
             trial.angle_rad[trial.input.onset - before..trial.input.onset + after].to_vec()
         };
         let angles: Vec<Vec<f64>> = trials().map(aligned).collect();

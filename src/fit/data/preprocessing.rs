@@ -3,20 +3,20 @@
 
 use super::hold_noise::{NoiseSource, angle_noise, stride};
 use crate::dataset::{Session, Status};
-use crate::signal::{FilterSpec, Noise, Section, filter, onset};
+use crate::signal::{FilterSpec, NoiseCovariance, Section, filter, onset};
 use crate::wrist::mechanisms::{Covariates, Kind};
 use crate::wrist::{self, Lever, Request, Smoothing, Width};
 
-/// How the analysis looks at a record.
+/// How the analysis pilot_points at a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
+pub struct PreprocessingSettings {
     /// The analysed time after the onset, s.
     pub window_s: f64,
     /// The low-pass that measured and predicted torque go through, unless the rig filtered already.
     pub filter: FilterSpec,
 }
 
-impl Default for View {
+impl Default for PreprocessingSettings {
     /// The paper's: 40 ms, 50 Hz, third order.
     fn default() -> Self {
         Self { window_s: 0.040, filter: FilterSpec::PAPER }
@@ -34,7 +34,7 @@ const MARGIN_S: f64 = 0.020;
 
 /// A session ready to be fitted.
 #[derive(Debug, Clone)]
-pub struct Prepared {
+pub struct Observations {
     /// The lever; `None` for a rigid one.
     pub lever: Option<Lever>,
     /// Time between samples, s.
@@ -46,28 +46,28 @@ pub struct Prepared {
     /// What the predicted torque goes through; empty if the rig filtered angle and torque alike before recording.
     pub sections: Vec<Section>,
     /// The trials that can be fitted.
-    pub trials: Vec<PreparedTrial>,
+    pub trials: Vec<TrialObservation>,
     /// What could not be used, and why.
-    pub left_out: Vec<LeftOut>,
-    /// Noise is measured on every `stride`th sample of the window: the filter leaves nothing in between.
+    pub excluded_trials: Vec<ExcludedTrial>,
+    /// NoiseCovariance is measured on every `stride`th sample of the window: the filter leaves nothing in between.
     pub stride: usize,
     /// Standard deviation of the recorded angle's error, rad: measured in the holds, at least that of its steps.
     pub angle_noise_rad: f64,
     /// Step of the encoder that the holds stand still in, rad; zero where the recorded angle is never still.
     pub angle_step_rad: f64,
     /// How the angle was smoothed: each way with its share of the variance of an error.
-    pub smoothings: Vec<(f64, Smoothing)>,
-    /// Noise by trial: index into [`Prepared::noises`]; `None` where the hold is too short to measure any.
-    pub noise_of: Vec<Option<usize>>,
-    /// The noises measured.
-    pub noises: Vec<Noise>,
+    pub angle_smoothings: Vec<(f64, Smoothing)>,
+    /// NoiseCovariance by trial: index into [`Observations::noise_covariances`]; `None` where the hold is too short to measure any.
+    pub noise_index: Vec<Option<usize>>,
+    /// The noise_covariances measured.
+    pub noise_covariances: Vec<NoiseCovariance>,
     /// What they were measured in; `None` where there are none.
     pub noise_source: Option<NoiseSource>,
 }
 
 /// A trial that is not fitted.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LeftOut {
+pub struct ExcludedTrial {
     /// Its number.
     pub trial: u32,
     /// Why, for a person.
@@ -76,7 +76,7 @@ pub struct LeftOut {
 
 /// A trial ready to be fitted.
 #[derive(Debug, Clone)]
-pub struct PreparedTrial {
+pub struct TrialObservation {
     /// Its number in the session.
     pub number: u32,
     /// Index of its condition in order of first appearance by velocity and torque, or by label.
@@ -109,12 +109,12 @@ pub struct PreparedTrial {
     pub hold_stretches: Vec<Vec<f64>>,
 }
 
-impl Prepared {
+impl Observations {
     /// Prepares the trials of `session` whose status is ok.
     ///
     /// # Errors
     /// If no trial is left, or the filter cannot be made at this sampling rate.
-    pub fn new(session: &Session, view: View) -> Result<Self, PrepareError> {
+    pub fn new(session: &Session, view: PreprocessingSettings) -> Result<Self, PreprocessingError> {
         let period_s = 1.0 / session.sample_rate_hz;
         let sections = match session.recorded_filter {
             Some(_) => Vec::new(),
@@ -122,45 +122,50 @@ impl Prepared {
         };
         let both_ways = session.recorded_filter.is_none() && view.filter.zero_phase();
         if both_ways {
-            return Err(PrepareError::ZeroPhase);
+            return Err(PreprocessingError::ZeroPhase);
         }
         let samples = libm::round(view.window_s / period_s) as usize;
         if samples < FEWEST_SAMPLES {
-            return Err(PrepareError::WindowTooShort { window_s: view.window_s, samples });
+            return Err(PreprocessingError::WindowTooShort { window_s: view.window_s, samples });
         }
-        let mut prepared = Self {
+        let mut observations = Self {
             lever: session.lever,
             period_s,
             samples,
             lead: libm::ceil(LEAD_S / period_s) as usize,
             sections,
             trials: Vec::new(),
-            left_out: Vec::new(),
+            excluded_trials: Vec::new(),
             stride: stride(session, view, samples),
             angle_noise_rad: 0.0,
             angle_step_rad: 0.0,
-            smoothings: vec![(1.0, Smoothing::ONE_RECORD)],
-            noise_of: Vec::new(),
-            noises: Vec::new(),
+            angle_smoothings: vec![(1.0, Smoothing::ONE_RECORD)],
+            noise_index: Vec::new(),
+            noise_covariances: Vec::new(),
             noise_source: None,
         };
         let usable: Vec<_> = session.trials.iter().filter(|trial| trial.status == Status::Ok).collect();
         for trial in &usable {
-            match prepared.trial(trial) {
-                Ok(ready) => prepared.trials.push(ready),
-                Err(reason) => prepared.left_out.push(LeftOut { trial: trial.number, reason }),
+            match observations.trial(trial) {
+                Ok(ready) => observations.trials.push(ready),
+                Err(reason) => {
+                    observations.excluded_trials.push(ExcludedTrial { trial: trial.number, reason })
+                }
             }
         }
-        if prepared.trials.is_empty() {
-            return Err(PrepareError::NoTrial { of: session.trials.len(), left_out: prepared.left_out });
+        if observations.trials.is_empty() {
+            return Err(PreprocessingError::NoTrial {
+                of: session.trials.len(),
+                excluded_trials: observations.excluded_trials,
+            });
         }
-        (prepared.angle_noise_rad, prepared.angle_step_rad) = angle_noise(&usable);
-        prepared.number_conditions();
-        prepared.fill_covariates(&usable);
+        (observations.angle_noise_rad, observations.angle_step_rad) = angle_noise(&usable);
+        observations.number_conditions();
+        observations.fill_covariates(&usable);
         // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
-        prepared.trials.sort_by_key(|trial| (trial.condition, trial.repetition, trial.number));
-        prepared.measure_noise();
-        Ok(prepared)
+        observations.trials.sort_by_key(|trial| (trial.condition, trial.repetition, trial.number));
+        observations.measure_noise();
+        Ok(observations)
     }
 }
 
@@ -170,9 +175,9 @@ const FEWEST_SAMPLES: usize = 12;
 /// Longest hold that is looked at, s: the gate guarantees this much.
 pub(in crate::fit) const HOLD_S: f64 = 0.5;
 
-impl Prepared {
+impl Observations {
     /// The same preparation for some of the trials.
-    pub fn only(&self, trials: &[usize]) -> Self {
+    pub fn subset(&self, trials: &[usize]) -> Self {
         Self {
             lever: self.lever,
             period_s: self.period_s,
@@ -180,19 +185,19 @@ impl Prepared {
             lead: self.lead,
             sections: self.sections.clone(),
             trials: trials.iter().map(|trial| self.trials[*trial].clone()).collect(),
-            left_out: Vec::new(),
+            excluded_trials: Vec::new(),
             stride: self.stride,
             angle_noise_rad: self.angle_noise_rad,
             angle_step_rad: self.angle_step_rad,
-            smoothings: self.smoothings.clone(),
-            noise_of: trials.iter().map(|trial| self.noise_of[*trial]).collect(),
-            noises: self.noises.clone(),
+            angle_smoothings: self.angle_smoothings.clone(),
+            noise_index: trials.iter().map(|trial| self.noise_index[*trial]).collect(),
+            noise_covariances: self.noise_covariances.clone(),
             noise_source: self.noise_source,
         }
     }
 
     /// How far the motor goes in a trial's window, rad.
-    pub fn reach_rad(&self, trial: usize) -> f64 {
+    pub fn peak_angle_rad(&self, trial: usize) -> f64 {
         let input = &self.trials[trial].input;
         input.motion[input.onset..input.onset + self.samples]
             .iter()
@@ -226,7 +231,7 @@ impl Prepared {
     }
 
     /// Cuts, filters and levels one trial, or says why it cannot be used.
-    fn trial(&self, trial: &crate::dataset::Trial) -> Result<PreparedTrial, String> {
+    fn trial(&self, trial: &crate::dataset::Trial) -> Result<TrialObservation, String> {
         let record = &trial.record;
         let Some(at) = onset_sample(trial, self.period_s) else {
             return Err("no movement of the motor stands out of the noise: no onset found".into());
@@ -266,7 +271,7 @@ impl Prepared {
         if angle.iter().all(|x| x.abs() < 1e-9) {
             return Err("the motor angle does not change in the window".into());
         }
-        Ok(PreparedTrial {
+        Ok(TrialObservation {
             number: trial.number,
             condition: 0,
             label: trial.condition.clone(),
@@ -291,7 +296,7 @@ impl Prepared {
 
     /// Conditions are numbered by velocity, then torque, then label.
     fn number_conditions(&mut self) {
-        let key = |trial: &PreparedTrial| match &trial.label {
+        let key = |trial: &TrialObservation| match &trial.label {
             Some(label) => (0.0, 0.0, label.clone()),
             None => (trial.velocity_rad_s, trial.torque_nm, String::new()),
         };
@@ -353,7 +358,7 @@ pub(in crate::fit) fn mean(values: &[f64]) -> f64 {
 
 /// A session that cannot be analysed at all.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum PrepareError {
+pub enum PreprocessingError {
     /// The filter cannot be made.
     #[error(transparent)]
     Filter(#[from] crate::signal::FilterError),
@@ -372,16 +377,16 @@ pub enum PrepareError {
         samples: usize,
     },
     /// No trial is left.
-    #[error("no usable trial among {of}: {}", first_reasons(left_out))]
+    #[error("no usable trial among {of}: {}", first_reasons(excluded_trials))]
     NoTrial {
         /// How many trials the session has.
         of: usize,
         /// Why each was left out.
-        left_out: Vec<LeftOut>,
+        excluded_trials: Vec<ExcludedTrial>,
     },
 }
 
-fn first_reasons(left_out: &[LeftOut]) -> String {
+fn first_reasons(left_out: &[ExcludedTrial]) -> String {
     match left_out.first() {
         None => "none has the status ok".into(),
         Some(first) => format!("trial {}: {}", first.trial, first.reason),

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::Fit;
-use crate::fit::data::preprocessing::Prepared;
+use crate::fit::data::preprocessing::Observations;
 use crate::fit::residuals::prediction::predict;
 use crate::fit::solver::normal_equations::{Objective, evaluate};
 use crate::wrist::{BASE_PARAMETERS, Response};
@@ -28,20 +28,20 @@ pub struct Prediction {
 }
 
 /// Predictions of all trials at the optimum.
-pub fn predictions(prepared: &Prepared, fit: &Fit) -> Vec<Prediction> {
-    let trials: Vec<usize> = (0..prepared.trials.len()).collect();
+pub fn predictions(observations: &Observations, fit: &Fit) -> Vec<Prediction> {
+    let trials: Vec<usize> = (0..observations.trials.len()).collect();
     let flat: Vec<f64> = fit.parameters.iter().flatten().copied().collect();
-    let wanted = &fit.layout.estimated;
+    let wanted = &fit.parameterisation.estimated;
     let mut response = Response::default();
-    predict(prepared, &fit.kinds, wanted, &trials, &flat, &mut response);
-    let samples = prepared.samples;
+    predict(observations, &fit.kinds, wanted, &trials, &flat, &mut response);
+    let samples = observations.samples;
     trials
         .iter()
         .map(|trial| {
             let torque_nm = response.torque_nm[trial * samples..(trial + 1) * samples].to_vec();
             let slopes =
                 &response.slopes[trial * samples * wanted.len()..(trial + 1) * samples * wanted.len()];
-            let measured = &prepared.trials[*trial].measured_nm;
+            let measured = &observations.trials[*trial].measured_nm;
             Prediction {
                 residual_nm: measured.iter().zip(&torque_nm).map(|(m, p)| m - p).collect(),
                 torque_nm,
@@ -58,9 +58,9 @@ pub fn variance_accounted_for(measured_nm: &[f64], residual_nm: &[f64]) -> f64 {
 }
 
 /// The uncertainty of every trial's parameters.
-pub fn uncertainties(prepared: &Prepared, fit: &Fit, predictions: &[Prediction]) -> Vec<Uncertainty> {
-    let honest = covariance(prepared, fit, predictions);
-    (0..prepared.trials.len())
+pub fn uncertainties(observations: &Observations, fit: &Fit, predictions: &[Prediction]) -> Vec<Uncertainty> {
+    let honest = covariance(observations, fit, predictions);
+    (0..observations.trials.len())
         .map(|trial| Uncertainty {
             sem: sem(fit, trial, &predictions[trial]),
             se: standard_errors(fit, trial, honest.as_deref()),
@@ -73,12 +73,12 @@ fn sem(fit: &Fit, trial: usize, prediction: &Prediction) -> [Option<f64>; 6] {
     let mut sem = [None; 6];
     let parameters = &fit.parameters[trial];
     let mut scaled = prediction.jacobian.clone();
-    for (column, parameter) in fit.layout.estimated.iter().enumerate() {
+    for (column, parameter) in fit.parameterisation.estimated.iter().enumerate() {
         scaled.column_mut(column).scale_mut(parameters[*parameter]);
     }
     let squares: f64 = prediction.residual_nm.iter().map(|e| e * e).sum();
-    let Some(inverse) = invert(scaled.tr_mul(&scaled)) else { return sem };
-    for (column, parameter) in fit.layout.estimated.iter().enumerate() {
+    let Some(inverse) = invert_scaled(scaled.tr_mul(&scaled)) else { return sem };
+    for (column, parameter) in fit.parameterisation.estimated.iter().enumerate() {
         if *parameter < BASE_PARAMETERS.len() {
             let variance = inverse[(column, column)] * squares / prediction.residual_nm.len() as f64;
             sem[*parameter] = finite(libm::sqrt(variance));
@@ -91,23 +91,27 @@ fn sem(fit: &Fit, trial: usize, prediction: &Prediction) -> [Option<f64>; 6] {
 ///
 /// For a whitened fit it is the inverse of the Gauss-Newton matrix; for plain least squares the sandwich
 /// H^-1 J'CJ H^-1 with the measured covariance C. Coordinates at a bound count as known.
-pub fn covariance(prepared: &Prepared, fit: &Fit, predictions: &[Prediction]) -> Option<Vec<DMatrix<f64>>> {
-    if fit.covariances.is_empty() {
+pub fn covariance(
+    observations: &Observations,
+    fit: &Fit,
+    predictions: &[Prediction],
+) -> Option<Vec<DMatrix<f64>>> {
+    if fit.residual_covariances.is_empty() {
         return None;
     }
-    let components: Vec<_> = fit.layout.components.iter().collect();
+    let components: Vec<_> = fit.parameterisation.components.iter().collect();
     let at = &fit.solution.coordinates;
-    let normals = evaluate(prepared, &fit.layout, &fit.kinds, &fit.objective, &components, at);
+    let normals = evaluate(observations, &fit.parameterisation, &fit.kinds, &fit.objective, &components, at);
     let of_component = |(component, normal): (
         &&crate::fit::parameters::parameterisation::Component,
-        &crate::fit::solver::normal_equations::Normal,
+        &crate::fit::solver::normal_equations::NormalEquations,
     )| {
         let order = component.order();
         let mut matrix = normal.dense(component);
         let held: Vec<bool> = order
             .iter()
             .map(|index| {
-                let (c, x) = (&fit.layout.coordinates[*index], at[*index]);
+                let (c, x) = (&fit.parameterisation.coordinates[*index], at[*index]);
                 x <= c.low + 1e-6 || x >= c.high - 1e-6
             })
             .collect();
@@ -118,11 +122,11 @@ pub fn covariance(prepared: &Prepared, fit: &Fit, predictions: &[Prediction]) ->
                 matrix[(i, i)] = 1.0;
             }
         }
-        let Some(mut inverse) = invert(matrix) else {
+        let Some(mut inverse) = invert_scaled(matrix) else {
             return DMatrix::from_element(order.len(), order.len(), f64::INFINITY);
         };
         if let Objective::LeastSquares = fit.objective {
-            let filling = filling(prepared, fit, predictions, component, &order);
+            let filling = filling(observations, fit, predictions, component, &order);
             inverse = &inverse * filling * &inverse;
         }
         for (i, held) in held.iter().enumerate() {
@@ -138,40 +142,45 @@ pub fn covariance(prepared: &Prepared, fit: &Fit, predictions: &[Prediction]) ->
 
 /// The filling of the sandwich: the sum over trials of J'CJ, C being the measured covariance between all samples.
 fn filling(
-    prepared: &Prepared,
+    observations: &Observations,
     fit: &Fit,
     predictions: &[Prediction],
     component: &crate::fit::parameters::parameterisation::Component,
     order: &[usize],
 ) -> DMatrix<f64> {
-    let places: Vec<usize> = prepared.noise_samples().collect();
+    let places: Vec<usize> = observations.noise_samples().collect();
     let mut filling = DMatrix::zeros(order.len(), order.len());
     for trial in &component.trials {
-        let Some(noise) = prepared.noise_of[*trial] else { continue };
+        let Some(noise) = observations.noise_index[*trial] else { continue };
         let jacobian = &predictions[*trial].jacobian;
         // The covariance is known on every stride-th sample; between them noise and derivatives are smooth, so that the sum
         // over all samples is that over these, each standing for its neighbours.
-        let weight = prepared.samples as f64 / places.len() as f64;
+        let weight = observations.samples as f64 / places.len() as f64;
         let rows = DMatrix::from_fn(places.len(), jacobian.ncols(), |i, j| weight * jacobian[(places[i], j)]);
         let mut to_coordinates = DMatrix::zeros(jacobian.ncols(), order.len());
-        for (row, parameter) in fit.layout.estimated.iter().enumerate() {
-            fit.layout.slopes(*trial, *parameter, fit.parameters[*trial][*parameter], |coordinate, slope| {
-                if let Some(column) = order.iter().position(|index| *index == coordinate) {
-                    to_coordinates[(row, column)] = slope;
-                }
-            });
+        for (row, parameter) in fit.parameterisation.estimated.iter().enumerate() {
+            fit.parameterisation.slopes(
+                *trial,
+                *parameter,
+                fit.parameters[*trial][*parameter],
+                |coordinate, slope| {
+                    if let Some(column) = order.iter().position(|index| *index == coordinate) {
+                        to_coordinates[(row, column)] = slope;
+                    }
+                },
+            );
         }
         let full = rows * to_coordinates;
-        filling += full.tr_mul(&(&fit.covariances[noise].covariance * &full));
+        filling += full.tr_mul(&(&fit.residual_covariances[noise].covariance * &full));
     }
     filling
 }
 
 impl Fit {
     /// Standard errors of the first trial's parameters, the mechanisms' included; absent where the data do not tell.
-    pub fn standard_errors(&self, prepared: &Prepared) -> Vec<Option<f64>> {
+    pub fn standard_errors(&self, observations: &Observations) -> Vec<Option<f64>> {
         let count = self.parameters[0].len();
-        let Some(covariances) = covariance(prepared, self, &predictions(prepared, self)) else {
+        let Some(covariances) = covariance(observations, self, &predictions(observations, self)) else {
             return vec![None; count];
         };
         (0..count).map(|parameter| standard_error(self, 0, parameter, &covariances)).collect()
@@ -180,13 +189,14 @@ impl Fit {
 
 /// Standard error of one parameter of a trial.
 fn standard_error(fit: &Fit, trial: usize, parameter: usize, covariances: &[DMatrix<f64>]) -> Option<f64> {
-    if fit.at_bound(trial, parameter) || !fit.layout.estimated.contains(&parameter) {
+    if fit.at_bound(trial, parameter) || !fit.parameterisation.estimated.contains(&parameter) {
         return None;
     }
-    let index = fit.layout.components.iter().position(|component| component.trials.contains(&trial))?;
-    let order = fit.layout.components[index].order();
+    let index =
+        fit.parameterisation.components.iter().position(|component| component.trials.contains(&trial))?;
+    let order = fit.parameterisation.components[index].order();
     let mut gradient = DVector::zeros(order.len());
-    fit.layout.slopes(trial, parameter, fit.parameters[trial][parameter], |coordinate, slope| {
+    fit.parameterisation.slopes(trial, parameter, fit.parameters[trial][parameter], |coordinate, slope| {
         if let Some(place) = order.iter().position(|own| *own == coordinate) {
             gradient[place] = slope;
         }
@@ -210,7 +220,7 @@ fn finite(value: f64) -> Option<f64> {
 }
 
 /// The inverse of a positive definite matrix, scaled first; `None` if it is singular.
-pub(in crate::fit) fn invert(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(in crate::fit) fn invert_scaled(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let scale: Vec<f64> =
         matrix.diagonal().iter().map(|x| 1.0 / libm::sqrt(x.max(f64::MIN_POSITIVE))).collect();
     let scaled =

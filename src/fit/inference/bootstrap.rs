@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::resampling::{NoiseMaker, resampled};
-use crate::fit::data::preprocessing::Prepared;
+use super::resampling::{NoiseSampler, draw_observations};
+use crate::fit::data::preprocessing::Observations;
 use crate::fit::fitted::fit::Fit;
 use crate::fit::output::estimates::QUANTITIES;
 use crate::random::Stream;
@@ -12,11 +12,11 @@ use crate::random::Stream;
 const COUNT: usize = QUANTITIES.len() - 1;
 
 /// Names of what is bootstrapped: the base parameters, then the quantities that follow from them.
-pub const BOOTSTRAPPED: &[&str] = QUANTITIES.split_at(COUNT).0;
+pub const BOOTSTRAPPED_QUANTITIES: &[&str] = QUANTITIES.split_at(COUNT).0;
 
-/// What the refits of a trial came to, by [`BOOTSTRAPPED`].
+/// What the refits of a trial came to, by [`BOOTSTRAPPED_QUANTITIES`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Scatter {
+pub struct BootstrapSpread {
     /// Standard deviation; absent where fewer than two refits have a value.
     pub sd: [Option<f64>; COUNT],
     /// 2.5th and 97.5th percentile.
@@ -26,28 +26,30 @@ pub struct Scatter {
 /// Refits `refits` sessions drawn from `fit`, and tells how each trial's values scatter. Empty without a measured noise.
 ///
 /// Each refit has a random stream of its own, so the answer does not depend on the number of threads.
-pub fn bootstrap(prepared: &Prepared, fit: &Fit, refits: usize, seed: u64) -> Vec<Scatter> {
-    if fit.covariances.is_empty() {
+pub fn bootstrap(observations: &Observations, fit: &Fit, refits: usize, seed: u64) -> Vec<BootstrapSpread> {
+    if fit.residual_covariances.is_empty() {
         return Vec::new();
     }
-    let predicted: Vec<Vec<f64>> = crate::fit::fitted::uncertainty::predictions(prepared, fit)
+    let predicted: Vec<Vec<f64>> = crate::fit::fitted::uncertainty::predictions(observations, fit)
         .into_iter()
         .map(|own| own.torque_nm)
         .collect();
-    let noise = NoiseMaker::new(fit);
+    let noise = NoiseSampler::new(fit);
     let drawn: Vec<Vec<[Option<f64>; COUNT]>> = (0..refits)
         .into_par_iter()
         .map(|number| {
             let mut stream = Stream::new(seed, &format!("fit/bootstrap/{number}"));
-            let session = resampled(prepared, &predicted, &noise, &mut stream);
+            let session = draw_observations(observations, &predicted, &noise, &mut stream);
             let refitted = fit.refitted(&session);
             (0..session.trials.len()).map(|trial| values(&session, &refitted, trial)).collect()
         })
         .collect();
-    (0..prepared.trials.len()).map(|trial| Scatter::of(drawn.iter().map(|refit| refit[trial]))).collect()
+    (0..observations.trials.len())
+        .map(|trial| BootstrapSpread::of(drawn.iter().map(|refit| refit[trial])))
+        .collect()
 }
 
-fn values(session: &Prepared, fit: &Fit, trial: usize) -> [Option<f64>; COUNT] {
+fn values(session: &Observations, fit: &Fit, trial: usize) -> [Option<f64>; COUNT] {
     let own = &fit.parameters[trial];
     let mut values = [None; COUNT];
     for (value, parameter) in values.iter_mut().zip(&own[..6]) {
@@ -58,7 +60,7 @@ fn values(session: &Prepared, fit: &Fit, trial: usize) -> [Option<f64>; COUNT] {
     values
 }
 
-impl Scatter {
+impl BootstrapSpread {
     fn of(refits: impl Iterator<Item = [Option<f64>; COUNT]> + Clone) -> Self {
         let (mut sd, mut percentiles) = ([None; COUNT], [None; COUNT]);
         for quantity in 0..COUNT {

@@ -8,15 +8,15 @@
 
 use std::ops::Range;
 
-use crate::fit::data::preprocessing::Prepared;
-use crate::fit::fitted::block_subproblem::{Alone, Place};
-use crate::fit::fitted::fit::{ELASTIC_LIMIT, Fit};
-use crate::fit::parameters::parameterisation::{Component, Coordinate, Link};
-use crate::fit::solver::levenberg_marquardt::Effort;
-use crate::fit::solver::normal_equations::{Normal, Objective, evaluate};
+use crate::fit::data::preprocessing::Observations;
+use crate::fit::fitted::block_subproblem::{BlockIndex, BlockSubproblems};
+use crate::fit::fitted::fit::{Fit, X_E};
+use crate::fit::parameters::parameterisation::{Component, Coordinate, Transform};
+use crate::fit::solver::levenberg_marquardt::SolverOptions;
+use crate::fit::solver::normal_equations::{NormalEquations, Objective, evaluate};
 
 /// The parameters that have a profile: k_dec and x_e.
-pub const PROFILED: [usize; 2] = [4, ELASTIC_LIMIT];
+pub const PROFILED_PARAMETERS: [usize; 2] = [4, X_E];
 
 /// Fall of twice the log likelihood at the ends of a 95 % interval: chi-square with one degree of freedom.
 const FALL: f64 = 3.841_458_820_694_124;
@@ -28,11 +28,11 @@ const EXACT: f64 = 0.01;
 const ROUNDS: usize = 8;
 
 /// A profile starts at its neighbour's end; few steps lead down.
-const STEPS: Effort = Effort { iterations: 12, decrease: 1e-5, longest_step: 0.7 };
+const STEPS: SolverOptions = SolverOptions { max_iterations: 12, tolerance: 1e-5, max_log_step: 0.7 };
 
 /// The 95 % interval of one parameter of a trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Interval {
+pub struct ProfileInterval {
     /// Lower end; `None` where the fit may go to its bound without a loss that the noise could not make.
     pub low: Option<f64>,
     /// Upper end, likewise.
@@ -40,7 +40,7 @@ pub struct Interval {
 }
 
 /// One end that is sought.
-struct End {
+struct IntervalEnd {
     component: usize,
     block: usize,
     coordinate: usize,
@@ -53,49 +53,50 @@ struct End {
     found: Option<Option<f64>>,
 }
 
-/// The intervals of every trial's [`PROFILED`] parameters; `None` where a parameter is not a coordinate of its own block, or
+/// The intervals of every trial's [`PROFILED_PARAMETERS`] parameters; `None` where a parameter is not a coordinate of its own block, or
 /// where no measured noise says what a loss is worth.
-pub fn profiles(prepared: &Prepared, fit: &Fit) -> Vec<[Option<Interval>; 2]> {
-    let none = vec![[None; 2]; prepared.trials.len()];
+pub fn profiles(observations: &Observations, fit: &Fit) -> Vec<[Option<ProfileInterval>; 2]> {
+    let none = vec![[None; 2]; observations.trials.len()];
     if !matches!(fit.objective, Objective::Whitened(_)) {
         return none;
     }
-    let components: Vec<&Component> = fit.layout.components.iter().collect();
+    let components: Vec<&Component> = fit.parameterisation.components.iter().collect();
     let at = &fit.solution.coordinates;
-    let normals = evaluate(prepared, &fit.layout, &fit.kinds, &fit.objective, &components, at);
+    let normals = evaluate(observations, &fit.parameterisation, &fit.kinds, &fit.objective, &components, at);
     let mut ends = ends(fit, &normals);
     if ends.is_empty() {
         return none;
     }
-    let problems = Problems::new(prepared, fit, &normals, &ends);
+    let problems = ProfileProblems::new(observations, fit, &normals, &ends);
     problems.seek(&mut ends);
     let end_of = |trial: usize, parameter: usize, upwards: bool| {
-        let Link::Logarithmic { coordinate, factor } = fit.layout.links[trial][parameter] else {
+        let Transform::Logarithmic { coordinate, factor } = fit.parameterisation.transforms[trial][parameter]
+        else {
             return None;
         };
         let end = ends.iter().find(|end| end.coordinate == coordinate && end.upwards == upwards)?;
         Some(end.found.flatten().map(|place| factor * libm::exp(place)))
     };
-    (0..prepared.trials.len())
+    (0..observations.trials.len())
         .map(|trial| {
-            PROFILED.map(|parameter| {
+            PROFILED_PARAMETERS.map(|parameter| {
                 let (low, high) = (end_of(trial, parameter, false)?, end_of(trial, parameter, true)?);
-                Some(Interval { low, high })
+                Some(ProfileInterval { low, high })
             })
         })
         .collect()
 }
 
 /// Both ends of each coordinate that has a profile; first sought where the curvature at the optimum puts them.
-fn ends(fit: &Fit, normals: &[Normal]) -> Vec<End> {
+fn ends(fit: &Fit, normals: &[NormalEquations]) -> Vec<IntervalEnd> {
     let mut ends = Vec::new();
-    for (component, own) in fit.layout.components.iter().enumerate() {
+    for (component, own) in fit.parameterisation.components.iter().enumerate() {
         for (block, coordinates) in own.blocks.iter().enumerate() {
-            let known = normals[component].known_by_others(own, block, &fit.solution.coordinates);
-            let sds = normals[component].block_sds(block, &known);
+            let known = normals[component].border_prior_from_others(own, block, &fit.solution.coordinates);
+            let sds = normals[component].block_standard_deviations(block, &known);
             for (place, coordinate) in coordinates.iter().enumerate() {
-                let bounds = &fit.layout.coordinates[*coordinate];
-                if !bounds.logarithmic || !PROFILED.contains(&bounds.parameter) {
+                let bounds = &fit.parameterisation.coordinates[*coordinate];
+                if !bounds.logarithmic || !PROFILED_PARAMETERS.contains(&bounds.parameter) {
                     continue;
                 }
                 let now = fit.solution.coordinates[*coordinate];
@@ -103,7 +104,7 @@ fn ends(fit: &Fit, normals: &[Normal]) -> Vec<End> {
                 for upwards in [false, true] {
                     let first =
                         if upwards { (now + step).min(bounds.high) } else { (now - step).max(bounds.low) };
-                    ends.push(End {
+                    ends.push(IntervalEnd {
                         component,
                         block,
                         coordinate: *coordinate,
@@ -122,19 +123,24 @@ fn ends(fit: &Fit, normals: &[Normal]) -> Vec<End> {
 }
 
 /// One small problem an end.
-struct Problems<'a> {
-    alone: Alone<'a>,
+struct ProfileProblems<'a> {
+    alone: BlockSubproblems<'a>,
     /// For each end, its coordinate in them, and the cost at the optimum.
     target: Vec<usize>,
     least: Vec<f64>,
 }
 
-impl<'a> Problems<'a> {
-    fn new(prepared: &Prepared, fit: &'a Fit, normals: &[Normal], ends: &[End]) -> Self {
-        let places: Vec<Place> = ends.iter().map(|end| (end.component, end.block)).collect();
-        let alone = Alone::new(prepared, fit, normals, &places);
-        let target = |(end, range): (&End, &Range<usize>)| {
-            let block = &fit.layout.components[end.component].blocks[end.block];
+impl<'a> ProfileProblems<'a> {
+    fn new(
+        observations: &Observations,
+        fit: &'a Fit,
+        normals: &[NormalEquations],
+        ends: &[IntervalEnd],
+    ) -> Self {
+        let places: Vec<BlockIndex> = ends.iter().map(|end| (end.component, end.block)).collect();
+        let alone = BlockSubproblems::new(observations, fit, normals, &places);
+        let target = |(end, range): (&IntervalEnd, &Range<usize>)| {
+            let block = &fit.parameterisation.components[end.component].blocks[end.block];
             range.start + block.iter().position(|index| *index == end.coordinate).unwrap_or(0)
         };
         Self {
@@ -145,26 +151,30 @@ impl<'a> Problems<'a> {
     }
 
     /// Seeks all ends, by the secant of the root of the fall, which is nearly straight.
-    fn seek(&self, ends: &mut [End]) {
+    fn seek(&self, ends: &mut [IntervalEnd]) {
         let mut reached = self.alone.start.clone();
         for _ in 0..ROUNDS {
             let sought: Vec<usize> = (0..ends.len()).filter(|index| ends[*index].found.is_none()).collect();
             if sought.is_empty() {
                 return;
             }
-            let mut layout = self.alone.only(&sought);
+            let mut parameterisation = self.alone.subset(&sought);
             let mut start = reached.clone();
             for index in &sought {
                 let (target, at) = (self.target[*index], ends[*index].at);
-                (layout.coordinates[target].low, layout.coordinates[target].high) = (at, at);
+                (parameterisation.coordinates[target].low, parameterisation.coordinates[target].high) =
+                    (at, at);
                 start[target] = at;
             }
-            let solution = self.alone.solve(&layout, &start, STEPS);
+            let solution = self.alone.solve(&parameterisation, &start, STEPS);
             for (index, outcome) in sought.iter().zip(&solution.outcomes) {
                 let range = self.alone.ranges[*index].clone();
                 reached[range.clone()].copy_from_slice(&solution.coordinates[range]);
                 let fall = 2.0 * (outcome.cost - self.least[*index]).max(0.0);
-                ends[*index].judge(&self.alone.layout.coordinates[self.target[*index]], libm::sqrt(fall));
+                ends[*index].accept_or_reject(
+                    &self.alone.parameterisation.coordinates[self.target[*index]],
+                    libm::sqrt(fall),
+                );
             }
         }
         // What is still open lies between two known points: the straight line between them is near enough.
@@ -174,9 +184,9 @@ impl<'a> Problems<'a> {
     }
 }
 
-impl End {
+impl IntervalEnd {
     /// Takes the root of the fall at the present place, and chooses the next.
-    fn judge(&mut self, bounds: &Coordinate, root: f64) {
+    fn accept_or_reject(&mut self, bounds: &Coordinate, root: f64) {
         let wanted = libm::sqrt(FALL);
         let bound = if self.upwards { bounds.high } else { bounds.low };
         if (root - wanted).abs() <= EXACT * wanted {

@@ -2,25 +2,25 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::data::preprocessing::Prepared;
+use crate::fit::data::preprocessing::Observations;
 use crate::fit::fitted::fit::Fit;
 use crate::random::Stream;
-use crate::signal::Noise;
+use crate::signal::NoiseCovariance;
 
 /// Draws noise with the measured covariances.
-pub struct NoiseMaker {
+pub struct NoiseSampler {
     factors: Vec<DMatrix<f64>>,
 }
 
-impl NoiseMaker {
+impl NoiseSampler {
     /// For everything that `fit` takes for noise, the error of the angle included.
     pub fn new(fit: &Fit) -> Self {
-        Self::of(&fit.covariances)
+        Self::of(&fit.residual_covariances)
     }
 
-    /// For these noises.
-    pub fn of(noises: &[Noise]) -> Self {
-        let factor = |noise: &Noise| {
+    /// For these noise_covariances.
+    pub fn of(noise_covariances: &[NoiseCovariance]) -> Self {
+        let factor = |noise: &NoiseCovariance| {
             let eigen = noise.covariance.clone().symmetric_eigen();
             let scale = DVector::from_iterator(
                 eigen.eigenvalues.len(),
@@ -28,22 +28,22 @@ impl NoiseMaker {
             );
             &eigen.eigenvectors * DMatrix::from_diagonal(&scale)
         };
-        Self { factors: noises.iter().map(factor).collect() }
+        Self { factors: noise_covariances.iter().map(factor).collect() }
     }
 }
 
 /// A session in which the predictions are right: measured torque is prediction plus noise, where noise is looked at.
-pub fn resampled(
-    prepared: &Prepared,
+pub fn draw_observations(
+    observations: &Observations,
     predicted: &[Vec<f64>],
-    noise: &NoiseMaker,
+    noise: &NoiseSampler,
     stream: &mut Stream,
-) -> Prepared {
-    let mut simulated = prepared.clone();
-    let places: Vec<usize> = prepared.noise_samples().collect();
+) -> Observations {
+    let mut simulated = observations.clone();
+    let places: Vec<usize> = observations.noise_samples().collect();
     for (trial, own) in simulated.trials.iter_mut().enumerate() {
         own.measured_nm.clone_from(&predicted[trial]);
-        let Some(index) = prepared.noise_of[trial] else { continue };
+        let Some(index) = observations.noise_index[trial] else { continue };
         let normals = DVector::from_fn(places.len(), |_, _| stream.normal());
         let drawn = &noise.factors[index] * normals;
         for (place, value) in places.iter().zip(drawn.iter()) {

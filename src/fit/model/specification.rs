@@ -27,7 +27,7 @@ pub enum Scope {
 /// What a law is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Term {
+pub enum LawTerm {
     /// A constant.
     One,
     /// Proportional to the ramp velocity.
@@ -38,7 +38,7 @@ pub enum Term {
     VelocityTorque,
 }
 
-impl Term {
+impl LawTerm {
     /// Its factor for a trial.
     pub fn factor(self, velocity_rad_s: f64, torque_nm: f64) -> f64 {
         match self {
@@ -53,13 +53,13 @@ impl Term {
 /// How one parameter is treated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Treatment {
+pub struct ParameterSpec {
     /// Over which trials it has one value; for a law, over which its coefficients do.
     pub scope: Scope,
     /// The terms of a law over velocity and torque; empty for none. `["one", "velocity"]` for the elastic limit is
     /// x_e = x_0 + v x_t.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub law: Vec<Term>,
+    pub law: Vec<LawTerm>,
     /// Its value if fixed, else where the fit starts (found from the data if absent).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<f64>,
@@ -71,7 +71,7 @@ pub struct Treatment {
     pub high: Option<f64>,
 }
 
-impl Treatment {
+impl ParameterSpec {
     /// Free over `scope`.
     pub fn free(scope: Scope) -> Self {
         Self { scope, law: Vec::new(), value: None, low: None, high: None }
@@ -85,39 +85,40 @@ impl Treatment {
 
 /// A mechanism switched on.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Switched {
+pub struct AddedMechanism {
     /// Which.
     pub kind: Kind,
     /// How its parameters are treated, in its own order.
-    pub parameters: Vec<Treatment>,
+    pub parameters: Vec<ParameterSpec>,
 }
 
 /// A fit model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     /// The six base parameters, in the order of [`BASE_PARAMETERS`].
-    pub base: [Treatment; 6],
+    pub base: [ParameterSpec; 6],
     /// What is added to Eq. 1-7.
-    pub mechanisms: Vec<Switched>,
+    pub mechanisms: Vec<AddedMechanism>,
 }
 
 impl Model {
     /// The paper's: I_j shared by the conditions of a repetition, the other five free per trial (section 2.4).
     pub fn paper() -> Self {
-        let free = || Treatment::free(Scope::Trial);
+        let free = || ParameterSpec::free(Scope::Trial);
         Self {
-            base: [Treatment::free(Scope::Repetition), free(), free(), free(), free(), free()],
+            base: [ParameterSpec::free(Scope::Repetition), free(), free(), free(), free(), free()],
             mechanisms: Vec::new(),
         }
     }
 
     /// This model with `kind` added, its parameters fitted once for the session from typical values.
     pub fn with(mut self, kind: Kind) -> Self {
-        let treat = |parameter: &crate::wrist::mechanisms::Parameter| Treatment {
+        let treat = |parameter: &crate::wrist::mechanisms::Parameter| ParameterSpec {
             value: Some(parameter.typical),
-            ..Treatment::free(if parameter.fitted { Scope::Session } else { Scope::Fixed })
+            ..ParameterSpec::free(if parameter.fitted { Scope::Session } else { Scope::Fixed })
         };
-        self.mechanisms.push(Switched { kind, parameters: kind.parameters().iter().map(treat).collect() });
+        self.mechanisms
+            .push(AddedMechanism { kind, parameters: kind.parameters().iter().map(treat).collect() });
         self
     }
 
@@ -143,7 +144,7 @@ impl Model {
     }
 
     /// How all parameters are treated, in the order of a trial's parameter vector.
-    pub fn treatments(&self) -> Vec<&Treatment> {
+    pub fn treatments(&self) -> Vec<&ParameterSpec> {
         let added = self.mechanisms.iter().flat_map(|switched| &switched.parameters);
         self.base.iter().chain(added).collect()
     }
@@ -163,7 +164,7 @@ struct MechanismFile {
 #[serde(untagged)]
 enum ParameterFile {
     Value(f64),
-    Treatment(Treatment),
+    ParameterSpec(ParameterSpec),
 }
 
 /// A model as a file writes it.
@@ -174,7 +175,7 @@ struct ModelFile {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     note: Option<String>,
     #[serde(default)]
-    parameters: std::collections::BTreeMap<String, Treatment>,
+    parameters: std::collections::BTreeMap<String, ParameterSpec>,
     #[serde(default)]
     mechanisms: Vec<MechanismFile>,
 }
@@ -207,7 +208,7 @@ pub enum ModelError {
     /// No such mechanism.
     #[error("mechanisms[{index}].mechanism: \"{name}\" is not in the catalogue; expected one of {}", ids())]
     Mechanism {
-        /// Place in the list.
+        /// BlockIndex in the list.
         index: usize,
         /// What the file says.
         name: String,
@@ -272,8 +273,8 @@ impl Model {
                     });
                 };
                 let treatment = match given {
-                    ParameterFile::Value(value) => Treatment::fixed(value),
-                    ParameterFile::Treatment(treatment) => treatment,
+                    ParameterFile::Value(value) => ParameterSpec::fixed(value),
+                    ParameterFile::ParameterSpec(treatment) => treatment,
                 };
                 let bounds = (kind.parameters()[place].low, kind.parameters()[place].high);
                 check(&path, &treatment, bounds)?;
@@ -303,7 +304,7 @@ impl Model {
                         .parameters()
                         .iter()
                         .map(|parameter| parameter.name.to_string()))
-                    .zip(switched.parameters.iter().cloned().map(ParameterFile::Treatment))
+                    .zip(switched.parameters.iter().cloned().map(ParameterFile::ParameterSpec))
                     .collect(),
                 })
                 .collect(),
@@ -312,7 +313,7 @@ impl Model {
     }
 }
 
-fn check(path: &str, treatment: &Treatment, bounds: (f64, f64)) -> Result<(), ModelError> {
+fn check(path: &str, treatment: &ParameterSpec, bounds: (f64, f64)) -> Result<(), ModelError> {
     let wrong = |message: String| Err(ModelError::Value { path: path.into(), message });
     if treatment.scope == Scope::Fixed && treatment.value.is_none() {
         return wrong("a fixed parameter needs a value".into());

@@ -2,16 +2,16 @@
 
 use serde::Serialize;
 
-use crate::fit::data::preprocessing::{Prepared, PreparedTrial};
-use crate::fit::fitted::fit::{ELASTIC_LIMIT, Fit};
+use crate::fit::data::preprocessing::{Observations, TrialObservation};
+use crate::fit::fitted::fit::{Fit, X_E};
 use crate::fit::fitted::uncertainty::{predictions, uncertainties, variance_accounted_for};
-use crate::fit::inference::profile::{Interval, profiles};
-use crate::fit::solver::levenberg_marquardt::Stop;
+use crate::fit::inference::profile::{ProfileInterval, profiles};
+use crate::fit::solver::levenberg_marquardt::Termination;
 use crate::wrist::{BASE_PARAMETERS, Instant, Request, srs_period_s, substeps, trace};
 
 /// What was estimated from one trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Estimate {
+pub struct TrialEstimate {
     /// Number of the trial in the session.
     pub trial: u32,
     /// Label of its condition, where the session has labels.
@@ -35,9 +35,9 @@ pub struct Estimate {
     pub sem: [Option<f64>; 6],
     /// Standard error from the measured noise, relative to each parameter; absent where the data do not tell.
     pub se: [Option<f64>; 6],
-    /// 95 % profile likelihood intervals of k_dec and x_e ([`crate::fit::PROFILED`]); absent where they are not a trial's own.
+    /// 95 % profile likelihood intervals of k_dec and x_e ([`crate::fit::PROFILED_PARAMETERS`]); absent where they are not a trial's own.
     #[serde(skip)]
-    pub profile: [Option<Interval>; 2],
+    pub profile: [Option<ProfileInterval>; 2],
     /// Whether the optimisation came to its end.
     pub converged: bool,
     /// Remarks for a person: what stopped it, parameters at a bound, other optima.
@@ -75,7 +75,7 @@ pub const QUANTITIES: [&str; 9] = [
     "vaf",
 ];
 
-impl Estimate {
+impl TrialEstimate {
     /// Its values in the order of [`QUANTITIES`].
     pub fn quantities(&self) -> [Option<f64>; 9] {
         let v = &self.values;
@@ -94,68 +94,72 @@ impl Estimate {
 }
 
 /// The estimates of all trials, by condition and repetition.
-pub fn estimates(prepared: &Prepared, fit: &Fit) -> Vec<Estimate> {
-    with_profiles(prepared, fit, &profiles(prepared, fit))
+pub fn estimates(observations: &Observations, fit: &Fit) -> Vec<TrialEstimate> {
+    with_profiles(observations, fit, &profiles(observations, fit))
 }
 
 /// The same without profiles, which cost more than all else and which no table of a study has.
-pub fn estimates_alone(prepared: &Prepared, fit: &Fit) -> Vec<Estimate> {
-    with_profiles(prepared, fit, &vec![[None; 2]; prepared.trials.len()])
+pub fn estimates_without_profiles(observations: &Observations, fit: &Fit) -> Vec<TrialEstimate> {
+    with_profiles(observations, fit, &vec![[None; 2]; observations.trials.len()])
 }
 
-fn with_profiles(prepared: &Prepared, fit: &Fit, profiles: &[[Option<Interval>; 2]]) -> Vec<Estimate> {
-    let predictions = predictions(prepared, fit);
-    let uncertainties = uncertainties(prepared, fit, &predictions);
+fn with_profiles(
+    observations: &Observations,
+    fit: &Fit,
+    profiles: &[[Option<ProfileInterval>; 2]],
+) -> Vec<TrialEstimate> {
+    let predictions = predictions(observations, fit);
+    let uncertainties = uncertainties(observations, fit, &predictions);
     let of_trial = |index: usize| {
-        let trial = &prepared.trials[index];
+        let trial = &observations.trials[index];
         let mut values = [0.0; 6];
         values.copy_from_slice(&fit.parameters[index][..6]);
-        Estimate {
+        TrialEstimate {
             trial: trial.number,
             condition: trial.label.clone(),
             velocity_rad_s: trial.velocity_rad_s,
             torque_nm: trial.torque_nm,
             repetition: trial.repetition,
             k_after_nm_per_rad: values[3] - values[4],
-            x_t_s: fit.x_t_s(prepared, index),
+            x_t_s: fit.x_t_s(observations, index),
             vaf: variance_accounted_for(&trial.measured_nm, &predictions[index].residual_nm),
             sem: uncertainties[index].sem,
             se: uncertainties[index].se,
             profile: profiles[index],
-            converged: fit.outcome(index).stop == Stop::Converged,
+            converged: fit.outcome(index).stop == Termination::Converged,
             remarks: remarks(fit, index),
             values,
         }
     };
-    (0..prepared.trials.len()).map(of_trial).collect()
+    (0..observations.trials.len()).map(of_trial).collect()
 }
 
 impl Fit {
     /// SRS period of a trial, s; absent if the joint does not reach the elastic limit within the record.
-    pub fn x_t_s(&self, prepared: &Prepared, trial: usize) -> Option<f64> {
-        srs_period_s(&simulated(prepared, self, trial), self.parameters[trial][ELASTIC_LIMIT])
+    pub fn x_t_s(&self, observations: &Observations, trial: usize) -> Option<f64> {
+        srs_period_s(&simulated(observations, self, trial), self.parameters[trial][X_E])
     }
 }
 
 /// The wrist during a trial as the fit sees it, for as long as the record was kept.
-pub fn simulated(prepared: &Prepared, fit: &Fit, index: usize) -> Vec<Instant> {
-    let trial: &PreparedTrial = &prepared.trials[index];
+pub fn simulated(observations: &Observations, fit: &Fit, index: usize) -> Vec<Instant> {
+    let trial: &TrialObservation = &observations.trials[index];
     let parameters = &fit.parameters[index];
-    let substeps = substeps(prepared.lever, parameters, prepared.period_s);
+    let substeps = substeps(observations.lever, parameters, observations.period_s);
     let samples = trial.input.motion.len() - trial.input.onset;
-    let request = Request { samples, ..prepared.request(&fit.kinds, substeps) };
+    let request = Request { samples, ..observations.request(&fit.kinds, substeps) };
     trace(&request, &trial.input, parameters)
 }
 
 fn remarks(fit: &Fit, index: usize) -> Vec<String> {
     let mut remarks = Vec::new();
     match fit.outcome(index).stop {
-        Stop::Converged => {}
-        Stop::Stalled => {
+        Termination::Converged => {}
+        Termination::Stalled => {
             remarks.push("not converged: no step improves the fit, the problem is flat or singular".into())
         }
-        Stop::Iterations => remarks.push("not converged: the iterations allowed were used up".into()),
-        Stop::NotFinite => {
+        Termination::Iterations => remarks.push("not converged: the iterations allowed were used up".into()),
+        Termination::NotFinite => {
             remarks.push("not converged: the model cannot be evaluated at the first values".into())
         }
     }
@@ -170,15 +174,15 @@ fn remarks(fit: &Fit, index: usize) -> Vec<String> {
             "k_after is below zero: beyond the elastic limit the torque falls, which a stiffness cannot explain".into(),
         );
     }
-    if fit.several.contains(&index) {
+    if fit.ambiguous_trials.contains(&index) {
         remarks.push("another optimum with a different x_e fits as well within the noise".into());
     }
     remarks
 }
 
 /// Means and standard deviations over the repetitions of each condition.
-pub fn by_condition(estimates: &[Estimate]) -> Vec<ConditionEstimate> {
-    let same = |a: &Estimate, b: &Estimate| match (&a.condition, &b.condition) {
+pub fn by_condition(estimates: &[TrialEstimate]) -> Vec<ConditionEstimate> {
+    let same = |a: &TrialEstimate, b: &TrialEstimate| match (&a.condition, &b.condition) {
         (Some(a), Some(b)) => a == b,
         _ => a.velocity_rad_s == b.velocity_rad_s && a.torque_nm == b.torque_nm,
     };

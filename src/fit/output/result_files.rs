@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
-use super::estimates::{ConditionEstimate, Estimate, QUANTITIES, by_condition};
+use super::estimates::{ConditionEstimate, QUANTITIES, TrialEstimate, by_condition};
 use crate::dataset::Disk;
-use crate::fit::data::preprocessing::{Prepared, View};
+use crate::fit::data::preprocessing::{Observations, PreprocessingSettings};
 use crate::fit::fitted::fit::{Fit, Weighting};
-use crate::fit::inference::bootstrap::{BOOTSTRAPPED, Scatter};
-use crate::fit::inference::profile::{Interval, PROFILED};
+use crate::fit::inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread};
+use crate::fit::inference::profile::{PROFILED_PARAMETERS, ProfileInterval};
 use crate::fit::model::specification::Model;
 use crate::wrist::BASE_PARAMETERS;
 
@@ -22,11 +22,11 @@ pub struct Results {
     /// Who was measured.
     pub subject: String,
     /// How the records were looked at.
-    pub view: View,
+    pub view: PreprocessingSettings,
     /// How residuals were weighed.
     pub weighting: Weighting,
     /// By condition and repetition.
-    pub estimates: Vec<Estimate>,
+    pub estimates: Vec<TrialEstimate>,
     /// Means over repetitions.
     pub conditions: Vec<ConditionEstimate>,
     /// The same as JSON, with uncertainties, settings and versions.
@@ -35,21 +35,27 @@ pub struct Results {
 
 impl Results {
     /// Gathers the results of `fit`.
-    pub fn new(subject: &str, prepared: &Prepared, fit: &Fit, view: View, weighting: Weighting) -> Self {
-        let estimates = super::estimates::estimates(prepared, fit);
+    pub fn new(
+        subject: &str,
+        observations: &Observations,
+        fit: &Fit,
+        view: PreprocessingSettings,
+        weighting: Weighting,
+    ) -> Self {
+        let estimates = super::estimates::estimates(observations, fit);
         let conditions = by_condition(&estimates);
-        let json = json(subject, prepared, fit, view, weighting, (&estimates, &conditions));
+        let json = json(subject, observations, fit, view, weighting, (&estimates, &conditions));
         Self { subject: subject.into(), view, weighting, estimates, conditions, json }
     }
 
     /// Adds what a parametric bootstrap found, trial by trial.
-    pub fn add_bootstrap(&mut self, refits: usize, seed: u64, scatter: &[Scatter]) {
+    pub fn add_bootstrap(&mut self, refits: usize, seed: u64, scatter: &[BootstrapSpread]) {
         self.json["settings"]["bootstrap"] = json!({ "refits": refits, "seed": seed });
         let trials = self.json["trials"].as_array_mut().into_iter().flatten();
         for (trial, own) in trials.zip(scatter) {
-            let named = (0..BOOTSTRAPPED.len()).map(|quantity| {
+            let named = (0..BOOTSTRAPPED_QUANTITIES.len()).map(|quantity| {
                 let found = json!({ "sd": own.sd[quantity], "percentiles_95": own.percentiles[quantity] });
-                (BOOTSTRAPPED[quantity].to_string(), found)
+                (BOOTSTRAPPED_QUANTITIES[quantity].to_string(), found)
             });
             trial["bootstrap"] = named.collect::<Map<_, _>>().into();
         }
@@ -113,7 +119,7 @@ pub fn fit_header() -> String {
 }
 
 /// The cells of a trial under [`fit_header`].
-pub fn fit_row(estimate: &Estimate) -> String {
+pub fn fit_row(estimate: &TrialEstimate) -> String {
     let mut text = format!("{},{},{}", estimate.velocity_rad_s, estimate.torque_nm, estimate.repetition);
     for value in estimate.quantities().into_iter().chain(estimate.sem).chain(estimate.se) {
         text += ",";
@@ -122,7 +128,7 @@ pub fn fit_row(estimate: &Estimate) -> String {
     text + &format!(",{},{}", estimate.trial, estimate.converged)
 }
 
-fn fit_csv(estimates: &[Estimate]) -> String {
+fn fit_csv(estimates: &[TrialEstimate]) -> String {
     let labelled = estimates.iter().any(|estimate| estimate.condition.is_some());
     let mut text = fit_header() + if labelled { ",condition\n" } else { "\n" };
     for estimate in estimates {
@@ -162,11 +168,11 @@ fn conditions_csv(conditions: &[ConditionEstimate]) -> String {
 
 fn json(
     subject: &str,
-    prepared: &Prepared,
+    observations: &Observations,
     fit: &Fit,
-    view: View,
+    view: PreprocessingSettings,
     weighting: Weighting,
-    (estimates, conditions): (&[Estimate], &[ConditionEstimate]),
+    (estimates, conditions): (&[TrialEstimate], &[ConditionEstimate]),
 ) -> Value {
     let named = |values: &[Option<f64>], names: &[&str]| -> Value {
         names
@@ -176,7 +182,7 @@ fn json(
             .collect::<Map<_, _>>()
             .into()
     };
-    let trial = |estimate: &Estimate| {
+    let trial = |estimate: &TrialEstimate| {
         let mut entry = Map::new();
         entry.insert("trial".into(), json!(estimate.trial));
         if let Some(label) = &estimate.condition {
@@ -203,42 +209,42 @@ fn json(
             "sd": named(&condition.sd, &QUANTITIES),
         })
     };
-    let noise = |noise: &crate::signal::Noise| {
+    let noise = |noise: &crate::signal::NoiseCovariance| {
         json!({
             "stretches": noise.stretches,
             "last_sample_sd_nm": noise.last_sample_sd_nm(),
             "effective_samples": noise.effective_samples(),
         })
     };
-    let left_out = |left: &crate::fit::data::preprocessing::LeftOut| json!({ "trial": left.trial, "reason": left.reason });
+    let left_out = |left: &crate::fit::data::preprocessing::ExcludedTrial| json!({ "trial": left.trial, "reason": left.reason });
     json!({
         "format": FIT_FORMAT,
         "version": env!("CARGO_PKG_VERSION"),
         "subject": subject,
         "settings": {
             "window_s": view.window_s,
-            "filter": if prepared.sections.is_empty() { Value::Null } else { json!(view.filter) },
+            "filter": if observations.sections.is_empty() { Value::Null } else { json!(view.filter) },
             "weighting": weighting_in_force(weighting, fit),
-            "lever": prepared.lever,
-            "sample_rate_hz": 1.0 / prepared.period_s,
+            "lever": observations.lever,
+            "sample_rate_hz": 1.0 / observations.period_s,
         },
         "model": model_json(&fit.model),
         "mechanism_values": mechanism_values(fit),
         "components": fit.solution.outcomes.iter().map(|outcome| json!({
             "cost": outcome.cost, "stop": outcome.stop, "iterations": outcome.iterations,
         })).collect::<Vec<_>>(),
-        "noise_source": prepared.noise_source,
-        "noise": prepared.noises.iter().map(noise).collect::<Vec<_>>(),
-        "angle_noise_rad": prepared.angle_noise_rad,
+        "noise_source": observations.noise_source,
+        "noise": observations.noise_covariances.iter().map(noise).collect::<Vec<_>>(),
+        "angle_noise_rad": observations.angle_noise_rad,
         "trials": estimates.iter().map(trial).collect::<Vec<_>>(),
         "conditions": conditions.iter().map(condition).collect::<Vec<_>>(),
-        "left_out": prepared.left_out.iter().map(left_out).collect::<Vec<_>>(),
+        "left_out": observations.excluded_trials.iter().map(left_out).collect::<Vec<_>>(),
     })
 }
 
 /// The profile likelihood intervals; an end that the data leave open is null.
-fn profile_json(profile: &[Option<Interval>; 2]) -> Value {
-    let named = PROFILED.iter().zip(profile).map(|(parameter, interval)| {
+fn profile_json(profile: &[Option<ProfileInterval>; 2]) -> Value {
+    let named = PROFILED_PARAMETERS.iter().zip(profile).map(|(parameter, interval)| {
         let ends = interval.map(|own| json!([own.low, own.high]));
         (BASE_PARAMETERS[*parameter].to_string(), json!(ends))
     });

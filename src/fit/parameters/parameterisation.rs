@@ -5,9 +5,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::data::preprocessing::Prepared;
-use crate::fit::model::specification::{Model, Scope, Term, Treatment};
-use crate::fit::search::starting_values::{Guess, Range};
+use crate::fit::data::preprocessing::Observations;
+use crate::fit::model::specification::{LawTerm, Model, ParameterSpec, Scope};
+use crate::fit::search::starting_values::{BoundedStart, StartingValues};
 use crate::wrist::BASE_PARAMETERS;
 
 /// One number that the least squares moves.
@@ -16,7 +16,7 @@ pub struct Coordinate {
     /// Which parameter of the trial's vector it belongs to.
     pub parameter: usize,
     /// The term of the law that it is the coefficient of.
-    pub term: Option<Term>,
+    pub term: Option<LawTerm>,
     /// It is the parameter's logarithm.
     pub logarithmic: bool,
     /// Least value.
@@ -34,7 +34,7 @@ pub struct Coordinate {
 impl Coordinate {
     /// The coordinate of a parameter that may go over `range`, and how the parameter comes from it: by its logarithm where it
     /// cannot but be positive.
-    pub(in crate::fit) fn of(parameter: usize, range: Range) -> (Self, fn(usize) -> Link) {
+    pub(in crate::fit) fn of(parameter: usize, range: BoundedStart) -> (Self, fn(usize) -> Transform) {
         let logarithmic = range.low > 0.0;
         let place = |x: f64| if logarithmic { libm::log(x) } else { x };
         let scale = range.start.abs().max(1e-6 * (range.high - range.low).min(1e3)).max(1e-12);
@@ -48,15 +48,16 @@ impl Coordinate {
             scale: if logarithmic { 1.0 } else { scale },
             prior: None,
         };
-        let by_logarithm: fn(usize) -> Link = |coordinate| Link::Logarithmic { coordinate, factor: 1.0 };
-        let as_it_is: fn(usize) -> Link = |coordinate| Link::Sum(vec![(coordinate, 1.0)]);
+        let by_logarithm: fn(usize) -> Transform =
+            |coordinate| Transform::Logarithmic { coordinate, factor: 1.0 };
+        let as_it_is: fn(usize) -> Transform = |coordinate| Transform::Sum(vec![(coordinate, 1.0)]);
         (coordinate, if logarithmic { by_logarithm } else { as_it_is })
     }
 }
 
 /// How a trial's parameter comes from the coordinates.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Link {
+pub enum Transform {
     /// It does not.
     Fixed(f64),
     /// It is e to the power of a coordinate, times a factor.
@@ -82,12 +83,12 @@ pub struct Component {
     /// Coordinates in common.
     pub border: Vec<usize>,
     /// What trials that are not in it know of the border.
-    pub border_known: Option<BorderKnown>,
+    pub border_prior: Option<BorderPrior>,
 }
 
 /// A quadratic in the border's coordinates: gradient and curvature at a point.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BorderKnown {
+pub struct BorderPrior {
     /// The point.
     pub at: DVector<f64>,
     /// The gradient there.
@@ -106,24 +107,24 @@ impl Component {
 
 /// The coordinates of a fit.
 #[derive(Debug, Clone)]
-pub struct Layout {
+pub struct Parameterisation {
     /// All coordinates.
     pub coordinates: Vec<Coordinate>,
     /// For each trial, how each of its parameters comes from them.
-    pub links: Vec<Vec<Link>>,
+    pub transforms: Vec<Vec<Transform>>,
     /// The separate problems.
     pub components: Vec<Component>,
     /// Which parameters are estimated in any trial.
     pub estimated: Vec<usize>,
 }
 
-impl Layout {
-    /// The coordinates of `model` for `prepared`, starting at `guess`.
-    pub fn new(prepared: &Prepared, model: &Model, guess: &Guess) -> Self {
-        let count = prepared.trials.len();
-        let mut layout = Self {
+impl Parameterisation {
+    /// The coordinates of `model` for `observations`, starting at `starting_values`.
+    pub fn new(observations: &Observations, model: &Model, starting_values: &StartingValues) -> Self {
+        let count = observations.trials.len();
+        let mut parameterisation = Self {
             coordinates: Vec::new(),
-            links: vec![Vec::new(); count],
+            transforms: vec![Vec::new(); count],
             components: Vec::new(),
             estimated: Vec::new(),
         };
@@ -132,10 +133,10 @@ impl Layout {
         for (parameter, treatment) in model.treatments().into_iter().enumerate() {
             if treatment.scope == Scope::Fixed {
                 let value = treatment.value.unwrap_or(0.0);
-                layout.links.iter_mut().for_each(|links| links.push(Link::Fixed(value)));
+                parameterisation.transforms.iter_mut().for_each(|links| links.push(Transform::Fixed(value)));
                 continue;
             }
-            layout.estimated.push(parameter);
+            parameterisation.estimated.push(parameter);
             if treatment.law.is_empty() && matches!(treatment.scope, Scope::Trial | Scope::Condition) {
                 // Blocks are as coarse as the coarsest local parameter.
                 finest = if treatment.scope == Scope::Condition || finest == Scope::Condition {
@@ -144,39 +145,48 @@ impl Layout {
                     Scope::Trial
                 };
             }
-            for members in groups(prepared, treatment.scope) {
-                layout.add(prepared, model, guess, (parameter, treatment), &members, &mut touched);
+            for members in groups(observations, treatment.scope) {
+                parameterisation.add(
+                    observations,
+                    model,
+                    starting_values,
+                    (parameter, treatment),
+                    &members,
+                    &mut touched,
+                );
             }
         }
-        layout.split(prepared, finest, &touched);
-        layout
+        parameterisation.split(observations, finest, &touched);
+        parameterisation
     }
 
     /// Adds the coordinates of one parameter for the trials that share it.
     fn add(
         &mut self,
-        prepared: &Prepared,
+        observations: &Observations,
         model: &Model,
-        guess: &Guess,
-        (parameter, treatment): (usize, &Treatment),
+        starting_values: &StartingValues,
+        (parameter, treatment): (usize, &ParameterSpec),
         members: &[usize],
         touched: &mut Vec<Vec<usize>>,
     ) {
-        let range = guess.range(model, parameter, treatment, members);
+        let range = starting_values.range(model, parameter, treatment, members);
         if treatment.law.is_empty() {
             let (coordinate, link) = Coordinate::of(parameter, range);
             self.coordinates.push(coordinate);
             touched.push(members.to_vec());
             let index = self.coordinates.len() - 1;
-            members.iter().for_each(|trial| self.links[*trial].push(link(index)));
+            members.iter().for_each(|trial| self.transforms[*trial].push(link(index)));
             return;
         }
-        // A law starts as the constant nearest to the guess: its other terms are for the fit to find.
+        // A law starts as the constant nearest to the starting_values: its other terms are for the fit to find.
         let first = self.coordinates.len();
         for term in &treatment.law {
             let mean_factor = members
                 .iter()
-                .map(|t| term.factor(prepared.trials[*t].velocity_rad_s, prepared.trials[*t].torque_nm))
+                .map(|t| {
+                    term.factor(observations.trials[*t].velocity_rad_s, observations.trials[*t].torque_nm)
+                })
                 .sum::<f64>()
                 / members.len() as f64;
             let share = range.start / (treatment.law.len() as f64 * mean_factor.max(1e-12));
@@ -193,20 +203,20 @@ impl Layout {
             touched.push(members.to_vec());
         }
         for trial in members {
-            let own = &prepared.trials[*trial];
+            let own = &observations.trials[*trial];
             let sum = treatment.law.iter().enumerate();
-            self.links[*trial].push(Link::Sum(
+            self.transforms[*trial].push(Transform::Sum(
                 sum.map(|(i, term)| (first + i, term.factor(own.velocity_rad_s, own.torque_nm))).collect(),
             ));
         }
     }
 
     /// Separates the problems, and in each the blocks from the border.
-    fn split(&mut self, prepared: &Prepared, finest: Scope, touched: &[Vec<usize>]) {
-        let count = prepared.trials.len();
+    fn split(&mut self, observations: &Observations, finest: Scope, touched: &[Vec<usize>]) {
+        let count = observations.trials.len();
         let block_key: Vec<usize> = (0..count)
             .map(|trial| match finest {
-                Scope::Condition => prepared.trials[trial].condition,
+                Scope::Condition => observations.trials[trial].condition,
                 _ => trial,
             })
             .collect();
@@ -245,7 +255,7 @@ impl Layout {
                 block_of_trial: trials.iter().map(|trial| block(*trial)).collect(),
                 blocks: vec![Vec::new(); keys.len()],
                 border: Vec::new(),
-                border_known: None,
+                border_prior: None,
                 trials,
             };
             for (coordinate, members) in touched.iter().enumerate() {
@@ -263,13 +273,13 @@ impl Layout {
         }
     }
 
-    /// Makes single trials lean on `guess` where their own data hardly tell: for each parameter given, the logarithm's
+    /// Makes single trials shrinkage_target on `starting_values` where their own data hardly tell: for each parameter given, the logarithm's
     /// standard deviation.
-    pub fn lean(&mut self, guess: &Guess, parameters: &[(usize, f64)]) {
-        for (trial, links) in self.links.iter().enumerate() {
+    pub fn shrinkage_target(&mut self, starting_values: &StartingValues, parameters: &[(usize, f64)]) {
+        for (trial, links) in self.transforms.iter().enumerate() {
             for (parameter, sd) in parameters {
-                if let Link::Logarithmic { coordinate, factor } = links[*parameter] {
-                    let centre = libm::log(guess.value(trial, *parameter) / factor);
+                if let Transform::Logarithmic { coordinate, factor } = links[*parameter] {
+                    let centre = libm::log(starting_values.value(trial, *parameter) / factor);
                     self.coordinates[coordinate].prior = Some((centre, *sd));
                 }
             }
@@ -283,21 +293,23 @@ impl Layout {
 
     /// A trial's parameters at `coordinates`.
     pub fn parameters(&self, trial: usize, coordinates: &[f64], into: &mut Vec<f64>) {
-        for link in &self.links[trial] {
+        for link in &self.transforms[trial] {
             into.push(match link {
-                Link::Fixed(value) => *value,
-                Link::Logarithmic { coordinate, factor } => factor * libm::exp(coordinates[*coordinate]),
-                Link::Sum(terms) => terms.iter().map(|(index, factor)| factor * coordinates[*index]).sum(),
+                Transform::Fixed(value) => *value,
+                Transform::Logarithmic { coordinate, factor } => factor * libm::exp(coordinates[*coordinate]),
+                Transform::Sum(terms) => {
+                    terms.iter().map(|(index, factor)| factor * coordinates[*index]).sum()
+                }
             });
         }
     }
 
     /// How a trial's parameter number `parameter` changes with the coordinates, at its value `value`.
     pub fn slopes(&self, trial: usize, parameter: usize, value: f64, mut each: impl FnMut(usize, f64)) {
-        match &self.links[trial][parameter] {
-            Link::Fixed(_) => {}
-            Link::Logarithmic { coordinate, .. } => each(*coordinate, value),
-            Link::Sum(terms) => terms.iter().for_each(|(index, factor)| each(*index, *factor)),
+        match &self.transforms[trial][parameter] {
+            Transform::Fixed(_) => {}
+            Transform::Logarithmic { coordinate, .. } => each(*coordinate, value),
+            Transform::Sum(terms) => terms.iter().for_each(|(index, factor)| each(*index, *factor)),
         }
     }
 
@@ -308,15 +320,17 @@ impl Layout {
 }
 
 /// The trials that share a parameter of this scope, group by group.
-pub(in crate::fit) fn groups(prepared: &Prepared, scope: Scope) -> Vec<Vec<usize>> {
+pub(in crate::fit) fn groups(observations: &Observations, scope: Scope) -> Vec<Vec<usize>> {
     let key = |trial: usize| match scope {
         Scope::Trial => trial,
-        Scope::Condition => prepared.trials[trial].condition,
-        Scope::Repetition => prepared.trials[trial].repetition as usize,
+        Scope::Condition => observations.trials[trial].condition,
+        Scope::Repetition => observations.trials[trial].repetition as usize,
         Scope::Session | Scope::Fixed => 0,
     };
-    let mut keys: Vec<usize> = (0..prepared.trials.len()).map(key).collect();
+    let mut keys: Vec<usize> = (0..observations.trials.len()).map(key).collect();
     keys.sort_unstable();
     keys.dedup();
-    keys.iter().map(|own| (0..prepared.trials.len()).filter(|trial| key(*trial) == *own).collect()).collect()
+    keys.iter()
+        .map(|own| (0..observations.trials.len()).filter(|trial| key(*trial) == *own).collect())
+        .collect()
 }

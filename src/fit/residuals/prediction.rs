@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::fit::data::preprocessing::Prepared;
+use crate::fit::data::preprocessing::Observations;
 use crate::wrist::mechanisms::Kind;
 use crate::wrist::{Request, Response, simulate, substeps};
 
@@ -14,7 +14,7 @@ const SHARE: usize = 16;
 /// Each trial gets the integration steps that its own parameters ask for, so its prediction does not depend on which others
 /// are asked for with it, nor on how many threads there are.
 pub fn predict(
-    prepared: &Prepared,
+    observations: &Observations,
     kinds: &[Kind],
     wanted: &[usize],
     trials: &[usize],
@@ -24,14 +24,16 @@ pub fn predict(
     let count = parameters.len() / trials.len().max(1);
     let own = |place: usize| &parameters[place * count..(place + 1) * count];
     // In powers of two, so that a small step of the parameters seldom changes the integrator and few groups come of it.
-    let steps = |place: usize| substeps(prepared.lever, own(place), prepared.period_s).next_power_of_two();
+    let steps =
+        |place: usize| substeps(observations.lever, own(place), observations.period_s).next_power_of_two();
     let mut order: Vec<(usize, usize)> = (0..trials.len()).map(|place| (steps(place), place)).collect();
     order.sort_unstable();
     let shares: Vec<&[(usize, usize)]> =
         order.chunk_by(|a, b| a.0 == b.0).flat_map(|alike| alike.chunks(SHARE)).collect();
     let run = |share: &&[(usize, usize)]| {
-        let request = Request { wanted, ..prepared.request(kinds, share[0].0) };
-        let inputs: Vec<_> = share.iter().map(|(_, place)| &prepared.trials[trials[*place]].input).collect();
+        let request = Request { wanted, ..observations.request(kinds, share[0].0) };
+        let inputs: Vec<_> =
+            share.iter().map(|(_, place)| &observations.trials[trials[*place]].input).collect();
         let flat: Vec<f64> = share.iter().flat_map(|(_, place)| own(*place)).copied().collect();
         let mut part = Response::default();
         simulate(&request, &inputs, &flat, &mut part);
@@ -39,9 +41,9 @@ pub fn predict(
     };
     let parts: Vec<Response> = match shares.as_slice() {
         [one] => vec![run(one)],
-        several => several.par_iter().map(run).collect(),
+        ambiguous_trials => ambiguous_trials.par_iter().map(run).collect(),
     };
-    let (samples, slopes) = (prepared.samples, prepared.samples * wanted.len());
+    let (samples, slopes) = (observations.samples, observations.samples * wanted.len());
     response.torque_nm.resize(trials.len() * samples, 0.0);
     response.slopes.resize(trials.len() * slopes, 0.0);
     for (share, part) in shares.iter().zip(&parts) {

@@ -7,32 +7,32 @@ use nalgebra::{DMatrix, DVector};
 
 use super::prediction::predict;
 use crate::fit::data::hold_noise::STRETCHES_A_WINDOW;
-use crate::fit::data::preprocessing::{Prepared, PreparedTrial};
-use crate::signal::Noise;
+use crate::fit::data::preprocessing::{Observations, TrialObservation};
+use crate::signal::NoiseCovariance;
 use crate::wrist::{Response, Smoothing};
 
 /// Standard deviation below which a direction of the noise is not trusted, N m: the model's own numerical error is some
 /// hundred times smaller, a gauge's noise some hundred times larger.
 const FLOOR_NM: f64 = 1e-4;
 
-/// The covariance of the residuals for each noise of the session, on [`Prepared::noise_samples`]; `point` are rough values
+/// The covariance of the residuals for each noise of the session, on [`Observations::noise_samples`]; `point` are rough values
 /// of the six parameters, which tell how an error of the angle becomes one of the torque.
-pub fn covariances(prepared: &Prepared, point: &[f64; 6]) -> Vec<Noise> {
-    let angle = angle_covariance(prepared, point);
-    let with_angle = |noise: &Noise| {
+pub fn covariances(observations: &Observations, point: &[f64; 6]) -> Vec<NoiseCovariance> {
+    let angle = angle_covariance(observations, point);
+    let with_angle = |noise: &NoiseCovariance| {
         let directions = noise.directions(FLOOR_NM * FLOOR_NM);
         let covariance = (&noise.covariance + &angle) / share_of_precision(noise.stretches, directions);
-        Noise { covariance, stretches: noise.stretches }
+        NoiseCovariance { covariance, stretches: noise.stretches }
     };
-    prepared.noises.iter().map(with_angle).collect()
+    observations.noise_covariances.iter().map(with_angle).collect()
 }
 
 /// Matrices that whiten a window's residuals, one a noise of the session; they read every sample of the window.
-pub fn whiteners(prepared: &Prepared, covariances: &[Noise]) -> Vec<DMatrix<f64>> {
-    let places: Vec<usize> = prepared.noise_samples().collect();
-    let spread = |noise: &Noise| {
+pub fn whiteners(observations: &Observations, covariances: &[NoiseCovariance]) -> Vec<DMatrix<f64>> {
+    let places: Vec<usize> = observations.noise_samples().collect();
+    let spread = |noise: &NoiseCovariance| {
         let narrow = noise.whitener(FLOOR_NM * FLOOR_NM);
-        let mut wide = DMatrix::zeros(narrow.nrows(), prepared.samples);
+        let mut wide = DMatrix::zeros(narrow.nrows(), observations.samples);
         for (column, place) in places.iter().enumerate() {
             wide.set_column(*place, &narrow.column(column));
         }
@@ -59,30 +59,30 @@ const PLACES: usize = 16;
 /// An angle that is never still is taken to have white noise. One that stands still in the hold is rounded to the encoder's
 /// steps. Before the ramp that is a constant, which is then missing from all of it. While the motor is slow, the record waits
 /// for the next step; once it passes a step a sample, every sample's rounding is its own.
-fn angle_covariance(prepared: &Prepared, point: &[f64; 6]) -> DMatrix<f64> {
-    let places = prepared.noise_samples().count();
-    prepared.smoothings.iter().fold(DMatrix::zeros(places, places), |sum, (share, smoothing)| {
-        sum + angle_covariance_of(prepared, *smoothing, point) * *share
+fn angle_covariance(observations: &Observations, point: &[f64; 6]) -> DMatrix<f64> {
+    let places = observations.noise_samples().count();
+    observations.angle_smoothings.iter().fold(DMatrix::zeros(places, places), |sum, (share, smoothing)| {
+        sum + angle_covariance_of(observations, *smoothing, point) * *share
     })
 }
 
 /// The same for an error that is smoothed in one way.
-fn angle_covariance_of(prepared: &Prepared, smoothing: Smoothing, point: &[f64; 6]) -> DMatrix<f64> {
-    let places: Vec<usize> = prepared.noise_samples().collect();
-    let response = TorqueResponse::new(prepared, smoothing, point);
-    let count = prepared.samples + response.reach;
+fn angle_covariance_of(observations: &Observations, smoothing: Smoothing, point: &[f64; 6]) -> DMatrix<f64> {
+    let places: Vec<usize> = observations.noise_samples().collect();
+    let response = TorqueResponse::new(observations, smoothing, point);
+    let count = observations.samples + response.reach;
     let mut covariance = DMatrix::zeros(places.len(), places.len());
     let mut add_white = |sd_rad: f64, weight: f64, sample: usize| {
         let mut error = vec![0.0; count];
         error[sample] = sd_rad * libm::sqrt(weight);
         response.add_square(&mut covariance, &places, &error);
     };
-    let step = prepared.angle_step_rad;
+    let step = observations.angle_step_rad;
     if step == 0.0 {
-        (0..count).for_each(|sample| add_white(prepared.angle_noise_rad, 1.0, sample));
+        (0..count).for_each(|sample| add_white(observations.angle_noise_rad, 1.0, sample));
         return covariance;
     }
-    let motions = mean_motions(prepared, count);
+    let motions = mean_motions(observations, count);
     for (share, motion) in &motions {
         let is_fast = |sample: usize| sample > 0 && (motion[sample] - motion[sample - 1]).abs() > step;
         (0..count)
@@ -106,39 +106,40 @@ fn angle_covariance_of(prepared: &Prepared, smoothing: Smoothing, point: &[f64; 
 
 /// The motor's motion from the onset on, one for each velocity, with its share of the trials. The mean over trials, which
 /// rest at different places within a step, shows what happens between the steps.
-fn mean_motions(prepared: &Prepared, count: usize) -> Vec<(f64, Vec<f64>)> {
-    let key = |trial: &PreparedTrial| (trial.velocity_rad_s.to_bits(), trial.label.clone());
-    let mut keys: Vec<_> = prepared.trials.iter().map(key).collect();
+fn mean_motions(observations: &Observations, count: usize) -> Vec<(f64, Vec<f64>)> {
+    let key = |trial: &TrialObservation| (trial.velocity_rad_s.to_bits(), trial.label.clone());
+    let mut keys: Vec<_> = observations.trials.iter().map(key).collect();
     keys.sort();
     keys.dedup();
     let of_key = |own: &(u64, Option<String>)| {
-        let alike: Vec<&PreparedTrial> = prepared.trials.iter().filter(|trial| key(trial) == *own).collect();
+        let alike: Vec<&TrialObservation> =
+            observations.trials.iter().filter(|trial| key(trial) == *own).collect();
         let at = |sample: usize| {
-            let theta = |trial: &&PreparedTrial| {
+            let theta = |trial: &&TrialObservation| {
                 let motion = &trial.input.motion;
                 motion[(trial.input.onset + sample).min(motion.len() - 1)].theta
             };
             alike.iter().map(theta).sum::<f64>() / alike.len() as f64
         };
-        let share = alike.len() as f64 / prepared.trials.len() as f64;
+        let share = alike.len() as f64 / observations.trials.len() as f64;
         (share, (0..count).map(at).collect())
     };
     keys.iter().map(of_key).collect()
 }
 
 /// The torque's response to an angle that is wrong at one sample, per rad, from `reach` samples before it: so far ahead the
-/// smoothing of the angle looks.
+/// smoothing of the angle pilot_points.
 struct TorqueResponse {
     reach: usize,
     nm_per_rad: Vec<f64>,
 }
 
 impl TorqueResponse {
-    fn new(prepared: &Prepared, smoothing: Smoothing, point: &[f64; 6]) -> Self {
+    fn new(observations: &Observations, smoothing: Smoothing, point: &[f64; 6]) -> Self {
         // Small enough to stay where the spring is linear.
         let error_rad = 1e-7;
-        let reach = smoothing.reach(prepared.period_s);
-        let mut alone = prepared.only(&[0]);
+        let reach = smoothing.reach(observations.period_s);
+        let mut alone = observations.subset(&[0]);
         alone.samples += reach + 1;
         let mut angle = vec![0.0; alone.lead + alone.samples + 2 * reach];
         angle[alone.lead + reach] = error_rad;

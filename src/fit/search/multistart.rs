@@ -1,15 +1,15 @@
-//! A second look at yields that may lie elsewhere: a trial's cost can have several minima along its elastic limit.
+//! A second look at yields that may lie restart_point: a trial's cost can have ambiguous_trials minima along its elastic limit.
 //!
 //! So every block of trials is started again, alone, from places that have nothing to do with where the fit ended. Most
 //! need not go far: with the elastic limit held there, one linear step of the other parameters tells that nothing comes near.
 
-use crate::fit::data::preprocessing::Prepared;
-use crate::fit::fitted::block_subproblem::{Alone, Place};
-use crate::fit::fitted::fit::{DECREMENT, ELASTIC_LIMIT, Fit, STIFFNESS};
+use crate::fit::data::preprocessing::Observations;
+use crate::fit::fitted::block_subproblem::{BlockIndex, BlockSubproblems};
+use crate::fit::fitted::fit::{Fit, K_DEC, K_SRS, X_E};
 use crate::fit::model::specification::Scope;
-use crate::fit::parameters::parameterisation::{Layout, Link};
-use crate::fit::solver::levenberg_marquardt::{Effort, Outcome, Solution, solve};
-use crate::fit::solver::normal_equations::{Normal, Objective, evaluate};
+use crate::fit::parameters::parameterisation::{Parameterisation, Transform};
+use crate::fit::solver::levenberg_marquardt::{ComponentOutcome, Solution, SolverOptions, solve};
+use crate::fit::solver::normal_equations::{NormalEquations, Objective, evaluate};
 
 /// Where blocks start again: the elastic limit as a part of the way that the motor goes in the window, and k_dec as a part of
 /// k_srs.
@@ -39,14 +39,14 @@ const INDEPENDENT_VALUES: f64 = 4.5;
 const TOGETHER: [(f64, f64); 2] = [(0.4, 0.6), (0.6, 0.6)];
 
 /// A second look need only tell whether it leads to another optimum.
-const LOOK: Effort = Effort { iterations: 25, decrease: 1e-4, longest_step: 0.7 };
+const LOOK: SolverOptions = SolverOptions { max_iterations: 25, tolerance: 1e-4, max_log_step: 0.7 };
 
 /// The plain sum of squares has valleys so flat that a short look does not tell.
-const PLAIN_LOOK: Effort = Effort { iterations: 60, decrease: 1e-6, longest_step: 0.7 };
+const PLAIN_LOOK: SolverOptions = SolverOptions { max_iterations: 60, tolerance: 1e-6, max_log_step: 0.7 };
 
 /// A block's optimum about another place.
-struct Rival {
-    place: Place,
+struct AlternativeOptimum {
+    place: BlockIndex,
     /// What the block's cost falls by, in units of the noise, the other blocks following.
     better_by: f64,
     /// How far its log x_e lies from that of the fit.
@@ -58,104 +58,116 @@ struct Rival {
 impl Fit {
     /// Looks for other optima along the elastic limits, gives each block of trials the best that was found, and notes the
     /// trials whose optima the data do not tell apart.
-    pub fn look_again(&mut self, prepared: &Prepared) {
-        if self.has_own_limits() {
-            self.look_together(prepared);
-            self.look_at_blocks(prepared);
+    pub fn search_multistart(&mut self, observations: &Observations) {
+        if self.x_e_is_local() {
+            self.restart_all_trials(observations);
+            self.restart_blocks(observations);
         }
     }
 
     /// This fit made anew on another session of the same trials, such as one drawn from it.
-    pub fn refitted(&self, session: &Prepared) -> Self {
-        let (layout, start) = (&self.layout, &self.solution.coordinates);
-        let solution = solve(session, layout, &self.kinds, &self.objective, start, Effort::default());
-        let mut fit = self.with_solution(solution);
-        if fit.has_own_limits() {
+    pub fn refitted(&self, session: &Observations) -> Self {
+        let (parameterisation, start) = (&self.parameterisation, &self.solution.coordinates);
+        let solution =
+            solve(session, parameterisation, &self.kinds, &self.objective, start, SolverOptions::default());
+        let mut fit = self.at_solution(solution);
+        if fit.x_e_is_local() {
             // What the trials share is nearly right, so they need not be started together.
-            fit.look_at_blocks(session);
+            fit.restart_blocks(session);
         }
         fit
     }
 
-    fn look(&self) -> Effort {
+    fn look(&self) -> SolverOptions {
         match self.objective {
             Objective::Whitened(_) => LOOK,
             Objective::LeastSquares => PLAIN_LOOK,
         }
     }
 
-    fn has_own_limits(&self) -> bool {
-        let treatment = &self.model.base[ELASTIC_LIMIT];
+    fn x_e_is_local(&self) -> bool {
+        let treatment = &self.model.base[X_E];
         matches!(treatment.scope, Scope::Trial | Scope::Condition) && treatment.law.is_empty()
     }
 
-    fn look_at_blocks(&mut self, prepared: &Prepared) {
-        let mut several = vec![Vec::new(); self.layout.components.len()];
-        let mut open = vec![true; self.layout.components.len()];
+    fn restart_blocks(&mut self, observations: &Observations) {
+        let mut ambiguous_trials = vec![Vec::new(); self.parameterisation.components.len()];
+        let mut open = vec![true; self.parameterisation.components.len()];
         for _ in 0..ROUNDS {
-            let rivals = self.rivals(prepared, &open);
-            self.note_several(&rivals, &open, &mut several);
-            open = self.take_best(prepared, &rivals);
+            let alternatives = self.alternatives(observations, &open);
+            self.mark_ambiguous_trials(&alternatives, &open, &mut ambiguous_trials);
+            open = self.adopt_best(observations, &alternatives);
             if !open.contains(&true) {
                 break;
             }
         }
-        self.several = several.concat();
-        self.several.sort_unstable();
-        self.take_parameters();
+        self.ambiguous_trials = ambiguous_trials.concat();
+        self.ambiguous_trials.sort_unstable();
+        self.update_parameters();
     }
 
     /// Where the blocks of the open components get to, alone, from every place that is not out of reach.
-    fn rivals(&self, prepared: &Prepared, open: &[bool]) -> Vec<Rival> {
-        let reached = self.normals(prepared, &self.solution.coordinates);
+    fn alternatives(&self, observations: &Observations, open: &[bool]) -> Vec<AlternativeOptimum> {
+        let reached = self.normals(observations, &self.solution.coordinates);
         let mut places = Vec::new();
-        for (component, own) in self.layout.components.iter().enumerate() {
+        for (component, own) in self.parameterisation.components.iter().enumerate() {
             for block in 0..own.blocks.len() {
-                if open[component] && self.coordinate_of(component, block, ELASTIC_LIMIT).is_some() {
+                if open[component] && self.coordinate_of(component, block, X_E).is_some() {
                     places.extend([(component, block); PLACES.len()]);
                 }
             }
         }
-        let alone = Alone::new(prepared, self, &reached, &places);
-        let start = self.starts(prepared, &alone, &places);
-        let first = |place: &Place| reached[place.0].block_costs().nth(place.1).unwrap_or(f64::INFINITY);
-        let unit = |place: &Place| self.unit(prepared, place.0, place.1, &reached[place.0]);
+        let alone = BlockSubproblems::new(observations, self, &reached, &places);
+        let start = self.starts(observations, &alone, &places);
+        let first = |place: &BlockIndex| reached[place.0].block_costs().nth(place.1).unwrap_or(f64::INFINITY);
+        let unit = |place: &BlockIndex| self.unit(observations, place.0, place.1, &reached[place.0]);
         let normals = alone.normals(&start);
         let in_reach: Vec<usize> = (0..places.len())
             .filter(|problem| {
                 let place = &places[*problem];
-                let own = &self.layout.components[place.0].blocks[place.1];
-                let limit = self.coordinate_of(place.0, place.1, ELASTIC_LIMIT);
+                let own = &self.parameterisation.components[place.0].blocks[place.1];
+                let limit = self.coordinate_of(place.0, place.1, X_E);
                 let held: Vec<bool> = own.iter().map(|index| Some(*index) == limit).collect();
-                let promised = normals[*problem].promised_block_cost(0, &held);
+                let promised = normals[*problem].predicted_block_cost(0, &held);
                 promised < first(place) + OUT_OF_REACH * unit(place)
             })
             .collect();
-        let solution = alone.solve(&alone.only(&in_reach), &start, self.look());
-        let rival = |(problem, outcome): (&usize, &Outcome)| {
+        let solution = alone.solve(&alone.subset(&in_reach), &start, self.look());
+        let rival = |(problem, outcome): (&usize, &ComponentOutcome)| {
             let (place, range) = (places[*problem], alone.ranges[*problem].clone());
-            let own = &self.layout.components[place.0].blocks[place.1];
+            let own = &self.parameterisation.components[place.0].blocks[place.1];
             let coordinates = solution.coordinates[range][..own.len()].to_vec();
-            let limit = self.coordinate_of(place.0, place.1, ELASTIC_LIMIT);
+            let limit = self.coordinate_of(place.0, place.1, X_E);
             let at = own.iter().position(|index| Some(*index) == limit).unwrap_or(0);
             let away = (coordinates[at] - self.solution.coordinates[own[at]]).abs();
-            Rival { place, better_by: (first(&place) - outcome.cost) / unit(&place), away, coordinates }
+            AlternativeOptimum {
+                place,
+                better_by: (first(&place) - outcome.cost) / unit(&place),
+                away,
+                coordinates,
+            }
         };
         in_reach.iter().zip(&solution.outcomes).map(rival).collect()
     }
 
     /// The starts of all problems: the block as it is, but for x_e and k_dec.
-    fn starts(&self, prepared: &Prepared, alone: &Alone, places: &[Place]) -> Vec<f64> {
+    fn starts(
+        &self,
+        observations: &Observations,
+        alone: &BlockSubproblems,
+        places: &[BlockIndex],
+    ) -> Vec<f64> {
         let mut start = alone.start.clone();
         for (problem, place) in places.iter().enumerate() {
-            let component = &self.layout.components[place.0];
+            let component = &self.parameterisation.components[place.0];
             let Some(trial) = component.trials_of_block(place.1).next() else { continue };
-            for (parameter, value) in self.elsewhere(prepared, trial, PLACES[problem % PLACES.len()]) {
+            for (parameter, value) in self.restart_point(observations, trial, PLACES[problem % PLACES.len()])
+            {
                 let Some(coordinate) = self.coordinate_of(place.0, place.1, parameter) else { continue };
                 let own = &component.blocks[place.1];
                 let at = alone.ranges[problem].start
                     + own.iter().position(|index| *index == coordinate).unwrap_or(0);
-                let bounds = &alone.layout.coordinates[at];
+                let bounds = &alone.parameterisation.coordinates[at];
                 start[at] = libm::log(value).clamp(bounds.low, bounds.high);
             }
         }
@@ -163,85 +175,107 @@ impl Fit {
     }
 
     /// A trial's k_srs, k_dec and x_e at a place. What the window's end shows stays: the mean stiffness up to there.
-    fn elsewhere(
+    fn restart_point(
         &self,
-        prepared: &Prepared,
+        observations: &Observations,
         trial: usize,
         (limit, decrement): (f64, f64),
     ) -> [(usize, f64); 3] {
-        let (own, reach) = (&self.parameters[trial], prepared.reach_rad(trial));
-        let mean = own[STIFFNESS] - own[DECREMENT] * (1.0 - own[ELASTIC_LIMIT] / reach).max(0.0);
-        let stiffness = mean.max(0.2 * own[STIFFNESS]) / (1.0 - decrement * (1.0 - limit));
-        [(STIFFNESS, stiffness), (DECREMENT, decrement * stiffness), (ELASTIC_LIMIT, limit * reach)]
+        let (own, reach) = (&self.parameters[trial], observations.peak_angle_rad(trial));
+        let mean = own[K_SRS] - own[K_DEC] * (1.0 - own[X_E] / reach).max(0.0);
+        let stiffness = mean.max(0.2 * own[K_SRS]) / (1.0 - decrement * (1.0 - limit));
+        [(K_SRS, stiffness), (K_DEC, decrement * stiffness), (X_E, limit * reach)]
     }
 
     /// The trials of each open component that have another optimum which the data do not tell apart from their best.
-    fn note_several(&self, rivals: &[Rival], open: &[bool], several: &mut [Vec<usize>]) {
-        (0..open.len()).filter(|component| open[*component]).for_each(|component| several[component].clear());
-        let best = |place: Place| {
-            let own = rivals.iter().filter(|rival| rival.place == place);
+    fn mark_ambiguous_trials(
+        &self,
+        alternatives: &[AlternativeOptimum],
+        open: &[bool],
+        ambiguous_trials: &mut [Vec<usize>],
+    ) {
+        (0..open.len())
+            .filter(|component| open[*component])
+            .for_each(|component| ambiguous_trials[component].clear());
+        let best = |place: BlockIndex| {
+            let own = alternatives.iter().filter(|rival| rival.place == place);
             own.map(|rival| rival.better_by).fold(0.0, f64::max)
         };
-        let equals =
-            |rival: &&Rival| rival.away > ELSEWHERE && rival.better_by > best(rival.place) - NOT_TOLD_APART;
-        for (component, block) in rivals.iter().filter(equals).map(|rival| rival.place) {
-            let trials = self.layout.components[component].trials_of_block(block);
-            let fresh: Vec<usize> = trials.filter(|trial| !several[component].contains(trial)).collect();
-            several[component].extend(fresh);
+        let equals = |rival: &&AlternativeOptimum| {
+            rival.away > ELSEWHERE && rival.better_by > best(rival.place) - NOT_TOLD_APART
+        };
+        for (component, block) in alternatives.iter().filter(equals).map(|rival| rival.place) {
+            let trials = self.parameterisation.components[component].trials_of_block(block);
+            let fresh: Vec<usize> =
+                trials.filter(|trial| !ambiguous_trials[component].contains(trial)).collect();
+            ambiguous_trials[component].extend(fresh);
         }
     }
 
-    /// Goes on from the best rivals; the components that have any.
-    fn take_best(&mut self, prepared: &Prepared, rivals: &[Rival]) -> Vec<bool> {
+    /// Goes on from the best alternatives; the components that have any.
+    fn adopt_best(&mut self, observations: &Observations, alternatives: &[AlternativeOptimum]) -> Vec<bool> {
         let mut merged = self.solution.coordinates.clone();
-        let mut improved = vec![false; self.layout.components.len()];
-        let mut best: Vec<&Rival> = rivals.iter().filter(|rival| rival.better_by > WORTH).collect();
+        let mut improved = vec![false; self.parameterisation.components.len()];
+        let mut best: Vec<&AlternativeOptimum> =
+            alternatives.iter().filter(|rival| rival.better_by > WORTH).collect();
         // The best of each block comes last.
         best.sort_by(|a, b| a.better_by.total_cmp(&b.better_by));
         for rival in best {
             let (component, block) = rival.place;
             improved[component] = true;
             for (index, value) in
-                self.layout.components[component].blocks[block].iter().zip(&rival.coordinates)
+                self.parameterisation.components[component].blocks[block].iter().zip(&rival.coordinates)
             {
                 merged[*index] = *value;
             }
         }
-        self.polish(prepared, &improved, &merged);
+        self.optimise_from(observations, &improved, &merged);
         improved
     }
 
     /// Starts all trials of a component anew at once: with what they share at a wrong value, none of them gets to the right
     /// place alone.
-    pub(in crate::fit) fn look_together(&mut self, prepared: &Prepared) {
+    pub(in crate::fit) fn restart_all_trials(&mut self, observations: &Observations) {
         for place in TOGETHER {
             let mut start = self.solution.coordinates.clone();
-            for (trial, links) in self.layout.links.iter().enumerate() {
-                for (parameter, value) in self.elsewhere(prepared, trial, place) {
-                    if let Link::Logarithmic { coordinate, factor } = links[parameter] {
-                        let bounds = &self.layout.coordinates[coordinate];
+            for (trial, links) in self.parameterisation.transforms.iter().enumerate() {
+                for (parameter, value) in self.restart_point(observations, trial, place) {
+                    if let Transform::Logarithmic { coordinate, factor } = links[parameter] {
+                        let bounds = &self.parameterisation.coordinates[coordinate];
                         start[coordinate] = libm::log(value / factor).clamp(bounds.low, bounds.high);
                     }
                 }
             }
-            let found = solve(prepared, &self.layout, &self.kinds, &self.objective, &start, self.look());
-            let better = |(found, reached): (&Outcome, &Outcome)| found.cost < reached.cost;
+            let found = solve(
+                observations,
+                &self.parameterisation,
+                &self.kinds,
+                &self.objective,
+                &start,
+                self.look(),
+            );
+            let better = |(found, reached): (&ComponentOutcome, &ComponentOutcome)| found.cost < reached.cost;
             let improved: Vec<bool> =
                 found.outcomes.iter().zip(&self.solution.outcomes).map(better).collect();
-            self.polish(prepared, &improved, &found.coordinates);
+            self.optimise_from(observations, &improved, &found.coordinates);
         }
     }
 
     /// Goes on from the merged best blocks where any improved, and keeps what is better as a whole.
-    fn polish(&mut self, prepared: &Prepared, improved: &[bool], merged: &[f64]) {
+    fn optimise_from(&mut self, observations: &Observations, improved: &[bool], merged: &[f64]) {
         if !improved.contains(&true) {
             return;
         }
-        let polished = self.solve_some(prepared, &|component| improved[component], merged, Effort::default());
+        let polished = self.solve_components(
+            observations,
+            &|component| improved[component],
+            merged,
+            SolverOptions::default(),
+        );
         let solved = (0..improved.len()).filter(|component| improved[*component]);
         for (component, outcome) in solved.zip(polished.outcomes) {
             if outcome.cost < self.solution.outcomes[component].cost {
-                for coordinate in self.layout.components[component].order() {
+                for coordinate in self.parameterisation.components[component].order() {
                     self.solution.coordinates[coordinate] = polished.coordinates[coordinate];
                 }
                 self.solution.outcomes[component] = outcome;
@@ -249,31 +283,31 @@ impl Fit {
         }
     }
 
-    fn solve_some(
+    fn solve_components(
         &self,
-        prepared: &Prepared,
+        observations: &Observations,
         some: &dyn Fn(usize) -> bool,
         start: &[f64],
-        effort: Effort,
+        options: SolverOptions,
     ) -> Solution {
-        let components = self.layout.components.iter().enumerate();
-        let part = Layout {
+        let components = self.parameterisation.components.iter().enumerate();
+        let part = Parameterisation {
             components: components.filter(|(index, _)| some(*index)).map(|(_, own)| own.clone()).collect(),
-            ..self.layout.clone()
+            ..self.parameterisation.clone()
         };
-        solve(prepared, &part, &self.kinds, &self.objective, start, effort)
+        solve(observations, &part, &self.kinds, &self.objective, start, options)
     }
 
-    fn normals(&self, prepared: &Prepared, coordinates: &[f64]) -> Vec<Normal> {
-        let components: Vec<_> = self.layout.components.iter().collect();
-        evaluate(prepared, &self.layout, &self.kinds, &self.objective, &components, coordinates)
+    fn normals(&self, observations: &Observations, coordinates: &[f64]) -> Vec<NormalEquations> {
+        let components: Vec<_> = self.parameterisation.components.iter().collect();
+        evaluate(observations, &self.parameterisation, &self.kinds, &self.objective, &components, coordinates)
     }
 
     /// The coordinate of a block that is the logarithm of a base parameter.
     fn coordinate_of(&self, component: usize, block: usize, parameter: usize) -> Option<usize> {
-        let coordinates = &self.layout.components[component].blocks[block];
+        let coordinates = &self.parameterisation.components[component].blocks[block];
         let is_it = |index: &usize| {
-            let own = &self.layout.coordinates[*index];
+            let own = &self.parameterisation.coordinates[*index];
             own.parameter == parameter && own.logarithmic
         };
         coordinates.iter().copied().find(is_it)
@@ -281,12 +315,19 @@ impl Fit {
 
     /// What half a squared residual of one standard deviation is worth in a block's cost: one where the noise weighs it, else
     /// estimated from what is left.
-    fn unit(&self, prepared: &Prepared, component: usize, block: usize, reached: &Normal) -> f64 {
+    fn unit(
+        &self,
+        observations: &Observations,
+        component: usize,
+        block: usize,
+        reached: &NormalEquations,
+    ) -> f64 {
         match self.objective {
             Objective::Whitened(_) => 1.0,
             Objective::LeastSquares => {
-                let windows = prepared.samples as f64 * prepared.period_s / 0.040;
-                let trials = self.layout.components[component].trials_of_block(block).count() as f64;
+                let windows = observations.samples as f64 * observations.period_s / 0.040;
+                let trials =
+                    self.parameterisation.components[component].trials_of_block(block).count() as f64;
                 reached.block_costs().nth(block).unwrap_or(0.0)
                     / (trials * 0.5 * INDEPENDENT_VALUES * windows)
             }

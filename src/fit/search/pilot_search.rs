@@ -1,27 +1,31 @@
 //! A first look at a session, before any model of it.
 
-use super::starting_values::{Guess, looks};
-use crate::fit::data::preprocessing::Prepared;
+use super::starting_values::{StartingValues, pilot_points};
+use crate::fit::data::preprocessing::Observations;
 use crate::fit::fitted::fit::{Weighting, objective};
 use crate::fit::model::specification::Model;
 use crate::fit::solver::normal_equations::Objective;
 
-/// What first guesses are made from, whatever the model: the pilot's best points, and weights that go with them.
-pub struct FirstLook {
+/// What first starting_values are made from, whatever the model: the pilot's best points, and weights that go with them.
+pub struct PilotSearch {
     points: Vec<[f64; 6]>,
     objective: Objective,
 }
 
-impl FirstLook {
+impl PilotSearch {
     /// Looks at a session.
-    pub fn new(prepared: &Prepared, weighting: Weighting) -> Self {
-        let points = looks(prepared);
-        let (objective, _) = objective(prepared, weighting, points.first());
+    pub fn new(observations: &Observations, weighting: Weighting) -> Self {
+        let points = pilot_points(observations);
+        let (objective, _) = objective(observations, weighting, points.first());
         Self { points, objective }
     }
 
-    /// First guesses of `model`, the best first.
-    pub(in crate::fit) fn guesses(&self, prepared: &Prepared, model: &Model) -> Vec<Guess> {
-        Guess::pooled(prepared, &self.objective, &self.points, model)
+    /// First starting_values of `model`, the best first.
+    pub(in crate::fit) fn starting_values(
+        &self,
+        observations: &Observations,
+        model: &Model,
+    ) -> Vec<StartingValues> {
+        StartingValues::pooled(observations, &self.objective, &self.points, model)
     }
 }

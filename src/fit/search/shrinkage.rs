@@ -1,18 +1,18 @@
-//! Single trials' yields, where their own data hardly tell, lean on those of all.
+//! Single trials' yields, where their own data hardly tell, shrinkage_target on those of all.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::starting_values::Guess;
-use crate::fit::data::preprocessing::Prepared;
-use crate::fit::fitted::fit::{DECREMENT, ELASTIC_LIMIT, Fit};
+use super::starting_values::StartingValues;
+use crate::fit::data::preprocessing::Observations;
+use crate::fit::fitted::fit::{Fit, K_DEC, X_E};
 use crate::fit::fitted::uncertainty::{predictions, uncertainties};
 
 impl Fit {
-    /// The same fit with the yields of single trials leaning on those of all, and these on what they then are.
-    pub fn leaning(&self, prepared: &Prepared) -> Self {
+    /// The same fit with the yields of single trials with_shrinkage on those of all, and these on what they then are.
+    pub fn with_shrinkage(&self, observations: &Observations) -> Self {
         let leant = |fit: &Self| {
-            let fit = Self { lean: Some(lean(prepared, fit)), ..fit.clone() };
-            fit.extended(prepared, &fit.model)
+            let fit = Self { shrinkage_target: Some(shrinkage_target(observations, fit)), ..fit.clone() };
+            fit.extended(observations, &fit.model)
         };
         let mut best = leant(self);
         for _ in 0..LEANINGS {
@@ -26,16 +26,16 @@ impl Fit {
     }
 }
 
-/// What single trials lean on: the regression of the logarithms on those of velocity and torque, over the trials whose own
+/// What single trials shrinkage_target on: the regression of the logarithms on those of velocity and torque, over the trials whose own
 /// data tell, each by how well they do.
-fn lean(prepared: &Prepared, fit: &Fit) -> Guess {
-    let uncertainties = uncertainties(prepared, fit, &predictions(prepared, fit));
+fn shrinkage_target(observations: &Observations, fit: &Fit) -> StartingValues {
+    let uncertainties = uncertainties(observations, fit, &predictions(observations, fit));
     let mut parameters = fit.parameters.clone();
     let sizes = |trial: usize| {
-        let own = &prepared.trials[trial];
+        let own = &observations.trials[trial];
         [own.velocity_rad_s, own.torque_nm].map(|size| libm::log(size.abs().max(1e-3)))
     };
-    let trials = prepared.trials.len();
+    let trials = observations.trials.len();
     let mean = [0, 1].map(|which| (0..trials).map(|t| sizes(t)[which]).sum::<f64>() / trials as f64);
     let design = |trial: usize| {
         let own = sizes(trial);
@@ -57,10 +57,10 @@ fn lean(prepared: &Prepared, fit: &Fit) -> Guess {
             own[parameter] = libm::exp(coefficients.dot(&design(trial)));
         }
     }
-    Guess::at(prepared, &parameters)
+    StartingValues::at(observations, &parameters)
 }
 
-/// Most times that trials lean anew on where they came to, and the decrease of the cost that is worth another time.
+/// Most times that trials shrinkage_target anew on where they came to, and the decrease of the cost that is worth another time.
 const LEANINGS: usize = 4;
 const WORTH_LEANING: f64 = 0.5;
 
@@ -69,4 +69,4 @@ const WORTH_LEANING: f64 = 0.5;
 const STEEPEST: f64 = 1.0;
 
 /// How far single trials' k_dec and x_e may be expected from those of all, as standard deviations of their logarithms.
-pub(in crate::fit) const LEAN: [(usize, f64); 2] = [(DECREMENT, 0.4), (ELASTIC_LIMIT, 0.2)];
+pub(in crate::fit) const LEAN: [(usize, f64); 2] = [(K_DEC, 0.4), (X_E, 0.2)];

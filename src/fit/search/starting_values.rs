@@ -1,11 +1,11 @@
 //! Where a fit starts and what it may try. One pilot trial is looked at widely, over scales read off its record, so that an
 //! ankle starts as an ankle; a fit of few parameters to some trials goes on from there, and all trials start where it ends.
 
-use crate::fit::data::preprocessing::{Prepared, PreparedTrial};
-use crate::fit::model::specification::{Model, Scope, Treatment};
-use crate::fit::parameters::parameterisation::{Component, Coordinate, Layout, Link};
+use crate::fit::data::preprocessing::{Observations, TrialObservation};
+use crate::fit::model::specification::{Model, ParameterSpec, Scope};
+use crate::fit::parameters::parameterisation::{Component, Coordinate, Parameterisation, Transform};
 use crate::fit::residuals::prediction::predict;
-use crate::fit::solver::levenberg_marquardt::{Effort, solve};
+use crate::fit::solver::levenberg_marquardt::{SolverOptions, solve};
 use crate::fit::solver::normal_equations::Objective;
 use crate::random::Stream;
 use crate::wrist::mechanisms::Kind;
@@ -13,18 +13,18 @@ use crate::wrist::{BASE_PARAMETERS, Response};
 
 /// First values of each trial's six base parameters.
 #[derive(Debug, Clone)]
-pub struct Guess {
+pub struct StartingValues {
     trials: Vec<[f64; 6]>,
     /// First values of the mechanisms' parameters, if they took part in it.
     added: Vec<f64>,
     /// Greatest angle of each trial's window, rad.
-    reach_rad: Vec<f64>,
+    peak_angle_rad: Vec<f64>,
     lever: Option<crate::wrist::Lever>,
 }
 
 /// Where one coordinate may go.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
+pub struct BoundedStart {
     /// Least value.
     pub low: f64,
     /// Greatest value.
@@ -41,59 +41,61 @@ const MOST_LIMIT: f64 = 1.05;
 /// angle that the motor reaches instead.
 const FREEDOM: [(f64, f64); 5] = [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5.0), (20.0, 8.0)];
 
-impl Guess {
-    /// Fits a few parameters that some trials share, from each of `points` (the pilot's, see [`looks`]), and hands what came
+impl StartingValues {
+    /// Fits a few parameters that some trials share, from each of `points` (the pilot's, see [`pilot_points`]), and hands what came
     /// out to all trials: the shared fit is determined well enough to have few optima where single trials have many. The best
-    /// comes first, then others whose elastic limit lies elsewhere.
+    /// comes first, then others whose elastic limit lies restart_point.
     /// The mechanisms of `model` take part: without one that is at work, the others start where it drove them.
     pub fn pooled(
-        prepared: &Prepared,
+        observations: &Observations,
         objective: &Objective,
         points: &[[f64; 6]],
         model: &Model,
     ) -> Vec<Self> {
         let kinds = model.kinds();
-        let reach_rad: Vec<f64> = (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect();
-        let some = representatives(prepared);
-        let few = prepared.only(&some);
-        let mut starts: Vec<(f64, Pooled, Vec<f64>)> = Vec::new();
+        let peak_angle_rad: Vec<f64> =
+            (0..observations.trials.len()).map(|trial| observations.peak_angle_rad(trial)).collect();
+        let some = representatives(observations);
+        let few = observations.subset(&some);
+        let mut starts: Vec<(f64, PooledFit, Vec<f64>)> = Vec::new();
         for point in points {
             for place in LIMIT_PLACES {
                 let mut point = *point;
                 point[5] = place;
-                let pooled = Pooled::new(&few, &point, model);
-                let start = pooled.layout.start();
+                let pooled = PooledFit::new(&few, &point, model);
+                let start = pooled.parameterisation.start();
                 starts.push((f64::INFINITY, pooled, start));
             }
         }
         // Rivals fall behind within a few steps: only the best go on.
-        for (round, effort) in APPROACH.into_iter().enumerate() {
+        for (round, options) in APPROACH.into_iter().enumerate() {
             starts.truncate(starts.len().div_ceil(1 + round));
             for (cost, pooled, at) in &mut starts {
-                let solution = solve(&few, &pooled.layout, &kinds, objective, at, effort);
+                let solution = solve(&few, &pooled.parameterisation, &kinds, objective, at, options);
                 *cost = solution.cost();
                 *at = solution.coordinates;
             }
             starts.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
-        let guess = |(_, pooled, coordinates): (f64, Pooled, Vec<f64>)| {
-            let own =
-                |(trial, reach): (&PreparedTrial, &f64)| pooled.values(&coordinates, trial.torque_nm, *reach);
-            let trials = prepared.trials.iter().zip(&reach_rad).map(own).collect();
+        let starting_values = |(_, pooled, coordinates): (f64, PooledFit, Vec<f64>)| {
+            let own = |(trial, reach): (&TrialObservation, &f64)| {
+                pooled.values(&coordinates, trial.torque_nm, *reach)
+            };
+            let trials = observations.trials.iter().zip(&peak_angle_rad).map(own).collect();
             let added = pooled.added(&coordinates);
-            Self { trials, added, reach_rad: reach_rad.clone(), lever: prepared.lever }
+            Self { trials, added, peak_angle_rad: peak_angle_rad.clone(), lever: observations.lever }
         };
         let mut different: Vec<Self> = Vec::new();
-        for own in starts.into_iter().map(guess) {
-            let limit = own.middle()[5];
-            let is_near = |other: &Self| libm::log(limit / other.middle()[5]).abs() < ELSEWHERE;
+        for own in starts.into_iter().map(starting_values) {
+            let limit = own.median_values()[5];
+            let is_near = |other: &Self| libm::log(limit / other.median_values()[5]).abs() < ELSEWHERE;
             if !different.iter().any(is_near) {
                 different.push(own);
             }
         }
         if different.is_empty() {
-            let trials = vec![[1e-3, 1.0, 100.0, 10.0, 5.0, 0.01]; prepared.trials.len()];
-            different.push(Self { trials, added: Vec::new(), reach_rad, lever: prepared.lever });
+            let trials = vec![[1e-3, 1.0, 100.0, 10.0, 5.0, 0.01]; observations.trials.len()];
+            different.push(Self { trials, added: Vec::new(), peak_angle_rad, lever: observations.lever });
         }
         different
     }
@@ -102,14 +104,15 @@ impl Guess {
     ///
     /// # Panics
     /// If there is not one for each trial.
-    pub fn given(prepared: &Prepared, trials: Vec<[f64; 6]>) -> Self {
-        assert_eq!(trials.len(), prepared.trials.len(), "first values for every trial");
-        let reach_rad = (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect();
-        Self { trials, added: Vec::new(), reach_rad, lever: prepared.lever }
+    pub fn given(observations: &Observations, trials: Vec<[f64; 6]>) -> Self {
+        assert_eq!(trials.len(), observations.trials.len(), "first values for every trial");
+        let peak_angle_rad =
+            (0..observations.trials.len()).map(|trial| observations.peak_angle_rad(trial)).collect();
+        Self { trials, added: Vec::new(), peak_angle_rad, lever: observations.lever }
     }
 
     /// First values that are known already, trial by trial; those of mechanisms as the model says.
-    pub fn at(prepared: &Prepared, parameters: &[Vec<f64>]) -> Self {
+    pub fn at(observations: &Observations, parameters: &[Vec<f64>]) -> Self {
         let own = |values: &Vec<f64>| {
             let mut six = [0.0; 6];
             six.copy_from_slice(&values[..BASE_PARAMETERS.len()]);
@@ -118,8 +121,10 @@ impl Guess {
         Self {
             trials: parameters.iter().map(own).collect(),
             added: Vec::new(),
-            reach_rad: (0..prepared.trials.len()).map(|trial| prepared.reach_rad(trial)).collect(),
-            lever: prepared.lever,
+            peak_angle_rad: (0..observations.trials.len())
+                .map(|trial| observations.peak_angle_rad(trial))
+                .collect(),
+            lever: observations.lever,
         }
     }
 
@@ -129,18 +134,18 @@ impl Guess {
     }
 
     /// The median of each parameter over the trials.
-    pub fn middle(&self) -> [f64; 6] {
+    pub fn median_values(&self) -> [f64; 6] {
         std::array::from_fn(|parameter| {
             median(&self.trials.iter().map(|own| own[parameter]).collect::<Vec<_>>())
         })
     }
 
     /// The same for some of the trials.
-    pub fn only(&self, trials: &[usize]) -> Self {
+    pub fn subset(&self, trials: &[usize]) -> Self {
         Self {
             trials: trials.iter().map(|trial| self.trials[*trial]).collect(),
             added: self.added.clone(),
-            reach_rad: trials.iter().map(|trial| self.reach_rad[*trial]).collect(),
+            peak_angle_rad: trials.iter().map(|trial| self.peak_angle_rad[*trial]).collect(),
             lever: self.lever,
         }
     }
@@ -150,9 +155,9 @@ impl Guess {
         &self,
         model: &Model,
         parameter: usize,
-        treatment: &Treatment,
+        treatment: &ParameterSpec,
         members: &[usize],
-    ) -> Range {
+    ) -> BoundedStart {
         let mut range = match parameter.checked_sub(BASE_PARAMETERS.len()) {
             None => self.base_range(parameter, members),
             Some(added) => self.added_range(model, added),
@@ -167,24 +172,24 @@ impl Guess {
         range
     }
 
-    fn base_range(&self, parameter: usize, members: &[usize]) -> Range {
+    fn base_range(&self, parameter: usize, members: &[usize]) -> BoundedStart {
         let geometric_mean = |value: &dyn Fn(usize) -> f64| {
             libm::exp(members.iter().map(|t| libm::log(value(*t))).sum::<f64>() / members.len() as f64)
         };
         let start = geometric_mean(&|trial| self.trials[trial][parameter]);
         match FREEDOM.get(parameter) {
-            Some((below, above)) => Range { low: start / below, high: start * above, start },
+            Some((below, above)) => BoundedStart { low: start / below, high: start * above, start },
             None => {
-                let reach = geometric_mean(&|trial| self.reach_rad[trial]);
-                Range { low: LEAST_LIMIT * reach, high: MOST_LIMIT * reach, start }
+                let reach = geometric_mean(&|trial| self.peak_angle_rad[trial]);
+                BoundedStart { low: LEAST_LIMIT * reach, high: MOST_LIMIT * reach, start }
             }
         }
     }
 
-    fn added_range(&self, model: &Model, mut added: usize) -> Range {
+    fn added_range(&self, model: &Model, mut added: usize) -> BoundedStart {
         for switched in &model.mechanisms {
             if let Some(parameter) = switched.kind.parameters().get(added) {
-                return Range {
+                return BoundedStart {
                     low: parameter.low,
                     high: parameter.high,
                     start: self.typical(switched.kind, added),
@@ -212,14 +217,14 @@ fn median(values: &[f64]) -> f64 {
     sorted[sorted.len() / 2]
 }
 
-fn peak_nm(trial: &PreparedTrial) -> f64 {
+fn peak_nm(trial: &TrialObservation) -> f64 {
     trial.measured_nm.iter().map(|t| t.abs()).fold(0.0, f64::max)
 }
 
 /// The trial with the median torque peak.
-fn pilot(prepared: &Prepared) -> usize {
-    let mut order: Vec<usize> = (0..prepared.trials.len()).collect();
-    order.sort_by(|a, b| peak_nm(&prepared.trials[*a]).total_cmp(&peak_nm(&prepared.trials[*b])));
+fn pilot(observations: &Observations) -> usize {
+    let mut order: Vec<usize> = (0..observations.trials.len()).collect();
+    order.sort_by(|a, b| peak_nm(&observations.trials[*a]).total_cmp(&peak_nm(&observations.trials[*b])));
     order[order.len() / 2]
 }
 
@@ -230,19 +235,19 @@ const KEPT: usize = 2;
 /// Where the elastic limit starts, as a part of the way that the motor goes in the window.
 const LIMIT_PLACES: [f64; 3] = [0.35, 0.5, 0.65];
 
-/// A change of the logarithm of the elastic limit that makes another guess.
+/// A change of the logarithm of the elastic limit that makes another starting_values.
 const ELSEWHERE: f64 = 0.2;
 
 /// The shared fit need not be exact; half of the starts go on after the first round.
-const APPROACH: [Effort; 2] = [
-    Effort { iterations: 6, decrease: 1e-2, longest_step: 0.7 },
-    Effort { iterations: 30, decrease: 1e-3, longest_step: 0.7 },
+const APPROACH: [SolverOptions; 2] = [
+    SolverOptions { max_iterations: 6, tolerance: 1e-2, max_log_step: 0.7 },
+    SolverOptions { max_iterations: 30, tolerance: 1e-3, max_log_step: 0.7 },
 ];
 
 /// The most promising points of the pilot trial's parameter space, best first, by the sum of squares.
-pub fn looks(prepared: &Prepared) -> Vec<[f64; 6]> {
-    let pilot = prepared.only(&[pilot(prepared)]);
-    let points = points(&pilot, pilot.reach_rad(0));
+pub fn pilot_points(observations: &Observations) -> Vec<[f64; 6]> {
+    let pilot = observations.subset(&[pilot(observations)]);
+    let points = points(&pilot, pilot.peak_angle_rad(0));
     let flat: Vec<f64> = points.iter().flatten().copied().collect();
     let mut response = Response::default();
     predict(&pilot, &[], &[], &vec![0; points.len()], &flat, &mut response);
@@ -260,25 +265,25 @@ pub fn looks(prepared: &Prepared) -> Vec<[f64; 6]> {
 }
 
 /// Up to eight trials, as many as go through the model at once: spread over velocities and torques.
-fn representatives(prepared: &Prepared) -> Vec<usize> {
-    let count = prepared.trials.len();
+fn representatives(observations: &Observations) -> Vec<usize> {
+    let count = observations.trials.len();
     let most = count.min(8);
     (0..most).map(|i| (2 * i + 1) * count / (2 * most)).collect()
 }
 
 /// Few parameters for many trials: inertia, interface and decrement in common, k_srs by torque, x_e as a part of the way and an
 /// angle that is the same in all.
-struct Pooled {
-    layout: Layout,
+struct PooledFit {
+    parameterisation: Parameterisation,
     torques: Vec<f64>,
     middle_reach_rad: f64,
 }
 
-/// Place of the elastic limit's first coordinate.
+/// BlockIndex of the elastic limit's first coordinate.
 const LIMIT: usize = 4;
 
-impl Pooled {
-    fn new(few: &Prepared, point: &[f64; 6], model: &Model) -> Self {
+impl PooledFit {
+    fn new(few: &Observations, point: &[f64; 6], model: &Model) -> Self {
         let mut torques: Vec<f64> = few.trials.iter().map(|trial| trial.torque_nm).collect();
         torques.sort_by(f64::total_cmp);
         torques.dedup();
@@ -298,8 +303,8 @@ impl Pooled {
         };
         let mut coordinates: Vec<Coordinate> = [0, 1, 2, 4, 5].into_iter().map(coordinate).collect();
         // The elastic limit: parts of the way, and of the median way.
-        let ways: Vec<f64> = (0..few.trials.len()).map(|trial| few.reach_rad(trial)).collect();
-        let middle = median(&ways);
+        let ways: Vec<f64> = (0..few.trials.len()).map(|trial| few.peak_angle_rad(trial)).collect();
+        let median_values = median(&ways);
         coordinates[LIMIT] = Coordinate {
             logarithmic: false,
             low: -0.3,
@@ -316,16 +321,17 @@ impl Pooled {
         });
         let first_stiffness = coordinates.len();
         coordinates.extend(torques.iter().map(|_| coordinate(3)));
-        let guess = Guess::given(few, vec![*point; few.trials.len()]);
-        let added: Vec<Link> = model.treatments()[BASE_PARAMETERS.len()..]
+        let starting_values = StartingValues::given(few, vec![*point; few.trials.len()]);
+        let added: Vec<Transform> = model.treatments()[BASE_PARAMETERS.len()..]
             .iter()
             .enumerate()
             .map(|(added, treatment)| {
                 let parameter = BASE_PARAMETERS.len() + added;
                 if treatment.scope == Scope::Fixed {
-                    return Link::Fixed(treatment.value.unwrap_or(0.0));
+                    return Transform::Fixed(treatment.value.unwrap_or(0.0));
                 }
-                let (own, link) = Coordinate::of(parameter, guess.range(model, parameter, treatment, &[]));
+                let (own, link) =
+                    Coordinate::of(parameter, starting_values.range(model, parameter, treatment, &[]));
                 coordinates.push(own);
                 link(coordinates.len() - 1)
             })
@@ -333,14 +339,14 @@ impl Pooled {
         let estimated = (0..BASE_PARAMETERS.len())
             .chain(
                 (0..added.len())
-                    .filter(|i| !matches!(added[*i], Link::Fixed(_)))
+                    .filter(|i| !matches!(added[*i], Transform::Fixed(_)))
                     .map(|i| BASE_PARAMETERS.len() + i),
             )
             .collect();
-        let link = |coordinate: usize| Link::Logarithmic { coordinate, factor: 1.0 };
-        let links = |(index, trial): (usize, &PreparedTrial)| {
+        let link = |coordinate: usize| Transform::Logarithmic { coordinate, factor: 1.0 };
+        let links = |(index, trial): (usize, &TrialObservation)| {
             let level = torques.iter().position(|torque| *torque == trial.torque_nm).unwrap_or(0);
-            let way = Link::Sum(vec![(LIMIT, ways[index]), (LIMIT + 1, middle)]);
+            let way = Transform::Sum(vec![(LIMIT, ways[index]), (LIMIT + 1, median_values)]);
             let base = [link(0), link(1), link(2), link(first_stiffness + level), link(3), way];
             base.into_iter().chain(added.iter().cloned()).collect()
         };
@@ -349,47 +355,47 @@ impl Pooled {
             blocks: vec![Vec::new()],
             block_of_trial: vec![0; few.trials.len()],
             border: (0..coordinates.len()).collect(),
-            border_known: None,
+            border_prior: None,
         };
-        let layout = Layout {
-            links: few.trials.iter().enumerate().map(links).collect(),
+        let parameterisation = Parameterisation {
+            transforms: few.trials.iter().enumerate().map(links).collect(),
             coordinates,
             components: vec![component],
             estimated,
         };
-        Self { layout, torques, middle_reach_rad: middle }
+        Self { parameterisation, torques, middle_reach_rad: median_values }
     }
 
     /// The parameters of a trial at this torque, where the motor goes so far.
-    fn values(&self, coordinates: &[f64], torque_nm: f64, reach_rad: f64) -> [f64; 6] {
+    fn values(&self, coordinates: &[f64], torque_nm: f64, peak_angle_rad: f64) -> [f64; 6] {
         let nearest = (0..self.torques.len())
             .min_by(|a, b| {
                 (self.torques[*a] - torque_nm).abs().total_cmp(&(self.torques[*b] - torque_nm).abs())
             })
             .unwrap_or(0);
         let value = |coordinate: usize| libm::exp(coordinates[coordinate]);
-        let limit = coordinates[LIMIT] * reach_rad + coordinates[LIMIT + 1] * self.middle_reach_rad;
-        let limit = limit.clamp(LEAST_LIMIT * reach_rad, MOST_LIMIT * reach_rad);
+        let limit = coordinates[LIMIT] * peak_angle_rad + coordinates[LIMIT + 1] * self.middle_reach_rad;
+        let limit = limit.clamp(LEAST_LIMIT * peak_angle_rad, MOST_LIMIT * peak_angle_rad);
         [value(0), value(1), value(2), value(LIMIT + 2 + nearest), value(3), limit]
     }
 
     /// The parameters of the mechanisms.
     fn added(&self, coordinates: &[f64]) -> Vec<f64> {
         let mut values = Vec::new();
-        self.layout.parameters(0, coordinates, &mut values);
+        self.parameterisation.parameters(0, coordinates, &mut values);
         values.split_off(BASE_PARAMETERS.len())
     }
 }
 
 /// Points of the parameter space, log-uniform about scales of the record.
-fn points(alone: &Prepared, reach_rad: f64) -> Vec<[f64; 6]> {
+fn points(alone: &Observations, peak_angle_rad: f64) -> Vec<[f64; 6]> {
     let trial = &alone.trials[0];
     let peak = peak_nm(trial);
     // The first peak is that of the inertias gaining speed.
     let top_speed = trial.input.motion.iter().map(|k| k.omega).fold(1e-3, f64::max);
     let peak_at = trial.measured_nm.iter().position(|t| t.abs() == peak).unwrap_or(1).max(1);
     let inertia = 0.5 * peak * peak_at as f64 * alone.period_s / top_speed;
-    let stiffness = peak / reach_rad;
+    let stiffness = peak / peak_angle_rad;
     let mut stream = Stream::new(0, "pilot");
     let mut spread = |low: f64, high: f64| low * libm::exp(stream.uniform() * libm::log(high / low));
     (0..LOOKS)
@@ -398,7 +404,7 @@ fn points(alone: &Prepared, reach_rad: f64) -> Vec<[f64; 6]> {
             let k_srs = stiffness * spread(0.1, 5.0);
             let k_h = k_srs * spread(3.0, 60.0);
             let b_h = 2.0 * spread(0.05, 1.0) * libm::sqrt(k_h * i_j);
-            [i_j, b_h, k_h, k_srs, k_srs * spread(0.2, 0.9), reach_rad * spread(0.3, 0.8)]
+            [i_j, b_h, k_h, k_srs, k_srs * spread(0.2, 0.9), peak_angle_rad * spread(0.3, 0.8)]
         })
         .collect()
 }

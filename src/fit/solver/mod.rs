@@ -1,4 +1,4 @@
-//! Normal equations and their solution by the Levenberg-Marquardt method.
+//! NormalEquations equations and their solution by the Levenberg-Marquardt method.
 
 pub mod levenberg_marquardt;
 pub mod normal_equations;

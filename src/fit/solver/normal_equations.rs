@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::levenberg_marquardt::factor;
-use crate::fit::data::preprocessing::Prepared;
-use crate::fit::parameters::parameterisation::{BorderKnown, Component, Layout};
+use crate::fit::data::preprocessing::Observations;
+use crate::fit::parameters::parameterisation::{BorderPrior, Component, Parameterisation};
 use crate::fit::residuals::prediction::predict;
 use crate::wrist::Response;
 use crate::wrist::mechanisms::Kind;
@@ -20,7 +20,7 @@ pub enum Objective {
 
 /// One trial's part of the normal equations, by the estimated parameters.
 #[derive(Debug, Clone)]
-pub struct TrialNormal {
+pub struct TrialNormalEquations {
     /// Sum of products of derivatives.
     pub matrix: DMatrix<f64>,
     /// Sum of derivatives times residual (predicted less measured).
@@ -43,7 +43,7 @@ struct Block {
 
 /// The normal equations of a component.
 #[derive(Debug, Clone)]
-pub struct Normal {
+pub struct NormalEquations {
     /// Half the sum of squares.
     pub cost: f64,
     blocks: Vec<Block>,
@@ -53,33 +53,40 @@ pub struct Normal {
 
 /// The normal equations of `components` at `coordinates`.
 pub fn evaluate(
-    prepared: &Prepared,
-    layout: &Layout,
+    observations: &Observations,
+    parameterisation: &Parameterisation,
     kinds: &[Kind],
     objective: &Objective,
     components: &[&Component],
     coordinates: &[f64],
-) -> Vec<Normal> {
+) -> Vec<NormalEquations> {
     let trials: Vec<usize> = components.iter().flat_map(|component| &component.trials).copied().collect();
     let mut parameters = Vec::new();
     for trial in &trials {
-        layout.parameters(*trial, coordinates, &mut parameters);
+        parameterisation.parameters(*trial, coordinates, &mut parameters);
     }
     let mut response = Response::default();
-    predict(prepared, kinds, &layout.estimated, &trials, &parameters, &mut response);
+    predict(observations, kinds, &parameterisation.estimated, &trials, &parameters, &mut response);
     let mut place = 0;
-    let count = layout.links[0].len();
+    let count = parameterisation.transforms[0].len();
     let mut result = Vec::with_capacity(components.len());
     for component in components {
-        let mut normal = Normal::empty(component);
+        let mut normal = NormalEquations::empty(component);
         for (own, trial) in component.trials.iter().enumerate() {
-            let part = trial_normal(prepared, objective, *trial, &response, place, layout.estimated.len());
+            let part = trial_normal(
+                observations,
+                objective,
+                *trial,
+                &response,
+                place,
+                parameterisation.estimated.len(),
+            );
             let parameters = &parameters[place * count..(place + 1) * count];
-            normal.add(component, layout, own, *trial, parameters, &part);
+            normal.add(component, parameterisation, own, *trial, parameters, &part);
             place += 1;
         }
-        normal.add_priors(component, layout, coordinates);
-        normal.add_known(component, coordinates);
+        normal.add_priors(component, parameterisation, coordinates);
+        normal.add_border_prior(component, coordinates);
         result.push(normal);
     }
     result
@@ -87,27 +94,27 @@ pub fn evaluate(
 
 /// Residuals (predicted less measured) and derivatives of the trial at `place` in the response.
 fn trial_normal(
-    prepared: &Prepared,
+    observations: &Observations,
     objective: &Objective,
     trial: usize,
     response: &Response,
     place: usize,
     wanted: usize,
-) -> TrialNormal {
-    let samples = prepared.samples;
+) -> TrialNormalEquations {
+    let samples = observations.samples;
     let torque = &response.torque_nm[place * samples..(place + 1) * samples];
     let slopes = &response.slopes[place * samples * wanted..(place + 1) * samples * wanted];
     let residual: Vec<f64> = torque
         .iter()
-        .zip(&prepared.trials[trial].measured_nm)
+        .zip(&observations.trials[trial].measured_nm)
         .map(|(predicted, measured)| predicted - measured)
         .collect();
-    match (objective, prepared.noise_of[trial]) {
+    match (objective, observations.noise_index[trial]) {
         (Objective::Whitened(whiteners), Some(noise)) => {
             let whitener = &whiteners[noise];
             let jacobian = whitener * DMatrix::from_row_slice(samples, wanted, slopes);
             let residual = whitener * DVector::from_vec(residual);
-            TrialNormal {
+            TrialNormalEquations {
                 cost: 0.5 * residual.norm_squared(),
                 gradient: jacobian.tr_mul(&residual),
                 matrix: jacobian.tr_mul(&jacobian),
@@ -129,12 +136,12 @@ fn trial_normal(
                 cost += 0.5 * residual * residual;
             }
             matrix.fill_upper_triangle_with_lower_triangle();
-            TrialNormal { matrix, gradient, cost }
+            TrialNormalEquations { matrix, gradient, cost }
         }
     }
 }
 
-impl Normal {
+impl NormalEquations {
     fn empty(component: &Component) -> Self {
         let border = component.border.len();
         Self {
@@ -160,17 +167,18 @@ impl Normal {
     fn add(
         &mut self,
         component: &Component,
-        layout: &Layout,
+        parameterisation: &Parameterisation,
         own: usize,
         trial: usize,
         parameters: &[f64],
-        part: &TrialNormal,
+        part: &TrialNormalEquations,
     ) {
         let block_index = component.block_of_trial[own];
         // The trial's parameters as places in the block or in the border, with how they change.
-        let mut places: Vec<(usize, Result<usize, usize>, f64)> = Vec::with_capacity(layout.estimated.len());
-        for (row, parameter) in layout.estimated.iter().enumerate() {
-            layout.slopes(trial, *parameter, parameters[*parameter], |coordinate, slope| {
+        let mut places: Vec<(usize, Result<usize, usize>, f64)> =
+            Vec::with_capacity(parameterisation.estimated.len());
+        for (row, parameter) in parameterisation.estimated.iter().enumerate() {
+            parameterisation.slopes(trial, *parameter, parameters[*parameter], |coordinate, slope| {
                 let place = match component.blocks[block_index].iter().position(|c| *c == coordinate) {
                     Some(place) => Ok(place),
                     None => Err(component.border.iter().position(|c| *c == coordinate).unwrap_or(0)),
@@ -206,9 +214,9 @@ impl Normal {
     }
 
     /// Adds what is known of the coordinates beforehand.
-    fn add_priors(&mut self, component: &Component, layout: &Layout, at: &[f64]) {
+    fn add_priors(&mut self, component: &Component, parameterisation: &Parameterisation, at: &[f64]) {
         let known = |coordinate: &usize| {
-            let (centre, sd) = layout.coordinates[*coordinate].prior?;
+            let (centre, sd) = parameterisation.coordinates[*coordinate].prior?;
             Some(((at[*coordinate] - centre) / sd, sd))
         };
         for (own, block) in component.blocks.iter().zip(&mut self.blocks) {
@@ -231,8 +239,8 @@ impl Normal {
     }
 
     /// Adds what trials outside of the component know of its border.
-    fn add_known(&mut self, component: &Component, at: &[f64]) {
-        let Some(known) = &component.border_known else { return };
+    fn add_border_prior(&mut self, component: &Component, at: &[f64]) {
+        let Some(known) = &component.border_prior else { return };
         let away = DVector::from_fn(component.border.len(), |i, _| at[component.border[i]] - known.at[i]);
         let slope = &known.information * &away;
         self.cost += known.gradient.dot(&away) + 0.5 * slope.dot(&away);
@@ -241,7 +249,7 @@ impl Normal {
     }
 
     /// What everything but one block knows of the border: the quadratic that is left when the other blocks follow.
-    pub fn known_by_others(&self, component: &Component, block: usize, at: &[f64]) -> BorderKnown {
+    pub fn border_prior_from_others(&self, component: &Component, block: usize, at: &[f64]) -> BorderPrior {
         let mut information = &self.border - &self.blocks[block].share;
         let mut gradient = &self.border_gradient - &self.blocks[block].gradient_share;
         for (index, other) in self.blocks.iter().enumerate() {
@@ -257,12 +265,12 @@ impl Normal {
             gradient -= other.with_border.tr_mul(&factor.solve(&other.gradient));
         }
         let at = DVector::from_iterator(component.border.len(), component.border.iter().map(|i| at[*i]));
-        BorderKnown { at, gradient, information }
+        BorderPrior { at, gradient, information }
     }
 
     /// Standard deviations of a block's coordinates, the border being as well known as `known` and the block itself tell;
     /// infinite where nothing does.
-    pub fn block_sds(&self, block: usize, known: &BorderKnown) -> Vec<f64> {
+    pub fn block_standard_deviations(&self, block: usize, known: &BorderPrior) -> Vec<f64> {
         let Block { matrix, with_border, share, .. } = &self.blocks[block];
         let (own, border) = (matrix.nrows(), share.nrows());
         let mut whole = DMatrix::zeros(own + border, own + border);
@@ -270,7 +278,7 @@ impl Normal {
         whole.view_mut((0, own), (own, border)).copy_from(with_border);
         whole.view_mut((own, 0), (border, own)).copy_from(&with_border.transpose());
         whole.view_mut((own, own), (border, border)).copy_from(&(share + &known.information));
-        match crate::fit::fitted::uncertainty::invert(whole) {
+        match crate::fit::fitted::uncertainty::invert_scaled(whole) {
             Some(inverse) => (0..own).map(|i| libm::sqrt(inverse[(i, i)])).collect(),
             None => vec![f64::INFINITY; own],
         }
@@ -288,7 +296,7 @@ impl Normal {
     pub fn damped_step(
         &self,
         component: &Component,
-        layout: &Layout,
+        parameterisation: &Parameterisation,
         dampings: &[f64],
         held: &[bool],
     ) -> Option<DVector<f64>> {
@@ -302,7 +310,7 @@ impl Normal {
                     matrix[(i, i)] = 1.0;
                 } else {
                     // A floor under the diagonal keeps coordinates without influence where they are.
-                    let scale = layout.coordinates[*coordinate].scale;
+                    let scale = parameterisation.coordinates[*coordinate].scale;
                     let floor = 1e-9 * self.cost.max(1e-12) / (scale * scale);
                     matrix[(i, i)] += damping * matrix[(i, i)] + floor;
                 }
@@ -349,7 +357,7 @@ impl Normal {
     }
 
     /// Decrease of the cost that the quadratic model promises for a step.
-    pub fn promised_decrease(
+    pub fn predicted_decrease(
         &self,
         component: &Component,
         gradient: &DVector<f64>,
@@ -368,7 +376,7 @@ impl Normal {
     }
 
     /// What each block, with its share of the border, has in it.
-    pub fn promised_by_block(&self, step: &DVector<f64>) -> Vec<f64> {
+    pub fn predicted_by_block(&self, step: &DVector<f64>) -> Vec<f64> {
         let border_start = step.len() - self.border.nrows();
         let border_step = step.rows(border_start, self.border.nrows());
         let mut start = 0;
@@ -408,7 +416,7 @@ impl Normal {
 
     /// The least cost of a block that the quadratic model promises with the border, and the block's coordinates in `held`, in
     /// place. What the data do not determine is damped, as in a first step of the descent.
-    pub fn promised_block_cost(&self, block: usize, held: &[bool]) -> f64 {
+    pub fn predicted_block_cost(&self, block: usize, held: &[bool]) -> f64 {
         let Block { cost, matrix, gradient, .. } = &self.blocks[block];
         let free: Vec<usize> = (0..held.len()).filter(|i| !held[*i]).collect();
         let mut own = DMatrix::from_fn(free.len(), free.len(), |i, j| matrix[(free[i], free[j])]);

@@ -28,7 +28,7 @@ fn truth(velocity_rad_s: f64, torque_nm: f64) -> [f64; 6] {
 }
 
 /// A session of the paper's conditions with white torque noise, half a second of hold before each ramp.
-struct Maker {
+struct SyntheticSession {
     repetitions: u32,
     noise_nm: f64,
     hold_s: f64,
@@ -36,7 +36,7 @@ struct Maker {
     truth: fn(f64, f64) -> [f64; 6],
 }
 
-impl Maker {
+impl SyntheticSession {
     fn new(repetitions: u32) -> Self {
         Self { repetitions, noise_nm: 0.02, hold_s: 0.5, seed: 1, truth }
     }
@@ -105,8 +105,8 @@ impl Maker {
         }
     }
 
-    fn prepared(&self) -> Prepared {
-        Prepared::new(&self.session(), View::default()).unwrap()
+    fn observations(&self) -> Observations {
+        Observations::new(&self.session(), PreprocessingSettings::default()).unwrap()
     }
 }
 

@@ -2,10 +2,10 @@
 
 use super::*;
 
-fn fit(json: &str, repetitions: u32) -> (Prepared, Fit) {
-    let prepared = Maker::new(repetitions).prepared();
-    let fit = Fit::new(&prepared, &Model::parse(json).unwrap(), Weighting::MeasuredNoise);
-    (prepared, fit)
+fn fit(json: &str, repetitions: u32) -> (Observations, Fit) {
+    let observations = SyntheticSession::new(repetitions).observations();
+    let fit = Fit::new(&observations, &Model::parse(json).unwrap(), Weighting::MeasuredNoise);
+    (observations, fit)
 }
 
 #[test]
@@ -16,21 +16,21 @@ fn laws_over_velocity_and_torque_find_their_coefficients() {
             "k_srs_nm_per_rad": { "scope": "session", "law": ["one", "torque"] } } }"#,
         2,
     );
-    let coefficient = |parameter: usize, term: Term| {
-        let mut of = fit.layout.coordinates.iter().zip(&fit.solution.coordinates);
+    let coefficient = |parameter: usize, term: LawTerm| {
+        let mut of = fit.parameterisation.coordinates.iter().zip(&fit.solution.coordinates);
         *of.find(|(c, _)| c.parameter == parameter && c.term == Some(term)).unwrap().1
     };
     // x_e = 0.025 + 0.04 (v - 1.3) / 1.95, k_srs = 15 + 8 (T - 0.9) / 1.2
-    assert!(relative(coefficient(5, Term::Velocity), 0.04 / 1.95) < 0.1);
-    assert!((coefficient(5, Term::One) - (0.025 - 0.04 * 1.3 / 1.95)).abs() < 0.005);
-    assert!(relative(coefficient(3, Term::Torque), 8.0 / 1.2) < 0.1);
-    assert!(relative(coefficient(3, Term::One), 9.0) < 0.1);
-    assert!(fit.solution.outcomes.iter().all(|outcome| outcome.stop == Stop::Converged));
+    assert!(relative(coefficient(5, LawTerm::Velocity), 0.04 / 1.95) < 0.1);
+    assert!((coefficient(5, LawTerm::One) - (0.025 - 0.04 * 1.3 / 1.95)).abs() < 0.005);
+    assert!(relative(coefficient(3, LawTerm::Torque), 8.0 / 1.2) < 0.1);
+    assert!(relative(coefficient(3, LawTerm::One), 9.0) < 0.1);
+    assert!(fit.solution.outcomes.iter().all(|outcome| outcome.stop == Termination::Converged));
 }
 
 #[test]
 fn a_parameter_has_one_value_over_its_scope() {
-    let (prepared, fit) = fit(
+    let (observations, fit) = fit(
         r#"{ "format": "ramphold-model/1", "parameters": {
             "i_j_kg_m2": { "scope": "session" },
             "b_h_nm_s_per_rad": { "scope": "repetition" },
@@ -38,7 +38,7 @@ fn a_parameter_has_one_value_over_its_scope() {
             "k_srs_nm_per_rad": { "scope": "condition" } } }"#,
         2,
     );
-    let trials = || prepared.trials.iter().zip(&fit.parameters);
+    let trials = || observations.trials.iter().zip(&fit.parameters);
     for (a, own) in trials() {
         for (b, other) in trials() {
             assert_eq!(own[0], other[0]);
@@ -47,24 +47,24 @@ fn a_parameter_has_one_value_over_its_scope() {
             assert_eq!(own[3] == other[3], a.condition == b.condition);
         }
     }
-    assert_eq!(fit.layout.components.len(), 1);
-    let estimates = estimates(&prepared, &fit);
+    assert_eq!(fit.parameterisation.components.len(), 1);
+    let estimates = estimates(&observations, &fit);
     assert!(estimates.iter().all(|estimate| estimate.se[2].is_none() && estimate.se[0].is_some()));
 }
 
 #[test]
 fn repetitions_that_share_nothing_are_separate_problems() {
     let (_, fit) = fit(r#"{ "format": "ramphold-model/1" }"#, 3);
-    assert_eq!(fit.layout.components.len(), 3);
-    assert!(fit.layout.components.iter().all(|component| component.order().len() == 61));
+    assert_eq!(fit.parameterisation.components.len(), 3);
+    assert!(fit.parameterisation.components.iter().all(|component| component.order().len() == 61));
 }
 
 #[test]
 fn the_paper_model_finds_the_truth_within_its_standard_errors() {
-    let prepared = Maker::new(2).prepared();
-    let fit = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
+    let observations = SyntheticSession::new(2).observations();
+    let fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
     let mut errors = Vec::new();
-    for estimate in estimates(&prepared, &fit) {
+    for estimate in estimates(&observations, &fit) {
         let truth = truth(estimate.velocity_rad_s, estimate.torque_nm);
         for ((value, truth), se) in estimate.values.iter().zip(truth).zip(estimate.se) {
             errors.extend(se.map(|se| libm::log(value / truth).abs() / se));
