@@ -10,10 +10,11 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use assert_cmd::cargo::cargo_bin;
 use ramphold::dataset::{self, Status};
 use ramphold::random::Stream;
 use serde_json::{Value, json};
+
+use crate::workspace::PROGRAM;
 
 /// Kills when nobody asks for more.
 const KILLS: u64 = 12;
@@ -24,12 +25,12 @@ fn number(variable: &str, otherwise: u64) -> u64 {
 
 /// The program under test.
 fn ramphold() -> PathBuf {
-    std::env::var_os("RAMPHOLD_PROGRAM").map_or_else(|| cargo_bin("ramphold"), PathBuf::from)
+    std::env::var_os("RAMPHOLD_PROGRAM").map_or_else(|| PROGRAM.into(), PathBuf::from)
 }
 
 /// A session with a bit of everything that is over in no time.
 fn protocol(folder: &Path) -> PathBuf {
-    let mut protocol: Value = serde_json::from_str(include_str!("../protocols/quick.json")).unwrap();
+    let mut protocol: Value = serde_json::from_str(include_str!("../../protocols/quick.json")).unwrap();
     protocol["velocities_rad_s"] = json!([3.25]);
     protocol["rest_s"] = json!(0.2);
     protocol["gate"]["delay_s"] = json!([0, 0.3]);
@@ -120,17 +121,21 @@ fn must_succeed(arguments: &[&str], folder: &Path, told: &str) {
 fn a_session_that_is_killed_at_any_moment_ends_as_if_it_had_not_been() {
     let kills = number("RAMPHOLD_KILLS", KILLS);
     let first = number("RAMPHOLD_KILL_SEED", 1);
-    let desk = tempfile::tempdir().unwrap();
-    let protocol = protocol(desk.path());
+    let workspace = tempfile::tempdir().unwrap();
+    let protocol = protocol(workspace.path());
     let protocol = protocol.to_str().unwrap();
     let seeds = 4u64.min(kills);
     let mut whole_s: f64 = 0.0;
     let undisturbed: Vec<End> = (0..seeds)
         .map(|seed| {
             let (seed, start) = (seed.to_string(), Instant::now());
-            must_succeed(&["run", protocol, "--seed", &seed, "--out", &seed], desk.path(), "undisturbed");
+            must_succeed(
+                &["run", protocol, "--seed", &seed, "--out", &seed],
+                workspace.path(),
+                "undisturbed",
+            );
             whole_s = whole_s.max(start.elapsed().as_secs_f64());
-            end(&desk.path().join(&seed))
+            end(&workspace.path().join(&seed))
         })
         .collect();
 
@@ -142,7 +147,7 @@ fn a_session_that_is_killed_at_any_moment_ends_as_if_it_had_not_been() {
         }
         let mut stream = Stream::new(first, &format!("kill/{session}"));
         let seed = (session % seeds).to_string();
-        let path = desk.path().join("killed");
+        let path = workspace.path().join("killed");
         let told = format!("seed {first}, session {session}");
         // Up to four kills in a row, each somewhere in the time that is left; then it may end.
         let in_a_row = 1 + stream.below(4);
@@ -150,7 +155,7 @@ fn a_session_that_is_killed_at_any_moment_ends_as_if_it_had_not_been() {
             let begun = path.exists();
             let run = ["run", protocol, "--seed", &seed, "--out", "killed", "--quiet"];
             let resume = ["resume", "killed", "--yes", "--quiet"];
-            let mut child = call(if begun { &resume } else { &run }, desk.path()).spawn().unwrap();
+            let mut child = call(if begun { &resume } else { &run }, workspace.path()).spawn().unwrap();
             sleep(Duration::from_secs_f64(whole_s * 1.05 * stream.uniform()));
             let over = child.try_wait().unwrap();
             child.kill().unwrap();
@@ -164,12 +169,12 @@ fn a_session_that_is_killed_at_any_moment_ends_as_if_it_had_not_been() {
             *stages.entry(stage(&path)).or_default() += 1;
         }
         if path.exists() {
-            must_succeed(&["resume", "killed", "--yes"], desk.path(), &told);
+            must_succeed(&["resume", "killed", "--yes"], workspace.path(), &told);
         } else {
-            must_succeed(&["run", protocol, "--seed", &seed, "--out", "killed"], desk.path(), &told);
+            must_succeed(&["run", protocol, "--seed", &seed, "--out", "killed"], workspace.path(), &told);
         }
-        must_succeed(&["verify", "killed"], desk.path(), &told);
-        must_succeed(&["replay", "killed"], desk.path(), &told);
+        must_succeed(&["verify", "killed"], workspace.path(), &told);
+        must_succeed(&["replay", "killed"], workspace.path(), &told);
         assert!(end(&path) == undisturbed[(session % seeds) as usize], "{told}: it ends otherwise");
         fs::remove_dir_all(&path).unwrap();
     }

@@ -7,12 +7,13 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use assert_cmd::cargo::cargo_bin;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
 use tungstenite::{Message, WebSocket};
+
+use crate::workspace::PROGRAM;
 
 /// How long anything may take before it counts as never: far more than it needs.
 pub const FOREVER: Duration = Duration::from_secs(60);
@@ -151,7 +152,7 @@ impl Socket {
 
 /// A session with a bit of everything that is soon over.
 pub fn protocol(folder: &Path) -> PathBuf {
-    let mut protocol: Value = serde_json::from_str(include_str!("../../protocols/quick.json")).unwrap();
+    let mut protocol: Value = serde_json::from_str(include_str!("../../../protocols/quick.json")).unwrap();
     protocol["rest_s"] = json!(0.4);
     protocol["before"]["offset_s"] = json!(0.2);
     protocol["before"]["mvc"] = json!({ "efforts": 1, "duration_s": 0.5, "rest_s": 0.2 });
@@ -165,7 +166,7 @@ impl Program {
     pub fn run(arguments: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (protocol, session) = (protocol(folder.path()), folder.path().join("session"));
-        let mut command = Command::new(cargo_bin("ramphold"));
+        let mut command = Command::new(PROGRAM);
         command.arg("run").arg(protocol).args(["--seed", "1", "--console", "--out"]).arg(&session);
         Self::start(command.args(arguments), session, Arc::new(folder))
     }
@@ -173,7 +174,7 @@ impl Program {
     /// Another verb on the same session.
     pub fn again(self, verb: &str, arguments: &[&str]) -> Self {
         let (session, folder) = (self.session.clone(), self.folder.clone());
-        let mut command = Command::new(cargo_bin("ramphold"));
+        let mut command = Command::new(PROGRAM);
         command.arg(verb).arg(&session).args(arguments);
         Self::start(&mut command, session, folder)
     }

@@ -4,7 +4,7 @@ use ramphold::dataset::{Deed, Desk, remarks, replay};
 use ramphold::session::Event;
 use serde_json::json;
 
-use crate::program::Program;
+use super::program::Program;
 
 #[test]
 fn every_word_and_note_is_in_the_journal_with_its_place() {

@@ -1,54 +1,37 @@
 //! `ramphold cohort` and `ramphold power`: the same bytes however the work is cut up, and what becomes of bad input.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Output;
 
-use assert_cmd::Command;
-use common::files;
 use serde_json::{Value, json};
 
-struct Desk(tempfile::TempDir);
+use crate::workspace::{Workspace, files};
 
-impl Desk {
-    /// A desk with a study of `count` virtual persons through the quick protocol.
-    fn new(count: u32) -> Self {
-        let desk = Self(tempfile::tempdir().unwrap());
-        fs::write(desk.path("quick.json"), include_str!("../protocols/quick.json")).unwrap();
-        desk.write("study.json", &study(count));
-        desk
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, value: &Value) {
-        fs::write(self.path(name), value.to_string()).unwrap();
-    }
-
-    fn ramphold(&self, arguments: &[&str]) -> Output {
-        self.on_threads("2", arguments)
+impl Workspace {
+    /// A folder with a study of `count` virtual subjects and the quick protocol.
+    fn with_study(count: u32) -> Self {
+        let workspace = Self::new();
+        fs::write(workspace.path("quick.json"), include_str!("../../protocols/quick.json")).unwrap();
+        workspace.write("study.json", &study(count));
+        workspace
     }
 
     fn on_threads(&self, threads: &str, arguments: &[&str]) -> Output {
-        let mut command = Command::cargo_bin("ramphold").unwrap();
-        command.current_dir(self.0.path()).env("RAYON_NUM_THREADS", threads).args(arguments).output().unwrap()
+        self.ramphold(arguments).env("RAYON_NUM_THREADS", threads).output().unwrap()
     }
 
     #[track_caller]
-    fn done(&self, arguments: &[&str]) -> Output {
-        let output = self.ramphold(arguments);
+    fn succeed(&self, arguments: &[&str]) -> Output {
+        let output = self.on_threads("2", arguments);
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
         output
     }
 
     #[track_caller]
-    fn refused(&self, code: i32, arguments: &[&str], parts: &[&str]) {
-        let output = self.ramphold(arguments);
+    fn refuse(&self, code: i32, arguments: &[&str], parts: &[&str]) {
+        let output = self.on_threads("2", arguments);
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(code), "{message}");
         for part in parts {
@@ -80,11 +63,11 @@ fn assert_same(one: &Path, other: &Path) {
 
 #[test]
 fn a_study_has_the_rows_of_its_sessions_fits() {
-    let desk = Desk::new(3);
-    let output = desk.done(&["cohort", "study.json", "--seed", "7", "--out", "out", "--keep"]);
+    let workspace = Workspace::with_study(3);
+    let output = workspace.succeed(&["cohort", "study.json", "--seed", "7", "--out", "out", "--keep"]);
     let stdout = String::from_utf8(output.stdout).unwrap();
     assert!(stdout.contains("3 persons, 2 velocities x 2 torques"), "{stdout}");
-    let table = fs::read_to_string(desk.path("out/study.csv")).unwrap();
+    let table = fs::read_to_string(workspace.path("out/study.csv")).unwrap();
     let mut rows: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for line in table.lines().skip(1) {
         let (subject, row) = line.split_once(',').unwrap();
@@ -93,9 +76,9 @@ fn a_study_has_the_rows_of_its_sessions_fits() {
     assert_eq!(rows.keys().collect::<Vec<_>>(), ["P0001", "P0002", "P0003"]);
     for (subject, rows) in rows {
         let session = format!("out/sessions/{subject}-1");
-        desk.done(&["verify", &session]);
-        desk.done(&["fit", &session]);
-        let fit = fs::read_to_string(desk.path(&session).join("results/fit.csv")).unwrap();
+        workspace.succeed(&["verify", &session]);
+        workspace.succeed(&["fit", &session]);
+        let fit = fs::read_to_string(workspace.path(&session).join("results/fit.csv")).unwrap();
         let mut lines = fit.lines();
         let header = lines.next().unwrap();
         assert_eq!(table.lines().next().unwrap(), format!("subject,{header},session"));
@@ -105,108 +88,125 @@ fn a_study_has_the_rows_of_its_sessions_fits() {
 
 #[test]
 fn a_study_has_the_same_bytes_whatever_the_threads_the_interruptions_and_the_order_of_its_parts() {
-    let desk = Desk::new(5);
-    assert!(desk.on_threads("1", &["cohort", "study.json", "--seed", "7", "--out", "one"]).status.success());
-    desk.done(&["cohort", "study.json", "--seed", "7", "--out", "two"]);
-    assert_same(&desk.path("one"), &desk.path("two"));
+    let workspace = Workspace::with_study(5);
+    assert!(
+        workspace.on_threads("1", &["cohort", "study.json", "--seed", "7", "--out", "one"]).status.success()
+    );
+    workspace.succeed(&["cohort", "study.json", "--seed", "7", "--out", "two"]);
+    assert_same(&workspace.path("one"), &workspace.path("two"));
 
     // What is done is not done again; what is lost or damaged is.
-    fs::remove_file(desk.path("two/parts/part-000001.csv")).unwrap();
-    let damaged = desk.path("two/parts/part-000002.csv");
+    fs::remove_file(workspace.path("two/parts/part-000001.csv")).unwrap();
+    let damaged = workspace.path("two/parts/part-000002.csv");
     let text = fs::read_to_string(&damaged).unwrap();
     fs::write(&damaged, &text[..text.len() - 30]).unwrap();
-    fs::remove_file(desk.path("two/study.csv")).unwrap();
-    let untouched = fs::metadata(desk.path("two/parts/part-000000.csv")).unwrap().modified().unwrap();
-    let output = desk.done(&["cohort", "study.json", "--out", "two", "--resume"]);
+    fs::remove_file(workspace.path("two/study.csv")).unwrap();
+    let untouched = fs::metadata(workspace.path("two/parts/part-000000.csv")).unwrap().modified().unwrap();
+    let output = workspace.succeed(&["cohort", "study.json", "--out", "two", "--resume"]);
     assert!(String::from_utf8(output.stderr).unwrap().contains("2 sessions were done before"));
-    assert_eq!(fs::metadata(desk.path("two/parts/part-000000.csv")).unwrap().modified().unwrap(), untouched);
-    assert_same(&desk.path("one"), &desk.path("two"));
+    assert_eq!(
+        fs::metadata(workspace.path("two/parts/part-000000.csv")).unwrap().modified().unwrap(),
+        untouched
+    );
+    assert_same(&workspace.path("one"), &workspace.path("two"));
 
     // As the workers of a cluster do it: each part by a program of its own, some twice, the last first.
-    desk.done(&["cohort", "study.json", "--seed", "7", "--out", "three", "--plan"]);
+    workspace.succeed(&["cohort", "study.json", "--seed", "7", "--out", "three", "--plan"]);
     for (part, was_done) in [("2", false), ("0", false), ("2", true), ("1", false)] {
-        let output = desk.done(&["cohort", "study.json", "--seed", "7", "--out", "three", "--part", part]);
+        let output =
+            workspace.succeed(&["cohort", "study.json", "--seed", "7", "--out", "three", "--part", part]);
         let told: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(told["was_done"], was_done, "{told}");
         assert_eq!(told["failed"], 0);
     }
-    desk.done(&["cohort", "study.json", "--seed", "7", "--out", "three", "--resume"]);
-    assert_same(&desk.path("one"), &desk.path("three"));
+    workspace.succeed(&["cohort", "study.json", "--seed", "7", "--out", "three", "--resume"]);
+    assert_same(&workspace.path("one"), &workspace.path("three"));
 
-    desk.refused(2, &["cohort", "study.json", "--seed", "7", "--out", "two"], &["begun in it", "--resume"]);
-    desk.refused(
+    workspace.refuse(
+        2,
+        &["cohort", "study.json", "--seed", "7", "--out", "two"],
+        &["begun in it", "--resume"],
+    );
+    workspace.refuse(
         2,
         &["cohort", "study.json", "--seed", "8", "--out", "two", "--resume"],
         &["another study, another seed"],
     );
-    desk.refused(2, &["cohort", "study.json", "--seed", "7", "--out", ".", "--resume"], &["something else"]);
-    desk.refused(
+    workspace.refuse(
+        2,
+        &["cohort", "study.json", "--seed", "7", "--out", ".", "--resume"],
+        &["something else"],
+    );
+    workspace.refuse(
         2,
         &["cohort", "study.json", "--seed", "7", "--out", "three", "--part", "3"],
         &["expected 0 to 2"],
     );
-    desk.done(&["cohort", "one/study.csv", "--out", "again"]);
+    workspace.succeed(&["cohort", "one/study.csv", "--out", "again"]);
     for table in ["means.csv", "anova.csv", "trends.csv", "contrasts.csv"] {
-        let read = |folder: &str| fs::read(desk.path(folder).join(table)).unwrap();
+        let read = |folder: &str| fs::read(workspace.path(folder).join(table)).unwrap();
         assert!(read("one") == read("again"), "{table} differs");
     }
-    desk.refused(2, &["cohort", "one/study.csv", "--out", "again"], &["holds the tables"]);
+    workspace.refuse(2, &["cohort", "one/study.csv", "--out", "again"], &["holds the tables"]);
 }
 
-/// A desk with three measured sessions in `measured`.
-fn measured() -> Desk {
-    let desk = Desk::new(1);
+/// A workspace with three measured sessions in `measured`.
+fn measured() -> Workspace {
+    let workspace = Workspace::with_study(1);
     for (subject, seed) in [("S01", "1"), ("S02", "2"), ("S03", "3")] {
         let out = format!("measured/{subject}");
-        desk.done(&["run", "quick.json", "--subject", subject, "--seed", seed, "--out", &out]);
+        workspace.succeed(&["run", "quick.json", "--subject", subject, "--seed", seed, "--out", &out]);
     }
-    desk.write(
+    workspace.write(
         "study.json",
         &json!({
             "format": "ramphold-study/1", "name": "measured",
             "persons": { "kind": "measured", "folders": ["measured"] },
         }),
     );
-    desk
+    workspace
 }
 
 #[test]
 fn measured_sessions_are_fitted_and_one_that_is_broken_is_told_of() {
-    let desk = measured();
-    desk.done(&["cohort", "study.json", "--seed", "1", "--out", "whole"]);
-    let whole = fs::read_to_string(desk.path("whole/study.csv")).unwrap();
-    let table = fs::read_to_string(desk.path("measured/S02/results/fit.csv")).unwrap();
+    let workspace = measured();
+    workspace.succeed(&["cohort", "study.json", "--seed", "1", "--out", "whole"]);
+    let whole = fs::read_to_string(workspace.path("whole/study.csv")).unwrap();
+    let table = fs::read_to_string(workspace.path("measured/S02/results/fit.csv")).unwrap();
     for row in table.lines().skip(1) {
         assert!(whole.contains(&format!("S02,{row},1\n")), "{row}");
     }
-    let record = desk.path("measured/S03/trials/trial-002.csv");
+    let record = workspace.path("measured/S03/trials/trial-002.csv");
     fs::write(&record, fs::read_to_string(&record).unwrap().replacen("0.0000,", "NaN,", 1)).unwrap();
-    desk.refused(
+    workspace.refuse(
         1,
         &["cohort", "study.json", "--seed", "1", "--out", "broken"],
         &["S03, session 1: ", "trial-002.csv, line 2, column t_s", "1 problems kept persons out"],
     );
-    let broken = fs::read_to_string(desk.path("broken/study.csv")).unwrap();
+    let broken = fs::read_to_string(workspace.path("broken/study.csv")).unwrap();
     assert_eq!(
         broken,
         whole.lines().filter(|line| !line.starts_with("S03")).fold(String::new(), |t, l| t + l + "\n")
     );
-    let results: Value = serde_json::from_slice(&fs::read(desk.path("broken/study.json")).unwrap()).unwrap();
+    let results: Value =
+        serde_json::from_slice(&fs::read(workspace.path("broken/study.json")).unwrap()).unwrap();
     assert_eq!((&results["persons"], &results["problem_count"]), (&json!(2), &json!(1)));
     assert!(
-        fs::read_to_string(desk.path("broken/anova.csv")).unwrap().contains("k_srs_nm_per_rad,velocity,2,")
+        fs::read_to_string(workspace.path("broken/anova.csv"))
+            .unwrap()
+            .contains("k_srs_nm_per_rad,velocity,2,")
     );
 }
 
 #[test]
 fn a_person_who_was_measured_otherwise_or_twice_is_in_study_csv_and_in_no_other_table() {
-    let desk = measured();
-    let longer =
-        include_str!("../protocols/quick.json").replace("\"rise_time_s\": 0.020", "\"rise_time_s\": 0.025");
-    fs::write(desk.path("longer.json"), longer).unwrap();
-    desk.done(&["run", "longer.json", "--subject", "S04", "--seed", "4", "--out", "measured/S04"]);
-    desk.done(&["run", "quick.json", "--subject", "S01", "--seed", "5", "--out", "measured/S05"]);
-    desk.refused(
+    let workspace = measured();
+    let longer = include_str!("../../protocols/quick.json")
+        .replace("\"rise_time_s\": 0.020", "\"rise_time_s\": 0.025");
+    fs::write(workspace.path("longer.json"), longer).unwrap();
+    workspace.succeed(&["run", "longer.json", "--subject", "S04", "--seed", "4", "--out", "measured/S04"]);
+    workspace.succeed(&["run", "quick.json", "--subject", "S01", "--seed", "5", "--out", "measured/S05"]);
+    workspace.refuse(
         1,
         &["cohort", "study.json", "--seed", "1", "--out", "out"],
         &[
@@ -215,63 +215,67 @@ fn a_person_who_was_measured_otherwise_or_twice_is_in_study_csv_and_in_no_other_
             "measured/S05",
         ],
     );
-    let table = fs::read_to_string(desk.path("out/study.csv")).unwrap();
+    let table = fs::read_to_string(workspace.path("out/study.csv")).unwrap();
     assert_eq!(table.lines().filter(|line| line.starts_with("S04,")).count(), 8);
     assert_eq!(table.lines().filter(|line| line.starts_with("S01,")).count(), 16);
-    let means = fs::read_to_string(desk.path("out/means.csv")).unwrap();
+    let means = fs::read_to_string(workspace.path("out/means.csv")).unwrap();
     assert!(means.contains("k_srs_nm_per_rad,1.3,0.9,3,"), "{means}");
 
     // The same two sessions as repeated measurements of one person.
-    desk.write(
+    workspace.write(
         "study.json",
         &json!({
             "format": "ramphold-study/1", "name": "measured",
             "persons": { "kind": "measured", "folders": ["measured/S01", "measured/S02", "measured/S05"], "repeated": true },
         }),
     );
-    let output = desk.done(&["cohort", "study.json", "--seed", "1", "--out", "retest"]);
+    let output = workspace.succeed(&["cohort", "study.json", "--seed", "1", "--out", "retest"]);
     assert!(String::from_utf8(output.stdout).unwrap().starts_with("2 persons"));
-    assert!(desk.path("retest/reliability.csv").exists());
+    assert!(workspace.path("retest/reliability.csv").exists());
 }
 
 #[test]
 fn one_person_is_too_few_for_statistics_and_has_means() {
-    let desk = Desk::new(1);
-    desk.refused(1, &["cohort", "study.json", "--seed", "1", "--out", "out"], &["at least 2 are needed"]);
-    assert!(fs::read_to_string(desk.path("out/means.csv")).unwrap().lines().count() > 30);
-    assert_eq!(fs::read_to_string(desk.path("out/anova.csv")).unwrap().lines().count(), 1);
+    let workspace = Workspace::with_study(1);
+    workspace.refuse(1, &["cohort", "study.json", "--seed", "1", "--out", "out"], &["at least 2 are needed"]);
+    assert!(fs::read_to_string(workspace.path("out/means.csv")).unwrap().lines().count() > 30);
+    assert_eq!(fs::read_to_string(workspace.path("out/anova.csv")).unwrap().lines().count(), 1);
 }
 
 #[test]
 fn a_study_file_that_is_wrong_is_refused_before_anything_is_written() {
-    let desk = Desk::new(2);
-    desk.write("bad.json", &json!({ "format": "ramphold-study/1", "name": "bad" }));
-    desk.refused(2, &["cohort", "bad.json", "--out", "out"], &["bad.json, line 1", "persons"]);
-    desk.refused(2, &["cohort", "none.json", "--out", "out"], &["none.json", "cannot be read"]);
-    desk.refused(2, &["power", "study.json", "--difference", "k_srs"], &["expected one of"]);
-    desk.refused(
+    let workspace = Workspace::with_study(2);
+    workspace.write("bad.json", &json!({ "format": "ramphold-study/1", "name": "bad" }));
+    workspace.refuse(2, &["cohort", "bad.json", "--out", "out"], &["bad.json, line 1", "persons"]);
+    workspace.refuse(2, &["cohort", "none.json", "--out", "out"], &["none.json", "cannot be read"]);
+    workspace.refuse(2, &["power", "study.json", "--difference", "k_srs"], &["expected one of"]);
+    workspace.refuse(
         2,
         &["power", "study.json", "--change", "x_t=0.002", "--repetitions", "3"],
         &["--repetitions 3"],
     );
-    desk.refused(2, &["power", "study.json"], &["--difference"]);
-    desk.refused(
+    workspace.refuse(2, &["power", "study.json"], &["--difference"]);
+    workspace.refuse(
         2,
         &["power", "study.json", "--change", "x_t=0.002", "--limit", "time"],
         &["cannot be used with"],
     );
-    desk.refused(2, &["power", "study.json", "--mechanism", "ghost"], &["\"ghost\" is not in the catalogue"]);
-    desk.refused(
+    workspace.refuse(
+        2,
+        &["power", "study.json", "--mechanism", "ghost"],
+        &["\"ghost\" is not in the catalogue"],
+    );
+    workspace.refuse(
         2,
         &["power", "study.json", "--mechanism", "joint_damping:b=1"],
         &["expected finite numbers for"],
     );
-    assert!(!desk.path("out").exists());
+    assert!(!workspace.path("out").exists());
 }
 
 #[test]
 fn power_writes_curves_as_table_and_figure_the_same_every_time() {
-    let desk = Desk::new(1);
+    let workspace = Workspace::with_study(1);
     let arguments = |out| {
         [
             "power",
@@ -292,15 +296,15 @@ fn power_writes_curves_as_table_and_figure_the_same_every_time() {
             out,
         ]
     };
-    let output = desk.done(&arguments("one"));
+    let output = workspace.succeed(&arguments("one"));
     assert!(String::from_utf8(output.stdout).unwrap().contains("2 repetitions: power 0.8 takes"));
-    let table = fs::read_to_string(desk.path("one/power.csv")).unwrap();
+    let table = fs::read_to_string(workspace.path("one/power.csv")).unwrap();
     assert_eq!(table.lines().count(), 5, "{table}");
-    assert!(fs::read_to_string(desk.path("one/power.svg")).unwrap().starts_with("<svg"));
-    assert!(desk.on_threads("1", &arguments("two")).status.success());
-    assert_same(&desk.path("one"), &desk.path("two"));
-    desk.refused(2, &arguments("one"), &["not overwritten"]);
-    let output = desk.done(&[
+    assert!(fs::read_to_string(workspace.path("one/power.svg")).unwrap().starts_with("<svg"));
+    assert!(workspace.on_threads("1", &arguments("two")).status.success());
+    assert_same(&workspace.path("one"), &workspace.path("two"));
+    workspace.refuse(2, &arguments("one"), &["not overwritten"]);
+    let output = workspace.succeed(&[
         "power",
         "study.json",
         "--limit",

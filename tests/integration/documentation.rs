@@ -4,9 +4,9 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use assert_cmd::cargo::cargo_bin;
+use crate::workspace::PROGRAM;
 
-const README: &str = include_str!("../README.md");
+const README: &str = include_str!("../../README.md");
 
 /// The lines of the README's shell example, in order, in a folder with the repository's protocols.
 fn run_the_example(folder: &Path) {
@@ -19,11 +19,8 @@ fn run_the_example(folder: &Path) {
     assert!(lines.len() >= 5, "{lines:?}");
     for line in lines {
         let line = line.split('#').next().unwrap_or_default();
-        let output = Command::new(cargo_bin("ramphold"))
-            .args(line.split_whitespace())
-            .current_dir(folder)
-            .output()
-            .unwrap();
+        let output =
+            Command::new(PROGRAM).args(line.split_whitespace()).current_dir(folder).output().unwrap();
         assert!(output.status.success(), "ramphold {line}: {}", String::from_utf8_lossy(&output.stderr));
         assert!(!output.stdout.is_empty(), "ramphold {line} prints nothing");
     }
@@ -70,7 +67,7 @@ fn the_persons_rigs_and_models_in_the_docs_can_be_run() {
     for (file, json) in [("person.json", person), ("rig.json", rig), ("model.json", model)] {
         fs::write(folder.path().join(file), json).unwrap();
     }
-    let output = Command::new(cargo_bin("ramphold"))
+    let output = Command::new(PROGRAM)
         .arg("run")
         .arg(root.join("protocols/quick.json"))
         .args(["--subject", "person.json", "--rig", "rig.json", "--model", "model.json", "--out", "s"])

@@ -1,32 +1,12 @@
 //! `ramphold diagnose`, `run --hide`, `reveal` and `design`: what a scientist sees of a wrist that hides something.
 
-mod common;
-mod desk;
-
 use std::fs;
 
-use assert_cmd::Command;
-use desk::Desk;
 use serde_json::Value;
 
-/// The paper's protocol, and one of a minute.
-const PAPER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols/de-vlugt-2011.json");
-const QUICK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols/quick.json");
+use crate::workspace::{PAPER, QUICK, Workspace, files};
 
-impl Desk {
-    fn call(&self, code: i32, arguments: &[&str]) -> (String, String) {
-        self.call_with("0", code, arguments)
-    }
-
-    /// Calls the program with so many threads (0: as many as there are cores); its standard output and error.
-    fn call_with(&self, threads: &str, code: i32, arguments: &[&str]) -> (String, String) {
-        let mut command = Command::cargo_bin("ramphold").unwrap();
-        let command = command.current_dir(self.0.path()).env("RAYON_NUM_THREADS", threads).args(arguments);
-        let assert = command.assert().code(code);
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        (text(&assert.get_output().stdout), text(&assert.get_output().stderr))
-    }
-
+impl Workspace {
     fn diagnosis(&self, file: &str) -> Value {
         serde_json::from_str(&fs::read_to_string(self.path(file)).unwrap()).unwrap()
     }
@@ -52,9 +32,9 @@ impl Desk {
 
 #[test]
 fn a_slack_handle_is_named_measured_and_gone_with_the_extended_model() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let slack = ("interface_slack", serde_json::json!({ "half_width_rad": 0.0006 }));
-    let found = desk.diagnosis_of(&[slack], "5");
+    let found = workspace.diagnosis_of(&[slack], "5");
     assert_eq!(found["verdict"], "named", "{found:#}");
     let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
     assert_eq!(cause["mechanism"], "interface_slack");
@@ -62,17 +42,17 @@ fn a_slack_handle_is_named_measured_and_gone_with_the_extended_model() {
     assert!((width - 0.0006).abs() < 0.00006, "{width}");
     assert!(cause["gain"]["held_out_rmse_ratio"]["high"].as_f64().unwrap() < 1.0, "{cause:#}");
 
-    desk.call(0, &["diagnose", "s", "--model", "s/results/model.json", "--out", "again"]);
-    assert_eq!(desk.diagnosis("again/diagnosis.json")["verdict"], "adequate");
+    workspace.call(0, &["diagnose", "s", "--model", "s/results/model.json", "--out", "again"]);
+    assert_eq!(workspace.diagnosis("again/diagnosis.json")["verdict"], "adequate");
 }
 
 /// A second cause had once to be worth a twentieth of the first even if that was a delay, which has no law that could be off.
 #[test]
 fn a_small_cause_is_found_beside_a_delay_that_is_worth_many_times_as_much() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let delay = ("channel_skew", serde_json::json!({ "delay_s": -0.002 }));
     let hardening = ("interface_hardening", serde_json::json!({ "strength_per_rad2": 4000.0 }));
-    let found = desk.diagnosis_of(&[delay, hardening], "5");
+    let found = workspace.diagnosis_of(&[delay, hardening], "5");
     let causes: Vec<&str> = found["causes"]
         .as_array()
         .unwrap()
@@ -88,21 +68,21 @@ fn a_small_cause_is_found_beside_a_delay_that_is_worth_many_times_as_much() {
 /// already.
 #[test]
 fn what_an_antagonist_adds_is_found_in_its_raw_emg_and_measured() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let person = serde_json::json!({
         "format": "ramphold-person/1",
         "id": "Ada",
         "muscles": { "cocontraction": 0.8 },
         "spread": { "cocontraction": 0.4 },
     });
-    fs::write(desk.path("ada.json"), person.to_string()).unwrap();
-    desk.model(&[("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 60.0 }))]);
-    desk.call(
+    fs::write(workspace.path("ada.json"), person.to_string()).unwrap();
+    workspace.model(&[("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 60.0 }))]);
+    workspace.call(
         0,
         &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--model", "hides.json", "--out", "s"],
     );
-    desk.call(0, &["diagnose", "s", "--seed", "2"]);
-    let found = desk.diagnosis("s/results/diagnosis.json");
+    workspace.call(0, &["diagnose", "s", "--seed", "2"]);
+    let found = workspace.diagnosis("s/results/diagnosis.json");
     let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
     assert_eq!(cause["mechanism"], "cocontraction");
     let stiffness = cause["parameters"]["stiffness_nm_per_rad_per_mvc"]["value"].as_f64().unwrap();
@@ -116,7 +96,7 @@ fn what_an_antagonist_adds_is_found_in_its_raw_emg_and_measured() {
 fn an_inertia_of_the_lever_is_named_though_all_yields_go_astray_without_it() {
     for inertia_kg_m2 in [0.0040, 0.0055] {
         let inertia = ("lever_inertia", serde_json::json!({ "inertia_kg_m2": inertia_kg_m2 }));
-        let found = Desk::new().diagnosis_of(&[inertia], "1");
+        let found = Workspace::new().diagnosis_of(&[inertia], "1");
         assert_eq!(found["verdict"], "named", "{found:#}");
         let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
         assert_eq!(cause["mechanism"], "lever_inertia");
@@ -131,7 +111,7 @@ fn an_inertia_of_the_lever_is_named_though_all_yields_go_astray_without_it() {
 fn the_first_of_two_causes_is_chosen_again_once_the_second_is_known() {
     let lag = ("torque_lag", serde_json::json!({ "cutoff_hz": 150.0 }));
     let slack = ("interface_slack", serde_json::json!({ "half_width_rad": 0.0004 }));
-    let found = Desk::new().diagnosis_of(&[lag, slack], "1");
+    let found = Workspace::new().diagnosis_of(&[lag, slack], "1");
     let mechanism = |place: usize| found["causes"][place]["mechanism"].as_str();
     let causes = [mechanism(0), mechanism(1), mechanism(2)];
     assert_eq!(causes, [Some("torque_lag"), Some("interface_slack"), None], "{found:#}");
@@ -141,7 +121,7 @@ fn the_first_of_two_causes_is_chosen_again_once_the_second_is_known() {
 /// A limit that is a time is no misfit, since each condition has a limit of its own: it is a law over the velocities.
 #[test]
 fn whether_the_muscle_yields_after_a_time_or_at_an_angle_is_told() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let limits = [
         ("timed_yield", serde_json::json!({ "at_lowest": 0.026, "per_rad_s": 0.02, "per_nm": 0.0 })),
         ("fixed_angle", serde_json::json!({ "at_lowest": 0.026, "per_rad_s": 0.0, "per_nm": 0.0 })),
@@ -150,10 +130,10 @@ fn whether_the_muscle_yields_after_a_time_or_at_an_angle_is_told() {
     for (law, surface) in limits {
         let person =
             serde_json::json!({ "format": "ramphold-person/1", "id": "Ada", "elastic_limit_rad": surface });
-        fs::write(desk.path("ada.json"), person.to_string()).unwrap();
-        desk.call(0, &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--out", law]);
-        let (told, _) = desk.call(0, &["diagnose", law, "--seed", "2"]);
-        let found = desk.diagnosis(&format!("{law}/results/diagnosis.json"));
+        fs::write(workspace.path("ada.json"), person.to_string()).unwrap();
+        workspace.call(0, &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--out", law]);
+        let (told, _) = workspace.call(0, &["diagnose", law, "--seed", "2"]);
+        let found = workspace.diagnosis(&format!("{law}/results/diagnosis.json"));
         assert_eq!(found["verdict"], "adequate");
         let own = &found["laws"]["elastic_limit"];
         assert_eq!(own["law"], law, "{own:#}");
@@ -166,63 +146,64 @@ fn whether_the_muscle_yields_after_a_time_or_at_an_angle_is_told() {
 
 #[test]
 fn a_wrist_that_hides_nothing_is_adequate_and_the_answer_is_the_same_with_any_number_of_threads() {
-    let desk = Desk::new();
-    desk.call(0, &["run", PAPER, "--seed", "11", "--out", "s"]);
+    let workspace = Workspace::new();
+    workspace.call(0, &["run", PAPER, "--seed", "11", "--out", "s"]);
     for threads in ["1", "3"] {
-        desk.call_with(threads, 0, &["diagnose", "s", "--seed", "4", "--out", threads]);
+        workspace.call_with_threads(threads, 0, &["diagnose", "s", "--seed", "4", "--out", threads]);
     }
-    let text = |threads: &str| fs::read(desk.path(&format!("{threads}/diagnosis.json"))).unwrap();
+    let text = |threads: &str| fs::read(workspace.path(&format!("{threads}/diagnosis.json"))).unwrap();
     assert_eq!(text("1"), text("3"));
-    assert_eq!(desk.diagnosis("1/diagnosis.json")["verdict"], "adequate");
+    assert_eq!(workspace.diagnosis("1/diagnosis.json")["verdict"], "adequate");
 }
 
 #[test]
 fn what_a_session_hides_stands_nowhere_in_its_folder_and_is_told_to_who_knows_the_seed() {
-    let desk = Desk::new();
-    desk.call(0, &["run", QUICK, "--seed", "5", "--hide", "21", "--out", "s"]);
-    let (told, missed) = desk.call(2, &["reveal", "s", "--seed", "21"]);
+    let workspace = Workspace::new();
+    workspace.call(0, &["run", QUICK, "--seed", "5", "--hide", "21", "--out", "s"]);
+    let (told, missed) = workspace.call(2, &["reveal", "s", "--seed", "21"]);
     assert!(told.starts_with("hidden: "), "{told}");
     assert!(missed.contains("has no diagnosis yet") && missed.contains("ramphold diagnose s"), "{missed}");
     let effect = told.split_whitespace().nth(1).unwrap();
-    for (name, bytes) in common::files(&desk.path("s")) {
+    for (name, bytes) in files(&workspace.path("s")) {
         let text = String::from_utf8_lossy(&bytes);
         // The report's list of all mechanisms tells nothing.
         assert!(name.ends_with(".html") || !text.contains(effect), "{name} tells {effect}");
     }
-    let (_, wrong) = desk.call(2, &["reveal", "s", "--seed", "22"]);
+    let (_, wrong) = workspace.call(2, &["reveal", "s", "--seed", "22"]);
     assert!(wrong.contains("--seed 22: is not the seed"), "{wrong}");
-    desk.call(0, &["run", QUICK, "--seed", "5", "--out", "open"]);
-    let (_, nothing) = desk.call(2, &["reveal", "open", "--seed", "21"]);
+    workspace.call(0, &["run", QUICK, "--seed", "5", "--out", "open"]);
+    let (_, nothing) = workspace.call(2, &["reveal", "open", "--seed", "21"]);
     assert!(nothing.contains("was run without --hide"), "{nothing}");
-    let record = |session: &str| fs::read(desk.path(&format!("{session}/trials/trial-001.csv"))).unwrap();
+    let record =
+        |session: &str| fs::read(workspace.path(&format!("{session}/trials/trial-001.csv"))).unwrap();
     assert_ne!(record("s"), record("open"), "the effect is at work");
 }
 
 #[test]
 fn a_design_asks_for_what_it_needs() {
-    let desk = Desk::new();
-    desk.call(0, &["run", QUICK, "--seed", "5", "--out", "s"]);
-    let (_, first) = desk.call(2, &["design", "s"]);
+    let workspace = Workspace::new();
+    workspace.call(0, &["run", QUICK, "--seed", "5", "--out", "s"]);
+    let (_, first) = workspace.call(2, &["design", "s"]);
     assert!(first.contains("ramphold diagnose s"), "{first}");
-    let (_, unknown) = desk.call(2, &["design", "s", "--between", "ghost", "fatigue"]);
+    let (_, unknown) = workspace.call(2, &["design", "s", "--between", "ghost", "fatigue"]);
     assert!(unknown.contains("\"ghost\": unknown; expected one of joint_damping"), "{unknown}");
-    let (_, between) = desk.call(2, &["design", "s", "--between", "torque_lag", "fatigue"]);
+    let (_, between) = workspace.call(2, &["design", "s", "--between", "torque_lag", "fatigue"]);
     assert!(between.contains("\"fatigue\": shows between trials"), "{between}");
 }
 
 #[test]
 fn the_proposed_protocol_passes_the_check_and_promises_more_than_the_one_before() {
-    let desk = Desk::new();
-    desk.call(0, &["run", PAPER, "--seed", "5", "--out", "s"]);
+    let workspace = Workspace::new();
+    workspace.call(0, &["run", PAPER, "--seed", "5", "--out", "s"]);
     let between = ["joint_damping", "stress_relaxation"];
     let (table, _) =
-        desk.call(0, &["design", "s", "--between", between[0], between[1], "--out", "next.json"]);
-    desk.call(0, &["check", "next.json"]);
+        workspace.call(0, &["design", "s", "--between", between[0], between[1], "--out", "next.json"]);
+    workspace.call(0, &["check", "next.json"]);
     let power = |line: &str| line.split_whitespace().next().unwrap().parse::<f64>().unwrap();
     let best = power(table.lines().nth(1).unwrap());
     let before = power(table.lines().find(|line| line.ends_with("as it was")).unwrap());
     assert!(best >= before, "{table}");
     let (_, there) =
-        desk.call(2, &["design", "s", "--between", between[0], between[1], "--out", "next.json"]);
+        workspace.call(2, &["design", "s", "--between", between[0], between[1], "--out", "next.json"]);
     assert!(there.contains("is there already"), "{there}");
 }

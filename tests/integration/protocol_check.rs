@@ -2,12 +2,13 @@
 
 use std::fs;
 
-use assert_cmd::Command;
 use ramphold::protocol::{Problem, Protocol, ProtocolError, schema_text};
 use serde_json::{Value, json};
 
-const PAPER: &str = include_str!("../protocols/de-vlugt-2011.json");
-const QUICK: &str = include_str!("../protocols/quick.json");
+use crate::workspace::{output_of, ramphold};
+
+const PAPER: &str = include_str!("../../protocols/de-vlugt-2011.json");
+const QUICK: &str = include_str!("../../protocols/quick.json");
 
 fn changed(change: impl FnOnce(&mut Value)) -> String {
     let mut protocol: Value = serde_json::from_str(PAPER).unwrap();
@@ -58,7 +59,7 @@ fn the_protocols_of_the_repository_are_valid_by_the_program_and_by_the_schema() 
 #[test]
 fn the_schema_file_is_what_the_types_say() {
     assert_eq!(
-        include_str!("../protocols/protocol.schema.json"),
+        include_str!("../../protocols/protocol.schema.json"),
         schema_text(),
         "run: ramphold schema > protocols/protocol.schema.json"
     );
@@ -86,11 +87,12 @@ fn a_protocol_made_by_a_program_is_checked_like_a_file() {
 
 #[test]
 fn everything_wrong_is_said_at_once_with_its_line() {
-    let problems = problems(include_str!("../fixtures/everything-wrong.json"));
+    let problems = problems(include_str!("../../fixtures/everything-wrong.json"));
     let places: Vec<String> =
         problems.iter().map(|problem| format!("{}: {}", problem.line, problem.path)).collect();
     insta::assert_snapshot!(places.join("\n"));
-    let error = Protocol::parse(include_str!("../fixtures/everything-wrong.json"), "wrong.json").unwrap_err();
+    let error =
+        Protocol::parse(include_str!("../../fixtures/everything-wrong.json"), "wrong.json").unwrap_err();
     insta::assert_snapshot!(error.to_string());
 }
 
@@ -274,24 +276,23 @@ fn check_prints_trials_and_duration() {
   trials: 36 (4 velocities x 3 torques x 3 repetitions, shuffled); before them 2 to get familiar
   expected duration: 7 min 33 s (6 min 17 s if every gate opens at once, 24 min 58 s if each takes its timeout)
 ";
-    ramphold(&["check", "protocols/de-vlugt-2011.json"]).assert().code(0).stdout(expected).stderr("");
+    let printed = output_of(&mut ramphold(&["check", "protocols/de-vlugt-2011.json"]), 0);
+    assert_eq!(printed, (expected.to_owned(), String::new()));
 }
 
 #[test]
 fn check_ends_with_2_and_says_why_on_standard_error() {
-    let wrong = ramphold(&["check", "fixtures/everything-wrong.json"]).assert().code(2).stdout("");
-    let stderr = String::from_utf8(wrong.get_output().stderr.clone()).unwrap();
+    let (stdout, stderr) = output_of(&mut ramphold(&["check", "fixtures/everything-wrong.json"]), 2);
+    assert_eq!(stdout, "");
     assert!(stderr.starts_with("error: fixtures/everything-wrong.json: "), "{stderr}");
 
-    let missing = ramphold(&["check", "no/such.json"]).assert().code(2);
-    let stderr = String::from_utf8(missing.get_output().stderr.clone()).unwrap();
+    let (_, stderr) = output_of(&mut ramphold(&["check", "no/such.json"]), 2);
     assert!(stderr.contains("no/such.json: cannot be read"), "{stderr}");
 
     let folder = tempfile::tempdir().unwrap();
     let latin = folder.path().join("latin.json");
     fs::write(&latin, b"{\n \"name\": \"K\xf6ln\" }").unwrap();
-    let latin = ramphold(&["check", latin.to_str().unwrap()]).assert().code(2);
-    let stderr = String::from_utf8(latin.get_output().stderr.clone()).unwrap();
+    let (_, stderr) = output_of(&mut ramphold(&["check", latin.to_str().unwrap()]), 2);
     assert!(stderr.contains("line 2: not UTF-8 text"), "{stderr}");
 }
 
@@ -306,13 +307,6 @@ fn check_finds_a_constraint_that_no_order_keeps() {
         p["order"] = json!({ "kind": "constrained", "max_run": 1 });
     });
     fs::write(&file, text).unwrap();
-    let output = ramphold(&["check", file.to_str().unwrap()]).assert().code(2);
-    let stderr = String::from_utf8(output.get_output().stderr.clone()).unwrap();
+    let (_, stderr) = output_of(&mut ramphold(&["check", file.to_str().unwrap()]), 2);
     assert!(stderr.contains("order.max_run is 1") && stderr.contains("Raise order.max_run"), "{stderr}");
-}
-
-fn ramphold(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ramphold"));
-    command.args(arguments);
-    command
 }

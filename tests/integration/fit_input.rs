@@ -1,14 +1,11 @@
 //! Everything that the session format calls bad input, given to `ramphold fit`: exit code 2, and a message that names file,
 //! line, column and what was expected. Nothing is written, and no input file is changed.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use assert_cmd::Command;
-use common::files;
+use crate::workspace::{Workspace, files};
 
 const SESSION: &str = r#"{
   "format": "ramphold-session/1",
@@ -37,37 +34,36 @@ fn record() -> String {
 }
 
 /// A sound session under `session`, beside it whatever else is there.
-fn sound() -> tempfile::TempDir {
-    let desk = tempfile::tempdir().unwrap();
-    fs::create_dir_all(desk.path().join("session/trials")).unwrap();
-    let session = desk.path().join("session");
+fn sound() -> Workspace {
+    let workspace = Workspace::new();
+    fs::create_dir_all(workspace.path("session/trials")).unwrap();
+    let session = workspace.path("session");
     fs::write(session.join("session.json"), SESSION).unwrap();
     fs::write(session.join("trials.csv"), TRIALS).unwrap();
     for number in [1, 2] {
         fs::write(session.join(format!("trials/trial-00{number}.csv")), record()).unwrap();
     }
-    desk
+    workspace
 }
 
-fn fit(desk: &Path, more: &[&str]) -> Output {
-    let mut command = Command::cargo_bin("ramphold").unwrap();
-    command.current_dir(desk).args(["fit", "session"]).args(more).output().unwrap()
+fn fit(workspace: &Workspace, more: &[&str]) -> Output {
+    workspace.ramphold(&["fit", "session"]).args(more).output().unwrap()
 }
 
 /// The session after `spoil` is refused with code 2 in words that contain `parts`, and is left as it was.
 #[track_caller]
 fn assert_refused(spoil: impl FnOnce(&Path), parts: &[&str]) {
-    let desk = sound();
-    spoil(&desk.path().join("session"));
-    let before = files(desk.path());
-    let output = fit(desk.path(), &[]);
+    let workspace = sound();
+    spoil(&workspace.path("session"));
+    let before = files(workspace.folder());
+    let output = fit(&workspace, &[]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(output.stdout.is_empty());
     for part in parts {
         assert!(message.contains(part), "{part:?} is not in: {message}");
     }
-    assert!(files(desk.path()) == before, "a file was written or changed");
+    assert!(files(workspace.folder()) == before, "a file was written or changed");
 }
 
 /// Replaces the first `from` in a file.
@@ -81,10 +77,10 @@ fn replace<'a>(file: &'a str, from: &'a str, to: &'a str) -> impl FnOnce(&Path) 
 
 #[test]
 fn the_sound_session_is_fitted() {
-    let desk = sound();
-    let output = fit(desk.path(), &[]);
+    let workspace = sound();
+    let output = fit(&workspace, &[]);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(desk.path().join("session/results/fit.csv").is_file());
+    assert!(workspace.path("session/results/fit.csv").is_file());
 }
 
 #[test]
@@ -186,13 +182,13 @@ fn a_session_without_a_trial_to_analyse_is_refused() {
 
 #[test]
 fn options_that_make_no_sense_are_refused() {
-    let desk = sound();
+    let workspace = sound();
     fs::write(
-        desk.path().join("model.json"),
+        workspace.path("model.json"),
         r#"{"format": "ramphold-model/1", "mechanisms": [{"mechanism": "ghost"}]}"#,
     )
     .unwrap();
-    fs::write(desk.path().join("broken.json"), "{").unwrap();
+    fs::write(workspace.path("broken.json"), "{").unwrap();
     for (arguments, part) in [
         (&["--window", "0"][..], "--window 0"),
         (&["--window=-0.04"], "--window"),
@@ -205,7 +201,7 @@ fn options_that_make_no_sense_are_refused() {
         (&["nowhere"], "nowhere"),
         (&["--fast"], "--fast"),
     ] {
-        let output = fit(desk.path(), arguments);
+        let output = fit(&workspace, arguments);
         let message = String::from_utf8(output.stderr).unwrap();
         let code = if arguments == ["nowhere"] { 1 } else { 2 };
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {message}");
@@ -215,44 +211,43 @@ fn options_that_make_no_sense_are_refused() {
 
 #[test]
 fn results_of_an_earlier_fit_in_out_are_not_overwritten() {
-    let desk = sound();
-    assert_eq!(fit(desk.path(), &["--out", "results"]).status.code(), Some(0));
-    let before = files(&desk.path().join("results"));
-    let output = fit(desk.path(), &["--out", "results"]);
+    let workspace = sound();
+    assert_eq!(fit(&workspace, &["--out", "results"]).status.code(), Some(0));
+    let before = files(&workspace.path("results"));
+    let output = fit(&workspace, &["--out", "results"]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(message.contains("results") && message.contains("--out"), "{message}");
-    assert!(files(&desk.path().join("results")) == before);
+    assert!(files(&workspace.path("results")) == before);
 }
 
 #[test]
 fn two_sessions_of_the_same_name_do_not_share_a_result_folder() {
-    let desk = sound();
-    fs::create_dir_all(desk.path().join("other/session/trials")).unwrap();
+    let workspace = sound();
+    fs::create_dir_all(workspace.path("other/session/trials")).unwrap();
     for file in ["session.json", "trials.csv", "trials/trial-001.csv", "trials/trial-002.csv"] {
-        fs::copy(desk.path().join("session").join(file), desk.path().join("other/session").join(file))
-            .unwrap();
+        fs::copy(workspace.path("session").join(file), workspace.path("other/session").join(file)).unwrap();
     }
-    let output = fit(desk.path(), &["other/session", "--out", "results"]);
+    let output = fit(&workspace, &["other/session", "--out", "results"]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(message.contains("session") && !desk.path().join("results").exists(), "{message}");
+    assert!(message.contains("session") && !workspace.path("results").exists(), "{message}");
 }
 
 #[test]
 fn json_prints_the_result_file_and_of_many_a_list() {
-    let desk = sound();
-    let output = fit(desk.path(), &["--json"]);
+    let workspace = sound();
+    let output = fit(&workspace, &["--json"]);
     let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let kept = fs::read(desk.path().join("session/results/fit.json")).unwrap();
+    let kept = fs::read(workspace.path("session/results/fit.json")).unwrap();
     assert_eq!(output.stdout, kept);
     assert_eq!(printed["format"], "ramphold-fit/1");
 
-    fs::create_dir_all(desk.path().join("two/trials")).unwrap();
+    fs::create_dir_all(workspace.path("two/trials")).unwrap();
     for file in ["session.json", "trials.csv", "trials/trial-001.csv", "trials/trial-002.csv"] {
-        fs::copy(desk.path().join("session").join(file), desk.path().join("two").join(file)).unwrap();
+        fs::copy(workspace.path("session").join(file), workspace.path("two").join(file)).unwrap();
     }
-    let output = fit(desk.path(), &["two", "--json"]);
+    let output = fit(&workspace, &["two", "--json"]);
     let many: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(many.as_array().map(Vec::len), Some(2));
     assert_eq!(many[0], printed);
@@ -260,52 +255,49 @@ fn json_prints_the_result_file_and_of_many_a_list() {
 
 #[test]
 fn one_bad_session_of_a_folder_is_told_of_and_the_rest_is_fitted() {
-    let desk = tempfile::tempdir().unwrap();
+    let workspace = Workspace::new();
     for name in ["a", "b", "c"] {
         let one = sound();
-        fs::create_dir_all(desk.path().join("all").join(name).join("trials")).unwrap();
-        for (file, text) in files(&one.path().join("session")) {
-            fs::write(desk.path().join("all").join(name).join(file), text).unwrap();
+        fs::create_dir_all(workspace.path("all").join(name).join("trials")).unwrap();
+        for (file, text) in files(&one.path("session")) {
+            fs::write(workspace.path("all").join(name).join(file), text).unwrap();
         }
     }
-    fs::write(desk.path().join("all/b/trials/trial-002.csv"), "t_s\n").unwrap();
-    let mut command = Command::cargo_bin("ramphold").unwrap();
-    let output = command.current_dir(desk.path()).args(["fit", "all"]).output().unwrap();
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{message}");
+    fs::write(workspace.path("all/b/trials/trial-002.csv"), "t_s\n").unwrap();
+    let (stdout, message) = workspace.call(1, &["fit", "all"]);
     assert!(message.contains("trial-002.csv") && message.contains("theta_m_rad"), "{message}");
-    assert!(String::from_utf8(output.stdout).unwrap().contains("fitted 2 of 3 sessions"));
+    assert!(stdout.contains("fitted 2 of 3 sessions"));
     for name in ["a", "c"] {
-        assert!(desk.path().join("all").join(name).join("results/fit.csv").is_file());
+        assert!(workspace.path("all").join(name).join("results/fit.csv").is_file());
     }
-    assert!(!desk.path().join("all/b/results").exists());
+    assert!(!workspace.path("all/b/results").exists());
 }
 
 #[test]
 fn a_trial_of_constant_torque_is_said_to_tell_nothing_and_the_other_is_estimated() {
-    let desk = sound();
+    let workspace = sound();
     let mut flat = "t_s,theta_m_rad,torque_l_nm\n".to_owned();
     for sample in 0..500 {
         let angle_rad = 0.0013 * f64::from((sample - 300).clamp(0, 100));
         flat += &format!("{:.3},{angle_rad:.6},0.9\n", f64::from(sample) / 1000.0);
     }
-    fs::write(desk.path().join("session/trials/trial-002.csv"), flat).unwrap();
-    let output = fit(desk.path(), &[]);
+    fs::write(workspace.path("session/trials/trial-002.csv"), flat).unwrap();
+    let output = fit(&workspace, &[]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(0), "{message}");
     assert!(message.contains("trial 2") && message.contains("torque"), "{message}");
-    let table = fs::read_to_string(desk.path().join("session/results/fit.csv")).unwrap();
+    let table = fs::read_to_string(workspace.path("session/results/fit.csv")).unwrap();
     assert_eq!(table.lines().count(), 2, "only trial 1 has estimates: {table}");
 }
 
 #[test]
 fn a_window_longer_than_one_trial_leaves_that_trial_out_and_says_so() {
-    let desk = sound();
-    let file = desk.path().join("session/trials/trial-002.csv");
+    let workspace = sound();
+    let file = workspace.path("session/trials/trial-002.csv");
     let short: String =
         fs::read_to_string(&file).unwrap().lines().take(350).map(|line| format!("{line}\n")).collect();
     fs::write(&file, short).unwrap();
-    let output = fit(desk.path(), &["--window", "0.1"]);
+    let output = fit(&workspace, &["--window", "0.1"]);
     let message = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(0), "{message}");
     assert!(message.contains("trial 2 left out") && message.contains("window"), "{message}");

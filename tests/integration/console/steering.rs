@@ -2,10 +2,10 @@
 
 use std::process::Command;
 
-use assert_cmd::cargo::cargo_bin;
 use serde_json::json;
 
-use crate::program::{Program, protocol};
+use super::program::{Program, protocol};
+use crate::workspace::PROGRAM;
 
 #[test]
 fn nothing_moves_before_the_operator_says_so() {
@@ -92,7 +92,7 @@ fn without_its_operator_the_session_pauses_after_the_trial() {
 fn a_session_that_nobody_touches_is_the_session_without_a_console() {
     let folder = tempfile::tempdir().unwrap();
     let alone = folder.path().join("alone");
-    let status = Command::new(cargo_bin("ramphold"))
+    let status = Command::new(PROGRAM)
         .arg("run")
         .arg(protocol(folder.path()))
         .args(["--seed", "1", "--quiet", "--out"])

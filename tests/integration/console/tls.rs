@@ -6,16 +6,16 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 
-use assert_cmd::cargo::cargo_bin;
 use tokio_rustls::rustls::crypto::ring;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
 use tokio_rustls::rustls::pki_types::{CertificateDer, ServerName};
 use tokio_rustls::rustls::{ClientConfig, ClientConnection, RootCertStore, StreamOwned};
 
-use crate::program::{Program, protocol};
+use super::program::{Program, protocol};
+use crate::workspace::PROGRAM;
 
 fn file(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/console").join(name).display().to_string()
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/integration/console").join(name).display().to_string()
 }
 
 #[test]
@@ -32,7 +32,7 @@ fn an_address_that_others_reach_needs_a_certificate_and_a_name() {
         (vec!["--tls-cert", "nowhere.pem", "--tls-key", &key], "nowhere.pem"),
     ] {
         let session = folder.path().join("session");
-        let output = Command::new(cargo_bin("ramphold"))
+        let output = Command::new(PROGRAM)
             .arg("run")
             .arg(protocol(folder.path()))
             .args(["--console", "--out"])

@@ -4,7 +4,7 @@ use ramphold::protocol::{Protocol, ProtocolError, schema_text};
 use ramphold::schedule;
 use serde_json::{Value, json};
 
-const PAPER: &str = include_str!("../protocols/de-vlugt-2011.json");
+const PAPER: &str = include_str!("../../protocols/de-vlugt-2011.json");
 
 /// JSON pointers to every value in a document.
 fn pointers(value: &Value, pointer: String) -> Vec<String> {

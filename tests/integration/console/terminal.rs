@@ -7,11 +7,11 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::thread;
 
-use assert_cmd::cargo::cargo_bin;
 use ramphold::dataset::{Deed, Desk, remarks};
 use ramphold::session::Event;
 
-use crate::program::{FOREVER, protocol};
+use super::program::{FOREVER, protocol};
+use crate::workspace::PROGRAM;
 
 #[test]
 fn a_session_is_run_from_the_terminal() {
@@ -19,7 +19,7 @@ fn a_session_is_run_from_the_terminal() {
     let session = folder.path().join("session");
     let run = format!(
         "stty rows 40 cols 120; exec {} run {} --seed 1 --speed 20 --tui --out {}",
-        cargo_bin("ramphold").display(),
+        PROGRAM,
         protocol(folder.path()).display(),
         session.display()
     );

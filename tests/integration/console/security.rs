@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use tungstenite::Message;
 
-use crate::program::{FOREVER, Program, status};
+use super::program::{FOREVER, Program, status};
 
 /// As fast as the loop and the disk allow.
 const FAST: [&str; 2] = ["--speed", "50"];
@@ -265,7 +265,7 @@ fn a_slow_page_misses_pictures_instead_of_getting_old_ones() {
     let mut slow = program.person.open(&format!("{}live", program.person.path), Some(&own)).unwrap();
     operator.word("start");
     operator.phase("hold");
-    let read = |slow: &mut crate::program::Socket| -> Vec<Value> {
+    let read = |slow: &mut super::program::Socket| -> Vec<Value> {
         slow.0.get_mut().set_read_timeout(Some(Duration::from_millis(300))).unwrap();
         std::iter::from_fn(|| match slow.0.read() {
             Ok(Message::Text(text)) => Some(serde_json::from_str(&text).unwrap()),

@@ -161,7 +161,7 @@ impl CanBus for ObedientDrive {
 
 #[test]
 fn a_session_of_cycles_asks_for_no_memory() {
-    let rig = include_str!("../fixtures/can/rigs/plain.json")
+    let rig = include_str!("../../fixtures/can/rigs/plain.json")
         .replace("\"bench\": { \"time_stretch\": 4 }", "\"bench\": null")
         .replace("wait_ms\": 2000", "wait_ms\": 1000")
         .replace("motor_waits_ms\": 2000", "motor_waits_ms\": 1000")
@@ -170,7 +170,8 @@ fn a_session_of_cycles_asks_for_no_memory() {
         .replace("\"unchanged_torque_periods\": 50", "\"unchanged_torque_periods\": 4000000");
     let rig = ValidRigFile::parse(&rig, "plain.json").unwrap();
     let protocol =
-        ValidProtocol::parse(include_str!("../fixtures/can/rigs/one-trial.json"), "one-trial.json").unwrap();
+        ValidProtocol::parse(include_str!("../../fixtures/can/rigs/one-trial.json"), "one-trial.json")
+            .unwrap();
     let dry_run = DryRun::of(&protocol, &rig).unwrap();
     let motor = CanMotor::new(Connection::on(Box::new(ObedientDrive::new()), rig), dry_run);
     let mut armed = motor.arm(OperatorsWord::given(), &protocol.limits).map_err(|(_, fault)| fault).unwrap();

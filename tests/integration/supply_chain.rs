@@ -7,7 +7,7 @@ use serde_json::Value;
 
 /// The strings of a list in `deny.toml`.
 fn list(name: &str) -> BTreeSet<String> {
-    let text = include_str!("../deny.toml");
+    let text = include_str!("../../deny.toml");
     let start = text.find(&format!("\n{name} = [")).unwrap_or_else(|| panic!("deny.toml has no {name}"));
     let body = text[start..].split_once('[').unwrap().1.split_once(']').unwrap().0;
     body.split('"').skip(1).step_by(2).map(str::to_owned).collect()
@@ -55,7 +55,7 @@ fn every_licence_is_one_that_is_allowed() {
 
 #[test]
 fn everything_comes_from_the_public_registry_with_a_checksum() {
-    let lock = include_str!("../Cargo.lock");
+    let lock = include_str!("../../Cargo.lock");
     for package in lock.split("[[package]]").skip(1) {
         if package.contains("name = \"ramphold\"") {
             continue;
@@ -70,7 +70,7 @@ fn everything_comes_from_the_public_registry_with_a_checksum() {
 
 #[test]
 fn no_crate_is_there_in_two_versions_but_those_that_are_known() {
-    let lock = include_str!("../Cargo.lock");
+    let lock = include_str!("../../Cargo.lock");
     let skipped = list("skip");
     let mut versions: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for package in lock.split("[[package]]").skip(1) {

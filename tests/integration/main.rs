@@ -1,0 +1,20 @@
+//! The program and the library from outside, in one test binary: it is linked once, and tests that wait run side by side.
+
+mod cohort;
+mod command_line;
+mod console;
+mod crash_recovery;
+mod diagnosis;
+mod disk_faults;
+mod documentation;
+mod fit_input;
+mod motor_cycle_memory;
+mod protocol_check;
+mod protocol_fields;
+mod report;
+mod resume;
+mod run;
+mod schedule;
+mod source_rules;
+mod supply_chain;
+mod workspace;
