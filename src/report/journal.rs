@@ -52,8 +52,12 @@ pub fn times(text: &str, sample_rate_hz: f64) -> Times {
         }
         let unusual = ["pause", "resume", "abort", "fault", "acknowledge", "skip"];
         if unusual.iter().any(|word| event.contains(word)) || !detail["fault"].is_null() {
-            let what =
-                if detail["fault"].is_null() { String::new() } else { format!(": {}", detail["fault"]) };
+            let fault = &detail["fault"];
+            let what = match fault["message"].as_str() {
+                Some(message) => format!(": {message}"),
+                None if fault.is_null() => String::new(),
+                None => format!(": {fault}"),
+            };
             times.incidents.push((before_s + last_s, format!("{event}{what}")));
         }
     }

@@ -8,7 +8,7 @@ pub mod can;
 mod fault;
 pub mod virtual_wrist;
 
-pub use fault::{Channel, Fault, Quantity};
+pub use fault::{Channel, DeviceFault, Fault, FaultClass, Quantity};
 
 use crate::protocol::Limits;
 

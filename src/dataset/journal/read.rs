@@ -101,6 +101,7 @@ fn record_at(bytes: &[u8]) -> Result<(Record, usize), &'static str> {
 mod tests {
     use super::*;
     use crate::dataset::journal::Interrupted;
+    use crate::session::Detail;
     use proptest::prelude::*;
 
     fn line(record: &Record) -> Vec<u8> {
@@ -190,5 +191,32 @@ mod tests {
             let damaged: u64 = journal.damage.iter().chain(&journal.torn).map(|damage| damage.length).sum();
             prop_assert_eq!(records + damaged, all.len() as u64);
         }
+    }
+
+    /// Lines as version 0.1.0 wrote them, one for each kind of fault of its CAN motor: neither class nor message.
+    const FAULTS_OF_0_1_0: &[u8] = include_bytes!("can-faults-0.1.0.log");
+
+    #[test]
+    fn faults_of_a_can_motor_in_an_old_journal_are_read_and_keep_their_bytes() {
+        let journal = JournalText::parse(FAULTS_OF_0_1_0);
+        assert_eq!((journal.damage, journal.torn, journal.records.len()), (Vec::new(), None, 35));
+        let written: Vec<u8> = journal.records.iter().flat_map(|placed| line(&placed.record)).collect();
+        assert_eq!(String::from_utf8(written).unwrap(), String::from_utf8_lossy(FAULTS_OF_0_1_0));
+    }
+
+    #[test]
+    fn a_fault_that_was_renamed_since_is_read_under_the_name_it_has_in_the_journal() {
+        let text = String::from_utf8_lossy(FAULTS_OF_0_1_0).replace("missed_cycle", "no_answer_to_sync");
+        let line = text.lines().find(|line| line.contains("no_answer_to_sync")).unwrap();
+        let json = &line[HEAD..];
+        let journal = JournalText::parse(format!("{}{json}\n", head(json.as_bytes())).as_bytes());
+        let [Placed { record: Record::Happened(happening), .. }] = &journal.records[..] else {
+            panic!("not one event: {journal:?}")
+        };
+        let Some(Detail::Fault(fault) | Detail::FaultInTrial { fault, .. }) = happening.detail else {
+            panic!("no fault: {happening:?}")
+        };
+        assert_eq!(fault.code(), "no_answer_to_sync");
+        assert!(fault.to_string().contains("in_a_row 401, tolerated 400, id 389"), "{fault}");
     }
 }

@@ -8,9 +8,11 @@ use super::*;
 use crate::dataset::journal::JournalText;
 use crate::dataset::recorder::tests::{Starter, run};
 use crate::dataset::{BackgroundRecorder, Manifest, Status, load, replay};
+use crate::protocol::Limits;
 use crate::random::Stream;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
-use crate::session::{AsFastAsItGoes, Detail, Lateness, RealTime, conduct};
+use crate::rig::{Armed, Command, Fault, OperatorsWord, Rig, Sample};
+use crate::session::{AsFastAsItGoes, Detail, Event, Lateness, Machine, Operator, Phase, RealTime, conduct};
 
 /// Goes on with the session to its end; how many operations that took.
 fn go_on(folder: &Path, disk: Disk) -> Result<(), ResumeError> {
@@ -169,4 +171,88 @@ fn a_record_is_settled_under_its_name_whatever_was_there() {
     assert_eq!(fs::read(&path).unwrap(), [HEADER, b"0.0,0.0,2.1,0,0\n"].concat());
     assert!(!part.exists());
     assert_eq!(settle(&disk, &path).unwrap(), 1, "settling twice changes nothing");
+}
+
+/// A virtual wrist that fails once, at a given sample.
+struct Failing<R> {
+    rig: R,
+    /// Samples until the fault.
+    samples_left: u64,
+    fault: Fault,
+}
+
+impl<R: Rig> Rig for Failing<R> {
+    type Armed = Failing<R::Armed>;
+
+    fn arm(self, consent: OperatorsWord, limits: &Limits) -> Result<Self::Armed, (Self, Fault)> {
+        let Self { rig, samples_left, fault } = self;
+        match rig.arm(consent, limits) {
+            Ok(rig) => Ok(Failing { rig, samples_left, fault }),
+            Err((rig, why)) => Err((Self { rig, samples_left, fault }, why)),
+        }
+    }
+}
+
+impl<A: Armed> Armed for Failing<A> {
+    type Disarmed = Failing<A::Disarmed>;
+
+    fn exchange(&mut self, command: &Command) -> Result<Sample, Fault> {
+        self.samples_left = self.samples_left.saturating_sub(1);
+        if self.samples_left == 0 { Err(self.fault) } else { self.rig.exchange(command) }
+    }
+
+    fn rescale_emg(&mut self, factors: [f64; 2]) {
+        self.rig.rescale_emg(factors);
+    }
+
+    fn disarm(self) -> Self::Disarmed {
+        Failing { rig: self.rig.disarm(), samples_left: self.samples_left, fault: self.fault }
+    }
+}
+
+/// Starts the session, and ends it when a fault stopped it.
+struct EndsAtAFault;
+
+impl Operator for EndsAtAFault {
+    fn heard(&mut self, _: &Machine) -> Option<Event> {
+        None
+    }
+    fn asked(&mut self, machine: &Machine) -> Event {
+        if machine.phase() == Phase::Ready { Event::Start } else { Event::Abort }
+    }
+    fn refused(&mut self, event: Event, phase: Phase) {
+        panic!("{event:?} refused in {phase:?}");
+    }
+    fn not_armed(&mut self, fault: Fault) {
+        panic!("{fault}");
+    }
+    fn faulted(&mut self, _: Fault) {}
+}
+
+/// The faults are read from lines of version 0.1.0, so that the journals get the bytes that version 0.1.0 wrote; the
+/// last one is called by a name that no version knows.
+#[test]
+fn a_session_that_ended_by_a_can_fault_of_an_older_version_resumes_and_replays() {
+    let faults = [
+        (100, r#"{"fault":"can","kind":"heartbeat_lost","node":5,"after_ms":2003}"#),
+        (700, r#"{"fault":"can","kind":"missed_cycle","in_a_row":401,"tolerated":400,"id":389}"#),
+        (700, r#"{"fault":"can","kind":"following_error","error_rad":0.05321,"limit_rad":0.05}"#),
+        (900, r#"{"fault":"can","kind":"renamed_since","in_a_row":1}"#),
+    ];
+    let desk = tempfile::tempdir().unwrap();
+    for (at, (samples_left, text)) in faults.into_iter().enumerate() {
+        let folder = desk.path().join(at.to_string());
+        run(&folder, Disk::failing_from(40, ErrorKind::Other)).unwrap_err();
+        let session = Resumable::open(&folder, Disk::default()).unwrap();
+        let wrist =
+            VirtualWrist::new(Person::default(), Setup::default(), session.seed(), session.sample_rate_hz());
+        let rig = Failing { rig: wrist, samples_left, fault: serde_json::from_str(text).unwrap() };
+        let Resumed { mut recorder, mut machine, .. } = session.resume().unwrap();
+        conduct(rig, &mut machine, &mut EndsAtAFault, &mut AsFastAsItGoes, &mut recorder).unwrap();
+        drop(recorder);
+        let journal = fs::read_to_string(folder.join(JOURNAL)).unwrap();
+        assert!(journal.contains(&format!("\"fault\":{text}")), "{journal}");
+        go_on(&folder, Disk::default()).unwrap();
+        assert_eq!(replay(&folder).unwrap().difference, None, "{text}");
+    }
 }

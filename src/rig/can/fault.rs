@@ -1,13 +1,13 @@
 //! What can go wrong with a motor on a CAN bus, each with a name, what was seen, and what to do.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::bus::Trouble;
 use super::canopen::{NmtState, Object, abort, emergency};
-use crate::rig::Channel;
+use crate::rig::{Channel, DeviceFault, Fault, FaultClass};
 
 /// Why a CAN motor was made safe, or was not armed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, thiserror::Error)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum CanFault {
     /// The adapter, the interface or the server does not answer to the operating system any more.
@@ -325,20 +325,20 @@ pub enum CanFault {
 
 impl CanFault {
     /// Which reaction of the rig file applies.
-    pub fn class(&self) -> Class {
+    pub fn class(&self) -> FaultClass {
         match self {
             Self::BusGone
             | Self::BusOff
             | Self::BusTrouble { .. }
             | Self::Garbled { .. }
-            | Self::Flood { .. } => Class::Bus,
-            Self::MissedCycle { .. } | Self::Overrun { .. } | Self::Duplicated { .. } => Class::Cycle,
-            Self::Malformed { .. } | Self::StaleSample { .. } | Self::NotANumber { .. } => Class::Sensor,
+            | Self::Flood { .. } => FaultClass::Bus,
+            Self::MissedCycle { .. } | Self::Overrun { .. } | Self::Duplicated { .. } => FaultClass::Cycle,
+            Self::Malformed { .. } | Self::StaleSample { .. } | Self::NotANumber { .. } => FaultClass::Sensor,
             Self::Angle { .. }
             | Self::Speed { .. }
             | Self::Torque { .. }
-            | Self::CommandBeyondLimit { .. } => Class::Limit,
-            _ => Class::Drive,
+            | Self::CommandBeyondLimit { .. } => FaultClass::Limit,
+            _ => FaultClass::Drive,
         }
     }
 
@@ -353,17 +353,15 @@ impl CanFault {
     }
 }
 
-/// Faults that call for the same reaction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Class {
-    /// A measured angle, speed or torque beyond its limit.
-    Limit,
-    /// A sensor that gives no number, or an old one.
-    Sensor,
-    /// The drive reports a fault or does not do as it is told.
-    Drive,
-    /// The bus is in trouble.
-    Bus,
-    /// Frames or wake-ups came late.
-    Cycle,
+/// Describes the fault for the layers above, which know no CAN. Allocates; call it after the motor was made safe.
+impl From<CanFault> for Fault {
+    fn from(fault: CanFault) -> Self {
+        let mut values = match serde_json::to_value(fault) {
+            Ok(serde_json::Value::Object(values)) => values,
+            other => unreachable!("a fault serializes to a JSON object, not to {other:?}"),
+        };
+        let code =
+            values.remove("kind").and_then(|code| code.as_str().map(str::to_owned)).unwrap_or_default();
+        Self::Device(DeviceFault::new(&code, fault.class(), fault.to_string(), values))
+    }
 }

@@ -39,7 +39,7 @@ pub mod units;
 pub use cia402::State as DriveState;
 pub use connection::{ConnectError, Connection};
 pub use dry_run::DryRun;
-pub use fault::{CanFault, Class};
+pub use fault::CanFault;
 pub use histogram::Histogram;
 pub use limits::{Confirmed, HandleLimits};
 pub use motor::{ArmedCanMotor, CanMotor};

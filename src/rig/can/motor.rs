@@ -99,7 +99,7 @@ impl CanMotor {
             Ok(()) => Ok(armed),
             Err(fault) => {
                 armed.make_safe(fault);
-                Err((armed.disarm(), Fault::Can(fault)))
+                Err((armed.disarm(), fault.into()))
             }
         }
     }
@@ -107,7 +107,7 @@ impl CanMotor {
     fn failed(mut self, fault: CanFault) -> (Self, Fault) {
         self.note(fault);
         self.let_go();
-        (self, Fault::Can(fault))
+        (self, fault.into())
     }
 
     fn note(&mut self, fault: CanFault) {
@@ -237,7 +237,7 @@ impl ArmedCanMotor {
 
     fn fault(&mut self, fault: CanFault) -> Fault {
         self.make_safe(fault);
-        Fault::Can(fault)
+        fault.into()
     }
 
     fn collect_samples(&mut self) {
@@ -270,7 +270,7 @@ impl Armed for ArmedCanMotor {
 
     fn exchange(&mut self, command: &Command) -> Result<Sample, Fault> {
         if self.latched {
-            return Err(Fault::Can(CanFault::Latched));
+            return Err(CanFault::Latched.into());
         }
         self.show(&command.cue);
         match command.motor {

@@ -6,9 +6,10 @@ use std::time::Duration;
 use super::canopen::{Link, NmtCommand};
 use super::cycle::{Cycle, Scrutiny, Tally};
 use super::drive::{Drive, Power, Wish};
-use super::fault::{CanFault, Class};
+use super::fault::CanFault;
 use super::file::{SafeState, SafeStates};
 use super::units::JointAngle;
+use crate::rig::FaultClass;
 
 /// How long a quick stop may take before the power is taken off regardless.
 const QUICK_STOP: Duration = Duration::from_millis(500);
@@ -18,11 +19,11 @@ const HOLD: Duration = Duration::from_millis(500);
 /// What the rig file wants done about a fault.
 pub fn state_for(fault: &CanFault, states: &SafeStates) -> SafeState {
     match fault.class() {
-        Class::Limit => states.limit,
-        Class::Sensor => states.sensor,
-        Class::Drive => states.drive,
-        Class::Bus => states.bus,
-        Class::Cycle => states.cycle,
+        FaultClass::Limit => states.limit,
+        FaultClass::Sensor => states.sensor,
+        FaultClass::Drive => states.drive,
+        FaultClass::Bus => states.bus,
+        FaultClass::Cycle => states.cycle,
     }
 }
 

@@ -14,7 +14,7 @@ use std::fmt;
 use std::io;
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// A classic CAN data frame with an 11-bit identifier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,7 +61,7 @@ pub enum Received {
 }
 
 /// What a CAN controller says of itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Trouble {
     /// A frame was destroyed on the bus, or not acknowledged.
