@@ -30,6 +30,7 @@ pub mod dataset;
 pub mod diagnose;
 pub mod export;
 pub mod fit;
+pub mod number;
 pub mod protocol;
 pub mod random;
 pub mod report;

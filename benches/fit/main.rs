@@ -17,7 +17,7 @@ mod watch;
 use std::path::Path;
 
 use ramphold::fit::{self, Fit, Model, Weighting};
-use ramphold::wrist::{Response, Width, simulate};
+use ramphold::wrist::{SimulatedTorque, VectorWidth, simulate};
 use serde_json::{Value, json};
 
 use problem::{Part, Problem, Starts};
@@ -77,10 +77,10 @@ fn time(figure: &str, problem: &Problem, starts: &Starts) -> Value {
     let six = [0, 1, 2, 3, 4, 5];
     let solved = |part: Part| on_threads(1, || best(|| drop(part.solve())));
     let seconds = match figure {
-        "simulation" => one_simulation(problem, TOGETHER, Width::fastest(), &[]),
-        "simulation_alone" => one_simulation(problem, 1, Width::One, &[]),
-        "sensitivities" => one_simulation(problem, TOGETHER, Width::fastest(), &six),
-        "sensitivities_alone" => one_simulation(problem, 1, Width::One, &six),
+        "simulation" => one_simulation(problem, TOGETHER, VectorWidth::fastest(), &[]),
+        "simulation_alone" => one_simulation(problem, 1, VectorWidth::One, &[]),
+        "sensitivities" => one_simulation(problem, TOGETHER, VectorWidth::fastest(), &six),
+        "sensitivities_alone" => one_simulation(problem, 1, VectorWidth::One, &six),
         "plain_repetition" => solved(problem.plain(&problem.repetition(), Some(&starts.repetition))),
         "plain_session" => solved(problem.plain(&problem.all(), Some(&starts.session))),
         "weighed_repetition" => solved(problem.weighed(&problem.repetition())),
@@ -99,11 +99,16 @@ fn time(figure: &str, problem: &Problem, starts: &Starts) -> Value {
 }
 
 /// The time of one of `together` trials that go through the model side by side.
-fn one_simulation(problem: &Problem, together: usize, width: Width, wanted: &[usize]) -> watch::Seconds {
+fn one_simulation(
+    problem: &Problem,
+    together: usize,
+    width: VectorWidth,
+    wanted: &[usize],
+) -> watch::Seconds {
     let request = problem.request(width, wanted);
     let trials: Vec<_> = problem.prepared.trials.iter().take(together).map(|trial| &trial.input).collect();
     let parameters: Vec<f64> = problem.start_parameters().into_iter().take(together).flatten().collect();
-    let mut response = Response::default();
+    let mut response = SimulatedTorque::default();
     let mut run = || simulate(&request, &trials, &parameters, &mut response);
     /// Calls to a measurement, so that reading the clock takes no notable part of it.
     const CALLS: usize = 20;
@@ -124,12 +129,12 @@ fn operations(problem: &Problem) -> Value {
         "simulation": plain,
         "sensitivities": with_slopes,
         "multiply_add_peak_per_s": peak::multiply_adds_per_s(),
-        "lanes": match Width::fastest() {
-            Width::One => 1,
+        "lanes": match VectorWidth::fastest() {
+            VectorWidth::One => 1,
             #[cfg(target_arch = "x86_64")]
-            Width::Four => 4,
+            VectorWidth::Four => 4,
             #[cfg(target_arch = "x86_64")]
-            Width::Eight => 8,
+            VectorWidth::Eight => 8,
         },
     })
 }

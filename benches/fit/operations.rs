@@ -3,9 +3,10 @@
 use std::cell::Cell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use ramphold::number::{Jet, Lanes, Number, Plain};
 use ramphold::signal::SectionState;
 use ramphold::wrist::mechanisms::NoExtension;
-use ramphold::wrist::{Given, Glide, Jet, Knot, Mechanics, Number, Plain, Plant, Walk};
+use ramphold::wrist::{HermiteSegment, Integrator, Kinematics, Mechanics, Plant, RecordedInput};
 
 use crate::problem::Problem;
 
@@ -60,7 +61,9 @@ impl Number for Counting {
     }
 }
 
-impl Plain for Counting {
+impl Plain for Counting {}
+
+impl Lanes for Counting {
     const LANES: usize = 1;
     fn splat(value: f64) -> Self {
         Self(value)
@@ -72,10 +75,10 @@ impl Plain for Counting {
         self.0
     }
     fn max(self, other: Self) -> Self {
-        Self(Plain::max(self.0, other.0))
+        Self(Lanes::max(self.0, other.0))
     }
     fn min(self, other: Self) -> Self {
-        Self(Plain::min(self.0, other.0))
+        Self(Lanes::min(self.0, other.0))
     }
     fn where_positive(self, yes: Self, no: Self) -> Self {
         if self.0 > 0.0 { yes } else { no }
@@ -96,17 +99,17 @@ fn count<T: Number<Plain = Counting>>(problem: &Problem) -> u64 {
     let own = &problem.start_parameters()[0];
     let parameters: Vec<T> =
         own.iter().enumerate().map(|(index, value)| T::variable(Counting(*value), index)).collect();
-    let first = input.onset - prepared.lead;
+    let first = input.onset - prepared.lead_samples;
     let knot = |sample: usize| {
         let knot = input.motion[first + sample];
-        Knot { theta: Counting(knot.theta), omega: Counting(knot.omega) }
+        Kinematics { theta: Counting(knot.theta), omega: Counting(knot.omega) }
     };
     DONE.set(0);
     let mechanics = Mechanics::separate(Plant::base(prepared.lever, &parameters));
-    let mut walk = Walk::at_rest();
+    let mut walk = Integrator::at_rest();
     let mut memories = vec![SectionState::<T>::silent(); prepared.sections.len()];
-    for sample in 0..prepared.lead + prepared.samples {
-        let drive = Given(Glide::new(knot(sample), knot(sample + 1), prepared.period_s));
+    for sample in 0..prepared.lead_samples + prepared.samples {
+        let drive = RecordedInput(HermiteSegment::new(knot(sample), knot(sample + 1), prepared.period_s));
         let mut torque =
             walk.advance(&mechanics, &NoExtension, &drive, 0.0, prepared.period_s, problem.substeps());
         for (section, memory) in prepared.sections.iter().zip(&mut memories) {

@@ -11,7 +11,8 @@ use ramphold::fit::{
     StartingValues, Transform, Weighting, objective, pilot_points, solve,
 };
 use ramphold::wrist::{
-    JOINT_DAMPING_NM_S_PER_RAD, Knot, Request, Response, Width, YIELD_SMOOTHNESS_PER_NM, simulate, substeps,
+    JOINT_DAMPING_NM_S_PER_RAD, Kinematics, SimulatedTorque, SimulationSettings, VectorWidth,
+    YIELD_SMOOTHNESS_PER_NM, simulate, substeps,
 };
 use serde_json::{Value, json};
 
@@ -105,8 +106,8 @@ impl Problem {
     }
 
     /// A simulation of the session's windows, with derivatives for the parameters `wanted`.
-    pub fn request<'a>(&'a self, width: Width, wanted: &'a [usize]) -> Request<'a> {
-        Request { wanted, width, ..self.prepared.request(&[], self.substeps()) }
+    pub fn request<'a>(&'a self, width: VectorWidth, wanted: &'a [usize]) -> SimulationSettings<'a> {
+        SimulationSettings { derivatives: wanted, width, ..self.prepared.request(&[], self.substeps()) }
     }
 
     /// Runge-Kutta steps a sample that the fit takes at the start.
@@ -122,15 +123,15 @@ impl Problem {
         let lever = prepared.lever.expect("a lever");
         let parameters = self.start_parameters();
         let trials: Vec<_> = prepared.trials.iter().map(|trial| &trial.input).collect();
-        let mut response = Response::default();
+        let mut response = SimulatedTorque::default();
         let wanted = [0, 1, 2, 3, 4, 5];
-        simulate(&self.request(Width::One, &wanted), &trials, &parameters.concat(), &mut response);
+        simulate(&self.request(VectorWidth::One, &wanted), &trials, &parameters.concat(), &mut response);
         json!({
             "lever": [lever.inertia_kg_m2, lever.damping_nm_s_per_rad, lever.stiffness_nm_per_rad],
             "joint_damping": JOINT_DAMPING_NM_S_PER_RAD,
             "smoothness": YIELD_SMOOTHNESS_PER_NM,
             "period_s": prepared.period_s,
-            "lead": prepared.lead,
+            "lead": prepared.lead_samples,
             "samples": prepared.samples,
             "substeps": self.substeps(),
             "sections": prepared.sections.iter().map(|s| [&s.b[..], &s.a[..]].concat()).collect::<Vec<_>>(),
@@ -144,9 +145,9 @@ impl Problem {
     }
 
     /// The motor's motion from `lead` samples before the onset to one after the window.
-    fn each_knot(&self, value: impl Fn(&Knot<f64>) -> f64) -> Vec<Vec<f64>> {
-        let (lead, samples) = (self.prepared.lead, self.prepared.samples);
-        let own = |input: &ramphold::wrist::Trial| {
+    fn each_knot(&self, value: impl Fn(&Kinematics<f64>) -> f64) -> Vec<Vec<f64>> {
+        let (lead, samples) = (self.prepared.lead_samples, self.prepared.samples);
+        let own = |input: &ramphold::wrist::TrialInput| {
             input.motion[input.onset - lead..=input.onset + samples].iter().map(&value).collect()
         };
         self.prepared.trials.iter().map(|trial| own(&trial.input)).collect()

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use ramphold::dataset;
 use ramphold::diagnose::{Proposal, design};
 use ramphold::protocol::ValidProtocol;
-use ramphold::wrist::mechanisms::{CATALOGUE, Class, Kind};
+use ramphold::wrist::mechanisms::{CATALOGUE, MechanismClass, MechanismKind};
 
 use super::diagnose::{named, read_diagnosis};
 use super::{Console, Failure, Verb};
@@ -66,12 +66,12 @@ impl Design {
         }
     }
 
-    fn asked_for(&self) -> Result<Vec<Kind>, Failure> {
+    fn asked_for(&self) -> Result<Vec<MechanismKind>, Failure> {
         self.between.iter().map(|id| kind(id)).collect()
     }
 
     /// The first cause of the diagnosis that could be another, with what it could be.
-    fn left_open(&self) -> Result<Vec<Kind>, Failure> {
+    fn left_open(&self) -> Result<Vec<MechanismKind>, Failure> {
         let diagnosis = read_diagnosis(&self.session)?;
         if let Some((_, ids)) = named(&diagnosis).find(|(_, ids)| ids.len() > 1) {
             return ids.into_iter().take(MOST).map(kind).collect();
@@ -84,7 +84,7 @@ impl Design {
 }
 
 /// The mechanism of this id, if a longer or wider ramp can show it.
-fn kind(id: &str) -> Result<Kind, Failure> {
+fn kind(id: &str) -> Result<MechanismKind, Failure> {
     let Some(kind) = CATALOGUE.iter().copied().find(|kind| kind.id() == id) else {
         let known: Vec<&str> = CATALOGUE.iter().map(|kind| kind.id()).collect();
         return Err(Failure::Usage(format!(
@@ -93,7 +93,7 @@ fn kind(id: &str) -> Result<Kind, Failure> {
         )));
     };
     let fitted = kind.parameters().iter().any(|parameter| parameter.fitted);
-    if kind.class() == Class::Trial && kind != Kind::TorqueDrift || !fitted {
+    if kind.class() == MechanismClass::Trial && kind != MechanismKind::TorqueDrift || !fitted {
         return Err(Failure::Usage(format!(
             "mechanism \"{id}\": shows between trials or in the hold, not in how a trial goes; designs are made for what \
              shows within the trials"

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use ramphold::fit::{AddedMechanism, Model, ModelError, ParameterSpec, Scope};
-use ramphold::rig::virtual_wrist::{Mechanisms, Person, Setup};
+use ramphold::rig::virtual_wrist::{MechanismList, Person, Setup};
 use ramphold::wrist::BASE_PARAMETERS;
-use ramphold::wrist::mechanisms::Kind;
+use ramphold::wrist::mechanisms::MechanismKind;
 
 use super::Failure;
 use super::fit::read_model;
@@ -21,7 +21,7 @@ pub fn add_model(file: &Path, person: &Person, setup: &mut Setup) -> Result<(), 
 }
 
 /// The mechanisms of `model` at the values that it gives.
-fn mechanisms(model: &Model) -> Result<Mechanisms, ModelError> {
+fn mechanisms(model: &Model) -> Result<MechanismList, ModelError> {
     for (name, treatment) in BASE_PARAMETERS.iter().zip(&model.base) {
         if treatment.scope == Scope::Fixed {
             return Err(ModelError::Value {
@@ -53,8 +53,8 @@ fn values(index: usize, switched: &AddedMechanism) -> Result<Vec<f64>, ModelErro
 }
 
 /// The same mechanism twice would act twice.
-fn only_once(added: &Mechanisms, person: &Person, setup: &Setup) -> Result<(), ModelError> {
-    let there: Vec<Kind> = person.mechanisms.and(&setup.mechanisms).kinds;
+fn only_once(added: &MechanismList, person: &Person, setup: &Setup) -> Result<(), ModelError> {
+    let there: Vec<MechanismKind> = person.mechanisms.and(&setup.mechanisms).kinds;
     match added.kinds.iter().position(|kind| there.contains(kind)) {
         None => Ok(()),
         Some(index) => Err(ModelError::Value {

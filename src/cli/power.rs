@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use ramphold::dataset::Disk;
 use ramphold::fit::{QUANTITIES, write_files};
 use ramphold::report::{PowerCurve, power_figure};
-use ramphold::rig::virtual_wrist::Mechanisms;
+use ramphold::rig::virtual_wrist::MechanismList;
 use ramphold::statistics::wilson;
 use ramphold::study::detection_power::{Named, detections, found};
 use ramphold::study::power::{Arms, Drawing, Found, Limit, Shift, Sought, Verdict, power, verdicts};
@@ -42,7 +42,7 @@ pub struct Power {
     /// A mechanism of the catalogue at work in the rig, with all its parameters, such as
     /// torque_drift:slope_nm_per_s=1,start_s=0.005. Every session is diagnosed, which takes long: begin with --pool 8.
     #[arg(long, value_name = "ID:PARAMETER=VALUE,...", group = "sought", value_parser = mechanism)]
-    mechanism: Option<Mechanisms>,
+    mechanism: Option<MechanismList>,
     /// Numbers of persons, in each group.
     #[arg(long, value_delimiter = ',', default_value = "3,4,5,6,8,10,12,16,20,24,32,40")]
     persons: Vec<u32>,
@@ -271,7 +271,7 @@ fn named_table(named: &[Named]) -> String {
 }
 
 /// A mechanism with its parameters, as it is written on the command line.
-fn mechanism(text: &str) -> Result<Mechanisms, String> {
+fn mechanism(text: &str) -> Result<MechanismList, String> {
     let (id, parameters) = text.split_once(':').unwrap_or((text, ""));
     let mut values = serde_json::Map::new();
     for parameter in parameters.split(',').filter(|parameter| !parameter.is_empty()) {

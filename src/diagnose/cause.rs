@@ -5,7 +5,7 @@ use super::across_trials::outliers::Outlier;
 use super::mains_hum::Hum;
 use super::within_trial::cross_validation::Gain;
 use crate::fit::Fit;
-use crate::wrist::mechanisms::Kind;
+use crate::wrist::mechanisms::MechanismKind;
 
 /// What a cause rests on.
 #[derive(Debug, Clone)]
@@ -42,11 +42,11 @@ pub enum Evidence {
 #[derive(Debug, Clone)]
 pub struct Cause {
     /// Which mechanism.
-    pub kind: Kind,
+    pub kind: MechanismKind,
     /// Probability of evidence as strong where it is absent, over the whole catalogue.
     pub p_value: f64,
     /// Other mechanisms that the data do not rule out in its place.
-    pub indistinguishable: Vec<Kind>,
+    pub indistinguishable: Vec<MechanismKind>,
     /// What it rests on.
     pub evidence: Evidence,
 }

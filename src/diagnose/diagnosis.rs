@@ -13,7 +13,7 @@ use super::within_trial::null_distribution::{Finding, SIGNIFICANT};
 use super::within_trial::residual_terms::{ResidualTerm, residual_term};
 use super::within_trial::score_test::Unseen;
 use crate::fit::{Fit, Model, Observations, Weighting};
-use crate::wrist::mechanisms::Kind;
+use crate::wrist::mechanisms::MechanismKind;
 
 /// What the diagnosis comes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -127,7 +127,7 @@ fn hum_cause(
     let gain = gain_of_cleaning((as_it_was, &before), (clean, fit), seed);
     let (before, after) = (Box::new(before), Box::new(fit.clone()));
     Cause {
-        kind: Kind::MainsHum,
+        kind: MechanismKind::MainsHum,
         p_value: hum.p_value,
         indistinguishable: Vec::new(),
         evidence: Evidence::Hold { hum: *hum, before, after, gain },
@@ -156,7 +156,7 @@ fn across_trials(
     let p_trend = trends.as_ref().map_or(1.0, |(_, p)| *p);
     if !found.is_empty() {
         causes.push(Cause {
-            kind: Kind::OutlierTrial,
+            kind: MechanismKind::OutlierTrial,
             p_value: (2.0 * p_outliers).min(1.0),
             indistinguishable: Vec::new(),
             evidence: Evidence::Outliers(found),

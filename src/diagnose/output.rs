@@ -14,7 +14,7 @@ use super::within_trial::discrepancy::FORM_ERROR;
 use crate::dataset::Disk;
 use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
 use crate::wrist::BASE_PARAMETERS;
-use crate::wrist::mechanisms::Kind;
+use crate::wrist::mechanisms::MechanismKind;
 
 /// The version of `diagnosis.json` that this program writes.
 pub const DIAGNOSIS_FORMAT: &str = "ramphold-diagnosis/1";
@@ -121,7 +121,7 @@ fn parameters(diagnosis: &Diagnosis, prepared: &Observations, cause: &Cause) -> 
 
 /// Values and standard errors of a mechanism's parameters in `fit`, and whether they are fitted as logarithms. That its law may
 /// be another than the catalogue's is part of the error.
-fn added_values(fit: &Fit, prepared: &Observations, kind: Kind) -> Vec<(f64, Option<f64>, bool)> {
+fn added_values(fit: &Fit, prepared: &Observations, kind: MechanismKind) -> Vec<(f64, Option<f64>, bool)> {
     let mut first = BASE_PARAMETERS.len();
     for own in fit.kinds.iter().take_while(|own| **own != kind) {
         first += own.parameter_count();
@@ -158,7 +158,7 @@ fn shift(prepared: &Observations, before: &Fit, after: &Fit) -> Value {
 }
 
 /// Mean of k_srs as estimated, and with the effect on each trial taken away.
-fn stiffness_shift(prepared: &Observations, fit: &Fit, kind: Kind, trend: &Trend) -> Value {
+fn stiffness_shift(prepared: &Observations, fit: &Fit, kind: MechanismKind, trend: &Trend) -> Value {
     let count = fit.parameters.len() as f64;
     let values: Vec<f64> = trend.values.iter().map(|(value, _)| *value).collect();
     let (mut before, mut after) = (0.0, 0.0);

@@ -18,8 +18,8 @@ use crate::fit::{
     StartingValues, Weighting, objective,
 };
 use crate::protocol::{Protocol, Sweep, ValidProtocol};
-use crate::wrist::mechanisms::Kind;
-use crate::wrist::{BASE_PARAMETERS, Knot, Trial};
+use crate::wrist::mechanisms::MechanismKind;
+use crate::wrist::{BASE_PARAMETERS, Kinematics, TrialInput};
 
 /// A protocol that might be run next.
 #[derive(Debug, Clone)]
@@ -29,7 +29,7 @@ pub struct Proposal {
     /// The protocol.
     pub protocol: ValidProtocol,
     /// For each pair of causes, the true one first: the probability that the other is ruled out.
-    pub power: Vec<(Kind, Kind, f64)>,
+    pub power: Vec<(MechanismKind, MechanismKind, f64)>,
 }
 
 impl Proposal {
@@ -47,7 +47,7 @@ impl Proposal {
 pub fn design(
     session: &Session,
     now: &ValidProtocol,
-    causes: &[Kind],
+    causes: &[MechanismKind],
 ) -> Result<Vec<Proposal>, PreprocessingError> {
     let mut seen: Vec<Seen> = Vec::new();
     let mut proposals = Vec::new();
@@ -80,12 +80,12 @@ struct Seen {
 }
 
 impl Seen {
-    fn new(session: &Session, protocol: &ValidProtocol, causes: &[Kind]) -> Result<Self, PreprocessingError> {
+    fn new(session: &Session, protocol: &ValidProtocol, causes: &[MechanismKind]) -> Result<Self, PreprocessingError> {
         let view = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
         let prepared = Look::new(session, view, &Model::paper())?.prepared;
         let base = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
         let search = ExtensionSearch::new(&prepared, &base);
-        let with = |kind: &Kind| {
+        let with = |kind: &MechanismKind| {
             let model = Model::paper().with(*kind);
             search.complete(&search.screen(slice::from_ref(&model))).refined(&prepared)
         };
@@ -155,7 +155,7 @@ fn variants(now: &ValidProtocol) -> Vec<(String, ValidProtocol)> {
 
 /// For each ordered pair of causes, the probability that a session of `protocol` in which the first is true rules the second
 /// out.
-fn power(seen: &Seen, protocol: &ValidProtocol, causes: &[Kind]) -> Vec<(Kind, Kind, f64)> {
+fn power(seen: &Seen, protocol: &ValidProtocol, causes: &[MechanismKind]) -> Vec<(MechanismKind, MechanismKind, f64)> {
     let Seen { prepared, fits, .. } = seen;
     let pairs: Vec<(usize, usize)> = (0..causes.len())
         .flat_map(|one| (0..causes.len()).filter(move |other| *other != one).map(move |other| (one, other)))
@@ -210,8 +210,8 @@ fn distance(prepared: &Observations, protocol: &ValidProtocol, truth: &Fit, othe
 /// The trials of `protocol`, moved as commanded, with the noise of the nearest torque of the session.
 fn planned(prepared: &Observations, protocol: &ValidProtocol) -> Observations {
     let mut planned = prepared.subset(&[]);
-    let margin = 2 * prepared.lead;
-    let before = prepared.lead + margin;
+    let margin = 2 * prepared.lead_samples;
+    let before = prepared.lead_samples + margin;
     let mut condition = 0;
     for velocity in &protocol.velocities_rad_s {
         for torque in &protocol.torques_nm {
@@ -225,10 +225,10 @@ fn planned(prepared: &Observations, protocol: &ValidProtocol) -> Observations {
                 let knot = |sample: usize| {
                     let time = (sample as f64 - before as f64) * prepared.period_s;
                     let motion = sweep.at(time);
-                    Knot { theta: motion.angle_rad, omega: motion.velocity_rad_s }
+                    Kinematics { theta: motion.angle_rad, omega: motion.velocity_rad_s }
                 };
                 let mut trial = prepared.trials[nearest].clone();
-                trial.input = Trial {
+                trial.input = TrialInput {
                     motion: (0..before + prepared.samples + margin).map(knot).collect(),
                     onset: before,
                     covariates: trial.input.covariates,

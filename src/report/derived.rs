@@ -1,6 +1,6 @@
 //! What follows from a fitted trial: when elastic torque overtakes inertial torque, strain, work.
 
-use crate::wrist::Instant;
+use crate::wrist::TraceSample;
 
 /// Wrist rotation and the stretch of each half-sarcomere of the wrist flexors that belongs to it, rad and nm
 /// (section 4.1 of the paper, from van Eesbeek et al. 2010).
@@ -13,9 +13,9 @@ const HALF_SARCOMERE_NM: f64 = 1400.0;
 /// Time at which the elastic torque overtakes the inertial one for good within the window, s; `None` if it does not.
 ///
 /// The search begins at the peak of the inertial torque: before it both are near zero and may cross at random.
-pub fn overtaking_s(instants: &[Instant], window_s: f64) -> Option<f64> {
+pub fn overtaking_s(instants: &[TraceSample], window_s: f64) -> Option<f64> {
     let window = &instants[..instants.iter().take_while(|instant| instant.time_s <= window_s).count()];
-    let ahead = |instant: &Instant| instant.elastic_nm - instant.inertial_nm;
+    let ahead = |instant: &TraceSample| instant.elastic_nm - instant.inertial_nm;
     let peak = (0..window.len()).max_by(|a, b| window[*a].inertial_nm.total_cmp(&window[*b].inertial_nm))?;
     let pair = window[peak..].windows(2).find(|pair| ahead(&pair[0]) < 0.0 && ahead(&pair[1]) >= 0.0)?;
     let (before, after) = (ahead(&pair[0]), ahead(&pair[1]));
@@ -43,10 +43,10 @@ pub struct Work {
 
 impl Work {
     /// Up to the end of the window.
-    pub fn of(instants: &[Instant], window_s: f64, short_range_stiffness: f64) -> Option<Self> {
+    pub fn of(instants: &[TraceSample], window_s: f64, short_range_stiffness: f64) -> Option<Self> {
         let window = &instants[..instants.iter().take_while(|instant| instant.time_s <= window_s).count()];
         let last = window.last()?;
-        let area = |pair: &[Instant]| {
+        let area = |pair: &[TraceSample]| {
             (pair[1].state.theta_j - pair[0].state.theta_j) * (pair[0].elastic_nm + pair[1].elastic_nm) / 2.0
         };
         Some(Self {
@@ -76,9 +76,9 @@ pub fn mean_sd(values: impl IntoIterator<Item = Option<f64>>) -> Option<(f64, Op
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wrist::{Knot, State, Torques};
+    use crate::wrist::{Kinematics, State, Torques};
 
-    fn instants(motion: impl Fn(f64) -> (f64, f64, f64)) -> Vec<Instant> {
+    fn instants(motion: impl Fn(f64) -> (f64, f64, f64)) -> Vec<TraceSample> {
         (0..=400)
             .map(|step| {
                 let time_s = f64::from(step) * 1e-4;
@@ -86,7 +86,14 @@ mod tests {
                 let mut state = State::rest();
                 state.theta_j = theta_j;
                 let none = Torques { lever: 0.0, interface: 0.0, joint: 0.0, beyond: 0.0, measured: 0.0 };
-                Instant { time_s, motor: Knot::default(), state, torques: none, elastic_nm, inertial_nm }
+                TraceSample {
+                    time_s,
+                    motor: Kinematics::default(),
+                    state,
+                    torques: none,
+                    elastic_nm,
+                    inertial_nm,
+                }
             })
             .collect()
     }

@@ -7,7 +7,7 @@ use crate::dataset::{Session, Status};
 use crate::fit::{Observations, PreprocessingSettings, TrialObservation};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
-use crate::wrist::{self, Instant, Request, Response, simulate, substeps};
+use crate::wrist::{self, SimulatedTorque, SimulationSettings, TraceSample, simulate, substeps};
 
 /// A trial with what was measured and what was fitted. Torques and angles are changes from the hold, turned so that the
 /// ramp is positive, as in section 2.4 of the paper.
@@ -30,7 +30,7 @@ pub struct Trace {
     /// Time and fitted torque, filtered, from the onset on; empty without a fit.
     pub fitted_nm: Vec<(f64, f64)>,
     /// The wrist as fitted, from the onset on; empty without a fit.
-    pub instants: Vec<Instant>,
+    pub instants: Vec<TraceSample>,
     /// Measured less fitted torque in the window, N m; empty without a fit.
     pub residual_nm: Vec<f64>,
     /// What the fit says.
@@ -97,9 +97,9 @@ fn one(
     let kinds = model.kinds();
     let substeps = substeps(prepared.lever, &parameters, prepared.period_s);
     let samples = trial.input.motion.len() - trial.input.onset;
-    let request = Request { samples, ..prepared.request(&kinds, substeps) };
+    let request = SimulationSettings { samples, ..prepared.request(&kinds, substeps) };
     trace.instants = wrist::trace(&request, &trial.input, &parameters);
-    let mut response = Response::default();
+    let mut response = SimulatedTorque::default();
     simulate(&request, &[&trial.input], &parameters, &mut response);
     let times = (0..).map(|sample| f64::from(sample) * prepared.period_s);
     trace.fitted_nm = times.zip(response.torque_nm).collect();

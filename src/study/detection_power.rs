@@ -12,7 +12,7 @@ use super::unit_session::{Kept, simulate, view};
 use crate::diagnose::{Look, diagnose};
 use crate::fit::Model;
 use crate::random::Stream;
-use crate::rig::virtual_wrist::Mechanisms;
+use crate::rig::virtual_wrist::MechanismList;
 
 /// Share of sessions without any mechanism in which a diagnosis may name one.
 pub const FALSE_ALARMS: f64 = 0.05;
@@ -29,7 +29,7 @@ pub struct Named {
 /// Runs each person of a pool with `mechanisms` at work in the rig, and diagnoses the session with each number of repetitions.
 pub fn detections(
     study: &Study,
-    mechanisms: &Mechanisms,
+    mechanisms: &MechanismList,
     drawing: &Drawing,
     done: impl Fn() + Sync,
 ) -> Result<Vec<Named>, UnitError> {
@@ -53,7 +53,7 @@ pub fn detections(
 fn of_unit(
     study: &Study,
     index: u64,
-    mechanisms: &Mechanisms,
+    mechanisms: &MechanismList,
     repetitions: &[u32],
 ) -> Result<Vec<bool>, UnitError> {
     let mut unit = study.unit(index);

@@ -1,24 +1,24 @@
 //! Fourth-order Runge-Kutta through the motor's motion between two samples.
 
-use super::coefficient::Coefficients;
 use super::mechanisms::Extension;
-use super::number::{Number, Plain};
-use super::plant::{Knot, MEMORY, Mechanics, State};
+use super::plant::{Kinematics, MEMORY, Mechanics, State};
+use super::sparse_coefficient::DerivativeStructure;
+use crate::number::{Number, Plain};
 
 /// The motor's motion between two samples: the cubic through angle and speed at both.
 #[derive(Debug, Clone, Copy)]
-pub struct Glide<T> {
-    start: Knot<T>,
-    /// Coefficients of the square and the cube of the fraction of the way.
+pub struct HermiteSegment<T> {
+    start: Kinematics<T>,
+    /// DerivativeStructure of the square and the cube of the fraction of the way.
     square: T,
     cube: T,
     period_s: f64,
 }
 
-impl<T: Number> Glide<T> {
+impl<T: Number> HermiteSegment<T> {
     /// From one sample to the next, `period_s` later.
     #[inline(always)]
-    pub fn new(from: Knot<T>, to: Knot<T>, period_s: f64) -> Self {
+    pub fn new(from: Kinematics<T>, to: Kinematics<T>, period_s: f64) -> Self {
         let (from_slope, to_slope) = (from.omega.scale(period_s), to.omega.scale(period_s));
         let rise = to.theta - from.theta;
         Self {
@@ -31,7 +31,7 @@ impl<T: Number> Glide<T> {
 
     /// The motor at `u` (0 to 1) of the way.
     #[inline(always)]
-    fn at(&self, u: f64) -> Knot<T> {
+    fn at(&self, u: f64) -> Kinematics<T> {
         let theta = self.start.theta
             + self.start.omega.scale(self.period_s * u)
             + self.square.scale(u * u)
@@ -39,34 +39,34 @@ impl<T: Number> Glide<T> {
         let omega = self.start.omega
             + self.square.scale(2.0 * u / self.period_s)
             + self.cube.scale(3.0 * u * u / self.period_s);
-        Knot { theta, omega }
+        Kinematics { theta, omega }
     }
 }
 
 /// The motor's motion, with or without derivatives of its own.
-pub trait Drive<T> {
+pub trait MotorInput<T> {
     /// Angle and speed at `u` (0 to 1) of the way from one sample to the next.
-    fn motor(&self, u: f64) -> Knot<T>;
+    fn at(&self, u: f64) -> Kinematics<T>;
 }
 
 /// A motion that depends on parameters.
 #[derive(Debug, Clone, Copy)]
-pub struct Varied<T>(pub Glide<T>);
+pub struct CorrectedInput<T>(pub HermiteSegment<T>);
 
-impl<T: Number> Drive<T> for Varied<T> {
+impl<T: Number> MotorInput<T> for CorrectedInput<T> {
     #[inline(always)]
-    fn motor(&self, u: f64) -> Knot<T> {
+    fn at(&self, u: f64) -> Kinematics<T> {
         self.0.at(u)
     }
 }
 
 /// A motion that is given.
 #[derive(Debug, Clone, Copy)]
-pub struct Given<P>(pub Glide<P>);
+pub struct RecordedInput<P>(pub HermiteSegment<P>);
 
-impl<P: Plain, T: Number<Plain = P>> Drive<T> for Given<P> {
+impl<P: Plain, T: Number<Plain = P>> MotorInput<T> for RecordedInput<P> {
     #[inline(always)]
-    fn motor(&self, u: f64) -> Knot<T> {
+    fn at(&self, u: f64) -> Kinematics<T> {
         self.0.at(u).lift()
     }
 }
@@ -77,7 +77,7 @@ const STAGES: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 /
 /// A wrist on its way from sample to sample. With derivatives a state takes kilobytes: what the scheme needs besides is kept
 /// rather than made anew each time, and added states that are not in use are left alone.
 #[derive(Debug, Clone)]
-pub struct Walk<T> {
+pub struct Integrator<T> {
     /// Where it is.
     pub state: State<T>,
     /// The added states at the last sample, and their rates.
@@ -87,7 +87,7 @@ pub struct Walk<T> {
     rates: State<T>,
 }
 
-impl<T: Number> Walk<T> {
+impl<T: Number> Integrator<T> {
     /// At rest.
     #[inline(always)]
     pub fn at_rest() -> Self {
@@ -100,11 +100,11 @@ impl<T: Number> Walk<T> {
     /// One loop over all evaluations, rather than one over steps around one over stages, keeps a single copy of the model's
     /// equations in the compiled code.
     #[inline(always)]
-    pub fn advance<C: Coefficients<T>, X: Extension<T>, D: Drive<T>>(
+    pub fn advance<C: DerivativeStructure<T>, X: Extension<T>, D: MotorInput<T>>(
         &mut self,
         mechanics: &Mechanics<T, C>,
         extension: &X,
-        drive: &D,
+        input: &D,
         start_s: f64,
         period_s: f64,
         substeps: usize,
@@ -119,7 +119,7 @@ impl<T: Number> Walk<T> {
         while evaluation < substeps * STAGES.len() {
             let (substep, stage) = (evaluation / STAGES.len(), evaluation % STAGES.len());
             let u = (substep as f64 + STAGES[stage].0) / substeps as f64;
-            let torques = mechanics.rates(extension, at, drive.motor(u), start_s + u * period_s, rates);
+            let torques = mechanics.rates(extension, at, input.at(u), start_s + u * period_s, rates);
             if evaluation == 0 {
                 measured = torques.measured;
                 first[..memory].copy_from_slice(&state.memory[..memory]);

@@ -1,33 +1,31 @@
-//! The wrist model: Eq. 1-7 of de Vlugt et al. 2011, and the mechanisms that it may lack.
+//! The wrist model: Eq. 1-7 of de Vlugt et al. 2011, and mechanisms that the model lacks.
 //!
-//! Written once, over any [`Number`]: plain, with derivatives, several trials at once. The virtual wrist advances it sample
-//! by sample, the fit and the diagnosis run whole trials through [`simulate`].
+//! The model is written once, over any [`Number`](crate::number::Number): a plain number, a number with derivatives, several
+//! trials at once. The virtual wrist integrates it sample by sample; the fit and the diagnosis run whole trials through
+//! [`simulate`].
 
 pub mod mechanisms;
 
-mod coefficient;
-mod elementary;
-mod group;
+mod batch;
 mod integrate;
-mod jet;
 mod motion;
-mod number;
 mod plant;
 mod simulate;
+mod simulation;
+mod sparse_coefficient;
 #[cfg(test)]
 mod tests;
 mod trace;
-#[cfg(target_arch = "x86_64")]
-mod vector;
 
-pub use coefficient::{Coefficient, Coefficients, Mixed, Separate};
-pub use integrate::{Drive, Given, Glide, LONGEST_STEP, Varied, Walk, substeps};
-pub use jet::Jet;
-pub use motion::{Smoothing, knots, servo_response};
-pub use number::{Number, Plain};
-pub use plant::{
-    BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Knot, Lever, LeverCoefficients, MEMORY, Mechanics, Moment,
-    Plant, State, Torques, YIELD_SMOOTHNESS_PER_NM,
+pub use integrate::{
+    CorrectedInput, HermiteSegment, Integrator, LONGEST_STEP, MotorInput, RecordedInput, substeps,
 };
-pub use simulate::{Request, Response, Trial, Width, simulate};
-pub use trace::{Instant, srs_period_s, trace};
+pub use motion::{Smoothing, motor_motion, servo_response};
+pub use plant::{
+    BASE_PARAMETERS, Context, JOINT_DAMPING_NM_S_PER_RAD, Kinematics, Lever, LeverCoefficients, MEMORY,
+    Mechanics, Plant, State, Torques, YIELD_SMOOTHNESS_PER_NM,
+};
+pub use simulate::simulate;
+pub use simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth};
+pub use sparse_coefficient::{Coefficient, Dense, DerivativeStructure, Sparse};
+pub use trace::{TraceSample, srs_period_s, trace};

@@ -1,8 +1,8 @@
 //! From the recorded angle to the motor's motion: speeds at the samples, and what the angle channel may have done.
 
-use super::mechanisms::{Channels, hermite};
-use super::number::{Number, Plain};
-use super::plant::Knot;
+use super::mechanisms::{ChannelErrors, hermite};
+use super::plant::Kinematics;
+use crate::number::{Lanes, Number};
 
 /// How a recorded angle is smoothed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,13 +27,13 @@ impl Smoothing {
     ///
     /// # Panics
     /// If there are fewer than five samples.
-    pub fn knots(self, theta_rad: &[f64], period_s: f64) -> Vec<Knot<f64>> {
+    pub fn motion(self, theta_rad: &[f64], period_s: f64) -> Vec<Kinematics<f64>> {
         let mut result = cubics(theta_rad, period_s, self.half_s);
         if self.twice {
             let left: Vec<f64> =
                 theta_rad.iter().zip(&result).map(|(theta, knot)| theta - knot.theta).collect();
             for (knot, more) in result.iter_mut().zip(cubics(&left, period_s, self.half_s)) {
-                *knot = Knot { theta: knot.theta + more.theta, omega: knot.omega + more.omega };
+                *knot = Kinematics { theta: knot.theta + more.theta, omega: knot.omega + more.omega };
             }
         }
         result
@@ -44,13 +44,13 @@ impl Smoothing {
 ///
 /// # Panics
 /// If there are fewer than five samples.
-pub fn knots(theta_rad: &[f64], period_s: f64) -> Vec<Knot<f64>> {
-    Smoothing::ONE_RECORD.knots(theta_rad, period_s)
+pub fn motor_motion(theta_rad: &[f64], period_s: f64) -> Vec<Kinematics<f64>> {
+    Smoothing::ONE_RECORD.motion(theta_rad, period_s)
 }
 
 /// Value and slope of the cubic fitted to the samples about each sample (Savitzky and Golay 1964), over a shorter stretch
 /// near the ends.
-fn cubics(theta_rad: &[f64], period_s: f64, half_s: f64) -> Vec<Knot<f64>> {
+fn cubics(theta_rad: &[f64], period_s: f64, half_s: f64) -> Vec<Kinematics<f64>> {
     let count = theta_rad.len();
     assert!(count >= 5, "speed needs at least five samples");
     let widest = (libm::round(half_s / period_s) as usize).clamp(2, (count - 1) / 2);
@@ -59,7 +59,7 @@ fn cubics(theta_rad: &[f64], period_s: f64, half_s: f64) -> Vec<Knot<f64>> {
         if half < 2 {
             let (before, after) = (sample.saturating_sub(1), (sample + 1).min(count - 1));
             let omega = (theta_rad[after] - theta_rad[before]) / ((after - before) as f64 * period_s);
-            return Knot { theta: theta_rad[sample], omega };
+            return Kinematics { theta: theta_rad[sample], omega };
         }
         cubic_at(&theta_rad[sample - half..=sample + half], period_s)
     };
@@ -68,7 +68,7 @@ fn cubics(theta_rad: &[f64], period_s: f64, half_s: f64) -> Vec<Knot<f64>> {
 
 /// Value and slope in the middle of the cubic fitted to an odd number of samples. About the middle the even powers settle
 /// the value, the odd ones the slope.
-fn cubic_at(around: &[f64], period_s: f64) -> Knot<f64> {
+fn cubic_at(around: &[f64], period_s: f64) -> Kinematics<f64> {
     let half = (around.len() / 2) as i32;
     let (mut s2, mut s4, mut s6) = (0.0, 0.0, 0.0);
     let (mut t0, mut t1, mut t2, mut t3) = (0.0, 0.0, 0.0, 0.0);
@@ -84,7 +84,7 @@ fn cubic_at(around: &[f64], period_s: f64) -> Knot<f64> {
         t3 += theta * square * x;
     }
     let s0 = around.len() as f64;
-    Knot {
+    Kinematics {
         theta: (s4 * t0 - s2 * t2) / (s0 * s4 - s2 * s2),
         omega: (s6 * t1 - s4 * t3) / (s2 * s6 - s4 * s4) / period_s,
     }
@@ -94,12 +94,12 @@ fn cubic_at(around: &[f64], period_s: f64) -> Knot<f64> {
 /// recorded command. `records` are the lanes' records, `starts` where in them the result begins.
 #[inline(always)]
 pub(super) fn unrecord<T: Number>(
-    records: &[&[Knot<f64>]; 16],
+    records: &[&[Kinematics<f64>]; 16],
     starts: &[f64; 16],
     count: usize,
-    channels: &Channels<T>,
+    channels: &ChannelErrors<T>,
     period_s: f64,
-) -> Vec<Knot<T>> {
+) -> Vec<Kinematics<T>> {
     let mut motion = Vec::with_capacity(count);
     let shift = channels.torque_delay_s.scale(1.0 / period_s);
     let mut sample = 0;
@@ -119,14 +119,14 @@ pub(super) fn unrecord<T: Number>(
 /// depend on time, so shifting the angle shifts the predicted torque.
 #[inline(always)]
 fn at_shifted<T: Number>(
-    records: &[&[Knot<f64>]; 16],
+    records: &[&[Kinematics<f64>]; 16],
     starts: &[f64; 16],
     sample: usize,
     shift: T,
     gain: T,
     period_s: f64,
-) -> Knot<T> {
-    let mut around = [[Knot::default(); 16]; 4];
+) -> Kinematics<T> {
+    let mut around = [[Kinematics::default(); 16]; 4];
     let mut whole = [0.0; 16];
     let mut lane = 0;
     while lane < T::Plain::LANES {
@@ -145,14 +145,14 @@ fn at_shifted<T: Number>(
     let [before, start, end, after] = around.map(|knots| gather::<T>(&knots));
     let theta = hermite(u, start.theta, end.theta, start.omega.scale(period_s), end.omega.scale(period_s));
     // Not the slope of that curve: what is left of the encoder's steps in two angles would weigh on their difference.
-    let change = |from: Knot<T>, to: Knot<T>| (to.omega - from.omega).scale(0.5);
+    let change = |from: Kinematics<T>, to: Kinematics<T>| (to.omega - from.omega).scale(0.5);
     let omega = hermite(u, start.omega, end.omega, change(before, end), change(start, after));
-    Knot { theta: theta / gain, omega: omega / gain }
+    Kinematics { theta: theta / gain, omega: omega / gain }
 }
 
 /// One knot a lane, side by side.
 #[inline(always)]
-pub(super) fn gather<T: Number>(lanes: &[Knot<f64>; 16]) -> Knot<T> {
+pub(super) fn gather<T: Number>(lanes: &[Kinematics<f64>; 16]) -> Kinematics<T> {
     let (mut theta, mut omega) = ([0.0; 16], [0.0; 16]);
     let mut lane = 0;
     while lane < T::Plain::LANES {
@@ -160,13 +160,17 @@ pub(super) fn gather<T: Number>(lanes: &[Knot<f64>; 16]) -> Knot<T> {
         omega[lane] = lanes[lane].omega;
         lane += 1;
     }
-    Knot { theta: T::lift(T::Plain::load(&theta)), omega: T::lift(T::Plain::load(&omega)) }
+    Kinematics { theta: T::lift(T::Plain::load(&theta)), omega: T::lift(T::Plain::load(&omega)) }
 }
 
 /// How a servo with two equal real poles at `bandwidth_hz` follows a command; the command is taken as straight between
 /// samples, for which the response is exact.
 #[inline(always)]
-pub fn servo_response<T: Number>(command: &[Knot<T>], bandwidth_hz: T, period_s: f64) -> Vec<Knot<T>> {
+pub fn servo_response<T: Number>(
+    command: &[Kinematics<T>],
+    bandwidth_hz: T,
+    period_s: f64,
+) -> Vec<Kinematics<T>> {
     let rate = bandwidth_hz.scale(std::f64::consts::TAU);
     let one = T::constant(1.0);
     let x = rate.scale(period_s);
@@ -183,7 +187,7 @@ pub fn servo_response<T: Number>(command: &[Knot<T>], bandwidth_hz: T, period_s:
             first = keep * first + early * command[sample - 1].theta + late * command[sample].theta;
             second = keep * second + early * previous + late * first;
         }
-        response.push(Knot { theta: second, omega: rate * (first - second) });
+        response.push(Kinematics { theta: second, omega: rate * (first - second) });
         sample += 1;
     }
     response

@@ -5,9 +5,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::coefficient::{Coefficient, Coefficients, Mixed, Separate};
 use super::mechanisms::Extension;
-use super::number::Number;
+use super::sparse_coefficient::{Coefficient, Dense, DerivativeStructure, Sparse};
+use crate::number::Number;
 
 /// Joint damping b_j of the base model, N m s/rad (section 2.3: negligible, fixed for numerical stability).
 pub const JOINT_DAMPING_NM_S_PER_RAD: f64 = 1e-5;
@@ -93,18 +93,18 @@ impl<T: Number> Plant<T> {
 
 /// Angle and speed of the motor at one instant.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Knot<T> {
+pub struct Kinematics<T> {
     /// theta_m, rad.
     pub theta: T,
     /// Its rate, rad/s.
     pub omega: T,
 }
 
-impl<P: super::number::Plain> Knot<P> {
+impl<P: crate::number::Plain> Kinematics<P> {
     /// The same motion, for numbers with derivatives.
     #[inline(always)]
-    pub fn lift<T: Number<Plain = P>>(self) -> Knot<T> {
-        Knot { theta: T::lift(self.theta), omega: T::lift(self.omega) }
+    pub fn lift<T: Number<Plain = P>>(self) -> Kinematics<T> {
+        Kinematics { theta: T::lift(self.theta), omega: T::lift(self.omega) }
     }
 }
 
@@ -152,19 +152,19 @@ pub struct Torques<T> {
 
 /// The plant made ready for integration: what does not change within a trial is computed once.
 #[derive(Debug, Clone, Copy)]
-pub struct Mechanics<T: Number, C: Coefficients<T> = Mixed> {
+pub struct Mechanics<T: Number, C: DerivativeStructure<T> = Dense> {
     /// The coefficients.
     pub plant: Plant<T>,
     lever: Option<LeverFactors<C::Constant>>,
     /// 1 / I_j, b_h, k_h, k_srs, x_e, b_j.
-    inverse_joint_inertia: C::Sole<0>,
-    interface_damping: C::Sole<1>,
-    interface_stiffness: C::Sole<2>,
-    short_range_stiffness: C::Sole<3>,
-    elastic_limit: C::Sole<5>,
+    inverse_joint_inertia: C::SingleParameter<0>,
+    interface_damping: C::SingleParameter<1>,
+    interface_stiffness: C::SingleParameter<2>,
+    short_range_stiffness: C::SingleParameter<3>,
+    elastic_limit: C::SingleParameter<5>,
     joint_damping: C::Constant,
     /// a_s k_dec.
-    yield_slope: C::Sole<4>,
+    yield_slope: C::SingleParameter<4>,
     inverse_smoothness: C::Constant,
     /// log(1 + exp(-a_s k_dec x_e)): Eq. 2 is not exactly zero at theta_j = 0, but the change from the steady state is.
     yield_at_rest: T,
@@ -186,7 +186,7 @@ impl<T: Number> Mechanics<T> {
     }
 }
 
-impl<T: Number> Mechanics<T, Separate> {
+impl<T: Number> Mechanics<T, Sparse> {
     /// Prepares the `plant` of the base model, whose parameter number i carries at most the derivative number i.
     #[inline(always)]
     pub fn separate(plant: Plant<T>) -> Self {
@@ -194,7 +194,7 @@ impl<T: Number> Mechanics<T, Separate> {
     }
 }
 
-impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
+impl<T: Number, C: DerivativeStructure<T>> Mechanics<T, C> {
     #[inline(always)]
     fn prepared(plant: Plant<T>) -> Self {
         let one = T::constant(1.0);
@@ -235,7 +235,7 @@ impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
         &self,
         extension: &X,
         state: &State<T>,
-        motor: Knot<T>,
+        motor: Kinematics<T>,
         time_s: f64,
         rates: &mut State<T>,
     ) -> Torques<T> {
@@ -244,7 +244,7 @@ impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
             Some(lever) => {
                 let torque = lever.damping.of(motor.omega - state.omega_l)
                     + lever.stiffness.of(motor.theta - state.theta_l); // Eq. 5
-                (Knot { theta: state.theta_l, omega: state.omega_l }, torque)
+                (Kinematics { theta: state.theta_l, omega: state.omega_l }, torque)
             }
         };
         let interface = self.interface_damping.of(handle.omega - state.omega_j)
@@ -252,7 +252,7 @@ impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
         let (elastic, beyond) = self.elastic_torque(state.theta_j);
         let joint = self.joint_damping.of(state.omega_j) + elastic; // Eq. 7
         let mut torques = Torques { lever: lever_torque, interface, joint, beyond, measured: lever_torque };
-        let moment = Moment { plant: &self.plant, state, handle, time_s };
+        let moment = Context { plant: &self.plant, state, handle, time_s };
         if X::ACTIVE {
             extension.act(&moment, &mut torques, &mut rates.memory);
         }
@@ -273,13 +273,13 @@ impl<T: Number, C: Coefficients<T>> Mechanics<T, C> {
 }
 
 /// What a mechanism may look at while the wrist moves.
-pub struct Moment<'a, T> {
+pub struct Context<'a, T> {
     /// The coefficients in force.
     pub plant: &'a Plant<T>,
     /// The moving parts.
     pub state: &'a State<T>,
     /// Angle and speed of the handle.
-    pub handle: Knot<T>,
+    pub handle: Kinematics<T>,
     /// Time since the onset, s.
     pub time_s: f64,
 }

@@ -1,18 +1,18 @@
 //! One trial with everything that moves, for pictures and for what is derived from the motion.
 
-use super::group::{Job, motion};
-use super::integrate::{Glide, Varied, Walk};
-use super::mechanisms::{Extension, Mechanisms, Past};
-use super::plant::{BASE_PARAMETERS, Knot, Mechanics, Plant, State, Torques};
-use super::simulate::{Request, Trial};
+use super::batch::{Batch, motion};
+use super::integrate::{CorrectedInput, HermiteSegment, Integrator};
+use super::mechanisms::{ActiveMechanisms, Extension, History};
+use super::plant::{BASE_PARAMETERS, Kinematics, Mechanics, Plant, State, Torques};
+use super::simulation::{SimulationSettings, TrialInput};
 
 /// The wrist at one sample.
 #[derive(Debug, Clone, Copy)]
-pub struct Instant {
+pub struct TraceSample {
     /// Time since the onset, s.
     pub time_s: f64,
     /// The motor.
-    pub motor: Knot<f64>,
+    pub motor: Kinematics<f64>,
     /// Angles and speeds of handle and joint.
     pub state: State<f64>,
     /// Torques, unfiltered.
@@ -26,32 +26,41 @@ pub struct Instant {
 /// Simulates `trial` from the onset on and keeps every sample.
 ///
 /// # Panics
-/// If `parameters` has not the length of [`Request::parameter_count`].
-pub fn trace(request: &Request, trial: &Trial, parameters: &[f64]) -> Vec<Instant> {
-    assert_eq!(parameters.len(), request.parameter_count(), "one parameter vector");
-    let job = Job { request, trials: &[trial], parameters, first: 0, wanted: 0..0 };
-    let start_s = -(request.lead as f64) * request.period_s;
-    let mut past = Past::new(start_s, request.period_s);
-    let mut plant = Plant::base(request.lever, parameters);
+/// If `parameters` has not the length of [`SimulationSettings::parameter_count`].
+pub fn trace(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f64]) -> Vec<TraceSample> {
+    assert_eq!(parameters.len(), settings.parameter_count(), "one parameter vector");
+    let batch = Batch { settings, trials: &[trial], parameters, first: 0, wanted: 0..0 };
+    let start_s = -(settings.lead_samples as f64) * settings.period_s;
+    let mut history = History::new(start_s, settings.period_s);
+    let mut plant = Plant::base(settings.lever, parameters);
     let added = &parameters[BASE_PARAMETERS.len()..];
-    let switched_on =
-        Mechanisms { kinds: request.kinds, parameters: added, trial: &trial.covariates, past: &past };
+    let switched_on = ActiveMechanisms {
+        kinds: settings.kinds,
+        parameters: added,
+        trial: &trial.covariates,
+        history: &history,
+    };
     switched_on.shape(&mut plant);
     let channels = switched_on.channels();
     let mechanics = Mechanics::new(plant);
-    let knots = motion::<f64, f64>(&job, &channels);
-    let mut walk = Walk::at_rest();
-    let mut instants = Vec::with_capacity(request.samples);
-    for sample in 0..request.lead + request.samples {
-        let time_s = start_s + sample as f64 * request.period_s;
-        let extension =
-            Mechanisms { kinds: request.kinds, parameters: added, trial: &trial.covariates, past: &past };
-        if sample >= request.lead {
-            instants.push(instant(&mechanics, &extension, &walk.state, knots[sample], time_s));
+    let knots = motion::<f64, f64>(&batch, &channels);
+    let mut integrator = Integrator::at_rest();
+    let mut instants = Vec::with_capacity(settings.samples);
+    for sample in 0..settings.lead_samples + settings.samples {
+        let time_s = start_s + sample as f64 * settings.period_s;
+        let extension = ActiveMechanisms {
+            kinds: settings.kinds,
+            parameters: added,
+            trial: &trial.covariates,
+            history: &history,
+        };
+        if sample >= settings.lead_samples {
+            instants.push(instant(&mechanics, &extension, &integrator.state, knots[sample], time_s));
         }
-        let glide = Varied(Glide::new(knots[sample], knots[sample + 1], request.period_s));
-        walk.advance(&mechanics, &extension, &glide, time_s, request.period_s, request.substeps);
-        past.push(walk.memory);
+        let segment =
+            CorrectedInput(HermiteSegment::new(knots[sample], knots[sample + 1], settings.period_s));
+        integrator.advance(&mechanics, &extension, &segment, time_s, settings.period_s, settings.substeps);
+        history.push(integrator.memory);
     }
     instants
 }
@@ -60,12 +69,12 @@ fn instant<X: Extension<f64>>(
     mechanics: &Mechanics<f64>,
     extension: &X,
     state: &State<f64>,
-    motor: Knot<f64>,
+    motor: Kinematics<f64>,
     time_s: f64,
-) -> Instant {
+) -> TraceSample {
     let mut rates = State::rest();
     let torques = mechanics.rates(extension, state, motor, time_s, &mut rates);
-    Instant {
+    TraceSample {
         time_s,
         motor,
         state: *state,
@@ -77,7 +86,7 @@ fn instant<X: Extension<f64>>(
 
 /// The SRS period x_t: time from the onset to where the joint angle equals the elastic limit (section 2.3 of the paper), by
 /// straight interpolation between samples. `None` if it is not reached.
-pub fn srs_period_s(instants: &[Instant], elastic_limit_rad: f64) -> Option<f64> {
+pub fn srs_period_s(instants: &[TraceSample], elastic_limit_rad: f64) -> Option<f64> {
     instants.windows(2).find(|pair| pair[1].state.theta_j >= elastic_limit_rad).map(|pair| {
         let (from, to) = (pair[0].state.theta_j, pair[1].state.theta_j);
         let fraction =

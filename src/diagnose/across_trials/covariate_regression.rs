@@ -5,14 +5,15 @@ use crate::diagnose::within_trial::null_distribution::gumbel_tail;
 use crate::diagnose::within_trial::score_test::missing;
 use crate::fit::{Fit, K_SRS, Observations};
 use crate::random::Stream;
-use crate::wrist::mechanisms::{CATALOGUE, Class, Kind, Parameter, Surroundings};
-use crate::wrist::{Jet, Number, Plant};
+use crate::wrist::mechanisms::{CATALOGUE, MechanismClass, MechanismKind, MechanismParameter, ProbeContext};
+use crate::number::{Jet, Number};
+use crate::wrist::Plant;
 
 /// What a mechanism explains of the stiffnesses.
 #[derive(Debug, Clone)]
 pub struct Trend {
     /// Which.
-    pub kind: Kind,
+    pub kind: MechanismKind,
     /// Its values, and the standard errors of those that were estimated.
     pub values: Vec<(f64, Option<f64>)>,
     /// The first value's ratio to its standard error.
@@ -22,12 +23,12 @@ pub struct Trend {
 }
 
 /// The mechanisms that act on k_srs from trial to trial, with what a change of each value does to its logarithm.
-fn candidates(prepared: &Observations, fit: &Fit) -> Vec<(Kind, Vec<Vec<f64>>)> {
-    let session = Surroundings { lever: prepared.lever, highest_torque_nm: 0.0 };
+fn candidates(prepared: &Observations, fit: &Fit) -> Vec<(MechanismKind, Vec<Vec<f64>>)> {
+    let session = ProbeContext { lever: prepared.lever, highest_torque_nm: 0.0 };
     CATALOGUE
         .iter()
         .copied()
-        .filter(|kind| kind.class() == Class::Trial && !kind.parameters().is_empty())
+        .filter(|kind| kind.class() == MechanismClass::Trial && !kind.parameters().is_empty())
         .filter(|kind| !fit.kinds.contains(kind) && missing(prepared, *kind).is_none())
         .map(|kind| (kind, kind.probes(&session)))
         .filter(|(kind, probes)| probes.iter().any(|values| acts_on_stiffness(prepared, fit, *kind, values)))
@@ -40,7 +41,7 @@ fn shaped(
     prepared: &Observations,
     fit: &Fit,
     trial: usize,
-    kind: Kind,
+    kind: MechanismKind,
     values: &[f64],
     stiffness: f64,
 ) -> [f64; 3] {
@@ -61,7 +62,7 @@ fn shaped(
 /// Place of the unshaped stiffness among the derivatives; the mechanism's values come first.
 const BASE: usize = 8;
 
-fn acts_on_stiffness(prepared: &Observations, fit: &Fit, kind: Kind, values: &[f64]) -> bool {
+fn acts_on_stiffness(prepared: &Observations, fit: &Fit, kind: MechanismKind, values: &[f64]) -> bool {
     (0..prepared.trials.len()).any(|trial| {
         let stiffness = fit.parameters[trial][K_SRS].max(LEAST_STIFFNESS);
         (shaped(prepared, fit, trial, kind, values, stiffness)[0] - libm::log(stiffness)).abs() > 1e-9
@@ -71,7 +72,7 @@ fn acts_on_stiffness(prepared: &Observations, fit: &Fit, kind: Kind, values: &[f
 /// A trial's stiffness with the effect of a mechanism on it taken away.
 ///
 /// The mechanisms of the catalogue add to a stiffness or multiply it, so one step of Newton's is exact.
-pub fn without_effect(prepared: &Observations, fit: &Fit, trial: usize, kind: Kind, values: &[f64]) -> f64 {
+pub fn without_effect(prepared: &Observations, fit: &Fit, trial: usize, kind: MechanismKind, values: &[f64]) -> f64 {
     let stiffness = fit.parameters[trial][K_SRS];
     let [logarithm, weight, _] = shaped(prepared, fit, trial, kind, values, stiffness);
     let shaped = libm::exp(logarithm);
@@ -85,11 +86,11 @@ fn trend(
     fit: &Fit,
     data: &Stiffnesses,
     logarithms: &[f64],
-    kind: Kind,
+    kind: MechanismKind,
     probe: &[f64],
 ) -> Option<Trend> {
     // Only the first value is estimated here; others (a time constant) are tried at the probes.
-    let first: &Parameter = kind.parameters().first()?;
+    let first: &MechanismParameter = kind.parameters().first()?;
     let absent = first.absent.unwrap_or(0.0);
     let mut values = probe.to_vec();
     values[0] = absent;

@@ -8,13 +8,13 @@ use super::score_test::Probe;
 use crate::fit::{ExtensionSearch, Fit, Model, NoiseSampler, Observations, ScreenedExtension};
 use crate::random::Stream;
 use crate::statistics::Sample;
-use crate::wrist::mechanisms::Kind;
+use crate::wrist::mechanisms::MechanismKind;
 
 /// A mechanism added to a fit, all parameters fitted anew.
 #[derive(Debug, Clone)]
 pub struct Candidate {
     /// Which.
-    pub kind: Kind,
+    pub kind: MechanismKind,
     /// The fit with it.
     pub fit: Fit,
     /// What the sum of squares lost, in units of the noise.
@@ -33,7 +33,7 @@ impl Candidate {
     }
 }
 
-fn fitted_count(kind: Kind) -> usize {
+fn fitted_count(kind: MechanismKind) -> usize {
     kind.parameters().iter().filter(|parameter| parameter.fitted).count()
 }
 
@@ -48,7 +48,7 @@ pub struct Shortlist {
 
 impl Shortlist {
     /// The same with one of its kinds in front.
-    pub fn led_by(mut self, kind: Kind) -> Self {
+    pub fn led_by(mut self, kind: MechanismKind) -> Self {
         self.candidates.sort_by_key(|own| own.kind != kind);
         self
     }
@@ -79,12 +79,12 @@ pub fn candidates(
     probes: &[Probe],
     freedom: f64,
 ) -> Shortlist {
-    let mut kinds: Vec<Kind> = probes.iter().map(|probe| probe.kind).collect();
+    let mut kinds: Vec<MechanismKind> = probes.iter().map(|probe| probe.kind).collect();
     kinds.dedup();
     let before = before.cost();
     let search = ExtensionSearch::new(prepared, fit);
     let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - fit.cost()), fit };
-    let mut glances: Vec<(Kind, ScreenedExtension)> = kinds
+    let mut glances: Vec<(MechanismKind, ScreenedExtension)> = kinds
         .into_par_iter()
         .map(|kind| {
             let of_kind = probes.iter().filter(|probe| probe.kind == kind);
@@ -151,7 +151,7 @@ const NO_LEAD: f64 = 3.84;
 ///
 /// For each, sessions are simulated in which the rival is the truth, with a law that is not quite the catalogue's, and both
 /// are fitted to them: if the first candidate wins by as much as it did in one of twenty, the rival may be the truth.
-pub fn not_ruled_out(prepared: &Observations, shortlist: &Shortlist, seed: u64) -> Vec<Kind> {
+pub fn not_ruled_out(prepared: &Observations, shortlist: &Shortlist, seed: u64) -> Vec<MechanismKind> {
     let unit = shortlist.unit;
     let Some((first, rivals)) = shortlist.candidates.split_first() else { return Vec::new() };
     let lead = |rival: &Candidate| first.worth - rival.worth;

@@ -8,7 +8,7 @@ use super::residual_projection::Tangent;
 use super::score_test::{Probe, Unseen, probes};
 use crate::diagnose::cause::{Cause, Evidence};
 use crate::fit::{Fit, Observations};
-use crate::wrist::mechanisms::Kind;
+use crate::wrist::mechanisms::MechanismKind;
 
 /// What the steps lead to.
 pub struct Steps {
@@ -156,7 +156,7 @@ impl Step {
         let within = second.own.worth.max(far_behind(self.own.worth));
         let behind = |own: &Candidate| self.own.worth - own.worth;
         let near = self.shortlist.candidates.iter().filter(|own| behind(own) < within);
-        let kinds: Vec<Kind> = near.map(|own| own.kind).collect();
+        let kinds: Vec<MechanismKind> = near.map(|own| own.kind).collect();
         if kinds.len() > 1 {
             let without = second.own.fit.without(prepared, self.own.kind);
             let tangent = Tangent::new(prepared, &without);
@@ -171,7 +171,7 @@ impl Step {
     }
 
     /// The step to a rival instead.
-    fn led_by(&self, prepared: &Observations, rival: Kind, seed: u64) -> Self {
+    fn led_by(&self, prepared: &Observations, rival: MechanismKind, seed: u64) -> Self {
         let shortlist = self.shortlist.clone().led_by(rival);
         let own = shortlist.candidates[0].clone();
         let (gain, _) = gain(prepared, &self.before, &own.fit, seed);

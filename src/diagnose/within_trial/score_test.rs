@@ -4,14 +4,14 @@ use nalgebra::DVector;
 
 use super::residual_projection::{Direction, Tangent, whiten};
 use crate::fit::{Fit, Observations, predict};
-use crate::wrist::Response;
-use crate::wrist::mechanisms::{CATALOGUE, Class, Kind, Need, Surroundings};
+use crate::wrist::SimulatedTorque;
+use crate::wrist::mechanisms::{CATALOGUE, MechanismClass, MechanismKind, DataRequirement, ProbeContext};
 
 /// A mechanism looked at with given values.
 #[derive(Debug, Clone)]
 pub struct Probe {
     /// Which mechanism.
-    pub kind: Kind,
+    pub kind: MechanismKind,
     /// Its values.
     pub values: Vec<f64>,
     /// What it changes, whitened, less what the free parameters absorb.
@@ -24,7 +24,7 @@ pub struct Probe {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unseen {
     /// Which.
-    pub kind: Kind,
+    pub kind: MechanismKind,
     /// Why.
     pub reason: String,
 }
@@ -38,7 +38,7 @@ pub fn probes(prepared: &Observations, fit: &Fit, tangent: &Tangent) -> (Vec<Pro
         let change = trial.measured_nm.iter().copied().fold(0.0, f64::max);
         change + trial.direction * trial.torque_0_nm
     });
-    let session = Surroundings { lever: prepared.lever, highest_torque_nm: highest.fold(0.0, f64::max) };
+    let session = ProbeContext { lever: prepared.lever, highest_torque_nm: highest.fold(0.0, f64::max) };
     let base = torques(prepared, &fit.kinds, &fit.parameters);
     let (mut found, mut unseen) = (Vec::new(), Vec::new());
     for kind in CATALOGUE.iter().copied().filter(|kind| !fit.kinds.contains(kind)) {
@@ -47,7 +47,7 @@ pub fn probes(prepared: &Observations, fit: &Fit, tangent: &Tangent) -> (Vec<Pro
             continue;
         }
         // What goes with velocity or from trial to trial is judged across trials.
-        if kind.needs().contains(&Need::Velocities)
+        if kind.needs().contains(&DataRequirement::Velocities)
             || !kind.parameters().iter().any(|parameter| parameter.fitted)
         {
             continue;
@@ -64,7 +64,7 @@ pub fn probes(prepared: &Observations, fit: &Fit, tangent: &Tangent) -> (Vec<Pro
                 found.push(probe);
             }
         }
-        if largest.1 < VISIBLE && kind.class() != Class::Trial {
+        if largest.1 < VISIBLE && kind.class() != MechanismClass::Trial {
             unseen.push(Unseen {
                 kind,
                 reason: format!(
@@ -79,31 +79,31 @@ pub fn probes(prepared: &Observations, fit: &Fit, tangent: &Tangent) -> (Vec<Pro
 }
 
 /// What the session lacks for a mechanism to be considered.
-pub fn missing(prepared: &Observations, kind: Kind) -> Option<String> {
+pub fn missing(prepared: &Observations, kind: MechanismKind) -> Option<String> {
     let varies = |read: &dyn Fn(usize) -> f64| {
         (1..prepared.trials.len()).any(|trial| (read(trial) - read(0)).abs() > 1e-12)
     };
     let covariates = |trial: usize| prepared.trials[trial].input.covariates;
-    let lack = |need: &Need| match need {
-        Need::Lever if prepared.lever.is_none() => Some("the lever is rigid"),
-        Need::FlexorEmg if !varies(&|t| covariates(t).flexor_emg_excess_mvc) => {
+    let lack = |need: &DataRequirement| match need {
+        DataRequirement::Lever if prepared.lever.is_none() => Some("the lever is rigid"),
+        DataRequirement::FlexorEmg if !varies(&|t| covariates(t).flexor_emg_excess_mvc) => {
             Some("there is no flexor EMG")
         }
-        Need::ExtensorEmg if !varies(&|t| covariates(t).extensor_emg_mvc) => Some("there is no extensor EMG"),
-        Need::Rest if !varies(&|t| covariates(t).rest_s) => {
+        DataRequirement::ExtensorEmg if !varies(&|t| covariates(t).extensor_emg_mvc) => Some("there is no extensor EMG"),
+        DataRequirement::Rest if !varies(&|t| covariates(t).rest_s) => {
             Some("the rest before the trials is not given, or always the same")
         }
-        Need::Velocities if !varies(&|t| covariates(t).velocity_rad_s) => Some("there is only one velocity"),
+        DataRequirement::Velocities if !varies(&|t| covariates(t).velocity_rad_s) => Some("there is only one velocity"),
         _ => None,
     };
     kind.needs().iter().find_map(lack).map(Into::into)
 }
 
 /// Predicted torques of all trials.
-pub fn torques(prepared: &Observations, kinds: &[Kind], parameters: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub fn torques(prepared: &Observations, kinds: &[MechanismKind], parameters: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let trials: Vec<usize> = (0..prepared.trials.len()).collect();
     let flat: Vec<f64> = parameters.iter().flatten().copied().collect();
-    let mut response = Response::default();
+    let mut response = SimulatedTorque::default();
     predict(prepared, kinds, &[], &trials, &flat, &mut response);
     response.torque_nm.chunks_exact(prepared.samples).map(<[f64]>::to_vec).collect()
 }
@@ -113,7 +113,7 @@ fn probe(
     fit: &Fit,
     tangent: &Tangent,
     base: &[Vec<f64>],
-    kind: Kind,
+    kind: MechanismKind,
     values: Vec<f64>,
 ) -> Probe {
     let mut kinds = fit.kinds.clone();

@@ -6,7 +6,7 @@
 
 use super::preprocessing::{Observations, TrialObservation};
 use crate::random::Stream;
-use crate::wrist::{Knot, Smoothing};
+use crate::wrist::{Kinematics, Smoothing};
 
 /// Of the mean over trials alike: passes the rise of a ramp and what a servo makes of it.
 const MEAN: Smoothing = Smoothing { half_s: 0.004, twice: true };
@@ -44,7 +44,7 @@ impl Observations {
                 }
             };
             trial.angle_rad = trial.input.motion.iter().map(|knot| recorded(knot.theta)).collect();
-            trial.input.motion = Smoothing::ONE_RECORD.knots(&trial.angle_rad, self.period_s);
+            trial.input.motion = Smoothing::ONE_RECORD.motion(&trial.angle_rad, self.period_s);
         }
         if self.angle_smoothings.len() > 1 {
             self.average_motion();
@@ -62,12 +62,12 @@ impl Observations {
         let mean: Vec<f64> = (0..before + after)
             .map(|sample| angles.iter().map(|angle| angle[sample]).sum::<f64>() / angles.len() as f64)
             .collect();
-        let in_common = MEAN.knots(&mean, self.period_s);
+        let in_common = MEAN.motion(&mean, self.period_s);
         for (trial, angle) in alike.iter().zip(angles) {
             let differs: Vec<f64> = angle.iter().zip(&mean).map(|(own, mean)| own - mean).collect();
-            let own = OWN.knots(&differs, self.period_s);
+            let own = OWN.motion(&differs, self.period_s);
             let input = &mut self.trials[*trial].input;
-            let sum = |(a, b): (&Knot<f64>, &Knot<f64>)| Knot {
+            let sum = |(a, b): (&Kinematics<f64>, &Kinematics<f64>)| Kinematics {
                 theta: a.theta + b.theta,
                 omega: a.omega + b.omega,
             };

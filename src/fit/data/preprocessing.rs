@@ -4,8 +4,8 @@
 use super::hold_noise::{NoiseSource, angle_noise, stride};
 use crate::dataset::{Session, Status};
 use crate::signal::{FilterSpec, NoiseCovariance, Section, filter, onset};
-use crate::wrist::mechanisms::{Covariates, Kind};
-use crate::wrist::{self, Lever, Request, Smoothing, Width};
+use crate::wrist::mechanisms::{Covariates, MechanismKind};
+use crate::wrist::{self, Lever, SimulationSettings, Smoothing, VectorWidth};
 
 /// How the analysis pilot_points at a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,7 +42,7 @@ pub struct Observations {
     /// Samples in the window.
     pub samples: usize,
     /// Samples before the onset at which the simulation starts.
-    pub lead: usize,
+    pub lead_samples: usize,
     /// What the predicted torque goes through; empty if the rig filtered angle and torque alike before recording.
     pub sections: Vec<Section>,
     /// The trials that can be fitted.
@@ -102,7 +102,7 @@ pub struct TrialObservation {
     /// The recorded angle less that before the ramp, rad, mirrored where the model is; as long as the motion in `input`.
     pub angle_rad: Vec<f64>,
     /// What the model needs.
-    pub input: wrist::Trial,
+    pub input: wrist::TrialInput,
     /// The filtered torque of the window less the level before, N m, mirrored where the model is.
     pub measured_nm: Vec<f64>,
     /// Stretches of the hold, each treated as the window is.
@@ -132,7 +132,7 @@ impl Observations {
             lever: session.lever,
             period_s,
             samples,
-            lead: libm::ceil(LEAD_S / period_s) as usize,
+            lead_samples: libm::ceil(LEAD_S / period_s) as usize,
             sections,
             trials: Vec::new(),
             excluded_trials: Vec::new(),
@@ -182,7 +182,7 @@ impl Observations {
             lever: self.lever,
             period_s: self.period_s,
             samples: self.samples,
-            lead: self.lead,
+            lead_samples: self.lead_samples,
             sections: self.sections.clone(),
             trials: trials.iter().map(|trial| self.trials[*trial].clone()).collect(),
             excluded_trials: Vec::new(),
@@ -209,19 +209,19 @@ impl Observations {
     ///
     /// Where something acts before the onset, the simulation starts so much earlier, and the level that was taken off the
     /// measured torque, which has a part of it, is taken off as well.
-    pub fn request<'a>(&'a self, kinds: &'a [Kind], substeps: usize) -> Request<'a> {
+    pub fn request<'a>(&'a self, kinds: &'a [MechanismKind], substeps: usize) -> SimulationSettings<'a> {
         let before_s = kinds.iter().map(|kind| kind.before_onset_s()).fold(0.0, f64::max);
-        Request {
+        SimulationSettings {
             lever: self.lever,
             kinds,
             period_s: self.period_s,
             samples: self.samples,
-            lead: self.lead + libm::ceil(before_s / self.period_s) as usize,
-            level: if before_s > 0.0 { self.level_samples() } else { 0 },
+            lead_samples: self.lead_samples + libm::ceil(before_s / self.period_s) as usize,
+            baseline_samples: if before_s > 0.0 { self.level_samples() } else { 0 },
             substeps,
             filter: &self.sections,
-            wanted: &[],
-            width: Width::fastest(),
+            derivatives: &[],
+            width: VectorWidth::fastest(),
         }
     }
 
@@ -239,7 +239,7 @@ impl Observations {
         let onset_found = trial.onset_s.is_none();
         let count = record.theta_m_rad.len();
         let level = self.level_samples();
-        let before = level.max(self.lead + 2);
+        let before = level.max(self.lead_samples + 2);
         if at < before {
             return Err(format!(
                 "only {:.1} ms before the onset: at least {:.1} ms are needed",
@@ -264,7 +264,7 @@ impl Observations {
             return Err("the torque does not change in the window: nothing can be estimated from it".into());
         }
         let margin = libm::ceil(MARGIN_S / self.period_s) as usize;
-        let first = at.saturating_sub(self.lead + margin);
+        let first = at.saturating_sub(self.lead_samples + margin);
         let last = (at + self.samples + margin).min(count - 1);
         let angle: Vec<f64> =
             record.theta_m_rad[first..=last].iter().map(|x| direction * (x - theta_0_rad)).collect();
@@ -283,8 +283,8 @@ impl Observations {
             onset_found,
             theta_0_rad,
             torque_0_nm,
-            input: wrist::Trial {
-                motion: wrist::knots(&angle, self.period_s),
+            input: wrist::TrialInput {
+                motion: wrist::motor_motion(&angle, self.period_s),
                 onset: at - first,
                 covariates: Covariates::default(),
             },

@@ -8,14 +8,14 @@ use crate::fit::data::preprocessing::Observations;
 use crate::fit::parameters::parameterisation::{BorderPrior, Component, Parameterisation, Transform};
 use crate::fit::solver::levenberg_marquardt::{Solution, SolverOptions, solve};
 use crate::fit::solver::normal_equations::{NormalEquations, Objective, evaluate};
-use crate::wrist::mechanisms::Kind;
+use crate::wrist::mechanisms::MechanismKind;
 
 /// A block of trials: index of its component, and of the block in it.
 pub(in crate::fit) type BlockIndex = (usize, usize);
 
 /// Small problems, one a place.
 pub(in crate::fit) struct BlockSubproblems<'a> {
-    kinds: &'a [Kind],
+    kinds: &'a [MechanismKind],
     objective: &'a Objective,
     observations: Observations,
     /// The coordinates of all of them; a component each.

@@ -12,7 +12,7 @@ use crate::fit::solver::levenberg_marquardt::{ComponentOutcome, Solution, Solver
 use crate::fit::solver::normal_equations::Objective;
 use crate::signal::NoiseCovariance;
 use crate::wrist::BASE_PARAMETERS;
-use crate::wrist::mechanisms::Kind;
+use crate::wrist::mechanisms::MechanismKind;
 
 /// Which residuals are minimised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
@@ -31,7 +31,7 @@ pub struct Fit {
     /// The model.
     pub model: Model,
     /// Its mechanisms.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<MechanismKind>,
     /// Its coordinates.
     pub parameterisation: Parameterisation,
     /// What was minimised.
@@ -173,7 +173,7 @@ impl Fit {
     ///
     /// # Panics
     /// If it does not have the mechanism.
-    pub fn without(&self, observations: &Observations, kind: Kind) -> Self {
+    pub fn without(&self, observations: &Observations, kind: MechanismKind) -> Self {
         let place = self.kinds.iter().position(|own| *own == kind).expect("a mechanism of this fit");
         let mut model = self.model.clone();
         model.mechanisms.remove(place);

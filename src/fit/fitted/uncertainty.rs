@@ -6,7 +6,7 @@ use super::fit::Fit;
 use crate::fit::data::preprocessing::Observations;
 use crate::fit::residuals::prediction::predict;
 use crate::fit::solver::normal_equations::{Objective, evaluate};
-use crate::wrist::{BASE_PARAMETERS, Response};
+use crate::wrist::{BASE_PARAMETERS, SimulatedTorque};
 
 /// One trial's uncertainty, by the six base parameters; relative to the parameter.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +32,7 @@ pub fn predictions(observations: &Observations, fit: &Fit) -> Vec<Prediction> {
     let trials: Vec<usize> = (0..observations.trials.len()).collect();
     let flat: Vec<f64> = fit.parameters.iter().flatten().copied().collect();
     let wanted = &fit.parameterisation.estimated;
-    let mut response = Response::default();
+    let mut response = SimulatedTorque::default();
     predict(observations, &fit.kinds, wanted, &trials, &flat, &mut response);
     let samples = observations.samples;
     trials

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::wrist::BASE_PARAMETERS;
-use crate::wrist::mechanisms::{CATALOGUE, Kind};
+use crate::wrist::mechanisms::{CATALOGUE, MechanismKind};
 
 /// The version of the model format that this program reads and writes.
 pub const FORMAT: &str = "ramphold-model/1";
@@ -87,7 +87,7 @@ impl ParameterSpec {
 #[derive(Debug, Clone, PartialEq)]
 pub struct AddedMechanism {
     /// Which.
-    pub kind: Kind,
+    pub kind: MechanismKind,
     /// How its parameters are treated, in its own order.
     pub parameters: Vec<ParameterSpec>,
 }
@@ -112,8 +112,8 @@ impl Model {
     }
 
     /// This model with `kind` added, its parameters fitted once for the session from typical values.
-    pub fn with(mut self, kind: Kind) -> Self {
-        let treat = |parameter: &crate::wrist::mechanisms::Parameter| ParameterSpec {
+    pub fn with(mut self, kind: MechanismKind) -> Self {
+        let treat = |parameter: &crate::wrist::mechanisms::MechanismParameter| ParameterSpec {
             value: Some(parameter.typical),
             ..ParameterSpec::free(if parameter.fitted { Scope::Session } else { Scope::Fixed })
         };
@@ -123,13 +123,13 @@ impl Model {
     }
 
     /// The mechanisms switched on, in order.
-    pub fn kinds(&self) -> Vec<Kind> {
+    pub fn kinds(&self) -> Vec<MechanismKind> {
         self.mechanisms.iter().map(|switched| switched.kind).collect()
     }
 
     /// The frequency of the mains' hum, if the model has it; it is taken out of the records rather than fitted.
     pub fn hum_hz(&self) -> Option<f64> {
-        let hum = self.mechanisms.iter().find(|switched| switched.kind == Kind::MainsHum)?;
+        let hum = self.mechanisms.iter().find(|switched| switched.kind == MechanismKind::MainsHum)?;
         hum.parameters.get(1)?.value
     }
 
@@ -199,7 +199,7 @@ pub enum ModelError {
     },
     /// No such parameter.
     #[error("parameters.{name}: unknown; expected one of {expected}")]
-    Parameter {
+    MechanismParameter {
         /// What the file says.
         name: String,
         /// What there is.
@@ -245,7 +245,7 @@ impl Model {
         let mut model = Self::paper();
         for (name, treatment) in file.parameters {
             let Some(index) = BASE_PARAMETERS.iter().position(|known| *known == name) else {
-                return Err(ModelError::Parameter { name, expected: BASE_PARAMETERS.join(", ") });
+                return Err(ModelError::MechanismParameter { name, expected: BASE_PARAMETERS.join(", ") });
             };
             check(&format!("parameters.{name}"), &treatment, (f64::NEG_INFINITY, f64::INFINITY))?;
             model.base[index] = treatment;

@@ -7,7 +7,7 @@ use crate::fit::fitted::fit::{Fit, X_E};
 use crate::fit::fitted::uncertainty::{predictions, uncertainties, variance_accounted_for};
 use crate::fit::inference::profile::{ProfileInterval, profiles};
 use crate::fit::solver::levenberg_marquardt::Termination;
-use crate::wrist::{BASE_PARAMETERS, Instant, Request, srs_period_s, substeps, trace};
+use crate::wrist::{BASE_PARAMETERS, TraceSample, SimulationSettings, srs_period_s, substeps, trace};
 
 /// What was estimated from one trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -142,12 +142,12 @@ impl Fit {
 }
 
 /// The wrist during a trial as the fit sees it, for as long as the record was kept.
-pub fn simulated(observations: &Observations, fit: &Fit, index: usize) -> Vec<Instant> {
+pub fn simulated(observations: &Observations, fit: &Fit, index: usize) -> Vec<TraceSample> {
     let trial: &TrialObservation = &observations.trials[index];
     let parameters = &fit.parameters[index];
     let substeps = substeps(observations.lever, parameters, observations.period_s);
     let samples = trial.input.motion.len() - trial.input.onset;
-    let request = Request { samples, ..observations.request(&fit.kinds, substeps) };
+    let request = SimulationSettings { samples, ..observations.request(&fit.kinds, substeps) };
     trace(&request, &trial.input, parameters)
 }
 

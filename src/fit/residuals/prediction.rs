@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use crate::fit::data::preprocessing::Observations;
-use crate::wrist::mechanisms::Kind;
-use crate::wrist::{Request, Response, simulate, substeps};
+use crate::wrist::mechanisms::MechanismKind;
+use crate::wrist::{SimulationSettings, SimulatedTorque, simulate, substeps};
 
 /// Trials that one thread takes through the model at a time.
 const SHARE: usize = 16;
@@ -15,11 +15,11 @@ const SHARE: usize = 16;
 /// are asked for with it, nor on how many threads there are.
 pub fn predict(
     observations: &Observations,
-    kinds: &[Kind],
+    kinds: &[MechanismKind],
     wanted: &[usize],
     trials: &[usize],
     parameters: &[f64],
-    response: &mut Response,
+    response: &mut SimulatedTorque,
 ) {
     let count = parameters.len() / trials.len().max(1);
     let own = |place: usize| &parameters[place * count..(place + 1) * count];
@@ -31,15 +31,15 @@ pub fn predict(
     let shares: Vec<&[(usize, usize)]> =
         order.chunk_by(|a, b| a.0 == b.0).flat_map(|alike| alike.chunks(SHARE)).collect();
     let run = |share: &&[(usize, usize)]| {
-        let request = Request { wanted, ..observations.request(kinds, share[0].0) };
+        let request = SimulationSettings { derivatives: wanted, ..observations.request(kinds, share[0].0) };
         let inputs: Vec<_> =
             share.iter().map(|(_, place)| &observations.trials[trials[*place]].input).collect();
         let flat: Vec<f64> = share.iter().flat_map(|(_, place)| own(*place)).copied().collect();
-        let mut part = Response::default();
+        let mut part = SimulatedTorque::default();
         simulate(&request, &inputs, &flat, &mut part);
         part
     };
-    let parts: Vec<Response> = match shares.as_slice() {
+    let parts: Vec<SimulatedTorque> = match shares.as_slice() {
         [one] => vec![run(one)],
         ambiguous_trials => ambiguous_trials.par_iter().map(run).collect(),
     };

@@ -9,7 +9,7 @@ use super::prediction::predict;
 use crate::fit::data::hold_noise::STRETCHES_A_WINDOW;
 use crate::fit::data::preprocessing::{Observations, TrialObservation};
 use crate::signal::NoiseCovariance;
-use crate::wrist::{Response, Smoothing};
+use crate::wrist::{SimulatedTorque, Smoothing};
 
 /// Standard deviation below which a direction of the noise is not trusted, N m: the model's own numerical error is some
 /// hundred times smaller, a gauge's noise some hundred times larger.
@@ -141,11 +141,11 @@ impl TorqueResponse {
         let reach = smoothing.reach(observations.period_s);
         let mut alone = observations.subset(&[0]);
         alone.samples += reach + 1;
-        let mut angle = vec![0.0; alone.lead + alone.samples + 2 * reach];
-        angle[alone.lead + reach] = error_rad;
-        alone.trials[0].input.motion = smoothing.knots(&angle, alone.period_s);
-        alone.trials[0].input.onset = alone.lead;
-        let mut response = Response::default();
+        let mut angle = vec![0.0; alone.lead_samples + alone.samples + 2 * reach];
+        angle[alone.lead_samples + reach] = error_rad;
+        alone.trials[0].input.motion = smoothing.motion(&angle, alone.period_s);
+        alone.trials[0].input.onset = alone.lead_samples;
+        let mut response = SimulatedTorque::default();
         predict(&alone, &[], &[], &[0], point, &mut response);
         Self { reach, nm_per_rad: response.torque_nm.iter().map(|torque| torque / error_rad).collect() }
     }

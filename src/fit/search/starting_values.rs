@@ -8,8 +8,8 @@ use crate::fit::residuals::prediction::predict;
 use crate::fit::solver::levenberg_marquardt::{SolverOptions, solve};
 use crate::fit::solver::normal_equations::Objective;
 use crate::random::Stream;
-use crate::wrist::mechanisms::Kind;
-use crate::wrist::{BASE_PARAMETERS, Response};
+use crate::wrist::mechanisms::MechanismKind;
+use crate::wrist::{BASE_PARAMETERS, SimulatedTorque};
 
 /// First values of each trial's six base parameters.
 #[derive(Debug, Clone)]
@@ -201,11 +201,11 @@ impl StartingValues {
     }
 
     /// The lever's constants start at what the session states.
-    fn typical(&self, kind: Kind, parameter: usize) -> f64 {
+    fn typical(&self, kind: MechanismKind, parameter: usize) -> f64 {
         match (kind, self.lever) {
-            (Kind::LeverInertia, Some(lever)) => lever.inertia_kg_m2,
-            (Kind::LeverStiffness, Some(lever)) => lever.stiffness_nm_per_rad,
-            (Kind::LeverDamping, Some(lever)) => lever.damping_nm_s_per_rad,
+            (MechanismKind::LeverInertia, Some(lever)) => lever.inertia_kg_m2,
+            (MechanismKind::LeverStiffness, Some(lever)) => lever.stiffness_nm_per_rad,
+            (MechanismKind::LeverDamping, Some(lever)) => lever.damping_nm_s_per_rad,
             _ => kind.parameters()[parameter].typical,
         }
     }
@@ -249,7 +249,7 @@ pub fn pilot_points(observations: &Observations) -> Vec<[f64; 6]> {
     let pilot = observations.subset(&[pilot(observations)]);
     let points = points(&pilot, pilot.peak_angle_rad(0));
     let flat: Vec<f64> = points.iter().flatten().copied().collect();
-    let mut response = Response::default();
+    let mut response = SimulatedTorque::default();
     predict(&pilot, &[], &[], &vec![0; points.len()], &flat, &mut response);
     let measured = &pilot.trials[0].measured_nm;
     let cost = |torque: &[f64]| torque.iter().zip(measured).map(|(p, m)| (p - m) * (p - m)).sum::<f64>();

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::normal_equations::{NormalEquations, Objective};
 use crate::fit::data::preprocessing::Observations;
 use crate::fit::parameters::parameterisation::{Component, Parameterisation};
-use crate::wrist::mechanisms::Kind;
+use crate::wrist::mechanisms::MechanismKind;
 
 /// Why an optimisation ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -129,7 +129,7 @@ struct ComponentSolver<'a> {
 pub fn solve(
     observations: &Observations,
     parameterisation: &Parameterisation,
-    kinds: &[Kind],
+    kinds: &[MechanismKind],
     objective: &Objective,
     start: &[f64],
     options: SolverOptions,

@@ -6,8 +6,8 @@ use super::levenberg_marquardt::factor;
 use crate::fit::data::preprocessing::Observations;
 use crate::fit::parameters::parameterisation::{BorderPrior, Component, Parameterisation};
 use crate::fit::residuals::prediction::predict;
-use crate::wrist::Response;
-use crate::wrist::mechanisms::Kind;
+use crate::wrist::SimulatedTorque;
+use crate::wrist::mechanisms::MechanismKind;
 
 /// What is minimised.
 #[derive(Debug, Clone)]
@@ -55,7 +55,7 @@ pub struct NormalEquations {
 pub fn evaluate(
     observations: &Observations,
     parameterisation: &Parameterisation,
-    kinds: &[Kind],
+    kinds: &[MechanismKind],
     objective: &Objective,
     components: &[&Component],
     coordinates: &[f64],
@@ -65,7 +65,7 @@ pub fn evaluate(
     for trial in &trials {
         parameterisation.parameters(*trial, coordinates, &mut parameters);
     }
-    let mut response = Response::default();
+    let mut response = SimulatedTorque::default();
     predict(observations, kinds, &parameterisation.estimated, &trials, &parameters, &mut response);
     let mut place = 0;
     let count = parameterisation.transforms[0].len();
@@ -97,7 +97,7 @@ fn trial_normal(
     observations: &Observations,
     objective: &Objective,
     trial: usize,
-    response: &Response,
+    response: &SimulatedTorque,
     place: usize,
     wanted: usize,
 ) -> TrialNormalEquations {

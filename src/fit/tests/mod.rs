@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::dataset::{Record, Session, Status, Subject, Trial};
 use crate::random::Stream;
-use crate::wrist::{self, Lever, Request, Width};
+use crate::wrist::{self, Lever, SimulationSettings, VectorWidth};
 
 const PERIOD_S: f64 = 4e-4;
 const LEVER: Lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
@@ -76,22 +76,22 @@ impl SyntheticSession {
         let before = (self.hold_s / PERIOD_S).round() as usize;
         let theta: Vec<f64> =
             (0..before + 150).map(|i| angle(velocity, (i as f64 - before as f64) * PERIOD_S)).collect();
-        let trial = wrist::Trial {
-            motion: wrist::knots(&theta, PERIOD_S),
+        let trial = wrist::TrialInput {
+            motion: wrist::motor_motion(&theta, PERIOD_S),
             onset: before,
             covariates: Default::default(),
         };
-        let request = Request {
+        let request = SimulationSettings {
             lever: Some(LEVER),
             kinds: &[],
             period_s: PERIOD_S,
             samples: 150,
-            lead: 10,
-            level: 0,
+            lead_samples: 10,
+            baseline_samples: 0,
             substeps: 8,
             filter: &[],
-            wanted: &[],
-            width: Width::One,
+            derivatives: &[],
+            width: VectorWidth::One,
         };
         let ramp = wrist::trace(&request, &trial, &(self.truth)(velocity, torque));
         let clean =

@@ -7,7 +7,7 @@ use crate::report::figure::Figure;
 use crate::report::fitted::condition_name;
 use crate::report::scale::Axis;
 use crate::report::traces::Trace;
-use crate::wrist::Instant;
+use crate::wrist::TraceSample;
 
 /// The conditions at the extremes: lowest and highest velocity at lowest and highest torque; of labelled ones, those of
 /// the lowest and highest velocity.
@@ -59,7 +59,7 @@ pub fn balance(traces: &[Trace], window_s: f64) -> Option<Figure> {
 fn over_repetitions(
     own: &[Trace],
     window_s: f64,
-    value: impl Fn(&Instant) -> f64,
+    value: impl Fn(&TraceSample) -> f64,
 ) -> Vec<(f64, f64, f64, f64)> {
     let shortest =
         own.iter().filter(|trace| !trace.instants.is_empty()).map(|trace| trace.instants.len()).min();

@@ -63,7 +63,7 @@ fn near_axis(trace: &Trace, window_s: f64) -> Axis {
 
 fn angles(trace: &Trace, window_s: f64) -> crate::report::chart::Panel {
     let motor: Vec<_> = trace.near.iter().map(|p| (p.0 * 1e3, p.1 * 1e3)).collect();
-    let of = |angle: fn(&crate::wrist::Instant) -> f64| -> Vec<(f64, f64)> {
+    let of = |angle: fn(&crate::wrist::TraceSample) -> f64| -> Vec<(f64, f64)> {
         trace.instants.iter().map(|i| (i.time_s * 1e3, angle(i) * 1e3)).collect()
     };
     let (handle, joint) = (of(|i| i.state.theta_l), of(|i| i.state.theta_j));

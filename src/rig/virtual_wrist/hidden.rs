@@ -4,10 +4,10 @@
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::Mechanisms;
+use super::MechanismList;
 use crate::random::Stream;
 use crate::wrist::Lever;
-use crate::wrist::mechanisms::{CATALOGUE, Kind};
+use crate::wrist::mechanisms::{CATALOGUE, MechanismKind};
 
 /// What a session's `rig.json` keeps of a hidden effect: enough to tell the right seed from a wrong one, and no more.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,9 +26,9 @@ impl Sealed {
 
 /// The effect that `seed` hides in a wrist with this lever: any of the catalogue that can be switched on and does something
 /// there, two to four times its typical size, of either sign where it has one.
-pub fn hidden(seed: u64, lever: Option<Lever>) -> Mechanisms {
+pub fn hidden(seed: u64, lever: Option<Lever>) -> MechanismList {
     let mut stream = Stream::new(seed, "hidden effect");
-    let can: Vec<(Kind, (f64, f64))> =
+    let can: Vec<(MechanismKind, (f64, f64))> =
         CATALOGUE.iter().filter_map(|kind| Some((*kind, kind.hidden_sizes(lever)?))).collect();
     let (kind, (least, most)) = can[stream.below(can.len() as u64) as usize];
     let first = &kind.parameters()[0];
@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn seeds_hide_most_of_the_catalogue_and_every_value_is_one_that_a_fit_may_try() {
-        let mut kinds: Vec<Kind> = Vec::new();
+        let mut kinds: Vec<MechanismKind> = Vec::new();
         for seed in 0..400 {
             let drawn = hidden(seed, Some(LEVER));
             assert_eq!(drawn, hidden(seed, Some(LEVER)));
@@ -62,15 +62,21 @@ mod tests {
         }
         kinds.sort();
         kinds.dedup();
-        let cannot = [Kind::TimedYield, Kind::TorqueSaturation, Kind::OutlierTrial, Kind::Thixotropy];
-        let missing: Vec<&Kind> =
+        let cannot = [
+            MechanismKind::TimedYield,
+            MechanismKind::TorqueSaturation,
+            MechanismKind::OutlierTrial,
+            MechanismKind::Thixotropy,
+        ];
+        let missing: Vec<&MechanismKind> =
             CATALOGUE.iter().filter(|kind| !kinds.contains(kind) && !cannot.contains(kind)).collect();
         assert!(missing.is_empty(), "{missing:?} were never drawn");
     }
 
     #[test]
     fn a_rigid_lever_hides_nothing_of_the_lever() {
-        let of_lever = [Kind::LeverInertia, Kind::LeverStiffness, Kind::LeverDamping];
+        let of_lever =
+            [MechanismKind::LeverInertia, MechanismKind::LeverStiffness, MechanismKind::LeverDamping];
         assert!((0..300).all(|seed| !of_lever.contains(&hidden(seed, None).kinds[0])));
     }
 

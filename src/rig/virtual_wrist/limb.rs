@@ -1,13 +1,17 @@
 //! The wrist in the rig while the motor moves: the paper's model, with what the person and the rig add to it.
 
 use super::emg::burst;
-use super::mechanisms::Mechanisms as Switched;
+use super::mechanisms::MechanismList;
 use super::person::{Person, Reflex, Surface};
 use super::setup::Setup;
 use super::voluntary::TrialSpread;
 use crate::rig::Upcoming;
-use crate::wrist::mechanisms::{Channels, Covariates, Extension, Mechanisms, NoExtension, Past};
-use crate::wrist::{Given, Glide, Knot, Lever, Mechanics, Plant, State, Torques, Walk, substeps};
+use crate::wrist::mechanisms::{
+    ActiveMechanisms, ChannelErrors, Covariates, Extension, History, NoExtension,
+};
+use crate::wrist::{
+    HermiteSegment, Integrator, Kinematics, Lever, Mechanics, Plant, RecordedInput, State, Torques, substeps,
+};
 
 /// Time constant with which the muscle's resistance fades when the person lets go after a ramp, s. Assumed.
 const LETTING_GO_S: f64 = 0.08;
@@ -33,8 +37,8 @@ pub struct Limb {
     lever: Option<Lever>,
     reflex: Reflex,
     reaction_s: f64,
-    switched: Switched,
-    channels: Channels<f64>,
+    switched: MechanismList,
+    channels: ChannelErrors<f64>,
     gauge_offset_nm: f64,
     period_s: f64,
     trial: Option<Trial>,
@@ -54,12 +58,12 @@ struct Trial {
 struct Moving {
     mechanics: Mechanics<f64>,
     covariates: Covariates,
-    past: Past<f64>,
+    history: History<f64>,
     substeps: usize,
-    walk: Walk<f64>,
+    integrator: Integrator<f64>,
     sign: f64,
     origin_rad: f64,
-    from: Knot<f64>,
+    from: Kinematics<f64>,
     follower_rad: [f64; 2],
     sample: u64,
     reflex_nm: f64,
@@ -130,30 +134,30 @@ impl Limb {
     }
 
     /// The ramp begins: from here on, angle and torque are changes from what they are now.
-    pub fn start(&mut self, motor: Knot<f64>, torque_nm: f64) {
+    pub fn start(&mut self, motor: Kinematics<f64>, torque_nm: f64) {
         let Some(trial) = self.trial else { return };
         let sign = trial.velocity_rad_s.signum();
         let covariates =
             Covariates { torque_before_nm: sign * (torque_nm + self.gauge_offset_nm), ..trial.covariates };
-        let past = Past::new(0.0, self.period_s);
+        let history = History::new(0.0, self.period_s);
         let mut plant = Plant::base(self.lever, &trial.parameters);
-        Mechanisms {
+        ActiveMechanisms {
             kinds: &self.switched.kinds,
             parameters: &self.switched.parameters,
             trial: &covariates,
-            past: &past,
+            history: &history,
         }
         .shape(&mut plant);
         let speed_rad_s = trial.velocity_rad_s.abs();
         self.moving = Some(Moving {
             mechanics: Mechanics::new(plant),
             covariates,
-            past,
+            history,
             substeps: substeps(self.lever, &trial.parameters, self.period_s),
-            walk: Walk::at_rest(),
+            integrator: Integrator::at_rest(),
             sign,
             origin_rad: motor.theta,
-            from: Knot::default(),
+            from: Kinematics::default(),
             follower_rad: [0.0; 2],
             sample: 0,
             reflex_nm: self.reflex.gain_s_per_rad * speed_rad_s * torque_nm.abs(),
@@ -169,7 +173,7 @@ impl Limb {
     }
 
     /// What the limb answers when the motor has come to `motor`; `let_go` says that the person is not asked for torque.
-    pub fn step(&mut self, motor: Knot<f64>, let_go: bool) -> Response {
+    pub fn step(&mut self, motor: Kinematics<f64>, let_go: bool) -> Response {
         let Some(moving) = &mut self.moving else { return Response::default() };
         let to = moving.turned(motor, self.channels.following_hz, self.period_s);
         let response = moving.advance(&self.switched, &self.reflex, to, self.period_s);
@@ -189,36 +193,47 @@ impl Limb {
 impl Moving {
     /// The motor as seen from the onset. Where the recorded angle is only a command, the motor follows it with two equal
     /// lags, as the mechanism `servo_following` has it.
-    fn turned(&mut self, motor: Knot<f64>, following_hz: Option<f64>, period_s: f64) -> Knot<f64> {
+    fn turned(
+        &mut self,
+        motor: Kinematics<f64>,
+        following_hz: Option<f64>,
+        period_s: f64,
+    ) -> Kinematics<f64> {
         let recorded =
-            Knot { theta: self.sign * (motor.theta - self.origin_rad), omega: self.sign * motor.omega };
+            Kinematics { theta: self.sign * (motor.theta - self.origin_rad), omega: self.sign * motor.omega };
         let Some(bandwidth_hz) = following_hz else { return recorded };
         let rate = std::f64::consts::TAU * bandwidth_hz;
         let keep = libm::exp(-rate * period_s);
         let [first, second] = &mut self.follower_rad;
         *first = recorded.theta + keep * (*first - recorded.theta);
         *second = *first + keep * (*second - *first);
-        Knot { theta: *second, omega: rate * (*first - *second) }
+        Kinematics { theta: *second, omega: rate * (*first - *second) }
     }
 
-    fn advance(&mut self, switched: &Switched, reflex: &Reflex, to: Knot<f64>, period_s: f64) -> Response {
+    fn advance(
+        &mut self,
+        switched: &MechanismList,
+        reflex: &Reflex,
+        to: Kinematics<f64>,
+        period_s: f64,
+    ) -> Response {
         let start_s = self.sample as f64 * period_s;
         let end_s = (self.sample + 1) as f64 * period_s;
-        let drive = Given(Glide::new(self.from, to, period_s));
+        let input = RecordedInput(HermiteSegment::new(self.from, to, period_s));
         let torques = if switched.kinds.is_empty() {
-            self.run(&NoExtension, &drive, to, start_s, end_s)
+            self.run(&NoExtension, &input, to, start_s, end_s)
         } else {
-            let past = std::mem::replace(&mut self.past, Past::new(0.0, period_s));
+            let history = std::mem::replace(&mut self.history, History::new(0.0, period_s));
             let covariates = self.covariates;
-            let extension = Mechanisms {
+            let extension = ActiveMechanisms {
                 kinds: &switched.kinds,
                 parameters: &switched.parameters,
                 trial: &covariates,
-                past: &past,
+                history: &history,
             };
-            let torques = self.run(&extension, &drive, to, start_s, end_s);
-            self.past = past;
-            self.past.push(self.walk.memory);
+            let torques = self.run(&extension, &input, to, start_s, end_s);
+            self.history = history;
+            self.history.push(self.integrator.memory);
             torques
         };
         self.from = to;
@@ -236,19 +251,24 @@ impl Moving {
     fn run<X: Extension<f64>>(
         &mut self,
         extension: &X,
-        drive: &Given<f64>,
-        to: Knot<f64>,
+        input: &RecordedInput<f64>,
+        to: Kinematics<f64>,
         start_s: f64,
         end_s: f64,
     ) -> Torques<f64> {
-        self.walk.advance(&self.mechanics, extension, drive, start_s, end_s - start_s, self.substeps);
-        self.mechanics.rates(extension, &self.walk.state, to, end_s, &mut State::rest())
+        self.integrator.advance(&self.mechanics, extension, input, start_s, end_s - start_s, self.substeps);
+        self.mechanics.rates(extension, &self.integrator.state, to, end_s, &mut State::rest())
     }
 }
 
 /// What the mechanisms switched on do to the way from the motor's angle to the recorded one.
-pub fn channels(switched: &Switched) -> Channels<f64> {
-    let (trial, past) = (Covariates::default(), Past::new(0.0, 1.0));
-    Mechanisms { kinds: &switched.kinds, parameters: &switched.parameters, trial: &trial, past: &past }
-        .channels()
+pub fn channels(switched: &MechanismList) -> ChannelErrors<f64> {
+    let (trial, history) = (Covariates::default(), History::new(0.0, 1.0));
+    ActiveMechanisms {
+        kinds: &switched.kinds,
+        parameters: &switched.parameters,
+        trial: &trial,
+        history: &history,
+    }
+    .channels()
 }

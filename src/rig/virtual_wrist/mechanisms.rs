@@ -1,25 +1,25 @@
-//! Mechanisms of the catalogue that are at work in a virtual person or rig.
+//! MechanismList of the catalogue that are at work in a virtual person or rig.
 
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::wrist::mechanisms::{CATALOGUE, Kind};
+use crate::wrist::mechanisms::{CATALOGUE, MechanismKind};
 
 /// A list of mechanisms and the values of their parameters, as written in a file:
 /// `[{ "mechanism": "joint_damping", "parameters": { "b_j_nm_s_per_rad": 0.05 } }]`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "Vec<Written>", into = "Vec<Written>")]
 #[schemars(with = "Vec<Written>")]
-pub struct Mechanisms {
+pub struct MechanismList {
     /// Which, in order.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<MechanismKind>,
     /// Their parameters, one after the other.
     pub parameters: Vec<f64>,
 }
 
-impl Mechanisms {
+impl MechanismList {
     /// These, and then those of `other`.
     pub fn and(&self, other: &Self) -> Self {
         Self {
@@ -40,8 +40,8 @@ impl Mechanisms {
     }
 }
 
-impl FromIterator<(Kind, Vec<f64>)> for Mechanisms {
-    fn from_iter<I: IntoIterator<Item = (Kind, Vec<f64>)>>(list: I) -> Self {
+impl FromIterator<(MechanismKind, Vec<f64>)> for MechanismList {
+    fn from_iter<I: IntoIterator<Item = (MechanismKind, Vec<f64>)>>(list: I) -> Self {
         let mut mechanisms = Self::default();
         for (kind, parameters) in list {
             mechanisms.kinds.push(kind);
@@ -84,7 +84,7 @@ pub enum UnknownMechanism {
     },
 }
 
-impl TryFrom<Vec<Written>> for Mechanisms {
+impl TryFrom<Vec<Written>> for MechanismList {
     type Error = UnknownMechanism;
 
     fn try_from(list: Vec<Written>) -> Result<Self, UnknownMechanism> {
@@ -116,8 +116,8 @@ impl TryFrom<Vec<Written>> for Mechanisms {
     }
 }
 
-impl From<Mechanisms> for Vec<Written> {
-    fn from(mechanisms: Mechanisms) -> Self {
+impl From<MechanismList> for Vec<Written> {
+    fn from(mechanisms: MechanismList) -> Self {
         let mut values = mechanisms.parameters.into_iter();
         mechanisms
             .kinds
@@ -143,15 +143,15 @@ mod tests {
     fn a_list_of_mechanisms_survives_writing_and_reading() {
         let text = r#"[{"mechanism":"fatigue","parameters":{"fraction":0.05}},
             {"mechanism":"torque_drift","parameters":{"slope_nm_per_s":1.0,"start_s":0.005}}]"#;
-        let read: Mechanisms = serde_json::from_str(text).unwrap();
+        let read: MechanismList = serde_json::from_str(text).unwrap();
         assert_eq!(read.parameters, [0.05, 1.0, 0.005]);
-        let again: Mechanisms = serde_json::from_str(&serde_json::to_string(&read).unwrap()).unwrap();
+        let again: MechanismList = serde_json::from_str(&serde_json::to_string(&read).unwrap()).unwrap();
         assert_eq!(again, read);
     }
 
     #[test]
     fn an_unknown_mechanism_or_parameter_is_refused_with_what_there_is() {
-        let refuse = |text: &str| serde_json::from_str::<Mechanisms>(text).unwrap_err().to_string();
+        let refuse = |text: &str| serde_json::from_str::<MechanismList>(text).unwrap_err().to_string();
         let message = refuse(r#"[{"mechanism":"ghost","parameters":{}}]"#);
         assert!(message.contains("\"ghost\"") && message.contains("joint_damping"), "{message}");
         for parameters in ["{}", r#"{"fraction":1.0,"more":2.0}"#, r#"{"part":1.0}"#] {

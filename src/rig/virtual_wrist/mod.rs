@@ -14,7 +14,7 @@ mod setup;
 mod voluntary;
 
 pub use hidden::{Sealed, hidden};
-pub use mechanisms::{Mechanisms, UnknownMechanism};
+pub use mechanisms::{MechanismList, UnknownMechanism};
 pub use person::{FORMAT as PERSON_FORMAT, Person, PersonError, Surface};
 pub use setup::{RigFile, RigFileError, Setup};
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::mechanisms::Mechanisms;
+use super::mechanisms::MechanismList;
 use crate::random::Stream;
 
 /// Format and version of the files of virtual persons.
@@ -54,7 +54,7 @@ pub struct Person {
     pub muscles: Muscles,
     /// What this wrist does beyond Eq. 1-7, from the catalogue of mechanisms.
     #[serde(default)]
-    pub mechanisms: Mechanisms,
+    pub mechanisms: MechanismList,
 }
 
 /// A parameter as a plane over velocity and torque, each without its sign.
@@ -221,7 +221,7 @@ impl Default for Person {
             voluntary: Voluntary::default(),
             reflex: Reflex::default(),
             muscles: Muscles::default(),
-            mechanisms: Mechanisms::default(),
+            mechanisms: MechanismList::default(),
         }
     }
 }

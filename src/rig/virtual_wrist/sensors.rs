@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::limb::channels;
-use super::mechanisms::Mechanisms;
+use super::mechanisms::MechanismList;
 use super::person::Person;
 use super::setup::Setup;
 use crate::random::Stream;
@@ -13,7 +13,7 @@ use crate::rig::Sample;
 #[derive(Debug, Clone)]
 pub struct Sensors {
     setup: Setup,
-    disturbances: Mechanisms,
+    disturbances: MechanismList,
     stream: Stream,
     count_rad: f64,
     angle_gain: f64,

@@ -1,7 +1,7 @@
 //! The motor under position control: a stiff spring to the commanded angle, with finite bandwidth.
 
 use super::setup::Setup;
-use crate::wrist::Knot;
+use crate::wrist::Kinematics;
 
 /// A motor of inertia J held to its reference by stiffness K and damping D:
 /// `J e'' = -K e - D e' - T_l`, where e is the motor's angle less the reference.
@@ -53,8 +53,8 @@ impl Servo {
     }
 
     /// Angle and speed of the motor.
-    pub fn knot(&self) -> Knot<f64> {
-        Knot { theta: self.angle_rad, omega: self.speed_rad_s }
+    pub fn knot(&self) -> Kinematics<f64> {
+        Kinematics { theta: self.angle_rad, omega: self.speed_rad_s }
     }
 
     /// Where it was last told to be.

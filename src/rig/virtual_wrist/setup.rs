@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::mechanisms::Mechanisms;
+use super::mechanisms::MechanismList;
 use crate::wrist::Lever;
 
 /// The virtual rig. Values that no source gives are marked as assumed.
@@ -32,7 +32,7 @@ pub struct Setup {
     /// One step of the EMG's converter, fraction of nominal MVC. Assumed: 0.0001.
     pub emg_step_mvc: f64,
     /// What this rig does beyond Eq. 3-7, from the catalogue of mechanisms.
-    pub mechanisms: Mechanisms,
+    pub mechanisms: MechanismList,
 }
 
 impl Default for Setup {
@@ -51,7 +51,7 @@ impl Default for Setup {
             gauge_offset_nm: 0.03,
             gauge_step_nm: 0.0005,
             emg_step_mvc: 0.0001,
-            mechanisms: Mechanisms::default(),
+            mechanisms: MechanismList::default(),
         }
     }
 }

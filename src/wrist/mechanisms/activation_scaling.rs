@@ -1,7 +1,7 @@
 //! Stiffness that follows the EMG of the flexor rather than the target torque.
 
-use super::{Class, Covariates, Mechanism, Need, Parameter};
-use crate::wrist::number::Number;
+use super::{MechanismClass, Covariates, Mechanism, DataRequirement, MechanismParameter};
+use crate::number::Number;
 use crate::wrist::Lever;
 use crate::wrist::plant::Plant;
 
@@ -11,12 +11,12 @@ pub struct ActivationScaling;
 impl Mechanism for ActivationScaling {
     const ID: &'static str = "activation_scaling";
     const TITLE: &'static str = "stiffness follows the EMG rather than the target torque";
-    const CLASS: Class = Class::Trial;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("slope_nm_per_rad_per_mvc", "stiffness per flexor EMG in excess of what the target asks", (-500.0, 500.0), Some(0.0), 30.0),
+    const CLASS: MechanismClass = MechanismClass::Trial;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("slope_nm_per_rad_per_mvc", "stiffness per flexor EMG in excess of what the target asks", (-500.0, 500.0), Some(0.0), 30.0),
     ];
     const SOURCE: &'static str = "Linear in the flexor EMG";
-    const NEEDS: &'static [Need] = &[Need::FlexorEmg];
+    const NEEDS: &'static [DataRequirement] = &[DataRequirement::FlexorEmg];
 
     /// The flexor's EMG differs by about 1 % of its greatest from trial to trial in a virtual person.
     fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {

@@ -1,7 +1,7 @@
 //! A calibration error of the angle.
 
-use super::{Channels, Class, Mechanism, Parameter, Surroundings};
-use crate::wrist::number::Number;
+use super::{ChannelErrors, MechanismClass, Mechanism, MechanismParameter, ProbeContext};
+use crate::number::Number;
 
 /// See the module.
 pub struct AngleGain;
@@ -9,20 +9,20 @@ pub struct AngleGain;
 impl Mechanism for AngleGain {
     const ID: &'static str = "angle_gain";
     const TITLE: &'static str = "the angle is recorded too large or too small";
-    const CLASS: Class = Class::Sensor;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("factor", "recorded over true angle", (0.3, 3.0), Some(1.0), 1.05),
+    const CLASS: MechanismClass = MechanismClass::Sensor;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("factor", "recorded over true angle", (0.3, 3.0), Some(1.0), 1.05),
     ];
     const SOURCE: &'static str = "Calibration factor";
     const ALTERS_ANGLE: bool = true;
     const EXACT: bool = true;
 
-    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+    fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [0.87, 1.15].map(|factor| vec![factor]).to_vec()
     }
 
     #[inline(always)]
-    fn channels<T: Number>(p: &[T], channels: &mut Channels<T>) {
+    fn channels<T: Number>(p: &[T], channels: &mut ChannelErrors<T>) {
         channels.angle_gain = p[0];
     }
 }

@@ -1,20 +1,20 @@
 //! Turns the list of mechanisms into a type: the only place that leads from an id to code.
 
-/// Declares the mechanisms' modules and [`Kind`], which dispatches to them.
+/// Declares the mechanisms' modules and [`MechanismKind`], which dispatches to them.
 macro_rules! catalogue {
     ($($module:ident :: $name:ident,)*) => {
         $(mod $module;)*
 
         /// A mechanism of the catalogue.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-        pub enum Kind {
+        pub enum MechanismKind {
             $(#[doc = concat!("`", stringify!($module), "`")] $name,)*
         }
 
         /// Every mechanism, in the order of the design's table.
-        pub const CATALOGUE: &[Kind] = &[$(Kind::$name,)*];
+        pub const CATALOGUE: &[MechanismKind] = &[$(MechanismKind::$name,)*];
 
-        impl Kind {
+        impl MechanismKind {
             /// The id that results print.
             pub fn id(self) -> &'static str {
                 match self { $(Self::$name => <$module::$name as Mechanism>::ID,)* }
@@ -26,7 +26,7 @@ macro_rules! catalogue {
             }
 
             /// Where it acts.
-            pub fn class(self) -> Class {
+            pub fn class(self) -> MechanismClass {
                 match self { $(Self::$name => <$module::$name as Mechanism>::CLASS,)* }
             }
 
@@ -36,17 +36,17 @@ macro_rules! catalogue {
             }
 
             /// Its parameters.
-            pub fn parameters(self) -> &'static [Parameter] {
+            pub fn parameters(self) -> &'static [MechanismParameter] {
                 match self { $(Self::$name => <$module::$name as Mechanism>::PARAMETERS,)* }
             }
 
             /// What data it needs.
-            pub fn needs(self) -> &'static [Need] {
+            pub fn needs(self) -> &'static [DataRequirement] {
                 match self { $(Self::$name => <$module::$name as Mechanism>::NEEDS,)* }
             }
 
             /// See [`Mechanism::probes`].
-            pub fn probes(self, session: &Surroundings) -> Vec<Vec<f64>> {
+            pub fn probes(self, session: &ProbeContext) -> Vec<Vec<f64>> {
                 match self { $(Self::$name => $module::$name::probes(session),)* }
             }
 
@@ -105,7 +105,7 @@ macro_rules! catalogue {
 
             /// See [`Mechanism::channels`].
             #[inline(always)]
-            pub fn channels<T: Number>(self, p: &[T], channels: &mut Channels<T>) {
+            pub fn channels<T: Number>(self, p: &[T], channels: &mut ChannelErrors<T>) {
                 match self { $(Self::$name => $module::$name::channels(p, channels),)* }
             }
 
@@ -114,13 +114,13 @@ macro_rules! catalogue {
             pub fn act<T: Number>(
                 self,
                 p: &[T],
-                moment: &Moment<'_, T>,
-                past: &Past<T>,
+                moment: &Context<'_, T>,
+                history: &History<T>,
                 slot: usize,
                 torques: &mut Torques<T>,
                 rates: &mut [T; MEMORY],
             ) {
-                match self { $(Self::$name => $module::$name::act(p, moment, past, slot, torques, rates),)* }
+                match self { $(Self::$name => $module::$name::act(p, moment, history, slot, torques, rates),)* }
             }
 
             /// See [`Mechanism::measure`].
@@ -128,7 +128,7 @@ macro_rules! catalogue {
             pub fn measure<T: Number>(
                 self,
                 p: &[T],
-                moment: &Moment<'_, T>,
+                moment: &Context<'_, T>,
                 trial: &Covariates<T::Plain>,
                 slot: usize,
                 torque: T,

@@ -1,7 +1,7 @@
 //! Stiffness that the antagonist adds in proportion to its EMG.
 
-use super::{Class, Covariates, Mechanism, Need, Parameter};
-use crate::wrist::number::Number;
+use super::{MechanismClass, Covariates, Mechanism, DataRequirement, MechanismParameter};
+use crate::number::Number;
 use crate::wrist::Lever;
 use crate::wrist::plant::Plant;
 
@@ -11,12 +11,12 @@ pub struct Cocontraction;
 impl Mechanism for Cocontraction {
     const ID: &'static str = "cocontraction";
     const TITLE: &'static str = "antagonist activity adds stiffness";
-    const CLASS: Class = Class::Trial;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("stiffness_nm_per_rad_per_mvc", "stiffness per extensor EMG", (-500.0, 500.0), Some(0.0), 20.0),
+    const CLASS: MechanismClass = MechanismClass::Trial;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("stiffness_nm_per_rad_per_mvc", "stiffness per extensor EMG", (-500.0, 500.0), Some(0.0), 20.0),
     ];
     const SOURCE: &'static str = "Stiffness of the antagonist, proportional to its EMG";
-    const NEEDS: &'static [Need] = &[Need::ExtensorEmg];
+    const NEEDS: &'static [DataRequirement] = &[DataRequirement::ExtensorEmg];
 
     /// Extensors are at about 2 % of their greatest activity in a virtual person, a fifth more or less from trial to trial.
     fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {

@@ -1,7 +1,7 @@
 //! Short range stiffness that falls with the order of the trials.
 
-use super::{Class, Covariates, Mechanism, Parameter};
-use crate::wrist::number::Number;
+use super::{MechanismClass, Covariates, Mechanism, MechanismParameter};
+use crate::number::Number;
 use crate::wrist::plant::Plant;
 
 /// See the module.
@@ -10,9 +10,9 @@ pub struct Fatigue;
 impl Mechanism for Fatigue {
     const ID: &'static str = "fatigue";
     const TITLE: &'static str = "stiffness falls with trial order";
-    const CLASS: Class = Class::Trial;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("fraction", "part of k_srs lost from the first trial to the last", (-0.9, 0.9), Some(0.0), 0.05),
+    const CLASS: MechanismClass = MechanismClass::Trial;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("fraction", "part of k_srs lost from the first trial to the last", (-0.9, 0.9), Some(0.0), 0.05),
     ];
     const SOURCE: &'static str = "Linear in the place in the session";
 

@@ -1,8 +1,8 @@
 //! A smoother transition at the elastic limit than a_s = 100 gives (Eq. 2).
 
-use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
+use super::{ProbeContext, MechanismClass, Covariates, Mechanism, MechanismParameter};
 use crate::wrist::Lever;
-use crate::wrist::number::Number;
+use crate::number::Number;
 use crate::wrist::plant::{Plant, YIELD_SMOOTHNESS_PER_NM};
 
 /// See the module.
@@ -11,9 +11,9 @@ pub struct GradualYield;
 impl Mechanism for GradualYield {
     const ID: &'static str = "gradual_yield";
     const TITLE: &'static str = "a yield more gradual than a_s = 100";
-    const CLASS: Class = Class::Plant;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("smoothness_per_nm", "a_s in Eq. 2", (3.0, 100.0), Some(YIELD_SMOOTHNESS_PER_NM), 20.0),
+    const CLASS: MechanismClass = MechanismClass::Plant;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("smoothness_per_nm", "a_s in Eq. 2", (3.0, 100.0), Some(YIELD_SMOOTHNESS_PER_NM), 20.0),
     ];
     const SOURCE: &'static str = "a_s of Eq. 2 of de Vlugt et al. 2011, there fixed at 100";
 
@@ -22,7 +22,7 @@ impl Mechanism for GradualYield {
         Some((4.0, 8.0))
     }
 
-    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+    fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [8.0, 25.0].map(|smoothness| vec![smoothness]).to_vec()
     }
 

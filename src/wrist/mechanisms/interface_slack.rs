@@ -1,8 +1,8 @@
 //! A dead zone between hand and handle: k_h acts only beyond it.
 
-use super::{Class, Mechanism, Parameter, Past};
-use crate::wrist::number::Number;
-use crate::wrist::plant::{MEMORY, Moment, Torques};
+use super::{MechanismClass, Mechanism, MechanismParameter, History};
+use crate::number::Number;
+use crate::wrist::plant::{MEMORY, Context, Torques};
 
 /// See the module.
 pub struct InterfaceSlack;
@@ -10,17 +10,17 @@ pub struct InterfaceSlack;
 impl Mechanism for InterfaceSlack {
     const ID: &'static str = "interface_slack";
     const TITLE: &'static str = "a dead zone between hand and handle";
-    const CLASS: Class = Class::Plant;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("half_width_rad", "half-width of the dead zone", (0.0, 0.02), Some(0.0), 0.0005),
+    const CLASS: MechanismClass = MechanismClass::Plant;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("half_width_rad", "half-width of the dead zone", (0.0, 0.02), Some(0.0), 0.0005),
     ];
     const SOURCE: &'static str = "Dead zone in series with k_h";
 
     #[inline(always)]
     fn act<T: Number>(
         p: &[T],
-        moment: &Moment<'_, T>,
-        _past: &Past<T>,
+        moment: &Context<'_, T>,
+        _past: &History<T>,
         _slot: usize,
         torques: &mut Torques<T>,
         _rates: &mut [T; MEMORY],

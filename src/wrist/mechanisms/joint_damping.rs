@@ -1,7 +1,7 @@
 //! Damping b_j in the joint that is not negligible (Eq. 7).
 
-use super::{Class, Covariates, Mechanism, Parameter};
-use crate::wrist::number::Number;
+use super::{MechanismClass, Covariates, Mechanism, MechanismParameter};
+use crate::number::Number;
 use crate::wrist::plant::{JOINT_DAMPING_NM_S_PER_RAD, Plant};
 
 /// See the module.
@@ -10,9 +10,9 @@ pub struct JointDamping;
 impl Mechanism for JointDamping {
     const ID: &'static str = "joint_damping";
     const TITLE: &'static str = "damping in the joint";
-    const CLASS: Class = Class::Plant;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("b_j_nm_s_per_rad", "joint damping b_j", (0.0, 2.0), Some(JOINT_DAMPING_NM_S_PER_RAD), 0.05),
+    const CLASS: MechanismClass = MechanismClass::Plant;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("b_j_nm_s_per_rad", "joint damping b_j", (0.0, 2.0), Some(JOINT_DAMPING_NM_S_PER_RAD), 0.05),
     ];
     const SOURCE: &'static str = "Eq. 7 of de Vlugt et al. 2011, where b_j is fixed at a negligible value";
 

@@ -1,8 +1,8 @@
 //! A torque at the wrist that opposes motion and hardly depends on its speed.
 
-use super::{Class, Mechanism, Parameter, Past};
-use crate::wrist::number::Number;
-use crate::wrist::plant::{MEMORY, Moment, Torques};
+use super::{MechanismClass, Mechanism, MechanismParameter, History};
+use crate::number::Number;
+use crate::wrist::plant::{MEMORY, Context, Torques};
 
 /// See the module.
 pub struct JointFriction;
@@ -10,10 +10,10 @@ pub struct JointFriction;
 impl Mechanism for JointFriction {
     const ID: &'static str = "joint_friction";
     const TITLE: &'static str = "Coulomb-like friction at the wrist";
-    const CLASS: Class = Class::Plant;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("level_nm", "friction torque in motion", (0.0, 1.0), Some(0.0), 0.05),
-        Parameter::new("presliding_rad", "travel over which it builds up", (0.0002, 0.005), None, 0.0005),
+    const CLASS: MechanismClass = MechanismClass::Plant;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("level_nm", "friction torque in motion", (0.0, 1.0), Some(0.0), 0.05),
+        MechanismParameter::new("presliding_rad", "travel over which it builds up", (0.0002, 0.005), None, 0.0005),
     ];
     const SOURCE: &'static str = "Dahl 1968: dz/dt = (level w - z |w|) / presliding; the bristles' torque z tends to the level in motion";
     const MEMORY: usize = 1;
@@ -21,8 +21,8 @@ impl Mechanism for JointFriction {
     #[inline(always)]
     fn act<T: Number>(
         p: &[T],
-        moment: &Moment<'_, T>,
-        _past: &Past<T>,
+        moment: &Context<'_, T>,
+        _past: &History<T>,
         slot: usize,
         torques: &mut Torques<T>,
         rates: &mut [T; MEMORY],

@@ -1,8 +1,8 @@
 //! A lever whose damping b_l is not the one that the session states.
 
-use super::{Surroundings, Class, Covariates, Mechanism, Need, Parameter};
+use super::{ProbeContext, MechanismClass, Covariates, Mechanism, DataRequirement, MechanismParameter};
 use crate::wrist::Lever;
-use crate::wrist::number::Number;
+use crate::number::Number;
 use crate::wrist::plant::Plant;
 
 /// See the module.
@@ -11,19 +11,19 @@ pub struct LeverDamping;
 impl Mechanism for LeverDamping {
     const ID: &'static str = "lever_damping";
     const TITLE: &'static str = "the lever's damping is not as assumed";
-    const CLASS: Class = Class::Rig;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("damping_nm_s_per_rad", "b_l", (0.0, 20.0), None, 0.4),
+    const CLASS: MechanismClass = MechanismClass::Rig;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("damping_nm_s_per_rad", "b_l", (0.0, 20.0), None, 0.4),
     ];
     const SOURCE: &'static str = "b_l of Table 1 of de Vlugt et al. 2011";
-    const NEEDS: &'static [Need] = &[Need::Lever];
+    const NEEDS: &'static [DataRequirement] = &[DataRequirement::Lever];
     const EXACT: bool = true;
 
     fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
         lever.map(|lever| (1.5 * lever.damping_nm_s_per_rad, 2.0 * lever.damping_nm_s_per_rad))
     }
 
-    fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
+    fn probes(session: &ProbeContext) -> Vec<Vec<f64>> {
         let factors = |lever: Lever| [0.75, 1.3].map(|factor| vec![factor * lever.damping_nm_s_per_rad]);
         session.lever.into_iter().flat_map(factors).collect()
     }

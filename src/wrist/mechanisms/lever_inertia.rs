@@ -1,8 +1,8 @@
 //! A lever whose inertia I_l is not the one that the session states.
 
-use super::{Surroundings, Class, Covariates, Mechanism, Need, Parameter};
+use super::{ProbeContext, MechanismClass, Covariates, Mechanism, DataRequirement, MechanismParameter};
 use crate::wrist::Lever;
-use crate::wrist::number::Number;
+use crate::number::Number;
 use crate::wrist::plant::Plant;
 
 /// See the module.
@@ -11,19 +11,19 @@ pub struct LeverInertia;
 impl Mechanism for LeverInertia {
     const ID: &'static str = "lever_inertia";
     const TITLE: &'static str = "the lever's inertia is not as assumed";
-    const CLASS: Class = Class::Rig;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("inertia_kg_m2", "I_l", (1e-05, 0.05), None, 0.0016),
+    const CLASS: MechanismClass = MechanismClass::Rig;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("inertia_kg_m2", "I_l", (1e-05, 0.05), None, 0.0016),
     ];
     const SOURCE: &'static str = "I_l of Table 1 of de Vlugt et al. 2011";
-    const NEEDS: &'static [Need] = &[Need::Lever];
+    const NEEDS: &'static [DataRequirement] = &[DataRequirement::Lever];
     const EXACT: bool = true;
 
     fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
         lever.map(|lever| (1.5 * lever.inertia_kg_m2, 2.0 * lever.inertia_kg_m2))
     }
 
-    fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
+    fn probes(session: &ProbeContext) -> Vec<Vec<f64>> {
         let factors = |lever: Lever| [0.75, 1.3].map(|factor| vec![factor * lever.inertia_kg_m2]);
         session.lever.into_iter().flat_map(factors).collect()
     }

@@ -6,15 +6,15 @@
 
 #[macro_use]
 mod catalogue;
-mod past;
+mod history;
 
 use serde::{Deserialize, Serialize};
 
-pub use past::{Past, hermite};
+pub use history::{History, hermite};
 
 use super::Lever;
-use super::number::{Number, Plain};
-use super::plant::{MEMORY, Moment, Plant, Torques};
+use super::plant::{Context, MEMORY, Plant, Torques};
+use crate::number::{Number, Plain};
 
 catalogue! {
     joint_damping::JointDamping,
@@ -48,7 +48,7 @@ catalogue! {
 /// Where a mechanism acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Class {
+pub enum MechanismClass {
     /// In the wrist.
     Plant,
     /// In the lever and the motor.
@@ -61,7 +61,7 @@ pub enum Class {
 
 /// What a session must hold before a mechanism can be considered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Need {
+pub enum DataRequirement {
     /// A compliant lever.
     Lever,
     /// The flexor's EMG.
@@ -76,7 +76,7 @@ pub enum Need {
 
 /// A parameter of a mechanism.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Parameter {
+pub struct MechanismParameter {
     /// Name with unit, as results print it.
     pub name: &'static str,
     /// What it means.
@@ -93,7 +93,7 @@ pub struct Parameter {
     pub fitted: bool,
 }
 
-impl Parameter {
+impl MechanismParameter {
     /// A fitted parameter that is the same in all trials.
     pub const fn new(
         name: &'static str,
@@ -108,7 +108,7 @@ impl Parameter {
 
 /// What probes may depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Surroundings {
+pub struct ProbeContext {
     /// The lever that the session states.
     pub lever: Option<super::Lever>,
     /// Highest torque measured in any window, N m.
@@ -168,7 +168,7 @@ impl Default for Covariates {
 
 /// How the recorded angle relates to the motor's.
 #[derive(Debug, Clone, Copy)]
-pub struct Channels<T> {
+pub struct ChannelErrors<T> {
     /// How much the torque record lags behind the angle record, s.
     pub torque_delay_s: T,
     /// Recorded angle over true angle.
@@ -177,7 +177,7 @@ pub struct Channels<T> {
     pub following_hz: Option<T>,
 }
 
-impl<T: Number> Channels<T> {
+impl<T: Number> ChannelErrors<T> {
     /// Recorded as it is.
     #[inline(always)]
     pub fn faithful() -> Self {
@@ -193,13 +193,13 @@ pub trait Mechanism {
     /// What it is, in a few words.
     const TITLE: &'static str;
     /// Where it acts.
-    const CLASS: Class;
+    const CLASS: MechanismClass;
     /// Its parameters.
-    const PARAMETERS: &'static [Parameter];
+    const PARAMETERS: &'static [MechanismParameter];
     /// Where its form comes from.
     const SOURCE: &'static str;
     /// What data it needs.
-    const NEEDS: &'static [Need] = &[];
+    const NEEDS: &'static [DataRequirement] = &[];
     /// How many states it adds.
     const MEMORY: usize = 0;
     /// It alters how the recorded angle becomes the motor's.
@@ -221,7 +221,7 @@ pub trait Mechanism {
     }
 
     /// Values at which a diagnosis looks whether the mechanism would help; by default the typical ones.
-    fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
+    fn probes(session: &ProbeContext) -> Vec<Vec<f64>> {
         let _ = session;
         vec![Self::PARAMETERS.iter().map(|parameter| parameter.typical).collect()]
     }
@@ -243,7 +243,7 @@ pub trait Mechanism {
 
     /// Alters the way from the recorded angle to the motor's.
     #[inline(always)]
-    fn channels<T: Number>(p: &[T], channels: &mut Channels<T>) {
+    fn channels<T: Number>(p: &[T], channels: &mut ChannelErrors<T>) {
         let _ = (p, channels);
     }
 
@@ -251,20 +251,20 @@ pub trait Mechanism {
     #[inline(always)]
     fn act<T: Number>(
         p: &[T],
-        moment: &Moment<'_, T>,
-        past: &Past<T>,
+        moment: &Context<'_, T>,
+        history: &History<T>,
         slot: usize,
         torques: &mut Torques<T>,
         rates: &mut [T; MEMORY],
     ) {
-        let _ = (p, moment, past, slot, torques, rates);
+        let _ = (p, moment, history, slot, torques, rates);
     }
 
     /// Alters the measured torque (a change from the steady state), and gives the rates of its states.
     #[inline(always)]
     fn measure<T: Number>(
         p: &[T],
-        moment: &Moment<'_, T>,
+        moment: &Context<'_, T>,
         trial: &Covariates<T::Plain>,
         slot: usize,
         torque: T,
@@ -290,10 +290,10 @@ pub trait Extension<T: Number> {
     fn memory(&self) -> usize;
 
     /// Adds torques and the rates of the added states.
-    fn act(&self, moment: &Moment<'_, T>, torques: &mut Torques<T>, rates: &mut [T; MEMORY]);
+    fn act(&self, moment: &Context<'_, T>, torques: &mut Torques<T>, rates: &mut [T; MEMORY]);
 
     /// Alters the measured torque.
-    fn measure(&self, moment: &Moment<'_, T>, torque: T, rates: &mut [T; MEMORY]) -> T;
+    fn measure(&self, moment: &Context<'_, T>, torque: T, rates: &mut [T; MEMORY]) -> T;
 }
 
 /// The base model: nothing is added.
@@ -308,27 +308,27 @@ impl<T: Number> Extension<T> for NoExtension {
     }
 
     #[inline(always)]
-    fn act(&self, _: &Moment<'_, T>, _: &mut Torques<T>, _: &mut [T; MEMORY]) {}
+    fn act(&self, _: &Context<'_, T>, _: &mut Torques<T>, _: &mut [T; MEMORY]) {}
 
     #[inline(always)]
-    fn measure(&self, _: &Moment<'_, T>, torque: T, _: &mut [T; MEMORY]) -> T {
+    fn measure(&self, _: &Context<'_, T>, torque: T, _: &mut [T; MEMORY]) -> T {
         torque
     }
 }
 
-/// Mechanisms switched on, with their parameters.
-pub struct Mechanisms<'a, T: Number> {
+/// ActiveMechanisms switched on, with their parameters.
+pub struct ActiveMechanisms<'a, T: Number> {
     /// Which, in order.
-    pub kinds: &'a [Kind],
+    pub kinds: &'a [MechanismKind],
     /// Their parameters, one after the other.
     pub parameters: &'a [T],
     /// What is known of the trial.
     pub trial: &'a Covariates<T::Plain>,
-    /// The added states at the past samples.
-    pub past: &'a Past<T>,
+    /// The added states at the history samples.
+    pub history: &'a History<T>,
 }
 
-impl<T: Number> Mechanisms<'_, T> {
+impl<T: Number> ActiveMechanisms<'_, T> {
     /// The coefficients of the trial.
     #[inline(always)]
     pub fn shape(&self, plant: &mut Plant<T>) {
@@ -342,8 +342,8 @@ impl<T: Number> Mechanisms<'_, T> {
 
     /// The way from the recorded angle to the motor's.
     #[inline(always)]
-    pub fn channels(&self) -> Channels<T> {
-        let mut channels = Channels::faithful();
+    pub fn channels(&self) -> ChannelErrors<T> {
+        let mut channels = ChannelErrors::faithful();
         let mut first = 0;
         for kind in self.kinds {
             let count = kind.parameter_count();
@@ -354,7 +354,7 @@ impl<T: Number> Mechanisms<'_, T> {
     }
 }
 
-impl<T: Number> Extension<T> for Mechanisms<'_, T> {
+impl<T: Number> Extension<T> for ActiveMechanisms<'_, T> {
     const ACTIVE: bool = true;
 
     #[inline(always)]
@@ -363,18 +363,18 @@ impl<T: Number> Extension<T> for Mechanisms<'_, T> {
     }
 
     #[inline(always)]
-    fn act(&self, moment: &Moment<'_, T>, torques: &mut Torques<T>, rates: &mut [T; MEMORY]) {
+    fn act(&self, moment: &Context<'_, T>, torques: &mut Torques<T>, rates: &mut [T; MEMORY]) {
         let (mut first, mut slot) = (0, 0);
         for kind in self.kinds {
             let count = kind.parameter_count();
-            kind.act(&self.parameters[first..first + count], moment, self.past, slot, torques, rates);
+            kind.act(&self.parameters[first..first + count], moment, self.history, slot, torques, rates);
             first += count;
             slot += kind.memory();
         }
     }
 
     #[inline(always)]
-    fn measure(&self, moment: &Moment<'_, T>, torque: T, rates: &mut [T; MEMORY]) -> T {
+    fn measure(&self, moment: &Context<'_, T>, torque: T, rates: &mut [T; MEMORY]) -> T {
         let (mut first, mut slot, mut torque) = (0, 0, torque);
         for kind in self.kinds {
             let count = kind.parameter_count();

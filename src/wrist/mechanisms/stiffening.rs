@@ -1,8 +1,8 @@
 //! Stiffness that grows with the joint angle: k_srs (1 + c theta_j).
 
-use super::{Class, Mechanism, Parameter, Past};
-use crate::wrist::number::Number;
-use crate::wrist::plant::{MEMORY, Moment, Torques};
+use super::{MechanismClass, Mechanism, MechanismParameter, History};
+use crate::number::Number;
+use crate::wrist::plant::{MEMORY, Context, Torques};
 
 /// See the module.
 pub struct Stiffening;
@@ -10,17 +10,17 @@ pub struct Stiffening;
 impl Mechanism for Stiffening {
     const ID: &'static str = "stiffening";
     const TITLE: &'static str = "stiffness grows with the joint angle";
-    const CLASS: Class = Class::Plant;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("coefficient_per_rad", "relative growth of k_srs with the joint angle", (-10.0, 30.0), Some(0.0), 4.0),
+    const CLASS: MechanismClass = MechanismClass::Plant;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("coefficient_per_rad", "relative growth of k_srs with the joint angle", (-10.0, 30.0), Some(0.0), 4.0),
     ];
     const SOURCE: &'static str = "First-order dependence of stiffness on angle";
 
     #[inline(always)]
     fn act<T: Number>(
         p: &[T],
-        moment: &Moment<'_, T>,
-        _past: &Past<T>,
+        moment: &Context<'_, T>,
+        _past: &History<T>,
         _slot: usize,
         torques: &mut Torques<T>,
         _rates: &mut [T; MEMORY],

@@ -1,8 +1,8 @@
 //! A Maxwell branch beside k_j: a spring whose torque fades.
 
-use super::{Surroundings, Class, Mechanism, Parameter, Past};
-use crate::wrist::number::Number;
-use crate::wrist::plant::{MEMORY, Moment, Torques};
+use super::{ProbeContext, MechanismClass, Mechanism, MechanismParameter, History};
+use crate::number::Number;
+use crate::wrist::plant::{MEMORY, Context, Torques};
 
 /// See the module.
 pub struct StressRelaxation;
@@ -10,23 +10,23 @@ pub struct StressRelaxation;
 impl Mechanism for StressRelaxation {
     const ID: &'static str = "stress_relaxation";
     const TITLE: &'static str = "stress relaxation in the muscle";
-    const CLASS: Class = Class::Plant;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("stiffness_nm_per_rad", "stiffness of the Maxwell branch", (0.0, 100.0), Some(0.0), 15.0),
-        Parameter::new("time_constant_s", "its relaxation time", (0.001, 0.5), None, 0.01),
+    const CLASS: MechanismClass = MechanismClass::Plant;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("stiffness_nm_per_rad", "stiffness of the Maxwell branch", (0.0, 100.0), Some(0.0), 15.0),
+        MechanismParameter::new("time_constant_s", "its relaxation time", (0.001, 0.5), None, 0.01),
     ];
     const SOURCE: &'static str = "Maxwell element in parallel with k_j";
     const MEMORY: usize = 1;
 
-    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+    fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [0.002, 0.006, 0.02].map(|time_constant| vec![15.0, time_constant]).to_vec()
     }
 
     #[inline(always)]
     fn act<T: Number>(
         p: &[T],
-        moment: &Moment<'_, T>,
-        _past: &Past<T>,
+        moment: &Context<'_, T>,
+        _past: &History<T>,
         slot: usize,
         torques: &mut Torques<T>,
         rates: &mut [T; MEMORY],

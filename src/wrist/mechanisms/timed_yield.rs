@@ -1,7 +1,7 @@
 //! An elastic limit that is reached after a time rather than at an angle: x_e = x_0 + v x_t.
 
-use super::{Class, Covariates, Mechanism, Need, Parameter};
-use crate::wrist::number::Number;
+use super::{MechanismClass, Covariates, Mechanism, DataRequirement, MechanismParameter};
+use crate::number::Number;
 use crate::wrist::plant::Plant;
 
 /// See the module.
@@ -10,13 +10,13 @@ pub struct TimedYield;
 impl Mechanism for TimedYield {
     const ID: &'static str = "timed_yield";
     const TITLE: &'static str = "the limit is a time, not an angle";
-    const CLASS: Class = Class::Plant;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("x_t_s", "time at which the muscle yields", (0.0, 0.1), None, 0.02),
-        Parameter::new("x_0_rad", "angle added to velocity times time", (-0.1, 0.1), None, 0.0),
+    const CLASS: MechanismClass = MechanismClass::Plant;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("x_t_s", "time at which the muscle yields", (0.0, 0.1), None, 0.02),
+        MechanismParameter::new("x_0_rad", "angle added to velocity times time", (-0.1, 0.1), None, 0.0),
     ];
     const SOURCE: &'static str = "Section 4.1 of de Vlugt et al. 2011: x_e = v x_t (+ x_0)";
-    const NEEDS: &'static [Need] = &[Need::Velocities];
+    const NEEDS: &'static [DataRequirement] = &[DataRequirement::Velocities];
 
     #[inline(always)]
     fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {

@@ -1,9 +1,9 @@
 //! A low-pass in the torque channel that the angle channel does not have.
 
-use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
+use super::{ProbeContext, MechanismClass, Covariates, Mechanism, MechanismParameter};
 use crate::wrist::Lever;
-use crate::wrist::number::Number;
-use crate::wrist::plant::{MEMORY, Moment};
+use crate::number::Number;
+use crate::wrist::plant::{MEMORY, Context};
 
 /// See the module.
 pub struct TorqueLag;
@@ -11,9 +11,9 @@ pub struct TorqueLag;
 impl Mechanism for TorqueLag {
     const ID: &'static str = "torque_lag";
     const TITLE: &'static str = "a low-pass in the torque channel alone";
-    const CLASS: Class = Class::Sensor;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("cutoff_hz", "cut-off of the first-order low-pass", (10.0, 5000.0), None, 150.0),
+    const CLASS: MechanismClass = MechanismClass::Sensor;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("cutoff_hz", "cut-off of the first-order low-pass", (10.0, 5000.0), None, 150.0),
     ];
     const SOURCE: &'static str = "First-order low-pass";
     const MEMORY: usize = 1;
@@ -27,14 +27,14 @@ impl Mechanism for TorqueLag {
         Some((80.0, 160.0))
     }
 
-    fn probes(_session: &Surroundings) -> Vec<Vec<f64>> {
+    fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [60.0, 200.0].map(|cutoff| vec![cutoff]).to_vec()
     }
 
     #[inline(always)]
     fn measure<T: Number>(
         p: &[T],
-        moment: &Moment<'_, T>,
+        moment: &Context<'_, T>,
         _trial: &Covariates<T::Plain>,
         slot: usize,
         torque: T,

@@ -1,8 +1,8 @@
 //! A torque channel that clips at a level.
 
-use super::{Surroundings, Class, Covariates, Mechanism, Parameter};
-use crate::wrist::number::Number;
-use crate::wrist::plant::{MEMORY, Moment};
+use super::{ProbeContext, MechanismClass, Covariates, Mechanism, MechanismParameter};
+use crate::number::Number;
+use crate::wrist::plant::{MEMORY, Context};
 
 /// See the module.
 pub struct TorqueSaturation;
@@ -10,20 +10,20 @@ pub struct TorqueSaturation;
 impl Mechanism for TorqueSaturation {
     const ID: &'static str = "torque_saturation";
     const TITLE: &'static str = "the torque channel clips";
-    const CLASS: Class = Class::Sensor;
-    const PARAMETERS: &'static [Parameter] = &[
-        Parameter::new("level_nm", "largest torque the channel shows", (0.5, 100.0), None, 5.0),
+    const CLASS: MechanismClass = MechanismClass::Sensor;
+    const PARAMETERS: &'static [MechanismParameter] = &[
+        MechanismParameter::new("level_nm", "largest torque the channel shows", (0.5, 100.0), None, 5.0),
     ];
     const SOURCE: &'static str = "Clipping of the measured torque";
 
-    fn probes(session: &Surroundings) -> Vec<Vec<f64>> {
+    fn probes(session: &ProbeContext) -> Vec<Vec<f64>> {
         [0.8, 0.95].map(|part| vec![part * session.highest_torque_nm]).to_vec()
     }
 
     #[inline(always)]
     fn measure<T: Number>(
         p: &[T],
-        _moment: &Moment<'_, T>,
+        _moment: &Context<'_, T>,
         trial: &Covariates<T::Plain>,
         _slot: usize,
         torque: T,

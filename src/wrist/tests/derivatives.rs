@@ -4,9 +4,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use num_dual::{Dual64, DualNum};
 
-use super::super::group::{Job, extended};
-use super::super::number::Number;
 use super::*;
+use crate::number::Number;
+use crate::wrist::batch::{Batch, extended};
 
 /// num-dual's number behind the model's trait, with num-dual's own elementary functions.
 #[derive(Clone, Copy)]
@@ -74,11 +74,11 @@ impl Number for Oracle {
 }
 
 /// Every model of one mechanism, and the base model.
-fn models() -> Vec<Vec<Kind>> {
+fn models() -> Vec<Vec<MechanismKind>> {
     std::iter::once(Vec::new()).chain(CATALOGUE.iter().map(|kind| vec![*kind])).collect()
 }
 
-fn parameters_of(kinds: &[Kind]) -> Vec<f64> {
+fn parameters_of(kinds: &[MechanismKind]) -> Vec<f64> {
     let mut parameters = kinds.first().map_or(PERSON.to_vec(), |kind| with(*kind));
     for (place, parameter) in kinds.iter().flat_map(|kind| kind.parameters()).enumerate() {
         // Off the value that has no effect, and off the corners of what is not smooth.
@@ -89,7 +89,7 @@ fn parameters_of(kinds: &[Kind]) -> Vec<f64> {
 }
 
 /// The estimated parameters of a model: names and places.
-fn estimated(kinds: &[Kind]) -> Vec<(String, usize)> {
+fn estimated(kinds: &[MechanismKind]) -> Vec<(String, usize)> {
     let base = super::super::BASE_PARAMETERS.iter().map(|name| ((*name).to_string(), true));
     let added = kinds
         .iter()
@@ -98,7 +98,7 @@ fn estimated(kinds: &[Kind]) -> Vec<(String, usize)> {
     all.filter(|(_, (_, fitted))| *fitted).map(|(place, (name, _))| (name, place)).collect()
 }
 
-fn column(response: &Response, columns: usize, index: usize) -> Vec<f64> {
+fn column(response: &SimulatedTorque, columns: usize, index: usize) -> Vec<f64> {
     response.slopes.iter().skip(index).step_by(columns).copied().collect()
 }
 
@@ -113,13 +113,13 @@ fn relative(a: &[f64], b: &[f64]) -> f64 {
 
 /// Calls `error` with the mechanisms, their parameters, the place of each estimated one and our derivative by it, and asserts
 /// that what it says is small.
-fn each_derivative(error: impl Fn(&[Kind], &[f64], usize, &[f64]) -> f64) {
+fn each_derivative(error: impl Fn(&[MechanismKind], &[f64], usize, &[f64]) -> f64) {
     let (sections, trial) = (sections(), ramp(2.6));
     for kinds in models() {
         let parameters = parameters_of(&kinds);
         let estimated = estimated(&kinds);
         let wanted: Vec<usize> = estimated.iter().map(|(_, place)| *place).collect();
-        let ours = run(&request(&kinds, &sections, &wanted), &trial, &parameters);
+        let ours = run(&settings(&kinds, &sections, &wanted), &trial, &parameters);
         for (index, (name, place)) in estimated.iter().enumerate() {
             let error = error(&kinds, &parameters, *place, &column(&ours, wanted.len(), index));
             assert!(error < 1e-8, "{name}: {error:e}");
@@ -132,10 +132,10 @@ fn derivatives_agree_with_num_dual_for_every_parameter_of_every_mechanism() {
     let (sections, trial) = (sections(), ramp(2.6));
     each_derivative(|kinds, parameters, place, ours| {
         let one = [place];
-        let request = request(kinds, &sections, &one);
-        let job = Job { request: &request, trials: &[&trial], parameters, first: 0, wanted: 0..1 };
-        let mut oracle = Response { torque_nm: vec![0.0; SAMPLES], slopes: vec![0.0; SAMPLES] };
-        extended::<f64, Oracle>(&job, &mut oracle);
+        let settings = settings(kinds, &sections, &one);
+        let batch = Batch { settings: &settings, trials: &[&trial], parameters, first: 0, wanted: 0..1 };
+        let mut oracle = SimulatedTorque { torque_nm: vec![0.0; SAMPLES], slopes: vec![0.0; SAMPLES] };
+        extended::<f64, Oracle>(&batch, &mut oracle);
         relative(ours, &oracle.slopes)
     });
 }
@@ -147,7 +147,7 @@ fn derivatives_agree_with_eighth_order_differences_for_every_parameter_of_every_
         let torque = |by: f64| {
             let mut moved = parameters.to_vec();
             moved[place] += by;
-            run(&request(kinds, &sections, &[]), &trial, &moved).torque_nm
+            run(&settings(kinds, &sections, &[]), &trial, &moved).torque_nm
         };
         // Large steps suffer from the curvature, small ones from rounding; corners that a mechanism has ask for small ones.
         [2e-2, 1e-2, 5e-3, 2e-3, 5e-4, 1e-4]

@@ -4,9 +4,10 @@ use super::*;
 use crate::wrist::substeps;
 
 /// Greatest difference of the unfiltered torque from that with 256 steps a sample, N m.
-fn error_nm(lever: Option<Lever>, trial: &Trial, parameters: &[f64; 6]) -> f64 {
-    let torque =
-        |substeps| run(&Request { lever, substeps, ..request(&[], &[], &[]) }, trial, parameters).torque_nm;
+fn error_nm(lever: Option<Lever>, trial: &TrialInput, parameters: &[f64; 6]) -> f64 {
+    let torque = |substeps| {
+        run(&SimulationSettings { lever, substeps, ..settings(&[], &[], &[]) }, trial, parameters).torque_nm
+    };
     let own = torque(substeps(lever, parameters, PERIOD_S));
     own.iter().zip(torque(256)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
@@ -36,7 +37,9 @@ fn the_integration_error_stays_below_ten_micronewtonmetres() {
 #[test]
 fn half_the_steps_make_sixteen_times_the_error() {
     let trial = ramp(2.6);
-    let torque = |substeps| run(&Request { substeps, ..request(&[], &[], &[]) }, &trial, &PERSON).torque_nm;
+    let torque = |substeps| {
+        run(&SimulationSettings { substeps, ..settings(&[], &[], &[]) }, &trial, &PERSON).torque_nm
+    };
     let reference = torque(256);
     let error = |substeps| {
         let own = torque(substeps);

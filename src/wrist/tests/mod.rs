@@ -3,8 +3,10 @@
 mod derivatives;
 mod integration;
 
-use super::mechanisms::{CATALOGUE, Covariates, Kind};
-use super::{Knot, Lever, Request, Response, Smoothing, Trial, Width, simulate};
+use super::mechanisms::{CATALOGUE, Covariates, MechanismKind};
+use super::{
+    Kinematics, Lever, SimulatedTorque, SimulationSettings, Smoothing, TrialInput, VectorWidth, simulate,
+};
 use crate::random::Stream;
 use crate::signal::{FilterSpec, Section, filter};
 
@@ -19,21 +21,21 @@ const LEVER: Lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, s
 const PERSON: [f64; 6] = [0.005, 1.2, 300.0, 20.0, 13.0, 0.04];
 
 /// A ramp whose speed rises as a raised cosine in 18 ms.
-fn ramp(velocity_rad_s: f64) -> Trial {
+fn ramp(velocity_rad_s: f64) -> TrialInput {
     let rise_s = 0.018;
     let knot = |sample: usize| {
         let t = (sample as f64 - 40.0) * PERIOD_S;
         if t <= 0.0 {
-            return Knot::default();
+            return Kinematics::default();
         }
         let phase = std::f64::consts::PI * t.min(rise_s) / rise_s;
         let risen = 0.5 * (t.min(rise_s) - rise_s / std::f64::consts::PI * libm::sin(phase));
-        Knot {
+        Kinematics {
             theta: velocity_rad_s * (risen + (t - rise_s).max(0.0)),
             omega: velocity_rad_s * 0.5 * (1.0 - libm::cos(phase)),
         }
     };
-    Trial {
+    TrialInput {
         motion: (0..40 + SAMPLES + 40).map(knot).collect(),
         onset: 40,
         covariates: Covariates {
@@ -51,29 +53,33 @@ fn sections() -> Vec<Section> {
     FilterSpec::PAPER.sections(1.0 / PERIOD_S).unwrap()
 }
 
-fn request<'a>(kinds: &'a [Kind], filter: &'a [Section], wanted: &'a [usize]) -> Request<'a> {
-    Request {
+fn settings<'a>(
+    kinds: &'a [MechanismKind],
+    filter: &'a [Section],
+    derivatives: &'a [usize],
+) -> SimulationSettings<'a> {
+    SimulationSettings {
         lever: Some(LEVER),
         kinds,
         period_s: PERIOD_S,
         samples: SAMPLES,
-        lead: LEAD,
-        level: 0,
+        lead_samples: LEAD,
+        baseline_samples: 0,
         substeps: 2,
         filter,
-        wanted,
-        width: Width::One,
+        derivatives,
+        width: VectorWidth::One,
     }
 }
 
-fn run(request: &Request, trial: &Trial, parameters: &[f64]) -> Response {
-    let mut response = Response::default();
-    simulate(request, &[trial], parameters, &mut response);
+fn run(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f64]) -> SimulatedTorque {
+    let mut response = SimulatedTorque::default();
+    simulate(settings, &[trial], parameters, &mut response);
     response
 }
 
 /// A person's parameters with the typical ones of `kind`.
-fn with(kind: Kind) -> Vec<f64> {
+fn with(kind: MechanismKind) -> Vec<f64> {
     PERSON.iter().copied().chain(kind.parameters().iter().map(|parameter| parameter.typical)).collect()
 }
 
@@ -81,11 +87,11 @@ fn with(kind: Kind) -> Vec<f64> {
 fn every_width_gives_the_same_bits() {
     let sections = sections();
     let mut stream = Stream::new(5, "widths");
-    let trials: Vec<Trial> = (0..19).map(|i| ramp(1.3 + 0.1 * f64::from(i))).collect();
-    let references: Vec<&Trial> = trials.iter().collect();
+    let trials: Vec<TrialInput> = (0..19).map(|i| ramp(1.3 + 0.1 * f64::from(i))).collect();
+    let references: Vec<&TrialInput> = trials.iter().collect();
     let mut models = vec![Vec::new()];
     models.extend(CATALOGUE.iter().map(|kind| vec![*kind]));
-    models.push(vec![Kind::ChannelSkew, Kind::StretchReflex, Kind::TorqueLag]);
+    models.push(vec![MechanismKind::ChannelSkew, MechanismKind::StretchReflex, MechanismKind::TorqueLag]);
     for kinds in models {
         let count = 6 + kinds.iter().map(|kind| kind.parameter_count()).sum::<usize>();
         let mut parameters = Vec::new();
@@ -95,16 +101,16 @@ fn every_width_gives_the_same_bits() {
                 PERSON.iter().copied().chain(added).map(|x| x * (1.0 + 0.2 * (stream.uniform() - 0.5))),
             );
         }
-        let wanted: Vec<usize> = (0..count).collect();
+        let derivatives: Vec<usize> = (0..count).collect();
         let with_width = |width| {
-            let mut response = Response::default();
-            let request = Request { width, ..request(&kinds, &sections, &wanted) };
-            simulate(&request, &references, &parameters, &mut response);
+            let mut response = SimulatedTorque::default();
+            let settings = SimulationSettings { width, ..settings(&kinds, &sections, &derivatives) };
+            simulate(&settings, &references, &parameters, &mut response);
             let all = response.torque_nm.into_iter().chain(response.slopes);
             all.map(f64::to_bits).collect::<Vec<_>>()
         };
-        let one = with_width(Width::One);
-        for width in Width::available() {
+        let one = with_width(VectorWidth::One);
+        for width in VectorWidth::available() {
             assert!(with_width(width) == one, "{width:?} differs for {kinds:?}");
         }
     }
@@ -114,13 +120,14 @@ fn every_width_gives_the_same_bits() {
 fn a_trial_does_not_depend_on_its_neighbours() {
     let sections = sections();
     let trials = [ramp(1.3), ramp(3.25), ramp(2.0)];
-    let wanted = [0, 5];
+    let derivatives = [0, 5];
     let parameters: Vec<f64> = [1.0, 1.3, 0.8].iter().flat_map(|f| PERSON.map(|x| x * f)).collect();
-    let request = Request { width: Width::fastest(), ..request(&[], &sections, &wanted) };
-    let mut together = Response::default();
-    simulate(&request, &trials.iter().collect::<Vec<_>>(), &parameters, &mut together);
+    let settings =
+        SimulationSettings { width: VectorWidth::fastest(), ..settings(&[], &sections, &derivatives) };
+    let mut together = SimulatedTorque::default();
+    simulate(&settings, &trials.iter().collect::<Vec<_>>(), &parameters, &mut together);
     for (index, trial) in trials.iter().enumerate() {
-        let alone = run(&request, trial, &parameters[index * 6..index * 6 + 6]);
+        let alone = run(&settings, trial, &parameters[index * 6..index * 6 + 6]);
         assert_eq!(alone.torque_nm, together.torque_nm[index * SAMPLES..(index + 1) * SAMPLES]);
     }
 }
@@ -129,7 +136,7 @@ fn a_trial_does_not_depend_on_its_neighbours() {
 fn the_prediction_is_filtered_as_a_recorded_torque_would_be() {
     let sections = sections();
     // From the sample before the ramp on, where torque and filter are both at rest.
-    let from_rest = |filter| Request { lead: 0, ..request(&[], filter, &[]) };
+    let from_rest = |filter| SimulationSettings { lead_samples: 0, ..settings(&[], filter, &[]) };
     let raw = run(&from_rest(&[]), &ramp(2.6), &PERSON).torque_nm;
     let filtered = run(&from_rest(&sections), &ramp(2.6), &PERSON).torque_nm;
     for (sample, (got, want)) in filtered.iter().zip(filter(&sections, &raw)).enumerate() {
@@ -147,12 +154,12 @@ fn a_delay_by_part_of_a_sample_leaves_the_torque_as_steady_as_one_by_whole_sampl
     let step = std::f64::consts::TAU / 131_072.0;
     let record: Vec<f64> = clean.motion.iter().map(|knot| step * libm::round(knot.theta / step)).collect();
     let smoothing = Smoothing { half_s: 0.004, twice: true };
-    let recorded = Trial { motion: smoothing.knots(&record, PERIOD_S), ..clean.clone() };
-    let request = request(&[Kind::ChannelSkew], &[], &[]);
+    let recorded = TrialInput { motion: smoothing.motion(&record, PERIOD_S), ..clean.clone() };
+    let settings = settings(&[MechanismKind::ChannelSkew], &[], &[]);
     let error_nm = |samples: f64| {
         let parameters: Vec<f64> = PERSON.into_iter().chain([samples * PERIOD_S]).collect();
         let [from_record, from_truth] =
-            [&recorded, &clean].map(|trial| run(&request, trial, &parameters).torque_nm);
+            [&recorded, &clean].map(|trial| run(&settings, trial, &parameters).torque_nm);
         let squares: f64 = from_record.iter().zip(&from_truth).map(|(a, b)| (a - b) * (a - b)).sum();
         libm::sqrt(squares / SAMPLES as f64)
     };
@@ -165,15 +172,19 @@ fn a_delay_by_part_of_a_sample_leaves_the_torque_as_steady_as_one_by_whole_sampl
 /// Once the simulation began 4 ms before the onset, and a torque that had drifted for 7 ms fitted 1.6 times as steep.
 #[test]
 fn what_drifted_before_the_onset_is_in_the_torque_and_in_the_level_that_is_taken_off() {
-    let kinds = [Kind::TorqueDrift];
-    let request = |lead, level| Request { lead, level, ..request(&kinds, &[], &[]) };
+    let kinds = [MechanismKind::TorqueDrift];
+    let settings = |lead, level| SimulationSettings {
+        lead_samples: lead,
+        baseline_samples: level,
+        ..settings(&kinds, &[], &[])
+    };
     let drifting = |start_s: f64| PERSON.into_iter().chain([3.0, start_s]).collect::<Vec<f64>>();
     let trial = ramp(2.6);
-    let as_it_is = run(&request(30, 0), &trial, &drifting(-0.010)).torque_nm;
-    let levelled = run(&request(30, 25), &trial, &drifting(-0.010)).torque_nm;
+    let as_it_is = run(&settings(30, 0), &trial, &drifting(-0.010)).torque_nm;
+    let levelled = run(&settings(30, 25), &trial, &drifting(-0.010)).torque_nm;
     // The same seen from 24 samples earlier: the 25 that make the level come first.
-    let earlier = Trial { onset: trial.onset - 24, ..trial.clone() };
-    let before = run(&request(6, 0), &earlier, &drifting(-0.010 + 24.0 * PERIOD_S)).torque_nm;
+    let earlier = TrialInput { onset: trial.onset - 24, ..trial.clone() };
+    let before = run(&settings(6, 0), &earlier, &drifting(-0.010 + 24.0 * PERIOD_S)).torque_nm;
     let level_nm = before[..25].iter().sum::<f64>() / 25.0;
     assert!(level_nm > 1e-3, "the drift is in the level: {level_nm} N m");
     for (sample, (got, raw)) in levelled.iter().zip(&as_it_is).enumerate() {
@@ -184,11 +195,11 @@ fn what_drifted_before_the_onset_is_in_the_torque_and_in_the_level_that_is_taken
 #[test]
 fn before_the_first_of_its_samples_the_motor_stands() {
     let whole = ramp(2.6);
-    let short = Trial { motion: whole.motion[30..].to_vec(), onset: whole.onset - 30, ..whole.clone() };
-    for kinds in [vec![], vec![Kind::ChannelSkew]] {
-        let request = Request { lead: 35, ..request(&kinds, &[], &[]) };
+    let short = TrialInput { motion: whole.motion[30..].to_vec(), onset: whole.onset - 30, ..whole.clone() };
+    for kinds in [vec![], vec![MechanismKind::ChannelSkew]] {
+        let settings = SimulationSettings { lead_samples: 35, ..settings(&kinds, &[], &[]) };
         let parameters: Vec<f64> = PERSON.into_iter().chain(kinds.iter().map(|_| 0.0008)).collect();
-        let [a, b] = [&whole, &short].map(|trial| run(&request, trial, &parameters).torque_nm);
+        let [a, b] = [&whole, &short].map(|trial| run(&settings, trial, &parameters).torque_nm);
         assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12), "{kinds:?}");
     }
 }

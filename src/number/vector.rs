@@ -1,17 +1,18 @@
-//! Several trials in one vector register: four with AVX2, eight with AVX-512.
+//! Vectors of four values (AVX2) and of eight values (AVX-512), one trial per lane.
 //!
-//! Written on the intrinsics because nothing else gave both run-time choice of the instructions and the speed: plain
-//! arrays were vectorised in pieces and ran six times slower. Every operation is the IEEE one that `f64` does, so the
-//! lanes agree with the scalar code bit by bit.
+//! They are written with intrinsics because only intrinsics gave both the choice of instructions at run time and the speed:
+//! the compiler vectorised plain arrays in pieces, and the code was six times slower. Every operation is the IEEE operation
+//! that `f64` does, so each lane has the same bits as the scalar code.
 //!
 //! # Safety
-//! The intrinsics need a processor that has them. The types are private to the crate and are only used by
-//! `wrist::simulate`, which asks the processor first; nothing else may construct them.
+//! The intrinsics need a processor that supports them. The types are private to the crate. Only `wrist::simulate` uses them,
+//! and it checks the processor first; no other code may construct them.
 
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::number::{Number, Plain};
+use super::lanes::Lanes;
+use super::traits::{Number, Plain};
 
 macro_rules! vector {
     ($(#[$doc:meta])* $name:ident, $register:ty, $lanes:literal, $add:ident, $sub:ident, $mul:ident, $div:ident,
@@ -54,11 +55,11 @@ macro_rules! vector {
             }
         }
 
-        impl Plain for $name {
+        impl Lanes for $name {
             const LANES: usize = $lanes;
             #[inline(always)]
             fn splat(value: f64) -> Self {
-                // SAFETY: the processor has the instruction (see the module).
+                // SAFETY: the processor has the instruction (module docs, Safety).
                 Self(unsafe { $splat(value) })
             }
             #[inline(always)]
@@ -75,12 +76,12 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn max(self, other: Self) -> Self {
-                // SAFETY: the processor has the instruction (see the module).
+                // SAFETY: the processor has the instruction (module docs, Safety).
                 Self(unsafe { $max(self.0, other.0) })
             }
             #[inline(always)]
             fn min(self, other: Self) -> Self {
-                // SAFETY: the processor has the instruction (see the module).
+                // SAFETY: the processor has the instruction (module docs, Safety).
                 Self(unsafe { $min(self.0, other.0) })
             }
             #[inline(always)]
@@ -92,13 +93,15 @@ macro_rules! vector {
                 self.add_exponent(shifted)
             }
         }
+
+        impl Plain for $name {}
     };
     (@operator $name:ident, $trait:ident, $method:ident, $instruction:ident) => {
         impl $trait for $name {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                // SAFETY: the processor has the instruction (see the module).
+                // SAFETY: the processor has the instruction (module docs, Safety).
                 Self(unsafe { $instruction(self.0, other.0) })
             }
         }
@@ -106,12 +109,12 @@ macro_rules! vector {
 }
 
 vector!(
-    /// Four trials (AVX2).
+    /// Four values (AVX2).
     Four, __m256d, 4, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
     _mm256_max_pd, _mm256_min_pd, _mm256_set1_pd, _mm256_loadu_pd
 );
 vector!(
-    /// Eight trials (AVX-512).
+    /// Eight values (AVX-512).
     Eight, __m512d, 8, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd,
     _mm512_max_pd, _mm512_min_pd, _mm512_set1_pd, _mm512_loadu_pd
 );
@@ -119,7 +122,7 @@ vector!(
 impl Four {
     #[inline(always)]
     fn select(self, yes: Self, no: Self) -> Self {
-        // SAFETY: the processor has AVX2 (see the module).
+        // SAFETY: the processor has AVX2 (module docs, Safety).
         unsafe {
             let positive = _mm256_cmp_pd::<_CMP_GT_OQ>(self.0, _mm256_setzero_pd());
             Self(_mm256_blendv_pd(no.0, yes.0, positive))
@@ -128,7 +131,7 @@ impl Four {
 
     #[inline(always)]
     fn add_exponent(self, shifted: Self) -> Self {
-        // SAFETY: the processor has AVX2 (see the module).
+        // SAFETY: the processor has AVX2 (module docs, Safety).
         unsafe {
             let exponent = _mm256_slli_epi64::<52>(_mm256_castpd_si256(shifted.0));
             Self(_mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(self.0), exponent)))
@@ -139,7 +142,7 @@ impl Four {
 impl Eight {
     #[inline(always)]
     fn select(self, yes: Self, no: Self) -> Self {
-        // SAFETY: the processor has AVX-512 (see the module).
+        // SAFETY: the processor has AVX-512 (module docs, Safety).
         unsafe {
             let positive = _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0, _mm512_setzero_pd());
             Self(_mm512_mask_blend_pd(positive, no.0, yes.0))
@@ -148,7 +151,7 @@ impl Eight {
 
     #[inline(always)]
     fn add_exponent(self, shifted: Self) -> Self {
-        // SAFETY: the processor has AVX-512 (see the module).
+        // SAFETY: the processor has AVX-512 (module docs, Safety).
         unsafe {
             let exponent = _mm512_slli_epi64::<52>(_mm512_castpd_si512(shifted.0));
             Self(_mm512_castsi512_pd(_mm512_add_epi64(_mm512_castpd_si512(self.0), exponent)))

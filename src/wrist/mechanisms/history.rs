@@ -1,16 +1,16 @@
-//! The added states at past samples, for mechanisms that act after a delay.
+//! The added states at history samples, for mechanisms that act after a delay.
 
-use crate::wrist::number::{Number, Plain};
+use crate::number::{Lanes, Number};
 use crate::wrist::plant::MEMORY;
 
 /// The added states and their rates, one entry a sample from the start of the trial.
-pub struct Past<T> {
+pub struct History<T> {
     start_s: f64,
     period_s: f64,
     entries: Vec<[[T; MEMORY]; 2]>,
 }
 
-impl<T: Number> Past<T> {
+impl<T: Number> History<T> {
     /// Nothing has happened before `start_s`; entries follow every `period_s`.
     pub fn new(start_s: f64, period_s: f64) -> Self {
         Self { start_s, period_s, entries: Vec::new() }
@@ -29,9 +29,9 @@ impl<T: Number> Past<T> {
         if self.entries.is_empty() {
             return zero;
         }
-        // Each lane has its own delay, so its own place in the past: (value, slope in time) is gathered lane by lane.
+        // Each lane has its own delay, so its own place in the history: (value, slope in time) is gathered lane by lane.
         let mut result = zero;
-        let lanes = <T::Plain as Plain>::LANES;
+        let lanes = T::Plain::LANES;
         for lane in 0..lanes {
             let elapsed = time_s - delay.plain().lane(lane) - self.start_s;
             if elapsed < 0.0 {
@@ -57,7 +57,7 @@ impl<T: Number> Past<T> {
             }
             let mut mask = [0.0; 16];
             mask[lane] = 1.0;
-            result = result + value.times(<T::Plain as Plain>::load(&mask));
+            result = result + value.times(T::Plain::load(&mask));
         }
         result
     }

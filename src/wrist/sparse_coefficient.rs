@@ -4,7 +4,7 @@
 //! need not carry derivatives that are zero. The equations are written once over both kinds; values and derivatives have the
 //! same bits either way.
 
-use super::number::{Number, Plain};
+use crate::number::{Number, Plain};
 
 /// What a number can be multiplied by.
 pub trait Coefficient<T: Number>: Copy {
@@ -16,62 +16,62 @@ pub trait Coefficient<T: Number>: Copy {
 }
 
 /// What the coefficients of a model may depend on.
-pub trait Coefficients<T: Number>: Copy {
+pub trait DerivativeStructure<T: Number>: Copy {
     /// One that is a constant in the base model.
     type Constant: Coefficient<T>;
     /// One that depends on parameter number `INDEX` alone in the base model.
-    type Sole<const INDEX: usize>: Coefficient<T>;
+    type SingleParameter<const INDEX: usize>: Coefficient<T>;
 
     /// Takes what `value` may depend on.
     fn constant(value: T) -> Self::Constant;
 
     /// Takes what `value` may depend on.
-    fn sole<const INDEX: usize>(value: T) -> Self::Sole<INDEX>;
+    fn sole<const INDEX: usize>(value: T) -> Self::SingleParameter<INDEX>;
 }
 
 /// Every coefficient may depend on every parameter: what mechanisms leave of the base model.
 #[derive(Debug, Clone, Copy)]
-pub struct Mixed;
+pub struct Dense;
 
 /// The base model, each of whose parameters is where its derivative is.
 #[derive(Debug, Clone, Copy)]
-pub struct Separate;
+pub struct Sparse;
 
-impl<T: Number> Coefficients<T> for Mixed {
-    type Constant = Any<T>;
-    type Sole<const INDEX: usize> = Any<T>;
+impl<T: Number> DerivativeStructure<T> for Dense {
+    type Constant = DenseCoefficient<T>;
+    type SingleParameter<const INDEX: usize> = DenseCoefficient<T>;
 
     #[inline(always)]
-    fn constant(value: T) -> Any<T> {
-        Any(value)
+    fn constant(value: T) -> DenseCoefficient<T> {
+        DenseCoefficient(value)
     }
 
     #[inline(always)]
-    fn sole<const INDEX: usize>(value: T) -> Any<T> {
-        Any(value)
+    fn sole<const INDEX: usize>(value: T) -> DenseCoefficient<T> {
+        DenseCoefficient(value)
     }
 }
 
-impl<T: Number> Coefficients<T> for Separate {
-    type Constant = Flat<T::Plain>;
-    type Sole<const INDEX: usize> = Sole<T::Plain, INDEX>;
+impl<T: Number> DerivativeStructure<T> for Sparse {
+    type Constant = ConstantCoefficient<T::Plain>;
+    type SingleParameter<const INDEX: usize> = SingleParameter<T::Plain, INDEX>;
 
     #[inline(always)]
-    fn constant(value: T) -> Flat<T::Plain> {
-        Flat(value.plain())
+    fn constant(value: T) -> ConstantCoefficient<T::Plain> {
+        ConstantCoefficient(value.plain())
     }
 
     #[inline(always)]
-    fn sole<const INDEX: usize>(value: T) -> Sole<T::Plain, INDEX> {
-        Sole { value: value.plain(), slope: value.derivative(INDEX) }
+    fn sole<const INDEX: usize>(value: T) -> SingleParameter<T::Plain, INDEX> {
+        SingleParameter { value: value.plain(), slope: value.derivative(INDEX) }
     }
 }
 
 /// A number with all its derivatives.
 #[derive(Debug, Clone, Copy)]
-pub struct Any<T>(T);
+pub struct DenseCoefficient<T>(T);
 
-impl<T: Number> Coefficient<T> for Any<T> {
+impl<T: Number> Coefficient<T> for DenseCoefficient<T> {
     #[inline(always)]
     fn of(self, x: T) -> T {
         self.0 * x
@@ -85,9 +85,9 @@ impl<T: Number> Coefficient<T> for Any<T> {
 
 /// A constant.
 #[derive(Debug, Clone, Copy)]
-pub struct Flat<P>(P);
+pub struct ConstantCoefficient<P>(P);
 
-impl<P: Plain, T: Number<Plain = P>> Coefficient<T> for Flat<P> {
+impl<P: Plain, T: Number<Plain = P>> Coefficient<T> for ConstantCoefficient<P> {
     #[inline(always)]
     fn of(self, x: T) -> T {
         x.times(self.0)
@@ -101,12 +101,12 @@ impl<P: Plain, T: Number<Plain = P>> Coefficient<T> for Flat<P> {
 
 /// A number that depends on parameter number `INDEX` alone.
 #[derive(Debug, Clone, Copy)]
-pub struct Sole<P, const INDEX: usize> {
+pub struct SingleParameter<P, const INDEX: usize> {
     value: P,
     slope: P,
 }
 
-impl<P: Plain, T: Number<Plain = P>, const INDEX: usize> Coefficient<T> for Sole<P, INDEX> {
+impl<P: Plain, T: Number<Plain = P>, const INDEX: usize> Coefficient<T> for SingleParameter<P, INDEX> {
     #[inline(always)]
     fn of(self, x: T) -> T {
         x.times(self.value).with_slope(INDEX, x.plain() * self.slope)

@@ -1,13 +1,14 @@
-//! A number with its first derivatives: what makes the model's sensitivities exact and free of hand-written formulas.
+//! A number with its first derivatives (forward-mode automatic differentiation): the model's sensitivities are exact and need
+//! no formulas written by hand.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::number::{Number, Plain};
+use super::traits::{Number, Plain};
 
-/// A value and its derivatives with respect to `N` parameters.
+/// A value and its derivatives with respect to `N` variables.
 ///
 /// ```
-/// use ramphold::wrist::{Jet, Number};
+/// use ramphold::number::{Jet, Number};
 /// let x = Jet::<f64, 1>::variable(0.5, 0);
 /// assert_eq!((x * x).slope, [1.0]);
 /// ```
@@ -15,12 +16,12 @@ use super::number::{Number, Plain};
 pub struct Jet<P, const N: usize> {
     /// The value.
     pub value: P,
-    /// Its derivatives.
+    /// Its derivatives with respect to the variables.
     pub slope: [P; N],
 }
 
-// Loops instead of iterator adaptors or `array::from_fn`: a closure is compiled without the vector instructions of the
-// function it ends up in, and is then called instead of inlined.
+// Loops instead of iterator adaptors or `array::from_fn`: the compiler builds a closure without the vector instructions of
+// the surrounding function, and then calls it instead of inlining it.
 macro_rules! each_slope {
     ($n:expr, |$i:ident| $slope:expr) => {{
         let mut slope = [P::splat(0.0); N];

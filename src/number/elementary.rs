@@ -3,7 +3,7 @@
 //! `libm` serves wherever one value is needed; here the same code must run in all lanes at once. The errors against
 //! `libm` are tested below: a few units in the last place.
 
-use super::number::Plain;
+use super::lanes::Lanes;
 
 /// 1/n! for the Taylor series of exp on |r| <= log(2)/2, whose remainder after r^12 is below 2e-16.
 const INVERSE_FACTORIALS: [f64; 13] = [
@@ -45,7 +45,7 @@ const INVERSE_ODDS: [f64; 16] = [
 /// The polynomial with these coefficients, lowest first, summed by pairs (Estrin 1960): Horner's rule makes every step wait
 /// for the one before, and the model waits for its yield.
 #[inline(always)]
-fn polynomial<P: Plain, const N: usize>(coefficients: &[f64; N], x: P) -> P {
+fn polynomial<P: Lanes, const N: usize>(coefficients: &[f64; N], x: P) -> P {
     let mut terms = [P::splat(0.0); N];
     let mut term = 0;
     while term < N {
@@ -76,7 +76,7 @@ const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
 
 /// e^x; x is held within +-708, where the result is a normal number.
 #[inline(always)]
-pub(super) fn exp<P: Plain>(x: P) -> P {
+pub(super) fn exp<P: Lanes>(x: P) -> P {
     let x = x.min(P::splat(708.0)).max(P::splat(-708.0));
     let shifted = x * P::splat(std::f64::consts::LOG2_E) + P::splat(ROUNDER);
     let power = shifted - P::splat(ROUNDER);
@@ -86,7 +86,7 @@ pub(super) fn exp<P: Plain>(x: P) -> P {
 
 /// log(1 + e^x) and its slope, the logistic function of x.
 #[inline(always)]
-pub(super) fn softplus<P: Plain>(x: P) -> (P, P) {
+pub(super) fn softplus<P: Lanes>(x: P) -> (P, P) {
     let one = P::splat(1.0);
     let e = exp(x.min(-x)); // e^-|x|, in (0, 1]
     // log(1 + e) = 2 artanh(s) with s = e / (2 + e) <= 1/3

@@ -1,0 +1,280 @@
+//! One batch of trials, side by side in the lanes of a vector, through the model from start to end.
+
+use super::integrate::{CorrectedInput, HermiteSegment, Integrator, MotorInput, RecordedInput};
+use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates, Extension, History, NoExtension};
+use super::motion::{gather, unrecord};
+use super::plant::{BASE_PARAMETERS, Kinematics, Mechanics, Plant};
+use super::simulation::{SimulatedTorque, SimulationSettings, TrialInput};
+use super::sparse_coefficient::DerivativeStructure;
+use crate::number::{Jet, Lanes, Number, Plain};
+use crate::signal::SectionState;
+
+/// As many trials as there are lanes, and the slice of the derivatives that fits a jet.
+pub(super) struct Batch<'a> {
+    /// What is asked.
+    pub settings: &'a SimulationSettings<'a>,
+    /// The trials, at most one a lane.
+    pub trials: &'a [&'a TrialInput],
+    /// Their parameters.
+    pub parameters: &'a [f64],
+    /// Index of the first trial in the response.
+    pub first: usize,
+    /// Which of the wanted derivatives this pass computes.
+    pub wanted: std::ops::Range<usize>,
+}
+
+/// Which of a number's derivatives is the one wanted in each place.
+type Slots = [usize; MAX_DERIVATIVES];
+
+impl Batch<'_> {
+    /// In the base model the derivative with respect to each parameter has a place of its own.
+    fn own_slots(&self) -> Slots {
+        let mut slots = self.slots_in_order();
+        for (slot, wanted) in slots.iter_mut().zip(&self.settings.derivatives[self.wanted.clone()]) {
+            *slot = *wanted;
+        }
+        slots
+    }
+
+    /// With mechanisms there are more parameters than places: those wanted have them, in order.
+    fn slots_in_order(&self) -> Slots {
+        std::array::from_fn(|place| place)
+    }
+}
+
+/// Most derivatives that one pass computes.
+pub(super) const MAX_DERIVATIVES: usize = 9;
+
+/// Most lanes of any vector.
+const MAX_LANES: usize = 16;
+
+/// Most sections of a filter (order 8, or an odd order below it).
+const MAX_SECTIONS: usize = 4;
+
+/// Runs the batch over the number type that has room for its derivatives.
+#[inline(always)]
+pub(super) fn run<P: Plain>(batch: &Batch, response: &mut SimulatedTorque) {
+    match (batch.settings.kinds.is_empty(), batch.wanted.len()) {
+        (true, 0) => base::<P, P>(batch, response),
+        (true, _) => base::<P, Jet<P, 6>>(batch, response),
+        (false, 0) => extended::<P, P>(batch, response),
+        // Most mechanisms have one parameter that is estimated.
+        (false, ..=7) => extended::<P, Jet<P, 7>>(batch, response),
+        (false, _) => extended::<P, Jet<P, 9>>(batch, response),
+    }
+}
+
+/// The parameters of the lanes' trials; those wanted carry a derivative, in the place that `slots` says.
+#[inline(always)]
+fn seeded<P: Plain, T: Number<Plain = P>>(batch: &Batch, slots: &Slots) -> Vec<T> {
+    let count = batch.settings.parameter_count();
+    let mut seeded = Vec::with_capacity(count);
+    let mut parameter = 0;
+    while parameter < count {
+        let mut values = [0.0; MAX_LANES];
+        let mut lane = 0;
+        while lane < P::LANES {
+            values[lane] = batch.parameters[lane.min(batch.trials.len() - 1) * count + parameter];
+            lane += 1;
+        }
+        let mut index = usize::MAX;
+        for (place, wanted) in batch.settings.derivatives[batch.wanted.clone()].iter().enumerate() {
+            if *wanted == parameter {
+                index = slots[place];
+            }
+        }
+        seeded.push(T::variable(P::load(&values), index));
+        parameter += 1;
+    }
+    seeded
+}
+
+#[inline(always)]
+fn base<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: &mut SimulatedTorque) {
+    let slots = batch.own_slots();
+    let parameters = seeded::<P, T>(batch, &slots);
+    let mechanics = Mechanics::separate(Plant::base(batch.settings.lever, &parameters));
+    let mut run = Run::<T>::new(batch, slots);
+    let mut from = recorded::<P>(batch, 0);
+    while run.sample < run.samples {
+        let to = recorded::<P>(batch, run.sample + 1);
+        run.step(
+            batch,
+            response,
+            &mechanics,
+            &NoExtension,
+            &RecordedInput(HermiteSegment::new(from, to, batch.settings.period_s)),
+        );
+        from = to;
+    }
+}
+
+#[inline(always)]
+pub(super) fn extended<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: &mut SimulatedTorque) {
+    let settings = batch.settings;
+    let slots = batch.slots_in_order();
+    let parameters = seeded::<P, T>(batch, &slots);
+    let trial = covariates::<P>(batch);
+    let start_s = -(settings.lead_samples as f64) * settings.period_s;
+    let mut history = History::new(start_s, settings.period_s);
+    let mut plant = Plant::base(settings.lever, &parameters);
+    let added = &parameters[BASE_PARAMETERS.len()..];
+    let switched_on =
+        ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
+    switched_on.shape(&mut plant);
+    let channels = switched_on.channels();
+    let mechanics = Mechanics::new(plant);
+    let motion = motion::<P, T>(batch, &channels);
+    let remembers = switched_on.memory() > 0;
+    let mut run = Run::<T>::new(batch, slots);
+    while run.sample < run.samples {
+        let extension =
+            ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
+        let segment = HermiteSegment::new(motion[run.sample], motion[run.sample + 1], settings.period_s);
+        run.step(batch, response, &mechanics, &extension, &CorrectedInput(segment));
+        if remembers {
+            history.push(run.integrator.memory);
+        }
+    }
+}
+
+/// The state of a run: where the wrist is, and what the filter remembers.
+struct Run<T> {
+    slots: Slots,
+    samples: usize,
+    sample: usize,
+    start_s: f64,
+    integrator: Integrator<T>,
+    level: T,
+    filter: [SectionState<T>; MAX_SECTIONS],
+}
+
+impl<T: Number> Run<T> {
+    #[inline(always)]
+    fn new(batch: &Batch, slots: Slots) -> Self {
+        let settings = batch.settings;
+        Self {
+            slots,
+            samples: settings.lead_samples + settings.samples,
+            sample: 0,
+            start_s: -(settings.lead_samples as f64) * settings.period_s,
+            integrator: Integrator::at_rest(),
+            level: T::constant(0.0),
+            filter: [SectionState::silent(); MAX_SECTIONS],
+        }
+    }
+
+    /// Records the present sample and moves to the next.
+    #[inline(always)]
+    fn step<C: DerivativeStructure<T>, X: Extension<T>, D: MotorInput<T>>(
+        &mut self,
+        batch: &Batch,
+        response: &mut SimulatedTorque,
+        mechanics: &Mechanics<T, C>,
+        extension: &X,
+        input: &D,
+    ) {
+        let settings = batch.settings;
+        let time_s = self.start_s + self.sample as f64 * settings.period_s;
+        let mut torque = self.integrator.advance(
+            mechanics,
+            extension,
+            input,
+            time_s,
+            settings.period_s,
+            settings.substeps,
+        );
+        let mut section = 0;
+        while section < settings.filter.len() {
+            torque = settings.filter[section].step(&mut self.filter[section], torque);
+            section += 1;
+        }
+        if self.sample <= settings.lead_samples
+            && self.sample + settings.baseline_samples > settings.lead_samples
+        {
+            self.level = self.level + torque.scale(1.0 / settings.baseline_samples as f64);
+        }
+        if self.sample >= settings.lead_samples {
+            store(batch, &self.slots, response, self.sample - settings.lead_samples, torque - self.level);
+        }
+        self.sample += 1;
+    }
+}
+
+/// Writes the lanes' torques, and what derivatives they carry, at `sample`.
+#[inline(always)]
+fn store<T: Number>(batch: &Batch, slots: &Slots, response: &mut SimulatedTorque, sample: usize, torque: T) {
+    let (samples, wanted) = (batch.settings.samples, batch.settings.derivatives.len());
+    let mut lane = 0;
+    while lane < batch.trials.len() {
+        response.torque_nm[(batch.first + lane) * samples + sample] = torque.plain().lane(lane);
+        lane += 1;
+    }
+    let mut slope = 0;
+    while slope < batch.wanted.len() {
+        let values = torque.derivative(slots[slope]);
+        let mut lane = 0;
+        while lane < batch.trials.len() {
+            let row = (batch.first + lane) * samples + sample;
+            response.slopes[row * wanted + batch.wanted.start + slope] = values.lane(lane);
+            lane += 1;
+        }
+        slope += 1;
+    }
+}
+
+/// The recorded motion of each lane, `sample` samples after the start of the simulation.
+#[inline(always)]
+fn recorded<P: Plain>(batch: &Batch, sample: usize) -> Kinematics<P> {
+    let mut lanes = [Kinematics::default(); MAX_LANES];
+    let mut lane = 0;
+    while lane < P::LANES {
+        let trial = batch.trials[lane.min(batch.trials.len() - 1)];
+        // The step after the last sample is taken in place: nothing looks at where it leads.
+        let index =
+            (trial.onset + sample).saturating_sub(batch.settings.lead_samples).min(trial.motion.len() - 1);
+        lanes[lane] = trial.motion[index];
+        lane += 1;
+    }
+    gather(&lanes)
+}
+
+/// The motor's motion from the start of the simulation on, with what the channels did to the record undone.
+#[inline(always)]
+pub(super) fn motion<P: Plain, T: Number<Plain = P>>(
+    batch: &Batch,
+    channels: &ChannelErrors<T>,
+) -> Vec<Kinematics<T>> {
+    let settings = batch.settings;
+    let count = settings.lead_samples + settings.samples + 1;
+    if !settings.kinds.iter().any(|kind| kind.alters_angle()) {
+        let mut motion = Vec::with_capacity(count);
+        let mut sample = 0;
+        while sample < count {
+            motion.push(recorded::<T::Plain>(batch, sample).lift());
+            sample += 1;
+        }
+        return motion;
+    }
+    let mut records: [&[Kinematics<f64>]; MAX_LANES] = [&[]; MAX_LANES];
+    let mut starts = [0.0; MAX_LANES];
+    let mut lane = 0;
+    while lane < P::LANES {
+        let trial = batch.trials[lane.min(batch.trials.len() - 1)];
+        records[lane] = &trial.motion;
+        starts[lane] = trial.onset as f64 - settings.lead_samples as f64;
+        lane += 1;
+    }
+    unrecord(&records, &starts, count, channels, settings.period_s)
+}
+
+#[inline(always)]
+fn covariates<P: Plain>(batch: &Batch) -> Covariates<P> {
+    let mut lanes = [Covariates::default(); MAX_LANES];
+    let mut lane = 0;
+    while lane < P::LANES {
+        lanes[lane] = batch.trials[lane.min(batch.trials.len() - 1)].covariates;
+        lane += 1;
+    }
+    Covariates::gather(&lanes)
+}
