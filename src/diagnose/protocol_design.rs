@@ -80,7 +80,11 @@ struct Seen {
 }
 
 impl Seen {
-    fn new(session: &Session, protocol: &ValidProtocol, causes: &[MechanismKind]) -> Result<Self, PreprocessingError> {
+    fn new(
+        session: &Session,
+        protocol: &ValidProtocol,
+        causes: &[MechanismKind],
+    ) -> Result<Self, PreprocessingError> {
         let view = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
         let prepared = Look::new(session, view, &Model::paper())?.prepared;
         let base = Fit::new(&prepared, &Model::paper(), Weighting::MeasuredNoise);
@@ -155,7 +159,11 @@ fn variants(now: &ValidProtocol) -> Vec<(String, ValidProtocol)> {
 
 /// For each ordered pair of causes, the probability that a session of `protocol` in which the first is true rules the second
 /// out.
-fn power(seen: &Seen, protocol: &ValidProtocol, causes: &[MechanismKind]) -> Vec<(MechanismKind, MechanismKind, f64)> {
+fn power(
+    seen: &Seen,
+    protocol: &ValidProtocol,
+    causes: &[MechanismKind],
+) -> Vec<(MechanismKind, MechanismKind, f64)> {
     let Seen { prepared, fits, .. } = seen;
     let pairs: Vec<(usize, usize)> = (0..causes.len())
         .flat_map(|one| (0..causes.len()).filter(move |other| *other != one).map(move |other| (one, other)))

@@ -4,10 +4,10 @@ use super::stiffness_table::{LEAST_STIFFNESS, Stiffnesses};
 use crate::diagnose::within_trial::null_distribution::gumbel_tail;
 use crate::diagnose::within_trial::score_test::missing;
 use crate::fit::{Fit, K_SRS, Observations};
-use crate::random::Stream;
-use crate::wrist::mechanisms::{CATALOGUE, MechanismClass, MechanismKind, MechanismParameter, ProbeContext};
 use crate::number::{Jet, Number};
+use crate::random::Stream;
 use crate::wrist::Plant;
+use crate::wrist::mechanisms::{CATALOGUE, MechanismClass, MechanismKind, MechanismParameter, ProbeContext};
 
 /// What a mechanism explains of the stiffnesses.
 #[derive(Debug, Clone)]
@@ -72,7 +72,13 @@ fn acts_on_stiffness(prepared: &Observations, fit: &Fit, kind: MechanismKind, va
 /// A trial's stiffness with the effect of a mechanism on it taken away.
 ///
 /// The mechanisms of the catalogue add to a stiffness or multiply it, so one step of Newton's is exact.
-pub fn without_effect(prepared: &Observations, fit: &Fit, trial: usize, kind: MechanismKind, values: &[f64]) -> f64 {
+pub fn without_effect(
+    prepared: &Observations,
+    fit: &Fit,
+    trial: usize,
+    kind: MechanismKind,
+    values: &[f64],
+) -> f64 {
     let stiffness = fit.parameters[trial][K_SRS];
     let [logarithm, weight, _] = shaped(prepared, fit, trial, kind, values, stiffness);
     let shaped = libm::exp(logarithm);

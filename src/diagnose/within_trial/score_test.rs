@@ -5,7 +5,7 @@ use nalgebra::DVector;
 use super::residual_projection::{Direction, Tangent, whiten};
 use crate::fit::{Fit, Observations, predict};
 use crate::wrist::SimulatedTorque;
-use crate::wrist::mechanisms::{CATALOGUE, MechanismClass, MechanismKind, DataRequirement, ProbeContext};
+use crate::wrist::mechanisms::{CATALOGUE, DataRequirement, MechanismClass, MechanismKind, ProbeContext};
 
 /// A mechanism looked at with given values.
 #[derive(Debug, Clone)]
@@ -89,11 +89,15 @@ pub fn missing(prepared: &Observations, kind: MechanismKind) -> Option<String> {
         DataRequirement::FlexorEmg if !varies(&|t| covariates(t).flexor_emg_excess_mvc) => {
             Some("there is no flexor EMG")
         }
-        DataRequirement::ExtensorEmg if !varies(&|t| covariates(t).extensor_emg_mvc) => Some("there is no extensor EMG"),
+        DataRequirement::ExtensorEmg if !varies(&|t| covariates(t).extensor_emg_mvc) => {
+            Some("there is no extensor EMG")
+        }
         DataRequirement::Rest if !varies(&|t| covariates(t).rest_s) => {
             Some("the rest before the trials is not given, or always the same")
         }
-        DataRequirement::Velocities if !varies(&|t| covariates(t).velocity_rad_s) => Some("there is only one velocity"),
+        DataRequirement::Velocities if !varies(&|t| covariates(t).velocity_rad_s) => {
+            Some("there is only one velocity")
+        }
         _ => None,
     };
     kind.needs().iter().find_map(lack).map(Into::into)

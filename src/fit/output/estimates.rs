@@ -7,7 +7,7 @@ use crate::fit::fitted::fit::{Fit, X_E};
 use crate::fit::fitted::uncertainty::{predictions, uncertainties, variance_accounted_for};
 use crate::fit::inference::profile::{ProfileInterval, profiles};
 use crate::fit::solver::levenberg_marquardt::Termination;
-use crate::wrist::{BASE_PARAMETERS, TraceSample, SimulationSettings, srs_period_s, substeps, trace};
+use crate::wrist::{BASE_PARAMETERS, SimulationSettings, TraceSample, srs_period_s, substeps, trace};
 
 /// What was estimated from one trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]

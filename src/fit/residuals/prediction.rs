@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::fit::data::preprocessing::Observations;
 use crate::wrist::mechanisms::MechanismKind;
-use crate::wrist::{SimulationSettings, SimulatedTorque, simulate, substeps};
+use crate::wrist::{SimulatedTorque, SimulationSettings, simulate, substeps};
 
 /// Trials that one thread takes through the model at a time.
 const SHARE: usize = 16;
