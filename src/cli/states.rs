@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use ramphold::session::table;
+use ramphold::session::transitions;
 
 use super::{Console, Failure, Verb};
 

@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 use rtrb::Consumer;
 
 use super::fitter::{Circumstances, Fitter};
-use super::hello::{About, hello};
-use super::hub::Hub;
-use super::story::Gauges;
+use super::history::Gauges;
 use super::terminal::Terminal;
+use super::view_model::Hub;
 use super::web::{Address, Content, Role, Server};
+use super::welcome::{About, hello};
 use super::{
     Beat, ConsoleError, Controls, Listener, Orders, Place, Request, ScreenTimes, Tapped, Told, nice,
 };

@@ -4,31 +4,31 @@
 //! never waits for what is behind them. The [`Hub`] makes pictures of the steps; pages in a browser ([`web`]) and the
 //! [`terminal`] draw the latest. A recorded session comes the same way ([`player`]).
 
-mod beat;
+mod commands;
+mod display_latency;
 mod error;
 mod fitter;
-mod hello;
-mod hub;
+mod history;
 mod live;
-mod now;
-mod orders;
 pub mod player;
-mod screen;
-mod story;
-mod strip;
+mod snapshot;
+mod step_feed;
+mod strip_chart;
 pub mod terminal;
+mod view_model;
 pub mod web;
+mod welcome;
 
-pub use beat::{Beat, Place, Tapped};
+pub use commands::{Listener, Orders, Told};
+pub use display_latency::{ScreenTime, ScreenTimes};
 pub use error::ConsoleError;
 pub use fitter::{Circumstances, Fitted, Fitter, Outcome};
-pub use hello::About;
-pub use hub::{Hub, Views};
 pub use live::{Live, Pages, Plan};
-pub use now::{Asked, Now, Shown, Tape, Under};
-pub use orders::{Listener, Orders, Told};
-pub use screen::{ScreenTime, ScreenTimes};
-pub use strip::{BIN_S, Bin};
+pub use snapshot::{Asked, Now, Shown, Tape, Under};
+pub use step_feed::{Beat, Place, Tapped};
+pub use strip_chart::{BIN_S, Bin};
+pub use view_model::{Hub, Views};
+pub use welcome::About;
 
 /// What pages say to the program. None of it can come from the person's page.
 pub trait Controls: Send + Sync {

@@ -9,11 +9,11 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use super::fitter::{Circumstances, Fitter};
-use super::hello::{About, hello};
-use super::hub::Hub;
 use super::live::Pages;
-use super::now::Tape;
+use super::snapshot::Tape;
+use super::view_model::Hub;
 use super::web::{Address, Content, Role, Server};
+use super::welcome::{About, hello};
 use super::{Beat, ConsoleError, Controls, Request, ScreenTimes, nice};
 use crate::dataset::{self, Deed, Desk, Remark, Wrist, replay_watched};
 use crate::fit::PreprocessingSettings;

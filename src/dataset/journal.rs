@@ -12,7 +12,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::deed::Remark;
+use super::audit::Remark;
 use super::disk::Disk;
 use crate::session::{Event, Happening};
 

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
+use super::csv_input::{Folder, Table};
 use super::error::{DatasetError, Place};
-use super::text::{Folder, Table};
-use super::{FORMAT, Record, Session, Status, Subject, Trial, record};
+use super::{FORMAT, Record, Session, Status, Subject, Trial, trial_csv_reader};
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
@@ -208,7 +208,7 @@ impl Row {
         }
         let text = folder.text(&self.trial.file, Some(&self.file_at))?;
         let name = folder.name(&self.trial.file);
-        self.trial.record = record::parse(&name, &text, sample_rate_hz)?;
+        self.trial.record = trial_csv_reader::parse(&name, &text, sample_rate_hz)?;
         self.check_onset(&name, sample_rate_hz)?;
         Ok(self.trial)
     }

@@ -7,12 +7,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::csv_input::Folder;
 use super::disk::Disk;
 use super::error::{DatasetError, Place};
 use super::folder::{Description, PROGRAM, pretty, sha256};
 use super::load::parse_json;
 use super::recorder::RecordError;
-use super::text::Folder;
 
 /// Name of the manifest in a session folder.
 pub const MANIFEST: &str = "manifest.json";

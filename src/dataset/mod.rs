@@ -1,40 +1,40 @@
 //! Session folders: reading what was measured, writing what was run.
 
-mod deed;
+mod audit;
+mod background_recorder;
+mod csv_input;
 mod disk;
 mod error;
 mod folder;
 mod journal;
 mod load;
 mod manifest;
-mod memory;
-mod record;
+mod memory_recorder;
 mod recorder;
+mod recovery;
 mod replay;
 mod resume;
-mod rows;
-mod story;
 mod tables;
-mod text;
-mod writer;
+mod trial_csv_reader;
+mod trial_csv_writer;
 
 use std::collections::BTreeMap;
 
 pub use crate::session::Status;
-pub use deed::{Deed, Desk, LONGEST_NOTE, Remark, Wrist};
+pub use audit::{Deed, Desk, LONGEST_NOTE, Remark, Wrist};
+pub use background_recorder::{BackgroundRecorder, Remarks};
 pub use disk::Disk;
 pub use error::{DatasetError, Place};
 pub use folder::{NewSession, PROGRAM};
 pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalText, Placed, Record as JournalRecord};
 pub use load::load;
 pub use manifest::{Change, MANIFEST, Manifest};
-pub use memory::MemoryRecorder;
+pub use memory_recorder::MemoryRecorder;
 pub use recorder::{RecordError, Recorder, Step};
+pub use recovery::remarks;
 pub use replay::{Difference, Observer, Replay, replay, replay_watched};
 pub use resume::{Resumable, ResumeError, Resumed};
 use serde::{Deserialize, Serialize};
-pub use story::remarks;
-pub use writer::{BackgroundRecorder, Remarks};
 
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;

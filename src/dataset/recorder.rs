@@ -6,11 +6,11 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::deed::Remark;
+use super::audit::Remark;
 use super::disk::Disk;
 use super::journal::{Interrupted, Journal, Record};
-use super::rows::{HEADER, Rows};
 use super::tables;
+use super::trial_csv_writer::{HEADER, Rows};
 use crate::protocol::TooShort;
 use crate::rig::Sample;
 use crate::session::{

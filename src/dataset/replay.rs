@@ -12,8 +12,8 @@ use std::sync::Arc;
 
 use super::error::{DatasetError, Place};
 use super::journal::Record;
-use super::record;
-use super::story::{Standing, Story};
+use super::recovery::{Standing, Story};
+use super::trial_csv_reader;
 use crate::protocol::Limits;
 use crate::rig::{Fault, Motor, Sample};
 use crate::session::rules::{RULES, RuleChange, changes_since};
@@ -376,7 +376,7 @@ impl<'a> Player<'a> {
 
     /// The samples of a record, all but the first, which is the one that it began with.
     fn read(&self, file: &str) -> Result<Rows, DatasetError> {
-        let folder = super::text::Folder::open(&self.story.path)?;
+        let folder = super::csv_input::Folder::open(&self.story.path)?;
         let part = format!("{file}.part");
         let file = if self.story.path.join(&part).exists() { &part } else { file };
         let text = folder.text(file, None)?;
@@ -386,7 +386,7 @@ impl<'a> Player<'a> {
         if whole.is_empty() {
             return Ok(Rows { next: 0, ..Rows::default() });
         }
-        let record = record::parse(&name, whole, self.story.settings.sample_rate_hz)?;
+        let record = trial_csv_reader::parse(&name, whole, self.story.settings.sample_rate_hz)?;
         let (Some(fcr), Some(ecr)) = (&record.emg_fcr_mvc, &record.emg_ecr_mvc) else {
             let expected = "the columns emg_fcr_mvc and emg_ecr_mvc".to_owned();
             return Err(DatasetError::Empty { at: Place::file(name), expected });

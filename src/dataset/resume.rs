@@ -9,8 +9,8 @@ use super::error::{DatasetError, Place};
 use super::journal::{Damage, Interrupted, JOURNAL, Journal};
 use super::manifest::{Change, MANIFEST, Manifest};
 use super::recorder::{RecordError, Recorder};
-use super::rows::HEADER;
-use super::story::{Standing, Story};
+use super::recovery::{Standing, Story};
+use super::trial_csv_writer::HEADER;
 use crate::session::{Machine, Phase};
 
 /// Why a session cannot be gone on with.

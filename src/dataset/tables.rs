@@ -1,6 +1,6 @@
 //! The tables of a session: `trials.csv`, and beside it what came before the trials.
 
-use super::rows::Rows;
+use super::trial_csv_writer::Rows;
 use crate::session::{Attempt, Ledger, Planned, Settings};
 
 /// The columns of `trials.csv`; the first seven are what every session has.

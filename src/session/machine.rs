@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use super::display::Display;
-use super::ledger::Ledger;
-use super::names;
+use super::event::{Event, Source};
+use super::io::{Detail, Happening, Input, Output, Reading, Status};
+use super::phase::Phase;
+use super::progress::Ledger;
+use super::rng_streams;
 use super::settings::Settings;
-use super::step::{Detail, Happening, Input, Output, Reading, Status};
-use super::table::{Effect, Transition};
+use super::smoothing::Display;
+use super::transitions::{Effect, Transition};
 use super::watch::Watch;
-use super::words::{Event, Phase, Source};
 use crate::protocol::Sweep;
 use crate::rig::{Channel, Command, Cue, Direction, Fault, Motor, Sample, Upcoming};
 
@@ -364,7 +365,8 @@ impl Machine {
         let names = [u64::from(key.practice), u64::from(key.position), u64::from(key.rejections)];
         let [shortest, longest] = self.settings.delay_samples;
         shortest
-            + names::stream(self.settings.seed, "delay", &names).below(longest.saturating_sub(shortest) + 1)
+            + rng_streams::stream(self.settings.seed, "delay", &names)
+                .below(longest.saturating_sub(shortest) + 1)
     }
 
     fn motor(&self) -> Motor {

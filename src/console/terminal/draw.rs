@@ -182,7 +182,7 @@ fn question<'a>(now: &Now, desk: &'a Desk) -> Text<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::console::hub::waiting;
+    use crate::console::view_model::waiting;
     use ratatui_core::backend::TestBackend;
     use ratatui_core::terminal::Terminal;
     use serde_json::json;

@@ -95,7 +95,7 @@ fn is_yes(key: KeyCode) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::console::hub::waiting;
+    use crate::console::view_model::waiting;
 
     fn now(possible: &[&'static str]) -> Now {
         Now { possible: possible.to_vec(), ..waiting(None) }

@@ -17,7 +17,7 @@ use ratatui_crossterm::crossterm::terminal::{
 };
 use ratatui_crossterm::crossterm::{cursor, execute};
 
-use super::hello::About;
+use super::welcome::About;
 use super::{ConsoleError, Controls, Views, nice};
 use keys::{Deed, Desk};
 

@@ -1,8 +1,8 @@
 //! The pages, served to browsers on this machine or, with a certificate, on the laboratory's network.
 
 mod accept;
+mod access_control;
 mod assets;
-mod guard;
 mod limits;
 mod socket;
 mod tls;
@@ -18,8 +18,8 @@ use tokio::sync::watch;
 use tokio_rustls::TlsAcceptor;
 
 use super::{ConsoleError, Controls, ScreenTimes, Views, nice};
-use guard::Guard;
-pub use guard::{Role, Tokens};
+use access_control::Guard;
+pub use access_control::{Role, Tokens};
 
 /// How long pages are given to take the last picture, when the program ends.
 const FAREWELL: Duration = Duration::from_millis(800);

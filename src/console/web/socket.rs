@@ -19,8 +19,8 @@ use serde_json::json;
 use tokio::sync::watch;
 use tokio::time::{sleep_until, timeout};
 
+use super::access_control::{Guard, Role};
 use super::assets;
-use super::guard::{Guard, Role};
 use super::limits::{LONGEST_MESSAGE, ON_THE_WAY, PAGES, PATIENCE, Rate, SILENCE};
 use super::{Content, FAREWELL};
 use crate::console::{Now, Request as Asked};

@@ -1,12 +1,12 @@
 //! The documentation shows the table that the machine uses.
 
 use crate::session::rules::{CHANGES, RULES};
-use crate::session::table;
+use crate::session::transitions;
 
 #[test]
 fn the_documented_table_and_diagram_are_those_of_the_machine() {
     let docs = include_str!("../../../docs/reference/states.md");
-    for (kind, text) in [("text", table::text()), ("mermaid", table::mermaid())] {
+    for (kind, text) in [("text", transitions::text()), ("mermaid", transitions::mermaid())] {
         let block = format!("```{kind}\n{text}```\n");
         assert!(docs.contains(&block), "docs/reference/states.md must contain:\n{block}");
     }

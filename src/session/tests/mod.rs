@@ -1,6 +1,6 @@
 //! The state machine on a bench: a motor that follows at once, and a torque that the test decides.
 
-mod conduct;
+mod control_loop;
 mod docs;
 mod faults;
 mod gate;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::*;
 use crate::random::Stream;
 use crate::rig::Fault;
-use crate::session::table::{self, Effect, Guard, TRANSITIONS};
+use crate::session::transitions::{self, Effect, Guard, TRANSITIONS};
 
 const WORDS: [Event; 7] =
     [Event::Start, Event::Pause, Event::Resume, Event::Skip, Event::Repeat, Event::Abort, Event::Rearm];
@@ -54,7 +54,8 @@ fn every_word_of_the_operator_in_every_phase_does_what_the_table_says_or_is_refu
         for word in WORDS {
             let mut bench = bench.clone();
             let from = bench.machine.phase();
-            let allowed = table::lines(from, word).find(|line| bench.machine.ledger().holds(line.guard));
+            let allowed =
+                transitions::lines(from, word).find(|line| bench.machine.ledger().holds(line.guard));
             let output = bench.say(word);
             match allowed {
                 Some(line) => {
@@ -99,7 +100,7 @@ fn a_word_that_the_table_does_not_have_is_refused_whatever_the_guards() {
     for (phase, words) in forbidden {
         let refused: Vec<&str> = WORDS
             .into_iter()
-            .filter(|word| table::lines(phase, *word).next().is_none())
+            .filter(|word| transitions::lines(phase, *word).next().is_none())
             .map(Event::name)
             .collect();
         assert_eq!(refused.join(" "), words, "in {phase:?}");
@@ -175,7 +176,7 @@ fn every_line_of_the_table_happens_and_nothing_else_does() {
 fn no_line_hides_behind_another() {
     for (place, line) in TRANSITIONS.iter().enumerate() {
         let earlier = &TRANSITIONS[..place];
-        let hidden = |other: &table::Transition| {
+        let hidden = |other: &transitions::Transition| {
             (other.from, other.event) == (line.from, line.event)
                 && (other.guard == Guard::Always || other.guard == line.guard || other.to == line.to)
         };
@@ -199,12 +200,12 @@ fn trials_begin_and_end_only_where_they_can() {
 
 #[test]
 fn the_table_is_printed_as_it_is_drawn() {
-    insta::assert_snapshot!(table::text());
+    insta::assert_snapshot!(transitions::text());
     for line in TRANSITIONS {
         let edge = format!("{} -> {} [label=\"{}", line.from.name(), line.to.name(), line.event.name());
-        assert!(table::dot().contains(&edge), "{edge}");
+        assert!(transitions::dot().contains(&edge), "{edge}");
     }
-    let drawn = table::mermaid().lines().filter(|line| line.contains(": ")).count();
+    let drawn = transitions::mermaid().lines().filter(|line| line.contains(": ")).count();
     let others = TRANSITIONS.iter().filter(|line| !matches!(line.event, Event::Fault | Event::Abort)).count();
     assert_eq!(drawn, others);
 }

@@ -60,7 +60,10 @@ fn a_page_that_comes_later_sees_how_it_stands_at_once() {
     let mut later = program.operator.live();
     let hello = later.next().unwrap();
     assert_eq!(hello["kind"], "hello");
-    assert_eq!(hello["transitions"].as_array().unwrap().len(), ramphold::session::table::TRANSITIONS.len());
+    assert_eq!(
+        hello["transitions"].as_array().unwrap().len(),
+        ramphold::session::transitions::TRANSITIONS.len()
+    );
     let (story, now) = (later.next().unwrap(), later.next().unwrap());
     let (story, now) = if story["kind"] == "story" { (story, now) } else { (now, story) };
     assert!(story["trials"].as_array().unwrap().len() >= 3, "{story}");

@@ -1,42 +1,6 @@
-//! The words of the state machine: its phases, and what makes it go from one to the next.
+//! The events that take a session from one phase to another, and where each event comes from.
 
 use serde::{Deserialize, Serialize};
-
-/// Where the session is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    /// The rig is disarmed; waits for the operator's word.
-    Ready,
-    /// The hand is relaxed; the offset of the torque is measured.
-    Offset,
-    /// The person pushes, or pulls, as hard as possible.
-    MvcEffort,
-    /// Rest after a maximal effort.
-    MvcRest,
-    /// Rest before the next trial.
-    Rest,
-    /// The target is shown; the gate is shut until the torque has stayed near it for long enough.
-    Hold,
-    /// The gate is open; the onset is still to come.
-    Delay,
-    /// The motor extends the wrist.
-    Ramp,
-    /// The motor stays at the end of the ramp.
-    RampHold,
-    /// The motor turns back.
-    Return,
-    /// After a fault, the motor goes from where it was to the start position.
-    Homing,
-    /// Waits for the operator to go on.
-    Paused,
-    /// Something is wrong; the motor is safe and the rig disarmed until the operator's word.
-    Faulted,
-    /// Every trial of the protocol is done.
-    Finished,
-    /// The operator ended the session before its time; it can be resumed.
-    Aborted,
-}
 
 /// What makes the session go from one phase to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -93,63 +57,6 @@ pub enum Source {
     Person,
     /// The rig.
     Rig,
-}
-
-impl Phase {
-    /// All phases, in the order a session meets them.
-    pub const ALL: [Self; 15] = [
-        Self::Ready,
-        Self::Offset,
-        Self::MvcEffort,
-        Self::MvcRest,
-        Self::Rest,
-        Self::Hold,
-        Self::Delay,
-        Self::Ramp,
-        Self::RampHold,
-        Self::Return,
-        Self::Homing,
-        Self::Paused,
-        Self::Faulted,
-        Self::Finished,
-        Self::Aborted,
-    ];
-
-    /// The word in tables and files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ready => "ready",
-            Self::Offset => "offset",
-            Self::MvcEffort => "mvc_effort",
-            Self::MvcRest => "mvc_rest",
-            Self::Rest => "rest",
-            Self::Hold => "hold",
-            Self::Delay => "delay",
-            Self::Ramp => "ramp",
-            Self::RampHold => "ramp_hold",
-            Self::Return => "return",
-            Self::Homing => "homing",
-            Self::Paused => "paused",
-            Self::Faulted => "faulted",
-            Self::Finished => "finished",
-            Self::Aborted => "aborted",
-        }
-    }
-
-    /// Whether a trial is under way.
-    pub fn in_trial(self) -> bool {
-        matches!(self, Self::Hold | Self::Delay | Self::Ramp | Self::RampHold)
-    }
-
-    /// Whether the rig must be armed here.
-    pub fn is_armed(self) -> bool {
-        !matches!(self, Self::Ready | Self::Faulted | Self::Finished | Self::Aborted)
-    }
-
-    /// Whether the session is over.
-    pub fn is_final(self) -> bool {
-        matches!(self, Self::Finished | Self::Aborted)
-    }
 }
 
 impl Event {

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::event::Event;
+use super::phase::Phase;
 use super::settings::Planned;
-use super::words::{Event, Phase};
 use crate::rig::{Command, Fault, Sample};
 
 /// What the session is told at a sample.

@@ -2,9 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::now::Tape;
+use super::snapshot::Tape;
 use crate::dataset::Wrist;
-use crate::session::table::TRANSITIONS;
+use crate::session::transitions::TRANSITIONS;
 use crate::session::{Phase, Settings};
 
 /// What there is to know of a session.

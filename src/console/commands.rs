@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::beat::Place;
+use super::step_feed::Place;
 use crate::dataset::{Deed, Desk, Remark, Remarks};
 use crate::rig::{Fault, Vitals};
 use crate::session::{Event, Machine, Operator, Phase};

@@ -2,10 +2,11 @@
 
 use std::collections::VecDeque;
 
+use super::event::Event;
+use super::io::{Attempt, Detail, Happening, Recording, Status};
+use super::phase::Phase;
 use super::settings::{Planned, Settings};
-use super::step::{Attempt, Detail, Happening, Recording, Status};
-use super::table::{self, Effect, Guard};
-use super::words::{Event, Phase};
+use super::transitions::{self, Effect, Guard};
 use crate::rig::Direction;
 use crate::schedule;
 
@@ -91,13 +92,13 @@ impl Ledger {
     }
 
     /// The line of the table that an event takes from a phase.
-    pub fn line(&self, from: Phase, event: Event) -> Option<&'static table::Transition> {
-        table::lines(from, event).find(|line| self.holds(line.guard))
+    pub fn line(&self, from: Phase, event: Event) -> Option<&'static transitions::Transition> {
+        transitions::lines(from, event).find(|line| self.holds(line.guard))
     }
 
     /// Takes note of what happened.
     pub fn apply(&mut self, happening: &Happening) {
-        let line = table::lines(happening.from, happening.event).find(|line| line.to == happening.to);
+        let line = transitions::lines(happening.from, happening.event).find(|line| line.to == happening.to);
         let Some(line) = line else { return };
         if line.to == Phase::Paused && line.from != Phase::Paused {
             self.pause_asked = false;

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::FORMAT;
-use super::deed::Remark;
+use super::audit::Remark;
+use super::csv_input::Folder;
 use super::error::{DatasetError, Place};
 use super::folder::{Description, sha256};
 use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalText, Record};
 use super::load::parse_json;
 use super::recorder::Begun;
-use super::text::Folder;
 use crate::protocol::ValidProtocol;
 use crate::schedule;
 use crate::session::{Ledger, Phase, Recording, Settings};

@@ -1,8 +1,8 @@
 //! The record of one trial: reading `trials/*.csv`, and whether its time axis is sound.
 
 use super::Record;
+use super::csv_input::Table;
 use super::error::{DatasetError, Place};
-use super::text::Table;
 
 /// How far a sample may be from its place on an even time axis, in sample periods. Times are often printed with few
 /// digits, so a step is not exactly a period; half a period is where a sample would be nearer to its neighbour's place.

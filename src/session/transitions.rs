@@ -1,6 +1,7 @@
 //! The transition table: the machine looks here for every step it takes, `ramphold states` prints it, the docs draw it.
 
-use super::words::{Event, Phase};
+use super::event::Event;
+use super::phase::Phase;
 
 /// One line of the table. Of several lines with the same phase and event, the first whose guard holds is taken; where
 /// there is none, the event is refused.

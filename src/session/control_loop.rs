@@ -2,10 +2,11 @@
 
 use std::time::{Duration, Instant};
 
+use super::event::Event;
+use super::io::{Detail, Input, Output, Reading};
 use super::lateness::Lateness;
 use super::machine::Machine;
-use super::step::{Detail, Input, Output, Reading};
-use super::words::{Event, Phase};
+use super::phase::Phase;
 use crate::rig::{Armed, Command, Cue, Fault, Motor, OperatorsWord, Rig, Vitals};
 
 /// The operator, at a console or on a command line.

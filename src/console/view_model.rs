@@ -6,14 +6,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::watch;
 
-use super::beat::Beat;
 use super::fitter::{Fitter, Outcome};
-use super::now::{Asked, Now, Shown, Tape, Under};
-use super::story::{Entry, Gauges, Story};
-use super::strip::{Bin, Strip};
+use super::history::{Entry, Gauges, Story};
+use super::snapshot::{Asked, Now, Shown, Tape, Under};
+use super::step_feed::Beat;
+use super::strip_chart::{Bin, Strip};
 use crate::dataset::{Deed, MemoryRecorder, Remark, Trial};
 use crate::rig::{Cue, Direction};
-use crate::session::{Attempt, Event, Ledger, Phase, Recording, Settings, Status, table::Guard};
+use crate::session::{Attempt, Event, Ledger, Phase, Recording, Settings, Status, transitions::Guard};
 
 /// A strong effort, in targets: the scale of the display while there is no target.
 const STRONG_EFFORT: f64 = 5.0;

@@ -5,8 +5,8 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use super::recorder::Step;
-use super::rows::Rows;
 use super::tables::{self, amplitude_rad, rest_s};
+use super::trial_csv_writer::Rows;
 use super::{Record, Session, Subject, Trial};
 use crate::rig::Sample;
 use crate::session::{Attempt, Input, Ledger, Machine, Output, Recorder, Recording, Settings};

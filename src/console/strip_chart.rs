@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use super::beat::Beat;
+use super::step_feed::Beat;
 use crate::rig::Cue;
 
 /// Width of a bin, s.

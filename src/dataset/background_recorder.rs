@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
-use super::deed::Remark;
+use super::audit::Remark;
 use super::recorder::{RecordError, Recorder, Step};
 use crate::session::{Input, Machine, Output, Recorder as KeepsSession};
 
