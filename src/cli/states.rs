@@ -21,9 +21,9 @@ pub struct States {
 impl Verb for States {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let text = match (self.dot, self.mermaid) {
-            (true, _) => table::dot(),
-            (_, true) => table::mermaid(),
-            _ => table::text(),
+            (true, _) => transitions::dot(),
+            (_, true) => transitions::mermaid(),
+            _ => transitions::text(),
         };
         console.results().write_all(text.as_bytes())?;
         Ok(())
