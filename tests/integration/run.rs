@@ -329,7 +329,7 @@ fn a_model_that_a_virtual_wrist_cannot_have_is_refused() {
 #[test]
 fn states_prints_the_table_as_text_and_as_graphs() {
     let states = |more: &[&str]| output_of(ramphold(&["states"]).args(more), 0).0;
-    assert_eq!(states(&[]), ramphold::session::table::text());
+    assert_eq!(states(&[]), ramphold::session::transitions::text());
     assert!(states(&["--dot"]).starts_with("digraph session {"));
     assert!(states(&["--mermaid"]).starts_with("stateDiagram-v2\n"));
 }
