@@ -1,24 +1,25 @@
-//! What the README tells a newcomer to type works.
+//! What the book tells a newcomer to type works, and the files that it names are there.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::workspace::PROGRAM;
 
-const README: &str = include_str!("../../README.md");
+const FIRST_SESSION: &str = include_str!("../../docs/getting-started/first-session.md");
+const OWN_DATA: &str = include_str!("../../docs/how-to/own-data.md");
 
-/// The lines of the README's shell example, in order, in a folder with the repository's protocols.
+/// Runs the commands of the short session, in order, in a folder with the repository's quick protocol.
 fn run_the_example(folder: &Path) {
     let protocols = folder.join("protocols");
     fs::create_dir(&protocols).unwrap();
     let quick = Path::new(env!("CARGO_MANIFEST_DIR")).join("protocols/quick.json");
     fs::copy(quick, protocols.join("quick.json")).unwrap();
-    let lines: Vec<&str> = README.lines().filter_map(|line| line.strip_prefix("    ramphold ")).collect();
-    let lines: Vec<&str> = lines.into_iter().filter(|line| !line.starts_with("VERB")).collect();
+    let (_, section) = FIRST_SESSION.split_once("## A short session").unwrap();
+    let (section, _) = section.split_once("\n## ").unwrap();
+    let lines: Vec<&str> = section.lines().filter_map(|line| line.strip_prefix("    ramphold ")).collect();
     assert!(lines.len() >= 5, "{lines:?}");
     for line in lines {
-        let line = line.split('#').next().unwrap_or_default();
         let output =
             Command::new(PROGRAM).args(line.split_whitespace()).current_dir(folder).output().unwrap();
         assert!(output.status.success(), "ramphold {line}: {}", String::from_utf8_lossy(&output.stderr));
@@ -27,10 +28,10 @@ fn run_the_example(folder: &Path) {
 }
 
 #[test]
-fn the_commands_and_the_python_example_of_the_readme_work() {
+fn the_commands_and_the_python_example_of_the_book_work() {
     let folder = tempfile::tempdir().unwrap();
     run_the_example(folder.path());
-    let python = README.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    let python = OWN_DATA.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let interpreter = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python");
     let output = Command::new(&interpreter)
         .args(["-c", python])
@@ -43,21 +44,50 @@ fn the_commands_and_the_python_example_of_the_readme_work() {
     assert!(picture.starts_with(b"\x89PNG") && picture.len() > 5000, "{} bytes", picture.len());
 }
 
-#[test]
-fn the_files_that_the_readme_and_the_decisions_link_to_are_there() {
+/// The pages of the book and the README.
+fn pages() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let decisions = fs::read_to_string(root.join("docs/explanation/decisions/README.md")).unwrap();
-    for (text, folder) in [(README, root.to_owned()), (&decisions, root.join("docs/explanation/decisions"))] {
-        let links: Vec<&str> = text.split("](").skip(1).filter_map(|rest| rest.split(')').next()).collect();
-        assert!(links.len() >= 5, "{links:?}");
-        for link in links {
-            assert!(folder.join(link).exists(), "{link} is not there");
+    let mut folders = vec![root.join("docs")];
+    let mut pages = vec![root.join("README.md")];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "md") {
+                pages.push(path);
+            }
         }
     }
+    pages
+}
+
+/// The paths in backquotes that begin with a folder of the repository, without their arguments.
+fn named_paths(text: &str) -> impl Iterator<Item = &str> {
+    const FOLDERS: [&str; 8] =
+        ["src/", "tests/", "scripts/", "fixtures/", "benches/", "examples/", "fuzz/", "docs/"];
+    let words = text.split('`').skip(1).step_by(2).filter_map(|code| code.split_whitespace().next());
+    words.filter(|word| FOLDERS.iter().any(|folder| word.starts_with(folder)) && !word.contains(['*', '<']))
 }
 
 #[test]
-fn the_persons_rigs_and_models_in_the_docs_can_be_run() {
+fn every_file_of_the_repository_that_a_page_names_is_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut count = 0;
+    for page in pages() {
+        let text = fs::read_to_string(&page).unwrap();
+        // Blocks of code would shift the pairs of backquotes.
+        let prose: String = text.split("```").step_by(2).collect();
+        for path in named_paths(&prose) {
+            assert!(root.join(path).exists(), "{}: {path} is not there", page.display());
+            count += 1;
+        }
+    }
+    assert!(count > 30, "{count} paths found");
+}
+
+#[test]
+fn the_subjects_rigs_and_models_of_the_book_can_be_run() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let text = fs::read_to_string(root.join("docs/how-to/virtual-wrist.md")).unwrap();
     let blocks: Vec<&str> =
