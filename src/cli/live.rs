@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 use ramphold::console::web::Address;
-use ramphold::console::{About, Circumstances, Live, Plan};
+use ramphold::console::{ConsoleSetup, Live, SessionInfo, TrialFitContext};
 use ramphold::dataset::{BackgroundRecorder, Recorder, Trial, Wrist};
 use ramphold::fit::PreprocessingSettings;
 use ramphold::protocol::ValidProtocol;
@@ -132,12 +132,12 @@ impl ConsoleOptions {
         facts: Facts,
         starts_at_once: bool,
         is_patient: bool,
-    ) -> Result<Option<Plan>, Failure> {
+    ) -> Result<Option<ConsoleSetup>, Failure> {
         if !self.check()? {
             return Ok(None);
         }
         let protocol = facts.protocol;
-        Ok(Some(Plan {
+        Ok(Some(ConsoleSetup {
             pages: self.console.then(|| self.pages.address()).transpose()?,
             terminal: self.tui,
             wrist: self.pages.wrist().unwrap_or_default(),
@@ -145,13 +145,13 @@ impl ConsoleOptions {
                 .then(|| Duration::from_secs_f64(self.operator_timeout)),
             starts_at_once,
             is_patient,
-            about: About {
+            about: SessionInfo {
                 protocol: protocol.name.clone(),
                 subject: facts.subject.to_owned(),
                 folder: facts.folder.display().to_string(),
                 rig: facts.rig.to_owned(),
             },
-            circumstances: Circumstances {
+            circumstances: TrialFitContext {
                 subject: facts.subject.to_owned(),
                 sample_rate_hz: protocol.signal.sample_rate_hz,
                 lever: facts.lever,
@@ -165,7 +165,7 @@ impl ConsoleOptions {
     /// Runs a session with its console until it is over; the console stays open for what is still to be said.
     pub fn conduct<R: Rig>(
         &self,
-        plan: Plan,
+        plan: ConsoleSetup,
         rig: R,
         machine: &mut Machine,
         clock: &mut impl Clock,

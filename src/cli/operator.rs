@@ -26,7 +26,7 @@ impl CommandLineOperator {
         let stop = stop_on_signals()?;
         let target =
             if console.is_quiet() { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        let planned = machine.ledger().queue().len() as u64;
+        let planned = machine.progress().queue().len() as u64;
         let bar = ProgressBar::with_draw_target(Some(planned), target);
         let style = ProgressStyle::with_template("{bar:30} trial {pos} of {len}, {eta} left: {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -46,7 +46,7 @@ impl CommandLineOperator {
 impl Operator for CommandLineOperator {
     fn heard(&mut self, machine: &Machine) -> Option<Event> {
         if machine.sample().is_multiple_of(PROGRESS_EVERY) {
-            let ended = machine.ledger().attempts().iter().filter_map(|attempt| attempt.ended);
+            let ended = machine.progress().attempts().iter().filter_map(|attempt| attempt.ended);
             let ok = ended.filter(|(status, _)| *status == Status::Ok).count();
             self.bar.set_position(ok as u64);
             self.bar.set_message(machine.phase().name());

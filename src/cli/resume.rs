@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-use ramphold::console::Plan;
+use ramphold::console::ConsoleSetup;
 use ramphold::dataset::{self, Disk, Resumable, Resumed};
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::can::CanMotor;
@@ -101,7 +101,7 @@ enum Motor {
 
 impl Resume {
     /// The console that was asked for.
-    fn plan(&self, rig: &Motor, subject: &str, pace: Pace) -> Result<Option<Plan>, Failure> {
+    fn plan(&self, rig: &Motor, subject: &str, pace: Pace) -> Result<Option<ConsoleSetup>, Failure> {
         let protocol = ValidProtocol::read(&self.session.join("protocol.json"))?;
         let (lever, rig, is_patient) = match rig {
             Motor::Virtual(_, lever) => (*lever, "virtual wrist".to_owned(), pace.is_patient()),

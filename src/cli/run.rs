@@ -4,7 +4,7 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ramphold::console::{Live, Plan};
+use ramphold::console::{ConsoleSetup, Live};
 use ramphold::dataset::{BackgroundRecorder, Disk, Manifest, NewSession, RecordError, Recorder, Resumable};
 use ramphold::fit::{Model, Weighting};
 use ramphold::protocol::ValidProtocol;
@@ -194,7 +194,7 @@ pub fn go_on(
     mut machine: Machine,
     mut recorder: Recorder,
     pace: Pace,
-    (desk, plan): (&ConsoleOptions, Option<Plan>),
+    (desk, plan): (&ConsoleOptions, Option<ConsoleSetup>),
     console: &Console,
 ) -> Result<(Machine, Option<Live>), Failure> {
     let rate_hz = machine.settings().sample_rate_hz;
@@ -235,7 +235,7 @@ pub fn finish(
     console: &Console,
 ) -> Result<(), Failure> {
     let count = |wanted: Status| {
-        let measured = machine.ledger().attempts().iter().filter(|attempt| !attempt.planned.key.practice);
+        let measured = machine.progress().attempts().iter().filter(|attempt| !attempt.planned.key.practice);
         measured.filter(|attempt| matches!(attempt.ended, Some((status, _)) if status == wanted)).count()
     };
     console.message(format_args!(
@@ -251,7 +251,7 @@ pub fn finish(
     let is_virtual = !run_motor::was_on_can(folder);
     if !was_finished && machine.phase() != Phase::Finished {
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
-        return Err(Failure::Ended { folder: folder.to_owned(), left: machine.ledger().queue().len() });
+        return Err(Failure::Ended { folder: folder.to_owned(), left: machine.progress().queue().len() });
     }
     let results = fit_session(folder, &Model::paper(), None, Weighting::default())?;
     results.write(&disk, &folder.join("results"))?;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ramphold::console::{Live, Plan};
+use ramphold::console::{ConsoleSetup, Live};
 use ramphold::dataset::{BackgroundRecorder, Disk, NewSession, RecordError, Recorder};
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::Fault;
@@ -83,7 +83,7 @@ pub fn go_on(
     mut machine: Machine,
     recorder: Recorder,
     yes: bool,
-    (desk, plan): (&ConsoleOptions, Option<Plan>),
+    (desk, plan): (&ConsoleOptions, Option<ConsoleSetup>),
     console: &Console,
 ) -> Result<(Machine, Option<Live>), Failure> {
     let folder = recorder.folder().to_owned();

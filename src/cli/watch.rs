@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use ramphold::console::player::Watching;
+use ramphold::console::player::Playback;
 
 use super::live::{PageOptions, stop_on_signals};
 use super::{Console, Failure, Verb};
@@ -27,7 +27,7 @@ impl Verb for Watch {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let address = self.pages.address()?;
         let stop = stop_on_signals()?;
-        let watching = Watching::open(&self.session, &address, self.pages.wrist())?;
+        let watching = Playback::open(&self.session, &address, self.pages.wrist())?;
         let pages = watching.pages();
         self.pages.announce(&pages.operator, &pages.person, console);
         while !stop.load(Ordering::Relaxed) {

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::step_feed::Place;
-use crate::dataset::{Deed, Desk, Remark, Remarks};
+use super::step_feed::SampleCounter;
+use crate::dataset::{ActionOrigin, AuditEntry, AuditSender, OperatorAction};
 use crate::rig::{Fault, Vitals};
 use crate::session::{Event, Machine, Operator, Phase};
 
@@ -19,30 +19,30 @@ const IDLE: Duration = Duration::from_millis(2);
 
 /// The operator's end: whatever console it is, what is said goes this way, and into the journal.
 #[derive(Debug, Clone)]
-pub struct Orders(Arc<Shared>);
+pub struct CommandSender(Arc<Shared>);
 
 #[derive(Debug)]
 struct Shared {
     words: Mutex<Producer<Event>>,
     pause_after_trial: AtomicBool,
-    remarks: Remarks,
-    told: Mutex<mpsc::Sender<Told>>,
-    place: Place,
-    gauges: Gauges,
+    remarks: AuditSender,
+    told: Mutex<mpsc::Sender<OperatorNotice>>,
+    place: SampleCounter,
+    gauges: SharedVitals,
 }
 
 /// Something for the operator to read.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Told {
+pub enum OperatorNotice {
     /// Done at a console.
-    Did(Remark),
+    Did(AuditEntry),
     /// Gone wrong.
     Alarm(String),
 }
 
 /// The last [`Vitals`] of the loop.
 #[derive(Debug, Default)]
-struct Gauges {
+struct SharedVitals {
     periods: AtomicU64,
     late_p99_us: AtomicU64,
     latest_us: AtomicU64,
@@ -52,17 +52,17 @@ struct Gauges {
     bus_errors: AtomicU64,
 }
 
-impl Orders {
+impl CommandSender {
     /// The two ends, and what the operator is told. `stop` is set where the session is to end at once.
     pub fn new(
-        remarks: Remarks,
-        place: Place,
+        remarks: AuditSender,
+        place: SampleCounter,
         stop: Arc<AtomicBool>,
         starts_at_once: bool,
-    ) -> (Self, Listener, mpsc::Receiver<Told>) {
+    ) -> (Self, CommandReceiver, mpsc::Receiver<OperatorNotice>) {
         let (words, heard) = RingBuffer::new(ROOM);
         let (told, telling) = mpsc::channel();
-        let gauges = Gauges { bus_load: AtomicU64::new(f64::NAN.to_bits()), ..Gauges::default() };
+        let gauges = SharedVitals { bus_load: AtomicU64::new(f64::NAN.to_bits()), ..SharedVitals::default() };
         let shared = Arc::new(Shared {
             words: Mutex::new(words),
             pause_after_trial: AtomicBool::new(false),
@@ -71,30 +71,30 @@ impl Orders {
             place,
             gauges,
         });
-        let listener = Listener { shared: shared.clone(), words: heard, stop, starts_at_once };
+        let listener = CommandReceiver { shared: shared.clone(), words: heard, stop, starts_at_once };
         (Self(shared), listener, telling)
     }
 
     /// A word for the session. Whether it is possible is the session's to say.
-    pub fn say(&self, word: Event, desk: Desk) {
-        self.note(Deed::Said { word }, desk);
+    pub fn say(&self, word: Event, desk: ActionOrigin) {
+        self.note(OperatorAction::Said { word }, desk);
         // Sixty words that the loop did not hear yet say enough; more of them are in the journal alone.
         let _ = self.0.words.lock().unwrap_or_else(PoisonError::into_inner).push(word);
     }
 
     /// The session is to pause as soon as no trial is broken off by it.
-    pub fn pause_after_trial(&self, deed: Deed, desk: Desk) {
+    pub fn pause_after_trial(&self, deed: OperatorAction, desk: ActionOrigin) {
         self.note(deed, desk);
         self.0.pause_after_trial.store(true, Ordering::Release);
     }
 
     /// Keeps what was done in the journal.
-    pub fn note(&self, deed: Deed, desk: Desk) {
-        let remark = Remark { sample: self.0.place.sample(), desk, deed };
+    pub fn note(&self, deed: OperatorAction, desk: ActionOrigin) {
+        let remark = AuditEntry { sample: self.0.place.sample(), desk, deed };
         if self.0.remarks.send(remark.clone()) {
-            self.tell(Told::Did(remark));
-        } else if !matches!(remark.deed, Deed::Joined | Deed::Left) {
-            self.tell(Told::Alarm("the session is over: this was not kept".to_owned()));
+            self.tell(OperatorNotice::Did(remark));
+        } else if !matches!(remark.deed, OperatorAction::Joined | OperatorAction::Left) {
+            self.tell(OperatorNotice::Alarm("the session is over: this was not kept".to_owned()));
         }
     }
 
@@ -112,7 +112,7 @@ impl Orders {
         }
     }
 
-    fn tell(&self, told: Told) {
+    fn tell(&self, told: OperatorNotice) {
         // Nobody reads it any more when the console closes.
         let _ = self.0.told.lock().unwrap_or_else(PoisonError::into_inner).send(told);
     }
@@ -120,14 +120,14 @@ impl Orders {
 
 /// The loop's end.
 #[derive(Debug)]
-pub struct Listener {
+pub struct CommandReceiver {
     shared: Arc<Shared>,
     words: Consumer<Event>,
     stop: Arc<AtomicBool>,
     starts_at_once: bool,
 }
 
-impl Listener {
+impl CommandReceiver {
     fn wants_to_stop(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
@@ -152,7 +152,7 @@ impl Listener {
     }
 }
 
-impl Operator for Listener {
+impl Operator for CommandReceiver {
     // Called once a sample: it may not wait, write or ask for memory.
     fn heard(&mut self, machine: &Machine) -> Option<Event> {
         if self.wants_to_stop() {
@@ -181,11 +181,13 @@ impl Operator for Listener {
     fn refused(&mut self, _: Event, _: Phase) {}
 
     fn not_armed(&mut self, fault: Fault) {
-        Orders(self.shared.clone()).tell(Told::Alarm(format!("the rig could not be armed: {fault}")));
+        CommandSender(self.shared.clone())
+            .tell(OperatorNotice::Alarm(format!("the rig could not be armed: {fault}")));
     }
 
     fn faulted(&mut self, fault: Fault) {
-        Orders(self.shared.clone()).tell(Told::Alarm(format!("fault, the motor is safe: {fault}")));
+        CommandSender(self.shared.clone())
+            .tell(OperatorNotice::Alarm(format!("fault, the motor is safe: {fault}")));
     }
 
     fn vitals(&mut self, vitals: Vitals) {

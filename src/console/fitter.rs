@@ -15,7 +15,7 @@ use crate::wrist::Lever;
 
 /// What it takes to fit a trial, beside the trial.
 #[derive(Debug, Clone)]
-pub struct Circumstances {
+pub struct TrialFitContext {
     /// Who is measured.
     pub subject: String,
     /// Samples a second.
@@ -28,7 +28,7 @@ pub struct Circumstances {
 
 /// A trial and its fit.
 #[derive(Debug, Clone)]
-pub struct Fitted {
+pub struct TrialFit {
     /// What was estimated.
     pub estimate: TrialEstimate,
     /// The filtered torque of the window less the level before the ramp, N m.
@@ -38,18 +38,18 @@ pub struct Fitted {
 }
 
 /// What became of a trial's fit: its number, and the fit or why there is none.
-pub type Outcome = (u32, Result<Box<Fitted>, String>);
+pub type TrialFitOutcome = (u32, Result<Box<TrialFit>, String>);
 
 /// The thread and what goes to and fro.
 #[derive(Debug)]
 pub struct Fitter {
     jobs: mpsc::Sender<Trial>,
-    outcomes: mpsc::Receiver<Outcome>,
+    outcomes: mpsc::Receiver<TrialFitOutcome>,
 }
 
 impl Fitter {
     /// Starts the thread; it ends when this is dropped.
-    pub fn start(circumstances: Circumstances) -> Self {
+    pub fn start(circumstances: TrialFitContext) -> Self {
         let (jobs, todo) = mpsc::channel::<Trial>();
         let (done, outcomes) = mpsc::channel();
         thread::spawn(move || {
@@ -73,12 +73,12 @@ impl Fitter {
     }
 
     /// The next trial that is done, if any is.
-    pub fn outcome(&self) -> Option<Outcome> {
+    pub fn outcome(&self) -> Option<TrialFitOutcome> {
         self.outcomes.try_recv().ok()
     }
 }
 
-fn fit(circumstances: &Circumstances, trial: Trial) -> Result<Box<Fitted>, String> {
+fn fit(circumstances: &TrialFitContext, trial: Trial) -> Result<Box<TrialFit>, String> {
     let session = Session {
         subject: Subject { id: circumstances.subject.clone() },
         sample_rate_hz: circumstances.sample_rate_hz,
@@ -93,5 +93,5 @@ fn fit(circumstances: &Circumstances, trial: Trial) -> Result<Box<Fitted>, Strin
     let measured_nm = prepared.trials[0].measured_nm.clone();
     let residual_nm = &predictions(&prepared, &fit)[0].residual_nm;
     let predicted_nm = measured_nm.iter().zip(residual_nm).map(|(measured, left)| measured - left).collect();
-    Ok(Box::new(Fitted { estimate, measured_nm, predicted_nm }))
+    Ok(Box::new(TrialFit { estimate, measured_nm, predicted_nm }))
 }

@@ -5,48 +5,50 @@ use std::collections::{BTreeMap, VecDeque};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::ScreenTime;
-use super::fitter::{Fitted, Outcome};
-use crate::dataset::{Deed, Desk, Remark};
+use super::DisplayLatency;
+use super::fitter::{TrialFit, TrialFitOutcome};
+use crate::dataset::{ActionOrigin, AuditEntry, OperatorAction};
 use crate::fit::{ConditionEstimate, QUANTITIES, TrialEstimate, by_condition};
 use crate::rig::Vitals;
-use crate::session::{Attempt, Detail, Event, Happening, Ledger, Phase, Planned, Settings, Source};
+use crate::session::{
+    Attempt, Event, Phase, PlannedTrial, Progress, Settings, Source, TransitionDetail, TransitionRecord,
+};
 
 /// Lines of the log that are kept for reading; the journal has them all.
 const KEPT: usize = 200;
 
-/// The story apart from what the ledger tells.
+/// The story apart from what the progress tells.
 #[derive(Debug, Default)]
-pub struct Story {
-    log: VecDeque<Line>,
-    gauges: Gauges,
+pub struct History {
+    log: VecDeque<LogLine>,
+    gauges: SystemStatus,
 }
 
 /// How everything fares.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Gauges {
+pub struct SystemStatus {
     /// The loop and the bus.
     #[serde(flatten)]
     pub vitals: Vitals,
     /// Room on the session's disk, bytes.
     pub disk_free_bytes: Option<u64>,
     /// How long torque takes to the person's screen.
-    pub screen: Option<ScreenTime>,
+    pub screen: Option<DisplayLatency>,
 }
 
 /// A line of the log.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-struct Line {
+struct LogLine {
     t_s: f64,
     #[serde(flatten)]
-    entry: Entry,
+    entry: LogEntry,
 }
 
 /// What a line says.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Entry {
+pub struct LogEntry {
     /// What sort of line it is.
-    kind: Kind,
+    kind: LogKind,
     text: String,
     /// The time on the operator's clock, with a note.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -55,7 +57,7 @@ pub struct Entry {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-enum Kind {
+enum LogKind {
     Plain,
     Said,
     Note,
@@ -63,74 +65,79 @@ enum Kind {
     Alarm,
 }
 
-impl Entry {
+impl LogEntry {
     /// A word that was not possible.
     pub fn refused(word: Event, phase: Phase) -> Self {
-        Self::new(Kind::Refused, format!("{} is not possible in phase {}", word.name(), phase.name()))
+        Self::new(LogKind::Refused, format!("{} is not possible in phase {}", word.name(), phase.name()))
     }
 
     /// Something to be alarmed at.
     pub fn alarm(text: &str) -> Self {
-        Self::new(Kind::Alarm, text.to_owned())
+        Self::new(LogKind::Alarm, text.to_owned())
     }
 
     /// Something to know.
     pub fn plain(text: &str) -> Self {
-        Self::new(Kind::Plain, text.to_owned())
+        Self::new(LogKind::Plain, text.to_owned())
     }
 
     /// What was done at a console.
-    pub fn of(remark: &Remark) -> Self {
+    pub fn of(remark: &AuditEntry) -> Self {
         let by = match remark.desk {
-            Desk::Page => "",
-            Desk::Terminal => " (terminal)",
-            Desk::Program => " (program)",
+            ActionOrigin::Page => "",
+            ActionOrigin::Terminal => " (terminal)",
+            ActionOrigin::Program => " (program)",
         };
         match &remark.deed {
-            Deed::Opened { .. } => Self::plain("the console is open"),
-            Deed::Joined => Self::plain("an operator is here"),
-            Deed::Left => Self::plain("an operator left"),
-            Deed::Missed { after_s } => {
-                Self::new(Kind::Alarm, format!("no operator for {after_s} s: pause after the trial"))
+            OperatorAction::Opened { .. } => Self::plain("the console is open"),
+            OperatorAction::Joined => Self::plain("an operator is here"),
+            OperatorAction::Left => Self::plain("an operator left"),
+            OperatorAction::Missed { after_s } => {
+                Self::new(LogKind::Alarm, format!("no operator for {after_s} s: pause after the trial"))
             }
-            Deed::Said { word } => Self::new(Kind::Said, format!("{}{by}", word.name())),
-            Deed::AskedForPauseAfterTrial => Self::new(Kind::Said, format!("pause after the trial{by}")),
-            Deed::Noted { text, clock } => {
-                Self { clock: clock.clone(), ..Self::new(Kind::Note, format!("{text}{by}")) }
+            OperatorAction::Said { word } => Self::new(LogKind::Said, format!("{}{by}", word.name())),
+            OperatorAction::AskedForPauseAfterTrial => {
+                Self::new(LogKind::Said, format!("pause after the trial{by}"))
+            }
+            OperatorAction::Noted { text, clock } => {
+                Self { clock: clock.clone(), ..Self::new(LogKind::Note, format!("{text}{by}")) }
             }
         }
     }
 
-    fn new(kind: Kind, text: String) -> Self {
+    fn new(kind: LogKind, text: String) -> Self {
         Self { kind, text, clock: None }
     }
 }
 
-impl Story {
+impl History {
     /// Adds a line.
-    pub fn tell(&mut self, t_s: f64, entry: Entry) {
-        self.log.push_back(Line { t_s, entry });
+    pub fn tell(&mut self, t_s: f64, entry: LogEntry) {
+        self.log.push_back(LogLine { t_s, entry });
         if self.log.len() > KEPT {
             self.log.pop_front();
         }
     }
 
     /// Adds what is worth a line of what happened. The operator's words are told as they are said.
-    pub fn happened(&mut self, t_s: f64, happening: &Happening) {
+    pub fn happened(&mut self, t_s: f64, happening: &TransitionRecord) {
         let entry = match happening.detail {
-            Some(Detail::Fault(fault) | Detail::FaultInTrial { fault, .. }) => {
-                Entry::new(Kind::Alarm, format!("fault: {fault}"))
+            Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) => {
+                LogEntry::new(LogKind::Alarm, format!("fault: {fault}"))
             }
-            Some(Detail::Ended { number, status, .. }) => {
+            Some(TransitionDetail::Ended { number, status, .. }) => {
                 let why = happening.event.name();
-                Entry::new(Kind::Plain, format!("trial {number} {} ({why})", status.name()))
+                LogEntry::new(LogKind::Plain, format!("trial {number} {} ({why})", status.name()))
             }
-            Some(Detail::OffsetNm(offset_nm)) => {
-                Entry::new(Kind::Plain, format!("offset {offset_nm:.3} N m"))
+            Some(TransitionDetail::OffsetNm(offset_nm)) => {
+                LogEntry::new(LogKind::Plain, format!("offset {offset_nm:.3} N m"))
             }
-            _ if happening.to == Phase::Finished => Entry::plain("every trial is done"),
+            _ if happening.to == Phase::Finished => LogEntry::plain("every trial is done"),
             _ if happening.event.source() == Source::Operator && happening.to != happening.from => {
-                Entry::new(Kind::Plain, format!("{}: now {}", happening.event.name(), happening.to.name()))
+                LogEntry::new(
+                    LogKind::Plain,
+                    format!("{}: now {}", happening.event.name(), happening.to.name()),
+                )
             }
             _ => return,
         };
@@ -138,26 +145,32 @@ impl Story {
     }
 
     /// How everything fares; whether that is news.
-    pub fn gauge(&mut self, gauges: Gauges) -> bool {
+    pub fn gauge(&mut self, gauges: SystemStatus) -> bool {
         let is_news = gauges != self.gauges;
         self.gauges = gauges;
         is_news
     }
 
     /// The story as JSON.
-    pub fn json(&self, ledger: &Ledger, settings: &Settings, fits: &BTreeMap<u32, Outcome>) -> String {
+    pub fn json(
+        &self,
+        progress: &Progress,
+        settings: &Settings,
+        fits: &BTreeMap<u32, TrialFitOutcome>,
+    ) -> String {
         let fit_of = |attempt: &Attempt| {
             let counts = matches!(attempt.ended, Some((crate::session::Status::Ok, _)));
             fits.get(&attempt.number).filter(|_| counts && !attempt.planned.key.practice)
         };
-        let estimates = ledger.attempts().iter().filter_map(fit_of).filter_map(|(_, fit)| fit.as_ref().ok());
+        let estimates =
+            progress.attempts().iter().filter_map(fit_of).filter_map(|(_, fit)| fit.as_ref().ok());
         let conditions = conditions(estimates.map(|fitted| fitted.estimate.clone()).collect());
-        let last = ledger.attempts().iter().rev().find_map(fit_of);
+        let last = progress.attempts().iter().rev().find_map(fit_of);
         json!({
             "kind": "story",
-            "trials": ledger.attempts().iter().map(|attempt| trial(attempt, fit_of(attempt))).collect::<Vec<_>>(),
-            "queue": ledger.queue().map(planned).collect::<Vec<_>>(),
-            "offset_nm": ledger.offset_nm(),
+            "trials": progress.attempts().iter().map(|attempt| trial(attempt, fit_of(attempt))).collect::<Vec<_>>(),
+            "queue": progress.queue().map(planned).collect::<Vec<_>>(),
+            "offset_nm": progress.offset_nm(),
             "conditions": conditions.iter().map(condition).collect::<Vec<_>>(),
             "last_fit": last.map(|(number, fit)| match fit {
                 Ok(fitted) => curve(*number, fitted, settings),
@@ -170,7 +183,7 @@ impl Story {
     }
 }
 
-fn planned(planned: &Planned) -> Value {
+fn planned(planned: &PlannedTrial) -> Value {
     json!({
         "practice": planned.key.practice,
         "position": planned.key.position,
@@ -181,7 +194,7 @@ fn planned(planned: &Planned) -> Value {
     })
 }
 
-fn trial(attempt: &Attempt, outcome: Option<&Outcome>) -> Value {
+fn trial(attempt: &Attempt, outcome: Option<&TrialFitOutcome>) -> Value {
     let mut trial = planned(&attempt.planned);
     trial["number"] = attempt.number.into();
     if let Some((status, event)) = attempt.ended {
@@ -220,7 +233,7 @@ fn conditions(mut estimates: Vec<TrialEstimate>) -> Vec<ConditionEstimate> {
     by_condition(&estimates)
 }
 
-fn curve(number: u32, fitted: &Fitted, settings: &Settings) -> Value {
+fn curve(number: u32, fitted: &TrialFit, settings: &Settings) -> Value {
     let rounded = |values: &[f64]| values.iter().map(|value| (value * 1e5).round() / 1e5).collect::<Vec<_>>();
     json!({
         "trial": number,

@@ -8,16 +8,17 @@ use std::time::{Duration, Instant};
 
 use rtrb::Consumer;
 
-use super::fitter::{Circumstances, Fitter};
-use super::history::Gauges;
+use super::fitter::{Fitter, TrialFitContext};
+use super::history::SystemStatus;
 use super::terminal::Terminal;
-use super::view_model::Hub;
+use super::view_model::ViewModel;
 use super::web::{Address, Content, Role, Server};
-use super::welcome::{About, hello};
+use super::welcome::{SessionInfo, hello};
 use super::{
-    Beat, ConsoleError, Controls, Listener, Orders, Place, Request, ScreenTimes, Tapped, Told, nice,
+    CommandReceiver, CommandSender, ConsoleError, Controls, DisplayLatencies, OperatorNotice, Request,
+    SampleCounter, Tapped, TimedStep, nice,
 };
-use crate::dataset::{BackgroundRecorder, Deed, Desk, LONGEST_NOTE, Trial, Wrist};
+use crate::dataset::{ActionOrigin, BackgroundRecorder, LONGEST_NOTE, OperatorAction, Trial, Wrist};
 use crate::session::{Event, Machine, Source};
 
 /// How often the hub looks for steps.
@@ -31,8 +32,8 @@ const GAUGED: Duration = Duration::from_millis(500);
 
 /// What console a session is to have.
 #[derive(Debug, Clone)]
-pub struct Plan {
-    /// Pages in a browser.
+pub struct ConsoleSetup {
+    /// PageAddresses in a browser.
     pub pages: Option<Address>,
     /// The terminal.
     pub terminal: bool,
@@ -45,9 +46,9 @@ pub struct Plan {
     /// The loop has no deadlines, and may be made to wait.
     pub is_patient: bool,
     /// What there is to know of the session.
-    pub about: About,
+    pub about: SessionInfo,
     /// What it takes to fit its trials.
-    pub circumstances: Circumstances,
+    pub circumstances: TrialFitContext,
     /// Trials that were measured before the session was resumed.
     pub earlier: Vec<Trial>,
     /// The session's folder.
@@ -56,7 +57,7 @@ pub struct Plan {
 
 /// Where the pages are. Whoever knows an address has its role.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Pages {
+pub struct PageAddresses {
     /// The operator's.
     pub operator: String,
     /// The person's.
@@ -80,22 +81,22 @@ impl Live {
     /// # Errors
     /// If the pages cannot be served or the terminal cannot be drawn on.
     pub fn open(
-        plan: Plan,
+        plan: ConsoleSetup,
         machine: &Machine,
         recorder: BackgroundRecorder,
         stop: Arc<AtomicBool>,
-    ) -> Result<(Self, Tapped<BackgroundRecorder>, Listener), ConsoleError> {
+    ) -> Result<(Self, Tapped<BackgroundRecorder>, CommandReceiver), ConsoleError> {
         let settings = Arc::new(machine.settings().clone());
-        let place = Place::default();
+        let place = SampleCounter::default();
         let (orders, listener, told) =
-            Orders::new(recorder.remarks(), place.clone(), stop.clone(), plan.starts_at_once);
+            CommandSender::new(recorder.remarks(), place.clone(), stop.clone(), plan.starts_at_once);
         let (tapped, beats) = Tapped::new(recorder, place, plan.is_patient);
         let fitter = Fitter::start(plan.circumstances);
-        let (hub, views) = Hub::new(settings.clone(), machine.ledger().clone(), fitter, None);
+        let (hub, views) = ViewModel::new(settings.clone(), machine.progress().clone(), fitter, None);
         hub.fit(plan.earlier);
         let presence = Presence::new(plan.missed_after);
-        let controls = Arc::new(Desks { orders: orders.clone(), presence: presence.clone() });
-        let screen = ScreenTimes::default();
+        let controls = Arc::new(SessionControls { orders: orders.clone(), presence: presence.clone() });
+        let screen = DisplayLatencies::default();
         let content = Content {
             hello: hello(&plan.about, &settings, plan.wrist, None),
             views: views.clone(),
@@ -103,7 +104,7 @@ impl Live {
             screen: screen.clone(),
         };
         let server = plan.pages.as_ref().map(|address| Server::start(address, content)).transpose()?;
-        orders.note(Deed::Opened { wrist: plan.wrist }, Desk::Program);
+        orders.note(OperatorAction::Opened { wrist: plan.wrist }, ActionOrigin::Program);
         let about = plan.about;
         let open_terminal = move || Terminal::open(views, controls, about, stop);
         let awaits_terminal = plan.terminal.then(|| Box::new(open_terminal) as Box<_>);
@@ -119,9 +120,9 @@ impl Live {
     }
 
     /// Where its pages are.
-    pub fn pages(&self) -> Option<Pages> {
+    pub fn pages(&self) -> Option<PageAddresses> {
         let server = self.server.as_ref()?;
-        Some(Pages { operator: server.url(Role::Operator), person: server.url(Role::Person) })
+        Some(PageAddresses { operator: server.url(Role::Operator), person: server.url(Role::Person) })
     }
 
     /// Takes the terminal, if it is to. What is to be read there beforehand has been printed.
@@ -161,12 +162,12 @@ impl Drop for Live {
 
 /// The hub at work on a thread of its own.
 struct Worker {
-    hub: Hub,
-    beats: Consumer<Beat>,
-    told: mpsc::Receiver<Told>,
-    orders: Orders,
+    hub: ViewModel,
+    beats: Consumer<TimedStep>,
+    told: mpsc::Receiver<OperatorNotice>,
+    orders: CommandSender,
     presence: Presence,
-    screen: ScreenTimes,
+    screen: DisplayLatencies,
     folder: PathBuf,
     over: Arc<Mutex<Option<String>>>,
 }
@@ -176,7 +177,7 @@ impl Worker {
         nice();
         let (mut drawn, mut gauged) = (Instant::now(), None::<Instant>);
         loop {
-            // Asked before looking, so that what came just before the end is still seen.
+            // Instruction before looking, so that what came just before the end is still seen.
             let over = self.over.lock().unwrap_or_else(PoisonError::into_inner).clone();
             let mut is_news = false;
             while let Ok(beat) = self.beats.pop() {
@@ -188,18 +189,21 @@ impl Worker {
             }
             for told in self.told.try_iter() {
                 match told {
-                    Told::Did(remark) => self.hub.remark(&remark),
-                    Told::Alarm(text) => self.hub.alarm(&text),
+                    OperatorNotice::Did(remark) => self.hub.remark(&remark),
+                    OperatorNotice::Alarm(text) => self.hub.alarm(&text),
                 }
                 is_news = true;
             }
             if let Some(after) = self.presence.is_missed() {
-                self.orders.pause_after_trial(Deed::Missed { after_s: after.as_secs_f64() }, Desk::Program);
+                self.orders.pause_after_trial(
+                    OperatorAction::Missed { after_s: after.as_secs_f64() },
+                    ActionOrigin::Program,
+                );
             }
             if gauged.is_none_or(|at| at.elapsed() >= GAUGED) {
                 let disk_free_bytes = free_bytes(&self.folder);
                 let screen = self.screen.in_short();
-                self.hub.gauge(Gauges { vitals: self.orders.vitals(), disk_free_bytes, screen });
+                self.hub.gauge(SystemStatus { vitals: self.orders.vitals(), disk_free_bytes, screen });
                 gauged = Some(Instant::now());
             }
             if let Some(said) = over.filter(|_| self.beats.is_empty()) {
@@ -267,24 +271,26 @@ impl Presence {
 }
 
 /// What an operator's desks do.
-struct Desks {
-    orders: Orders,
+struct SessionControls {
+    orders: CommandSender,
     presence: Presence,
 }
 
-impl Controls for Desks {
-    fn hear(&self, request: Request, desk: Desk) {
+impl Controls for SessionControls {
+    fn hear(&self, request: Request, desk: ActionOrigin) {
         match request {
             Request::Word { word, sure }
                 if word.source() == Source::Operator && (sure || !is_final(word)) =>
             {
                 self.orders.say(word, desk)
             }
-            Request::PauseAfterTrial => self.orders.pause_after_trial(Deed::AskedForPauseAfterTrial, desk),
+            Request::PauseAfterTrial => {
+                self.orders.pause_after_trial(OperatorAction::AskedForPauseAfterTrial, desk)
+            }
             Request::Note { text, clock } => {
                 let (text, clock) = (cut(text.trim(), LONGEST_NOTE), clock.map(|clock| cut(&clock, 40)));
                 if !text.is_empty() {
-                    self.orders.note(Deed::Noted { text, clock }, desk);
+                    self.orders.note(OperatorAction::Noted { text, clock }, desk);
                 }
             }
             // Nothing that an operator says, not sure, or meant for a recording.
@@ -292,14 +298,14 @@ impl Controls for Desks {
         }
     }
 
-    fn joined(&self, desk: Desk) {
+    fn joined(&self, desk: ActionOrigin) {
         self.presence.come();
-        self.orders.note(Deed::Joined, desk);
+        self.orders.note(OperatorAction::Joined, desk);
     }
 
-    fn left(&self, desk: Desk) {
+    fn left(&self, desk: ActionOrigin) {
         self.presence.go();
-        self.orders.note(Deed::Left, desk);
+        self.orders.note(OperatorAction::Left, desk);
     }
 }
 

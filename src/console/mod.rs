@@ -1,7 +1,7 @@
 //! The console: what the operator and the person see while a session runs, and how the operator is heard.
 //!
-//! The loop lets a copy of each step out through a ring ([`Tapped`]) and hears words through another ([`Listener`]); it
-//! never waits for what is behind them. The [`Hub`] makes pictures of the steps; pages in a browser ([`web`]) and the
+//! The loop lets a copy of each step out through a ring ([`Tapped`]) and hears words through another ([`CommandReceiver`]); it
+//! never waits for what is behind them. The [`ViewModel`] makes pictures of the steps; pages in a browser ([`web`]) and the
 //! [`terminal`] draw the latest. A recorded session comes the same way ([`player`]).
 
 mod commands;
@@ -19,27 +19,27 @@ mod view_model;
 pub mod web;
 mod welcome;
 
-pub use commands::{Listener, Orders, Told};
-pub use display_latency::{ScreenTime, ScreenTimes};
+pub use commands::{CommandReceiver, CommandSender, OperatorNotice};
+pub use display_latency::{DisplayLatencies, DisplayLatency};
 pub use error::ConsoleError;
-pub use fitter::{Circumstances, Fitted, Fitter, Outcome};
-pub use live::{Live, Pages, Plan};
-pub use snapshot::{Asked, Now, Shown, Tape, Under};
-pub use step_feed::{Beat, Place, Tapped};
+pub use fitter::{Fitter, TrialFit, TrialFitContext, TrialFitOutcome};
+pub use live::{ConsoleSetup, Live, PageAddresses};
+pub use snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot, SubjectView};
+pub use step_feed::{SampleCounter, Tapped, TimedStep};
 pub use strip_chart::{BIN_S, Bin};
-pub use view_model::{Hub, Views};
-pub use welcome::About;
+pub use view_model::{ViewModel, Views};
+pub use welcome::SessionInfo;
 
 /// What pages say to the program. None of it can come from the person's page.
 pub trait Controls: Send + Sync {
     /// Something was asked for at a desk.
-    fn hear(&self, request: Request, desk: crate::dataset::Desk);
+    fn hear(&self, request: Request, desk: crate::dataset::ActionOrigin);
 
     /// An operator came to a desk.
-    fn joined(&self, _desk: crate::dataset::Desk) {}
+    fn joined(&self, _desk: crate::dataset::ActionOrigin) {}
 
     /// An operator's desk is empty.
-    fn left(&self, _desk: crate::dataset::Desk) {}
+    fn left(&self, _desk: crate::dataset::ActionOrigin) {}
 }
 
 /// What an operator can ask for.

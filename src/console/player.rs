@@ -8,17 +8,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use super::fitter::{Circumstances, Fitter};
-use super::live::Pages;
-use super::snapshot::Tape;
-use super::view_model::Hub;
+use super::fitter::{Fitter, TrialFitContext};
+use super::live::PageAddresses;
+use super::snapshot::PlaybackState;
+use super::view_model::ViewModel;
 use super::web::{Address, Content, Role, Server};
-use super::welcome::{About, hello};
-use super::{Beat, ConsoleError, Controls, Request, ScreenTimes, nice};
-use crate::dataset::{self, Deed, Desk, Remark, Wrist, replay_watched};
+use super::welcome::{SessionInfo, hello};
+use super::{ConsoleError, Controls, DisplayLatencies, Request, TimedStep, nice};
+use crate::dataset::{self, ActionOrigin, AuditEntry, OperatorAction, Wrist, replay_watched};
 use crate::fit::PreprocessingSettings;
 use crate::protocol::ValidProtocol;
-use crate::session::{Ledger, Settings};
+use crate::session::{Progress, Settings};
 
 /// Time between two pictures.
 const PICTURE: Duration = Duration::from_millis(5);
@@ -30,21 +30,21 @@ const STILL: Duration = Duration::from_millis(500);
 const SPEEDS: [f64; 2] = [0.05, 1000.0];
 
 /// A recorded session, as far as it must be known before it is played.
-struct Recording {
+struct RecordedSession {
     folder: PathBuf,
     settings: Arc<Settings>,
-    about: About,
+    about: SessionInfo,
     wrist: Wrist,
     /// Time before each start of the session, s.
     before_s: Vec<f64>,
     length_s: f64,
     /// What was done at consoles: start, from 0, and deed.
-    remarks: Vec<(usize, Remark)>,
+    remarks: Vec<(usize, AuditEntry)>,
 }
 
-impl Recording {
+impl RecordedSession {
     /// Goes through the whole session once.
-    fn read(folder: &Path, wrist: Option<Wrist>) -> Result<(Self, Hub, super::Views), ConsoleError> {
+    fn read(folder: &Path, wrist: Option<Wrist>) -> Result<(Self, ViewModel, super::Views), ConsoleError> {
         let session = dataset::load(folder)?;
         let protocol = ValidProtocol::read(&folder.join("protocol.json"))?;
         let remarks: Vec<_> =
@@ -63,12 +63,12 @@ impl Recording {
         settings.limits = protocol.limits.clone();
         let rate_hz = settings.sample_rate_hz;
         let opened = remarks.iter().find_map(|(_, remark)| match remark.deed {
-            Deed::Opened { wrist } => Some(wrist),
+            OperatorAction::Opened { wrist } => Some(wrist),
             _ => None,
         });
         let recording = Self {
             folder: folder.to_owned(),
-            about: About {
+            about: SessionInfo {
                 protocol: protocol.name.clone(),
                 subject: session.subject.id.clone(),
                 folder: folder.display().to_string(),
@@ -80,15 +80,15 @@ impl Recording {
             settings: Arc::new(settings),
             remarks,
         };
-        let fitter = Fitter::start(Circumstances {
+        let fitter = Fitter::start(TrialFitContext {
             subject: session.subject.id,
             sample_rate_hz: session.sample_rate_hz,
             lever: session.lever,
             view: PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter },
         });
-        let ledger = Ledger::new(&recording.settings);
-        let tape = Tape { speed: 1.0, is_playing: false, length_s: recording.length_s };
-        let (hub, views) = Hub::new(recording.settings.clone(), ledger, fitter, Some(tape));
+        let progress = Progress::new(&recording.settings);
+        let tape = PlaybackState { speed: 1.0, is_playing: false, length_s: recording.length_s };
+        let (hub, views) = ViewModel::new(recording.settings.clone(), progress, fitter, Some(tape));
         hub.fit(session.trials);
         Ok((recording, hub, views))
     }
@@ -96,7 +96,7 @@ impl Recording {
 
 /// What was asked of the player.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Wish {
+struct PlaybackRequest {
     speed: f64,
     plays: bool,
     /// Where to, s.
@@ -106,20 +106,20 @@ struct Wish {
 
 /// What the operator's page does to a recording.
 #[derive(Debug, Clone)]
-struct Remote(Arc<Mutex<Wish>>);
+struct PlaybackControls(Arc<Mutex<PlaybackRequest>>);
 
-impl Remote {
-    fn wish(&self) -> Wish {
+impl PlaybackControls {
+    fn wish(&self) -> PlaybackRequest {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn change(&self, change: impl FnOnce(&mut Wish)) {
+    fn change(&self, change: impl FnOnce(&mut PlaybackRequest)) {
         change(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner));
     }
 }
 
-impl Controls for Remote {
-    fn hear(&self, request: Request, _desk: Desk) {
+impl Controls for PlaybackControls {
+    fn hear(&self, request: Request, _desk: ActionOrigin) {
         match request {
             Request::Play { speed, plays } if speed.is_finite() => {
                 let [slowest, fastest] = SPEEDS;
@@ -133,27 +133,27 @@ impl Controls for Remote {
 }
 
 /// A recording that is being watched, until this is dropped.
-pub struct Watching {
-    remote: Remote,
+pub struct Playback {
+    remote: PlaybackControls,
     player: Option<JoinHandle<()>>,
     server: Server,
 }
 
-impl Watching {
+impl Playback {
     /// Opens the pages of the session in `folder`; `wrist` overrides what was recorded.
     ///
     /// # Errors
     /// If the session cannot be read or the pages cannot be served.
     pub fn open(folder: &Path, address: &Address, wrist: Option<Wrist>) -> Result<Self, ConsoleError> {
-        let (recording, hub, views) = Recording::read(folder, wrist)?;
+        let (recording, hub, views) = RecordedSession::read(folder, wrist)?;
         let tape = views.now().borrow().tape;
-        let wish = Wish { speed: 1.0, plays: false, seek: None, over: false };
-        let remote = Remote(Arc::new(Mutex::new(wish)));
+        let wish = PlaybackRequest { speed: 1.0, plays: false, seek: None, over: false };
+        let remote = PlaybackControls(Arc::new(Mutex::new(wish)));
         let content = Content {
             hello: hello(&recording.about, &recording.settings, recording.wrist, tape),
             views,
             controls: Arc::new(remote.clone()),
-            screen: ScreenTimes::default(),
+            screen: DisplayLatencies::default(),
         };
         let server = Server::start(address, content)?;
         let player = Player {
@@ -175,12 +175,12 @@ impl Watching {
     }
 
     /// Where its pages are.
-    pub fn pages(&self) -> Pages {
-        Pages { operator: self.server.url(Role::Operator), person: self.server.url(Role::Person) }
+    pub fn pages(&self) -> PageAddresses {
+        PageAddresses { operator: self.server.url(Role::Operator), person: self.server.url(Role::Person) }
     }
 }
 
-impl Drop for Watching {
+impl Drop for Playback {
     fn drop(&mut self) {
         self.remote.change(|wish| wish.over = true);
         if let Some(player) = self.player.take() {
@@ -192,9 +192,9 @@ impl Drop for Watching {
 
 /// Plays a recording.
 struct Player {
-    recording: Recording,
-    hub: Hub,
-    remote: Remote,
+    recording: RecordedSession,
+    hub: ViewModel,
+    remote: PlaybackControls,
     /// Which start of the session is being played, from 1; 0 before the first.
     start: usize,
     /// How many remarks were told.
@@ -215,15 +215,15 @@ impl Player {
         while !self.remote.wish().over {
             let folder = self.recording.folder.clone();
             (self.start, self.told, self.anchor, self.is_broken_off) = (0, 0, None, false);
-            self.hub.rewind(Ledger::new(&self.recording.settings));
+            self.hub.rewind(Progress::new(&self.recording.settings));
             let played = replay_watched(&folder, &mut |input, output, machine| {
                 if machine.sample() == 1 {
                     let before_s = self.recording.before_s.get(self.start).copied().unwrap_or(0.0);
                     self.start += 1;
                     // The first step begins a session, and changes nothing of what is done.
-                    self.hub.restart(machine.ledger().clone(), before_s);
+                    self.hub.restart(machine.progress().clone(), before_s);
                 }
-                self.hub.take(&Beat::new(input, output, machine));
+                self.hub.take(&TimedStep::new(input, output, machine));
                 self.keep_pace(machine.sample())
             });
             match played {
@@ -288,8 +288,9 @@ impl Player {
     }
 
     /// Draws, unless it did so a moment ago.
-    fn draw(&mut self, wish: Wish, pause: Duration) {
-        let tape = Tape { speed: wish.speed, is_playing: wish.plays, length_s: self.recording.length_s };
+    fn draw(&mut self, wish: PlaybackRequest, pause: Duration) {
+        let tape =
+            PlaybackState { speed: wish.speed, is_playing: wish.plays, length_s: self.recording.length_s };
         let is_changed = self.hub.set_tape(tape);
         if is_changed || self.drawn.elapsed() >= pause {
             self.hub.publish();
@@ -297,7 +298,7 @@ impl Player {
         }
     }
 
-    fn begin_anew(&mut self, wish: Wish) {
+    fn begin_anew(&mut self, wish: PlaybackRequest) {
         self.is_broken_off = true;
         // Before the very end there is always something to see.
         self.go_to_s = wish.seek.unwrap_or(0.0).min(self.recording.length_s - 0.001);

@@ -9,11 +9,11 @@ use crate::session::{Phase, Status};
 
 /// What the person is shown. It says nothing that a person must not know, such as how fast the ramp will be.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Shown {
+pub struct SubjectView {
     /// Number of the picture.
     pub n: u64,
     /// What is asked.
-    pub cue: Asked,
+    pub cue: Instruction,
     /// Which way to push.
     pub direction: Option<Direction>,
     /// The torque: a fraction of the target, or of a strong effort where there is none. Flexion is positive.
@@ -39,7 +39,7 @@ pub struct Shown {
 /// What is asked of the person.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Asked {
+pub enum Instruction {
     /// The session has not begun, or was ended.
     Wait,
     /// Let go.
@@ -62,10 +62,10 @@ pub enum Asked {
 
 /// All that is so right now; the person is shown a part of it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Now {
+pub struct Snapshot {
     /// What the person is shown.
     #[serde(flatten)]
-    pub shown: Shown,
+    pub shown: SubjectView,
     /// Time since the session was started or resumed, s.
     pub t_s: f64,
     /// The phase.
@@ -79,7 +79,7 @@ pub struct Now {
     /// The target, N m.
     pub target_nm: Option<f64>,
     /// The trial under way.
-    pub trial: Option<Under>,
+    pub trial: Option<CurrentTrial>,
     /// Words of the operator that are possible.
     pub possible: Vec<&'static str>,
     /// A pause was asked for and is still to come.
@@ -92,12 +92,12 @@ pub struct Now {
     #[serde(skip)]
     pub measured: Option<Instant>,
     /// The recording that is being played, if it is one.
-    pub tape: Option<Tape>,
+    pub tape: Option<PlaybackState>,
 }
 
 /// A trial under way.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Under {
+pub struct CurrentTrial {
     /// Its number.
     pub number: u32,
     /// For practice.
@@ -112,7 +112,7 @@ pub struct Under {
 
 /// How a recording is played.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Tape {
+pub struct PlaybackState {
     /// So many times as fast as it was.
     pub speed: f64,
     /// It is running.

@@ -20,7 +20,7 @@ const A_MOMENT: Duration = Duration::from_micros(50);
 
 /// One step of the session, with all that a console shows of it.
 #[derive(Debug, Clone, Copy)]
-pub struct Beat {
+pub struct TimedStep {
     /// What was measured, and what happened.
     pub step: Step,
     /// When.
@@ -37,7 +37,7 @@ pub struct Beat {
     pub gate: f64,
 }
 
-impl Beat {
+impl TimedStep {
     /// What a console shows of a step.
     pub fn new(input: &Input, output: &Output, machine: &Machine) -> Self {
         let display = machine.display();
@@ -46,7 +46,7 @@ impl Beat {
             at: Instant::now(),
             phase: output.phase,
             cue: output.command.cue,
-            shown_nm: display.torque_nm - machine.ledger().offset_nm(),
+            shown_nm: display.torque_nm - machine.progress().offset_nm(),
             emg_mvc: [display.fcr_mvc, display.ecr_mvc],
             gate: output.gate_fraction,
         }
@@ -55,9 +55,9 @@ impl Beat {
 
 /// How far the loop is, for everybody to look at.
 #[derive(Debug, Clone, Default)]
-pub struct Place(Arc<AtomicU64>);
+pub struct SampleCounter(Arc<AtomicU64>);
 
-impl Place {
+impl SampleCounter {
     /// Samples since the session was started or resumed.
     pub fn sample(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
@@ -68,15 +68,15 @@ impl Place {
 #[derive(Debug)]
 pub struct Tapped<K> {
     recorder: K,
-    beats: Producer<Beat>,
-    place: Place,
+    beats: Producer<TimedStep>,
+    place: SampleCounter,
     is_patient: bool,
 }
 
 impl<K> Tapped<K> {
     /// Lets steps out on their way to `recorder`. A patient loop has no deadlines, and waits for whoever looks on; any
     /// other leaves out what there is no room for.
-    pub fn new(recorder: K, place: Place, is_patient: bool) -> (Self, Consumer<Beat>) {
+    pub fn new(recorder: K, place: SampleCounter, is_patient: bool) -> (Self, Consumer<TimedStep>) {
         let (beats, seen) = RingBuffer::new(ROOM);
         (Self { recorder, beats, place, is_patient }, seen)
     }
@@ -86,7 +86,7 @@ impl<K> Tapped<K> {
         self.recorder
     }
 
-    fn let_out(&mut self, beat: Beat) {
+    fn let_out(&mut self, beat: TimedStep) {
         let needed = if beat.step.is_told() { 1 } else { KEPT_FREE };
         while self.is_patient && self.beats.slots() < needed && !self.beats.is_abandoned() {
             thread::sleep(A_MOMENT);
@@ -108,7 +108,7 @@ impl<K: Recorder> Recorder for Tapped<K> {
     fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), K::Error> {
         self.recorder.take(input, output, machine)?;
         self.place.0.store(machine.sample(), Ordering::Relaxed);
-        self.let_out(Beat::new(input, output, machine));
+        self.let_out(TimedStep::new(input, output, machine));
         Ok(())
     }
 }

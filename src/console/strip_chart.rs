@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use super::step_feed::Beat;
+use super::step_feed::TimedStep;
 use crate::rig::Cue;
 
 /// Width of a bin, s.
@@ -31,15 +31,15 @@ pub struct Bin {
 
 /// The bins so far; the latest is still growing.
 #[derive(Debug, Default)]
-pub struct Strip {
+pub struct StripChart {
     bins: VecDeque<Bin>,
     /// Number of the first bin that is kept.
     first: u64,
 }
 
-impl Strip {
+impl StripChart {
     /// Takes a measured step in.
-    pub fn take(&mut self, t_s: f64, beat: &Beat) {
+    pub fn take(&mut self, t_s: f64, beat: &TimedStep) {
         let Some(sample) = beat.step.measured else { return };
         let begins_s = (t_s / BIN_S).floor() * BIN_S;
         let target_nm = match beat.cue {

@@ -6,14 +6,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::watch;
 
-use super::fitter::{Fitter, Outcome};
-use super::history::{Entry, Gauges, Story};
-use super::snapshot::{Asked, Now, Shown, Tape, Under};
-use super::step_feed::Beat;
-use super::strip_chart::{Bin, Strip};
-use crate::dataset::{Deed, MemoryRecorder, Remark, Trial};
+use super::fitter::{Fitter, TrialFitOutcome};
+use super::history::{History, LogEntry, SystemStatus};
+use super::snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot, SubjectView};
+use super::step_feed::TimedStep;
+use super::strip_chart::{Bin, StripChart};
+use crate::dataset::{AuditEntry, MemoryRecorder, OperatorAction, Trial};
 use crate::rig::{Cue, Direction};
-use crate::session::{Attempt, Event, Ledger, Phase, Recording, Settings, Status, transitions::Guard};
+use crate::session::{Attempt, Event, Phase, Progress, RecordTarget, Settings, Status, transitions::Guard};
 
 /// A strong effort, in targets: the scale of the display while there is no target.
 const STRONG_EFFORT: f64 = 5.0;
@@ -21,14 +21,14 @@ const STRONG_EFFORT: f64 = 5.0;
 /// Where readers find what the hub made.
 #[derive(Debug, Clone)]
 pub struct Views {
-    now: watch::Receiver<Arc<Now>>,
+    now: watch::Receiver<Arc<Snapshot>>,
     story: watch::Receiver<Arc<str>>,
-    strip: Arc<Mutex<Strip>>,
+    strip: Arc<Mutex<StripChart>>,
 }
 
 impl Views {
     /// The latest picture, and when there is a newer one.
-    pub fn now(&self) -> watch::Receiver<Arc<Now>> {
+    pub fn now(&self) -> watch::Receiver<Arc<Snapshot>> {
         self.now.clone()
     }
 
@@ -45,13 +45,13 @@ impl Views {
 
 /// The hub.
 #[derive(Debug)]
-pub struct Hub {
+pub struct ViewModel {
     settings: Arc<Settings>,
     /// Keeps the trial under way for the fit.
     records: MemoryRecorder,
     fitter: Fitter,
-    fits: BTreeMap<u32, Outcome>,
-    now: Now,
+    fits: BTreeMap<u32, TrialFitOutcome>,
+    now: Snapshot,
     /// Sample at which the phase was entered.
     entered: u64,
     /// Sample of the last step seen.
@@ -60,25 +60,30 @@ pub struct Hub {
     has_gap: bool,
     /// Only what was recorded is drawn: the rest of a replay was made up.
     records_alone: bool,
-    story: Story,
+    story: History,
     story_changed: bool,
     /// Time before the start of the session that is being played, s.
     before_s: f64,
-    strip: Arc<Mutex<Strip>>,
-    now_out: watch::Sender<Arc<Now>>,
+    strip: Arc<Mutex<StripChart>>,
+    now_out: watch::Sender<Arc<Snapshot>>,
     story_out: watch::Sender<Arc<str>>,
 }
 
-impl Hub {
-    /// A session of which `ledger` is already done.
-    pub fn new(settings: Arc<Settings>, ledger: Ledger, fitter: Fitter, tape: Option<Tape>) -> (Self, Views) {
+impl ViewModel {
+    /// A session of which `progress` is already done.
+    pub fn new(
+        settings: Arc<Settings>,
+        progress: Progress,
+        fitter: Fitter,
+        tape: Option<PlaybackState>,
+    ) -> (Self, Views) {
         let now = waiting(tape);
-        let strip = Arc::new(Mutex::new(Strip::default()));
+        let strip = Arc::new(Mutex::new(StripChart::default()));
         let (now_out, now_in) = watch::channel(Arc::new(now.clone()));
         let (story_out, story_in) = watch::channel(Arc::from("null"));
         let views = Views { now: now_in, story: story_in, strip: strip.clone() };
         let mut hub = Self {
-            records: MemoryRecorder::with_ledger(settings.clone(), ledger),
+            records: MemoryRecorder::with_progress(settings.clone(), progress),
             settings,
             fitter,
             fits: BTreeMap::new(),
@@ -87,7 +92,7 @@ impl Hub {
             seen: 0,
             has_gap: false,
             records_alone: tape.is_some(),
-            story: Story::default(),
+            story: History::default(),
             story_changed: true,
             before_s: 0.0,
             strip,
@@ -104,9 +109,9 @@ impl Hub {
         trials.into_iter().for_each(|trial| self.fitter.fit(trial));
     }
 
-    /// The session begins anew, with `ledger` already done: it was resumed, or is looked at from another place.
-    pub fn restart(&mut self, ledger: Ledger, before_s: f64) {
-        self.records = MemoryRecorder::with_ledger(self.settings.clone(), ledger);
+    /// The session begins anew, with `progress` already done: it was resumed, or is looked at from another place.
+    pub fn restart(&mut self, progress: Progress, before_s: f64) {
+        self.records = MemoryRecorder::with_progress(self.settings.clone(), progress);
         let n = self.now.shown.n;
         self.now = waiting(self.now.tape);
         self.now.shown.n = n;
@@ -116,19 +121,19 @@ impl Hub {
     }
 
     /// The recording is looked at from its beginning again: nothing has been told yet.
-    pub fn rewind(&mut self, ledger: Ledger) {
-        self.restart(ledger, 0.0);
-        self.story = Story::default();
+    pub fn rewind(&mut self, progress: Progress) {
+        self.restart(progress, 0.0);
+        self.story = History::default();
         self.strip.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
     /// How the recording is played; whether that is news.
-    pub fn set_tape(&mut self, tape: Tape) -> bool {
+    pub fn set_tape(&mut self, tape: PlaybackState) -> bool {
         self.now.tape.replace(tape) != Some(tape)
     }
 
     /// Takes a step in.
-    pub fn take(&mut self, beat: &Beat) {
+    pub fn take(&mut self, beat: &TimedStep) {
         let step = &beat.step;
         let missed = step.sample.saturating_sub(self.seen + 1);
         self.now.left_out += missed;
@@ -141,7 +146,7 @@ impl Hub {
         self.now.phase = beat.phase;
         self.now.measured = Some(beat.at);
         self.records.keep_step(step);
-        let measures = !self.records_alone || step.recording != Recording::None;
+        let measures = !self.records_alone || step.recording != RecordTarget::None;
         if measures {
             self.strip.lock().unwrap_or_else(PoisonError::into_inner).take(self.now.t_s, beat);
         }
@@ -157,36 +162,36 @@ impl Hub {
             }
         }
         if let Some(word) = step.refused {
-            self.story.tell(self.now.t_s, Entry::refused(word, beat.phase));
+            self.story.tell(self.now.t_s, LogEntry::refused(word, beat.phase));
             self.story_changed = true;
         }
     }
 
     /// What was done at a console.
-    pub fn remark(&mut self, remark: &Remark) {
+    pub fn remark(&mut self, remark: &AuditEntry) {
         let t_s = self.time_s(remark.sample);
-        if matches!(remark.deed, Deed::AskedForPauseAfterTrial | Deed::Missed { .. }) {
+        if matches!(remark.deed, OperatorAction::AskedForPauseAfterTrial | OperatorAction::Missed { .. }) {
             self.now.pause_asked = true;
         }
-        self.story.tell(t_s, Entry::of(remark));
+        self.story.tell(t_s, LogEntry::of(remark));
         self.story_changed = true;
     }
 
     /// Something that the operator must know.
     pub fn alarm(&mut self, text: &str) {
-        self.story.tell(self.now.t_s, Entry::alarm(text));
+        self.story.tell(self.now.t_s, LogEntry::alarm(text));
         self.story_changed = true;
     }
 
     /// How everything fares.
-    pub fn gauge(&mut self, gauges: Gauges) {
+    pub fn gauge(&mut self, gauges: SystemStatus) {
         self.story_changed |= self.story.gauge(gauges);
     }
 
     /// The program is done with the session.
     pub fn over(&mut self, said: &str) {
         self.now.is_over = true;
-        self.story.tell(self.now.t_s, Entry::plain(said));
+        self.story.tell(self.now.t_s, LogEntry::plain(said));
         self.story_changed = true;
     }
 
@@ -196,19 +201,19 @@ impl Hub {
             self.fits.insert(outcome.0, outcome);
             self.story_changed = true;
         }
-        let ledger = self.records.ledger();
+        let progress = self.records.progress();
         let now = &mut self.now;
         now.shown.n += 1;
         now.in_phase_s = (self.seen.saturating_sub(self.entered)) as f64 / self.settings.sample_rate_hz;
         if self.story_changed {
-            let possible = |word: &Event| ledger.line(now.phase, *word).is_some();
+            let possible = |word: &Event| progress.line(now.phase, *word).is_some();
             let words = WORDS.iter().filter(|word| possible(word));
             now.possible =
                 if now.tape.is_some() { Vec::new() } else { words.map(|word| word.name()).collect() };
             now.pause_asked = (now.pause_asked && now.phase.is_armed() && now.phase != Phase::Paused)
-                || ledger.holds(Guard::PauseAsked);
+                || progress.holds(Guard::PauseAsked);
             self.story_changed = false;
-            self.story_out.send_replace(self.story.json(ledger, &self.settings, &self.fits).into());
+            self.story_out.send_replace(self.story.json(progress, &self.settings, &self.fits).into());
         }
         self.now_out.send_replace(Arc::new(now.clone()));
         // A picture that is made again, for want of a new sample, does not tell how old samples are.
@@ -230,7 +235,7 @@ impl Hub {
     }
 
     /// What the person sees, and what the operator sees of it.
-    fn show(&mut self, beat: &Beat, measures: bool) {
+    fn show(&mut self, beat: &TimedStep, measures: bool) {
         let now = &mut self.now;
         if measures {
             now.angle_rad = beat.step.measured.map_or(now.angle_rad, |sample| sample.theta_m_rad);
@@ -240,7 +245,7 @@ impl Hub {
         shown.cue = asked(beat);
         shown.band_fraction = self.settings.gate.band_fraction;
         // While the motor moves, nothing on the display does.
-        if shown.cue != Asked::Moving {
+        if shown.cue != Instruction::Moving {
             shown.gate = beat.gate;
             shown.emg_mvc = if measures { beat.emg_mvc } else { [0.0; 2] };
             now.target_nm = None;
@@ -272,17 +277,17 @@ impl Hub {
 
     /// How many trials are done, and which is under way.
     fn count(&mut self) {
-        let ledger = self.records.ledger();
+        let progress = self.records.progress();
         let now = &mut self.now;
-        let (last, shown) = (ledger.attempts().last(), &mut now.shown);
+        let (last, shown) = (progress.attempts().last(), &mut now.shown);
         let measured = |attempt: &&Attempt| !attempt.planned.key.practice;
-        let ended = ledger.attempts().iter().filter(measured).filter_map(|attempt| attempt.ended);
+        let ended = progress.attempts().iter().filter(measured).filter_map(|attempt| attempt.ended);
         shown.done = ended.filter(|(status, _)| *status == Status::Ok).count();
-        let under_way = ledger.current().iter().filter(|attempt| measured(attempt)).count();
-        let left = ledger.queue().filter(|planned| !planned.key.practice).count();
+        let under_way = progress.current().iter().filter(|attempt| measured(attempt)).count();
+        let left = progress.queue().filter(|planned| !planned.key.practice).count();
         shown.total = shown.done + under_way + left;
         shown.last_counts = last.and_then(|attempt| attempt.ended).map(|(status, _)| status == Status::Ok);
-        now.trial = last.map(|attempt| Under {
+        now.trial = last.map(|attempt| CurrentTrial {
             number: attempt.number,
             practice: attempt.planned.key.practice,
             velocity_rad_s: attempt.planned.velocity_rad_s,
@@ -296,17 +301,17 @@ impl Hub {
 const WORDS: [Event; 7] =
     [Event::Start, Event::Pause, Event::Resume, Event::Skip, Event::Repeat, Event::Abort, Event::Rearm];
 
-fn asked(beat: &Beat) -> Asked {
+fn asked(beat: &TimedStep) -> Instruction {
     match (beat.phase, beat.cue) {
-        (Phase::Finished, _) => Asked::Done,
-        (Phase::Ready | Phase::Aborted, _) => Asked::Wait,
-        (Phase::Paused | Phase::Faulted | Phase::Homing, _) => Asked::Pause,
-        (Phase::Delay, _) => Asked::Stay,
-        (_, Cue::Relax) => Asked::Relax,
-        (_, Cue::Effort(_)) => Asked::Effort,
-        (_, Cue::Target { .. }) => Asked::Target,
-        (_, Cue::Moving) => Asked::Moving,
-        (_, Cue::Rest) => Asked::Rest,
+        (Phase::Finished, _) => Instruction::Done,
+        (Phase::Ready | Phase::Aborted, _) => Instruction::Wait,
+        (Phase::Paused | Phase::Faulted | Phase::Homing, _) => Instruction::Pause,
+        (Phase::Delay, _) => Instruction::Stay,
+        (_, Cue::Relax) => Instruction::Relax,
+        (_, Cue::Effort(_)) => Instruction::Effort,
+        (_, Cue::Target { .. }) => Instruction::Target,
+        (_, Cue::Moving) => Instruction::Moving,
+        (_, Cue::Rest) => Instruction::Rest,
     }
 }
 
@@ -315,11 +320,11 @@ fn direction(torque_nm: f64) -> Direction {
 }
 
 /// Before the first step.
-pub(super) fn waiting(tape: Option<Tape>) -> Now {
-    Now {
-        shown: Shown {
+pub(super) fn waiting(tape: Option<PlaybackState>) -> Snapshot {
+    Snapshot {
+        shown: SubjectView {
             n: 0,
-            cue: Asked::Wait,
+            cue: Instruction::Wait,
             direction: None,
             level: 0.0,
             band_fraction: 0.0,

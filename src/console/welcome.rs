@@ -2,14 +2,14 @@
 
 use serde_json::{Value, json};
 
-use super::snapshot::Tape;
+use super::snapshot::PlaybackState;
 use crate::dataset::Wrist;
 use crate::session::transitions::TRANSITIONS;
 use crate::session::{Phase, Settings};
 
 /// What there is to know of a session.
 #[derive(Debug, Clone)]
-pub struct About {
+pub struct SessionInfo {
     /// Name of the protocol.
     pub protocol: String,
     /// Who is measured.
@@ -21,7 +21,12 @@ pub struct About {
 }
 
 /// The first message for the operator and for the person.
-pub fn hello(about: &About, settings: &Settings, wrist: Wrist, tape: Option<Tape>) -> [Value; 2] {
+pub fn hello(
+    about: &SessionInfo,
+    settings: &Settings,
+    wrist: Wrist,
+    tape: Option<PlaybackState>,
+) -> [Value; 2] {
     let person = json!({
         "kind": "hello",
         "wrist": wrist,

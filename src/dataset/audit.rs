@@ -11,7 +11,7 @@ pub const LONGEST_NOTE: usize = 1000;
 /// Something done at a console.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Deed {
+pub enum OperatorAction {
     /// The console was opened.
     Opened {
         /// The wrist in the handle, as the person's display mirrors it.
@@ -46,7 +46,7 @@ pub enum Deed {
 /// Where something was done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Desk {
+pub enum ActionOrigin {
     /// The operator's page in a browser.
     Page,
     /// The terminal.
@@ -68,11 +68,11 @@ pub enum Wrist {
 
 /// A deed with its place in the session.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Remark {
+pub struct AuditEntry {
     /// Samples since the session was started or resumed.
     pub sample: u64,
     /// Where it was done.
-    pub desk: Desk,
+    pub desk: ActionOrigin,
     /// What.
-    pub deed: Deed,
+    pub deed: OperatorAction,
 }

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
-use super::audit::Remark;
+use super::audit::AuditEntry;
 use super::recorder::{RecordError, Recorder, Step};
 use crate::session::{Input, Machine, Output, Recorder as KeepsSession};
 
@@ -29,7 +29,7 @@ pub struct BackgroundRecorder {
     told: u64,
     /// The loop has time: it waits for the disk rather than fail.
     is_patient: bool,
-    remarks: Remarks,
+    remarks: AuditSender,
     shared: Arc<Shared>,
 }
 
@@ -45,11 +45,11 @@ struct Shared {
 
 /// Where others than the loop hand in what was done at a console.
 #[derive(Debug, Clone)]
-pub struct Remarks(mpsc::Sender<Remark>);
+pub struct AuditSender(mpsc::Sender<AuditEntry>);
 
-impl Remarks {
+impl AuditSender {
     /// Has it written into the journal; whether anybody still writes one.
-    pub fn send(&self, remark: Remark) -> bool {
+    pub fn send(&self, remark: AuditEntry) -> bool {
         self.0.send(remark).is_ok()
     }
 }
@@ -68,7 +68,7 @@ impl BackgroundRecorder {
                 write(recorder, steps, &remarked, &shared)
             }
         });
-        Self { ring, thread: Some(thread), told: 0, is_patient: false, remarks: Remarks(remarks), shared }
+        Self { ring, thread: Some(thread), told: 0, is_patient: false, remarks: AuditSender(remarks), shared }
     }
 
     /// The same for a loop without deadlines: it waits until what happened is on disk, as with the recorder itself.
@@ -79,7 +79,7 @@ impl BackgroundRecorder {
     }
 
     /// Where others than the loop hand in what was done at a console.
-    pub fn remarks(&self) -> Remarks {
+    pub fn remarks(&self) -> AuditSender {
         self.remarks.clone()
     }
 
@@ -129,7 +129,7 @@ impl Drop for FailedUnlessOver<'_> {
 fn write(
     mut recorder: Recorder,
     mut steps: Consumer<Step>,
-    remarks: &mpsc::Receiver<Remark>,
+    remarks: &mpsc::Receiver<AuditEntry>,
     shared: &Shared,
 ) -> Result<(), RecordError> {
     loop {

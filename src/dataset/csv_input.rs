@@ -9,12 +9,12 @@ use super::error::{DatasetError, Place};
 
 /// A session folder that is being read; no file outside it is ever opened.
 #[derive(Debug, Clone)]
-pub(super) struct Folder {
+pub(super) struct SessionFolder {
     shown: PathBuf,
     real: PathBuf,
 }
 
-impl Folder {
+impl SessionFolder {
     /// Finds the folder, following links, so that what lies in it can be told from what does not.
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
         let at = || Place::file(path.display().to_string());
@@ -104,7 +104,7 @@ fn stays_inside(file: &str) -> bool {
 }
 
 /// A table with a header line, read row by row.
-pub(super) struct Table<'text> {
+pub(super) struct CsvTable<'text> {
     file: String,
     reader: csv::Reader<&'text [u8]>,
     header: Vec<String>,
@@ -112,7 +112,7 @@ pub(super) struct Table<'text> {
     row: csv::ByteRecord,
 }
 
-impl<'text> Table<'text> {
+impl<'text> CsvTable<'text> {
     /// Reads the header of `text`; `file` is its name for messages.
     pub fn new(file: String, text: &'text str, expected: &str) -> Result<Self, DatasetError> {
         if text.trim().is_empty() {

@@ -7,13 +7,13 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::disk::Disk;
-use super::journal::{JOURNAL_FORMAT, Journal, Record};
-use super::recorder::{Begun, RecordError, Recorder};
+use super::journal::{JOURNAL_FORMAT, Journal, JournalEntry};
+use super::recorder::{RecordError, RecordNames, Recorder};
 use super::{FORMAT, Subject};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
 use crate::session::rules::RULES;
-use crate::session::{Ledger, Settings};
+use crate::session::{Progress, Settings};
 use crate::wrist::Lever;
 
 /// What is known of a session before it begins.
@@ -76,8 +76,8 @@ impl NewSession<'_> {
             }
             _ => RecordError::at(path)(error),
         })?;
-        let ledger = Ledger::new(&settings);
-        Ok(Recorder::new(path, disk, journal, settings, (ledger, Begun::default())))
+        let progress = Progress::new(&settings);
+        Ok(Recorder::new(path, disk, journal, settings, (progress, RecordNames::default())))
     }
 
     fn prepare(&self, path: &Path, disk: &Disk) -> Result<Journal, RecordError> {
@@ -130,8 +130,8 @@ impl NewSession<'_> {
         }
     }
 
-    fn first_record(&self) -> Record {
-        Record::Session {
+    fn first_record(&self) -> JournalEntry {
+        JournalEntry::Session {
             format: JOURNAL_FORMAT.to_owned(),
             program: PROGRAM.to_owned(),
             seed: self.seed,

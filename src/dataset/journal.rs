@@ -12,11 +12,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::audit::Remark;
+use super::audit::AuditEntry;
 use super::disk::Disk;
-use crate::session::{Event, Happening};
+use crate::session::{Event, TransitionRecord};
 
-pub use read::{Damage, JournalText, Placed};
+pub use read::{Damage, JournalLine, JournalText};
 
 /// Name of the journal in a session folder.
 pub const JOURNAL: &str = "journal.log";
@@ -27,7 +27,7 @@ pub const JOURNAL_FORMAT: &str = "ramphold-journal/1";
 /// One line of the journal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "record", rename_all = "snake_case")]
-pub enum Record {
+pub enum JournalEntry {
     /// The first line.
     Session {
         /// Format and version.
@@ -46,7 +46,7 @@ pub enum Record {
         motion_delay_samples: u64,
     },
     /// A step of the state machine that changed something.
-    Happened(Happening),
+    Happened(TransitionRecord),
     /// The operator said something that was not possible.
     Refused {
         /// Samples since the session was started or resumed.
@@ -55,7 +55,7 @@ pub enum Record {
         word: Event,
     },
     /// Somebody did something at a console.
-    Console(Remark),
+    Console(AuditEntry),
     /// The program had ended in the middle of the session and was started again; samples are counted anew.
     Resumed {
         /// The trial that was under way then, if there was one: it is aborted.
@@ -115,7 +115,7 @@ impl Journal {
     }
 
     /// Adds a record; it is on the disk when this returns.
-    pub fn append(&mut self, disk: &Disk, record: &Record) -> io::Result<()> {
+    pub fn append(&mut self, disk: &Disk, record: &JournalEntry) -> io::Result<()> {
         self.line.clear();
         self.line.resize(HEAD, b' ');
         serde_json::to_writer(&mut self.line, record)?;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::csv_input::{Folder, Table};
+use super::csv_input::{CsvTable, SessionFolder};
 use super::error::{DatasetError, Place};
 use super::{FORMAT, Record, Session, Status, Subject, Trial, trial_csv_reader};
 use crate::signal::FilterSpec;
@@ -25,7 +25,7 @@ const AROUND_ONSET_S: f64 = 0.040;
 /// The first thing wrong, in the order session.json, trials.csv, records; it names file, line, column and what was
 /// expected. No file is changed, none outside the folder is opened.
 pub fn load(folder: &Path) -> Result<Session, DatasetError> {
-    let folder = Folder::open(folder)?;
+    let folder = SessionFolder::open(folder)?;
     let about = read_description(&folder)?;
     let rows = read_table(&folder)?;
     // Every record is read before the first error is chosen, so that the message does not depend on threads.
@@ -62,7 +62,7 @@ struct RigDescription {
     lever: Option<Lever>,
 }
 
-fn read_description(folder: &Folder) -> Result<Description, DatasetError> {
+fn read_description(folder: &SessionFolder) -> Result<Description, DatasetError> {
     let name = folder.name("session.json");
     let text = folder.text("session.json", None)?;
     if text.trim().is_empty() {
@@ -136,10 +136,10 @@ struct Row {
     onset_at: Place,
 }
 
-fn read_table(folder: &Folder) -> Result<Vec<Row>, DatasetError> {
+fn read_table(folder: &SessionFolder) -> Result<Vec<Row>, DatasetError> {
     let text = folder.text("trials.csv", None)?;
     let header = "a header trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status and a row a trial";
-    let mut table = Table::new(folder.name("trials.csv"), &text, header)?;
+    let mut table = CsvTable::new(folder.name("trials.csv"), &text, header)?;
     let number = table.column("trial")?;
     let file = table.column("file")?;
     let velocity = table.column("velocity_rad_s")?;
@@ -202,7 +202,7 @@ fn read_table(folder: &Folder) -> Result<Vec<Row>, DatasetError> {
 }
 
 impl Row {
-    fn with_record(mut self, folder: &Folder, sample_rate_hz: f64) -> Result<Trial, DatasetError> {
+    fn with_record(mut self, folder: &SessionFolder, sample_rate_hz: f64) -> Result<Trial, DatasetError> {
         if self.trial.file.is_empty() {
             return Ok(self.trial);
         }

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::csv_input::Folder;
+use super::csv_input::SessionFolder;
 use super::disk::Disk;
 use super::error::{DatasetError, Place};
 use super::folder::{Description, PROGRAM, pretty, sha256};
@@ -39,12 +39,12 @@ pub struct Manifest {
     /// SHA-256 of `rig.json`.
     pub rig_sha256: Option<String>,
     /// Every file but this one, by its path with `/`.
-    pub files: BTreeMap<String, Kept>,
+    pub files: BTreeMap<String, ManifestEntry>,
 }
 
 /// A file as it was.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Kept {
+pub struct ManifestEntry {
     /// Length.
     pub bytes: u64,
     /// SHA-256 in hexadecimal digits.
@@ -68,7 +68,7 @@ impl Manifest {
     /// # Errors
     /// If a file cannot be read, or this is no session that the program ran.
     pub fn take(folder: &Path, is_virtual: bool) -> Result<Self, DatasetError> {
-        let opened = Folder::open(folder)?;
+        let opened = SessionFolder::open(folder)?;
         let about: Description =
             parse_json(&opened.name("session.json"), &opened.text("session.json", None)?)?;
         let files = stock(folder)?;
@@ -95,7 +95,7 @@ impl Manifest {
     /// # Errors
     /// If there is none, or it is none of ours.
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
-        let opened = Folder::open(folder)?;
+        let opened = SessionFolder::open(folder)?;
         let name = opened.name(MANIFEST);
         if !folder.join(MANIFEST).exists() {
             // Of a folder that is no session, nothing could be brought to its end.
@@ -185,7 +185,7 @@ impl Change {
 }
 
 /// Every file in a folder but the manifest.
-fn stock(folder: &Path) -> Result<BTreeMap<String, Kept>, DatasetError> {
+fn stock(folder: &Path) -> Result<BTreeMap<String, ManifestEntry>, DatasetError> {
     let mut files = BTreeMap::new();
     let mut folders = vec![String::new()];
     while let Some(inside) = folders.pop() {
@@ -205,12 +205,12 @@ fn stock(folder: &Path) -> Result<BTreeMap<String, Kept>, DatasetError> {
     Ok(files)
 }
 
-fn kept(path: &Path, name: &str) -> Result<Kept, DatasetError> {
+fn kept(path: &Path, name: &str) -> Result<ManifestEntry, DatasetError> {
     let bytes = match fs::metadata(path) {
         Ok(about) if about.is_file() => fs::read(path),
         Ok(_) => Err(io::Error::new(ErrorKind::InvalidInput, "not an ordinary file")),
         Err(error) => Err(error),
     };
     let bytes = bytes.map_err(|source| DatasetError::Unreadable { at: Place::file(name), source })?;
-    Ok(Kept { bytes: bytes.len() as u64, sha256: sha256(&bytes) })
+    Ok(ManifestEntry { bytes: bytes.len() as u64, sha256: sha256(&bytes) })
 }

@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use super::recorder::Step;
 use super::tables::{self, amplitude_rad, rest_s};
-use super::trial_csv_writer::Rows;
+use super::trial_csv_writer::TrialCsvWriter;
 use super::{Record, Session, Subject, Trial};
 use crate::rig::Sample;
-use crate::session::{Attempt, Input, Ledger, Machine, Output, Recorder, Recording, Settings};
+use crate::session::{Attempt, Input, Machine, Output, Progress, RecordTarget, Recorder, Settings};
 use crate::wrist::Lever;
 
 /// Keeps the records of the trials while a session runs.
@@ -18,7 +18,7 @@ use crate::wrist::Lever;
 #[derive(Debug)]
 pub struct MemoryRecorder {
     settings: Arc<Settings>,
-    ledger: Ledger,
+    progress: Progress,
     records: Vec<Option<Record>>,
     open: bool,
 }
@@ -26,32 +26,38 @@ pub struct MemoryRecorder {
 impl MemoryRecorder {
     /// Nothing is recorded yet.
     pub fn new(settings: Arc<Settings>) -> Self {
-        let ledger = Ledger::new(&settings);
-        Self::with_ledger(settings, ledger)
+        let progress = Progress::new(&settings);
+        Self::with_progress(settings, progress)
     }
 
-    /// Nothing is recorded yet of a session of which `ledger` is already done.
-    pub fn with_ledger(settings: Arc<Settings>, ledger: Ledger) -> Self {
-        Self { ledger, settings, records: Vec::new(), open: false }
+    /// Nothing is recorded yet of a session of which `progress` is already done.
+    pub fn with_progress(settings: Arc<Settings>, progress: Progress) -> Self {
+        Self { progress, settings, records: Vec::new(), open: false }
     }
 
     /// What happened so far.
-    pub fn ledger(&self) -> &Ledger {
-        &self.ledger
+    pub fn progress(&self) -> &Progress {
+        &self.progress
     }
 
     /// The last trial with its record, which is given away; `None` while it is under way, and for practice.
     pub fn take_last_trial(&mut self) -> Option<Trial> {
-        let attempt = self.ledger.attempts().last()?;
-        let record = self.records.get_mut(self.ledger.attempts().len() - 1)?.take()?;
-        trial(attempt, record, &self.ledger, &self.settings, &Rows::new(self.settings.sample_rate_hz))
+        let attempt = self.progress.attempts().last()?;
+        let record = self.records.get_mut(self.progress.attempts().len() - 1)?.take()?;
+        trial(
+            attempt,
+            record,
+            &self.progress,
+            &self.settings,
+            &TrialCsvWriter::new(self.settings.sample_rate_hz),
+        )
     }
 
     /// The session as [`super::load`] would give it.
     pub fn session(self, subject: &str, lever: Option<Lever>) -> Session {
-        let (ledger, settings) = (&self.ledger, &self.settings);
-        let rows = Rows::new(settings.sample_rate_hz);
-        let trials = ledger.attempts().iter().zip(self.records);
+        let (progress, settings) = (&self.progress, &self.settings);
+        let rows = TrialCsvWriter::new(settings.sample_rate_hz);
+        let trials = progress.attempts().iter().zip(self.records);
         Session {
             subject: Subject { id: subject.to_owned() },
             sample_rate_hz: settings.sample_rate_hz,
@@ -60,7 +66,7 @@ impl MemoryRecorder {
             trials: trials
                 .filter(|(attempt, _)| !attempt.planned.key.practice)
                 .filter_map(|(attempt, record)| {
-                    trial(attempt, record.unwrap_or_default(), ledger, settings, &rows)
+                    trial(attempt, record.unwrap_or_default(), progress, settings, &rows)
                 })
                 .collect(),
         }
@@ -69,14 +75,14 @@ impl MemoryRecorder {
     /// Keeps a step.
     pub fn keep_step(&mut self, step: &Step) {
         if let Some(happening) = &step.happened {
-            self.ledger.apply(happening);
+            self.progress.apply(happening);
         }
-        let goes_on = self.open && step.recording == Recording::Trial;
+        let goes_on = self.open && step.recording == RecordTarget::Trial;
         if let (true, Some(sample)) = (self.open, &step.measured) {
             // The sample that ended a record belongs to it, as in a folder.
             self.keep(sample);
         }
-        self.open = step.recording == Recording::Trial;
+        self.open = step.recording == RecordTarget::Trial;
         if self.open && !goes_on {
             self.begin();
             if let Some(sample) = &step.measured {
@@ -86,8 +92,8 @@ impl MemoryRecorder {
     }
 
     fn begin(&mut self) {
-        self.records.resize_with(self.ledger.attempts().len(), || None);
-        if let (Some(last), Some(attempt)) = (self.records.last_mut(), self.ledger.current()) {
+        self.records.resize_with(self.progress.attempts().len(), || None);
+        if let (Some(last), Some(attempt)) = (self.records.last_mut(), self.progress.current()) {
             // Practice is recorded too, but nobody analyses it.
             let empty = || Record {
                 emg_fcr_mvc: Some(Vec::new()),
@@ -116,9 +122,9 @@ impl MemoryRecorder {
 fn trial(
     attempt: &Attempt,
     record: Record,
-    ledger: &Ledger,
+    progress: &Progress,
     settings: &Settings,
-    rows: &Rows,
+    rows: &TrialCsvWriter,
 ) -> Option<Trial> {
     let (status, reason) = attempt.ended?;
     let planned = &attempt.planned;
@@ -127,7 +133,7 @@ fn trial(
         ("position", planned.key.position.to_string()),
         ("amplitude_rad", amplitude_rad(planned).to_string()),
         ("rest_s", rest_s(attempt, settings).to_string()),
-        ("torque_offset_nm", ledger.offset_nm().to_string()),
+        ("torque_offset_nm", progress.offset_nm().to_string()),
     ];
     Some(Trial {
         number: attempt.number,

@@ -21,12 +21,12 @@ mod trial_csv_writer;
 use std::collections::BTreeMap;
 
 pub use crate::session::Status;
-pub use audit::{Deed, Desk, LONGEST_NOTE, Remark, Wrist};
-pub use background_recorder::{BackgroundRecorder, Remarks};
+pub use audit::{ActionOrigin, AuditEntry, LONGEST_NOTE, OperatorAction, Wrist};
+pub use background_recorder::{AuditSender, BackgroundRecorder};
 pub use disk::Disk;
 pub use error::{DatasetError, Place};
 pub use folder::{NewSession, PROGRAM};
-pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalText, Placed, Record as JournalRecord};
+pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalLine, JournalText};
 pub use load::load;
 pub use manifest::{Change, MANIFEST, Manifest};
 pub use memory_recorder::MemoryRecorder;

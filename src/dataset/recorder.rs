@@ -6,16 +6,16 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::audit::Remark;
+use super::audit::AuditEntry;
 use super::disk::Disk;
-use super::journal::{Interrupted, Journal, Record};
+use super::journal::{Interrupted, Journal, JournalEntry};
 use super::tables;
-use super::trial_csv_writer::{HEADER, Rows};
+use super::trial_csv_writer::{HEADER, TrialCsvWriter};
 use crate::protocol::TooShort;
 use crate::rig::Sample;
 use crate::session::{
-    Detail, Event, Happening, Input, Ledger, Machine, Output, Phase, Reading, Recorder as KeepsSession,
-    Recording, Settings,
+    Event, Input, Machine, Output, Phase, Progress, Reading, RecordTarget, Recorder as KeepsSession,
+    Settings, TransitionDetail, TransitionRecord,
 };
 
 /// So many bytes of rows are collected before they are handed to the operating system.
@@ -78,12 +78,12 @@ pub struct Recorder {
     folder: PathBuf,
     disk: Disk,
     journal: Journal,
-    rows: Rows,
+    rows: TrialCsvWriter,
     settings: Arc<Settings>,
     /// What happened so far; the same as the session's own.
-    ledger: Ledger,
+    progress: Progress,
     /// How many records were begun under a name.
-    begun: Begun,
+    begun: RecordNames,
     open: Option<OpenRecord>,
 }
 
@@ -95,9 +95,9 @@ pub struct Step {
     /// What the rig measured.
     pub measured: Option<Sample>,
     /// To which record it belongs.
-    pub recording: Recording,
+    pub recording: RecordTarget,
     /// What happened.
-    pub happened: Option<Happening>,
+    pub happened: Option<TransitionRecord>,
     /// The operator's word that was not possible.
     pub refused: Option<Event>,
 }
@@ -107,7 +107,7 @@ impl Step {
     pub fn new(input: &Input, output: &Output, machine: &Machine) -> Self {
         let measured = match (&input.reading, output.happened) {
             // A sample that broke a limit may be no number; the journal tells what it was.
-            (_, Some(Happening { event: Event::Fault, .. })) => None,
+            (_, Some(TransitionRecord { event: Event::Fault, .. })) => None,
             (Reading::Sample(sample), _) => Some(*sample),
             _ => None,
         };
@@ -117,7 +117,7 @@ impl Step {
 
     /// Whether there is anything in it to keep.
     pub fn is_kept(&self) -> bool {
-        self.recording != Recording::None || self.happened.is_some() || self.refused.is_some()
+        self.recording != RecordTarget::None || self.happened.is_some() || self.refused.is_some()
     }
 
     /// Whether the journal tells of it.
@@ -129,7 +129,7 @@ impl Step {
 /// A record that is being written.
 #[derive(Debug)]
 struct OpenRecord {
-    recording: Recording,
+    recording: RecordTarget,
     /// Path in the session folder that it gets when it is complete.
     file: String,
     handle: File,
@@ -144,15 +144,15 @@ impl Recorder {
         disk: Disk,
         journal: Journal,
         settings: Arc<Settings>,
-        (ledger, begun): (Ledger, Begun),
+        (progress, begun): (Progress, RecordNames),
     ) -> Self {
-        let rows = Rows::new(settings.sample_rate_hz);
-        Self { folder: folder.to_owned(), disk, journal, rows, settings, ledger, begun, open: None }
+        let rows = TrialCsvWriter::new(settings.sample_rate_hz);
+        Self { folder: folder.to_owned(), disk, journal, rows, settings, progress, begun, open: None }
     }
 
     /// The session goes on after the program had ended.
     pub(super) fn resume(&mut self, interrupted: Option<Interrupted>) -> Result<(), RecordError> {
-        self.append(&Record::Resumed { interrupted })?;
+        self.append(&JournalEntry::Resumed { interrupted })?;
         self.write_tables()
     }
 
@@ -162,16 +162,16 @@ impl Recorder {
     }
 
     /// Keeps what was done at a console. When this returns it is on disk.
-    pub fn keep_remark(&mut self, remark: Remark) -> Result<(), RecordError> {
-        self.append(&Record::Console(remark))
+    pub fn keep_remark(&mut self, remark: AuditEntry) -> Result<(), RecordError> {
+        self.append(&JournalEntry::Console(remark))
     }
 
-    fn append(&mut self, record: &Record) -> Result<(), RecordError> {
+    fn append(&mut self, record: &JournalEntry) -> Result<(), RecordError> {
         self.journal.append(&self.disk, record).map_err(RecordError::at(&self.folder.join(super::JOURNAL)))
     }
 
-    fn begin(&mut self, recording: Recording) -> Result<(), RecordError> {
-        let Some(file) = self.begun.name(recording, &self.ledger) else { return Ok(()) };
+    fn begin(&mut self, recording: RecordTarget) -> Result<(), RecordError> {
+        let Some(file) = self.begun.name(recording, &self.progress) else { return Ok(()) };
         let path = self.folder.join(&file).with_added_extension("part");
         let handle = self.disk.create(&path).map_err(RecordError::at(&path))?;
         let mut buffer = Vec::with_capacity(2 * CHUNK);
@@ -210,7 +210,7 @@ impl Recorder {
     }
 
     pub(super) fn write_tables(&self) -> Result<(), RecordError> {
-        for (name, bytes) in tables::of_session(&self.ledger, &self.settings, &self.rows) {
+        for (name, bytes) in tables::of_session(&self.progress, &self.settings, &self.rows) {
             let path = self.folder.join(name);
             self.disk.write(&path, &bytes).map_err(RecordError::at(&path))?;
         }
@@ -222,17 +222,17 @@ impl Recorder {
     /// Keeps a step. When this returns it is on disk.
     pub fn keep_step(&mut self, step: &Step) -> Result<(), RecordError> {
         if let Some(happening) = &step.happened {
-            self.ledger.apply(happening);
+            self.progress.apply(happening);
         }
-        let open = self.open.as_ref().map_or(Recording::None, |open| open.recording);
-        if open != Recording::None && open != step.recording {
+        let open = self.open.as_ref().map_or(RecordTarget::None, |open| open.recording);
+        if open != RecordTarget::None && open != step.recording {
             // The sample that ended a record belongs to it: without it, nobody could tell why it ended.
             if let Some(sample) = &step.measured {
                 self.keep(sample)?;
             }
             self.finish()?;
         }
-        let goes_on = open != Recording::None && open == step.recording;
+        let goes_on = open != RecordTarget::None && open == step.recording;
         if let (true, Some(sample)) = (goes_on, &step.measured) {
             self.keep(sample)?;
         }
@@ -241,12 +241,12 @@ impl Recorder {
             self.flush()?;
         }
         if let Some(happening) = step.happened {
-            self.append(&Record::Happened(happening))?;
+            self.append(&JournalEntry::Happened(happening))?;
         }
         if let Some(word) = step.refused {
-            self.append(&Record::Refused { sample: step.sample, word })?;
+            self.append(&JournalEntry::Refused { sample: step.sample, word })?;
         }
-        if step.recording != Recording::None && !goes_on {
+        if step.recording != RecordTarget::None && !goes_on {
             self.begin(step.recording)?;
             if let Some(sample) = &step.measured {
                 self.keep(sample)?;
@@ -270,16 +270,16 @@ impl KeepsSession for Recorder {
 /// How often a record was begun under each name. Of a measurement that was broken off there is more than one record, and
 /// none is written over.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Begun(BTreeMap<String, u32>);
+pub(super) struct RecordNames(BTreeMap<String, u32>);
 
-impl Begun {
+impl RecordNames {
     /// The name of the next record, if there is to be one.
-    pub fn name(&mut self, recording: Recording, ledger: &Ledger) -> Option<String> {
+    pub fn name(&mut self, recording: RecordTarget, progress: &Progress) -> Option<String> {
         let stem = match recording {
-            Recording::None => return None,
-            Recording::Offset => "before/offset".to_owned(),
-            Recording::Effort(number) => format!("before/effort-{number}"),
-            Recording::Trial => return ledger.current().map(tables::trial_file),
+            RecordTarget::None => return None,
+            RecordTarget::Offset => "before/offset".to_owned(),
+            RecordTarget::Effort(number) => format!("before/effort-{number}"),
+            RecordTarget::Trial => return progress.current().map(tables::trial_file),
         };
         let times = self.0.entry(stem.clone()).or_default();
         *times += 1;
@@ -287,9 +287,10 @@ impl Begun {
     }
 }
 
-fn alters_tables(happening: &Happening) -> bool {
+fn alters_tables(happening: &TransitionRecord) -> bool {
     let detail = happening.detail.as_ref();
-    happening.to != Phase::Hold && detail.is_some_and(|detail| !matches!(detail, Detail::Onset { .. }))
+    happening.to != Phase::Hold
+        && detail.is_some_and(|detail| !matches!(detail, TransitionDetail::Onset { .. }))
 }
 
 #[cfg(test)]

@@ -5,20 +5,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::FORMAT;
-use super::audit::Remark;
-use super::csv_input::Folder;
+use super::audit::AuditEntry;
+use super::csv_input::SessionFolder;
 use super::error::{DatasetError, Place};
 use super::folder::{Description, sha256};
-use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalText, Record};
+use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalText};
 use super::load::parse_json;
-use super::recorder::Begun;
+use super::recorder::RecordNames;
 use crate::protocol::ValidProtocol;
 use crate::schedule;
-use crate::session::{Ledger, Phase, Recording, Settings};
+use crate::session::{Phase, Progress, RecordTarget, Settings};
 
 /// A session that was run, as its folder tells it.
 #[derive(Debug)]
-pub(super) struct Story {
+pub(super) struct RecoveredSession {
     pub path: PathBuf,
     pub subject: String,
     pub settings: Arc<Settings>,
@@ -29,10 +29,10 @@ pub(super) struct Story {
     pub rules: u32,
 }
 
-impl Story {
+impl RecoveredSession {
     /// Reads description, protocol, order and journal.
     pub fn read(path: &Path) -> Result<Self, DatasetError> {
-        let folder = Folder::open(path)?;
+        let folder = SessionFolder::open(path)?;
         let text = folder.text("session.json", None)?;
         let at = || Place::file(folder.name(JOURNAL));
         let bytes = fs::read(path.join(JOURNAL)).map_err(|source| match source.kind() {
@@ -42,8 +42,14 @@ impl Story {
             _ => DatasetError::Unreadable { at: at(), source },
         })?;
         let journal = JournalText::parse(&bytes);
-        let Some(Record::Session { format, program, seed, protocol_sha256, rules, motion_delay_samples }) =
-            journal.records.first().map(|placed| &placed.record)
+        let Some(JournalEntry::Session {
+            format,
+            program,
+            seed,
+            protocol_sha256,
+            rules,
+            motion_delay_samples,
+        }) = journal.records.first().map(|placed| &placed.record)
         else {
             let problem = "its first record is not there or not readable".to_owned();
             return Err(DatasetError::NoJournal { at: at(), problem });
@@ -98,14 +104,14 @@ impl Story {
 ///
 /// # Errors
 /// If the folder cannot be read.
-pub fn remarks(folder: &Path) -> Result<Vec<(usize, Remark)>, DatasetError> {
-    let story = Story::read(folder)?;
+pub fn remarks(folder: &Path) -> Result<Vec<(usize, AuditEntry)>, DatasetError> {
+    let story = RecoveredSession::read(folder)?;
     let mut start = 1;
     let mut found = Vec::new();
     for placed in story.journal.records {
         match placed.record {
-            Record::Resumed { .. } => start += 1,
-            Record::Console(remark) => found.push((start, remark)),
+            JournalEntry::Resumed { .. } => start += 1,
+            JournalEntry::Console(remark) => found.push((start, remark)),
             _ => {}
         }
     }
@@ -113,7 +119,7 @@ pub fn remarks(folder: &Path) -> Result<Vec<(usize, Remark)>, DatasetError> {
 }
 
 /// The order that was drawn when the session began.
-fn order(folder: &Folder) -> Result<Vec<schedule::Planned>, DatasetError> {
+fn order(folder: &SessionFolder) -> Result<Vec<schedule::Planned>, DatasetError> {
     let text = folder.text("schedule.csv", None)?;
     let rows = csv::Reader::from_reader(text.as_bytes()).into_deserialize();
     rows.map(|row| {
@@ -132,37 +138,42 @@ fn order(folder: &Folder) -> Result<Vec<schedule::Planned>, DatasetError> {
 
 /// Where a session stands after some of its journal.
 #[derive(Debug, Clone)]
-pub(super) struct Standing {
-    pub ledger: Ledger,
-    pub begun: Begun,
+pub(super) struct RecoveredState {
+    pub progress: Progress,
+    pub begun: RecordNames,
     pub phase: Phase,
     /// The record that was being written.
     pub open: Option<String>,
 }
 
-impl Standing {
+impl RecoveredState {
     /// Before anything happened.
     pub fn new(settings: &Settings) -> Self {
-        Self { ledger: Ledger::new(settings), begun: Begun::default(), phase: Phase::Ready, open: None }
+        Self {
+            progress: Progress::new(settings),
+            begun: RecordNames::default(),
+            phase: Phase::Ready,
+            open: None,
+        }
     }
 
     /// After one more record of the journal.
-    pub fn take(&mut self, record: &Record) {
+    pub fn take(&mut self, record: &JournalEntry) {
         match record {
-            Record::Session { .. } | Record::Refused { .. } | Record::Console(_) => {}
-            Record::Happened(happening) => {
-                let before = self.ledger.recording(self.phase);
-                self.ledger.apply(happening);
+            JournalEntry::Session { .. } | JournalEntry::Refused { .. } | JournalEntry::Console(_) => {}
+            JournalEntry::Happened(happening) => {
+                let before = self.progress.recording(self.phase);
+                self.progress.apply(happening);
                 self.phase = happening.to;
-                let now = self.ledger.recording(self.phase);
-                if now == Recording::None {
+                let now = self.progress.recording(self.phase);
+                if now == RecordTarget::None {
                     self.open = None;
                 } else if now != before {
-                    self.open = self.begun.name(now, &self.ledger);
+                    self.open = self.begun.name(now, &self.progress);
                 }
             }
-            Record::Resumed { interrupted } => {
-                self.ledger.interrupt(interrupted.map_or(0, |trial| trial.samples));
+            JournalEntry::Resumed { interrupted } => {
+                self.progress.interrupt(interrupted.map_or(0, |trial| trial.samples));
                 self.phase = Phase::Ready;
                 self.open = None;
             }

@@ -11,14 +11,15 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::error::{DatasetError, Place};
-use super::journal::Record;
-use super::recovery::{Standing, Story};
+use super::journal::JournalEntry;
+use super::recovery::{RecoveredSession, RecoveredState};
 use super::trial_csv_reader;
 use crate::protocol::Limits;
 use crate::rig::{Fault, Motor, Sample};
 use crate::session::rules::{RULES, RuleChange, changes_since};
 use crate::session::{
-    Detail, Event, Happening, Input, Machine, Output, Phase, Reading, Recording, Settings, Source, Watch,
+    Event, Input, Machine, Output, Phase, Reading, RecordTarget, Settings, Source, TransitionDetail,
+    TransitionRecord, Watch,
 };
 
 /// No session waits longer than this for its operator, s; a journal that says so is wrong.
@@ -101,9 +102,9 @@ pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
 /// # Errors
 /// As [`replay`].
 pub fn replay_watched(folder: &Path, observer: &mut Observer) -> Result<Replay, DatasetError> {
-    let story = Story::read(folder)?;
+    let story = RecoveredSession::read(folder)?;
     story.undamaged()?;
-    let mut standing = Standing::new(&story.settings);
+    let mut standing = RecoveredState::new(&story.settings);
     let mut replay = Replay {
         steps: 0,
         events: 0,
@@ -112,13 +113,13 @@ pub fn replay_watched(folder: &Path, observer: &mut Observer) -> Result<Replay, 
         program: story.program.clone(),
         rules: story.rules,
     };
-    let records: Vec<&Record> = story.journal.records.iter().map(|placed| &placed.record).collect();
+    let records: Vec<&JournalEntry> = story.journal.records.iter().map(|placed| &placed.record).collect();
     // The first record describes the session.
-    for part in records[1..].split_inclusive(|record| matches!(record, Record::Resumed { .. })) {
-        let resumed = part.last().filter(|record| matches!(record, Record::Resumed { .. }));
-        let lines: Vec<Line> = part.iter().filter_map(|record| Line::of(record)).collect();
+    for part in records[1..].split_inclusive(|record| matches!(record, JournalEntry::Resumed { .. })) {
+        let resumed = part.last().filter(|record| matches!(record, JournalEntry::Resumed { .. }));
+        let lines: Vec<ExpectedStep> = part.iter().filter_map(|record| ExpectedStep::of(record)).collect();
         replay.starts += 1;
-        let mut player = Player::new(&story, standing, replay.starts);
+        let mut player = Replayer::new(&story, standing, replay.starts);
         player.ended_well = resumed.is_none() && !is_under_way(&lines);
         let played = player.play(&lines, observer)?;
         replay.steps += player.machine.sample();
@@ -139,45 +140,45 @@ pub fn replay_watched(folder: &Path, observer: &mut Observer) -> Result<Replay, 
 }
 
 /// Whether the last thing that a journal tells leaves the session going on: the program did not live to end it.
-fn is_under_way(lines: &[Line]) -> bool {
+fn is_under_way(lines: &[ExpectedStep]) -> bool {
     let last = lines.iter().rev().find_map(|line| match line.record {
-        LineRecord::Happened(happening) => Some(happening.to),
-        LineRecord::Refused(_) => None,
+        StepEntry::Happened(happening) => Some(happening.to),
+        StepEntry::Refused(_) => None,
     });
     last.is_none_or(Phase::is_armed)
 }
 
 /// What the journal says of one step.
 #[derive(Debug, Clone, Copy)]
-struct Line {
+struct ExpectedStep {
     sample: u64,
-    record: LineRecord,
+    record: StepEntry,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum LineRecord {
-    Happened(Happening),
+enum StepEntry {
+    Happened(TransitionRecord),
     Refused(Event),
 }
 
-impl Line {
-    fn of(record: &Record) -> Option<Self> {
+impl ExpectedStep {
+    fn of(record: &JournalEntry) -> Option<Self> {
         match record {
-            Record::Happened(happening) => {
-                Some(Self { sample: happening.sample, record: LineRecord::Happened(*happening) })
+            JournalEntry::Happened(happening) => {
+                Some(Self { sample: happening.sample, record: StepEntry::Happened(*happening) })
             }
             // It was noted after the step was counted.
-            Record::Refused { sample, word } => {
-                Some(Self { sample: sample.saturating_sub(1), record: LineRecord::Refused(*word) })
+            JournalEntry::Refused { sample, word } => {
+                Some(Self { sample: sample.saturating_sub(1), record: StepEntry::Refused(*word) })
             }
-            Record::Session { .. } | Record::Resumed { .. } | Record::Console(_) => None,
+            JournalEntry::Session { .. } | JournalEntry::Resumed { .. } | JournalEntry::Console(_) => None,
         }
     }
 }
 
 /// A record that is being played.
 #[derive(Debug, Default)]
-struct Rows {
+struct RecordedSamples {
     samples: Vec<Sample>,
     next: usize,
     /// The first sample that breaks a limit.
@@ -185,26 +186,26 @@ struct Rows {
 }
 
 /// One start of the session, gone through again.
-struct Player<'a> {
-    story: &'a Story,
+struct Replayer<'a> {
+    story: &'a RecoveredSession,
     machine: Machine,
-    standing: Standing,
+    standing: RecoveredState,
     watch: Limits,
     start: usize,
     /// The program lived to end this start of the session.
     ended_well: bool,
-    rows: Option<Rows>,
+    rows: Option<RecordedSamples>,
     angle_rad: f64,
     events: usize,
     /// The observer has seen enough.
     is_stopped: bool,
 }
 
-impl<'a> Player<'a> {
-    fn new(story: &'a Story, standing: Standing, start: usize) -> Self {
+impl<'a> Replayer<'a> {
+    fn new(story: &'a RecoveredSession, standing: RecoveredState, start: usize) -> Self {
         let mut settings = Settings::clone(&story.settings);
         let watch = std::mem::replace(&mut settings.limits, endless());
-        let machine = Machine::with_ledger(Arc::new(settings), standing.ledger.clone());
+        let machine = Machine::with_progress(Arc::new(settings), standing.progress.clone());
         Self {
             story,
             machine,
@@ -220,7 +221,11 @@ impl<'a> Player<'a> {
     }
 
     /// Plays the lines of the journal; the first difference.
-    fn play(&mut self, lines: &[Line], observer: &mut Observer) -> Result<Option<Difference>, DatasetError> {
+    fn play(
+        &mut self,
+        lines: &[ExpectedStep],
+        observer: &mut Observer,
+    ) -> Result<Option<Difference>, DatasetError> {
         let longest = (LONGEST_WAIT_S * self.story.settings.sample_rate_hz) as u64;
         let mut lines = lines;
         loop {
@@ -277,31 +282,33 @@ impl<'a> Player<'a> {
 
     /// Whether the record under way may be shorter than the journal tells: a machine that lost its power has the journal
     /// on its disk, of the samples perhaps less. Nothing that came later depends on them: the trial counts as aborted.
-    fn loses_its_end(&self, left: &[Line]) -> bool {
-        let stays = |line: &Line| match line.record {
-            LineRecord::Happened(happening) => happening.to.in_trial(),
-            LineRecord::Refused(_) => true,
+    fn loses_its_end(&self, left: &[ExpectedStep]) -> bool {
+        let stays = |line: &ExpectedStep| match line.record {
+            StepEntry::Happened(happening) => happening.to.in_trial(),
+            StepEntry::Refused(_) => true,
         };
         !self.ended_well && left.iter().all(stays)
     }
 
     fn difference(&self, sample: u64, recorded: String, replayed: String) -> Difference {
-        let trial = self.machine.ledger().current().map(|trial| trial.number);
+        let trial = self.machine.progress().current().map(|trial| trial.number);
         Difference { start: self.start, sample, phase: self.machine.phase(), trial, recorded, replayed }
     }
 
     /// What the session was told at this step; `None` if the record is at its end.
     fn input(
         &mut self,
-        happened: Option<Happening>,
+        happened: Option<TransitionRecord>,
         refused: Option<Event>,
-        next: Option<&LineRecord>,
+        next: Option<&StepEntry>,
     ) -> Option<Input> {
         let said = happened.map(|it| it.event).filter(|event| event.source() == Source::Operator);
         let operator = refused.or(said);
         let arms = matches!(operator, Some(Event::Start | Event::Rearm));
         let fault = match happened.and_then(|it| it.detail) {
-            Some(Detail::Fault(fault) | Detail::FaultInTrial { fault, .. }) => Some(fault),
+            Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) => {
+                Some(fault)
+            }
             _ => None,
         };
         let reading = if let Some(fault) = fault {
@@ -311,7 +318,7 @@ impl<'a> Player<'a> {
         } else if self.rows.is_some() {
             self.row()?
         } else {
-            if let Some(Detail::Rearmed { angle_rad }) = happened.and_then(|it| it.detail) {
+            if let Some(TransitionDetail::Rearmed { angle_rad }) = happened.and_then(|it| it.detail) {
                 self.angle_rad = angle_rad;
             }
             Reading::Sample(Sample { theta_m_rad: self.angle_rad, ..Sample::default() })
@@ -320,19 +327,19 @@ impl<'a> Player<'a> {
     }
 
     /// Whether the disk was done. What the journal tells is only that a ramp waited for it.
-    fn was_on_disk(&self, happened: Option<Happening>, next: Option<&LineRecord>) -> bool {
-        let is_onset = |it: &Happening| it.event == Event::Onset;
+    fn was_on_disk(&self, happened: Option<TransitionRecord>, next: Option<&StepEntry>) -> bool {
+        let is_onset = |it: &TransitionRecord| it.event == Event::Onset;
         if self.machine.phase() != Phase::Delay || happened.as_ref().is_some_and(is_onset) {
             return true;
         }
         match next {
-            Some(LineRecord::Happened(Happening {
-                detail: Some(Detail::Onset { waited_samples, .. }),
+            Some(StepEntry::Happened(TransitionRecord {
+                detail: Some(TransitionDetail::Onset { waited_samples, .. }),
                 ..
             })) => *waited_samples == 0,
-            Some(LineRecord::Refused(_)) => true,
+            Some(StepEntry::Refused(_)) => true,
             // The delay was broken off; how long it was to last is not in question then.
-            Some(LineRecord::Happened(_)) | None => false,
+            Some(StepEntry::Happened(_)) | None => false,
         }
     }
 
@@ -356,7 +363,7 @@ impl<'a> Player<'a> {
         }
         let Some(happening) = output.happened else { return Ok(None) };
         let before = self.standing.open.clone();
-        self.standing.take(&Record::Happened(happening));
+        self.standing.take(&JournalEntry::Happened(happening));
         if self.standing.open == before {
             return Ok(None);
         }
@@ -368,15 +375,15 @@ impl<'a> Player<'a> {
             return Ok(Some(self.difference(self.machine.sample() - 1, recorded, replayed)));
         }
         if let Some(file) = self.standing.open.clone() {
-            debug_assert_ne!(output.recording, Recording::None);
+            debug_assert_ne!(output.recording, RecordTarget::None);
             self.rows = Some(self.read(&file)?);
         }
         Ok(None)
     }
 
     /// The samples of a record, all but the first, which is the one that it began with.
-    fn read(&self, file: &str) -> Result<Rows, DatasetError> {
-        let folder = super::csv_input::Folder::open(&self.story.path)?;
+    fn read(&self, file: &str) -> Result<RecordedSamples, DatasetError> {
+        let folder = super::csv_input::SessionFolder::open(&self.story.path)?;
         let part = format!("{file}.part");
         let file = if self.story.path.join(&part).exists() { &part } else { file };
         let text = folder.text(file, None)?;
@@ -384,7 +391,7 @@ impl<'a> Player<'a> {
         // A record that is still being written may end in the middle of a row.
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
         if whole.is_empty() {
-            return Ok(Rows { next: 0, ..Rows::default() });
+            return Ok(RecordedSamples { next: 0, ..RecordedSamples::default() });
         }
         let record = trial_csv_reader::parse(&name, whole, self.story.settings.sample_rate_hz)?;
         let (Some(fcr), Some(ecr)) = (&record.emg_fcr_mvc, &record.emg_ecr_mvc) else {
@@ -404,29 +411,29 @@ impl<'a> Player<'a> {
             .iter()
             .enumerate()
             .find_map(|(place, sample)| watch.check(sample).err().map(|fault| (place, fault)));
-        Ok(Rows { samples, next: 1, breaks })
+        Ok(RecordedSamples { samples, next: 1, breaks })
     }
 }
 
-fn expected(due: &[Line]) -> (Option<Happening>, Option<Event>) {
+fn expected(due: &[ExpectedStep]) -> (Option<TransitionRecord>, Option<Event>) {
     let mut step = (None, None);
     for line in due {
         match line.record {
-            LineRecord::Happened(happening) => step.0 = Some(happening),
-            LineRecord::Refused(word) => step.1 = Some(word),
+            StepEntry::Happened(happening) => step.0 = Some(happening),
+            StepEntry::Refused(word) => step.1 = Some(word),
         }
     }
     step
 }
 
-fn describe_line(record: &LineRecord) -> String {
+fn describe_line(record: &StepEntry) -> String {
     match record {
-        LineRecord::Happened(happening) => describe_step(Some(*happening), None),
-        LineRecord::Refused(word) => describe_step(None, Some(*word)),
+        StepEntry::Happened(happening) => describe_step(Some(*happening), None),
+        StepEntry::Refused(word) => describe_step(None, Some(*word)),
     }
 }
 
-fn describe_step(happened: Option<Happening>, refused: Option<Event>) -> String {
+fn describe_step(happened: Option<TransitionRecord>, refused: Option<Event>) -> String {
     match (happened, refused) {
         (None, None) => "nothing".to_owned(),
         (Some(happening), None) => describe(&happening),
@@ -435,7 +442,7 @@ fn describe_step(happened: Option<Happening>, refused: Option<Event>) -> String 
     }
 }
 
-fn describe(happening: &Happening) -> String {
+fn describe(happening: &TransitionRecord) -> String {
     let mut text = format!("{} to {}", happening.event.name(), happening.to.name());
     if let Some(detail) = happening.detail {
         // Made by this program, so it has a JSON form.

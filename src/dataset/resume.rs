@@ -9,7 +9,7 @@ use super::error::{DatasetError, Place};
 use super::journal::{Damage, Interrupted, JOURNAL, Journal};
 use super::manifest::{Change, MANIFEST, Manifest};
 use super::recorder::{RecordError, Recorder};
-use super::recovery::{Standing, Story};
+use super::recovery::{RecoveredSession, RecoveredState};
 use super::trial_csv_writer::HEADER;
 use crate::session::{Machine, Phase};
 
@@ -39,8 +39,8 @@ pub enum ResumeError {
 /// A session that nobody else is at work in, and that can be gone on with.
 #[derive(Debug)]
 pub struct Resumable {
-    story: Story,
-    standing: Standing,
+    story: RecoveredSession,
+    standing: RecoveredState,
     journal: Journal,
     disk: Disk,
     has_manifest: bool,
@@ -73,18 +73,18 @@ impl Resumable {
             }
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
                 // To read the folder tells what is missing in words that fit.
-                Story::read(path)?;
+                RecoveredSession::read(path)?;
                 return Err(RecordError::at(&at)(error).into());
             }
             Err(error) => return Err(RecordError::at(&at)(error).into()),
         };
-        let story = Story::read(path)?;
+        let story = RecoveredSession::read(path)?;
         story.undamaged()?;
         let has_manifest = path.join(MANIFEST).exists();
         if has_manifest {
             check_unchanged(path)?;
         }
-        let mut standing = Standing::new(&story.settings);
+        let mut standing = RecoveredState::new(&story.settings);
         for placed in &story.journal.records {
             standing.take(&placed.record);
         }
@@ -123,8 +123,8 @@ impl Resumable {
 
     /// Trials left to do, the one that was under way included.
     pub fn left(&self) -> usize {
-        let under_way = self.standing.ledger.current().is_some_and(|trial| !trial.planned.key.practice);
-        self.standing.ledger.queue().len() + usize::from(under_way)
+        let under_way = self.standing.progress.current().is_some_and(|trial| !trial.planned.key.practice);
+        self.standing.progress.queue().len() + usize::from(under_way)
     }
 
     /// Settles what was being written and notes in the journal that the session goes on.
@@ -145,11 +145,11 @@ impl Resumable {
             None => 0,
         };
         let interrupted = standing
-            .ledger
+            .progress
             .interrupt(samples)
             .map(|trial| Interrupted { number: trial.number, samples: trial.samples });
-        let machine = Machine::with_ledger(story.settings.clone(), standing.ledger.clone());
-        let kept = (standing.ledger, standing.begun);
+        let machine = Machine::with_progress(story.settings.clone(), standing.progress.clone());
+        let kept = (standing.progress, standing.begun);
         let mut recorder = Recorder::new(&story.path, disk, journal, story.settings, kept);
         if is_finished {
             recorder.write_tables()?;

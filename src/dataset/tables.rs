@@ -1,7 +1,7 @@
 //! The tables of a session: `trials.csv`, and beside it what came before the trials.
 
-use super::trial_csv_writer::Rows;
-use crate::session::{Attempt, Ledger, Planned, Settings};
+use super::trial_csv_writer::TrialCsvWriter;
+use crate::session::{Attempt, PlannedTrial, Progress, Settings};
 
 /// The columns of `trials.csv`; the first seven are what every session has.
 const TRIALS: &str = "trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status,\
@@ -19,22 +19,32 @@ pub fn trial_file(attempt: &Attempt) -> String {
 }
 
 /// The tables as they are now: name and bytes.
-pub fn of_session(ledger: &Ledger, settings: &Settings, rows: &Rows) -> Vec<(&'static str, Vec<u8>)> {
+pub fn of_session(
+    progress: &Progress,
+    settings: &Settings,
+    rows: &TrialCsvWriter,
+) -> Vec<(&'static str, Vec<u8>)> {
     let table = |practice: bool| {
         let mut text = TRIALS.to_owned();
-        for attempt in ledger.attempts().iter().filter(|attempt| attempt.planned.key.practice == practice) {
-            push_row(&mut text, attempt, ledger, settings, rows);
+        for attempt in progress.attempts().iter().filter(|attempt| attempt.planned.key.practice == practice) {
+            push_row(&mut text, attempt, progress, settings, rows);
         }
         text.into_bytes()
     };
     let mut tables = vec![("trials.csv", table(false))];
-    if ledger.attempts().iter().any(|attempt| attempt.planned.key.practice) {
+    if progress.attempts().iter().any(|attempt| attempt.planned.key.practice) {
         tables.push(("familiarisation.csv", table(true)));
     }
     tables
 }
 
-fn push_row(text: &mut String, attempt: &Attempt, ledger: &Ledger, settings: &Settings, rows: &Rows) {
+fn push_row(
+    text: &mut String,
+    attempt: &Attempt,
+    progress: &Progress,
+    settings: &Settings,
+    rows: &TrialCsvWriter,
+) {
     // A trial under way has no row yet: its record is not complete.
     let Some((status, reason)) = attempt.ended else { return };
     let planned = &attempt.planned;
@@ -51,12 +61,12 @@ fn push_row(text: &mut String, attempt: &Attempt, ledger: &Ledger, settings: &Se
         planned.key.position,
         amplitude_rad(planned),
         rest_s(attempt, settings),
-        ledger.offset_nm(),
+        progress.offset_nm(),
     );
 }
 
 /// How far the motor turns in a trial.
-pub fn amplitude_rad(planned: &Planned) -> f64 {
+pub fn amplitude_rad(planned: &PlannedTrial) -> f64 {
     planned.movement.at(planned.movement.ramp().duration_s()).angle_rad
 }
 

@@ -1,7 +1,7 @@
 //! The record of one trial: reading `trials/*.csv`, and whether its time axis is sound.
 
 use super::Record;
-use super::csv_input::Table;
+use super::csv_input::CsvTable;
 use super::error::{DatasetError, Place};
 
 /// How far a sample may be from its place on an even time axis, in sample periods. Times are often printed with few
@@ -14,7 +14,7 @@ const CLOCK_TOLERANCE: f64 = 1e-3;
 /// Reads a record; `file` is its name for messages.
 pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Record, DatasetError> {
     let mut table =
-        Table::new(file.to_owned(), text, "a header t_s,theta_m_rad,torque_l_nm and a row a sample")?;
+        CsvTable::new(file.to_owned(), text, "a header t_s,theta_m_rad,torque_l_nm and a row a sample")?;
     let time = table.column("t_s")?;
     let angle = table.column("theta_m_rad")?;
     let torque = table.column("torque_l_nm")?;

@@ -4,7 +4,7 @@ use crate::rig::{Sample, resolution};
 
 /// Writes the rows of one record.
 #[derive(Debug, Clone)]
-pub struct Rows {
+pub struct TrialCsvWriter {
     sample_rate_hz: f64,
     time_places: usize,
 }
@@ -12,8 +12,8 @@ pub struct Rows {
 /// The columns of a record.
 pub const HEADER: &[u8] = b"t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc\n";
 
-impl Rows {
-    /// Rows at a rate; times get as many places as it takes to be exact, at most 9.
+impl TrialCsvWriter {
+    /// TrialCsvWriter at a rate; times get as many places as it takes to be exact, at most 9.
     pub fn new(sample_rate_hz: f64) -> Self {
         let exact = |places: &usize| {
             let ticks = 10f64.powi(*places as i32) / sample_rate_hz;
@@ -75,13 +75,13 @@ mod tests {
         let sample =
             Sample { theta_m_rad: -0.0014123, torque_l_nm: 2.1, emg_fcr_mvc: 0.0, emg_ecr_mvc: -1.5 };
         let mut text = Vec::new();
-        Rows::new(2500.0).push(&mut text, 3, &sample);
+        TrialCsvWriter::new(2500.0).push(&mut text, 3, &sample);
         assert_eq!(String::from_utf8(text).unwrap(), "0.0012,-0.0014123,2.10000,0.00000,-1.50000\n");
     }
 
     #[test]
     fn times_have_as_many_places_as_the_rate_needs() {
-        let places = |rate| Rows::new(rate).time_places;
+        let places = |rate| TrialCsvWriter::new(rate).time_places;
         assert_eq!([places(1000.0), places(2500.0), places(4096.0), places(3000.0)], [3, 4, 9, 9]);
     }
 
@@ -93,7 +93,7 @@ mod tests {
             let sample =
                 Sample { theta_m_rad: angle, torque_l_nm: torque, emg_fcr_mvc: fcr, emg_ecr_mvc: ecr }.rounded();
             let mut text = Vec::new();
-            Rows::new(2500.0).push(&mut text, 0, &sample);
+            TrialCsvWriter::new(2500.0).push(&mut text, 0, &sample);
             let text = String::from_utf8(text).unwrap();
             let read: Vec<f64> = text.trim().split(',').map(|cell| cell.parse().unwrap()).collect();
             prop_assert_eq!(&read[1..], &[

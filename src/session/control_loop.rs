@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::event::Event;
-use super::io::{Detail, Input, Output, Reading};
+use super::io::{Input, Output, Reading, TransitionDetail};
 use super::lateness::Lateness;
 use super::machine::Machine;
 use super::phase::Phase;
@@ -134,11 +134,11 @@ pub fn conduct<R: Rig, K: Recorder>(
                 rig
             }
             Ok(mut armed) => {
-                if let (false, Some(factors)) = (emg_is_scaled, machine.ledger().emg_factors()) {
+                if let (false, Some(factors)) = (emg_is_scaled, machine.progress().emg_factors()) {
                     armed.rescale_emg(factors);
                 }
                 let ended = run_armed(&mut armed, word, machine, operator, clock, recorder);
-                emg_is_scaled = machine.ledger().emg_factors().is_some();
+                emg_is_scaled = machine.progress().emg_factors().is_some();
                 let rig = armed.disarm();
                 ended?;
                 rig
@@ -167,7 +167,7 @@ fn run_armed<A: Armed, K: Recorder>(
             Err(fault) => Reading::Fault(fault),
         };
         let said = word.take().or_else(|| operator.heard(machine));
-        let scaled_before = machine.ledger().emg_factors().is_some();
+        let scaled_before = machine.progress().emg_factors().is_some();
         let input = Input { reading, operator: said, on_disk: recorder.on_disk() };
         let output = machine.step(&input);
         let is_over = !output.phase.is_armed();
@@ -182,7 +182,7 @@ fn run_armed<A: Armed, K: Recorder>(
         if is_over || kept.is_err() {
             return kept;
         }
-        if let (false, Some(factors)) = (scaled_before, machine.ledger().emg_factors()) {
+        if let (false, Some(factors)) = (scaled_before, machine.progress().emg_factors()) {
             armed.rescale_emg(factors);
         }
         if machine.sample().is_multiple_of(VITALS_EVERY)
@@ -202,7 +202,7 @@ fn tell<K: Recorder>(
     operator: &mut impl Operator,
     recorder: &mut K,
 ) -> Result<(), K::Error> {
-    if let Some(Detail::Fault(fault) | Detail::FaultInTrial { fault, .. }) =
+    if let Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) =
         output.happened.and_then(|it| it.detail)
     {
         operator.faulted(fault);

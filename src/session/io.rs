@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::event::Event;
 use super::phase::Phase;
-use super::settings::Planned;
+use super::settings::PlannedTrial;
 use crate::rig::{Command, Fault, Sample};
 
 /// What the session is told at a sample.
@@ -37,18 +37,18 @@ pub struct Output {
     /// The phase after this step.
     pub phase: Phase,
     /// What happened at this sample, if anything did.
-    pub happened: Option<Happening>,
+    pub happened: Option<TransitionRecord>,
     /// A word of the operator that is not possible in this phase.
     pub refused: Option<Event>,
     /// Where the sample belongs.
-    pub recording: Recording,
+    pub recording: RecordTarget,
     /// For the displays: how much of the gate's time has been held (0 to 1).
     pub gate_fraction: f64,
 }
 
 /// To which record a sample belongs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Recording {
+pub enum RecordTarget {
     /// To none.
     None,
     /// To the measurement of the offset.
@@ -61,7 +61,7 @@ pub enum Recording {
 
 /// One line of the session's story. The lines so far are all that is needed to go on after a crash.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Happening {
+pub struct TransitionRecord {
     /// Samples since the session was started or resumed.
     pub sample: u64,
     /// The phase before.
@@ -72,13 +72,13 @@ pub struct Happening {
     pub to: Phase,
     /// What else there is to know.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub detail: Option<Detail>,
+    pub detail: Option<TransitionDetail>,
 }
 
-/// What a [`Happening`] has to say beside its names.
+/// What a [`TransitionRecord`] has to say beside its names.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Detail {
+pub enum TransitionDetail {
     /// The torque with the hand relaxed, N m.
     OffsetNm(f64),
     /// The result of a maximal effort.
@@ -169,7 +169,7 @@ pub struct Attempt {
     /// Number in its table (practice trials have their own), from 1.
     pub number: u32,
     /// Which trial of the schedule.
-    pub planned: Planned,
+    pub planned: PlannedTrial,
     /// Rest since the motor was last home, samples.
     pub rest_samples: u64,
     /// Where in its record the ramp began, if it did.

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use super::event::{Event, Source};
-use super::io::{Detail, Happening, Input, Output, Reading, Status};
+use super::io::{Input, Output, Reading, Status, TransitionDetail, TransitionRecord};
 use super::phase::Phase;
-use super::progress::Ledger;
+use super::progress::Progress;
 use super::rng_streams;
 use super::settings::Settings;
-use super::smoothing::Display;
+use super::smoothing::FeedbackFilter;
 use super::transitions::{Effect, Transition};
 use super::watch::Watch;
 use crate::protocol::Sweep;
@@ -21,10 +21,10 @@ const SILENT_EFFORT_MVC: f64 = 1e-3;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Machine {
     settings: Arc<Settings>,
-    ledger: Ledger,
+    progress: Progress,
     phase: Phase,
     watch: Watch,
-    display: Display,
+    display: FeedbackFilter,
     /// Steps so far.
     sample: u64,
     /// Samples since the phase was entered.
@@ -50,17 +50,17 @@ pub struct Machine {
 impl Machine {
     /// A session that has not begun.
     pub fn new(settings: Arc<Settings>) -> Self {
-        let ledger = Ledger::new(&settings);
-        Self::with_ledger(settings, ledger)
+        let progress = Progress::new(&settings);
+        Self::with_progress(settings, progress)
     }
 
-    /// A session of which `ledger` is already done; it waits for the operator's word.
-    pub fn with_ledger(settings: Arc<Settings>, ledger: Ledger) -> Self {
+    /// A session of which `progress` is already done; it waits for the operator's word.
+    pub fn with_progress(settings: Arc<Settings>, progress: Progress) -> Self {
         Self {
-            ledger,
+            progress,
             phase: Phase::Ready,
             watch: Watch::new(settings.limits.clone(), settings.sample_rate_hz),
-            display: Display::new(settings.display_cutoff_hz, settings.sample_rate_hz),
+            display: FeedbackFilter::new(settings.display_cutoff_hz, settings.sample_rate_hz),
             settings,
             sample: 0,
             in_phase: 0,
@@ -81,8 +81,8 @@ impl Machine {
     }
 
     /// What has been done and what is left.
-    pub fn ledger(&self) -> &Ledger {
-        &self.ledger
+    pub fn progress(&self) -> &Progress {
+        &self.progress
     }
 
     /// The settings it runs by.
@@ -96,7 +96,7 @@ impl Machine {
     }
 
     /// The signals as the person sees them.
-    pub fn display(&self) -> &Display {
+    pub fn display(&self) -> &FeedbackFilter {
         &self.display
     }
 
@@ -108,7 +108,7 @@ impl Machine {
         match self.measured(&input.reading) {
             Err(fault) => {
                 refused = input.operator;
-                happened = self.fire(Event::Fault, Some(Detail::Fault(fault)));
+                happened = self.fire(Event::Fault, Some(TransitionDetail::Fault(fault)));
             }
             Ok(sample) => {
                 if let Some(word) = input.operator.filter(|word| word.source() == Source::Operator) {
@@ -128,7 +128,7 @@ impl Machine {
             phase: self.phase,
             happened,
             refused,
-            recording: self.ledger.recording(self.phase),
+            recording: self.progress.recording(self.phase),
             gate_fraction: self.in_band as f64 / self.settings.gate_samples as f64,
         }
     }
@@ -154,7 +154,7 @@ impl Machine {
         }
     }
 
-    fn obey(&mut self, word: Event, sample: Option<Sample>) -> Option<Happening> {
+    fn obey(&mut self, word: Event, sample: Option<Sample>) -> Option<TransitionRecord> {
         // To arm is the loop's work; that it was done shows in there being a sample.
         if word == Event::Start {
             sample?;
@@ -163,13 +163,13 @@ impl Machine {
         if word == Event::Rearm {
             let angle_rad = sample?.theta_m_rad;
             self.plan_homing(angle_rad);
-            detail = Some(Detail::Rearmed { angle_rad });
+            detail = Some(TransitionDetail::Rearmed { angle_rad });
         }
         self.fire(word, detail)
     }
 
     /// What time, movement and person bring about at this sample.
-    fn natural(&mut self, sample: &Sample, on_disk: bool) -> Option<(Event, Option<Detail>)> {
+    fn natural(&mut self, sample: &Sample, on_disk: bool) -> Option<(Event, Option<TransitionDetail>)> {
         match self.phase {
             Phase::Offset => self.measure_offset(sample),
             Phase::MvcEffort => self.measure_effort(),
@@ -191,15 +191,18 @@ impl Machine {
         }
     }
 
-    fn measure_offset(&mut self, sample: &Sample) -> Option<(Event, Option<Detail>)> {
+    fn measure_offset(&mut self, sample: &Sample) -> Option<(Event, Option<TransitionDetail>)> {
         self.offset_sum_nm += sample.torque_l_nm;
         let done = self.in_phase >= self.settings.offset_samples.unwrap_or(0);
         done.then(|| {
-            (Event::OffsetMeasured, Some(Detail::OffsetNm(self.offset_sum_nm / self.in_phase as f64)))
+            (
+                Event::OffsetMeasured,
+                Some(TransitionDetail::OffsetNm(self.offset_sum_nm / self.in_phase as f64)),
+            )
         })
     }
 
-    fn measure_effort(&mut self) -> Option<(Event, Option<Detail>)> {
+    fn measure_effort(&mut self) -> Option<(Event, Option<TransitionDetail>)> {
         let now = [self.display.torque_nm, self.display.fcr_mvc, self.display.ecr_mvc];
         if now[0].abs() > self.peaks[0].abs() {
             self.peaks[0] = now[0];
@@ -211,14 +214,14 @@ impl Machine {
             return None;
         }
         let [peak_torque_nm, peak_fcr, peak_ecr] = self.peaks;
-        let (agonist, channel) = match self.ledger.effort_direction() {
+        let (agonist, channel) = match self.progress.effort_direction() {
             Direction::Flexion => (peak_fcr, Channel::EmgFcr),
             Direction::Extension => (peak_ecr, Channel::EmgEcr),
         };
         if agonist < SILENT_EFFORT_MVC {
-            return Some((Event::Fault, Some(Detail::Fault(Fault::SilentEffort { channel }))));
+            return Some((Event::Fault, Some(TransitionDetail::Fault(Fault::SilentEffort { channel }))));
         }
-        Some((Event::EffortOver, Some(Detail::Effort { peak_torque_nm, peak_fcr, peak_ecr })))
+        Some((Event::EffortOver, Some(TransitionDetail::Effort { peak_torque_nm, peak_fcr, peak_ecr })))
     }
 
     /// The gate of the paper: the difference to the target stays within the band for the gate's time, without a break.
@@ -235,7 +238,7 @@ impl Machine {
         }
     }
 
-    fn watch_delay(&mut self, on_disk: bool) -> Option<(Event, Option<Detail>)> {
+    fn watch_delay(&mut self, on_disk: bool) -> Option<(Event, Option<TransitionDetail>)> {
         if !self.is_in_band() {
             return Some((Event::LeftBand, None));
         }
@@ -246,12 +249,12 @@ impl Machine {
         (self.in_phase >= shortest && on_disk).then(|| {
             let waited_samples = self.in_phase - shortest;
             let trial_sample = self.in_trial + self.settings.motion_delay_samples;
-            (Event::Onset, Some(Detail::Onset { trial_sample, waited_samples }))
+            (Event::Onset, Some(TransitionDetail::Onset { trial_sample, waited_samples }))
         })
     }
 
     fn is_in_band(&self) -> bool {
-        let Some(trial) = self.ledger.current() else { return false };
+        let Some(trial) = self.progress.current() else { return false };
         let target_nm = trial.planned.torque_nm;
         (self.shown_nm() - target_nm).abs() < self.settings.gate.band_fraction * target_nm.abs()
     }
@@ -261,11 +264,11 @@ impl Machine {
     }
 
     fn shown_nm(&self) -> f64 {
-        self.display.torque_nm - self.ledger.offset_nm()
+        self.display.torque_nm - self.progress.offset_nm()
     }
 
     fn follow_movement(&self) -> Option<Event> {
-        let movement = &self.ledger.attempts().last()?.planned.movement;
+        let movement = &self.progress.attempts().last()?.planned.movement;
         let t_s = self.seconds(self.since_onset);
         let (event, due_s) = match self.phase {
             Phase::Ramp => (Event::RampOver, movement.ramp().duration_s()),
@@ -285,16 +288,16 @@ impl Machine {
     }
 
     /// Takes the line of the table for an event, if there is one.
-    fn fire(&mut self, event: Event, detail: Option<Detail>) -> Option<Happening> {
-        let line = self.ledger.line(self.phase, event)?;
-        let happening = Happening {
+    fn fire(&mut self, event: Event, detail: Option<TransitionDetail>) -> Option<TransitionRecord> {
+        let line = self.progress.line(self.phase, event)?;
+        let happening = TransitionRecord {
             sample: self.sample,
             from: line.from,
             event,
             to: line.to,
             detail: self.detail(line, detail),
         };
-        self.ledger.apply(&happening);
+        self.progress.apply(&happening);
         if line.to != line.from {
             self.enter(line);
         }
@@ -302,24 +305,24 @@ impl Machine {
     }
 
     /// What the journal must know of a transition beside its names.
-    fn detail(&self, line: &Transition, detail: Option<Detail>) -> Option<Detail> {
-        let last = self.ledger.attempts().last();
+    fn detail(&self, line: &Transition, detail: Option<TransitionDetail>) -> Option<TransitionDetail> {
+        let last = self.progress.attempts().last();
         let (number, samples) = (last.map_or(0, |attempt| attempt.number), self.in_trial);
-        let ended = |status| Some(Detail::Ended { number, status, samples });
+        let ended = |status| Some(TransitionDetail::Ended { number, status, samples });
         match (line.effect, detail) {
-            (Effect::Begin, _) => self.ledger.queue().next().map(|planned| Detail::Began {
-                number: self.ledger.next_number(),
+            (Effect::Begin, _) => self.progress.queue().next().map(|planned| TransitionDetail::Began {
+                number: self.progress.next_number(),
                 practice: planned.key.practice,
                 position: planned.key.position,
                 rest_samples: self.at_home,
             }),
             (Effect::Ok, _) => ended(Status::Ok),
             (Effect::Reject, _) => ended(Status::Rejected),
-            (Effect::Abort, Some(Detail::Fault(fault))) => {
-                Some(Detail::FaultInTrial { fault, number, samples })
+            (Effect::Abort, Some(TransitionDetail::Fault(fault))) => {
+                Some(TransitionDetail::FaultInTrial { fault, number, samples })
             }
             (Effect::Abort | Effect::LeaveOut, _) => ended(Status::Aborted),
-            (Effect::TakeBack, _) => Some(Detail::TakenBack { number }),
+            (Effect::TakeBack, _) => Some(TransitionDetail::TakenBack { number }),
             (_, detail) => detail,
         }
     }
@@ -353,14 +356,14 @@ impl Machine {
         if line.event == Event::Home {
             self.at_home = 0;
         }
-        if line.effect == Effect::KeepEffort && self.ledger.emg_factors().is_some() {
+        if line.effect == Effect::KeepEffort && self.progress.emg_factors().is_some() {
             // From here on, EMG comes in other units.
             self.display.restart();
         }
     }
 
     fn draw_delay(&self) -> u64 {
-        let Some(trial) = self.ledger.current() else { return 0 };
+        let Some(trial) = self.progress.current() else { return 0 };
         let key = trial.planned.key;
         let names = [u64::from(key.practice), u64::from(key.position), u64::from(key.rejections)];
         let [shortest, longest] = self.settings.delay_samples;
@@ -373,7 +376,7 @@ impl Machine {
         let angle_rad = match self.phase {
             Phase::Ready | Phase::Faulted | Phase::Finished | Phase::Aborted => return Motor::Safe,
             Phase::Ramp | Phase::RampHold | Phase::Return => {
-                self.ledger.attempts().last().map_or(0.0, |attempt| {
+                self.progress.attempts().last().map_or(0.0, |attempt| {
                     attempt.planned.movement.at(self.seconds(self.since_onset + 1)).angle_rad
                 })
             }
@@ -386,9 +389,9 @@ impl Machine {
     }
 
     fn cue(&self) -> Cue {
-        match (self.phase, self.ledger.current()) {
+        match (self.phase, self.progress.current()) {
             (Phase::Offset, _) => Cue::Relax,
-            (Phase::MvcEffort, _) => Cue::Effort(self.ledger.effort_direction()),
+            (Phase::MvcEffort, _) => Cue::Effort(self.progress.effort_direction()),
             (Phase::Hold | Phase::Delay, Some(trial)) => Cue::Target {
                 target_nm: trial.planned.torque_nm,
                 shown_nm: self.shown_nm(),

@@ -3,20 +3,20 @@
 use std::collections::VecDeque;
 
 use super::event::Event;
-use super::io::{Attempt, Detail, Happening, Recording, Status};
+use super::io::{Attempt, RecordTarget, Status, TransitionDetail, TransitionRecord};
 use super::phase::Phase;
-use super::settings::{Planned, Settings};
+use super::settings::{PlannedTrial, Settings};
 use super::transitions::{self, Effect, Guard};
 use crate::rig::Direction;
 use crate::schedule;
 
 /// The session's memory.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ledger {
+pub struct Progress {
     seed: u64,
     offset_due: bool,
     efforts_planned: u32,
-    queue: VecDeque<Planned>,
+    queue: VecDeque<PlannedTrial>,
     attempts: Vec<Attempt>,
     offset_nm: f64,
     efforts: u32,
@@ -25,7 +25,7 @@ pub struct Ledger {
     pause_asked: bool,
 }
 
-impl Ledger {
+impl Progress {
     /// Nothing is done yet.
     pub fn new(settings: &Settings) -> Self {
         Self {
@@ -49,7 +49,7 @@ impl Ledger {
     }
 
     /// The trials left, the next one first.
-    pub fn queue(&self) -> impl ExactSizeIterator<Item = &Planned> {
+    pub fn queue(&self) -> impl ExactSizeIterator<Item = &PlannedTrial> {
         self.queue.iter()
     }
 
@@ -97,7 +97,7 @@ impl Ledger {
     }
 
     /// Takes note of what happened.
-    pub fn apply(&mut self, happening: &Happening) {
+    pub fn apply(&mut self, happening: &TransitionRecord) {
         let line = transitions::lines(happening.from, happening.event).find(|line| line.to == happening.to);
         let Some(line) = line else { return };
         if line.to == Phase::Paused && line.from != Phase::Paused {
@@ -143,12 +143,12 @@ impl Ledger {
     }
 
     /// To which record the samples of a phase belong.
-    pub fn recording(&self, phase: Phase) -> Recording {
+    pub fn recording(&self, phase: Phase) -> RecordTarget {
         match phase {
-            Phase::Offset => Recording::Offset,
-            Phase::MvcEffort => Recording::Effort(self.effort_number()),
-            phase if phase.in_trial() => Recording::Trial,
-            _ => Recording::None,
+            Phase::Offset => RecordTarget::Offset,
+            Phase::MvcEffort => RecordTarget::Effort(self.effort_number()),
+            phase if phase.in_trial() => RecordTarget::Trial,
+            _ => RecordTarget::None,
         }
     }
 
@@ -158,15 +158,15 @@ impl Ledger {
         1 + self.attempts.iter().filter(|attempt| attempt.planned.key.practice == practice).count() as u32
     }
 
-    fn keep_offset(&mut self, happening: &Happening) {
-        if let Some(Detail::OffsetNm(offset_nm)) = happening.detail {
+    fn keep_offset(&mut self, happening: &TransitionRecord) {
+        if let Some(TransitionDetail::OffsetNm(offset_nm)) = happening.detail {
             self.offset_nm = offset_nm;
             self.offset_due = false;
         }
     }
 
-    fn keep_effort(&mut self, happening: &Happening) {
-        if let Some(Detail::Effort { peak_fcr, peak_ecr, .. }) = happening.detail {
+    fn keep_effort(&mut self, happening: &TransitionRecord) {
+        if let Some(TransitionDetail::Effort { peak_fcr, peak_ecr, .. }) = happening.detail {
             match self.effort_direction() {
                 Direction::Flexion => self.peak_fcr = self.peak_fcr.max(peak_fcr),
                 Direction::Extension => self.peak_ecr = self.peak_ecr.max(peak_ecr),
@@ -175,8 +175,8 @@ impl Ledger {
         }
     }
 
-    fn begin(&mut self, happening: &Happening) {
-        let (Some(planned), Some(Detail::Began { number, rest_samples, .. })) =
+    fn begin(&mut self, happening: &TransitionRecord) {
+        let (Some(planned), Some(TransitionDetail::Began { number, rest_samples, .. })) =
             (self.queue.pop_front(), happening.detail)
         else {
             return;
@@ -191,17 +191,19 @@ impl Ledger {
         });
     }
 
-    fn note_onset(&mut self, happening: &Happening) {
-        if let (Some(attempt), Some(Detail::Onset { trial_sample, .. })) =
+    fn note_onset(&mut self, happening: &TransitionRecord) {
+        if let (Some(attempt), Some(TransitionDetail::Onset { trial_sample, .. })) =
             (self.attempts.last_mut(), happening.detail)
         {
             attempt.onset_sample = Some(trial_sample);
         }
     }
 
-    fn end(&mut self, status: Status, happening: &Happening) {
+    fn end(&mut self, status: Status, happening: &TransitionRecord) {
         let samples = match happening.detail {
-            Some(Detail::Ended { samples, .. } | Detail::FaultInTrial { samples, .. }) => samples,
+            Some(
+                TransitionDetail::Ended { samples, .. } | TransitionDetail::FaultInTrial { samples, .. },
+            ) => samples,
             _ => 0,
         };
         if let Some(attempt) = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none()) {
@@ -228,7 +230,7 @@ impl Ledger {
         self.queue.push_front(planned);
     }
 
-    fn last_measured(&self) -> Option<Planned> {
+    fn last_measured(&self) -> Option<PlannedTrial> {
         self.attempts.last().map(|attempt| attempt.planned).filter(|planned| !planned.key.practice)
     }
 

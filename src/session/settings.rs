@@ -12,7 +12,7 @@ pub struct Settings {
     /// Samples a second.
     pub sample_rate_hz: f64,
     /// The trials to run, those for practice first.
-    pub plan: Vec<Planned>,
+    pub plan: Vec<PlannedTrial>,
     /// When a ramp may start.
     pub gate: Gate,
     /// How long the torque must stay in the band.
@@ -42,7 +42,7 @@ pub struct Settings {
 
 /// A trial that is to be run.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Planned {
+pub struct PlannedTrial {
     /// Where in the schedule, and how often it was rejected already.
     pub key: TrialKey,
     /// Ramp velocity, rad/s.
@@ -93,11 +93,15 @@ impl Settings {
 }
 
 /// The trials for practice, then those of the order.
-fn plan(protocol: &ValidProtocol, seed: u64, order: &[schedule::Planned]) -> Result<Vec<Planned>, TooShort> {
+fn plan(
+    protocol: &ValidProtocol,
+    seed: u64,
+    order: &[schedule::Planned],
+) -> Result<Vec<PlannedTrial>, TooShort> {
     let last = order.len().saturating_sub(1).max(1) as f64;
     let mut plan = Vec::with_capacity(order.len() + protocol.before.familiarisation_trials as usize);
     for (condition, position) in schedule::familiarisation(protocol, seed).iter().zip(1..) {
-        plan.push(Planned {
+        plan.push(PlannedTrial {
             key: TrialKey { practice: true, position, rejections: 0 },
             velocity_rad_s: condition.velocity_rad_s,
             torque_nm: condition.torque_nm,
@@ -107,7 +111,7 @@ fn plan(protocol: &ValidProtocol, seed: u64, order: &[schedule::Planned]) -> Res
         });
     }
     for trial in order {
-        plan.push(Planned {
+        plan.push(PlannedTrial {
             key: TrialKey { practice: false, position: trial.position, rejections: 0 },
             velocity_rad_s: trial.velocity_rad_s,
             torque_nm: trial.torque_nm,

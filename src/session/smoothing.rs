@@ -9,7 +9,7 @@ const EMG_TIME_CONSTANT_S: f64 = 0.1;
 
 /// The smoothed signals.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Display {
+pub struct FeedbackFilter {
     torque_share: f64,
     emg_share: f64,
     /// Torque, offset included, N m.
@@ -21,7 +21,7 @@ pub struct Display {
     started: bool,
 }
 
-impl Display {
+impl FeedbackFilter {
     /// Smooths torque below `cutoff_hz`.
     pub fn new(cutoff_hz: f64, sample_rate_hz: f64) -> Self {
         let share = |time_constant_s: f64| 1.0 - libm::exp(-1.0 / (time_constant_s * sample_rate_hz));

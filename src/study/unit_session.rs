@@ -101,7 +101,7 @@ fn run_to_the_end<E>(
     if machine.phase() == Phase::Finished {
         return Ok(Ok(()));
     }
-    Err(UnitError::Ended { left: machine.ledger().queue().len(), fault: operator.fault })
+    Err(UnitError::Ended { left: machine.progress().queue().len(), fault: operator.fault })
 }
 
 /// Starts the session, and ends it at the first fault: a virtual one has its cause in the files.

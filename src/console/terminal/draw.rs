@@ -10,8 +10,8 @@ use ratatui_widgets::paragraph::{Paragraph, Wrap};
 use ratatui_widgets::table::{Row, Table};
 use serde_json::Value;
 
-use super::keys::Desk;
-use crate::console::{About, Asked, Now};
+use super::keys::KeyInput;
+use crate::console::{Instruction, SessionInfo, Snapshot};
 
 /// Where on the bar the target is; the bar ends a quarter beyond it.
 const FULL: f64 = 1.25;
@@ -21,7 +21,7 @@ const SOFT: Style = Style::new().fg(Color::DarkGray);
 const WARN: Style = Style::new().fg(Color::Yellow);
 
 /// Draws everything.
-pub fn draw(frame: &mut Frame, now: &Now, story: &str, about: &About, desk: &Desk) {
+pub fn draw(frame: &mut Frame, now: &Snapshot, story: &str, about: &SessionInfo, desk: &KeyInput) {
     let story: Value = serde_json::from_str(story).unwrap_or_default();
     let [head, bars, lists, foot] = Layout::vertical([
         Constraint::Length(2),
@@ -38,7 +38,7 @@ pub fn draw(frame: &mut Frame, now: &Now, story: &str, about: &About, desk: &Des
     frame.render_widget(question(now, desk), foot);
 }
 
-fn heading<'a>(now: &Now, about: &'a About) -> Text<'a> {
+fn heading<'a>(now: &Snapshot, about: &'a SessionInfo) -> Text<'a> {
     let phase = Span::styled(now.phase.name(), Style::new().add_modifier(Modifier::BOLD));
     let rest = now.shown.rest_left_s.map_or(String::new(), |left_s| format!("  {left_s:.0} s"));
     let trial = now.trial.map_or(String::new(), |trial| {
@@ -53,10 +53,10 @@ fn heading<'a>(now: &Now, about: &'a About) -> Text<'a> {
     ])
 }
 
-fn bar_lines<'a>(now: &Now, width: usize) -> Vec<Line<'a>> {
+fn bar_lines<'a>(now: &Snapshot, width: usize) -> Vec<Line<'a>> {
     let shown = &now.shown;
     let room = width.saturating_sub(14).max(10);
-    let asks = matches!(shown.cue, Asked::Target | Asked::Stay | Asked::Moving);
+    let asks = matches!(shown.cue, Instruction::Target | Instruction::Stay | Instruction::Moving);
     let in_band = asks && (shown.level - 1.0).abs() < shown.band_fraction;
     let torque = now.target_nm.map_or(format!("{:6.2} N m", now.torque_nm), |target_nm| {
         format!("{:6.2} N m of {target_nm}", now.torque_nm)
@@ -153,16 +153,16 @@ fn log(frame: &mut Frame, area: Rect, story: &Value) {
     frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: false }).block(block), area);
 }
 
-fn question<'a>(now: &Now, desk: &'a Desk) -> Text<'a> {
+fn question<'a>(now: &Snapshot, desk: &'a KeyInput) -> Text<'a> {
     match desk {
-        Desk::Asked(word) => {
+        KeyInput::Instruction(word) => {
             Line::styled(format!("{}: sure? Enter or y; any other key: no", word.name()), WARN).into()
         }
-        Desk::AskedToStop => {
+        KeyInput::AskedToStop => {
             Line::styled("End the session now? Ctrl-C again, Enter or y; any other key: no", WARN).into()
         }
-        Desk::Writing(text) => Line::from(format!("note: {text}▏ (Enter keeps it, Esc does not)")).into(),
-        Desk::Watching => {
+        KeyInput::Writing(text) => Line::from(format!("note: {text}▏ (Enter keeps it, Esc does not)")).into(),
+        KeyInput::Playback => {
             let keys = [
                 ("s", "start", "start"),
                 ("s", "arm again", "rearm"),
@@ -187,8 +187,8 @@ mod tests {
     use ratatui_core::terminal::Terminal;
     use serde_json::json;
 
-    fn drawn(now: &Now, desk: &Desk) -> String {
-        let about = About {
+    fn drawn(now: &Snapshot, desk: &KeyInput) -> String {
+        let about = SessionInfo {
             protocol: "a first look".to_owned(),
             subject: "V00".to_owned(),
             folder: "sessions/first".to_owned(),
@@ -208,9 +208,9 @@ mod tests {
         screen.backend().to_string()
     }
 
-    fn held(level: f64) -> Now {
+    fn held(level: f64) -> Snapshot {
         let mut now = waiting(None);
-        now.shown.cue = Asked::Target;
+        now.shown.cue = Instruction::Target;
         (now.shown.level, now.shown.band_fraction, now.shown.gate) = (level, 0.025, 0.5);
         (now.torque_nm, now.target_nm) = (0.9 * level, Some(0.9));
         now.possible = vec!["pause", "abort"];
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn torque_gate_trials_and_log_are_on_the_screen() {
-        let picture = drawn(&held(0.5), &Desk::Watching);
+        let picture = drawn(&held(0.5), &KeyInput::Playback);
         for part in
             ["V00 · a first look", "0.45 N m of 0.9", "22.7", "0.998", "under way", "12.3 electrode re-glued"]
         {
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn the_bar_reaches_its_band_when_the_torque_does() {
         let line = |level: f64| {
-            let picture = drawn(&held(level), &Desk::Watching);
+            let picture = drawn(&held(level), &KeyInput::Playback);
             let line = picture.lines().find(|line| line.contains("torque")).unwrap().to_owned();
             (line.matches('█').count(), line.matches('│').count())
         };
@@ -250,7 +250,9 @@ mod tests {
 
     #[test]
     fn what_is_asked_is_on_the_last_line() {
-        assert!(drawn(&held(1.0), &Desk::Asked(crate::session::Event::Abort)).contains("abort: sure?"));
-        assert!(drawn(&held(1.0), &Desk::Writing("grip".to_owned())).contains("note: grip"));
+        assert!(
+            drawn(&held(1.0), &KeyInput::Instruction(crate::session::Event::Abort)).contains("abort: sure?")
+        );
+        assert!(drawn(&held(1.0), &KeyInput::Writing("grip".to_owned())).contains("note: grip"));
     }
 }

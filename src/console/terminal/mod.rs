@@ -17,9 +17,9 @@ use ratatui_crossterm::crossterm::terminal::{
 };
 use ratatui_crossterm::crossterm::{cursor, execute};
 
-use super::welcome::About;
+use super::welcome::SessionInfo;
 use super::{ConsoleError, Controls, Views, nice};
-use keys::{Deed, Desk};
+use keys::{KeyAction, KeyInput};
 
 /// Time between two pictures.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -38,7 +38,7 @@ impl Terminal {
     pub fn open(
         views: Views,
         controls: Arc<dyn Controls>,
-        about: About,
+        about: SessionInfo,
         stop: Arc<AtomicBool>,
     ) -> Result<Self, ConsoleError> {
         let screen = take().map_err(ConsoleError::Terminal)?;
@@ -46,10 +46,10 @@ impl Terminal {
         let ends = over.clone();
         let work = move || {
             nice();
-            controls.joined(crate::dataset::Desk::Terminal);
+            controls.joined(crate::dataset::ActionOrigin::Terminal);
             let worked = work(screen, &views, &*controls, &about, &stop, &ends);
             let given_back = give_back();
-            controls.left(crate::dataset::Desk::Terminal);
+            controls.left(crate::dataset::ActionOrigin::Terminal);
             if let Err(error) = worked.and(given_back) {
                 tracing::error!("the terminal cannot be drawn on any more: {error}");
             }
@@ -92,11 +92,11 @@ fn work(
     mut screen: Drawn,
     views: &Views,
     controls: &dyn Controls,
-    about: &About,
+    about: &SessionInfo,
     stop: &AtomicBool,
     over: &AtomicBool,
 ) -> io::Result<()> {
-    let mut desk = Desk::default();
+    let mut desk = KeyInput::default();
     let (mut now, mut story) = (views.now(), views.story());
     while !over.load(Ordering::Acquire) {
         let latest = now.borrow_and_update().clone();
@@ -107,8 +107,8 @@ fn work(
         }
         let Key::Key(key) = event::read()? else { continue };
         match desk.press(key, &latest) {
-            Some(Deed::Ask(request)) => controls.hear(request, crate::dataset::Desk::Terminal),
-            Some(Deed::Stop) => stop.store(true, Ordering::Relaxed),
+            Some(KeyAction::Ask(request)) => controls.hear(request, crate::dataset::ActionOrigin::Terminal),
+            Some(KeyAction::Stop) => stop.store(true, Ordering::Relaxed),
             None => {}
         }
     }

@@ -96,14 +96,14 @@ impl Refusal {
 
 /// Checks each request.
 #[derive(Debug)]
-pub struct Guard {
+pub struct AccessControl {
     tokens: Tokens,
     scheme: &'static str,
     /// Names with their port, in small letters, the one to print first.
     hosts: Vec<String>,
 }
 
-impl Guard {
+impl AccessControl {
     /// Lets in who knows the secrets and asks for this address, or one of `names`.
     pub fn new(tokens: Tokens, scheme: &'static str, bound: SocketAddr, names: &[String]) -> Self {
         let port = bound.port();
@@ -179,9 +179,9 @@ mod tests {
     use super::*;
     use axum::http::HeaderValue;
 
-    fn guard(scheme: &'static str, address: &str, names: &[&str]) -> Guard {
+    fn guard(scheme: &'static str, address: &str, names: &[&str]) -> AccessControl {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-        Guard::new(Tokens::draw().unwrap(), scheme, address.parse().unwrap(), &names)
+        AccessControl::new(Tokens::draw().unwrap(), scheme, address.parse().unwrap(), &names)
     }
 
     fn headers(host: &str, origin: Option<&str>) -> HeaderMap {

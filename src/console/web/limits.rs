@@ -8,7 +8,7 @@ pub const LONGEST_MESSAGE: usize = 4096;
 pub const LONGEST_HEAD: usize = 8192;
 /// Connections that have not shown a token yet, at a time.
 pub const CONNECTIONS: usize = 64;
-/// Pages of one role, at a time.
+/// PageAddresses of one role, at a time.
 pub const PAGES: usize = 8;
 /// How long a request may take to come, and a connection to do nothing.
 pub const PATIENCE: Duration = Duration::from_secs(5);

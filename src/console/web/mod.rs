@@ -17,8 +17,8 @@ use serde_json::Value;
 use tokio::sync::watch;
 use tokio_rustls::TlsAcceptor;
 
-use super::{ConsoleError, Controls, ScreenTimes, Views, nice};
-use access_control::Guard;
+use super::{ConsoleError, Controls, DisplayLatencies, Views, nice};
+use access_control::AccessControl;
 pub use access_control::{Role, Tokens};
 
 /// How long pages are given to take the last picture, when the program ends.
@@ -65,10 +65,10 @@ pub struct Content {
     /// What the operator's buttons do.
     pub controls: Arc<dyn Controls>,
     /// Where it is noted how long torque takes to the person's screen.
-    pub screen: ScreenTimes,
+    pub screen: DisplayLatencies,
 }
 
-/// Pages that are being served.
+/// PageAddresses that are being served.
 #[derive(Debug)]
 pub struct Server {
     address: SocketAddr,
@@ -94,7 +94,7 @@ impl Server {
         let bound = listener.local_addr().map_err(bind)?;
         let tokens = Tokens::draw()?;
         let scheme = if tls.is_some() { "https" } else { "http" };
-        let guard = Guard::new(tokens.clone(), scheme, bound, &address.hosts);
+        let guard = AccessControl::new(tokens.clone(), scheme, bound, &address.hosts);
         let host = guard.first_host().to_owned();
         let (stop, stopped) = watch::channel(false);
         let router = socket::router(Arc::new(guard), Arc::new(content), stopped.clone());

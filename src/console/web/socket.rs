@@ -19,12 +19,12 @@ use serde_json::json;
 use tokio::sync::watch;
 use tokio::time::{sleep_until, timeout};
 
-use super::access_control::{Guard, Role};
+use super::access_control::{AccessControl, Role};
 use super::assets;
 use super::limits::{LONGEST_MESSAGE, ON_THE_WAY, PAGES, PATIENCE, Rate, SILENCE};
 use super::{Content, FAREWELL};
-use crate::console::{Now, Request as Asked};
-use crate::dataset::Desk;
+use crate::console::{Request as OperatorRequest, Snapshot};
+use crate::dataset::ActionOrigin;
 
 /// Time between two pictures for the operator, whose charts need no more.
 const OPERATORS_PERIOD: Duration = Duration::from_millis(33);
@@ -51,15 +51,15 @@ const HEADERS: [(header::HeaderName, &str); 7] = [
 
 #[derive(Clone)]
 struct Site {
-    guard: Arc<Guard>,
+    guard: Arc<AccessControl>,
     content: Arc<Content>,
     stopped: watch::Receiver<bool>,
-    /// Pages open: operators', persons'.
+    /// PageAddresses open: operators', persons'.
     pages: Arc<[AtomicUsize; 2]>,
 }
 
 /// All there is to ask for.
-pub fn router(guard: Arc<Guard>, content: Arc<Content>, stopped: watch::Receiver<bool>) -> Router {
+pub fn router(guard: Arc<AccessControl>, content: Arc<Content>, stopped: watch::Receiver<bool>) -> Router {
     let site = Site { guard, content, stopped, pages: Arc::default() };
     Router::new()
         .route("/{role}/{token}/", get(page))
@@ -123,25 +123,25 @@ async fn live(
         Ok(upgrade) => upgrade,
         Err(rejection) => return rejection.into_response(),
     };
-    let Some(place) = Seat::take(&site.pages, role) else {
+    let Some(place) = PageSlot::take(&site.pages, role) else {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open").into_response();
     };
     upgrade.max_message_size(LONGEST_MESSAGE).max_frame_size(LONGEST_MESSAGE).write_buffer_size(0).on_upgrade(
         move |socket| async move {
             let stopped = site.stopped.clone();
-            Session::new(role, site.content).run(socket, stopped).await;
+            PageConnection::new(role, site.content).run(socket, stopped).await;
             drop(place);
         },
     )
 }
 
 /// A place among the pages of a role.
-struct Seat {
+struct PageSlot {
     pages: Arc<[AtomicUsize; 2]>,
     role: Role,
 }
 
-impl Seat {
+impl PageSlot {
     fn take(pages: &Arc<[AtomicUsize; 2]>, role: Role) -> Option<Self> {
         let seat = Self { pages: pages.clone(), role };
         let before = seat.pages[role as usize].fetch_add(1, Ordering::Relaxed);
@@ -150,7 +150,7 @@ impl Seat {
     }
 }
 
-impl Drop for Seat {
+impl Drop for PageSlot {
     fn drop(&mut self) {
         self.pages[self.role as usize].fetch_sub(1, Ordering::Relaxed);
     }
@@ -159,13 +159,13 @@ impl Drop for Seat {
 /// What a page sends.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
-enum Sent {
+enum PageMessage {
     /// It has taken the picture of that number.
     Seen(Seen),
     /// It has drawn it.
     Drawn(Drawn),
     /// The operator pressed something.
-    Asked(Asked),
+    Request(OperatorRequest),
 }
 
 #[derive(Debug, Deserialize)]
@@ -184,7 +184,7 @@ struct Drawn {
 type Why = (u16, &'static str);
 
 /// A page that looks on.
-struct Session {
+struct PageConnection {
     role: Role,
     content: Arc<Content>,
     /// Number of the last picture sent, and of the last that the page has taken.
@@ -198,7 +198,7 @@ struct Session {
     requests: Rate,
 }
 
-impl Session {
+impl PageConnection {
     fn new(role: Role, content: Arc<Content>) -> Self {
         let now = Instant::now();
         Self {
@@ -216,11 +216,11 @@ impl Session {
 
     async fn run(mut self, mut socket: WebSocket, stopped: watch::Receiver<bool>) {
         if self.role == Role::Operator {
-            self.content.controls.joined(Desk::Page);
+            self.content.controls.joined(ActionOrigin::Page);
         }
         let (code, reason) = self.look_on(&mut socket, stopped).await.unwrap_or((close_code::AWAY, "gone"));
         if self.role == Role::Operator {
-            self.content.controls.left(Desk::Page);
+            self.content.controls.left(ActionOrigin::Page);
         }
         let farewell = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
         // What the page still says is read until it, too, has closed: a socket shut on unread words is reset, and the page
@@ -284,7 +284,7 @@ impl Session {
         send(socket, text).await
     }
 
-    async fn send_picture(&mut self, socket: &mut WebSocket, now: &Now) -> Option<()> {
+    async fn send_picture(&mut self, socket: &mut WebSocket, now: &Snapshot) -> Option<()> {
         self.sent += 1;
         let mut picture = match self.role {
             Role::Person => json!(now.shown),
@@ -318,30 +318,32 @@ impl Session {
             // Not a frame, or one that is too long.
             None => return Err(Some((close_code::PROTOCOL, "malformed or too long"))),
         };
-        match serde_json::from_str::<Sent>(&text) {
-            Ok(Sent::Seen(Seen { seen })) if seen <= self.sent => {
+        match serde_json::from_str::<PageMessage>(&text) {
+            Ok(PageMessage::Seen(Seen { seen })) if seen <= self.sent => {
                 self.seen = self.seen.max(seen);
                 self.heard = now;
                 Ok(())
             }
-            Ok(Sent::Drawn(Drawn { drawn })) if drawn <= self.sent && self.role == Role::Person => {
+            Ok(PageMessage::Drawn(Drawn { drawn })) if drawn <= self.sent && self.role == Role::Person => {
                 let mut measured = self.measured.iter().filter(|(n, _)| *n == drawn);
                 if let Some((_, Some(at))) = measured.next() {
                     self.content.screen.add(now.saturating_duration_since(*at));
                 }
                 Ok(())
             }
-            Ok(Sent::Asked(_)) if self.role == Role::Person => {
+            Ok(PageMessage::Request(_)) if self.role == Role::Person => {
                 Err(Some((close_code::POLICY, "this page can only look")))
             }
-            Ok(Sent::Asked(_)) if !self.requests.allows(now) => {
+            Ok(PageMessage::Request(_)) if !self.requests.allows(now) => {
                 Err(Some((close_code::POLICY, "too many requests")))
             }
-            Ok(Sent::Asked(asked)) => {
-                self.content.controls.hear(asked, Desk::Page);
+            Ok(PageMessage::Request(asked)) => {
+                self.content.controls.hear(asked, ActionOrigin::Page);
                 Ok(())
             }
-            Ok(Sent::Seen(_) | Sent::Drawn(_)) | Err(_) => Err(Some((close_code::INVALID, "not understood"))),
+            Ok(PageMessage::Seen(_) | PageMessage::Drawn(_)) | Err(_) => {
+                Err(Some((close_code::INVALID, "not understood")))
+            }
         }
     }
 }

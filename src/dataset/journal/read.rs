@@ -1,12 +1,12 @@
 //! Reading a journal: what is sound is read, whatever is wrong before, between or behind it.
 
-use super::{HEAD, Record, head};
+use super::{HEAD, JournalEntry, head};
 
 /// A journal as it was found.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct JournalText {
     /// Every record that is sound, in order.
-    pub records: Vec<Placed>,
+    pub records: Vec<JournalLine>,
     /// What is damaged with sound records behind it.
     pub damage: Vec<Damage>,
     /// The end, if it is torn: the program or the machine stopped while it was written.
@@ -15,11 +15,11 @@ pub struct JournalText {
 
 /// A record and where it stands.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Placed {
+pub struct JournalLine {
     /// Its first byte.
     pub offset: u64,
     /// The record.
-    pub record: Record,
+    pub record: JournalEntry,
 }
 
 /// A stretch of the journal that is no record.
@@ -41,7 +41,7 @@ impl JournalText {
         while place < bytes.len() {
             match record_at(&bytes[place..]) {
                 Ok((record, length)) => {
-                    journal.records.push(Placed { offset: place as u64, record });
+                    journal.records.push(JournalLine { offset: place as u64, record });
                     place += length;
                 }
                 Err(reason) => {
@@ -72,7 +72,7 @@ fn next_record(bytes: &[u8], after: usize) -> Option<usize> {
 }
 
 /// The record at the start of `bytes`, and its length.
-fn record_at(bytes: &[u8]) -> Result<(Record, usize), &'static str> {
+fn record_at(bytes: &[u8]) -> Result<(JournalEntry, usize), &'static str> {
     let given = bytes.get(..HEAD).ok_or("it ends before the record does")?;
     let digits = given.get(..8).and_then(|digits| std::str::from_utf8(digits).ok());
     let length = digits
@@ -101,18 +101,18 @@ fn record_at(bytes: &[u8]) -> Result<(Record, usize), &'static str> {
 mod tests {
     use super::*;
     use crate::dataset::journal::Interrupted;
-    use crate::session::Detail;
+    use crate::session::TransitionDetail;
     use proptest::prelude::*;
 
-    fn line(record: &Record) -> Vec<u8> {
+    fn line(record: &JournalEntry) -> Vec<u8> {
         let json = serde_json::to_vec(record).unwrap();
         [head(&json).as_bytes(), &json, b"\n"].concat()
     }
 
     /// Five records, and where each begins.
-    fn journal() -> (Vec<Record>, Vec<usize>, Vec<u8>) {
-        let records: Vec<Record> = (1..=5)
-            .map(|number| Record::Resumed { interrupted: Some(Interrupted { number, samples: 10 }) })
+    fn journal() -> (Vec<JournalEntry>, Vec<usize>, Vec<u8>) {
+        let records: Vec<JournalEntry> = (1..=5)
+            .map(|number| JournalEntry::Resumed { interrupted: Some(Interrupted { number, samples: 10 }) })
             .collect();
         let mut bytes = Vec::new();
         let starts = records.iter().map(|record| {
@@ -123,7 +123,7 @@ mod tests {
         (records, starts, bytes)
     }
 
-    fn read(bytes: &[u8]) -> (Vec<Record>, JournalText) {
+    fn read(bytes: &[u8]) -> (Vec<JournalEntry>, JournalText) {
         let journal = JournalText::parse(bytes);
         (journal.records.iter().map(|placed| placed.record.clone()).collect(), journal)
     }
@@ -210,10 +210,12 @@ mod tests {
         let line = text.lines().find(|line| line.contains("no_answer_to_sync")).unwrap();
         let json = &line[HEAD..];
         let journal = JournalText::parse(format!("{}{json}\n", head(json.as_bytes())).as_bytes());
-        let [Placed { record: Record::Happened(happening), .. }] = &journal.records[..] else {
+        let [JournalLine { record: JournalEntry::Happened(happening), .. }] = &journal.records[..] else {
             panic!("not one event: {journal:?}")
         };
-        let Some(Detail::Fault(fault) | Detail::FaultInTrial { fault, .. }) = happening.detail else {
+        let Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) =
+            happening.detail
+        else {
             panic!("no fault: {happening:?}")
         };
         assert_eq!(fault.code(), "no_answer_to_sync");

@@ -12,7 +12,9 @@ use crate::protocol::Limits;
 use crate::random::Stream;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::rig::{Armed, Command, Fault, OperatorsWord, Rig, Sample};
-use crate::session::{AsFastAsItGoes, Detail, Event, Lateness, Machine, Operator, Phase, RealTime, conduct};
+use crate::session::{
+    AsFastAsItGoes, Event, Lateness, Machine, Operator, Phase, RealTime, TransitionDetail, conduct,
+};
 
 /// Goes on with the session to its end; how many operations that took.
 fn go_on(folder: &Path, disk: Disk) -> Result<(), ResumeError> {
@@ -116,8 +118,8 @@ fn the_ramp_waits_for_a_slow_disk_and_the_replay_knows_it() {
 
     let journal = JournalText::parse(&fs::read(folder.join(JOURNAL)).unwrap());
     let waited = journal.records.iter().filter_map(|placed| match placed.record {
-        super::super::journal::Record::Happened(happening) => match happening.detail {
-            Some(Detail::Onset { waited_samples, .. }) => Some(waited_samples),
+        super::super::journal::JournalEntry::Happened(happening) => match happening.detail {
+            Some(TransitionDetail::Onset { waited_samples, .. }) => Some(waited_samples),
             _ => None,
         },
         _ => None,

@@ -10,8 +10,12 @@ use crate::report::traces::Trace;
 pub fn trial(trace: &Trace, window_s: f64) -> Figure {
     let name = condition_name(trace.label.as_ref(), trace.velocity_rad_s, trace.torque_nm);
     let vaf = trace.fit.as_ref().and_then(|fit| fit.values.get("vaf").copied().flatten());
-    let remarks: String =
-        trace.fit.iter().flat_map(|fit| &fit.remarks).map(|remark| format!(" Remark: {remark}.")).collect();
+    let remarks: String = trace
+        .fit
+        .iter()
+        .flat_map(|fit| &fit.remarks)
+        .map(|remark| format!(" AuditEntry: {remark}."))
+        .collect();
     let mirrored =
         if trace.velocity_rad_s < 0.0 { " C and D are mirrored, so that the ramp is positive." } else { "" };
     let fitted = match (trace.instants.is_empty(), vaf) {

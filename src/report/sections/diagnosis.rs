@@ -36,7 +36,7 @@ pub fn diagnosis(material: &Material) -> Section {
         section.say(&format!("Elastic limit: {law}."));
     }
     for remark in file.root["remarks"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-        section.say(&format!("Remark: {remark}."));
+        section.say(&format!("AuditEntry: {remark}."));
     }
     if !file.absent.is_empty() {
         section.absent(&format!("diagnosis.json does not say: {}.", file.absent.join("; ")));

@@ -7,7 +7,7 @@ fn assert_faults(bench: &mut Bench, sample: Sample, expected: impl Fn(Fault) -> 
     let output = bench.give(Reading::Sample(sample), None);
     assert_eq!((output.phase, output.command.motor), (Phase::Faulted, Motor::Safe));
     let fault = match output.happened.unwrap().detail {
-        Some(Detail::Fault(fault) | Detail::FaultInTrial { fault, .. }) => fault,
+        Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) => fault,
         other => panic!("{other:?}"),
     };
     assert!(expected(fault), "{fault:?}");
@@ -81,10 +81,10 @@ fn a_fault_comes_before_the_operators_word() {
 #[test]
 fn a_fault_in_a_trial_aborts_it_keeps_it_and_puts_it_back_as_it_was() {
     let mut bench = Bench::in_phase(settings(), Phase::Ramp);
-    let planned = bench.machine.ledger().current().unwrap().planned;
+    let planned = bench.machine.progress().current().unwrap().planned;
     bench.give(Reading::Fault(Fault::NoSample), None);
     assert_eq!(bench.statuses(), [Some(Status::Aborted)]);
-    assert!(bench.machine.ledger().queue().any(|other| *other == planned));
+    assert!(bench.machine.progress().queue().any(|other| *other == planned));
 }
 
 #[test]
@@ -132,5 +132,5 @@ fn an_effort_with_a_silent_muscle_is_a_fault_that_names_it() {
         bench.give(Reading::Sample(sample), None);
     }
     let detail = bench.happened.last().unwrap().detail;
-    assert_eq!(detail, Some(Detail::Fault(Fault::SilentEffort { channel: Channel::EmgFcr })));
+    assert_eq!(detail, Some(TransitionDetail::Fault(Fault::SilentEffort { channel: Channel::EmgFcr })));
 }

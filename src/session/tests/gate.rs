@@ -44,7 +44,7 @@ fn gate_restarts_when_torque_leaves_the_band() {
 
 #[test]
 fn gate_stays_shut_at_the_edge_of_the_band_and_opens_inside() {
-    let target_nm = |bench: &Bench| bench.machine.ledger().current().unwrap().planned.torque_nm;
+    let target_nm = |bench: &Bench| bench.machine.progress().current().unwrap().planned.torque_nm;
     for (fraction, event) in [(1.02, Event::GateTimedOut), (0.98, Event::GateOpened)] {
         for sign in [-1.0, 1.0] {
             let mut bench = in_hold();
@@ -63,7 +63,7 @@ fn gate_looks_at_the_torque_less_the_offset() {
     bench.offset_nm = 0.4;
     bench.say(Event::Start);
     bench.run_to(Phase::Hold);
-    assert!((bench.machine.ledger().offset_nm() - 0.4).abs() < 1e-12);
+    assert!((bench.machine.progress().offset_nm() - 0.4).abs() < 1e-12);
     assert_eq!(bench.run_to_event().event, Event::GateOpened);
 }
 
@@ -71,15 +71,18 @@ fn gate_looks_at_the_torque_less_the_offset() {
 fn a_trial_whose_gate_does_not_open_in_time_is_rejected_kept_and_put_back() {
     let mut bench = in_hold();
     bench.error_nm = 1.0;
-    let planned = bench.machine.ledger().current().unwrap().planned;
-    let left = bench.machine.ledger().queue().len();
+    let planned = bench.machine.progress().current().unwrap().planned;
+    let left = bench.machine.progress().queue().len();
     let happening = bench.run_to_event();
     assert_eq!((happening.event, happening.to), (Event::GateTimedOut, Phase::Rest));
     let samples = bench.machine.settings().timeout_samples;
-    assert_eq!(happening.detail, Some(Detail::Ended { number: 1, status: Status::Rejected, samples }));
-    let ledger = bench.machine.ledger();
-    assert_eq!(ledger.queue().len(), left + 1);
-    let again = ledger.queue().find(|other| other.key.position == planned.key.position).unwrap();
+    assert_eq!(
+        happening.detail,
+        Some(TransitionDetail::Ended { number: 1, status: Status::Rejected, samples })
+    );
+    let progress = bench.machine.progress();
+    assert_eq!(progress.queue().len(), left + 1);
+    let again = progress.queue().find(|other| other.key.position == planned.key.position).unwrap();
     assert_eq!(
         (again.torque_nm, again.velocity_rad_s, again.key.rejections),
         (planned.torque_nm, planned.velocity_rad_s, 1)
@@ -145,7 +148,7 @@ fn the_ramp_waits_until_everything_before_it_is_on_disk() {
         assert_eq!(output.phase, Phase::Delay);
     }
     let onset = bench.run_to_event();
-    let Some(Detail::Onset { waited_samples, .. }) = onset.detail else { panic!("{onset:?}") };
+    let Some(TransitionDetail::Onset { waited_samples, .. }) = onset.detail else { panic!("{onset:?}") };
     let [shortest, longest] = bench.machine.settings().delay_samples;
     assert!((101 - longest..=101 - shortest).contains(&waited_samples), "{waited_samples}");
 }
@@ -157,7 +160,7 @@ fn rejected_trials_do_not_always_come_back_at_the_same_place() {
             let mut bench = Bench::in_phase(Settings { seed, ..settings() }, Phase::Hold);
             bench.error_nm = 1.0;
             bench.run_to_event();
-            bench.machine.ledger().queue().position(|planned| planned.key.rejections == 1).unwrap()
+            bench.machine.progress().queue().position(|planned| planned.key.rejections == 1).unwrap()
         })
         .collect();
     assert_eq!(places, (0..4).collect());

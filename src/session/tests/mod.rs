@@ -53,7 +53,7 @@ struct Bench {
     /// What the torque shows when nothing is asked, N m.
     offset_nm: f64,
     ecr_mvc: f64,
-    happened: Vec<Happening>,
+    happened: Vec<TransitionRecord>,
 }
 
 impl Bench {
@@ -128,7 +128,7 @@ impl Bench {
 
     /// Samples until something happens.
     #[track_caller]
-    fn run_to_event(&mut self) -> Happening {
+    fn run_to_event(&mut self) -> TransitionRecord {
         for _ in 0..100_000 {
             if let Some(happening) = self.tick().happened {
                 return happening;
@@ -151,7 +151,7 @@ impl Bench {
 
     fn statuses(&self) -> Vec<Option<Status>> {
         self.machine
-            .ledger()
+            .progress()
             .attempts()
             .iter()
             .map(|attempt| attempt.ended.map(|(status, _)| status))

@@ -6,7 +6,7 @@ use super::*;
 fn a_session_runs_from_start_to_finish_in_the_order_of_the_plan() {
     let mut bench = Bench::started(settings_with_everything());
     bench.run_to(Phase::Finished);
-    let attempts = bench.machine.ledger().attempts();
+    let attempts = bench.machine.progress().attempts();
     let order: Vec<_> = attempts.iter().map(|attempt| (attempt.planned.key, attempt.number)).collect();
     let plan: Vec<_> =
         settings_with_everything().plan.iter().map(|planned| planned.key).zip([1, 1, 2, 3, 4]).collect();
@@ -24,7 +24,7 @@ fn a_session_runs_from_start_to_finish_in_the_order_of_the_plan() {
 fn maximal_efforts_set_the_unit_of_emg() {
     let mut bench = Bench::started(settings_with_everything());
     bench.run_to(Phase::Rest);
-    let [fcr, ecr] = bench.machine.ledger().emg_factors().unwrap();
+    let [fcr, ecr] = bench.machine.progress().emg_factors().unwrap();
     assert!(fcr > 0.5 && fcr < 1.0 && ecr > 0.5 && ecr < 1.0, "{fcr} {ecr}");
 }
 
@@ -49,7 +49,7 @@ fn pause_in_a_hold_aborts_the_trial_and_resume_gives_a_full_rest() {
     assert_eq!(bench.run_to_event().event, Event::RestOver);
     assert_eq!(bench.machine.sample() - resumed, bench.machine.settings().rest_samples);
     bench.run_to(Phase::Finished);
-    assert_eq!(bench.machine.ledger().attempts().len(), 5);
+    assert_eq!(bench.machine.progress().attempts().len(), 5);
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn skip_leaves_out_the_next_trial_or_the_one_under_way() {
         bench.run_to(Phase::Finished);
         let count = |wanted| bench.statuses().iter().filter(|status| **status == Some(wanted)).count();
         assert_eq!((count(Status::Ok), count(Status::Aborted)), (3, aborted));
-        assert!(!bench.machine.ledger().attempts().iter().any(|attempt| {
+        assert!(!bench.machine.progress().attempts().iter().any(|attempt| {
             attempt.planned.key.position == 1 && matches!(attempt.ended, Some((Status::Ok, _)))
         }));
     }
@@ -113,7 +113,7 @@ fn repeat_takes_the_last_trial_back_and_runs_it_next() {
         assert_eq!(bench.statuses(), [Some(Status::Rejected)]);
         assert_eq!(bench.say(Event::Repeat).refused, Some(Event::Repeat));
         bench.run_to(Phase::Hold);
-        let [first, second] = bench.machine.ledger().attempts() else { panic!("two attempts") };
+        let [first, second] = bench.machine.progress().attempts() else { panic!("two attempts") };
         assert_eq!((second.number, second.planned.key.position), (2, first.planned.key.position));
         assert_eq!(second.planned.key.rejections, 1);
     }
@@ -126,7 +126,7 @@ fn abort_makes_the_motor_safe_in_the_same_step_and_keeps_the_trial() {
         let output = bench.say(Event::Abort);
         assert_eq!((output.phase, output.command.motor), (Phase::Aborted, Motor::Safe));
         assert_eq!(bench.statuses(), [Some(Status::Aborted)]);
-        assert_eq!(bench.machine.ledger().queue().len(), 4);
+        assert_eq!(bench.machine.progress().queue().len(), 4);
     }
 }
 
@@ -135,16 +135,16 @@ fn a_record_runs_from_the_target_to_the_end_of_the_hold() {
     let mut bench = Bench::in_phase(settings(), Phase::Rest);
     let mut recorded = Vec::new();
     while bench.machine.phase() != Phase::Return {
-        recorded.push(bench.tick().recording == Recording::Trial);
+        recorded.push(bench.tick().recording == RecordTarget::Trial);
     }
     let first = recorded.iter().position(|inside| *inside).unwrap();
     let samples = recorded[first..].iter().filter(|inside| **inside).count() as u64;
     assert!(
         recorded[first..recorded.len() - 1].iter().all(|inside| *inside) && !recorded[recorded.len() - 1]
     );
-    assert_eq!(bench.machine.ledger().attempts()[0].samples, samples);
-    let onset = bench.machine.ledger().attempts()[0].onset_sample.unwrap();
-    let movement = bench.machine.ledger().attempts()[0].planned.movement;
+    assert_eq!(bench.machine.progress().attempts()[0].samples, samples);
+    let onset = bench.machine.progress().attempts()[0].onset_sample.unwrap();
+    let movement = bench.machine.progress().attempts()[0].planned.movement;
     let after_onset = (movement.start_of_return_s() * 500.0).ceil() as u64;
     assert_eq!(samples, onset + after_onset);
 }

@@ -66,12 +66,12 @@ impl Observed {
             prop_assert_eq!(output.phase, Phase::Faulted, "a broken limit is a fault in the same step");
         }
         self.count_band(before);
-        if matches!(output.happened, Some(Happening { event: Event::Onset, .. })) {
+        if matches!(output.happened, Some(TransitionRecord { event: Event::Onset, .. })) {
             let needed = self.bench.machine.settings().gate_samples;
             prop_assert!(self.in_band > needed, "the ramp starts {} samples into the gate", self.in_band);
         }
         self.check_command(&output)?;
-        for (place, attempt) in self.bench.machine.ledger().attempts().iter().enumerate() {
+        for (place, attempt) in self.bench.machine.progress().attempts().iter().enumerate() {
             let Some((status, reason)) = attempt.ended else { continue };
             let known = *self.ended.entry(place).or_insert(status);
             let taken_back = known == Status::Ok && reason == Event::Repeat;
@@ -82,8 +82,8 @@ impl Observed {
 
     fn count_band(&mut self, before: Phase) {
         let machine = &self.bench.machine;
-        let target = machine.ledger().attempts().last().map(|attempt| attempt.planned.torque_nm);
-        let shown_nm = machine.display().torque_nm - machine.ledger().offset_nm();
+        let target = machine.progress().attempts().last().map(|attempt| attempt.planned.torque_nm);
+        let shown_nm = machine.display().torque_nm - machine.progress().offset_nm();
         let inside = matches!(before, Phase::Hold | Phase::Delay)
             && target.is_some_and(|target| (shown_nm - target).abs() < 0.025 * target.abs());
         self.in_band = if inside { self.in_band + 1 } else { 0 };
@@ -145,14 +145,14 @@ proptest! {
             observed.run(stretch)?;
         }
 
-        // The journal's happenings alone build the same ledger again.
+        // The journal's happenings alone build the same progress again.
         let bench = observed.bench;
-        let mut again = Ledger::new(bench.machine.settings());
+        let mut again = Progress::new(bench.machine.settings());
         for happening in &bench.happened {
             let line = serde_json::to_string(happening).unwrap();
             again.apply(&serde_json::from_str(&line).unwrap());
         }
-        prop_assert_eq!(&again, bench.machine.ledger());
+        prop_assert_eq!(&again, bench.machine.progress());
     }
 
     #[test]
@@ -177,7 +177,7 @@ proptest! {
             };
         }
         prop_assert_eq!(bench.machine.phase(), Phase::Finished);
-        let attempts = bench.machine.ledger().attempts();
+        let attempts = bench.machine.progress().attempts();
         prop_assert!(attempts.iter().all(|attempt| attempt.ended.is_some()));
         let ok = attempts.iter().filter(|attempt| matches!(attempt.ended, Some((Status::Ok, _))));
         let mut positions: Vec<u32> = ok.map(|attempt| attempt.planned.key.position).collect();

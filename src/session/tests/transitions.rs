@@ -55,7 +55,7 @@ fn every_word_of_the_operator_in_every_phase_does_what_the_table_says_or_is_refu
             let mut bench = bench.clone();
             let from = bench.machine.phase();
             let allowed =
-                transitions::lines(from, word).find(|line| bench.machine.ledger().holds(line.guard));
+                transitions::lines(from, word).find(|line| bench.machine.progress().holds(line.guard));
             let output = bench.say(word);
             match allowed {
                 Some(line) => {
@@ -119,7 +119,7 @@ fn a_fault_stops_every_phase_in_which_the_motor_has_power_and_no_other() {
 }
 
 /// Sessions in which everything goes wrong now and then.
-fn random_walk(seed: u64, samples: usize) -> Vec<Happening> {
+fn random_walk(seed: u64, samples: usize) -> Vec<TransitionRecord> {
     let mut stream = Stream::new(seed, "walk");
     let mut settings = settings_with_everything();
     settings.gate.antagonist_limit_mvc = Some(0.5);
@@ -156,14 +156,14 @@ fn random_walk(seed: u64, samples: usize) -> Vec<Happening> {
 
 #[test]
 fn every_line_of_the_table_happens_and_nothing_else_does() {
-    let line = |happening: &Happening| (happening.from, happening.event, happening.to);
+    let line = |happening: &TransitionRecord| (happening.from, happening.event, happening.to);
     let mut happened: BTreeSet<_> =
         (0..4000).flat_map(|seed| random_walk(seed, 20_000)).map(|happening| line(&happening)).collect();
     // A session whose program died on the way home from its last trial has nothing left to do when it is resumed.
     let done = Bench::in_phase(settings(), Phase::Finished);
-    let ledger = done.machine.ledger().clone();
+    let progress = done.machine.progress().clone();
     let mut resumed = Bench::new(settings());
-    resumed.machine = Machine::with_ledger(Arc::new(settings()), ledger);
+    resumed.machine = Machine::with_progress(Arc::new(settings()), progress);
     happened.insert(line(&resumed.say(Event::Start).happened.unwrap()));
     let table: BTreeSet<_> = TRANSITIONS.iter().map(|line| (line.from, line.event, line.to)).collect();
     let missing: Vec<_> = table.difference(&happened).collect();

@@ -1,6 +1,6 @@
 //! Every click is in the journal, and a replay shows the same.
 
-use ramphold::dataset::{Deed, Desk, remarks, replay};
+use ramphold::dataset::{ActionOrigin, OperatorAction, remarks, replay};
 use ramphold::session::Event;
 use serde_json::json;
 
@@ -35,13 +35,14 @@ fn every_word_and_note_is_in_the_journal_with_its_place() {
     let said: Vec<Event> = remarks
         .iter()
         .filter_map(|(_, remark)| match (&remark.deed, remark.desk) {
-            (Deed::Said { word }, Desk::Page) => Some(*word),
+            (OperatorAction::Said { word }, ActionOrigin::Page) => Some(*word),
             _ => None,
         })
         .collect();
     assert_eq!(said, [Event::Resume, Event::Start, Event::Pause, Event::Resume]);
-    let kept = remarks.iter().find(|(_, remark)| matches!(remark.deed, Deed::Noted { .. })).unwrap();
-    let deed = Deed::Noted {
+    let kept =
+        remarks.iter().find(|(_, remark)| matches!(remark.deed, OperatorAction::Noted { .. })).unwrap();
+    let deed = OperatorAction::Noted {
         text: "electrode  re-glued".to_owned(),
         clock: Some("2026-01-02T03:04:05+01:00".to_owned()),
     };

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::thread;
 
-use ramphold::dataset::{Deed, Desk, remarks};
+use ramphold::dataset::{ActionOrigin, OperatorAction, remarks};
 use ramphold::session::Event;
 
 use super::program::{FOREVER, protocol};
@@ -60,13 +60,13 @@ fn a_session_is_run_from_the_terminal() {
     until("x_t");
     assert!(child.wait().unwrap().success());
 
-    let said: Vec<Deed> = remarks(&session)
+    let said: Vec<OperatorAction> = remarks(&session)
         .unwrap()
         .into_iter()
-        .filter(|(_, remark)| remark.desk == Desk::Terminal)
+        .filter(|(_, remark)| remark.desk == ActionOrigin::Terminal)
         .map(|(_, remark)| remark.deed)
-        .filter(|deed| matches!(deed, Deed::Said { .. } | Deed::Noted { .. }))
+        .filter(|deed| matches!(deed, OperatorAction::Said { .. } | OperatorAction::Noted { .. }))
         .collect();
-    let note = Deed::Noted { text: "re-glued".to_owned(), clock: None };
-    assert_eq!(said, [Deed::Said { word: Event::Start }, note]);
+    let note = OperatorAction::Noted { text: "re-glued".to_owned(), clock: None };
+    assert_eq!(said, [OperatorAction::Said { word: Event::Start }, note]);
 }
