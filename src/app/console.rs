@@ -5,7 +5,7 @@ use std::io::{self, StdoutLock, Write};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use tracing_subscriber::EnvFilter;
+use tracing::Level;
 
 /// The two streams of the terminal, as loud as the user asked for.
 #[derive(Debug, Clone, Copy)]
@@ -17,13 +17,13 @@ impl Console {
     /// Sets the loudness for the whole program: `--quiet`, nothing, `-v` or `-vv`.
     pub fn new(quiet: bool, verbose: u8) -> Self {
         let level = match (quiet, verbose) {
-            (true, _) => "error",
-            (false, 0) => "warn",
-            (false, 1) => "info",
-            (false, _) => "debug",
+            (true, _) => Level::ERROR,
+            (false, 0) => Level::WARN,
+            (false, 1) => Level::INFO,
+            (false, _) => Level::DEBUG,
         };
         tracing_subscriber::fmt()
-            .with_env_filter(EnvFilter::new(level))
+            .with_max_level(level)
             .with_writer(io::stderr)
             .without_time()
             .with_target(false)

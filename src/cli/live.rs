@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use clap::ValueEnum;
 use ramphold::console::web::Address;
-use ramphold::console::{ConsoleSetup, Live, SessionInfo, TrialFitContext};
+use ramphold::console::{ConsoleSetup, Live, SessionInfo, TrialFitContext, terminal};
 use ramphold::dataset::{BackgroundRecorder, Recorder, Trial, Wrist};
 use ramphold::fit::PreprocessingSettings;
 use ramphold::protocol::ValidProtocol;
@@ -123,6 +123,9 @@ impl ConsoleOptions {
             return Err(Failure::Usage(format!("--operator-timeout {given}: expected seconds, at least 0")));
         }
         self.pages.address()?;
+        if self.tui {
+            terminal::check()?;
+        }
         Ok(self.console || self.tui)
     }
 

@@ -39,6 +39,17 @@ pub enum ConsoleError {
         /// What should be there.
         expected: &'static str,
     },
+    /// The program was built without this part.
+    #[error(
+        "{option}: this program was built without the feature {feature}; build it with: \
+         cargo build --release --features {feature}"
+    )]
+    NotBuilt {
+        /// The option that needs the feature.
+        option: &'static str,
+        /// The cargo feature.
+        feature: &'static str,
+    },
     /// The system gives no random numbers to make tokens of.
     #[error("no tokens can be made: the system gives no random numbers ({0})")]
     Random(String),
@@ -67,6 +78,7 @@ impl ConsoleError {
             Self::Plain(_)
                 | Self::Nameless(_)
                 | Self::Certificate { .. }
+                | Self::NotBuilt { .. }
                 | Self::Session(_)
                 | Self::Protocol(_)
                 | Self::Empty(_)

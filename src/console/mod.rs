@@ -14,6 +14,10 @@ pub mod player;
 mod snapshot;
 mod step_feed;
 mod strip_chart;
+#[cfg(feature = "terminal")]
+pub mod terminal;
+#[cfg(not(feature = "terminal"))]
+#[path = "without_terminal.rs"]
 pub mod terminal;
 mod view_model;
 pub mod web;

@@ -54,6 +54,17 @@ pub enum ExportError {
         /// The greatest it can hold.
         limit: f64,
     },
+    /// The program was built without this part.
+    #[error(
+        "{option}: this program was built without the feature {feature}; build it with: \
+         cargo build --release --features {feature}"
+    )]
+    NotBuilt {
+        /// The option that needs the feature.
+        option: &'static str,
+        /// The cargo feature.
+        feature: &'static str,
+    },
     /// The Parquet writer refuses.
     #[error("{}: cannot be written: {message}", path.display())]
     Parquet {

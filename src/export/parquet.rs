@@ -13,16 +13,8 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
 use super::error::ExportError;
+use super::rows::Rows;
 use crate::dataset::{self, Session, Trial};
-
-/// What a row is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rows {
-    /// A sample of a trial.
-    Samples,
-    /// A trial, with its fit where there is one.
-    Trials,
-}
 
 /// A column.
 enum Column {

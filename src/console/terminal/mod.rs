@@ -24,6 +24,14 @@ use keys::{KeyAction, KeyInput};
 /// Time between two pictures.
 const PERIOD: Duration = Duration::from_millis(50);
 
+/// Checks that the program can draw on a terminal: that the feature `terminal` is built.
+///
+/// # Errors
+/// Never, in a program that is built with the feature.
+pub fn check() -> Result<(), ConsoleError> {
+    Ok(())
+}
+
 /// The terminal, being drawn on until this is dropped.
 pub struct Terminal {
     over: Arc<AtomicBool>,

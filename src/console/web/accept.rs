@@ -12,10 +12,10 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio::sync::watch;
 use tokio::task::AbortHandle;
-use tokio_rustls::TlsAcceptor;
 
 use super::FAREWELL;
 use super::limits::{CONNECTIONS, LONGEST_HEAD, PATIENCE};
+use super::tls::TlsAcceptor;
 
 /// How long to wait after the system refused a connection: it has no room for another file just now.
 const A_MOMENT: Duration = Duration::from_millis(20);

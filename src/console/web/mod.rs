@@ -5,6 +5,10 @@ mod access_control;
 mod assets;
 mod limits;
 mod socket;
+#[cfg(feature = "tls")]
+mod tls;
+#[cfg(not(feature = "tls"))]
+#[path = "without_tls.rs"]
 mod tls;
 
 use std::net::{SocketAddr, TcpListener};
@@ -15,7 +19,6 @@ use std::time::Duration;
 
 use serde_json::Value;
 use tokio::sync::watch;
-use tokio_rustls::TlsAcceptor;
 
 use super::{ConsoleError, Controls, DisplayLatencies, Views, nice};
 use access_control::AccessControl;
@@ -51,7 +54,7 @@ impl Address {
         self.acceptor().map(|_| ())
     }
 
-    fn acceptor(&self) -> Result<Option<TlsAcceptor>, ConsoleError> {
+    fn acceptor(&self) -> Result<Option<tls::TlsAcceptor>, ConsoleError> {
         self.certificate.as_ref().map(|(chain, key)| tls::acceptor(chain, key)).transpose()
     }
 }

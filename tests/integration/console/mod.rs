@@ -4,5 +4,7 @@ mod audit;
 mod program;
 mod security;
 mod steering;
+#[cfg(feature = "terminal")]
 mod terminal;
+#[cfg(feature = "tls")]
 mod tls;
