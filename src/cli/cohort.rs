@@ -4,7 +4,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use ramphold::fit::QUANTITIES;
-use ramphold::study::{Gathered, Kept, Part, Study, StudyFolder, Tables, effect_name, tables_of};
+use ramphold::study::{
+    ResultTables, SessionStorage, Study, StudyFolder, StudyPart, StudySummary, effect_name, tables_from_csv,
+};
 use rayon::prelude::*;
 
 use super::run::{drawn_seed, new_folder};
@@ -54,7 +56,7 @@ impl Verb for Cohort {
         let seed = self.seed.or_else(begun).unwrap_or_else(drawn_seed);
         let study = Study::open(&self.study, seed)?;
         let path = self.folder(&format!("{}-{seed}", self.stem()));
-        let folder = StudyFolder::take(&path, &study, self.resume || self.plan || self.part.is_some())?;
+        let folder = StudyFolder::open(&path, &study, self.resume || self.plan || self.part.is_some())?;
         if self.plan {
             return Ok(());
         }
@@ -68,8 +70,8 @@ impl Verb for Cohort {
             path.display()
         ));
         self.do_parts(console, &study, &folder)?;
-        let (gathered, tables) = folder.finish(&study)?;
-        self.show(console, &path, &gathered, &tables)
+        let (summary, tables) = folder.write_tables(&study)?;
+        self.show(console, &path, &summary, &tables)
     }
 }
 
@@ -84,31 +86,33 @@ impl Cohort {
 
     fn only_tables(&self, console: &Console) -> Result<(), Failure> {
         let path = self.folder(&format!("{}-tables", self.stem()));
-        let (gathered, tables) = tables_of(&self.study, &path)?;
-        self.show(console, &path, &gathered, &tables)
+        let (summary, tables) = tables_from_csv(&self.study, &path)?;
+        self.show(console, &path, &summary, &tables)
     }
 
     /// Does what is not done yet, as many sessions at once as there are cores.
     fn do_parts(&self, console: &Console, study: &Study, folder: &StudyFolder) -> Result<(), Failure> {
-        let to_do = folder.to_do(study);
-        let units: u64 = to_do.iter().map(|part| study.units_of(part.number)).map(|r| r.end - r.start).sum();
+        let pending_parts = folder.pending_parts(study);
+        let units: u64 =
+            pending_parts.iter().map(|part| study.units_of(part.number)).map(|r| r.end - r.start).sum();
         if units < study.units() {
             console.message(format_args!("{} sessions were done before", study.units() - units));
         }
         let progress = console.progress(units, "sessions");
         let sessions = folder.path().join("sessions");
-        let done =
-            to_do.par_iter().try_for_each(|part| part.make(study, self.kept(&sessions)?, || progress.inc(1)));
+        let done = pending_parts
+            .par_iter()
+            .try_for_each(|part| part.run(study, self.storage(&sessions)?, || progress.inc(1)));
         progress.finish_and_clear();
         Ok(done?)
     }
 
-    fn kept<'a>(&self, sessions: &'a Path) -> Result<Kept<'a>, ramphold::study::StudyError> {
+    fn storage<'a>(&self, sessions: &'a Path) -> Result<SessionStorage<'a>, ramphold::study::StudyError> {
         if !self.keep {
-            return Ok(Kept::No);
+            return Ok(SessionStorage::Memory);
         }
         std::fs::create_dir_all(sessions).map_err(ramphold::study::StudyError::at(sessions))?;
-        Ok(Kept::In(sessions))
+        Ok(SessionStorage::Folder(sessions))
     }
 
     fn one_part(
@@ -124,11 +128,11 @@ impl Cohort {
                 study.parts().saturating_sub(1)
             )));
         }
-        let part = Part::of(folder.path(), number);
+        let part = StudyPart::of(folder.path(), number);
         let was_done = part.is_done(study);
         if !was_done {
             let sessions = folder.path().join("sessions");
-            part.make(study, self.kept(&sessions)?, || ())?;
+            part.run(study, self.storage(&sessions)?, || ())?;
         }
         let contents = part.read(study).map_err(ramphold::study::StudyError::from)?;
         let units = study.units_of(number);
@@ -144,8 +148,8 @@ impl Cohort {
         &self,
         console: &Console,
         folder: &Path,
-        gathered: &Gathered,
-        tables: &Tables,
+        summary: &StudySummary,
+        tables: &ResultTables,
     ) -> Result<(), Failure> {
         if self.json {
             let file = folder.join("study.json");
@@ -153,17 +157,17 @@ impl Cohort {
                 .map_err(|source| Failure::Read { file: file.display().to_string(), source })?;
             write!(console.results(), "{text}")?;
         } else {
-            table(console, gathered, tables)?;
+            table(console, summary, tables)?;
         }
-        for problem in &gathered.problems {
-            console.error(problem);
+        for issue in &summary.issues {
+            console.error(issue);
         }
-        let told = gathered.problems.len() as u64;
-        if gathered.problem_count > told {
-            console.error(format_args!("and {} more like these", gathered.problem_count - told));
+        let told = summary.issues.len() as u64;
+        if summary.issue_count > told {
+            console.error(format_args!("and {} more like these", summary.issue_count - told));
         }
         console.message(format_args!("{}", folder.display()));
-        match gathered.problem_count {
+        match summary.issue_count {
             0 => Ok(()),
             problems => Err(Failure::PartOfStudy { problems, folder: folder.to_owned() }),
         }
@@ -171,10 +175,10 @@ impl Cohort {
 }
 
 /// F and p of every effect on every quantity, for a person to read.
-fn table(console: &Console, gathered: &Gathered, tables: &Tables) -> Result<(), Failure> {
+fn table(console: &Console, summary: &StudySummary, tables: &ResultTables) -> Result<(), Failure> {
     let mut out = console.results();
-    let (velocities, torques) = (gathered.layout.velocities_rad_s.len(), gathered.layout.torques_nm.len());
-    writeln!(out, "{} persons, {velocities} velocities x {torques} torques", gathered.persons)?;
+    let (velocities, torques) = (summary.grid.velocities_rad_s.len(), summary.grid.torques_nm.len());
+    writeln!(out, "{} persons, {velocities} velocities x {torques} torques", summary.subjects)?;
     writeln!(
         out,
         "{:<22} {:<19} {:>9} {:>12} {:>9} {:>9} {:>9}",

@@ -9,8 +9,11 @@ use ramphold::fit::{QUANTITIES, write_files};
 use ramphold::report::{PowerCurve, power_figure};
 use ramphold::rig::virtual_wrist::MechanismList;
 use ramphold::statistics::wilson;
-use ramphold::study::detection_power::{Named, detections, found};
-use ramphold::study::power::{Arms, Drawing, Found, Limit, Shift, Sought, Verdict, power, verdicts};
+use ramphold::study::detection_power::{Detections, detection_power, detections};
+use ramphold::study::power::{
+    LimitConclusion, ParameterShift, PoolMeans, PowerEstimate, ResamplingPlan, SoughtEffect,
+    TrueElasticLimit, limit_conclusions, power,
+};
 use ramphold::study::{Study, StudyError};
 
 use super::run::{drawn_seed, new_folder};
@@ -32,10 +35,10 @@ pub struct Power {
     study: PathBuf,
     /// Two groups of persons differ: a fraction of k_h, k_srs, k_dec or x_e, or seconds of x_t.
     #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true, group = "sought")]
-    difference: Option<Shift>,
+    difference: Option<ParameterShift>,
     /// The same persons change between two sessions, by as much.
     #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true, group = "sought")]
-    change: Option<Shift>,
+    change: Option<ParameterShift>,
     /// What a study says of the elastic limit (constant time, constant angle), where it is in truth one of them.
     #[arg(long, value_enum, group = "sought")]
     limit: Option<TrueLimit>,
@@ -79,7 +82,7 @@ impl Verb for Power {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let seed = self.seed.unwrap_or_else(drawn_seed);
         let study = Study::open(&self.study, seed)?;
-        let drawing = self.drawing(&study)?;
+        let resampling = self.resampling(&study)?;
         let folder = self
             .out
             .clone()
@@ -94,19 +97,19 @@ impl Verb for Power {
         console.message(format_args!(
             "study {}, seed {seed}, {} sessions",
             study.name,
-            groups * drawing.pool
+            groups * resampling.pool
         ));
-        let progress = console.progress(u64::from(groups * drawing.pool), "sessions");
+        let progress = console.progress(u64::from(groups * resampling.pool), "sessions");
         let tick = || progress.inc(1);
         let sought = match (self.difference, self.change) {
-            (Some(shift), _) => Some(Sought::Difference(shift)),
-            (_, Some(shift)) => Some(Sought::Change(shift)),
+            (Some(shift), _) => Some(SoughtEffect::Difference(shift)),
+            (_, Some(shift)) => Some(SoughtEffect::Change(shift)),
             _ => None,
         };
         let result = match (sought, self.limit) {
             _ if self.mechanism.is_some() => {
                 let mechanisms = self.mechanism.clone().unwrap_or_default();
-                let named = detections(&study, &mechanisms, &drawing, tick).map_err(Failure::Unit)?;
+                let named = detections(&study, &mechanisms, &resampling, tick).map_err(Failure::Unit)?;
                 let ids: Vec<&str> = mechanisms.kinds.iter().map(|kind| kind.id()).collect();
                 let values: Vec<String> = mechanisms.parameters.iter().map(f64::to_string).collect();
                 let what = What {
@@ -115,21 +118,24 @@ impl Verb for Power {
                     by: values.join(" "),
                     quantity: "share of sessions that name it",
                 };
-                let mut told = curves(&what, &drawing, &found(&study, &named, &drawing));
+                let mut told = curves(&what, &resampling, &detection_power(&study, &named, &resampling));
                 told.files.push(("pool.csv", named_table(&named)));
                 told
             }
             (Some(sought), _) => {
-                let (found, arms) = power(&study, sought, &drawing, tick).map_err(Failure::Unit)?;
-                let mut told = curves(&What::of(sought), &drawing, &found);
+                let (found, arms) = power(&study, sought, &resampling, tick).map_err(Failure::Unit)?;
+                let mut told = curves(&What::of(sought), &resampling, &found);
                 told.files.push(("pool.csv", pool_table(&arms)));
                 told
             }
             (None, limit) => {
-                let limit =
-                    if matches!(limit, Some(TrueLimit::Angle)) { Limit::Angle } else { Limit::AsGiven };
-                let said = verdicts(&study, limit, &drawing, tick).map_err(Failure::Unit)?;
-                verdict_table(&drawing, &said)
+                let limit = if matches!(limit, Some(TrueLimit::Angle)) {
+                    TrueElasticLimit::ConstantAngle
+                } else {
+                    TrueElasticLimit::AsGiven
+                };
+                let said = limit_conclusions(&study, limit, &resampling, tick).map_err(Failure::Unit)?;
+                verdict_table(&resampling, &said)
             }
         };
         progress.finish_and_clear();
@@ -149,7 +155,7 @@ struct Told {
 }
 
 impl Power {
-    fn drawing(&self, study: &Study) -> Result<Drawing, Failure> {
+    fn resampling(&self, study: &Study) -> Result<ResamplingPlan, Failure> {
         let refuse = |message: String| Err(Failure::Usage(message));
         let Some(protocol) = study.protocol() else {
             return Err(StudyError::Value {
@@ -178,18 +184,18 @@ impl Power {
         if !(self.alpha > 0.0 && self.alpha < 1.0) {
             return refuse(format!("--alpha {}: expected a number between 0 and 1", self.alpha));
         }
-        let mut drawing = Drawing {
-            persons: self.persons.clone(),
+        let mut resampling = ResamplingPlan {
+            subjects: self.persons.clone(),
             repetitions: self.repetitions.clone(),
             studies: self.studies,
             pool: self.pool,
             alpha: self.alpha,
         };
-        for numbers in [&mut drawing.persons, &mut drawing.repetitions] {
+        for numbers in [&mut resampling.subjects, &mut resampling.repetitions] {
             numbers.sort_unstable();
             numbers.dedup();
         }
-        Ok(drawing)
+        Ok(resampling)
     }
 }
 
@@ -202,10 +208,10 @@ struct What {
 }
 
 impl What {
-    fn of(sought: Sought) -> Self {
+    fn of(sought: SoughtEffect) -> Self {
         let (kind, shift) = match sought {
-            Sought::Difference(shift) => ("difference", shift),
-            Sought::Change(shift) => ("change", shift),
+            SoughtEffect::Difference(shift) => ("difference", shift),
+            SoughtEffect::Change(shift) => ("change", shift),
         };
         let word = shift.to_string();
         let (parameter, by) = word.split_once('=').unwrap_or((&word, ""));
@@ -219,48 +225,54 @@ impl What {
 }
 
 /// Power by persons and repetitions.
-fn curves(what: &What, drawing: &Drawing, found: &[Found]) -> Told {
+fn curves(what: &What, resampling: &ResamplingPlan, found: &[PowerEstimate]) -> Told {
     let What { kind, parameter, by, quantity } = what;
     let mut csv =
         "sought,parameter,by,quantity,repetitions,persons,studies,found,power,low,high,mean_effect\n"
             .to_owned();
-    let mut words = format!("{kind} of {parameter}={by}, seen in {quantity}, at p < {}\n", drawing.alpha);
+    let mut words = format!("{kind} of {parameter}={by}, seen in {quantity}, at p < {}\n", resampling.alpha);
     let mut curves = Vec::new();
-    for repetitions in &drawing.repetitions {
-        let own: Vec<&Found> = found.iter().filter(|found| found.repetitions == *repetitions).collect();
+    for repetitions in &resampling.repetitions {
+        let own: Vec<&PowerEstimate> =
+            found.iter().filter(|found| found.repetitions == *repetitions).collect();
         for found in &own {
-            let (share, low, high) = found.share();
+            let (share, low, high) = found.power();
             let _ = writeln!(
                 csv,
                 "{kind},{parameter},{by},{quantity},{repetitions},{},{},{},{share},{low},{high},{}",
-                found.persons, found.of, found.found, found.effect
+                found.subjects, found.studies, found.found, found.effect
             );
         }
-        let enough = own.iter().find(|found| found.share().0 >= 0.8).map(|found| found.persons);
+        let enough = own.iter().find(|found| found.power().0 >= 0.8).map(|found| found.subjects);
         let needed = match (enough, own.last()) {
             (Some(persons), _) => format!("{persons} persons"),
-            (None, Some(last)) => format!("more than {} persons ({:.2} there)", last.persons, last.share().0),
+            (None, Some(last)) => {
+                format!("more than {} persons ({:.2} there)", last.subjects, last.power().0)
+            }
             (None, None) => String::new(),
         };
         let _ = writeln!(words, "{repetitions} repetitions: power 0.8 takes {needed}");
-        let point = |found: &&Found| {
-            let (share, low, high) = found.share();
-            (f64::from(found.persons), share, low, high)
+        let point = |found: &&PowerEstimate| {
+            let (share, low, high) = found.power();
+            (f64::from(found.subjects), share, low, high)
         };
         let label = format!("{repetitions} repetitions");
         curves.push(PowerCurve { label, points: own.iter().map(point).collect() });
     }
     let caption = format!(
         "Shares of {} studies drawn from {} virtual persons (in each group), with 95 % intervals; grey: power 0.8.",
-        drawing.studies, drawing.pool
+        resampling.studies, resampling.pool
     );
-    let figure =
-        power_figure(&format!("Power: {kind} of {parameter}={by}, p < {}", drawing.alpha), &caption, &curves);
+    let figure = power_figure(
+        &format!("Power: {kind} of {parameter}={by}, p < {}", resampling.alpha),
+        &caption,
+        &curves,
+    );
     Told { files: vec![("power.csv", csv), ("power.svg", figure)], words }
 }
 
 /// Which sessions named the mechanism.
-fn named_table(named: &[Named]) -> String {
+fn named_table(named: &[Detections]) -> String {
     let mut csv = "repetitions,person,named\n".to_owned();
     for own in named {
         for (person, named) in own.named.iter().enumerate() {
@@ -285,11 +297,11 @@ fn mechanism(text: &str) -> Result<MechanismList, String> {
 }
 
 /// The persons that studies were drawn from.
-fn pool_table(arms: &[Arms]) -> String {
+fn pool_table(arms: &[PoolMeans]) -> String {
     let mut csv = "repetitions,person,first,second\n".to_owned();
     let cell = |value: &Option<f64>| value.map_or(String::new(), |value| value.to_string());
     for own in arms {
-        for (person, (one, other)) in own.one.iter().zip(&own.other).enumerate() {
+        for (person, (one, other)) in own.first.iter().zip(&own.second).enumerate() {
             let _ = writeln!(csv, "{},{},{},{}", own.repetitions, person + 1, cell(one), cell(other));
         }
     }
@@ -297,23 +309,23 @@ fn pool_table(arms: &[Arms]) -> String {
 }
 
 /// What studies say of the elastic limit.
-fn verdict_table(drawing: &Drawing, said: &[(u32, [u32; 4])]) -> Told {
+fn verdict_table(resampling: &ResamplingPlan, said: &[(u32, [u32; 4])]) -> Told {
     let mut csv = "persons,studies,verdict,count,share,low,high\n".to_owned();
     let mut words = "what studies say of the elastic limit (share of studies)\npersons".to_owned();
-    for verdict in Verdict::ALL {
+    for verdict in LimitConclusion::ALL {
         let _ = write!(words, " {:>10}", verdict.name());
     }
     words.push('\n');
     for (persons, counts) in said {
         let _ = write!(words, "{persons:>7}");
         let of: u32 = counts.iter().sum();
-        for (verdict, count) in Verdict::ALL.iter().zip(counts) {
+        for (verdict, count) in LimitConclusion::ALL.iter().zip(counts) {
             let share = f64::from(*count) / f64::from(of.max(1));
             let (low, high) = wilson(*count, of);
             let _ = writeln!(
                 csv,
                 "{persons},{},{},{count},{share},{low},{high}",
-                drawing.studies,
+                resampling.studies,
                 verdict.name()
             );
             let _ = write!(words, " {share:>10.3}");

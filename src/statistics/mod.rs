@@ -1,21 +1,30 @@
-//! What a study's tables say of its persons: analysis of variance, contrasts, trends, reliability, group comparisons.
+//! Statistics that several parts of the program share, as pure functions of numbers.
 //!
-//! Pure functions of numbers. All tests of one group rest on [`Moments`], the means and covariances of the cells over the
-//! persons, which are gathered person by person: a study of a million persons takes the memory of one of two.
+//! The tests of a study's tables (analysis of variance, contrasts, reliability, comparison of two groups) rest on [`MeanCovariance`]
+//! and [`MeanVariance`], which take in one subject at a time: a study of a million subjects needs no more memory than one of two.
+//! Fit, diagnosis and report share [`group_indices`] and the linear regressions of `least_squares`.
 
+mod correlation;
 mod distribution;
+mod extreme_value;
+mod groups;
+mod least_squares;
 mod moments;
 mod multiple_testing;
 mod reliability;
 mod repeated_measures_anova;
-mod two_groups;
+mod welch;
 
+pub use correlation::rank_correlation;
 pub use distribution::{chi_square_tail, f_tail, t_quantile, t_two_sided, wilson};
-pub use moments::{Contrast, Moments};
+pub use extreme_value::gumbel_tail;
+pub use groups::group_indices;
+pub use least_squares::{NormalEquations, slope_through_origin};
+pub use moments::{Contrast, MeanCovariance, MeanVariance};
 pub use multiple_testing::holm;
 pub use reliability::{Reliability, reliability};
-pub use repeated_measures_anova::{Design, Effect, Mauchly, anova};
-pub use two_groups::{Sample, welch};
+pub use repeated_measures_anova::{Effect, FactorLevels, Mauchly, anova};
+pub use welch::welch;
 
 #[cfg(test)]
 mod tests;

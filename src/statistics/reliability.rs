@@ -1,54 +1,55 @@
-//! Test-retest reliability over repeated sessions of the same persons.
+//! Test-retest reliability over repeated sessions of the same subjects.
 
 use super::distribution::f_tail;
-use super::moments::Moments;
+use super::moments::MeanCovariance;
 
-/// How well a value tells persons apart from session to session (Shrout and Fleiss 1979; McGraw and Wong 1996).
+/// Test-retest reliability of a quantity (Shrout and Fleiss 1979; McGraw and Wong 1996).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reliability {
-    /// Persons.
-    pub persons: usize,
-    /// Sessions of each.
+    /// Number of subjects.
+    pub subjects: usize,
+    /// Number of sessions of each subject.
     pub sessions: usize,
-    /// Mean over persons and sessions.
+    /// Mean over subjects and sessions, in the unit of the quantity.
     pub mean: f64,
     /// ICC(A,1), the absolute agreement of single sessions: ICC2 of Shrout and Fleiss.
     pub icc_agreement: f64,
-    /// ICC(C,1), their consistency, whatever all persons change by: ICC3.
+    /// ICC(C,1), the consistency of single sessions, from which changes common to all subjects are removed: ICC3.
     pub icc_consistency: f64,
-    /// Whether persons differ at all: F and p of the consistency.
+    /// F ratio of the variance between subjects to the error.
     pub f: f64,
-    /// See `f`.
+    /// p-value of the hypothesis that the subjects do not differ.
     pub p: f64,
-    /// Standard error of measurement: what one session's value is off by, in its unit (without what all persons change by).
+    /// Standard error of measurement: random error of one session's value, in the unit of the quantity.
     pub sem: f64,
-    /// Smallest change of a person that is detectable with 95 % confidence: 1.96 sqrt(2) SEM.
+    /// Smallest change of a subject that is detectable with 95 % confidence: 1.96 sqrt(2) SEM.
     pub smallest_detectable_change: f64,
 }
 
-/// From the moments of persons whose cells are their sessions. `None` with fewer than two persons or sessions.
-pub fn reliability(moments: &Moments) -> Option<Reliability> {
-    let (persons, sessions) = (moments.count(), moments.cells());
+/// Reliability from the means and covariance of subjects whose cells are their sessions. `None` with fewer than two subjects or
+/// sessions.
+pub fn reliability(moments: &MeanCovariance) -> Option<Reliability> {
+    let (subjects, sessions) = (moments.count(), moments.cells());
     let covariance = moments.covariance()?;
     if sessions < 2 {
         return None;
     }
-    let (n, k) = (persons as f64, sessions as f64);
+    let (n, k) = (subjects as f64, sessions as f64);
     let mean = moments.mean().mean();
     let everything = covariance.sum();
-    // Mean squares of persons, of sessions, and of the rest, of the two-way layout.
-    let of_persons = everything / k;
-    let of_sessions = n * moments.mean().iter().map(|m| (m - mean) * (m - mean)).sum::<f64>() / (k - 1.0);
-    let of_error = ((covariance.trace() - everything / k) / (k - 1.0)).max(0.0);
-    let sem = of_error.sqrt();
-    let f = of_persons / of_error;
+    // Mean squares of subjects, sessions and error in the two-way layout.
+    let ms_subjects = everything / k;
+    let ms_sessions = n * moments.mean().iter().map(|m| (m - mean) * (m - mean)).sum::<f64>() / (k - 1.0);
+    let ms_error = ((covariance.trace() - everything / k) / (k - 1.0)).max(0.0);
+    let sem = ms_error.sqrt();
+    let f = ms_subjects / ms_error;
     Some(Reliability {
-        persons,
+        subjects,
         sessions,
         mean,
-        icc_agreement: (of_persons - of_error)
-            / (of_persons + (k - 1.0) * of_error + k * (of_sessions - of_error) / n),
-        icc_consistency: (of_persons - of_error) / (of_persons + (k - 1.0) * of_error),
+        icc_agreement: (ms_subjects - ms_error)
+            / (ms_subjects + (k - 1.0) * ms_error + k * (ms_sessions - ms_error) / n),
+        icc_consistency: (ms_subjects - ms_error) / (ms_subjects + (k - 1.0) * ms_error),
         f,
         p: f_tail(f, [n - 1.0, (n - 1.0) * (k - 1.0)]),
         sem,

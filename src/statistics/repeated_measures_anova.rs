@@ -1,84 +1,84 @@
-//! Repeated-measures analysis of variance with two factors within persons.
+//! Repeated-measures analysis of variance with two factors within subjects.
 //!
 //! Everything follows from the means and the covariance of the cells: with orthonormal contrasts C of an effect with d degrees
-//! of freedom and n persons, SS = n |C'm|^2 and SS_error = (n-1) tr(C'SC) (Winer 1971). The covariance of the contrasts,
-//! C'SC, is also what the sphericity corrections and Mauchly's test look at.
+//! of freedom and n subjects, SS = n |C'm|^2 and SS_error = (n-1) tr(C'SC) (Winer 1971). The covariance of the contrasts,
+//! C'SC, also gives the sphericity corrections and Mauchly's test.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::distribution::{chi_square_tail, f_tail};
-use super::moments::Moments;
+use super::moments::MeanCovariance;
 
-/// The cells of a person: the first factor's levels, and within each the second's.
+/// Numbers of levels of the two factors. A subject's cells are ordered by the first factor, then by the second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Design {
-    /// Levels of the first factor.
+pub struct FactorLevels {
+    /// Number of levels of the first factor.
     pub first: usize,
-    /// Levels of the second.
+    /// Number of levels of the second factor.
     pub second: usize,
 }
 
-/// One line of the table.
+/// A main effect or the interaction: one line of the analysis-of-variance table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Effect {
-    /// Which factors take part: the first, the second, both.
+    /// Whether the first and the second factor take part; both do in the interaction.
     pub factors: [bool; 2],
-    /// F.
+    /// F ratio of the effect to its error.
     pub f: f64,
-    /// Its degrees of freedom, of effect and error.
+    /// Degrees of freedom of the effect and of its error.
     pub df: [f64; 2],
-    /// p-value if the covariances were spherical.
+    /// p-value without correction, valid if the covariances are spherical.
     pub p: f64,
-    /// Greenhouse and Geisser's epsilon.
+    /// Greenhouse and Geisser's epsilon, the estimated departure from sphericity (1: none).
     pub epsilon_gg: f64,
-    /// p-value with both degrees of freedom times that.
+    /// p-value with both degrees of freedom multiplied by `epsilon_gg`.
     pub p_gg: f64,
     /// Huynh and Feldt's epsilon, at most 1.
     pub epsilon_hf: f64,
-    /// p-value with both degrees of freedom times that.
+    /// p-value with both degrees of freedom multiplied by `epsilon_hf`.
     pub p_hf: f64,
-    /// Whether the covariances are spherical; `None` with one degree of freedom (they always are) or too few persons.
+    /// Mauchly's test of sphericity; `None` with one degree of freedom (always spherical) or too few subjects.
     pub mauchly: Option<Mauchly>,
     /// Sum of squares of the effect.
     pub ss: f64,
-    /// Sum of squares of its error.
+    /// Sum of squares of the error of the effect.
     pub ss_error: f64,
     /// SS / (SS + SS_error).
     pub partial_eta_squared: f64,
-    /// SS / (SS + all sums of squares over persons) (Olejnik and Algina 2003).
+    /// SS / (SS + all sums of squares between subjects) (Olejnik and Algina 2003).
     pub generalised_eta_squared: f64,
 }
 
 /// Mauchly's test of sphericity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mauchly {
-    /// 1 if spherical, towards 0 the less it is.
+    /// Mauchly's W: 1 if the covariances are spherical, smaller the less they are.
     pub w: f64,
-    /// Its chi-square.
+    /// Test statistic, approximately chi-square distributed.
     pub chi_square: f64,
-    /// Degrees of freedom.
+    /// Degrees of freedom of `chi_square`.
     pub df: f64,
-    /// p-value, with the second term of Box's expansion.
+    /// p-value, with the second term of Box's expansion (Anderson 2003).
     pub p: f64,
 }
 
-/// A sum of squares below this part of that of the values themselves is rounding.
-const ROUNDING: f64 = 1e-24;
+/// Sums of squares below this fraction of the sum of squared cell means are rounding errors.
+const ROUNDING_OF_SQUARES: f64 = 1e-24;
 
-/// The effects of both factors and of their interaction; a factor with one level has none, and neither
-/// has a quantity that is the same in all cells. `None` with fewer than two persons.
-pub fn anova(moments: &Moments, design: Design) -> Option<Vec<Effect>> {
+/// The effects of both factors and of their interaction. A factor with one level has no effect, and a quantity that is equal in
+/// all cells has none. `None` with fewer than two subjects.
+pub fn anova(moments: &MeanCovariance, levels: FactorLevels) -> Option<Vec<Effect>> {
     let covariance = moments.covariance()?;
-    let (first, second) = (Contrasts::of(design.first), Contrasts::of(design.second));
+    let (first, second) = (Contrasts::of(levels.first), Contrasts::of(levels.second));
     let all = [
         ([true, false], first.differences.kronecker(&second.average)),
         ([false, true], first.average.kronecker(&second.differences)),
         ([true, true], first.differences.kronecker(&second.differences)),
     ];
-    let persons = moments.count() as f64;
+    let subjects = moments.count() as f64;
     let level = first.average.kronecker(&second.average);
-    // Between persons, and within them around each effect: all that differs from person to person.
-    let mut residual = (persons - 1.0) * (level.transpose() * &covariance * &level).trace();
+    // Sum of squares between subjects; the error of each effect is added below.
+    let mut residual = (subjects - 1.0) * (level.transpose() * &covariance * &level).trace();
     let mut effects = Vec::new();
     for (factors, contrasts) in all {
         if contrasts.ncols() == 0 {
@@ -86,8 +86,8 @@ pub fn anova(moments: &Moments, design: Design) -> Option<Vec<Effect>> {
         }
         let effect =
             effect(factors, moments, &(contrasts.transpose() * &covariance * &contrasts), &contrasts);
-        // What is the same in all cells of a person differs by rounding alone, which is no effect.
-        if effect.ss + effect.ss_error <= ROUNDING * persons * moments.mean().norm_squared() {
+        // A quantity that is equal in all cells of each subject differs by rounding alone: no effect.
+        if effect.ss + effect.ss_error <= ROUNDING_OF_SQUARES * subjects * moments.mean().norm_squared() {
             continue;
         }
         residual += effect.ss_error;
@@ -101,9 +101,9 @@ pub fn anova(moments: &Moments, design: Design) -> Option<Vec<Effect>> {
 
 /// Orthonormal contrasts over the levels of a factor.
 struct Contrasts {
-    /// The mean of the levels, to the length 1.
+    /// Mean over the levels, scaled to unit length.
     average: DMatrix<f64>,
-    /// Helmert's: each level against those before it.
+    /// Helmert contrasts: each level against the mean of the levels before it.
     differences: DMatrix<f64>,
 }
 
@@ -123,21 +123,26 @@ impl Contrasts {
     }
 }
 
-fn effect(factors: [bool; 2], moments: &Moments, spread: &DMatrix<f64>, contrasts: &DMatrix<f64>) -> Effect {
-    let persons = moments.count() as f64;
+fn effect(
+    factors: [bool; 2],
+    moments: &MeanCovariance,
+    spread: &DMatrix<f64>,
+    contrasts: &DMatrix<f64>,
+) -> Effect {
+    let subjects = moments.count() as f64;
     let d = contrasts.ncols() as f64;
     let means: DVector<f64> = contrasts.transpose() * moments.mean();
-    let ss = persons * means.norm_squared();
-    let ss_error = (persons - 1.0) * spread.trace();
-    let df = [d, d * (persons - 1.0)];
+    let ss = subjects * means.norm_squared();
+    let ss_error = (subjects - 1.0) * spread.trace();
+    let df = [d, d * (subjects - 1.0)];
     let f = (ss / df[0]) / (ss_error / df[1]);
     let trace = spread.trace();
     let epsilon_gg = trace * trace / (d * spread.norm_squared());
     // Huynh and Feldt 1976, for one group.
-    let above = persons * d * epsilon_gg - 2.0;
-    let epsilon_hf = (above / (d * (persons - 1.0 - d * epsilon_gg))).clamp(epsilon_gg.min(1.0), 1.0);
-    // With too few persons the denominator is below zero and says nothing; then the correction is none.
-    let epsilon_hf = if persons - 1.0 > d * epsilon_gg { epsilon_hf } else { 1.0 };
+    let numerator = subjects * d * epsilon_gg - 2.0;
+    let epsilon_hf = (numerator / (d * (subjects - 1.0 - d * epsilon_gg))).clamp(epsilon_gg.min(1.0), 1.0);
+    // With too few subjects the denominator is negative and epsilon is not defined: no correction then.
+    let epsilon_hf = if subjects - 1.0 > d * epsilon_gg { epsilon_hf } else { 1.0 };
     let corrected = |epsilon: f64| f_tail(f, [epsilon * df[0], epsilon * df[1]]);
     Effect {
         factors,
@@ -148,7 +153,7 @@ fn effect(factors: [bool; 2], moments: &Moments, spread: &DMatrix<f64>, contrast
         p_gg: corrected(epsilon_gg),
         epsilon_hf,
         p_hf: corrected(epsilon_hf),
-        mauchly: mauchly(spread, persons - 1.0),
+        mauchly: mauchly(spread, subjects - 1.0),
         ss,
         ss_error,
         partial_eta_squared: ss / (ss + ss_error),
@@ -156,7 +161,7 @@ fn effect(factors: [bool; 2], moments: &Moments, spread: &DMatrix<f64>, contrast
     }
 }
 
-/// Mauchly 1940, with the p-value of Anderson 2003 (section 10.7.4). R's `mauchly.test` has the number of conditions for d in one
+/// Mauchly's (1940) test of the covariance `spread` of the contrasts, with the p-value of Anderson (2003, section 10.7.4). R's `mauchly.test` has the number of conditions for d in one
 /// place of the second term, which changes the fourth digit.
 fn mauchly(spread: &DMatrix<f64>, df: f64) -> Option<Mauchly> {
     let d = spread.ncols() as f64;

@@ -1,4 +1,4 @@
-//! Against printed results of published data; `tests/study` compares the tables with statsmodels and pingouin.
+//! Comparison with printed results of published data; `tests/study` compares the tables with statsmodels and pingouin.
 
 use super::*;
 
@@ -16,8 +16,8 @@ const REACTION_TIMES_MS: [[f64; 6]; 10] = [
     [480.0, 420.0, 540.0, 540.0, 660.0, 780.0],
 ];
 
-fn reaction_times() -> Moments {
-    Moments::of(6, REACTION_TIMES_MS.iter().map(|person| person.as_slice()))
+fn reaction_times() -> MeanCovariance {
+    MeanCovariance::of(6, REACTION_TIMES_MS.iter().map(|subject| subject.as_slice()))
 }
 
 #[track_caller]
@@ -27,7 +27,7 @@ fn assert_near(found: f64, expected: f64, relative: f64) {
 
 #[test]
 fn the_reaction_times_of_maxwell_and_delaney_give_their_table() {
-    let effects = anova(&reaction_times(), Design { first: 2, second: 3 }).unwrap();
+    let effects = anova(&reaction_times(), FactorLevels { first: 2, second: 3 }).unwrap();
     let [noise, angle, both] = effects.as_slice() else { panic!("three effects: {effects:?}") };
     for (effect, f, df, p_gg, generalised) in [
         (noise, 33.765957, [1.0, 9.0], 2.559737e-4, 0.386602),
@@ -56,30 +56,30 @@ fn the_reaction_times_of_maxwell_and_delaney_give_their_table() {
 
 #[test]
 fn a_factor_with_one_level_has_no_line() {
-    let six = anova(&reaction_times(), Design { first: 1, second: 6 }).unwrap();
+    let six = anova(&reaction_times(), FactorLevels { first: 1, second: 6 }).unwrap();
     assert_eq!(six.len(), 1);
     assert_eq!(six[0].factors, [false, true]);
 }
 
 #[test]
-fn what_is_the_same_in_all_cells_but_for_rounding_has_no_effects() {
-    let persons: [[f64; 4]; 3] =
+fn a_quantity_equal_in_all_cells_but_for_rounding_has_no_effects() {
+    let subjects: [[f64; 4]; 3] =
         [0.1, 0.2, 0.7].map(|own| [own, own * (1.0 + 3e-16), (own * 3.0) / 3.0, own]);
-    let moments = Moments::of(4, persons.iter().map(|person| person.as_slice()));
-    assert_eq!(anova(&moments, Design { first: 2, second: 2 }), Some(Vec::new()));
+    let moments = MeanCovariance::of(4, subjects.iter().map(|subject| subject.as_slice()));
+    assert_eq!(anova(&moments, FactorLevels { first: 2, second: 2 }), Some(Vec::new()));
 }
 
 #[test]
-fn one_person_has_no_analysis_of_variance() {
-    let one = Moments::of(6, [REACTION_TIMES_MS[0].as_slice()]);
-    assert!(anova(&one, Design { first: 2, second: 3 }).is_none());
+fn one_subject_has_no_analysis_of_variance() {
+    let one = MeanCovariance::of(6, [REACTION_TIMES_MS[0].as_slice()]);
+    assert!(anova(&one, FactorLevels { first: 2, second: 3 }).is_none());
     assert!(one.contrast(&[1.0, 0.0, 0.0, 0.0, 0.0, -1.0]).is_none());
 }
 
 #[test]
-fn with_fewer_persons_than_contrasts_there_is_no_test_of_sphericity() {
-    let few = Moments::of(6, REACTION_TIMES_MS[..3].iter().map(|person| person.as_slice()));
-    let effects = anova(&few, Design { first: 1, second: 6 }).unwrap();
+fn with_fewer_subjects_than_contrasts_there_is_no_test_of_sphericity() {
+    let few = MeanCovariance::of(6, REACTION_TIMES_MS[..3].iter().map(|subject| subject.as_slice()));
+    let effects = anova(&few, FactorLevels { first: 1, second: 6 }).unwrap();
     assert!(effects[0].mauchly.is_none());
     assert!(effects[0].p_gg.is_finite() && effects[0].epsilon_hf <= 1.0);
 }
@@ -87,8 +87,8 @@ fn with_fewer_persons_than_contrasts_there_is_no_test_of_sphericity() {
 #[test]
 fn moments_do_not_depend_on_an_offset() {
     let shifted: Vec<[f64; 6]> =
-        REACTION_TIMES_MS.iter().map(|person| person.map(|value| value + 1e9)).collect();
-    let shifted = Moments::of(6, shifted.iter().map(|person| person.as_slice()));
+        REACTION_TIMES_MS.iter().map(|subject| subject.map(|value| value + 1e9)).collect();
+    let shifted = MeanCovariance::of(6, shifted.iter().map(|subject| subject.as_slice()));
     let own = reaction_times().covariance().unwrap();
     let difference = (shifted.covariance().unwrap() - &own).norm();
     assert!(difference < 1e-5 * own.norm(), "{difference}");
@@ -105,7 +105,7 @@ fn the_judges_of_shrout_and_fleiss_have_their_published_reliability() {
         [10.0, 5.0, 6.0, 9.0],
         [6.0, 2.0, 4.0, 7.0],
     ];
-    let moments = Moments::of(4, ratings.iter().map(|target| target.as_slice()));
+    let moments = MeanCovariance::of(4, ratings.iter().map(|target| target.as_slice()));
     let found = reliability(&moments).unwrap();
     assert_near(found.icc_agreement, 0.28976, 1e-4);
     assert_near(found.icc_consistency, 0.71484, 1e-4);
@@ -130,7 +130,8 @@ fn students_sleep_data_gives_his_t() {
     let first = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0];
     let second = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4];
     let pairs: Vec<[f64; 2]> = first.iter().zip(second).map(|(a, b)| [*a, b]).collect();
-    let paired = Moments::of(2, pairs.iter().map(|pair| pair.as_slice())).contrast(&[1.0, -1.0]).unwrap();
+    let paired =
+        MeanCovariance::of(2, pairs.iter().map(|pair| pair.as_slice())).contrast(&[1.0, -1.0]).unwrap();
     assert_near(paired.t(), -4.0621, 1e-4);
     assert_near(paired.p(), 0.002833, 1e-3);
     let (low, high) = paired.interval();
@@ -140,7 +141,7 @@ fn students_sleep_data_gives_his_t() {
     assert_near(apart.t(), -1.8608, 1e-4);
     assert_near(apart.df, 17.776, 1e-4);
     assert_near(apart.p(), 0.07939, 1e-3);
-    let differences: Sample = pairs.iter().map(|[a, b]| a - b).collect();
+    let differences: MeanVariance = pairs.iter().map(|[a, b]| a - b).collect();
     assert_near(differences.contrast().unwrap().t(), paired.t(), 1e-12);
 }
 
@@ -155,4 +156,44 @@ fn tails_are_those_of_the_tables_and_stay_exact_far_out() {
     let (low, high) = wilson(8, 10);
     assert_near(low, 0.490_162, 1e-5);
     assert_near(high, 0.943_318, 1e-5);
+}
+
+#[test]
+fn rank_correlation_is_one_minus_one_tied_or_undefined() {
+    assert_eq!(rank_correlation(&[1.0, 2.0, 5.0], &[0.1, 10.0, 11.0]), Some(1.0));
+    assert_eq!(rank_correlation(&[1.0, 2.0, 5.0], &[3.0, 2.0, 1.0]), Some(-1.0));
+    assert_eq!(rank_correlation(&[2.0, 2.0, 2.0], &[3.0, 2.0, 1.0]), None);
+    let tied = rank_correlation(&[1.0, 1.0, 2.0], &[1.0, 2.0, 3.0]).unwrap();
+    assert!((tied - 0.866).abs() < 1e-3, "{tied}");
+}
+
+#[test]
+fn weighted_regression_ignores_an_observation_without_weight() {
+    let mut equations = NormalEquations::<2>::new(0.0);
+    for (x, weight) in [(0.0, 1.0), (1.0, 2.0), (3.0, 0.5)] {
+        equations.add(&nalgebra::Vector2::new(1.0, x), weight, 4.0 - 2.0 * x);
+    }
+    equations.add(&nalgebra::Vector2::new(1.0, 2.0), 0.0, 100.0);
+    let found = equations.solve().unwrap();
+    assert_near(found[0], 4.0, 1e-12);
+    assert_near(found[1], -2.0, 1e-12);
+    // Sum of weights 3.5, of weighted x 3.5, of weighted squares 6.5: variance of the slope 3.5 / (3.5 x 6.5 - 3.5^2).
+    assert_near(equations.inverse().unwrap()[(1, 1)], 3.5 / 10.5, 1e-12);
+    assert_eq!(NormalEquations::<2>::new(0.0).solve(), None);
+}
+
+#[test]
+fn slope_through_origin_is_that_of_a_line() {
+    assert_eq!(slope_through_origin([(1.0, 2.0), (-2.0, -4.0)]), 2.0);
+    assert!(slope_through_origin([(0.0, 1.0)]).is_nan());
+}
+
+#[test]
+fn gumbel_tail_matches_its_quantiles_and_is_bounded_below() {
+    // Quantiles of the standard Gumbel distribution: -ln(-ln(q)).
+    let maxima: Vec<f64> = (0..2000).map(|i| -(-((f64::from(i) + 0.5) / 2000.0).ln()).ln()).collect();
+    assert_near(gumbel_tail(&maxima, -(-(0.95_f64).ln()).ln()), 0.05, 0.05);
+    assert_eq!(gumbel_tail(&maxima, 1e3), SMALLEST);
+    const SMALLEST: f64 = 0.05 / 2000.0;
+    assert_eq!(gumbel_tail(&[1.0, 1.0], 0.5), 1.0);
 }

@@ -1,4 +1,4 @@
-//! From the parts to `study.csv`, and from that to what the tables are made of: one person in memory at a time.
+//! Assembling `study.csv` from the parts, and its summary over subjects, with one subject in memory at a time.
 
 use std::collections::BTreeMap;
 use std::collections::HashSet;
@@ -6,42 +6,42 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-use super::error::{Problem, StudyError};
-use super::part::{Part, header};
+use super::condition_grid::ConditionGrid;
+use super::error::{StudyError, StudyIssue};
+use super::part::{StudyPart, header};
 use super::plan::Study;
-use super::table_reader::{Cells, PersonRows, Rows};
-use super::tables::Layout;
+use super::table_reader::{CellMeans, StudyTableReader, SubjectRows};
 use crate::fit::QUANTITIES;
-use crate::statistics::{Moments, Sample};
+use crate::statistics::{MeanCovariance, MeanVariance};
 
-/// So many problems are told one by one; all are counted.
-const TOLD: usize = 100;
+/// Largest number of issues that are listed one by one; all are counted.
+const LISTED_ISSUES: usize = 100;
 
-/// What all persons together come to.
+/// Summary of all subjects, from which the tables are computed.
 #[derive(Debug, Clone)]
-pub struct Gathered {
-    /// The cells.
-    pub layout: Layout,
-    /// By quantity: whether anybody has a value of it at all.
+pub struct StudySummary {
+    /// The conditions of the study.
+    pub grid: ConditionGrid,
+    /// By quantity: whether any subject has a value of it.
     pub measured: [bool; QUANTITIES.len()],
-    /// Persons with any rows.
-    pub persons: u64,
-    /// Sessions of the person with most.
+    /// Number of subjects with usable rows.
+    pub subjects: u64,
+    /// Largest number of sessions of a subject.
     pub sessions: u32,
-    /// By quantity: persons with all cells.
-    pub complete: Vec<Moments>,
-    /// By quantity and cell: whoever has a value there.
-    pub cells: Vec<Vec<Sample>>,
-    /// By quantity: each person's means in their sessions, of those who have all cells in all sessions.
-    pub by_session: Vec<Moments>,
-    /// What keeps persons out of tables; at most the first hundred.
-    pub problems: Vec<Problem>,
-    /// How many problems there are.
-    pub problem_count: u64,
+    /// By quantity: means and covariance over the subjects who have all cells.
+    pub complete: Vec<MeanCovariance>,
+    /// By quantity and cell: mean and variance over the subjects who have a value there.
+    pub cells: Vec<Vec<MeanVariance>>,
+    /// By quantity: means and covariance of the session means, over the subjects who have all cells in all sessions.
+    pub by_session: Vec<MeanCovariance>,
+    /// Issues that keep subjects out of tables; at most the first hundred.
+    pub issues: Vec<StudyIssue>,
+    /// Number of all issues.
+    pub issue_count: u64,
 }
 
-/// Writes `study.csv` in `folder` from the parts there; gives what failed.
-pub fn assemble(study: &Study, folder: &Path) -> Result<Vec<Problem>, StudyError> {
+/// Writes `study.csv` in `folder` from the parts there. Returns the sessions that failed.
+pub fn assemble_table(study: &Study, folder: &Path) -> Result<Vec<StudyIssue>, StudyError> {
     let path = folder.join("study.csv");
     let partial = path.with_added_extension("new");
     let mut failed = Vec::new();
@@ -52,118 +52,120 @@ pub fn assemble(study: &Study, folder: &Path) -> Result<Vec<Problem>, StudyError
     };
     put(&mut out, &header())?;
     for number in 0..study.parts() {
-        let contents = Part::of(folder, number).read(study)?;
+        let contents = StudyPart::of(folder, number).read(study)?;
         put(&mut out, &contents.rows)?;
-        failed.extend(contents.failed.into_iter().take(TOLD.saturating_sub(failed.len())));
+        failed.extend(contents.failed.into_iter().take(LISTED_ISSUES.saturating_sub(failed.len())));
     }
     out.flush().map_err(StudyError::at(&partial))?;
     std::fs::rename(&partial, &path).map_err(StudyError::at(&path))?;
     Ok(failed)
 }
 
-/// Who wrote a table.
+/// Where a table comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Origin {
-    /// This program, person by person.
-    Assembled,
-    /// Somebody, perhaps with a person's rows in two places.
-    Foreign,
+pub enum TableOrigin {
+    /// Written by this program: the rows of a subject follow each other.
+    ThisProgram,
+    /// Written or edited elsewhere: the rows of a subject may be in several places.
+    External,
 }
 
-/// Reads a table twice: for its conditions, then for its values. `apart` says whose rows, from which session, are not for the
-/// tables; `problems` are those known already.
-pub fn gather(
+/// Summarises a table, reading it twice: for its conditions, then for its values. `excluded` tells which subject's session is left
+/// out; `issues` are those known already.
+pub fn summarise(
     table: &Path,
-    origin: Origin,
-    apart: impl Fn(&str, u32) -> bool,
-    problems: Vec<Problem>,
-) -> Result<Gathered, StudyError> {
-    let kept = |person: &mut PersonRows| {
-        let subject = person.subject.clone();
-        person.rows.retain(|row| !apart(&subject, row.session));
-        !person.rows.is_empty()
+    origin: TableOrigin,
+    excluded: impl Fn(&str, u32) -> bool,
+    issues: Vec<StudyIssue>,
+) -> Result<StudySummary, StudyError> {
+    let keep_included = |subject_rows: &mut SubjectRows| {
+        let subject = subject_rows.subject.clone();
+        subject_rows.rows.retain(|row| !excluded(&subject, row.session));
+        !subject_rows.rows.is_empty()
     };
     let mut designs: BTreeMap<Vec<(u64, u64)>, u64> = BTreeMap::new();
     let mut sessions = 0;
     let mut measured = [false; QUANTITIES.len()];
-    for person in Rows::open(table)? {
-        let mut person = person?;
-        if !kept(&mut person) {
+    for subject in StudyTableReader::open(table)? {
+        let mut subject = subject?;
+        if !keep_included(&mut subject) {
             continue;
         }
-        let bits = |row: &super::table_reader::Row| (row.condition.0.to_bits(), row.condition.1.to_bits());
-        let mut own: Vec<_> = person.rows.iter().map(bits).collect();
+        let bits =
+            |row: &super::table_reader::StudyRow| (row.condition.0.to_bits(), row.condition.1.to_bits());
+        let mut own: Vec<_> = subject.rows.iter().map(bits).collect();
         own.sort_unstable();
         own.dedup();
-        sessions = person.rows.iter().map(|row| row.session).max().unwrap_or(1).max(sessions);
+        sessions = subject.rows.iter().map(|row| row.session).max().unwrap_or(1).max(sessions);
         *designs.entry(own).or_default() += 1;
         for (quantity, measured) in measured.iter_mut().enumerate() {
-            *measured |= person.rows.iter().any(|row| row.values[quantity].is_some());
+            *measured |= subject.rows.iter().any(|row| row.values[quantity].is_some());
         }
     }
-    // The design that most persons have, and of those the largest.
-    let most = designs.into_iter().max_by_key(|(conditions, persons)| (*persons, conditions.len()));
-    let conditions = most.map_or(Vec::new(), |(conditions, _)| conditions);
-    let layout = Layout::of(conditions.into_iter().map(|(v, t)| (f64::from_bits(v), f64::from_bits(t))));
-    let mut gathered = Gathered::new(layout, sessions, problems, measured);
+    // The set of conditions that most subjects have; of equally frequent sets the largest.
+    let commonest = designs.into_iter().max_by_key(|(conditions, subjects)| (*subjects, conditions.len()));
+    let conditions = commonest.map_or(Vec::new(), |(conditions, _)| conditions);
+    let grid = ConditionGrid::of(conditions.into_iter().map(|(v, t)| (f64::from_bits(v), f64::from_bits(t))));
+    let mut summary = StudySummary::new(grid, sessions, issues, measured);
     let mut seen = HashSet::new();
-    for person in Rows::open(table)? {
-        let mut person = person?;
-        if !kept(&mut person) {
+    for subject in StudyTableReader::open(table)? {
+        let mut subject = subject?;
+        if !keep_included(&mut subject) {
             continue;
         }
-        if origin == Origin::Foreign && !seen.insert(person.subject.clone()) {
-            let place = format!("{}, line {}", table.display(), person.line);
-            gathered.tell(Problem::Twice { subject: person.subject, place });
+        if origin == TableOrigin::External && !seen.insert(subject.subject.clone()) {
+            let place = format!("{}, line {}", table.display(), subject.line);
+            summary.report(StudyIssue::DuplicateSubject { subject: subject.subject, place });
             continue;
         }
-        gathered.add(&person);
+        summary.add(&subject);
     }
-    let persons = gathered.complete.iter().map(Moments::count).max().unwrap_or(0);
-    if persons < 2 {
-        gathered.tell(Problem::TooFew { persons });
+    let subjects = summary.complete.iter().map(MeanCovariance::count).max().unwrap_or(0);
+    if subjects < 2 {
+        summary.report(StudyIssue::TooFewSubjects { subjects });
     }
-    Ok(gathered)
+    Ok(summary)
 }
 
-impl Gathered {
+impl StudySummary {
     fn new(
-        layout: Layout,
+        grid: ConditionGrid,
         sessions: u32,
-        problems: Vec<Problem>,
+        issues: Vec<StudyIssue>,
         measured: [bool; QUANTITIES.len()],
     ) -> Self {
-        let cells = layout.conditions.len();
+        let cells = grid.conditions.len();
         Self {
-            complete: vec![Moments::new(cells); QUANTITIES.len()],
-            cells: vec![vec![Sample::default(); cells]; QUANTITIES.len()],
-            by_session: vec![Moments::new(sessions as usize); QUANTITIES.len()],
-            layout,
+            complete: vec![MeanCovariance::new(cells); QUANTITIES.len()],
+            cells: vec![vec![MeanVariance::default(); cells]; QUANTITIES.len()],
+            by_session: vec![MeanCovariance::new(sessions as usize); QUANTITIES.len()],
+            grid,
             measured,
-            persons: 0,
+            subjects: 0,
             sessions,
-            problem_count: problems.len() as u64,
-            problems,
+            issue_count: issues.len() as u64,
+            issues,
         }
     }
 
-    fn tell(&mut self, problem: Problem) {
-        self.problem_count += 1;
-        if self.problems.len() < TOLD {
-            self.problems.push(problem);
+    fn report(&mut self, issue: StudyIssue) {
+        self.issue_count += 1;
+        if self.issues.len() < LISTED_ISSUES {
+            self.issues.push(issue);
         }
     }
 
-    fn add(&mut self, person: &PersonRows) {
-        let cells = match Cells::of(person.rows.iter(), &self.layout.conditions) {
+    fn add(&mut self, subject: &SubjectRows) {
+        let cells = match CellMeans::of(subject.rows.iter(), &self.grid.conditions) {
             Ok(cells) => cells,
             Err((velocity, torque)) => {
                 let difference =
-                    format!("it has {velocity} rad/s at {torque} N m, which most persons do not");
-                return self.tell(Problem::OtherProtocol { subject: person.subject.clone(), difference });
+                    format!("it has {velocity} rad/s at {torque} N m, which most subjects do not have");
+                let subject = subject.subject.clone();
+                return self.report(StudyIssue::OtherProtocol { subject, difference });
             }
         };
-        self.persons += 1;
+        self.subjects += 1;
         for (quantity, of_cells) in self.cells.iter_mut().enumerate() {
             for (cell, sample) in of_cells.iter_mut().enumerate() {
                 if let Some(mean) = cells.mean(quantity, cell) {
@@ -174,21 +176,21 @@ impl Gathered {
                 self.complete[quantity].add(&all);
             }
         }
-        self.tell_missing(&person.subject, &cells);
+        self.report_missing(&subject.subject, &cells);
         if self.sessions > 1 {
-            self.add_sessions(person);
+            self.add_sessions(subject);
         }
     }
 
-    /// One message a person: of the quantity that lacks most.
-    fn tell_missing(&mut self, subject: &str, cells: &Cells) {
-        let of = self.layout.conditions.len();
+    /// Reports missing conditions once per subject: for the quantity with most of them.
+    fn report_missing(&mut self, subject: &str, cells: &CellMeans) {
+        let of = self.grid.conditions.len();
         let missing = |quantity: usize| (0..of).filter(move |cell| cells.mean(quantity, *cell).is_none());
         let quantities = (0..QUANTITIES.len()).rev().filter(|quantity| self.measured[*quantity]);
         let Some(worst) = quantities.max_by_key(|quantity| missing(*quantity).count()) else { return };
         if let Some(first) = missing(worst).next() {
-            let (velocity, torque) = self.layout.conditions[first];
-            self.tell(Problem::Missing {
+            let (velocity, torque) = self.grid.conditions[first];
+            self.report(StudyIssue::MissingConditions {
                 subject: subject.to_owned(),
                 quantity: QUANTITIES[worst],
                 missing: missing(worst).count(),
@@ -198,16 +200,16 @@ impl Gathered {
         }
     }
 
-    fn add_sessions(&mut self, person: &PersonRows) {
+    fn add_sessions(&mut self, subject: &SubjectRows) {
         let of_session = |session: u32| {
-            let rows = person.rows.iter().filter(move |row| row.session == session);
-            Cells::of(rows, &self.layout.conditions).ok()
+            let rows = subject.rows.iter().filter(move |row| row.session == session);
+            CellMeans::of(rows, &self.grid.conditions).ok()
         };
-        let sessions: Option<Vec<Cells>> = (1..=self.sessions).map(of_session).collect();
+        let sessions: Option<Vec<CellMeans>> = (1..=self.sessions).map(of_session).collect();
         let Some(sessions) = sessions else { return };
         for (quantity, moments) in self.by_session.iter_mut().enumerate() {
             let mean =
-                |cells: &Cells| cells.all(quantity).map(|all| all.iter().sum::<f64>() / all.len() as f64);
+                |cells: &CellMeans| cells.all(quantity).map(|all| all.iter().sum::<f64>() / all.len() as f64);
             if let Some(means) = sessions.iter().map(mean).collect::<Option<Vec<f64>>>() {
                 moments.add(&means);
             }

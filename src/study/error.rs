@@ -1,9 +1,8 @@
-//! What can be wrong with a study, a unit of it, or a person in it.
+//! Errors of a study and of its sessions, and issues that keep a subject out of a table.
 
 use std::io;
 use std::path::PathBuf;
 
-use super::part::PartError;
 use crate::dataset::{DatasetError, RecordError};
 use crate::fit::PreprocessingError;
 use crate::protocol::{ProtocolError, TooShort};
@@ -11,10 +10,10 @@ use crate::rig::Fault;
 use crate::rig::virtual_wrist::{PersonError, RigFileError};
 use crate::schedule::DrawError;
 
-/// A study that cannot be done.
+/// Why a study cannot be carried out.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    /// The file cannot be read.
+    /// The study file cannot be read.
     #[error("{}: cannot be read ({source}); expected the JSON file of a study", .file.display())]
     Unreadable {
         /// The file.
@@ -22,174 +21,182 @@ pub enum StudyError {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// It is not JSON, or a field is not known, missing or of another kind.
+    /// The study file is not JSON, or one of its fields is unknown, missing or of the wrong type.
     #[error("{}, line {line}, field {field}: {message}; see protocols/study.schema.json", .file.display())]
     Json {
         /// The file.
         file: PathBuf,
-        /// Line in it.
+        /// Line in the file, from 1.
         line: usize,
         /// Path of the field.
         field: String,
-        /// The parser's words.
+        /// The parser's message.
         message: String,
     },
-    /// A value that no study has.
+    /// A field of the study file has a value outside its range.
     #[error("{}, field {field}: {found}; expected {expected}", .file.display())]
     Value {
         /// The file.
         file: PathBuf,
         /// Path of the field.
         field: String,
-        /// The value.
+        /// The value found.
         found: String,
-        /// What it can be.
+        /// The values allowed.
         expected: &'static str,
     },
-    /// Its protocol cannot be run.
+    /// The study's protocol is not valid.
     #[error(transparent)]
     Protocol(#[from] ProtocolError),
-    /// Its average person is none.
+    /// The file of the average virtual subject is not valid.
     #[error(transparent)]
     Person(#[from] PersonError),
-    /// Its rig is none.
+    /// The file of the virtual rig is not valid.
     #[error(transparent)]
     Rig(#[from] RigFileError),
-    /// The folder belongs to something else.
+    /// The study's folder is used for something else.
     #[error("{}: {found}; {advice}", .folder.display())]
     Folder {
         /// The folder.
         folder: PathBuf,
-        /// What is in it.
+        /// What the folder contains.
         found: String,
         /// What to do.
         advice: &'static str,
     },
-    /// A file of the study cannot be written or read.
-    #[error("{}: {source}. Check the disk; what is done is kept, and --resume goes on from there", .path.display())]
+    /// A file in the study's folder cannot be read or written.
+    #[error("{}: {source}. Check the disk; finished parts are kept, and --resume continues from them", .path.display())]
     File {
         /// The file.
         path: PathBuf,
         /// The operating system's reason.
         source: io::Error,
     },
-    /// A part that was done is not there, or is not whole.
+    /// A part that was finished is missing or damaged.
     #[error(transparent)]
     Part(#[from] PartError),
-    /// A table that is no study's.
+    /// A `study.csv` that cannot be used.
     #[error("{}, line {line}: {message}", .file.display())]
-    Table {
+    ResultTable {
         /// The file.
         file: PathBuf,
-        /// Line in it.
+        /// Line in the file, from 1.
         line: u64,
-        /// What is wrong, and what was expected.
+        /// What was found, and what was expected.
         message: String,
     },
 }
 
 impl StudyError {
-    /// An error of the operating system at `path`.
+    /// Makes a [`StudyError::File`] of an error of the operating system at `path`.
     pub fn at(path: impl Into<PathBuf>) -> impl FnOnce(io::Error) -> Self {
         let path = path.into();
         move |source| Self::File { path, source }
     }
 
-    /// Whether what was given is at fault, rather than the work.
+    /// Whether the input files are at fault, rather than the disk or a damaged part.
     pub fn is_bad_input(&self) -> bool {
         !matches!(self, Self::File { .. } | Self::Part(_))
     }
 }
 
-/// A session of a study that gives no estimates. The others do.
+/// Why the file of a part cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {problem}. Run the study again with --resume, which does this part anew", .path.display())]
+pub struct PartError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong with the file.
+    pub problem: &'static str,
+}
+
+/// Why a session of a study gives no estimates. The other sessions are not affected.
 #[derive(Debug, thiserror::Error)]
 pub enum UnitError {
-    /// Its trials cannot be ordered.
+    /// The order of the trials cannot be drawn.
     #[error(transparent)]
     Draw(#[from] DrawError),
-    /// A velocity that the ramp cannot reach.
+    /// A ramp is too short to reach its velocity.
     #[error(transparent)]
     TooShort(#[from] TooShort),
-    /// The session ended before its time.
-    #[error("the session ended with {left} trials left to do{}", fault.map_or(String::new(), |fault| format!(": {fault}")))]
+    /// The session ended before all trials were done.
+    #[error("the session ended with {left} trials still to do{}", fault.map_or(String::new(), |fault| format!(": {fault}")))]
     Ended {
-        /// Trials left.
+        /// Number of trials not done.
         left: usize,
-        /// The fault that ended it, if one did.
+        /// The fault that ended the session, if any.
         fault: Option<Fault>,
     },
-    /// The session cannot be kept.
+    /// The session cannot be recorded.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// The session cannot be read.
+    /// The session folder cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// Its protocol, which says how to look at it, cannot be read.
+    /// The session's protocol, which sets the filter and the analysed window, cannot be read.
     #[error(transparent)]
     Protocol(#[from] ProtocolError),
-    /// The session cannot be analysed.
+    /// The session cannot be preprocessed for the fit.
     #[error(transparent)]
     Prepare(#[from] PreprocessingError),
 }
 
-/// Something about the persons that keeps a table from holding all of them. Each is said; the rest is computed.
+/// A reason why a table does not contain all subjects. The issue is reported; the tables are computed from the rest.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Problem {
-    /// A session failed.
-    #[error("{subject}, session {session}: {reason}. It is not in the study's tables")]
-    Failed {
-        /// Who.
+pub enum StudyIssue {
+    /// A session could not be simulated, read or fitted.
+    #[error("{subject}, session {session}: {reason}. The session is not in the study's tables")]
+    SessionFailed {
+        /// The subject's identifier.
         subject: String,
-        /// Which session.
+        /// The session's number, from 1.
         session: u32,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// A person was measured with another protocol.
+    /// A subject was measured with another protocol.
     #[error(
         "{subject}: measured with another protocol ({difference}). The rows are in study.csv and in no other table; analyse \
-         persons with different protocols apart"
+         subjects with different protocols in separate studies"
     )]
     OtherProtocol {
-        /// Who.
+        /// The subject's identifier.
         subject: String,
-        /// In what.
+        /// The protocol field that differs.
         difference: String,
     },
-    /// A person lacks conditions.
+    /// A subject has no usable trial in some conditions.
     #[error(
-        "{subject}: no usable trial of {} in {} of {of} conditions (first: {first}). Left out of the analysis of variance of \
-         that quantity; scripts/mixed-model uses all rows", .quantity, .missing
+        "{subject}: no usable trial of {} in {} of {of} conditions (first: {first}). The subject is left out of the analysis \
+         of variance of that quantity; scripts/mixed-model uses all rows", .quantity, .missing
     )]
-    Missing {
-        /// Who.
+    MissingConditions {
+        /// The subject's identifier.
         subject: String,
-        /// Which quantity lacks values.
+        /// The quantity without values.
         quantity: &'static str,
-        /// How many conditions.
+        /// Number of conditions without a value.
         missing: usize,
-        /// Of how many.
+        /// Number of conditions of the study.
         of: usize,
-        /// The first of them.
+        /// The first condition without a value.
         first: String,
     },
-    /// A person is there twice.
+    /// A subject appears twice.
     #[error(
-        "{subject}: there twice ({place}). Only the first is in the tables; if these are repeated sessions of one person, say \
-         \"repeated\": true in the study file"
+        "{subject}: appears twice (the second time in {place}). Only the first is in the tables; if these are repeated sessions of one \
+         subject, set \"repeated\": true in the study file"
     )]
-    Twice {
-        /// Who.
+    DuplicateSubject {
+        /// The subject's identifier.
         subject: String,
-        /// Where the second one is.
+        /// Where the second appearance is.
         place: String,
     },
-    /// Fewer than two persons.
-    #[error(
-        "{persons} of the persons have all conditions; at least 2 are needed for statistics. Means are given where there are any"
-    )]
-    TooFew {
-        /// How many there are.
-        persons: usize,
+    /// Fewer than two subjects have all conditions.
+    #[error("{subjects} subjects have all conditions; statistics need at least 2. Only means are computed")]
+    TooFewSubjects {
+        /// Number of subjects with all conditions.
+        subjects: usize,
     },
 }

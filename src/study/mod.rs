@@ -1,34 +1,36 @@
-//! A study: many persons through one protocol, every session fitted, and what the table of all of them says.
+//! Studies: many subjects with one protocol, every session fitted, and the statistical tables over subjects.
 //!
-//! A study is a list of independent units, each a session with its own seed. Units are done in parts of a few; a part is a
-//! file that proves itself whole, so it does not matter who made it, in which order, or after how many interruptions: threads of
-//! one program, or workers of a cluster. The tables are gathered from the parts person by person.
+//! A study is a list of independent units, each a session with its own seed. Units are processed in parts of a few sessions. A part is
+//! a file with a checksum, so it does not matter which process made it, in which order, or after how many interruptions: threads of one
+//! program, or workers of a cluster. The tables are computed from the parts one subject at a time.
 
 mod aggregation;
+mod condition_grid;
 pub mod detection_power;
 mod error;
 mod part;
 mod plan;
 mod population;
 pub mod power;
+mod result_tables;
 mod simulated_pool;
 mod study_file;
 mod study_folder;
 mod table_reader;
-mod tables;
 mod unit_session;
 
-pub use aggregation::{Gathered, Origin, assemble, gather};
-pub use error::{Problem, StudyError, UnitError};
-pub use part::{PARTS, Part, PartError};
-pub use plan::{Study, Unit, What};
-pub use population::{PersonSpread, Population, SurfaceSpread, subject_id};
-pub use simulated_pool::{Pooled, pool};
-pub use study_file::{FORMAT, Measured, Persons, StudyFile, VirtualPersons, schema_text};
-pub use study_folder::{StudyFolder, tables_of};
-pub use table_reader::{Cells, PersonRows, Row, Rows};
-pub use tables::{Layout, RESULTS_FORMAT, Table, Tables, effect_name};
-pub use unit_session::{Kept, fit, simulate};
+pub use aggregation::{StudySummary, TableOrigin, assemble_table, summarise};
+pub use condition_grid::ConditionGrid;
+pub use error::{PartError, StudyError, StudyIssue, UnitError};
+pub use part::{PARTS_FOLDER, PartContents, StudyPart};
+pub use plan::{Study, Unit, UnitSource};
+pub use population::{Population, SubjectSpread, SurfaceSpread, subject_id};
+pub use result_tables::{RESULTS_FORMAT, ResultTable, ResultTables, effect_name};
+pub use simulated_pool::{PooledSubject, simulate_pool};
+pub use study_file::{MeasuredSessions, STUDY_FORMAT, StudyFile, Subjects, VirtualSubjects, schema_text};
+pub use study_folder::{StudyFolder, tables_from_csv};
+pub use table_reader::{CellMeans, StudyRow, StudyTableReader, SubjectRows};
+pub use unit_session::{SessionStorage, fit_unit, simulate_unit};
 
 #[cfg(test)]
 mod tests;

@@ -1,4 +1,4 @@
-//! The list of a study's units: which sessions there are, who each belongs to, and the seed of each.
+//! The list of a study's units: its sessions, with the subject and the seed of each.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -7,216 +7,219 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::error::{Problem, StudyError};
+use super::error::{StudyError, StudyIssue};
 use super::population::{Population, subject_id};
-use super::study_file::{Measured, Persons, StudyFile, VirtualPersons};
+use super::study_file::{MeasuredSessions, StudyFile, Subjects, VirtualSubjects};
 use crate::dataset::PROGRAM;
 use crate::fit::Weighting;
 use crate::protocol::ValidProtocol;
 use crate::random::Stream;
 use crate::rig::virtual_wrist::{Person, RigFile, Setup};
 
-/// A study that can be done.
+/// A study with everything that its file names read and checked.
 #[derive(Debug, Clone)]
 pub struct Study {
-    /// What it is called.
+    /// Name of the study.
     pub name: String,
-    /// Seed of every random draw.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// How residuals are weighed.
+    /// Weighting of the residuals in the fits.
     pub weighting: Weighting,
-    /// What is wrong with the persons as listed; said once, before the work begins.
-    pub problems: Vec<Problem>,
-    source: Source,
+    /// Issues with the list of subjects, found before any session is fitted.
+    pub issues: Vec<StudyIssue>,
+    source: StudySource,
     units_per_part: u32,
     digest: String,
 }
 
 #[derive(Debug, Clone)]
-enum Source {
+enum StudySource {
     Virtual(Box<VirtualSource>),
-    Measured(Vec<MeasuredUnit>),
+    Measured(Vec<MeasuredSession>),
 }
 
-/// What it takes to run a virtual session.
+/// What is needed to simulate a session of the study.
 #[derive(Debug, Clone)]
 struct VirtualSource {
     population: Population,
     protocol: ValidProtocol,
     setup: Setup,
-    persons: u32,
+    subjects: u32,
     sessions: u32,
 }
 
 #[derive(Debug, Clone)]
-struct MeasuredUnit {
+struct MeasuredSession {
     folder: PathBuf,
     subject: String,
     session: u32,
-    /// Not for the tables: another protocol, or the person comes twice.
-    apart: bool,
+    /// Whether the session is kept out of the tables: another protocol, or a subject that appears twice.
+    excluded: bool,
 }
 
 /// One session of a study.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unit<'a> {
-    /// Its place in the list, from 0.
+    /// Index in the list, from 0.
     pub index: u64,
-    /// Whose it is.
+    /// The subject's identifier.
     pub subject: String,
-    /// Which session of that person, from 1.
+    /// Number of the session of this subject, from 1.
     pub session: u32,
-    /// How it comes about.
-    pub what: What<'a>,
+    /// Where the session comes from.
+    pub source: UnitSource<'a>,
 }
 
-/// How a unit comes about.
+/// Where the session of a unit comes from.
 #[derive(Debug, Clone, PartialEq)]
-pub enum What<'a> {
-    /// It is run on the virtual wrist.
+pub enum UnitSource<'a> {
+    /// It is simulated with the virtual wrist.
     Virtual {
         /// The protocol.
         protocol: &'a ValidProtocol,
-        /// The rig.
+        /// The virtual rig.
         setup: &'a Setup,
-        /// The person as they are in this session.
+        /// The virtual subject in this session.
         person: Box<Person>,
-        /// Seed of the session's own draws.
+        /// Seed of the session's random draws.
         seed: u64,
-        /// The row of a counterbalanced order, from 1.
+        /// Row of a counterbalanced order of conditions, from 1.
         order_number: u32,
     },
-    /// It was measured.
+    /// It was measured, and is in this folder.
     Measured(&'a Path),
 }
 
 impl Study {
-    /// Reads a study and everything that it names.
+    /// Reads a study file and every file that it names.
     pub fn open(file: &Path, seed: u64) -> Result<Self, StudyError> {
         let (study, text) = StudyFile::read(file)?;
         Self::new(&study, &text, file.parent().unwrap_or(Path::new("")), seed)
     }
 
-    /// The study of a file that was read from `folder`; `text` is what the file says.
+    /// The study of a file that was read from `folder`; `text` is the text of the file.
     pub fn new(study: &StudyFile, text: &str, folder: &Path, seed: u64) -> Result<Self, StudyError> {
-        // All that the results depend on; whoever goes on with a study must mean the same one.
+        // Digest of everything that the results depend on: a study may be resumed only with the same input.
         let mut digest = Sha256::new()
             .chain_update(PROGRAM)
             .chain_update([0])
             .chain_update(seed.to_le_bytes())
             .chain_update(text);
-        let (source, problems) = match &study.persons {
-            Persons::Virtual(persons) => (virtual_source(persons, folder, &mut digest)?, Vec::new()),
-            Persons::Measured(persons) => {
-                let (units, problems) = measured_units(persons, folder)?;
+        let (source, issues) = match &study.subjects {
+            Subjects::Virtual(persons) => (virtual_source(persons, folder, &mut digest)?, Vec::new()),
+            Subjects::Measured(persons) => {
+                let (units, issues) = measured_units(persons, folder)?;
                 for unit in &units {
-                    digest.update(format!("{}\0{}\0{}\n", unit.subject, unit.session, unit.apart));
+                    digest.update(format!("{}\0{}\0{}\n", unit.subject, unit.session, unit.excluded));
                 }
-                (Source::Measured(units), problems)
+                (StudySource::Measured(units), issues)
             }
         };
         Ok(Self {
             name: study.name.clone(),
             seed,
             weighting: study.weighting,
-            problems,
+            issues,
             source,
             units_per_part: study.units_per_part,
             digest: digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect(),
         })
     }
 
-    /// How many sessions there are.
+    /// Number of sessions.
     pub fn units(&self) -> u64 {
         match &self.source {
-            Source::Virtual(source) => u64::from(source.persons) * u64::from(source.sessions),
-            Source::Measured(units) => units.len() as u64,
+            StudySource::Virtual(source) => u64::from(source.subjects) * u64::from(source.sessions),
+            StudySource::Measured(units) => units.len() as u64,
         }
     }
 
-    /// How many parts they make.
+    /// Number of parts.
     pub fn parts(&self) -> u64 {
         self.units().div_ceil(u64::from(self.units_per_part))
     }
 
-    /// The units of a part.
+    /// Indices of the units of a part.
     pub fn units_of(&self, part: u64) -> std::ops::Range<u64> {
         let size = u64::from(self.units_per_part);
         (part * size).min(self.units())..((part + 1) * size).min(self.units())
     }
 
-    /// What tells this study, its seed and this version of the program from any other.
+    /// SHA-256 that identifies the study, its seed and the version of the program.
     pub fn digest(&self) -> &str {
         &self.digest
     }
 
-    /// The unit at `index`; the sessions of a person come one after the other.
+    /// The unit at `index`; the sessions of a subject follow each other.
     ///
     /// # Panics
-    /// If there are not so many.
+    /// If `index` is not less than [`Study::units`].
     pub fn unit(&self, index: u64) -> Unit<'_> {
         assert!(index < self.units(), "the study has {} units", self.units());
         match &self.source {
-            Source::Virtual(source) => {
+            StudySource::Virtual(source) => {
                 let sessions = u64::from(source.sessions);
                 let (number, session) = ((index / sessions) as u32 + 1, (index % sessions) as u32 + 1);
                 let name = format!("study/session/{number}/{session}");
-                let what = What::Virtual {
+                let source = UnitSource::Virtual {
                     protocol: &source.protocol,
                     setup: &source.setup,
-                    person: Box::new(source.population.person(self.seed, number, session)),
-                    // As short as a seed that is typed: such a session can be run by hand.
+                    person: Box::new(source.population.subject(self.seed, number, session)),
+                    // 32 bits, short enough to type: the session can be run alone with `ramphold run --seed`.
                     seed: Stream::new(self.seed, &name).bits() >> 32,
                     order_number: index as u32 + 1,
                 };
-                Unit { index, subject: subject_id(number), session, what }
+                Unit { index, subject: subject_id(number), session, source }
             }
-            Source::Measured(units) => {
+            StudySource::Measured(units) => {
                 let unit = &units[index as usize];
                 let (subject, session) = (unit.subject.clone(), unit.session);
-                Unit { index, subject, session, what: What::Measured(&unit.folder) }
+                Unit { index, subject, session, source: UnitSource::Measured(&unit.folder) }
             }
         }
     }
 
-    /// Whose sessions are for study.csv alone, in rising order.
-    pub fn apart(&self) -> Vec<(String, u32)> {
-        let Source::Measured(units) = &self.source else { return Vec::new() };
-        let mut apart: Vec<(String, u32)> =
-            units.iter().filter(|unit| unit.apart).map(|unit| (unit.subject.clone(), unit.session)).collect();
-        apart.sort();
-        apart
+    /// Subject and session number of the sessions that are in study.csv but in no other table, sorted.
+    pub fn excluded_sessions(&self) -> Vec<(String, u32)> {
+        let StudySource::Measured(units) = &self.source else { return Vec::new() };
+        let mut excluded: Vec<(String, u32)> = units
+            .iter()
+            .filter(|unit| unit.excluded)
+            .map(|unit| (unit.subject.clone(), unit.session))
+            .collect();
+        excluded.sort();
+        excluded
     }
 
-    /// The virtual persons are changed; what else there is stays as it is.
-    pub fn map_population(&mut self, change: impl FnOnce(&mut Population)) {
-        if let Source::Virtual(source) = &mut self.source {
+    /// Changes the population of virtual subjects; a study of measured sessions stays as it is.
+    pub fn change_population(&mut self, change: impl FnOnce(&mut Population)) {
+        if let StudySource::Virtual(source) = &mut self.source {
             change(&mut source.population);
         }
     }
 
-    /// The same study with so many virtual persons and sessions of each.
-    pub fn resized(mut self, persons: u32, sessions: u32) -> Self {
-        if let Source::Virtual(source) = &mut self.source {
-            (source.persons, source.sessions) = (persons, sessions);
+    /// The study with another number of virtual subjects and sessions of each.
+    pub fn resized(mut self, subjects: u32, sessions: u32) -> Self {
+        if let StudySource::Virtual(source) = &mut self.source {
+            (source.subjects, source.sessions) = (subjects, sessions);
         }
         self
     }
 
-    /// The protocol of a study of virtual persons.
+    /// The protocol, if the subjects are virtual.
     pub fn protocol(&self) -> Option<&ValidProtocol> {
         match &self.source {
-            Source::Virtual(source) => Some(&source.protocol),
-            Source::Measured(_) => None,
+            StudySource::Virtual(source) => Some(&source.protocol),
+            StudySource::Measured(_) => None,
         }
     }
 }
 
 fn virtual_source(
-    persons: &VirtualPersons,
+    persons: &VirtualSubjects,
     folder: &Path,
     digest: &mut Sha256,
-) -> Result<Source, StudyError> {
+) -> Result<StudySource, StudyError> {
     let protocol = ValidProtocol::read(&folder.join(&persons.protocol))?;
     let average = match &persons.person {
         Some(file) => Person::read(&folder.join(file))?,
@@ -228,55 +231,55 @@ fn virtual_source(
     digest.update(serde_json::json!({ "person": average, "setup": setup }).to_string());
     let population =
         Population { average, spread: persons.spread, between_sessions: persons.between_sessions };
-    let (persons, sessions) = (persons.count, persons.sessions);
-    Ok(Source::Virtual(Box::new(VirtualSource { population, protocol, setup, persons, sessions })))
+    let (subjects, sessions) = (persons.count, persons.sessions);
+    Ok(StudySource::Virtual(Box::new(VirtualSource { population, protocol, setup, subjects, sessions })))
 }
 
-/// The sessions in the folders, those of a person together in the order in which they were listed.
+/// The sessions in the folders. Those of a subject follow each other, in the order of the list.
 fn measured_units(
-    measured: &Measured,
+    measured: &MeasuredSessions,
     folder: &Path,
-) -> Result<(Vec<MeasuredUnit>, Vec<Problem>), StudyError> {
-    let mut problems = Vec::new();
-    let mut persons: Vec<(String, Vec<PathBuf>)> = Vec::new();
+) -> Result<(Vec<MeasuredSession>, Vec<StudyIssue>), StudyError> {
+    let mut issues = Vec::new();
+    let mut subjects: Vec<(String, Vec<PathBuf>)> = Vec::new();
     let mut places: BTreeMap<String, usize> = BTreeMap::new();
-    for session in sessions(measured, folder)? {
+    for session in session_folders(measured, folder)? {
         let subject = subject_of(&session);
         let place = *places.entry(subject.clone()).or_insert_with(|| {
-            persons.push((subject, Vec::new()));
-            persons.len() - 1
+            subjects.push((subject, Vec::new()));
+            subjects.len() - 1
         });
-        persons[place].1.push(session);
+        subjects[place].1.push(session);
     }
-    let mut units: Vec<MeasuredUnit> = Vec::new();
+    let mut units: Vec<MeasuredSession> = Vec::new();
     let mut reference: Option<(String, ValidProtocol)> = None;
-    for (subject, folders) in persons {
+    for (subject, folders) in subjects {
         for (folder, session) in folders.into_iter().zip(1..) {
-            let mut apart = session > 1 && !measured.repeated;
-            if apart {
+            let mut excluded = session > 1 && !measured.repeated;
+            if excluded {
                 let place = folder.display().to_string();
-                problems.push(Problem::Twice { subject: subject.clone(), place });
+                issues.push(StudyIssue::DuplicateSubject { subject: subject.clone(), place });
             }
             let protocol = ValidProtocol::read(&folder.join("protocol.json")).ok();
             match (&reference, protocol) {
                 (None, Some(protocol)) => reference = Some((subject.clone(), protocol)),
                 (Some((first, expected)), Some(protocol)) => {
-                    if let Some(what) = difference(expected, &protocol) {
-                        let difference = format!("{what}, compared with {first}");
-                        problems.push(Problem::OtherProtocol { subject: subject.clone(), difference });
-                        apart = true;
+                    if let Some(field) = difference(expected, &protocol) {
+                        let difference = format!("{field}, compared with {first}");
+                        issues.push(StudyIssue::OtherProtocol { subject: subject.clone(), difference });
+                        excluded = true;
                     }
                 }
                 (_, None) => {}
             }
-            units.push(MeasuredUnit { folder, subject: subject.clone(), session, apart });
+            units.push(MeasuredSession { folder, subject: subject.clone(), session, excluded });
         }
     }
-    Ok((units, problems))
+    Ok((units, issues))
 }
 
-/// The folders themselves where they hold a session, else the sessions in them, by name.
-fn sessions(measured: &Measured, folder: &Path) -> Result<Vec<PathBuf>, StudyError> {
+/// The folders that are session folders, and the session folders inside the others, sorted by name.
+fn session_folders(measured: &MeasuredSessions, folder: &Path) -> Result<Vec<PathBuf>, StudyError> {
     let is_session = |folder: &Path| folder.join("session.json").exists();
     let mut found = Vec::new();
     for given in &measured.folders {
@@ -291,13 +294,13 @@ fn sessions(measured: &Measured, folder: &Path) -> Result<Vec<PathBuf>, StudyErr
             }
             inside.sort();
         }
-        // Loading it says what is missing.
+        // A folder without any session is kept: loading it will report what is missing.
         if inside.is_empty() { found.push(given) } else { found.append(&mut inside) }
     }
     Ok(found)
 }
 
-/// Whose a session is; loading it says what is wrong if it does not say so.
+/// The subject's identifier in a session folder; the folder's path if it has none, which loading it will report.
 fn subject_of(session: &Path) -> String {
     let text = fs::read_to_string(session.join("session.json")).unwrap_or_default();
     let value: Value = serde_json::from_str(&text).unwrap_or_default();
@@ -305,7 +308,7 @@ fn subject_of(session: &Path) -> String {
     own.unwrap_or_else(|| session.display().to_string())
 }
 
-/// What about two protocols keeps their sessions out of one table; the order of the trials does not.
+/// The first field in which two protocols differ so that their sessions do not belong in one table; the order may differ.
 fn difference(expected: &ValidProtocol, found: &ValidProtocol) -> Option<&'static str> {
     let same = [
         ("velocities_rad_s", expected.velocities_rad_s == found.velocities_rad_s),

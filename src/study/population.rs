@@ -1,4 +1,4 @@
-//! Virtual persons drawn around an average one.
+//! Virtual subjects drawn around an average subject.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,67 +6,69 @@ use serde::{Deserialize, Serialize};
 use crate::random::Stream;
 use crate::rig::virtual_wrist::{Person, Surface};
 
-/// How persons, or sessions of one person, differ. All of it is assumed unless a study file says where it is from.
+/// Spread of the parameters between subjects, or between sessions of a subject. All values are assumptions unless the study file
+/// gives their source.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct PersonSpread {
-    /// Of I_j: standard deviation of its logarithm.
+pub struct SubjectSpread {
+    /// Standard deviation of the logarithm of the joint inertia I_j.
     pub joint_inertia: f64,
-    /// Of b_h: standard deviation of its logarithm.
+    /// Standard deviation of the logarithm of the interface damping b_h.
     pub interface_damping: f64,
-    /// Of k_h.
+    /// Spread of the interface stiffness k_h.
     pub interface_stiffness: SurfaceSpread,
-    /// Of k_srs; k_dec shares the factor of its level.
+    /// Spread of the short-range stiffness k_srs; k_dec shares the factor of its level.
     pub short_range_stiffness: SurfaceSpread,
-    /// Of k_dec, beside what it shares with k_srs.
+    /// Spread of the stiffness decrement k_dec, beyond the factor shared with k_srs.
     pub stiffness_decrement: SurfaceSpread,
-    /// Of x_e.
+    /// Spread of the elastic limit x_e.
     pub elastic_limit: SurfaceSpread,
 }
 
-/// How a parameter's plane over velocity and torque differs.
+/// Spread of a parameter's plane over velocity and torque.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceSpread {
-    /// Of the whole plane: standard deviation of the logarithm of a factor.
+    /// Standard deviation of the logarithm of a factor on the whole plane.
     pub level: f64,
-    /// Of its rise with velocity: standard deviation, in the parameter's unit per rad/s.
+    /// Standard deviation of the slope over velocity, in the parameter's unit per rad/s.
     pub per_rad_s: f64,
-    /// Of its rise with torque: standard deviation, in the parameter's unit per N m.
+    /// Standard deviation of the slope over torque, in the parameter's unit per N m.
     pub per_nm: f64,
 }
 
-/// Planes turn about the middle of the paper's velocities and torques, so that a rise does not change the level.
-const MIDDLE: (f64, f64) = (2.275, 1.5);
+/// Middle of the paper's velocities, rad/s, and torques, N m. A plane tilts about this point, so that its slopes do not change its
+/// level.
+const TILT_CENTRE: (f64, f64) = (2.275, 1.5);
 
-/// All persons that there could be.
+/// A population of virtual subjects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Population {
-    /// The average person.
+    /// The average subject.
     pub average: Person,
-    /// How persons differ from each other.
-    pub spread: PersonSpread,
-    /// How a person differs from session to session.
-    pub between_sessions: PersonSpread,
+    /// Spread between subjects.
+    pub spread: SubjectSpread,
+    /// Spread between sessions of a subject.
+    pub between_sessions: SubjectSpread,
 }
 
 impl Population {
-    /// Person `number`, from 1, of `seed`, as they are in session `session`, from 1.
-    pub fn person(&self, seed: u64, number: u32, session: u32) -> Person {
-        let mut own = Stream::new(seed, &format!("study/person/{number}"));
-        let person = vary(&self.average, &self.spread, &mut own);
-        let mut today = Stream::new(seed, &format!("study/person/{number}/session/{session}"));
-        Person { id: subject_id(number), ..vary(&person, &self.between_sessions, &mut today) }
+    /// Subject `number` (from 1) of the population drawn with `seed`, in session `session` (from 1).
+    pub fn subject(&self, seed: u64, number: u32, session: u32) -> Person {
+        let mut subject_stream = Stream::new(seed, &format!("study/person/{number}"));
+        let person = vary(&self.average, &self.spread, &mut subject_stream);
+        let mut session_stream = Stream::new(seed, &format!("study/person/{number}/session/{session}"));
+        Person { id: subject_id(number), ..vary(&person, &self.between_sessions, &mut session_stream) }
     }
 }
 
-/// What a virtual person is called.
+/// Identifier of the virtual subject `number`.
 pub fn subject_id(number: u32) -> String {
     format!("P{number:04}")
 }
 
-fn vary(person: &Person, spread: &PersonSpread, stream: &mut Stream) -> Person {
-    // Every draw is made, whatever the spread, so that a change of one number changes one thing.
+fn vary(person: &Person, spread: &SubjectSpread, stream: &mut Stream) -> Person {
+    // Every number is drawn even where the spread is zero: a change of one spread does not shift the draws of the others.
     let mut draw = || stream.normal();
     let inertia = libm::exp(spread.joint_inertia * draw());
     let damping = libm::exp(spread.interface_damping * draw());
@@ -76,8 +78,8 @@ fn vary(person: &Person, spread: &PersonSpread, stream: &mut Stream) -> Person {
         let scaled = |value: f64| value * factor * shared;
         let own = Surface {
             at_lowest: scaled(surface.at_lowest)
-                - turned[0] * (MIDDLE.0 - 1.3)
-                - turned[1] * (MIDDLE.1 - 0.9),
+                - turned[0] * (TILT_CENTRE.0 - 1.3)
+                - turned[1] * (TILT_CENTRE.1 - 0.9),
             per_rad_s: scaled(surface.per_rad_s) + turned[0],
             per_nm: scaled(surface.per_nm) + turned[1],
         };
@@ -99,9 +101,9 @@ fn vary(person: &Person, spread: &PersonSpread, stream: &mut Stream) -> Person {
     }
 }
 
-impl PersonSpread {
-    /// The first number that is no spread: below zero, none at all, or a level above 1.
-    pub(super) fn first_bad(&self) -> Option<(String, f64)> {
+impl SubjectSpread {
+    /// The first field with an invalid value (negative, not a number, or a level above 1), and the value.
+    pub(super) fn first_invalid(&self) -> Option<(String, f64)> {
         let levels = [
             ("joint_inertia".to_owned(), self.joint_inertia),
             ("interface_damping".to_owned(), self.interface_damping),

@@ -1,178 +1,184 @@
-//! How many persons and repetitions it takes to find an effect, and how often a design tells a time from an angle.
+//! Power of a study by simulation: how many subjects and repetitions are needed to find an effect, and how often a study decides
+//! whether the elastic limit is a constant time or a constant angle.
 //!
-//! A pool of virtual persons is simulated and fitted in full, once; studies of n persons are drawn from it with replacement and
-//! put to the test that the real study would be put to. What the shares are uncertain by is the drawing (their intervals say
-//! it) and the pool (a larger one says it).
+//! A pool of virtual subjects is simulated and fitted once. Studies of n subjects are drawn from the pool with replacement, and each is
+//! tested as the real study would be. The confidence intervals cover the drawing of studies, not the drawing of the pool; repeat with
+//! a larger pool to see the latter.
 
 use std::fmt;
 use std::str::FromStr;
 
+use super::condition_grid::ConditionGrid;
 use super::error::UnitError;
 use super::plan::{Study, Unit};
 use super::population::Population;
-use super::simulated_pool::{Pooled, pool};
-use super::tables::Layout;
+use super::simulated_pool::{PooledSubject, simulate_pool};
 use crate::fit::QUANTITIES;
 use crate::random::Stream;
 use crate::rig::virtual_wrist::Surface;
-use crate::statistics::{Contrast, Moments, Sample, anova, welch, wilson};
+use crate::statistics::{Contrast, MeanCovariance, MeanVariance, anova, welch, wilson};
 
-/// A parameter that an effect changes, and the quantity that shows it.
+/// A parameter that an effect changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Parameter {
-    /// k_h.
+pub enum ShiftedParameter {
+    /// Interface stiffness k_h.
     InterfaceStiffness,
-    /// k_srs.
+    /// Short-range stiffness k_srs.
     ShortRangeStiffness,
-    /// k_dec.
+    /// Stiffness decrement k_dec.
     StiffnessDecrement,
-    /// x_e.
+    /// Elastic limit x_e.
     ElasticLimit,
-    /// x_t, through x_e at every velocity.
+    /// Short-range period x_t, changed through x_e at every velocity.
     SrsPeriod,
 }
 
-/// Each parameter's word, and the quantity in the tables.
-const PARAMETERS: [(Parameter, &str, &str); 5] = [
-    (Parameter::InterfaceStiffness, "k_h", "k_h_nm_per_rad"),
-    (Parameter::ShortRangeStiffness, "k_srs", "k_srs_nm_per_rad"),
-    (Parameter::StiffnessDecrement, "k_dec", "k_dec_nm_per_rad"),
-    (Parameter::ElasticLimit, "x_e", "x_e_rad"),
-    (Parameter::SrsPeriod, "x_t", "x_t_s"),
+/// Name of each parameter on the command line, and the quantity of the tables that shows its change.
+const SHIFTED_PARAMETERS: [(ShiftedParameter, &str, &str); 5] = [
+    (ShiftedParameter::InterfaceStiffness, "k_h", "k_h_nm_per_rad"),
+    (ShiftedParameter::ShortRangeStiffness, "k_srs", "k_srs_nm_per_rad"),
+    (ShiftedParameter::StiffnessDecrement, "k_dec", "k_dec_nm_per_rad"),
+    (ShiftedParameter::ElasticLimit, "x_e", "x_e_rad"),
+    (ShiftedParameter::SrsPeriod, "x_t", "x_t_s"),
 ];
 
-/// A change of a parameter: a fraction of it; of x_t, seconds.
+/// A change of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shift {
-    /// Of what.
-    pub parameter: Parameter,
-    /// By how much.
+pub struct ParameterShift {
+    /// The parameter that changes.
+    pub parameter: ShiftedParameter,
+    /// The change, as a fraction of the parameter; for x_t in s.
     pub by: f64,
 }
 
-/// What is to be found.
+/// The effect that a study looks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Sought {
-    /// A second group of persons differs (Welch's t-test of the persons' means).
-    Difference(Shift),
-    /// The same persons have changed in a second session (paired t-test).
-    Change(Shift),
+pub enum SoughtEffect {
+    /// A difference between two groups (Welch's t-test of the subjects' means).
+    Difference(ParameterShift),
+    /// A change of the same subjects between two sessions (paired t-test).
+    Change(ParameterShift),
 }
 
-/// What the elastic limit of a population is.
+/// How the elastic limit of a population depends on velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Limit {
-    /// As the study's average person has it; the paper's grows with velocity, so that x_t is constant.
+pub enum TrueElasticLimit {
+    /// As in the study's average subject; in the paper's it grows with velocity, so that x_t is constant.
     AsGiven,
-    /// An angle: that of the average person at the lowest velocity, whatever the velocity.
-    Angle,
+    /// Constant angle: that of the average subject at the lowest velocity.
+    ConstantAngle,
 }
 
-/// How studies are drawn.
+/// How studies are drawn from the pool.
 #[derive(Debug, Clone)]
-pub struct Drawing {
-    /// Numbers of persons (in each group).
-    pub persons: Vec<u32>,
-    /// Numbers of repetitions, at most the protocol's.
+pub struct ResamplingPlan {
+    /// Numbers of subjects per group to try.
+    pub subjects: Vec<u32>,
+    /// Numbers of repetitions to try, at most the protocol's.
     pub repetitions: Vec<u32>,
-    /// Studies drawn for each.
+    /// Number of studies drawn for each number of subjects and repetitions.
     pub studies: u32,
-    /// Persons in the pool (in each group).
+    /// Number of subjects per group in the pool.
     pub pool: u32,
-    /// Level of the tests.
+    /// Significance level of the tests.
     pub alpha: f64,
 }
 
-/// How often an effect was found.
+/// How often drawn studies found the effect.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
-    /// Persons (in each group).
-    pub persons: u32,
-    /// Repetitions of each condition.
+pub struct PowerEstimate {
+    /// Number of subjects per group.
+    pub subjects: u32,
+    /// Number of repetitions of each condition.
     pub repetitions: u32,
-    /// Studies in which the effect was found.
+    /// Number of studies that found the effect.
     pub found: u32,
-    /// Of so many.
-    pub of: u32,
-    /// Mean of the effect as estimated, in the quantity's unit.
+    /// Number of studies drawn.
+    pub studies: u32,
+    /// Mean of the estimated effect over the studies, in the unit of the quantity.
     pub effect: f64,
 }
 
-impl Found {
-    /// The share, with its 95 % interval.
-    pub fn share(&self) -> (f64, f64, f64) {
-        let (low, high) = wilson(self.found, self.of);
-        (f64::from(self.found) / f64::from(self.of.max(1)), low, high)
+impl PowerEstimate {
+    /// Power: the proportion of studies that found the effect, with its 95 % interval.
+    pub fn power(&self) -> (f64, f64, f64) {
+        let (low, high) = wilson(self.found, self.studies);
+        (f64::from(self.found) / f64::from(self.studies.max(1)), low, high)
     }
 }
 
-/// What a study says of the elastic limit, by the effect of velocity on x_e and on x_t.
+/// What a study concludes about the elastic limit, from the effects of velocity on x_e and on x_t.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Verdict {
-    /// x_e changes with velocity, x_t does not: the paper's finding.
-    Time,
-    /// x_t changes, x_e does not.
-    Angle,
-    /// Both change.
+pub enum LimitConclusion {
+    /// Constant time: x_e changes with velocity, x_t does not (the paper's finding).
+    ConstantTime,
+    /// Constant angle: x_t changes with velocity, x_e does not.
+    ConstantAngle,
+    /// Both change with velocity.
     Neither,
-    /// No change is found in either.
+    /// No effect of velocity is found on either.
     Undecided,
 }
 
-impl Verdict {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Time, Self::Angle, Self::Neither, Self::Undecided];
+impl LimitConclusion {
+    /// All conclusions, in the order of their counts.
+    pub const ALL: [Self; 4] = [Self::ConstantTime, Self::ConstantAngle, Self::Neither, Self::Undecided];
 
-    /// The word in tables.
+    /// Name in the tables.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Time => "time",
-            Self::Angle => "angle",
+            Self::ConstantTime => "time",
+            Self::ConstantAngle => "angle",
             Self::Neither => "neither",
             Self::Undecided => "undecided",
         }
     }
 }
 
-impl Parameter {
-    /// Index of the quantity that shows it.
+impl ShiftedParameter {
+    /// Index in [`QUANTITIES`] of the quantity that shows the change.
     pub fn quantity(self) -> usize {
-        let name = PARAMETERS.iter().find(|(own, _, _)| *own == self).map_or("", |(_, _, quantity)| quantity);
+        let name = SHIFTED_PARAMETERS
+            .iter()
+            .find(|(own, _, _)| *own == self)
+            .map_or("", |(_, _, quantity)| quantity);
         QUANTITIES.iter().position(|quantity| *quantity == name).unwrap_or(0)
     }
 }
 
-impl FromStr for Shift {
+impl FromStr for ParameterShift {
     type Err = String;
 
-    /// `k_srs=-0.15`, `x_t=0.002`.
+    /// Parses `NAME=CHANGE`, such as `k_srs=-0.15` or `x_t=0.002`.
     fn from_str(text: &str) -> Result<Self, String> {
-        let known: Vec<&str> = PARAMETERS.iter().map(|(_, word, _)| *word).collect();
+        let known: Vec<&str> = SHIFTED_PARAMETERS.iter().map(|(_, word, _)| *word).collect();
         let expected = || {
             format!(
-                "expected one of {} and what it changes by, such as k_srs=-0.15 (a fraction) or x_t=0.002 (s)",
+                "expected one of {} and its change, such as k_srs=-0.15 (a fraction) or x_t=0.002 (s)",
                 known.join(", ")
             )
         };
         let (word, by) = text.split_once('=').ok_or_else(expected)?;
         let parameter =
-            PARAMETERS.iter().find(|(_, own, _)| *own == word).map(|(parameter, _, _)| *parameter);
+            SHIFTED_PARAMETERS.iter().find(|(_, own, _)| *own == word).map(|(parameter, _, _)| *parameter);
         let by =
             by.parse::<f64>().ok().filter(|by| by.is_finite() && *by > -0.95 && *by < 10.0 && *by != 0.0);
         Ok(Self { parameter: parameter.ok_or_else(expected)?, by: by.ok_or_else(expected)? })
     }
 }
 
-impl fmt::Display for Shift {
+impl fmt::Display for ParameterShift {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let word =
-            PARAMETERS.iter().find(|(own, _, _)| *own == self.parameter).map_or("", |(_, word, _)| word);
+        let word = SHIFTED_PARAMETERS
+            .iter()
+            .find(|(own, _, _)| *own == self.parameter)
+            .map_or("", |(_, word, _)| word);
         write!(f, "{word}={}", self.by)
     }
 }
 
-impl Shift {
-    /// Makes the change in the average person.
+impl ParameterShift {
+    /// Changes the average subject of a population.
     fn apply(&self, population: &mut Population) {
         let person = &mut population.average;
         let scale = |surface: &mut Surface| {
@@ -181,12 +187,12 @@ impl Shift {
             }
         };
         match self.parameter {
-            Parameter::InterfaceStiffness => scale(&mut person.interface_stiffness_nm_per_rad),
-            Parameter::ShortRangeStiffness => scale(&mut person.short_range_stiffness_nm_per_rad),
-            Parameter::StiffnessDecrement => scale(&mut person.stiffness_decrement_nm_per_rad),
-            Parameter::ElasticLimit => scale(&mut person.elastic_limit_rad),
-            Parameter::SrsPeriod => {
-                // x_e = v (x_t - tau): a longer time is a longer way at every velocity.
+            ShiftedParameter::InterfaceStiffness => scale(&mut person.interface_stiffness_nm_per_rad),
+            ShiftedParameter::ShortRangeStiffness => scale(&mut person.short_range_stiffness_nm_per_rad),
+            ShiftedParameter::StiffnessDecrement => scale(&mut person.stiffness_decrement_nm_per_rad),
+            ShiftedParameter::ElasticLimit => scale(&mut person.elastic_limit_rad),
+            ShiftedParameter::SrsPeriod => {
+                // x_e = v (x_t - tau): a longer time is a larger angle at every velocity.
                 person.elastic_limit_rad.at_lowest += 1.3 * self.by;
                 person.elastic_limit_rad.per_rad_s += self.by;
             }
@@ -194,156 +200,173 @@ impl Shift {
     }
 }
 
-/// The persons of a pool as the test sees them: means over all cells, `None` where one is missing.
+/// The values that are tested, of all subjects of a pool: means over all cells, `None` where a cell has none.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Arms {
-    /// Over so many repetitions.
+pub struct PoolMeans {
+    /// Number of repetitions that the means include.
     pub repetitions: u32,
     /// The first group, or the first session.
-    pub one: Vec<Option<f64>>,
-    /// The other group, or the second session of the same persons.
-    pub other: Vec<Option<f64>>,
+    pub first: Vec<Option<f64>>,
+    /// The second group, or the second session of the same subjects.
+    pub second: Vec<Option<f64>>,
 }
 
-/// How often studies find what is sought, and the pool that they were drawn from.
+/// Power of studies for all numbers of subjects and repetitions, and the pool that the studies were drawn from. `done` is called
+/// after each simulated session.
+///
+/// # Errors
+/// If a session of the pool fails.
 pub fn power(
     study: &Study,
-    sought: Sought,
-    drawing: &Drawing,
+    sought: SoughtEffect,
+    resampling: &ResamplingPlan,
     done: impl Fn() + Sync,
-) -> Result<(Vec<Found>, Vec<Arms>), UnitError> {
-    let arms = simulated(study, sought, drawing, done)?;
+) -> Result<(Vec<PowerEstimate>, Vec<PoolMeans>), UnitError> {
+    let pool = simulate_groups(study, sought, resampling, done)?;
     let mut all = Vec::new();
-    for own in &arms {
-        for persons in &drawing.persons {
-            let mut stream = Stream::new(study.seed, &format!("power/{persons}/{}", own.repetitions));
-            let (mut found, mut effect) = (0, Sample::default());
-            for _ in 0..drawing.studies {
-                if let Some(contrast) = sought.test(own, *persons, &mut stream) {
-                    found += u32::from(contrast.p() < drawing.alpha);
+    for own in &pool {
+        for subjects in &resampling.subjects {
+            let mut stream = Stream::new(study.seed, &format!("power/{subjects}/{}", own.repetitions));
+            let (mut found, mut effect) = (0, MeanVariance::default());
+            for _ in 0..resampling.studies {
+                if let Some(contrast) = sought.test(own, *subjects, &mut stream) {
+                    found += u32::from(contrast.p() < resampling.alpha);
                     effect.add(contrast.estimate);
                 }
             }
-            let (persons, repetitions, of) = (*persons, own.repetitions, drawing.studies);
-            all.push(Found { persons, repetitions, found, of, effect: effect.mean() });
+            let (subjects, repetitions, studies) = (*subjects, own.repetitions, resampling.studies);
+            all.push(PowerEstimate { subjects, repetitions, found, studies, effect: effect.mean() });
         }
     }
-    Ok((all, arms))
+    Ok((all, pool))
 }
 
-impl Sought {
-    /// The effect in a study that is drawn.
-    fn test(self, arms: &Arms, persons: u32, stream: &mut Stream) -> Option<Contrast> {
+impl SoughtEffect {
+    /// Draws a study of `subjects` subjects per group and estimates the effect.
+    fn test(self, pool: &PoolMeans, subjects: u32, stream: &mut Stream) -> Option<Contrast> {
         match self {
             Self::Difference(_) => {
-                let (one, other) = (drawn(stream, &arms.one, persons), drawn(stream, &arms.other, persons));
-                welch(&other, &one)
+                let (first, second) =
+                    (draw(stream, &pool.first, subjects), draw(stream, &pool.second, subjects));
+                welch(&second, &first)
             }
             Self::Change(_) => {
-                let pairs = arms.one.iter().zip(&arms.other);
-                let changes: Vec<Option<f64>> = pairs.map(|(one, other)| Some((*other)? - (*one)?)).collect();
-                drawn(stream, &changes, persons).contrast()
+                let pairs = pool.first.iter().zip(&pool.second);
+                let changes: Vec<Option<f64>> =
+                    pairs.map(|(first, second)| Some((*second)? - (*first)?)).collect();
+                draw(stream, &changes, subjects).contrast()
             }
         }
     }
 }
 
-/// Both arms, simulated and fitted: other persons, or the same in another session.
-fn simulated(
+/// Simulates and fits both groups, or both sessions of the same subjects; the second has the shifted parameter.
+fn simulate_groups(
     study: &Study,
-    sought: Sought,
-    drawing: &Drawing,
+    sought: SoughtEffect,
+    resampling: &ResamplingPlan,
     done: impl Fn() + Sync,
-) -> Result<Vec<Arms>, UnitError> {
-    let persons = u64::from(drawing.pool);
+) -> Result<Vec<PoolMeans>, UnitError> {
+    let subjects = u64::from(resampling.pool);
     let (shift, before) = match sought {
-        Sought::Difference(shift) => (shift, study.clone().resized(2 * drawing.pool, 1)),
-        Sought::Change(shift) => (shift, study.clone().resized(drawing.pool, 2)),
+        SoughtEffect::Difference(shift) => (shift, study.clone().resized(2 * resampling.pool, 1)),
+        SoughtEffect::Change(shift) => (shift, study.clone().resized(resampling.pool, 2)),
     };
     let mut changed = before.clone();
-    changed.map_population(|population| shift.apply(population));
-    let unit_of = |person: u64, arm: u64| match sought {
-        Sought::Difference(_) => person + arm * persons,
-        Sought::Change(_) => 2 * person + arm,
+    changed.change_population(|population| shift.apply(population));
+    let unit_of = |subject: u64, group: u64| match sought {
+        SoughtEffect::Difference(_) => subject + group * subjects,
+        SoughtEffect::Change(_) => 2 * subject + group,
     };
-    let layout = layout(study);
-    let most = drawing.repetitions.iter().copied().max().unwrap_or(1);
-    let fit = |study: &Study, arm: u64| {
-        let units: Vec<Unit> = (0..persons).map(|person| study.unit(unit_of(person, arm))).collect();
-        pool(study, &units, &layout.conditions, most, &done)
+    let grid = condition_grid(study);
+    let most = resampling.repetitions.iter().copied().max().unwrap_or(1);
+    let fit = |study: &Study, group: u64| {
+        let units: Vec<Unit> = (0..subjects).map(|subject| study.unit(unit_of(subject, group))).collect();
+        simulate_pool(study, &units, &grid.conditions, most, &done)
     };
-    let (one, other) = (fit(&before, 0)?, fit(&changed, 1)?);
+    let (first, second) = (fit(&before, 0)?, fit(&changed, 1)?);
     let quantity = shift.parameter.quantity();
-    let means =
-        |pool: &[Pooled], repetitions| pool.iter().map(|person| person.mean(quantity, repetitions)).collect();
-    let arms = |repetitions: &u32| Arms {
-        repetitions: *repetitions,
-        one: means(&one, *repetitions),
-        other: means(&other, *repetitions),
+    let means = |pool: &[PooledSubject], repetitions| {
+        pool.iter().map(|subject| subject.mean(quantity, repetitions)).collect()
     };
-    Ok(drawing.repetitions.iter().map(arms).collect())
+    let groups = |repetitions: &u32| PoolMeans {
+        repetitions: *repetitions,
+        first: means(&first, *repetitions),
+        second: means(&second, *repetitions),
+    };
+    Ok(resampling.repetitions.iter().map(groups).collect())
 }
 
-/// Persons drawn with replacement, of those who have a value.
-fn drawn(stream: &mut Stream, pool: &[Option<f64>], persons: u32) -> Sample {
-    let there: Vec<f64> = pool.iter().flatten().copied().collect();
-    if there.is_empty() {
-        return Sample::default();
+/// Draws subjects with replacement from those of the pool who have a value.
+fn draw(stream: &mut Stream, pool: &[Option<f64>], subjects: u32) -> MeanVariance {
+    let values: Vec<f64> = pool.iter().flatten().copied().collect();
+    if values.is_empty() {
+        return MeanVariance::default();
     }
-    (0..persons).map(|_| there[stream.below(there.len() as u64) as usize]).collect()
+    (0..subjects).map(|_| values[stream.below(values.len() as u64) as usize]).collect()
 }
 
-/// How often a study of each size says what of the elastic limit: verdicts in the order of [`Verdict::ALL`].
-pub fn verdicts(
+/// What drawn studies conclude about the elastic limit: for each number of subjects the counts of [`LimitConclusion::ALL`]. `done` is
+/// called after each simulated session.
+///
+/// # Errors
+/// If a session of the pool fails.
+pub fn limit_conclusions(
     study: &Study,
-    limit: Limit,
-    drawing: &Drawing,
+    limit: TrueElasticLimit,
+    resampling: &ResamplingPlan,
     done: impl Fn() + Sync,
 ) -> Result<Vec<(u32, [u32; 4])>, UnitError> {
-    let mut study = study.clone().resized(drawing.pool, 1);
-    if limit == Limit::Angle {
-        study.map_population(|population| population.average.elastic_limit_rad.per_rad_s = 0.0);
+    let mut study = study.clone().resized(resampling.pool, 1);
+    if limit == TrueElasticLimit::ConstantAngle {
+        study.change_population(|population| population.average.elastic_limit_rad.per_rad_s = 0.0);
     }
-    let layout = layout(&study);
-    let repetitions = drawing.repetitions.iter().copied().max().unwrap_or(1);
+    let grid = condition_grid(&study);
+    let repetitions = resampling.repetitions.iter().copied().max().unwrap_or(1);
     let units: Vec<Unit> = (0..study.units()).map(|index| study.unit(index)).collect();
-    let pool = pool(&study, &units, &layout.conditions, repetitions, done)?;
+    let pool = simulate_pool(&study, &units, &grid.conditions, repetitions, done)?;
     let of = |quantity: usize| -> Vec<Option<Vec<f64>>> {
-        pool.iter().map(|person| person.all(quantity, repetitions)).collect()
+        pool.iter().map(|subject| subject.all(quantity, repetitions)).collect()
     };
-    let (angle, time) = (of(Parameter::ElasticLimit.quantity()), of(Parameter::SrsPeriod.quantity()));
+    let (angle, time) =
+        (of(ShiftedParameter::ElasticLimit.quantity()), of(ShiftedParameter::SrsPeriod.quantity()));
     let both: Vec<(&Vec<f64>, &Vec<f64>)> =
         angle.iter().zip(&time).filter_map(|(a, t)| Some((a.as_ref()?, t.as_ref()?))).collect();
     let changes = |cells: Vec<&Vec<f64>>| {
-        let moments = Moments::of(layout.conditions.len(), cells.into_iter().map(Vec::as_slice));
-        let effects = anova(&moments, layout.design()).unwrap_or_default();
-        effects.iter().find(|effect| effect.factors == [true, false]).is_some_and(|e| e.p_gg < drawing.alpha)
+        let moments = MeanCovariance::of(grid.conditions.len(), cells.into_iter().map(Vec::as_slice));
+        let effects = anova(&moments, grid.factor_levels()).unwrap_or_default();
+        effects
+            .iter()
+            .find(|effect| effect.factors == [true, false])
+            .is_some_and(|e| e.p_gg < resampling.alpha)
     };
     let mut all = Vec::new();
-    for persons in &drawing.persons {
-        let mut stream = Stream::new(study.seed, &format!("verdicts/{persons}"));
+    for subjects in &resampling.subjects {
+        let mut stream = Stream::new(study.seed, &format!("verdicts/{subjects}"));
         let mut counts = [0; 4];
-        for _ in 0..drawing.studies {
+        for _ in 0..resampling.studies {
             if both.is_empty() {
                 break;
             }
-            let who: Vec<usize> = (0..*persons).map(|_| stream.below(both.len() as u64) as usize).collect();
-            let x_e = changes(who.iter().map(|person| both[*person].0).collect());
-            let x_t = changes(who.iter().map(|person| both[*person].1).collect());
-            let verdict = match (x_e, x_t) {
-                (true, false) => Verdict::Time,
-                (false, true) => Verdict::Angle,
-                (true, true) => Verdict::Neither,
-                (false, false) => Verdict::Undecided,
+            let drawn: Vec<usize> =
+                (0..*subjects).map(|_| stream.below(both.len() as u64) as usize).collect();
+            let x_e = changes(drawn.iter().map(|subject| both[*subject].0).collect());
+            let x_t = changes(drawn.iter().map(|subject| both[*subject].1).collect());
+            let conclusion = match (x_e, x_t) {
+                (true, false) => LimitConclusion::ConstantTime,
+                (false, true) => LimitConclusion::ConstantAngle,
+                (true, true) => LimitConclusion::Neither,
+                (false, false) => LimitConclusion::Undecided,
             };
-            counts[verdict as usize] += 1;
+            counts[conclusion as usize] += 1;
         }
-        all.push((*persons, counts));
+        all.push((*subjects, counts));
     }
     Ok(all)
 }
 
-fn layout(study: &Study) -> Layout {
+/// The conditions of the study's protocol.
+fn condition_grid(study: &Study) -> ConditionGrid {
     let protocol = study.protocol();
     let all = protocol.into_iter().flat_map(|protocol| {
         let torques = protocol.torques_nm.clone();
@@ -353,5 +376,5 @@ fn layout(study: &Study) -> Layout {
             .into_iter()
             .flat_map(move |v| torques.clone().into_iter().map(move |t| (v, t)))
     });
-    Layout::of(all)
+    ConditionGrid::of(all)
 }

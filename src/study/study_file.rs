@@ -1,4 +1,4 @@
-//! The file of a study.
+//! The study file: `ramphold-study/1`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,40 +7,41 @@ use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 
 use super::error::StudyError;
-use super::population::PersonSpread;
+use super::population::SubjectSpread;
 use crate::fit::Weighting;
 
 /// Format and version of study files.
-pub const FORMAT: &str = "ramphold-study/1";
+pub const STUDY_FORMAT: &str = "ramphold-study/1";
 
-/// Persons, what they are put through, and how their sessions are fitted.
+/// A study: its subjects, their protocol, and how the sessions are fitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StudyFile {
-    /// Where an editor finds this schema.
+    /// Location of this schema, for editors.
     #[serde(rename = "$schema", default, skip_serializing_if = "Option::is_none")]
     pub schema: Option<String>,
     /// Format and version: `ramphold-study/1`.
     pub format: String,
-    /// What it is called.
+    /// Name of the study.
     pub name: String,
-    /// Who takes part.
-    pub persons: Persons,
-    /// How residuals are weighed: by the noise of the holds, or all alike as in the paper.
+    /// The subjects.
+    #[serde(rename = "persons")]
+    pub subjects: Subjects,
+    /// Weighting of the residuals: by the noise measured in the holds, or all samples alike as in the paper.
     #[serde(default)]
-    #[schemars(with = "WeightingWords")]
+    #[schemars(with = "WeightingSchema")]
     pub weighting: Weighting,
-    /// Sessions in a part, the piece of work that is done or not done.
+    /// Number of sessions in a part. A part is the smallest piece of work: an interrupted part is done again.
     #[serde(default = "default_units_per_part")]
     #[schemars(range(min = 1, max = 10_000))]
     pub units_per_part: u32,
 }
 
-/// The words of [`Weighting`].
+/// The names of [`Weighting`] in the file.
 #[derive(JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[allow(dead_code, reason = "only its schema is used")]
-enum WeightingWords {
+enum WeightingSchema {
     MeasuredNoise,
     Plain,
 }
@@ -49,55 +50,55 @@ fn default_units_per_part() -> u32 {
     8
 }
 
-/// Who takes part in a study.
+/// The subjects of a study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub enum Persons {
-    /// Virtual persons, drawn around an average one.
-    Virtual(Box<VirtualPersons>),
-    /// Persons who were measured.
-    Measured(Measured),
+pub enum Subjects {
+    /// Virtual subjects, drawn around an average subject.
+    Virtual(Box<VirtualSubjects>),
+    /// Subjects who were measured.
+    Measured(MeasuredSessions),
 }
 
-/// Virtual persons and the rig they sit at.
+/// Virtual subjects and their rig.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct VirtualPersons {
-    /// How many.
+pub struct VirtualSubjects {
+    /// Number of subjects.
     #[schemars(range(min = 1, max = 10_000_000))]
     pub count: u32,
-    /// The protocol they go through: a file, from the folder of this one. Orders of the kind `williams` are counterbalanced over
-    /// the sessions of the study.
+    /// The protocol: a file, relative to the folder of this file. Orders of the kind `williams` are counterbalanced over the sessions
+    /// of the study.
     pub protocol: PathBuf,
-    /// Sessions of each person.
+    /// Number of sessions of each subject.
     #[serde(default = "one")]
     #[schemars(range(min = 1, max = 100))]
     pub sessions: u32,
-    /// The average person: a file, from the folder of this one (the average one of the program if not given).
+    /// The average subject: a file, relative to the folder of this file (default: the program's average subject).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub person: Option<PathBuf>,
-    /// The rig: a file, from the folder of this one (the virtual wrist as it comes if not given).
+    /// The virtual rig: a file, relative to the folder of this file (default: the program's virtual rig).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rig: Option<PathBuf>,
-    /// How persons differ from each other.
-    pub spread: PersonSpread,
-    /// How a person differs from session to session.
+    /// Spread between subjects.
+    pub spread: SubjectSpread,
+    /// Spread between sessions of a subject.
     #[serde(default)]
-    pub between_sessions: PersonSpread,
+    pub between_sessions: SubjectSpread,
 }
 
 fn one() -> u32 {
     1
 }
 
-/// Sessions that were measured.
+/// Measured sessions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Measured {
-    /// Session folders, or folders of session folders, from the folder of this file.
+pub struct MeasuredSessions {
+    /// Session folders, or folders of session folders, relative to the folder of this file.
     #[schemars(length(min = 1))]
     pub folders: Vec<PathBuf>,
-    /// Several sessions of one person are repeated measurements, in the order in which they come here.
+    /// Whether several sessions of one subject are repeated measurements, in the order of the list. If not, only the first is used.
     #[serde(default)]
     pub repeated: bool,
 }
@@ -108,14 +109,14 @@ pub fn schema_text() -> String {
 }
 
 impl StudyFile {
-    /// Reads a study file; also gives its text.
+    /// Reads a study file. Returns the study and the text of the file.
     pub fn read(file: &Path) -> Result<(Self, String), StudyError> {
         let text = fs::read_to_string(file)
             .map_err(|source| StudyError::Unreadable { file: file.to_owned(), source })?;
         Ok((Self::parse(&text, file)?, text))
     }
 
-    /// The study that `text` describes; `file` is its name for messages.
+    /// Parses and checks the `text` of a study file; `file` is named in error messages.
     pub fn parse(text: &str, file: &Path) -> Result<Self, StudyError> {
         let wrong = |field: String, error: &serde_json::Error| StudyError::Json {
             file: file.to_owned(),
@@ -135,8 +136,8 @@ impl StudyFile {
         let refuse = |field: &str, found: String, expected| {
             Err(StudyError::Value { file: file.to_owned(), field: field.to_owned(), found, expected })
         };
-        if self.format != FORMAT {
-            return refuse("format", self.format.clone(), FORMAT);
+        if self.format != STUDY_FORMAT {
+            return refuse("format", self.format.clone(), STUDY_FORMAT);
         }
         if !(1..=10_000).contains(&self.units_per_part) {
             return refuse(
@@ -145,8 +146,8 @@ impl StudyFile {
                 "a whole number from 1 to 10000",
             );
         }
-        match &self.persons {
-            Persons::Virtual(persons) => {
+        match &self.subjects {
+            Subjects::Virtual(persons) => {
                 if !(1..=10_000_000).contains(&persons.count) {
                     let expected = "a whole number from 1 to 10000000";
                     return refuse("persons.count", persons.count.to_string(), expected);
@@ -161,21 +162,21 @@ impl StudyFile {
                 for (name, spread) in
                     [("spread", &persons.spread), ("between_sessions", &persons.between_sessions)]
                 {
-                    if let Some((field, found)) = spread.first_bad() {
+                    if let Some((field, found)) = spread.first_invalid() {
                         let field = format!("persons.{name}.{field}");
                         return refuse(
                             &field,
                             found.to_string(),
-                            "a number from 0 up, at most 1 for a level",
+                            "a number from 0 up; at most 1 for a level",
                         );
                     }
                 }
                 Ok(())
             }
-            Persons::Measured(persons) if persons.folders.is_empty() => {
+            Subjects::Measured(persons) if persons.folders.is_empty() => {
                 refuse("persons.folders", "an empty list".to_owned(), "at least one folder")
             }
-            Persons::Measured(_) => Ok(()),
+            Subjects::Measured(_) => Ok(()),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The folder of a study: which study it is, its parts, and what was gathered from them.
+//! The folder of a study: its plan, its parts and its tables.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -6,108 +6,117 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::aggregation::{Gathered, Origin, assemble, gather};
-use super::error::{Problem, StudyError};
-use super::part::{NEW, PARTS, Part, write_whole};
+use super::aggregation::{StudySummary, TableOrigin, assemble_table, summarise};
+use super::error::{StudyError, StudyIssue};
+use super::part::{PARTS_FOLDER, StudyPart, TEMPORARY_PREFIX, write_whole};
 use super::plan::Study;
-use super::tables::{RESULTS_FORMAT, Tables};
+use super::result_tables::{RESULTS_FORMAT, ResultTables};
 use crate::fit::QUANTITIES;
 
-/// What the folder is for; the first file in it.
-const PLAN: &str = "plan.json";
+/// Name of the file that identifies the study; it is written first.
+const PLAN_FILE: &str = "plan.json";
 
-/// A folder that belongs to a study.
+/// A folder that belongs to one study.
 #[derive(Debug, Clone)]
 pub struct StudyFolder {
     path: PathBuf,
 }
 
 impl StudyFolder {
-    /// Takes the folder for `study`: a new one, or one in which the same study was begun if `go_on`.
-    pub fn take(path: &Path, study: &Study, go_on: bool) -> Result<Self, StudyError> {
+    /// Opens the folder for `study`: a new folder or, with `resume`, one in which the same study was started.
+    ///
+    /// # Errors
+    /// If the folder contains anything else, or the plan cannot be written.
+    pub fn open(path: &Path, study: &Study, resume: bool) -> Result<Self, StudyError> {
         let plan = plan(study);
-        let file = path.join(PLAN);
+        let file = path.join(PLAN_FILE);
         let refuse = |found: &str, advice| {
             Err(StudyError::Folder { folder: path.to_owned(), found: found.to_owned(), advice })
         };
         if let Ok(there) = fs::read_to_string(&file) {
             if there != plan {
                 return refuse(
-                    "another study, another seed or another version of the program was begun in it",
+                    "contains another study, or this study with another seed or version of the program",
                     "give another folder with --out",
                 );
             }
-            if !go_on {
-                return refuse("this study was begun in it", "go on with --resume, or give another --out");
+            if !resume {
+                return refuse(
+                    "contains this study, partly or wholly done",
+                    "continue it with --resume, or give another --out",
+                );
             }
         } else {
             let empty = fs::read_dir(path).map_or(true, |mut entries| {
-                // Another worker may be making it at this moment.
-                entries.all(|entry| entry.is_ok_and(|entry| go_on && is_ours(&entry.file_name())))
+                // Another worker may be creating the folder at this moment.
+                entries.all(|entry| entry.is_ok_and(|entry| resume && is_study_file(&entry.file_name())))
             });
             if !empty {
-                return refuse("is there already, and holds something else", "give a new folder with --out");
+                return refuse("exists and is not empty", "give a new folder with --out");
             }
         }
-        fs::create_dir_all(path.join(PARTS)).map_err(StudyError::at(path))?;
+        fs::create_dir_all(path.join(PARTS_FOLDER)).map_err(StudyError::at(path))?;
         write_whole(&file, plan.as_bytes()).map_err(StudyError::at(&file))?;
         Ok(Self { path: path.to_owned() })
     }
 
-    /// The seed of the study that was begun in `path`.
+    /// The seed of the study that was started in `path`; `None` if there is none.
     pub fn seed(path: &Path) -> Option<u64> {
-        let text = fs::read_to_string(path.join(PLAN)).ok()?;
+        let text = fs::read_to_string(path.join(PLAN_FILE)).ok()?;
         serde_json::from_str::<Value>(&text).ok()?["seed"].as_u64()
     }
 
-    /// Where it is.
+    /// Path of the folder.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The parts that are still to be done.
-    pub fn to_do(&self, study: &Study) -> Vec<Part> {
+    /// The parts that are not finished.
+    pub fn pending_parts(&self, study: &Study) -> Vec<StudyPart> {
         (0..study.parts())
-            .map(|number| Part::of(&self.path, number))
+            .map(|number| StudyPart::of(&self.path, number))
             .filter(|part| !part.is_done(study))
             .collect()
     }
 
-    /// Makes `study.csv` and all tables from the parts, which must all be done.
-    pub fn finish(&self, study: &Study) -> Result<(Gathered, Tables), StudyError> {
-        let failed = assemble(study, &self.path)?;
-        let problems: Vec<Problem> = study.problems.iter().cloned().chain(failed).collect();
-        let apart = study.apart();
-        let is_apart = |subject: &str, session: u32| {
-            apart.binary_search_by(|(s, n)| (s.as_str(), *n).cmp(&(subject, session))).is_ok()
+    /// Writes `study.csv` and all tables from the parts.
+    ///
+    /// # Errors
+    /// If a part is missing or damaged, or a file cannot be written.
+    pub fn write_tables(&self, study: &Study) -> Result<(StudySummary, ResultTables), StudyError> {
+        let failed = assemble_table(study, &self.path)?;
+        let issues: Vec<StudyIssue> = study.issues.iter().cloned().chain(failed).collect();
+        let excluded = study.excluded_sessions();
+        let is_excluded = |subject: &str, session: u32| {
+            excluded.binary_search_by(|(s, n)| (s.as_str(), *n).cmp(&(subject, session))).is_ok()
         };
-        let gathered = gather(&self.path.join("study.csv"), Origin::Assembled, is_apart, problems)?;
-        let tables = Tables::of(&gathered);
+        let summary = summarise(&self.path.join("study.csv"), TableOrigin::ThisProgram, is_excluded, issues)?;
+        let tables = ResultTables::of(&summary);
         let about = json!({ "name": study.name, "seed": study.seed, "weighting": study.weighting, "units": study.units() });
-        write(&self.path, &gathered, &tables, &about)?;
-        Ok((gathered, tables))
+        write(&self.path, &summary, &tables, &about)?;
+        Ok((summary, tables))
     }
 }
 
-/// The tables of a table: of a `study.csv` that was made before, and perhaps changed by hand since. Written into `folder`.
-pub fn tables_of(table: &Path, folder: &Path) -> Result<(Gathered, Tables), StudyError> {
-    let gathered = gather(table, Origin::Foreign, |_, _| false, Vec::new())?;
-    let tables = Tables::of(&gathered);
+/// Computes the tables from an existing `study.csv`, which may have been edited, and writes them into `folder`.
+pub fn tables_from_csv(table: &Path, folder: &Path) -> Result<(StudySummary, ResultTables), StudyError> {
+    let summary = summarise(table, TableOrigin::External, |_, _| false, Vec::new())?;
+    let tables = ResultTables::of(&summary);
     if folder.join("study.json").exists() {
         return Err(StudyError::Folder {
             folder: folder.to_owned(),
-            found: "holds the tables of a study".to_owned(),
+            found: "contains the tables of a study".to_owned(),
             advice: "give another folder with --out",
         });
     }
     fs::create_dir_all(folder).map_err(StudyError::at(folder))?;
-    write(folder, &gathered, &tables, &json!({}))?;
-    Ok((gathered, tables))
+    write(folder, &summary, &tables, &json!({}))?;
+    Ok((summary, tables))
 }
 
-/// What a folder may hold before its plan is seen in it.
-fn is_ours(name: &OsStr) -> bool {
-    name == PARTS || name == PLAN || name.to_string_lossy().starts_with(NEW)
+/// Whether a file belongs to a study whose plan is still being written.
+fn is_study_file(name: &OsStr) -> bool {
+    name == PARTS_FOLDER || name == PLAN_FILE || name.to_string_lossy().starts_with(TEMPORARY_PREFIX)
 }
 
 fn plan(study: &Study) -> String {
@@ -122,15 +131,20 @@ fn plan(study: &Study) -> String {
     format!("{plan:#}\n")
 }
 
-fn write(folder: &Path, gathered: &Gathered, tables: &Tables, about: &Value) -> Result<(), StudyError> {
+fn write(
+    folder: &Path,
+    summary: &StudySummary,
+    tables: &ResultTables,
+    about: &Value,
+) -> Result<(), StudyError> {
     for table in &tables.files {
         let path = folder.join(table.name);
         write_whole(&path, table.text.as_bytes()).map_err(StudyError::at(&path))?;
     }
-    let told: Vec<String> = gathered.problems.iter().map(Problem::to_string).collect();
+    let issues: Vec<String> = summary.issues.iter().map(StudyIssue::to_string).collect();
     let complete: Value = QUANTITIES
         .iter()
-        .zip(&gathered.complete)
+        .zip(&summary.complete)
         .map(|(name, moments)| ((*name).to_owned(), json!(moments.count())))
         .collect::<serde_json::Map<_, _>>()
         .into();
@@ -138,13 +152,13 @@ fn write(folder: &Path, gathered: &Gathered, tables: &Tables, about: &Value) -> 
         "format": RESULTS_FORMAT,
         "version": env!("CARGO_PKG_VERSION"),
         "study": about,
-        "persons": gathered.persons,
-        "sessions_each": gathered.sessions,
+        "persons": summary.subjects,
+        "sessions_each": summary.sessions,
         "persons_with_all_conditions": complete,
-        "velocities_rad_s": gathered.layout.velocities_rad_s,
-        "torques_nm": gathered.layout.torques_nm,
-        "problem_count": gathered.problem_count,
-        "problems": told,
+        "velocities_rad_s": summary.grid.velocities_rad_s,
+        "torques_nm": summary.grid.torques_nm,
+        "problem_count": summary.issue_count,
+        "problems": issues,
     });
     let path = folder.join("study.json");
     write_whole(&path, format!("{results:#}\n").as_bytes()).map_err(StudyError::at(&path))

@@ -1,4 +1,4 @@
-//! Reading `study.csv` person by person.
+//! Reading `study.csv` subject by subject.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -8,36 +8,36 @@ use crate::fit::QUANTITIES;
 
 /// A row of `study.csv` as the tables need it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// Which session of the person.
+pub struct StudyRow {
+    /// Number of the session of the subject, from 1.
     pub session: u32,
     /// Velocity, rad/s, and torque, N m.
     pub condition: (f64, f64),
-    /// The values of [`QUANTITIES`]; none of a fit that did not converge.
+    /// Values in the order of [`QUANTITIES`]; `None` where missing or where the fit did not converge.
     pub values: [Option<f64>; QUANTITIES.len()],
 }
 
-/// All rows of a person.
+/// All rows of a subject.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PersonRows {
-    /// Who.
+pub struct SubjectRows {
+    /// The subject's identifier.
     pub subject: String,
-    /// Line of the first row.
+    /// Line of the first row in the file.
     pub line: u64,
     /// The rows.
-    pub rows: Vec<Row>,
+    pub rows: Vec<StudyRow>,
 }
 
-/// The persons in a table, one after the other; only one is in memory.
-pub struct Rows {
+/// Iterator over the subjects in a table; only one subject is in memory at a time.
+pub struct StudyTableReader {
     file: PathBuf,
     reader: csv::Reader<File>,
-    columns: Columns,
+    columns: StudyColumns,
     record: csv::StringRecord,
-    more: bool,
+    has_record: bool,
 }
 
-struct Columns {
+struct StudyColumns {
     subject: usize,
     velocity: usize,
     torque: usize,
@@ -46,10 +46,12 @@ struct Columns {
     quantities: [Option<usize>; QUANTITIES.len()],
 }
 
-impl Rows {
-    /// Opens a table. Columns beside `subject`, `velocity_rad_s` and `torque_nm` may be missing, and so have no values.
+impl StudyTableReader {
+    /// Opens a table. Only the columns `subject`, `velocity_rad_s` and `torque_nm` are required; a quantity without a column has no
+    /// values.
     pub fn open(file: &Path) -> Result<Self, StudyError> {
-        let wrong = |line: u64, message: String| StudyError::Table { file: file.to_owned(), line, message };
+        let wrong =
+            |line: u64, message: String| StudyError::ResultTable { file: file.to_owned(), line, message };
         let mut reader = csv::ReaderBuilder::new()
             .comment(Some(b'#'))
             .from_path(file)
@@ -61,7 +63,7 @@ impl Rows {
                 || wrong(1, format!("column {name} is missing; expected the study.csv of a study"));
             find(name).ok_or_else(expected)
         };
-        let columns = Columns {
+        let columns = StudyColumns {
             subject: must("subject")?,
             velocity: must("velocity_rad_s")?,
             torque: must("torque_nm")?,
@@ -69,18 +71,24 @@ impl Rows {
             converged: find("converged"),
             quantities: QUANTITIES.map(find),
         };
-        let mut rows =
-            Self { file: file.to_owned(), reader, columns, record: csv::StringRecord::new(), more: true };
-        rows.step()?;
+        let mut rows = Self {
+            file: file.to_owned(),
+            reader,
+            columns,
+            record: csv::StringRecord::new(),
+            has_record: true,
+        };
+        rows.advance()?;
         Ok(rows)
     }
 
-    fn step(&mut self) -> Result<(), StudyError> {
-        self.more = self.reader.read_record(&mut self.record).map_err(|error| StudyError::Table {
-            file: self.file.clone(),
-            line: error.position().map_or(0, csv::Position::line),
-            message: error.to_string(),
-        })?;
+    fn advance(&mut self) -> Result<(), StudyError> {
+        self.has_record =
+            self.reader.read_record(&mut self.record).map_err(|error| StudyError::ResultTable {
+                file: self.file.clone(),
+                line: error.position().map_or(0, csv::Position::line),
+                message: error.to_string(),
+            })?;
         Ok(())
     }
 
@@ -89,7 +97,7 @@ impl Rows {
     }
 
     fn wrong(&self, column: &str, text: &str, expected: &str) -> StudyError {
-        StudyError::Table {
+        StudyError::ResultTable {
             file: self.file.clone(),
             line: self.line(),
             message: format!("column {column}: {text:?}; expected {expected}"),
@@ -102,7 +110,7 @@ impl Rows {
         number.ok_or_else(|| self.wrong(column, text, "a finite number"))
     }
 
-    fn row(&self) -> Result<Row, StudyError> {
+    fn row(&self) -> Result<StudyRow, StudyError> {
         let text = |place: usize| self.record.get(place).unwrap_or_default().trim();
         let session = match self.columns.session.map(text) {
             None | Some("") => 1,
@@ -120,42 +128,46 @@ impl Rows {
         }
         let velocity = self.number("velocity_rad_s", self.columns.velocity)?;
         let torque = self.number("torque_nm", self.columns.torque)?;
-        Ok(Row { session, condition: (velocity, torque), values })
+        Ok(StudyRow { session, condition: (velocity, torque), values })
     }
 
-    fn next_person(&mut self) -> Result<Option<PersonRows>, StudyError> {
-        if !self.more {
+    fn next_subject(&mut self) -> Result<Option<SubjectRows>, StudyError> {
+        if !self.has_record {
             return Ok(None);
         }
         let subject = self.record.get(self.columns.subject).unwrap_or_default().trim().to_owned();
-        let mut person = PersonRows { line: self.line(), rows: Vec::new(), subject };
-        while self.more && self.record.get(self.columns.subject).unwrap_or_default().trim() == person.subject
+        let mut own = SubjectRows { line: self.line(), rows: Vec::new(), subject };
+        while self.has_record
+            && self.record.get(self.columns.subject).unwrap_or_default().trim() == own.subject
         {
-            person.rows.push(self.row()?);
-            self.step()?;
+            own.rows.push(self.row()?);
+            self.advance()?;
         }
-        Ok(Some(person))
+        Ok(Some(own))
     }
 }
 
-impl Iterator for Rows {
-    type Item = Result<PersonRows, StudyError>;
+impl Iterator for StudyTableReader {
+    type Item = Result<SubjectRows, StudyError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.next_person().transpose()
+        self.next_subject().transpose()
     }
 }
 
-/// A person's means over the repetitions, by quantity and cell; `None` where there is no value.
+/// A subject's means over the repetitions, by quantity and cell.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Cells {
+pub struct CellMeans {
     values: Vec<[(f64, u32); QUANTITIES.len()]>,
 }
 
-impl Cells {
-    /// The means of `rows` in the cells at `conditions`; a row in none of them is given back.
+impl CellMeans {
+    /// The means of `rows` in the cells at `conditions`.
+    ///
+    /// # Errors
+    /// The condition of the first row that is in none of the cells.
     pub fn of<'a>(
-        rows: impl Iterator<Item = &'a Row>,
+        rows: impl Iterator<Item = &'a StudyRow>,
         conditions: &[(f64, f64)],
     ) -> Result<Self, (f64, f64)> {
         let mut values = vec![[(0.0, 0); QUANTITIES.len()]; conditions.len()];
@@ -171,13 +183,13 @@ impl Cells {
         Ok(Self { values })
     }
 
-    /// The mean of a quantity in a cell.
+    /// Mean of a quantity in a cell; `None` without a value there.
     pub fn mean(&self, quantity: usize, cell: usize) -> Option<f64> {
         let (sum, count) = self.values[cell][quantity];
         (count > 0).then(|| sum / f64::from(count))
     }
 
-    /// The means of a quantity in all cells, if none lacks one.
+    /// Means of a quantity in all cells; `None` if a cell has no value.
     pub fn all(&self, quantity: usize) -> Option<Vec<f64>> {
         (0..self.values.len()).map(|cell| self.mean(quantity, cell)).collect()
     }

@@ -7,14 +7,14 @@ use crate::dataset;
 
 const PROTOCOLS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols");
 
-/// A study of virtual persons through the quick protocol, after a change of the file.
+/// A study of virtual subjects with the quick protocol, after a change of the file.
 fn study(seed: u64, change: impl FnOnce(&mut serde_json::Value)) -> Study {
     try_study(seed, change).unwrap()
 }
 
 fn try_study(seed: u64, change: impl FnOnce(&mut serde_json::Value)) -> Result<Study, StudyError> {
     let mut file = serde_json::json!({
-        "format": FORMAT,
+        "format": STUDY_FORMAT,
         "name": "a test",
         "units_per_part": 2,
         "persons": {
@@ -30,15 +30,15 @@ fn try_study(seed: u64, change: impl FnOnce(&mut serde_json::Value)) -> Result<S
 }
 
 #[test]
-fn a_session_kept_in_memory_is_the_one_that_its_folder_holds() {
+fn a_session_in_memory_equals_the_one_in_its_folder() {
     let study = study(3, |_| {});
     let unit = study.unit(1);
     let folder = tempfile::tempdir().unwrap();
-    let from_folder = simulate(&unit, Kept::In(folder.path())).unwrap().unwrap();
-    let in_memory = simulate(&unit, Kept::No).unwrap().unwrap();
+    let from_folder = simulate_unit(&unit, SessionStorage::Folder(folder.path())).unwrap().unwrap();
+    let in_memory = simulate_unit(&unit, SessionStorage::Memory).unwrap().unwrap();
     assert_eq!(in_memory.trials.len(), 8);
     for (own, kept) in in_memory.trials.iter().zip(&from_folder.trials) {
-        // To the last bit, the sign of zero included; not shown, since it is long.
+        // Equal to the last bit, the sign of zero included. The debug output is too long to print.
         assert!(format!("{own:?}") == format!("{kept:?}"), "trial {}", own.number);
     }
     let loaded = dataset::load(&folder.path().join("P0002-1")).unwrap();
@@ -51,18 +51,18 @@ fn a_unit_depends_on_its_number_and_the_seed_alone() {
     assert_eq!(few.unit(2), many.unit(2));
     assert_ne!(few.unit(2), study(4, |_| {}).unit(2));
     let seeds: std::collections::BTreeSet<u64> = (0..1000)
-        .map(|index| match many.unit(index).what {
-            What::Virtual { seed, .. } => seed,
-            What::Measured(_) => panic!("virtual"),
+        .map(|index| match many.unit(index).source {
+            UnitSource::Virtual { seed, .. } => seed,
+            UnitSource::Measured(_) => panic!("virtual"),
         })
         .collect();
     assert_eq!(seeds.len(), 1000);
 }
 
-fn person(study: &Study, index: u64) -> Box<crate::rig::virtual_wrist::Person> {
-    match study.unit(index).what {
-        What::Virtual { person, .. } => person,
-        What::Measured(_) => panic!("virtual"),
+fn subject(study: &Study, index: u64) -> Box<crate::rig::virtual_wrist::Person> {
+    match study.unit(index).source {
+        UnitSource::Virtual { person, .. } => person,
+        UnitSource::Measured(_) => panic!("virtual"),
     }
 }
 
@@ -70,17 +70,17 @@ fn person(study: &Study, index: u64) -> Box<crate::rig::virtual_wrist::Person> {
 fn the_spread_of_one_parameter_changes_no_other() {
     let with = study(3, |_| {});
     let without = study(3, |file| file["persons"]["spread"]["joint_inertia"] = 0.0.into());
-    let (a, b) = (person(&with, 1), person(&without, 1));
+    let (a, b) = (subject(&with, 1), subject(&without, 1));
     assert_ne!(a.joint_inertia_kg_m2, b.joint_inertia_kg_m2);
     assert_eq!(a.short_range_stiffness_nm_per_rad, b.short_range_stiffness_nm_per_rad);
 }
 
 #[test]
-fn persons_spread_as_the_file_says() {
+fn subjects_spread_as_the_file_says() {
     let study = study(3, |file| file["persons"]["count"] = 2000.into());
-    let persons: Vec<_> = (0..2000).map(|index| person(&study, index)).collect();
+    let persons: Vec<_> = (0..2000).map(|index| subject(&study, index)).collect();
     let sd = |of: &dyn Fn(&crate::rig::virtual_wrist::Person) -> f64| {
-        let sample: crate::statistics::Sample = persons.iter().map(|person| of(person)).collect();
+        let sample: crate::statistics::MeanVariance = persons.iter().map(|person| of(person)).collect();
         sample.variance().unwrap().sqrt()
     };
     let middle = sd(&|person| person.short_range_stiffness_nm_per_rad.at(2.275, 1.5).ln());
@@ -93,7 +93,7 @@ fn persons_spread_as_the_file_says() {
 }
 
 #[test]
-fn sessions_of_a_person_differ_by_what_the_file_says_and_follow_each_other() {
+fn sessions_of_a_subject_differ_by_the_given_spread_and_follow_each_other() {
     let twice = study(3, |file| {
         file["persons"]["sessions"] = 2.into();
         file["persons"]["between_sessions"] = serde_json::json!({ "joint_inertia": 0.05 });
@@ -101,18 +101,18 @@ fn sessions_of_a_person_differ_by_what_the_file_says_and_follow_each_other() {
     let (first, second) = (twice.unit(2), twice.unit(3));
     assert_eq!((first.subject.as_str(), first.session, second.session), ("P0002", 1, 2));
     assert_eq!(second.subject, "P0002");
-    let (a, b) = (person(&twice, 2), person(&twice, 3));
+    let (a, b) = (subject(&twice, 2), subject(&twice, 3));
     assert_ne!(a.joint_inertia_kg_m2, b.joint_inertia_kg_m2);
     assert_eq!(a.short_range_stiffness_nm_per_rad, b.short_range_stiffness_nm_per_rad);
 }
 
 #[test]
-fn orders_are_counterbalanced_over_persons_where_the_protocol_asks_for_it() {
+fn williams_orders_are_counterbalanced_over_subjects() {
     let folder = tempfile::tempdir().unwrap();
     let quick = fs::read_to_string(Path::new(PROTOCOLS).join("quick.json")).unwrap();
     fs::write(folder.path().join("quick.json"), quick.replace("\"shuffled\"", "\"williams\"")).unwrap();
     let text = serde_json::json!({
-        "format": FORMAT, "name": "balanced",
+        "format": STUDY_FORMAT, "name": "balanced",
         "persons": { "kind": "virtual", "count": 4, "protocol": "quick.json", "spread": {} },
     })
     .to_string();
@@ -120,27 +120,27 @@ fn orders_are_counterbalanced_over_persons_where_the_protocol_asks_for_it() {
     let study = Study::new(&file, &text, folder.path(), 1).unwrap();
     let mut first: Vec<(u64, u64)> = (0..4)
         .map(|index| {
-            let trials = simulate(&study.unit(index), Kept::No).unwrap().unwrap().trials;
+            let trials = simulate_unit(&study.unit(index), SessionStorage::Memory).unwrap().unwrap().trials;
             (trials[0].velocity_rad_s.to_bits(), trials[0].torque_nm.to_bits())
         })
         .collect();
     first.sort_unstable();
     first.dedup();
-    assert_eq!(first.len(), 4, "each of the four conditions is the first of one person");
+    assert_eq!(first.len(), 4, "each of the four conditions is the first of one subject");
 }
 
 #[test]
-fn a_part_is_used_only_while_it_is_whole_and_of_this_study() {
+fn a_part_is_used_only_if_it_is_intact_and_of_this_study() {
     let study = study(3, |_| {});
     let folder = tempfile::tempdir().unwrap();
-    let taken = StudyFolder::take(folder.path(), &study, true).unwrap();
-    assert_eq!(taken.to_do(&study).len(), 2);
-    let part = Part::of(folder.path(), 0);
-    part.make(&study, Kept::No, || ()).unwrap();
+    let taken = StudyFolder::open(folder.path(), &study, true).unwrap();
+    assert_eq!(taken.pending_parts(&study).len(), 2);
+    let part = StudyPart::of(folder.path(), 0);
+    part.run(&study, SessionStorage::Memory, || ()).unwrap();
     assert!(part.is_done(&study));
     let file = folder.path().join("parts/part-000000.csv");
     let whole = fs::read_to_string(&file).unwrap();
-    // Cut anywhere, or changed anywhere, it is not done.
+    // A part that was truncated or changed does not count as done.
     for cut in [0, 1, whole.len() / 2, whole.len() - 1] {
         fs::write(&file, &whole[..cut]).unwrap();
         assert!(!part.is_done(&study), "cut at {cut}");
@@ -150,11 +150,11 @@ fn a_part_is_used_only_while_it_is_whole_and_of_this_study() {
     fs::write(&file, &whole).unwrap();
     assert!(part.is_done(&study));
     assert!(!part.is_done(&try_study(4, |_| {}).unwrap()), "another seed");
-    assert_eq!(taken.to_do(&study).len(), 1);
+    assert_eq!(taken.pending_parts(&study).len(), 1);
 }
 
 #[test]
-fn bad_study_files_are_refused_with_field_and_what_was_expected() {
+fn invalid_study_files_are_refused_with_field_and_expected_value() {
     let refuse = |change: fn(&mut serde_json::Value), parts: &[&str]| {
         let message = try_study(1, change).unwrap_err().to_string();
         for part in parts {
@@ -178,7 +178,7 @@ fn bad_study_files_are_refused_with_field_and_what_was_expected() {
     );
 }
 
-/// A study.csv with two velocities and two torques; `rows` says subject, session, velocity, torque and k_srs.
+/// Writes a study.csv; a row is subject, session, velocity (rad/s), torque (N m) and k_srs (N m/rad).
 fn table(rows: &[(&str, u32, f64, f64, f64)]) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("study.csv");
@@ -196,77 +196,77 @@ fn all_cells(subject: &'static str, level: f64) -> Vec<(&'static str, u32, f64, 
     CELLS.iter().map(|(v, t)| (subject, 1, *v, *t, level + v + 10.0 * t)).collect()
 }
 
-fn gathered(rows: &[(&str, u32, f64, f64, f64)]) -> Gathered {
+fn summary(rows: &[(&str, u32, f64, f64, f64)]) -> StudySummary {
     let (_folder, path) = table(rows);
-    gather(&path, Origin::Foreign, |_, _| false, Vec::new()).unwrap()
+    summarise(&path, TableOrigin::External, |_, _| false, Vec::new()).unwrap()
 }
 
 /// Index of k_srs in the quantities.
 const K_SRS: usize = 3;
 
-fn told(gathered: &Gathered) -> String {
-    gathered.problems.iter().map(Problem::to_string).collect::<Vec<_>>().join("\n")
+fn issues(summary: &StudySummary) -> String {
+    summary.issues.iter().map(StudyIssue::to_string).collect::<Vec<_>>().join("\n")
 }
 
 #[test]
-fn a_person_without_a_condition_is_told_of_and_the_others_are_computed() {
+fn a_subject_without_a_condition_is_reported_and_the_others_are_analysed() {
     let mut rows = [all_cells("A", 0.0), all_cells("B", 1.0), all_cells("C", 5.0)].concat();
     rows.remove(9);
-    let gathered = gathered(&rows);
-    assert_eq!(gathered.complete[K_SRS].count(), 2);
-    assert_eq!(gathered.cells[K_SRS].iter().map(|cell| cell.count()).collect::<Vec<_>>(), [3, 2, 3, 3]);
-    assert_eq!(gathered.persons, 3);
+    let summary = summary(&rows);
+    assert_eq!(summary.complete[K_SRS].count(), 2);
+    assert_eq!(summary.cells[K_SRS].iter().map(|cell| cell.count()).collect::<Vec<_>>(), [3, 2, 3, 3]);
+    assert_eq!(summary.subjects, 3);
     assert_eq!(
-        told(&gathered),
-        "C: no usable trial of k_srs_nm_per_rad in 1 of 4 conditions (first: 1 rad/s at 2 N m). Left out of the analysis of \
-         variance of that quantity; scripts/mixed-model uses all rows"
+        issues(&summary),
+        "C: no usable trial of k_srs_nm_per_rad in 1 of 4 conditions (first: 1 rad/s at 2 N m). The subject is left out of the \
+         analysis of variance of that quantity; scripts/mixed-model uses all rows"
     );
-    assert_eq!(gathered.layout.conditions, CELLS);
+    assert_eq!(summary.grid.conditions, CELLS);
 }
 
 #[test]
-fn a_person_with_other_conditions_is_in_no_table() {
+fn a_subject_with_other_conditions_is_in_no_table() {
     let mut rows = [all_cells("A", 0.0), all_cells("B", 1.0), all_cells("C", 2.0)].concat();
     rows[8].2 = 1.5;
-    let gathered = gathered(&rows);
-    assert_eq!(gathered.complete[K_SRS].count(), 2);
-    assert_eq!(gathered.cells[K_SRS][0].count(), 2);
-    assert!(told(&gathered).contains("C: measured with another protocol (it has 1.5 rad/s at 1 N m"));
+    let summary = summary(&rows);
+    assert_eq!(summary.complete[K_SRS].count(), 2);
+    assert_eq!(summary.cells[K_SRS][0].count(), 2);
+    assert!(issues(&summary).contains("C: measured with another protocol (it has 1.5 rad/s at 1 N m"));
 }
 
 #[test]
-fn a_person_who_comes_twice_counts_once() {
+fn a_subject_who_appears_twice_counts_once() {
     let rows = [all_cells("A", 0.0), all_cells("B", 1.0), all_cells("A", 7.0)].concat();
-    let gathered = gathered(&rows);
-    assert_eq!(gathered.complete[K_SRS].count(), 2);
-    assert_eq!(gathered.cells[K_SRS][0].mean(), 11.5);
-    assert!(told(&gathered).contains("A: there twice") && told(&gathered).contains("line 10"));
+    let summary = summary(&rows);
+    assert_eq!(summary.complete[K_SRS].count(), 2);
+    assert_eq!(summary.cells[K_SRS][0].mean(), 11.5);
+    assert!(issues(&summary).contains("A: appears twice") && issues(&summary).contains("line 10"));
 }
 
 #[test]
-fn one_person_has_means_and_no_statistics() {
-    let gathered = gathered(&all_cells("A", 0.0));
-    assert!(told(&gathered).contains("at least 2 are needed"));
-    assert_eq!(gathered.cells[K_SRS][0].mean(), 11.0);
-    let tables = Tables::of(&gathered);
+fn one_subject_has_means_and_no_statistics() {
+    let summary = summary(&all_cells("A", 0.0));
+    assert!(issues(&summary).contains("statistics need at least 2"));
+    assert_eq!(summary.cells[K_SRS][0].mean(), 11.0);
+    let tables = ResultTables::of(&summary);
     assert!(tables.effects.iter().all(Vec::is_empty));
 }
 
 #[test]
 fn trends_are_slopes_per_unit_of_the_factor() {
     let rows = [all_cells("A", 0.0), all_cells("B", 1.0), all_cells("C", 5.0)].concat();
-    let gathered = gathered(&rows);
-    let [slope, intercept] = gathered.layout.trend(0).unwrap();
-    let moments = &gathered.complete[K_SRS];
+    let summary = summary(&rows);
+    let [slope, intercept] = summary.grid.trend_weights(0).unwrap();
+    let moments = &summary.complete[K_SRS];
     assert!((moments.contrast(&slope).unwrap().estimate - 1.0).abs() < 1e-12);
-    // Level 2 on average, and 15 of the torque.
+    // Mean level 2, and 15 from the mean torque.
     assert!((moments.contrast(&intercept).unwrap().estimate - 17.0).abs() < 1e-12);
-    let [slope, _] = gathered.layout.trend(1).unwrap();
+    let [slope, _] = summary.grid.trend_weights(1).unwrap();
     assert!((moments.contrast(&slope).unwrap().estimate - 10.0).abs() < 1e-12);
 }
 
 #[test]
-fn sessions_of_a_person_are_repetitions_in_one_table_and_retests_in_the_other() {
+fn sessions_of_a_subject_are_repetitions_in_the_means_and_retests_in_the_reliability() {
     let mut rows = Vec::new();
     for (subject, level) in [("A", 0.0), ("B", 4.0), ("C", 9.0)] {
         for session in [1, 2] {
@@ -278,17 +278,17 @@ fn sessions_of_a_person_are_repetitions_in_one_table_and_retests_in_the_other() 
             );
         }
     }
-    let gathered = gathered(&rows);
-    assert_eq!(gathered.sessions, 2);
-    assert_eq!(gathered.complete[K_SRS].count(), 3);
-    assert_eq!(gathered.by_session[K_SRS].count(), 3);
-    let found = crate::statistics::reliability(&gathered.by_session[K_SRS]).unwrap();
-    assert!(found.sem < 1e-6 && found.icc_consistency > 0.999_999, "all persons changed alike: {found:?}");
+    let summary = summary(&rows);
+    assert_eq!(summary.sessions, 2);
+    assert_eq!(summary.complete[K_SRS].count(), 3);
+    assert_eq!(summary.by_session[K_SRS].count(), 3);
+    let found = crate::statistics::reliability(&summary.by_session[K_SRS]).unwrap();
+    assert!(found.sem < 1e-6 && found.icc_consistency > 0.999_999, "all subjects changed alike: {found:?}");
     assert!(found.icc_agreement < found.icc_consistency);
 }
 
 #[test]
-fn a_table_that_is_no_studys_is_refused_with_line_and_column() {
+fn an_invalid_table_is_refused_with_line_and_column() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("study.csv");
     for (text, part) in [
@@ -298,42 +298,43 @@ fn a_table_that_is_no_studys_is_refused_with_line_and_column() {
         ("subject,velocity_rad_s,torque_nm\nA,1\n", "line 2"),
     ] {
         fs::write(&path, text).unwrap();
-        let error = gather(&path, Origin::Foreign, |_, _| false, Vec::new()).unwrap_err().to_string();
+        let error =
+            summarise(&path, TableOrigin::External, |_, _| false, Vec::new()).unwrap_err().to_string();
         assert!(error.contains(part), "{part:?} is not in: {error}");
     }
 }
 
 #[test]
-fn a_power_curve_rises_with_persons_and_a_change_of_nothing_is_not_found() {
-    use super::power::{Drawing, Shift, Sought, power};
+fn power_rises_with_the_number_of_subjects_and_a_zero_change_is_not_found() {
+    use super::power::{ParameterShift, ResamplingPlan, SoughtEffect, power};
     let study = study(3, |_| {});
-    let drawing =
-        Drawing { persons: vec![3, 12], repetitions: vec![1, 2], studies: 400, pool: 6, alpha: 0.05 };
-    let large: Shift = "k_srs=-0.3".parse().unwrap();
-    let (found, arms) = power(&study, Sought::Difference(large), &drawing, || ()).unwrap();
-    assert_eq!((arms.len(), arms[0].one.len(), arms[1].other.len()), (2, 6, 6));
+    let resampling =
+        ResamplingPlan { subjects: vec![3, 12], repetitions: vec![1, 2], studies: 400, pool: 6, alpha: 0.05 };
+    let large: ParameterShift = "k_srs=-0.3".parse().unwrap();
+    let (found, pool) = power(&study, SoughtEffect::Difference(large), &resampling, || ()).unwrap();
+    assert_eq!((pool.len(), pool[0].first.len(), pool[1].second.len()), (2, 6, 6));
     let by: BTreeMap<(u32, u32), f64> =
-        found.iter().map(|found| ((found.repetitions, found.persons), found.share().0)).collect();
+        found.iter().map(|found| ((found.repetitions, found.subjects), found.power().0)).collect();
     assert!(by[&(2, 12)] > 0.95 && by[&(2, 3)] < by[&(2, 12)], "{by:?}");
     let effect = found[0].effect;
     assert!((-9.0..-4.0).contains(&effect), "30 % of about 20 N m/rad less: {effect}");
-    let nothing: Shift = "k_srs=1e-12".parse().unwrap();
+    let nothing: ParameterShift = "k_srs=1e-12".parse().unwrap();
     // Without spread between sessions, two sessions differ by their noise alone.
-    let (found, _) = power(&study, Sought::Change(nothing), &drawing, || ()).unwrap();
+    let (found, _) = power(&study, SoughtEffect::Change(nothing), &resampling, || ()).unwrap();
     assert!(found.iter().all(|found| found.effect.abs() < 1.0), "{found:?}");
 }
 
 #[test]
-fn shifts_are_read_and_nonsense_is_refused() {
-    use super::power::Shift;
-    assert_eq!("k_srs=-0.15".parse::<Shift>().unwrap().to_string(), "k_srs=-0.15");
-    for nonsense in ["k_srs", "k_srs=", "k_x=0.1", "k_srs=0", "k_srs=NaN", "k_srs=-1", ""] {
-        assert!(nonsense.parse::<Shift>().unwrap_err().contains("expected one of"), "{nonsense}");
+fn shifts_are_parsed_and_invalid_text_is_refused() {
+    use super::power::ParameterShift;
+    assert_eq!("k_srs=-0.15".parse::<ParameterShift>().unwrap().to_string(), "k_srs=-0.15");
+    for invalid in ["k_srs", "k_srs=", "k_x=0.1", "k_srs=0", "k_srs=NaN", "k_srs=-1", ""] {
+        assert!(invalid.parse::<ParameterShift>().unwrap_err().contains("expected one of"), "{invalid}");
     }
 }
 
 #[test]
-fn the_schema_in_the_repository_is_the_programs() {
+fn the_schema_in_the_repository_is_up_to_date() {
     let file = Path::new(PROTOCOLS).join("study.schema.json");
     assert_eq!(fs::read_to_string(file).unwrap(), schema_text(), "run: ramphold schema study");
 }

@@ -1,11 +1,11 @@
-//! One unit: a session that is run, or read, and fitted. What comes out depends on the unit alone.
+//! One session of a study: simulated or read, then fitted. The result depends on the unit alone.
 
 use std::convert::Infallible;
 use std::path::Path;
 use std::sync::Arc;
 
 use super::error::UnitError;
-use super::plan::{Study, Unit, What};
+use super::plan::{Study, Unit, UnitSource};
 use crate::dataset::{self, Disk, Manifest, MemoryRecorder, NewSession, Session};
 use crate::fit::{
     Fit, Model, Observations, PreprocessingSettings, TrialEstimate, estimates_without_profiles,
@@ -16,20 +16,20 @@ use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
 use crate::session::{AsFastAsItGoes, Event, Machine, Operator, Phase, Recorder, Settings, conduct};
 
-/// Whether a virtual session leaves a folder behind.
+/// Where a simulated session is stored.
 #[derive(Debug, Clone, Copy)]
-pub enum Kept<'a> {
-    /// It is gone once it is fitted.
-    No,
-    /// It is kept in a new folder in this one.
-    In(&'a Path),
+pub enum SessionStorage<'a> {
+    /// In memory, until it is fitted.
+    Memory,
+    /// In a new session folder inside this folder.
+    Folder(&'a Path),
 }
 
-/// Runs or reads a unit and fits it.
-pub fn fit(study: &Study, unit: &Unit, kept: Kept) -> Result<Vec<TrialEstimate>, UnitError> {
-    let (session, view) = match &unit.what {
-        What::Virtual { protocol, .. } => (simulate(unit, kept)?, view(protocol)),
-        What::Measured(folder) => {
+/// Simulates or reads the session of a unit and fits it; the estimates of all trials.
+pub fn fit_unit(study: &Study, unit: &Unit, storage: SessionStorage) -> Result<Vec<TrialEstimate>, UnitError> {
+    let (session, view) = match &unit.source {
+        UnitSource::Virtual { protocol, .. } => (simulate_unit(unit, storage)?, view(protocol)),
+        UnitSource::Measured(folder) => {
             let file = folder.join("protocol.json");
             let view = if file.exists() {
                 view(&ValidProtocol::read(&file)?)
@@ -45,24 +45,27 @@ pub fn fit(study: &Study, unit: &Unit, kept: Kept) -> Result<Vec<TrialEstimate>,
     Ok(estimates_without_profiles(&prepared, &fit))
 }
 
+/// The filter and the analysed window of a protocol.
 pub(super) fn view(protocol: &ValidProtocol) -> PreprocessingSettings {
     PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter }
 }
 
-/// The session of a virtual unit; `None` of a measured one.
-pub fn simulate(unit: &Unit, kept: Kept) -> Result<Option<Session>, UnitError> {
-    let What::Virtual { protocol, setup, person, seed, order_number } = &unit.what else { return Ok(None) };
+/// Simulates the session of a virtual unit; `None` for a measured one.
+pub fn simulate_unit(unit: &Unit, storage: SessionStorage) -> Result<Option<Session>, UnitError> {
+    let UnitSource::Virtual { protocol, setup, person, seed, order_number } = &unit.source else {
+        return Ok(None);
+    };
     let order = schedule::draw(protocol, *seed, Some(*order_number))?;
     let settings = Arc::new(Settings::new(protocol, *seed, &order)?);
     let mut machine = Machine::new(settings.clone());
     let wrist = VirtualWrist::new((**person).clone(), (*setup).clone(), *seed, settings.sample_rate_hz);
-    match kept {
-        Kept::No => {
+    match storage {
+        SessionStorage::Memory => {
             let mut recorder = MemoryRecorder::new(settings);
             let Ok(()) = run_to_the_end::<Infallible>(wrist, &mut machine, &mut recorder)?;
             Ok(Some(recorder.session(&unit.subject, setup.lever)))
         }
-        Kept::In(folder) => {
+        SessionStorage::Folder(folder) => {
             let path = folder.join(format!("{}-{}", unit.subject, unit.session));
             let rig = rig_json(setup, person);
             let new = NewSession {
@@ -82,7 +85,7 @@ pub fn simulate(unit: &Unit, kept: Kept) -> Result<Option<Session>, UnitError> {
     }
 }
 
-/// As `ramphold run` keeps them.
+/// The description of the rig that `ramphold run` stores in session.json.
 fn rig_json(setup: &Setup, person: &Person) -> serde_json::Value {
     use crate::rig::virtual_wrist::RigFile;
     serde_json::json!({ "rig": RigFile::Virtual(setup.clone()), "person": person })
@@ -104,7 +107,7 @@ fn run_to_the_end<E>(
     Err(UnitError::Ended { left: machine.progress().queue().len(), fault: operator.fault })
 }
 
-/// Starts the session, and ends it at the first fault: a virtual one has its cause in the files.
+/// Operator who starts the session and aborts it at the first fault: a fault of the virtual rig would occur again.
 #[derive(Debug, Default)]
 struct Unattended {
     fault: Option<Fault>,

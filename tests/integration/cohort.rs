@@ -147,7 +147,7 @@ fn a_study_has_the_same_bytes_whatever_the_threads_the_interruptions_and_the_ord
         let read = |folder: &str| fs::read(workspace.path(folder).join(table)).unwrap();
         assert!(read("one") == read("again"), "{table} differs");
     }
-    workspace.refuse(2, &["cohort", "one/study.csv", "--out", "again"], &["holds the tables"]);
+    desk.refused(2, &["cohort", "one/study.csv", "--out", "again"], &["contains the tables"]);
 }
 
 /// A workspace with three measured sessions in `measured`.
@@ -211,7 +211,7 @@ fn a_person_who_was_measured_otherwise_or_twice_is_in_study_csv_and_in_no_other_
         &["cohort", "study.json", "--seed", "1", "--out", "out"],
         &[
             "S04: measured with another protocol (ramp, compared with S01)",
-            "S01: there twice (",
+            "S01: appears twice (",
             "measured/S05",
         ],
     );

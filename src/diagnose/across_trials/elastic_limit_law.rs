@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
-use crate::fit::{Fit, Observations, X_E};
-use crate::statistics::Sample;
+use crate::fit::{X_E, Fit, Observations};
+use crate::statistics::MeanVariance;
 use crate::wrist::mechanisms::MechanismKind;
 
 /// Which law the elastic limits follow over the velocities.
@@ -65,7 +65,7 @@ pub fn limit_law(prepared: &Observations, fit: &Fit, simulated: &[Vec<f64>]) -> 
         return None;
     }
     let own = limits(fit);
-    let scatter = |t: &usize| simulated.iter().map(|limits| limits[*t]).collect::<Sample>().variance();
+    let scatter = |t: &usize| simulated.iter().map(|limits| limits[*t]).collect::<MeanVariance>().variance();
     let noise: Vec<f64> = trials.iter().map(scatter).collect::<Option<_>>()?;
     let mean = |of: &dyn Fn(usize) -> f64| trials.iter().map(|t| of(*t)).sum::<f64>() / trials.len() as f64;
     let mean_torque = mean(&|trial| prepared.trials[trial].torque_nm);
@@ -80,7 +80,7 @@ pub fn limit_law(prepared: &Observations, fit: &Fit, simulated: &[Vec<f64>]) -> 
     let in_simulated: Vec<Vector3<f64>> =
         simulated.iter().map(|limits| plane.coefficients(&of_trials(limits))).collect();
     let value = |index: usize| {
-        let in_common = in_simulated.iter().map(|own| own[index]).collect::<Sample>().variance()?;
+        let in_common = in_simulated.iter().map(|own| own[index]).collect::<MeanVariance>().variance()?;
         let between_trials =
             plane.variance_between * plane.shares.iter().map(|s| s[index] * s[index]).sum::<f64>();
         Some((coefficients[index], libm::sqrt(in_common + between_trials)))
@@ -124,7 +124,7 @@ impl Plane {
         if low.excess(rows, noise, limits) <= 0.0 {
             return Some(low);
         }
-        let mut high = limits.iter().copied().collect::<Sample>().variance()?;
+        let mut high = limits.iter().copied().collect::<MeanVariance>().variance()?;
         for _ in 0..BISECTIONS {
             let middle = Self::with(rows, noise, 0.5 * (low.variance_between + high))?;
             if middle.excess(rows, noise, limits) > 0.0 {

@@ -7,7 +7,7 @@ use super::null_distribution::simulated;
 use super::score_test::Probe;
 use crate::fit::{ExtensionSearch, Fit, Model, NoiseSampler, Observations, ScreenedExtension};
 use crate::random::Stream;
-use crate::statistics::Sample;
+use crate::statistics::MeanVariance;
 use crate::wrist::mechanisms::MechanismKind;
 
 /// A mechanism added to a fit, all parameters fitted anew.
@@ -182,7 +182,7 @@ pub fn not_ruled_out(prepared: &Observations, shortlist: &Shortlist, seed: u64) 
 /// Whether any simulated session reaches a lead; a few tell where it is far out of reach.
 fn is_reached(lead: f64, lead_in: impl Fn(usize) -> f64 + Sync) -> bool {
     let some: Vec<f64> = (0..FIRST_SIMULATIONS).into_par_iter().map(&lead_in).collect();
-    let sample: Sample = some.iter().copied().collect();
+    let sample: MeanVariance = some.iter().copied().collect();
     let furthest = sample.mean() + OUT_OF_REACH * libm::sqrt(sample.variance().unwrap_or(0.0));
     some.iter().any(|own| *own >= lead)
         || lead < furthest

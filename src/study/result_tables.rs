@@ -1,111 +1,55 @@
-//! The tables of a study as CSV: a row a test, every number with as many digits as it has.
+//! The result tables of a study as CSV: one row per test, numbers in full precision.
 
 use crate::fit::QUANTITIES;
-use crate::statistics::{Contrast, Design, Effect, Moments, anova, holm, reliability};
+use crate::statistics::{Contrast, Effect, MeanCovariance, anova, holm, reliability};
 
-use super::aggregation::Gathered;
+use super::aggregation::StudySummary;
+use super::condition_grid::ConditionGrid;
 
-/// Format of `study.json`.
+/// Format and version of `study.json`.
 pub const RESULTS_FORMAT: &str = "ramphold-study-results/1";
 
-/// The conditions of a study: every velocity with every torque.
+/// A table of the results.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Layout {
-    /// Velocities, rad/s, rising.
-    pub velocities_rad_s: Vec<f64>,
-    /// Torques, N m, rising.
-    pub torques_nm: Vec<f64>,
-    /// The cells: velocity by velocity.
-    pub conditions: Vec<(f64, f64)>,
-}
-
-/// A file of the results.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Table {
-    /// Its name.
+pub struct ResultTable {
+    /// File name.
     pub name: &'static str,
-    /// What it says.
+    /// Contents of the file.
     pub text: String,
 }
 
 /// All tables of a study.
 #[derive(Debug, Clone)]
-pub struct Tables {
-    /// The analysis of variance of each quantity, in the order of [`QUANTITIES`]; none with fewer than two persons.
+pub struct ResultTables {
+    /// Analysis of variance of each quantity, in the order of [`QUANTITIES`]; empty with fewer than two subjects.
     pub effects: Vec<Vec<Effect>>,
-    /// The files.
-    pub files: Vec<Table>,
+    /// The tables as files.
+    pub files: Vec<ResultTable>,
 }
 
-impl Layout {
-    /// Whatever velocities and torques there are among the conditions, each with each.
-    pub fn of(conditions: impl Iterator<Item = (f64, f64)>) -> Self {
-        let (mut velocities_rad_s, mut torques_nm): (Vec<f64>, Vec<f64>) = conditions.unzip();
-        for levels in [&mut velocities_rad_s, &mut torques_nm] {
-            levels.sort_by(f64::total_cmp);
-            levels.dedup();
-        }
-        let with =
-            |velocity: &f64| torques_nm.iter().map(move |torque| (*velocity, *torque)).collect::<Vec<_>>();
-        let conditions = velocities_rad_s.iter().flat_map(with).collect();
-        Self { velocities_rad_s, torques_nm, conditions }
-    }
-
-    /// The cells for the analysis of variance.
-    pub fn design(&self) -> Design {
-        Design { first: self.velocities_rad_s.len(), second: self.torques_nm.len() }
-    }
-
-    /// Both factors: name and levels.
-    fn factors(&self) -> [(&'static str, &[f64]); 2] {
-        [("velocity_rad_s", &self.velocities_rad_s), ("torque_nm", &self.torques_nm)]
-    }
-
-    /// Weights of the cells for a weighted sum over the levels of a factor, averaged over the other one.
-    fn weights(&self, factor: usize, of_level: impl Fn(usize) -> f64) -> Vec<f64> {
-        let other = self.factors()[1 - factor].1.len() as f64;
-        let per_velocity = self.torques_nm.len();
-        let level = |cell: usize| if factor == 0 { cell / per_velocity } else { cell % per_velocity };
-        (0..self.conditions.len()).map(|cell| of_level(level(cell)) / other).collect()
-    }
-
-    /// Slope and intercept over the levels of a factor, averaged over the other one: weights for each, or none for one level.
-    pub fn trend(&self, factor: usize) -> Option<[Vec<f64>; 2]> {
-        let levels = self.factors()[factor].1;
-        let mean = levels.iter().sum::<f64>() / levels.len() as f64;
-        let squares = levels.iter().map(|level| (level - mean) * (level - mean)).sum::<f64>();
-        if levels.len() < 2 {
-            return None;
-        }
-        let slope = |level: usize| (levels[level] - mean) / squares;
-        let intercept = |level: usize| 1.0 / levels.len() as f64 - mean * slope(level);
-        Some([self.weights(factor, slope), self.weights(factor, intercept)])
-    }
-}
-
-impl Tables {
-    /// Computes all of them.
-    pub fn of(gathered: &Gathered) -> Self {
-        let layout = &gathered.layout;
-        let effects: Vec<Vec<Effect>> = gathered
+impl ResultTables {
+    /// Computes all tables.
+    pub fn of(summary: &StudySummary) -> Self {
+        let grid = &summary.grid;
+        let effects: Vec<Vec<Effect>> = summary
             .complete
             .iter()
-            .map(|moments| anova(moments, layout.design()).unwrap_or_default())
+            .map(|moments| anova(moments, grid.factor_levels()).unwrap_or_default())
             .collect();
         let mut files = vec![
-            Table { name: "means.csv", text: means(gathered) },
-            Table { name: "anova.csv", text: analysis(&effects, &gathered.complete) },
-            Table { name: "trends.csv", text: trends(layout, &gathered.complete) },
-            Table { name: "contrasts.csv", text: contrasts(layout, &gathered.complete) },
+            ResultTable { name: "means.csv", text: means_table(summary) },
+            ResultTable { name: "anova.csv", text: anova_table(&effects, &summary.complete) },
+            ResultTable { name: "trends.csv", text: trends_table(grid, &summary.complete) },
+            ResultTable { name: "contrasts.csv", text: contrasts_table(grid, &summary.complete) },
         ];
-        if gathered.sessions > 1 {
-            files.push(Table { name: "reliability.csv", text: of_sessions(&gathered.by_session) });
+        if summary.sessions > 1 {
+            files.push(ResultTable { name: "reliability.csv", text: reliability_table(&summary.by_session) });
         }
         Self { effects, files }
     }
 }
 
-/// What an effect is called in the tables.
+/// Name of an effect in the tables.
 pub fn effect_name(effect: &Effect) -> &'static str {
     match effect.factors {
         [true, false] => "velocity",
@@ -114,7 +58,7 @@ pub fn effect_name(effect: &Effect) -> &'static str {
     }
 }
 
-/// A cell: empty where there is no number.
+/// A number as a CSV cell; empty if it is not finite.
 fn number(value: f64) -> String {
     if value.is_finite() { value.to_string() } else { String::new() }
 }
@@ -124,10 +68,10 @@ fn row(first: &str, numbers: &[f64]) -> String {
     format!("{first},{}\n", numbers.join(","))
 }
 
-fn means(gathered: &Gathered) -> String {
+fn means_table(summary: &StudySummary) -> String {
     let mut text = "quantity,velocity_rad_s,torque_nm,persons,mean,sd\n".to_owned();
-    for (name, cells) in QUANTITIES.iter().zip(&gathered.cells) {
-        for ((velocity, torque), sample) in gathered.layout.conditions.iter().zip(cells) {
+    for (name, cells) in QUANTITIES.iter().zip(&summary.cells) {
+        for ((velocity, torque), sample) in summary.grid.conditions.iter().zip(cells) {
             let sd = sample.variance().map_or(f64::NAN, f64::sqrt);
             let mean = if sample.count() > 0 { sample.mean() } else { f64::NAN };
             text += &row(name, &[*velocity, *torque, sample.count() as f64, mean, sd]);
@@ -136,7 +80,7 @@ fn means(gathered: &Gathered) -> String {
     text
 }
 
-fn analysis(effects: &[Vec<Effect>], moments: &[Moments]) -> String {
+fn anova_table(effects: &[Vec<Effect>], moments: &[MeanCovariance]) -> String {
     let mut text = "quantity,effect,persons,f,df_effect,df_error,p,epsilon_gg,p_gg,epsilon_hf,p_hf,mauchly_w,\
                     mauchly_chi_square,mauchly_df,mauchly_p,partial_eta_squared,generalised_eta_squared,ss,ss_error\n"
         .to_owned();
@@ -157,14 +101,14 @@ fn analysis(effects: &[Vec<Effect>], moments: &[Moments]) -> String {
     text
 }
 
-fn trends(layout: &Layout, moments: &[Moments]) -> String {
+fn trends_table(grid: &ConditionGrid, moments: &[MeanCovariance]) -> String {
     let mut text =
         "quantity,factor,persons,slope,slope_low,slope_high,t,df,p,intercept,intercept_low,intercept_high,\
                     intercept_p\n"
             .to_owned();
     for (name, moments) in QUANTITIES.iter().zip(moments) {
-        for (factor, (factor_name, _)) in layout.factors().into_iter().enumerate() {
-            let Some([slope, intercept]) = layout.trend(factor) else { continue };
+        for (factor, (factor_name, _)) in grid.factors().into_iter().enumerate() {
+            let Some([slope, intercept]) = grid.trend_weights(factor) else { continue };
             let (Some(slope), Some(intercept)) = (moments.contrast(&slope), moments.contrast(&intercept))
             else {
                 continue;
@@ -187,17 +131,17 @@ fn trends(layout: &Layout, moments: &[Moments]) -> String {
     text
 }
 
-fn contrasts(layout: &Layout, moments: &[Moments]) -> String {
+fn contrasts_table(grid: &ConditionGrid, moments: &[MeanCovariance]) -> String {
     let mut text = "quantity,factor,level,other_level,persons,difference,low,high,t,df,p,p_holm\n".to_owned();
     for (name, moments) in QUANTITIES.iter().zip(moments) {
-        for (factor, (factor_name, levels)) in layout.factors().into_iter().enumerate() {
+        for (factor, (factor_name, levels)) in grid.factors().into_iter().enumerate() {
             let pairs: Vec<(usize, usize)> =
                 (0..levels.len()).flat_map(|a| (a + 1..levels.len()).map(move |b| (a, b))).collect();
             let found: Vec<Contrast> = pairs
                 .iter()
                 .filter_map(|(a, b)| {
                     let sign = |level: usize| f64::from(level == *b) - f64::from(level == *a);
-                    moments.contrast(&layout.weights(factor, sign))
+                    moments.contrast(&grid.weights(factor, sign))
                 })
                 .collect();
             let adjusted = holm(&found.iter().map(Contrast::p).collect::<Vec<f64>>());
@@ -213,14 +157,14 @@ fn contrasts(layout: &Layout, moments: &[Moments]) -> String {
     text
 }
 
-fn of_sessions(moments: &[Moments]) -> String {
+fn reliability_table(moments: &[MeanCovariance]) -> String {
     let mut text =
         "quantity,persons,sessions,mean,icc_agreement,icc_consistency,f,p,sem,smallest_detectable_change\n"
             .to_owned();
     for (name, moments) in QUANTITIES.iter().zip(moments) {
         let Some(found) = reliability(moments) else { continue };
         let numbers = [
-            found.persons as f64,
+            found.subjects as f64,
             found.sessions as f64,
             found.mean,
             found.icc_agreement,
