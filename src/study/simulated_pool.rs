@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::error::UnitError;
 use super::plan::{Study, Unit};
 use super::unit_session::{SessionStorage, fit_unit};
-use crate::fit::{TrialEstimate, QUANTITIES};
+use crate::fit::{QUANTITIES, TrialEstimate};
 
 /// A subject of the pool: means in each cell over the first repetitions, as if the session had had no more repetitions.
 #[derive(Debug, Clone)]

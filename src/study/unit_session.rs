@@ -26,7 +26,11 @@ pub enum SessionStorage<'a> {
 }
 
 /// Simulates or reads the session of a unit and fits it; the estimates of all trials.
-pub fn fit_unit(study: &Study, unit: &Unit, storage: SessionStorage) -> Result<Vec<TrialEstimate>, UnitError> {
+pub fn fit_unit(
+    study: &Study,
+    unit: &Unit,
+    storage: SessionStorage,
+) -> Result<Vec<TrialEstimate>, UnitError> {
     let (session, view) = match &unit.source {
         UnitSource::Virtual { protocol, .. } => (simulate_unit(unit, storage)?, view(protocol)),
         UnitSource::Measured(folder) => {

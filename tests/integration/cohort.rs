@@ -125,7 +125,7 @@ fn a_study_has_the_same_bytes_whatever_the_threads_the_interruptions_and_the_ord
     workspace.refuse(
         2,
         &["cohort", "study.json", "--seed", "7", "--out", "two"],
-        &["begun in it", "--resume"],
+        &["contains this study", "--resume"],
     );
     workspace.refuse(
         2,
@@ -135,7 +135,7 @@ fn a_study_has_the_same_bytes_whatever_the_threads_the_interruptions_and_the_ord
     workspace.refuse(
         2,
         &["cohort", "study.json", "--seed", "7", "--out", ".", "--resume"],
-        &["something else"],
+        &["not empty"],
     );
     workspace.refuse(
         2,
@@ -147,7 +147,7 @@ fn a_study_has_the_same_bytes_whatever_the_threads_the_interruptions_and_the_ord
         let read = |folder: &str| fs::read(workspace.path(folder).join(table)).unwrap();
         assert!(read("one") == read("again"), "{table} differs");
     }
-    desk.refused(2, &["cohort", "one/study.csv", "--out", "again"], &["contains the tables"]);
+    workspace.refuse(2, &["cohort", "one/study.csv", "--out", "again"], &["contains the tables"]);
 }
 
 /// A workspace with three measured sessions in `measured`.
@@ -237,7 +237,7 @@ fn a_person_who_was_measured_otherwise_or_twice_is_in_study_csv_and_in_no_other_
 #[test]
 fn one_person_is_too_few_for_statistics_and_has_means() {
     let workspace = Workspace::with_study(1);
-    workspace.refuse(1, &["cohort", "study.json", "--seed", "1", "--out", "out"], &["at least 2 are needed"]);
+    workspace.refuse(1, &["cohort", "study.json", "--seed", "1", "--out", "out"], &["statistics need at least 2"]);
     assert!(fs::read_to_string(workspace.path("out/means.csv")).unwrap().lines().count() > 30);
     assert_eq!(fs::read_to_string(workspace.path("out/anova.csv")).unwrap().lines().count(), 1);
 }

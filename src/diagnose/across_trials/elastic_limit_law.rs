@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
 
-use crate::fit::{X_E, Fit, Observations};
+use crate::fit::{Fit, Observations, X_E};
 use crate::statistics::MeanVariance;
 use crate::wrist::mechanisms::MechanismKind;
 
