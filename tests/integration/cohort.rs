@@ -132,11 +132,7 @@ fn a_study_has_the_same_bytes_whatever_the_threads_the_interruptions_and_the_ord
         &["cohort", "study.json", "--seed", "8", "--out", "two", "--resume"],
         &["another study, another seed"],
     );
-    workspace.refuse(
-        2,
-        &["cohort", "study.json", "--seed", "7", "--out", ".", "--resume"],
-        &["not empty"],
-    );
+    workspace.refuse(2, &["cohort", "study.json", "--seed", "7", "--out", ".", "--resume"], &["not empty"]);
     workspace.refuse(
         2,
         &["cohort", "study.json", "--seed", "7", "--out", "three", "--part", "3"],
@@ -237,7 +233,11 @@ fn a_person_who_was_measured_otherwise_or_twice_is_in_study_csv_and_in_no_other_
 #[test]
 fn one_person_is_too_few_for_statistics_and_has_means() {
     let workspace = Workspace::with_study(1);
-    workspace.refuse(1, &["cohort", "study.json", "--seed", "1", "--out", "out"], &["statistics need at least 2"]);
+    workspace.refuse(
+        1,
+        &["cohort", "study.json", "--seed", "1", "--out", "out"],
+        &["statistics need at least 2"],
+    );
     assert!(fs::read_to_string(workspace.path("out/means.csv")).unwrap().lines().count() > 30);
     assert_eq!(fs::read_to_string(workspace.path("out/anova.csv")).unwrap().lines().count(), 1);
 }
