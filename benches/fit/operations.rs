@@ -5,8 +5,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use ramphold::number::{Jet, Lanes, Number, Plain};
 use ramphold::signal::SectionState;
-use ramphold::wrist::mechanisms::NoExtension;
-use ramphold::wrist::{HermiteSegment, Integrator, Kinematics, Mechanics, Plant, RecordedInput};
+use ramphold::wrist::{HermiteSegment, Integrator, Kinematics, Mechanics, NoExtension, Plant, RecordedInput};
 
 use crate::problem::Problem;
 

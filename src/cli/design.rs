@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use ramphold::dataset;
 use ramphold::diagnose::{Proposal, design};
 use ramphold::protocol::ValidProtocol;
-use ramphold::wrist::mechanisms::{CATALOGUE, MechanismClass, MechanismKind};
+use ramphold::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind};
 
 use super::diagnose::{named, read_diagnosis};
 use super::{Console, Failure, Verb};
@@ -92,8 +92,7 @@ fn kind(id: &str) -> Result<MechanismKind, Failure> {
             known.join(", ")
         )));
     };
-    let fitted = kind.parameters().iter().any(|parameter| parameter.fitted);
-    if kind.class() == MechanismClass::Trial && kind != MechanismKind::TorqueDrift || !fitted {
+    if !matches!(kind.evidence(), EvidenceSource::Trace | EvidenceSource::LimitLaw) {
         return Err(Failure::Usage(format!(
             "mechanism \"{id}\": shows between trials or in the hold, not in how a trial goes; designs are made for what \
              shows within the trials"

@@ -13,7 +13,7 @@ use super::within_trial::null_distribution::{Finding, SIGNIFICANT};
 use super::within_trial::residual_terms::{ResidualTerm, residual_term};
 use super::within_trial::score_test::Unseen;
 use crate::fit::{Fit, Model, Observations, Weighting};
-use crate::wrist::mechanisms::MechanismKind;
+use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// What the diagnosis comes to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -117,6 +117,11 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
     }
 }
 
+/// The mechanism of the catalogue that stands for what the hold or single trials show.
+fn cause_shown_in(evidence: EvidenceSource) -> MechanismKind {
+    MechanismKind::shown_in(evidence).expect("the catalogue has a mechanism for the hold and one for single trials")
+}
+
 fn hum_cause(
     clean: &Observations,
     fit: &Fit,
@@ -127,7 +132,7 @@ fn hum_cause(
     let gain = gain_of_cleaning((as_it_was, &before), (clean, fit), seed);
     let (before, after) = (Box::new(before), Box::new(fit.clone()));
     Cause {
-        kind: MechanismKind::MainsHum,
+        kind: cause_shown_in(EvidenceSource::Hold),
         p_value: hum.p_value,
         indistinguishable: Vec::new(),
         evidence: Evidence::Hold { hum: *hum, before, after, gain },
@@ -156,7 +161,7 @@ fn across_trials(
     let p_trend = trends.as_ref().map_or(1.0, |(_, p)| *p);
     if !found.is_empty() {
         causes.push(Cause {
-            kind: MechanismKind::OutlierTrial,
+            kind: cause_shown_in(EvidenceSource::SingleTrials),
             p_value: (2.0 * p_outliers).min(1.0),
             indistinguishable: Vec::new(),
             evidence: Evidence::Outliers(found),

@@ -1,9 +1,11 @@
 //! One batch of trials, side by side in the lanes of a vector, through the model from start to end.
 
 use super::integrate::{CorrectedInput, HermiteSegment, Integrator, MotorInput, RecordedInput};
-use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates, Extension, History, NoExtension};
-use super::motion::{gather, unrecord};
-use super::plant::{BASE_PARAMETERS, Kinematics, Mechanics, Plant};
+use super::history::History;
+use super::mechanics::{Extension, Kinematics, Mechanics, NoExtension};
+use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
+use super::motion::{gather, corrected_motion};
+use super::plant::{BASE_PARAMETERS, Plant};
 use super::simulation::{SimulatedTorque, SimulationSettings, TrialInput};
 use super::sparse_coefficient::DerivativeStructure;
 use crate::number::{Jet, Lanes, Number, Plain};
@@ -116,29 +118,31 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: 
     let parameters = seeded::<P, T>(batch, &slots);
     let trial = covariates::<P>(batch);
     let start_s = -(settings.lead_samples as f64) * settings.period_s;
-    let mut history = History::new(start_s, settings.period_s);
+    let states = settings.kinds.iter().map(|kind| kind.state_count()).sum();
+    let mut history = History::new(start_s, settings.period_s, states);
     let mut plant = Plant::base(settings.lever, &parameters);
     let added = &parameters[BASE_PARAMETERS.len()..];
-    let switched_on =
+    let active =
         ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
-    switched_on.shape(&mut plant);
-    let channels = switched_on.channels();
+    active.alter_plant(&mut plant);
+    let channels = active.channels();
     let mechanics = Mechanics::new(plant);
     let motion = motion::<P, T>(batch, &channels);
-    let remembers = switched_on.memory() > 0;
+    let has_states = states > 0;
     let mut run = Run::<T>::new(batch, slots);
     while run.sample < run.samples {
         let extension =
             ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
         let segment = HermiteSegment::new(motion[run.sample], motion[run.sample + 1], settings.period_s);
         run.step(batch, response, &mechanics, &extension, &CorrectedInput(segment));
-        if remembers {
-            history.push(run.integrator.memory);
+        if has_states {
+            let (added, rates) = run.integrator.sampled();
+            history.push(added, rates);
         }
     }
 }
 
-/// The state of a run: where the wrist is, and what the filter remembers.
+/// The state of a run: where the wrist is, and what the filter has_states.
 struct Run<T> {
     slots: Slots,
     samples: usize,
@@ -265,7 +269,7 @@ pub(super) fn motion<P: Plain, T: Number<Plain = P>>(
         starts[lane] = trial.onset as f64 - settings.lead_samples as f64;
         lane += 1;
     }
-    unrecord(&records, &starts, count, channels, settings.period_s)
+    corrected_motion(&records, &starts, count, channels, settings.period_s)
 }
 
 #[inline(always)]

@@ -1,11 +1,12 @@
 //! Fourth-order Runge-Kutta through the motor's motion between two samples.
 
-use super::mechanisms::Extension;
-use super::plant::{Kinematics, MEMORY, Mechanics, State};
+use super::mechanics::{Extension, Kinematics, Mechanics, State, Torques};
+use super::mechanisms::MAX_ADDED_STATES;
+use super::plant::Lever;
 use super::sparse_coefficient::DerivativeStructure;
 use crate::number::{Number, Plain};
 
-/// The motor's motion between two samples: the cubic through angle and speed at both.
+/// The motor's motion between two samples: the cubic through angle and speed at both samples (Hermite).
 #[derive(Debug, Clone, Copy)]
 pub struct HermiteSegment<T> {
     start: Kinematics<T>,
@@ -16,7 +17,7 @@ pub struct HermiteSegment<T> {
 }
 
 impl<T: Number> HermiteSegment<T> {
-    /// From one sample to the next, `period_s` later.
+    /// The segment from one sample to the next, `period_s` later.
     #[inline(always)]
     pub fn new(from: Kinematics<T>, to: Kinematics<T>, period_s: f64) -> Self {
         let (from_slope, to_slope) = (from.omega.scale(period_s), to.omega.scale(period_s));
@@ -29,7 +30,7 @@ impl<T: Number> HermiteSegment<T> {
         }
     }
 
-    /// The motor at `u` (0 to 1) of the way.
+    /// Angle and speed at the fraction `u` (0 to 1) of the period.
     #[inline(always)]
     fn at(&self, u: f64) -> Kinematics<T> {
         let theta = self.start.theta
@@ -43,13 +44,13 @@ impl<T: Number> HermiteSegment<T> {
     }
 }
 
-/// The motor's motion, with or without derivatives of its own.
+/// The input of the model between two samples: the motor's motion.
 pub trait MotorInput<T> {
-    /// Angle and speed at `u` (0 to 1) of the way from one sample to the next.
+    /// Angle and speed at the fraction `u` (0 to 1) of the period.
     fn at(&self, u: f64) -> Kinematics<T>;
 }
 
-/// A motion that depends on parameters.
+/// A motion that depends on estimated parameters: the record, corrected for errors of its channel.
 #[derive(Debug, Clone, Copy)]
 pub struct CorrectedInput<T>(pub HermiteSegment<T>);
 
@@ -60,7 +61,7 @@ impl<T: Number> MotorInput<T> for CorrectedInput<T> {
     }
 }
 
-/// A motion that is given.
+/// A motion without derivatives: the record as it is.
 #[derive(Debug, Clone, Copy)]
 pub struct RecordedInput<P>(pub HermiteSegment<P>);
 
@@ -71,34 +72,71 @@ impl<P: Plain, T: Number<Plain = P>> MotorInput<T> for RecordedInput<P> {
     }
 }
 
-/// The classical Runge-Kutta scheme: where each stage looks, and what it weighs.
+/// The classical Runge-Kutta scheme: time of each stage as a fraction of the step, and its weight.
 const STAGES: [(f64, f64); 4] = [(0.0, 1.0 / 6.0), (0.5, 1.0 / 3.0), (0.5, 1.0 / 3.0), (1.0, 1.0 / 6.0)];
 
-/// A wrist on its way from sample to sample. With derivatives a state takes kilobytes: what the scheme needs besides is kept
-/// rather than made anew each time, and added states that are not in use are left alone.
+/// The state of the base model and the states that mechanisms add.
+#[derive(Debug, Clone, Copy)]
+struct ExtendedState<T> {
+    base: State<T>,
+    added: [T; MAX_ADDED_STATES],
+}
+
+/// The state of a wrist, integrated from sample to sample.
+///
+/// With derivatives a state takes kilobytes. The working copies of the scheme are therefore kept between samples, and added states
+/// that are not in use are not copied.
 #[derive(Debug, Clone)]
 pub struct Integrator<T> {
-    /// Where it is.
-    pub state: State<T>,
+    state: ExtendedState<T>,
     /// The added states at the last sample, and their rates.
-    pub memory: [[T; MEMORY]; 2],
-    begin: State<T>,
-    at: State<T>,
-    rates: State<T>,
+    sampled: [[T; MAX_ADDED_STATES]; 2],
+    begin: ExtendedState<T>,
+    at: ExtendedState<T>,
+    rates: ExtendedState<T>,
 }
 
 impl<T: Number> Integrator<T> {
-    /// At rest.
+    /// A wrist at rest.
     #[inline(always)]
     pub fn at_rest() -> Self {
-        let rest = State::rest();
-        Self { state: rest, memory: [rest.memory; 2], begin: rest, at: rest, rates: rest }
+        let added = [T::constant(0.0); MAX_ADDED_STATES];
+        let rest = ExtendedState { base: State::rest(), added };
+        Self { state: rest, sampled: [added; 2], begin: rest, at: rest, rates: rest }
     }
 
-    /// Moves from one sample to the next in `substeps` equal steps; returns the measured torque at the first sample.
+    /// The present angles and speeds.
+    pub fn state(&self) -> &State<T> {
+        &self.state.base
+    }
+
+    /// The added states at the sample before the last call of [`Integrator::advance`], and their rates.
+    #[inline(always)]
+    pub fn sampled(&self) -> (&[T], &[T]) {
+        (&self.sampled[0], &self.sampled[1])
+    }
+
+    /// The torques at the present state, with the motor at `motor`, `time_s` after the onset; and the rates of the state.
+    pub fn torques<C: DerivativeStructure<T>, X: Extension<T>>(
+        &self,
+        mechanics: &Mechanics<T, C>,
+        extension: &X,
+        motor: Kinematics<T>,
+        time_s: f64,
+    ) -> (Torques<T>, State<T>) {
+        let (mut rates, mut added_rates) = (State::rest(), [T::constant(0.0); MAX_ADDED_STATES]);
+        let ExtendedState { base, added } = &self.state;
+        let torques = mechanics.rates(extension, base, added, motor, time_s, &mut rates, &mut added_rates);
+        (torques, rates)
+    }
+
+    /// Integrates from one sample to the next in `substeps` equal steps; returns the measured torque at the first sample, N m.
     ///
-    /// One loop over all evaluations, rather than one over steps around one over stages, keeps a single copy of the model's
-    /// equations in the compiled code.
+    /// One loop runs over all evaluations, instead of a loop over stages within one over steps, so that the compiled code holds
+    /// the model's equations once.
+    ///
+    /// # Panics
+    /// If the extension adds more than [`MAX_ADDED_STATES`] states: a mechanism is switched on more than once.
     #[inline(always)]
     pub fn advance<C: DerivativeStructure<T>, X: Extension<T>, D: MotorInput<T>>(
         &mut self,
@@ -109,29 +147,38 @@ impl<T: Number> Integrator<T> {
         period_s: f64,
         substeps: usize,
     ) -> T {
-        let Self { state, memory: [first, first_rates], begin, at, rates } = self;
+        let Self { state, sampled: [first, first_rates], begin, at, rates } = self;
         let step = period_s / substeps as f64;
-        let memory = extension.memory();
+        let count = extension.state_count();
+        assert!(count <= MAX_ADDED_STATES, "the mechanisms add too many states; each may be switched on once");
         let mut measured = T::constant(0.0);
-        begin.copy_from(state, memory);
-        at.copy_from(state, memory);
+        begin.copy_from(state, count);
+        at.copy_from(state, count);
         let mut evaluation = 0;
         while evaluation < substeps * STAGES.len() {
             let (substep, stage) = (evaluation / STAGES.len(), evaluation % STAGES.len());
             let u = (substep as f64 + STAGES[stage].0) / substeps as f64;
-            let torques = mechanics.rates(extension, at, input.at(u), start_s + u * period_s, rates);
+            let torques = mechanics.rates(
+                extension,
+                &at.base,
+                &at.added,
+                input.at(u),
+                start_s + u * period_s,
+                &mut rates.base,
+                &mut rates.added,
+            );
             if evaluation == 0 {
                 measured = torques.measured;
-                first[..memory].copy_from_slice(&state.memory[..memory]);
-                first_rates[..memory].copy_from_slice(&rates.memory[..memory]);
+                first[..count].copy_from_slice(&state.added[..count]);
+                first_rates[..count].copy_from_slice(&rates.added[..count]);
             }
-            state.add(rates, STAGES[stage].1 * step, memory);
+            state.add(rates, STAGES[stage].1 * step, count);
             if stage + 1 == STAGES.len() {
-                begin.copy_from(state, memory);
-                at.copy_from(state, memory);
+                begin.copy_from(state, count);
+                at.copy_from(state, count);
             } else {
-                at.copy_from(begin, memory);
-                at.add(rates, STAGES[stage + 1].0 * step, memory);
+                at.copy_from(begin, count);
+                at.add(rates, STAGES[stage + 1].0 * step, count);
             }
             evaluation += 1;
         }
@@ -139,42 +186,44 @@ impl<T: Number> Integrator<T> {
     }
 }
 
-impl<T: Number> State<T> {
-    /// Adds `step * rates`, of the added states to the first `memory`.
+impl<T: Number> ExtendedState<T> {
+    /// Adds `step * rates`; of the added states to the first `count`.
     #[inline(always)]
-    fn add(&mut self, rates: &Self, step: f64, memory: usize) {
-        self.theta_l = self.theta_l + rates.theta_l.scale(step);
-        self.omega_l = self.omega_l + rates.omega_l.scale(step);
-        self.theta_j = self.theta_j + rates.theta_j.scale(step);
-        self.omega_j = self.omega_j + rates.omega_j.scale(step);
+    fn add(&mut self, rates: &Self, step: f64, count: usize) {
+        let (own, by) = (&mut self.base, &rates.base);
+        own.theta_l = own.theta_l + by.theta_l.scale(step);
+        own.omega_l = own.omega_l + by.omega_l.scale(step);
+        own.theta_j = own.theta_j + by.theta_j.scale(step);
+        own.omega_j = own.omega_j + by.omega_j.scale(step);
         let mut slot = 0;
-        while slot < memory {
-            self.memory[slot] = self.memory[slot] + rates.memory[slot].scale(step);
+        while slot < count {
+            self.added[slot] = self.added[slot] + rates.added[slot].scale(step);
             slot += 1;
         }
     }
 
-    /// Becomes `other`, of whose added states the first `memory` are in use: they are large, and mostly none is.
+    /// Copies `other`; of the added states the first `count`.
     #[inline(always)]
-    fn copy_from(&mut self, other: &Self, memory: usize) {
-        self.theta_l = other.theta_l;
-        self.omega_l = other.omega_l;
-        self.theta_j = other.theta_j;
-        self.omega_j = other.omega_j;
+    fn copy_from(&mut self, other: &Self, count: usize) {
+        let (own, from) = (&mut self.base, &other.base);
+        own.theta_l = from.theta_l;
+        own.omega_l = from.omega_l;
+        own.theta_j = from.theta_j;
+        own.omega_j = from.omega_j;
         let mut slot = 0;
-        while slot < memory {
-            self.memory[slot] = other.memory[slot];
+        while slot < count {
+            self.added[slot] = other.added[slot];
             slot += 1;
         }
     }
 }
 
-/// How many Runge-Kutta steps a sample needs for an error below 1e-5 N m.
+/// Number of Runge-Kutta steps per sample for an error below 1e-5 N m.
 ///
 /// The fastest modes are those of the interface damper between the two inertias and of the lever; the step is chosen so
 /// that the sum of their rates times the step stays below [`LONGEST_STEP`], which the tests hold against a reference with
 /// 256 steps over the whole range of parameters.
-pub fn substeps(lever: Option<super::Lever>, parameters: &[f64], period_s: f64) -> usize {
+pub fn substeps(lever: Option<Lever>, parameters: &[f64], period_s: f64) -> usize {
     let (i_j, b_h, k_h, k_srs) = (parameters[0], parameters[1], parameters[2], parameters[3]);
     let joint = b_h / i_j;
     // At a rigid lever the torque is measured at the damper itself and shows the whole error of the joint's speed.
@@ -188,7 +237,7 @@ pub fn substeps(lever: Option<super::Lever>, parameters: &[f64], period_s: f64) 
     if wanted.is_finite() { (wanted as usize).clamp(FEWEST_SUBSTEPS, 64) } else { 64 }
 }
 
-/// Greatest product of the fastest rate and the step.
+/// Greatest product of the fastest rate and the integration step.
 pub const LONGEST_STEP: f64 = 0.5;
 
 /// The yield itself, which a_s makes sharp, needs two steps a sample at 2.5 kHz and the paper's fastest ramp.

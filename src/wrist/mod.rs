@@ -7,7 +7,10 @@
 pub mod mechanisms;
 
 mod batch;
+mod history;
 mod integrate;
+mod interpolation;
+mod mechanics;
 mod motion;
 mod plant;
 mod simulate;
@@ -17,13 +20,14 @@ mod sparse_coefficient;
 mod tests;
 mod trace;
 
+pub use history::History;
 pub use integrate::{
     CorrectedInput, HermiteSegment, Integrator, LONGEST_STEP, MotorInput, RecordedInput, substeps,
 };
 pub use motion::{Smoothing, motor_motion, servo_response};
+pub use mechanics::{Context, Extension, Kinematics, Mechanics, NoExtension, State, Torques};
 pub use plant::{
-    BASE_PARAMETERS, Context, JOINT_DAMPING_NM_S_PER_RAD, Kinematics, Lever, LeverCoefficients, MEMORY,
-    Mechanics, Plant, State, Torques, YIELD_SMOOTHNESS_PER_NM,
+    BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, LeverCoefficients, Plant, YIELD_SMOOTHNESS_PER_NM,
 };
 pub use simulate::simulate;
 pub use simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth};

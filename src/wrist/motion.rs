@@ -1,7 +1,8 @@
 //! From the recorded angle to the motor's motion: speeds at the samples, and what the angle channel may have done.
 
-use super::mechanisms::{ChannelErrors, hermite};
-use super::plant::Kinematics;
+use super::interpolation::hermite;
+use super::mechanics::Kinematics;
+use super::mechanisms::ChannelErrors;
 use crate::number::{Lanes, Number};
 
 /// How a recorded angle is smoothed.
@@ -93,7 +94,7 @@ fn cubic_at(around: &[f64], period_s: f64) -> Kinematics<f64> {
 /// The motor's motion behind records whose channels are not faithful: undoes the gain, shifts the time, and follows a
 /// recorded command. `records` are the lanes' records, `starts` where in them the result begins.
 #[inline(always)]
-pub(super) fn unrecord<T: Number>(
+pub(super) fn corrected_motion<T: Number>(
     records: &[&[Kinematics<f64>]; 16],
     starts: &[f64; 16],
     count: usize,

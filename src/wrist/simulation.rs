@@ -1,7 +1,8 @@
 //! Input, settings and output of a simulation of whole trials.
 
+use super::mechanics::Kinematics;
 use super::mechanisms::{Covariates, MechanismKind};
-use super::plant::{BASE_PARAMETERS, Kinematics, Lever};
+use super::plant::{BASE_PARAMETERS, Lever};
 use crate::signal::Section;
 
 /// What the model needs to know of a trial.

@@ -1,39 +1,38 @@
-//! What the equations multiply by, and what a product with it costs.
+//! Coefficients of the equations whose derivatives are known to be zero, so that a product need not compute them.
 //!
-//! Most coefficients of the base model do not depend on what is estimated, or on one parameter alone: a product with them
-//! need not carry derivatives that are zero. The equations are written once over both kinds; values and derivatives have the
-//! same bits either way.
+//! Most coefficients of the base model are constants or depend on one parameter alone. The equations are written once, over
+//! [`DerivativeStructure`]; values and derivatives have the same bits with either structure.
 
 use crate::number::{Number, Plain};
 
-/// What a number can be multiplied by.
+/// A factor in the equations, with some or all of its derivatives.
 pub trait Coefficient<T: Number>: Copy {
-    /// The product with `x`.
-    fn of(self, x: T) -> T;
+    /// The product of the coefficient and `x`.
+    fn multiply(self, x: T) -> T;
 
-    /// `x` less the coefficient.
-    fn off(self, x: T) -> T;
+    /// `x` minus the coefficient.
+    fn subtract_from(self, x: T) -> T;
 }
 
-/// What the coefficients of a model may depend on.
+/// Which derivatives of the coefficients of a model may differ from zero.
 pub trait DerivativeStructure<T: Number>: Copy {
-    /// One that is a constant in the base model.
+    /// A coefficient that is a constant in the base model.
     type Constant: Coefficient<T>;
-    /// One that depends on parameter number `INDEX` alone in the base model.
+    /// A coefficient that depends on parameter number `INDEX` alone in the base model.
     type SingleParameter<const INDEX: usize>: Coefficient<T>;
 
-    /// Takes what `value` may depend on.
+    /// Drops the derivatives of a constant that are structurally zero.
     fn constant(value: T) -> Self::Constant;
 
-    /// Takes what `value` may depend on.
-    fn sole<const INDEX: usize>(value: T) -> Self::SingleParameter<INDEX>;
+    /// Drops the derivatives that are structurally zero, of a value that depends on parameter number `INDEX` alone.
+    fn single_parameter<const INDEX: usize>(value: T) -> Self::SingleParameter<INDEX>;
 }
 
-/// Every coefficient may depend on every parameter: what mechanisms leave of the base model.
+/// Every coefficient may depend on every parameter: models with mechanisms.
 #[derive(Debug, Clone, Copy)]
 pub struct Dense;
 
-/// The base model, each of whose parameters is where its derivative is.
+/// Every coefficient depends on one parameter at most, and derivative number i belongs to parameter number i: the base model.
 #[derive(Debug, Clone, Copy)]
 pub struct Sparse;
 
@@ -47,14 +46,14 @@ impl<T: Number> DerivativeStructure<T> for Dense {
     }
 
     #[inline(always)]
-    fn sole<const INDEX: usize>(value: T) -> DenseCoefficient<T> {
+    fn single_parameter<const INDEX: usize>(value: T) -> DenseCoefficient<T> {
         DenseCoefficient(value)
     }
 }
 
 impl<T: Number> DerivativeStructure<T> for Sparse {
     type Constant = ConstantCoefficient<T::Plain>;
-    type SingleParameter<const INDEX: usize> = SingleParameter<T::Plain, INDEX>;
+    type SingleParameter<const INDEX: usize> = SingleParameterCoefficient<T::Plain, INDEX>;
 
     #[inline(always)]
     fn constant(value: T) -> ConstantCoefficient<T::Plain> {
@@ -62,58 +61,58 @@ impl<T: Number> DerivativeStructure<T> for Sparse {
     }
 
     #[inline(always)]
-    fn sole<const INDEX: usize>(value: T) -> SingleParameter<T::Plain, INDEX> {
-        SingleParameter { value: value.plain(), slope: value.derivative(INDEX) }
+    fn single_parameter<const INDEX: usize>(value: T) -> SingleParameterCoefficient<T::Plain, INDEX> {
+        SingleParameterCoefficient { value: value.plain(), slope: value.derivative(INDEX) }
     }
 }
 
-/// A number with all its derivatives.
+/// A coefficient with all its derivatives.
 #[derive(Debug, Clone, Copy)]
 pub struct DenseCoefficient<T>(T);
 
 impl<T: Number> Coefficient<T> for DenseCoefficient<T> {
     #[inline(always)]
-    fn of(self, x: T) -> T {
+    fn multiply(self, x: T) -> T {
         self.0 * x
     }
 
     #[inline(always)]
-    fn off(self, x: T) -> T {
+    fn subtract_from(self, x: T) -> T {
         x - self.0
     }
 }
 
-/// A constant.
+/// A coefficient without derivatives.
 #[derive(Debug, Clone, Copy)]
 pub struct ConstantCoefficient<P>(P);
 
 impl<P: Plain, T: Number<Plain = P>> Coefficient<T> for ConstantCoefficient<P> {
     #[inline(always)]
-    fn of(self, x: T) -> T {
+    fn multiply(self, x: T) -> T {
         x.times(self.0)
     }
 
     #[inline(always)]
-    fn off(self, x: T) -> T {
+    fn subtract_from(self, x: T) -> T {
         x.shifted(-self.0)
     }
 }
 
-/// A number that depends on parameter number `INDEX` alone.
+/// A coefficient with one derivative, number `INDEX`.
 #[derive(Debug, Clone, Copy)]
-pub struct SingleParameter<P, const INDEX: usize> {
+pub struct SingleParameterCoefficient<P, const INDEX: usize> {
     value: P,
     slope: P,
 }
 
-impl<P: Plain, T: Number<Plain = P>, const INDEX: usize> Coefficient<T> for SingleParameter<P, INDEX> {
+impl<P: Plain, T: Number<Plain = P>, const INDEX: usize> Coefficient<T> for SingleParameterCoefficient<P, INDEX> {
     #[inline(always)]
-    fn of(self, x: T) -> T {
+    fn multiply(self, x: T) -> T {
         x.times(self.value).with_slope(INDEX, x.plain() * self.slope)
     }
 
     #[inline(always)]
-    fn off(self, x: T) -> T {
+    fn subtract_from(self, x: T) -> T {
         x.shifted(-self.value).with_slope(INDEX, -self.slope)
     }
 }

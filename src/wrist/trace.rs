@@ -1,9 +1,11 @@
-//! One trial with everything that moves, for pictures and for what is derived from the motion.
+//! One simulated trial with all angles, speeds and torques, for figures and for quantities derived from the motion.
 
 use super::batch::{Batch, motion};
 use super::integrate::{CorrectedInput, HermiteSegment, Integrator};
-use super::mechanisms::{ActiveMechanisms, Extension, History};
-use super::plant::{BASE_PARAMETERS, Kinematics, Mechanics, Plant, State, Torques};
+use super::history::History;
+use super::mechanics::{Extension, Kinematics, Mechanics, State, Torques};
+use super::mechanisms::ActiveMechanisms;
+use super::plant::{BASE_PARAMETERS, Plant};
 use super::simulation::{SimulationSettings, TrialInput};
 
 /// The wrist at one sample.
@@ -31,19 +33,19 @@ pub fn trace(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f6
     assert_eq!(parameters.len(), settings.parameter_count(), "one parameter vector");
     let batch = Batch { settings, trials: &[trial], parameters, first: 0, wanted: 0..0 };
     let start_s = -(settings.lead_samples as f64) * settings.period_s;
-    let mut history = History::new(start_s, settings.period_s);
+    let mut history = History::new(start_s, settings.period_s, settings.kinds.iter().map(|kind| kind.state_count()).sum());
     let mut plant = Plant::base(settings.lever, parameters);
     let added = &parameters[BASE_PARAMETERS.len()..];
-    let switched_on = ActiveMechanisms {
+    let active = ActiveMechanisms {
         kinds: settings.kinds,
         parameters: added,
         trial: &trial.covariates,
         history: &history,
     };
-    switched_on.shape(&mut plant);
-    let channels = switched_on.channels();
+    active.alter_plant(&mut plant);
+    let channels = active.channels();
     let mechanics = Mechanics::new(plant);
-    let knots = motion::<f64, f64>(&batch, &channels);
+    let motion = motion::<f64, f64>(&batch, &channels);
     let mut integrator = Integrator::at_rest();
     let mut instants = Vec::with_capacity(settings.samples);
     for sample in 0..settings.lead_samples + settings.samples {
@@ -55,12 +57,13 @@ pub fn trace(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f6
             history: &history,
         };
         if sample >= settings.lead_samples {
-            instants.push(instant(&mechanics, &extension, &integrator.state, knots[sample], time_s));
+            instants.push(instant(&mechanics, &extension, &integrator, motion[sample], time_s));
         }
         let segment =
-            CorrectedInput(HermiteSegment::new(knots[sample], knots[sample + 1], settings.period_s));
+            CorrectedInput(HermiteSegment::new(motion[sample], motion[sample + 1], settings.period_s));
         integrator.advance(&mechanics, &extension, &segment, time_s, settings.period_s, settings.substeps);
-        history.push(integrator.memory);
+        let (added, rates) = integrator.sampled();
+        history.push(added, rates);
     }
     instants
 }
@@ -68,12 +71,12 @@ pub fn trace(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f6
 fn instant<X: Extension<f64>>(
     mechanics: &Mechanics<f64>,
     extension: &X,
-    state: &State<f64>,
+    integrator: &Integrator<f64>,
     motor: Kinematics<f64>,
     time_s: f64,
 ) -> TraceSample {
-    let mut rates = State::rest();
-    let torques = mechanics.rates(extension, state, motor, time_s, &mut rates);
+    let (torques, rates) = integrator.torques(mechanics, extension, motor, time_s);
+    let state = integrator.state();
     TraceSample {
         time_s,
         motor,

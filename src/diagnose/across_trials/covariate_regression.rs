@@ -7,7 +7,7 @@ use crate::fit::{Fit, K_SRS, Observations};
 use crate::number::{Jet, Number};
 use crate::random::Stream;
 use crate::wrist::Plant;
-use crate::wrist::mechanisms::{CATALOGUE, MechanismClass, MechanismKind, MechanismParameter, ProbeContext};
+use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind, MechanismParameter, ProbeContext};
 
 /// What a mechanism explains of the stiffnesses.
 #[derive(Debug, Clone)]
@@ -28,7 +28,7 @@ fn candidates(prepared: &Observations, fit: &Fit) -> Vec<(MechanismKind, Vec<Vec
     CATALOGUE
         .iter()
         .copied()
-        .filter(|kind| kind.class() == MechanismClass::Trial && !kind.parameters().is_empty())
+        .filter(|kind| kind.evidence() == EvidenceSource::AcrossTrials)
         .filter(|kind| !fit.kinds.contains(kind) && missing(prepared, *kind).is_none())
         .map(|kind| (kind, kind.probes(&session)))
         .filter(|(kind, probes)| probes.iter().any(|values| acts_on_stiffness(prepared, fit, *kind, values)))
@@ -53,7 +53,7 @@ fn shaped(
     let mut plant = Plant::base(prepared.lever, &base);
     let jets: Vec<Jet<f64, 9>> =
         values.iter().enumerate().map(|(i, value)| Jet::variable(*value, i)).collect();
-    kind.shape(&jets, &mut plant, &prepared.trials[trial].input.covariates);
+    kind.alter_plant(&jets, &mut plant, &prepared.trials[trial].input.covariates);
     let shaped = plant.short_range_stiffness;
     let value = shaped.value.max(LEAST_STIFFNESS);
     [libm::log(value), shaped.slope[BASE] * stiffness / value, shaped.slope[0] / value]

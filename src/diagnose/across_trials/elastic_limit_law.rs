@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use crate::fit::{Fit, Observations, X_E};
 use crate::statistics::MeanVariance;
-use crate::wrist::mechanisms::MechanismKind;
+use crate::wrist::mechanisms::EvidenceSource;
 
 /// Which law the elastic limits follow over the velocities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -61,7 +61,7 @@ pub fn limits(fit: &Fit) -> Vec<f64> {
 pub fn limit_law(prepared: &Observations, fit: &Fit, simulated: &[Vec<f64>]) -> Option<LimitLaw> {
     let trials: Vec<usize> =
         (0..prepared.trials.len()).filter(|trial| is_seen(prepared, fit, *trial)).collect();
-    if trials.len() < FEWEST || fit.kinds.contains(&MechanismKind::TimedYield) {
+    if trials.len() < FEWEST || fit.kinds.iter().any(|kind| kind.evidence() == EvidenceSource::LimitLaw) {
         return None;
     }
     let own = limits(fit);

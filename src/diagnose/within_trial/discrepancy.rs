@@ -30,7 +30,7 @@ enum Doubt {
 impl Doubt {
     fn of(own: &Candidate, period_s: f64) -> Self {
         match own.kind.delay_s(own.values()) {
-            _ if own.kind.is_exact() => Self::None,
+            _ if own.kind.has_known_form() => Self::None,
             Some(delay_s) => Self::Spread(SPREAD_ERROR * delay_s / period_s),
             None => Self::Form,
         }

@@ -5,7 +5,7 @@ use nalgebra::DVector;
 use super::residual_projection::{Direction, Tangent, whiten};
 use crate::fit::{Fit, Observations, predict};
 use crate::wrist::SimulatedTorque;
-use crate::wrist::mechanisms::{CATALOGUE, DataRequirement, MechanismClass, MechanismKind, ProbeContext};
+use crate::wrist::mechanisms::{CATALOGUE, Covariates, EvidenceSource, MechanismClass, MechanismKind, ProbeContext};
 
 /// A mechanism looked at with given values.
 #[derive(Debug, Clone)]
@@ -46,10 +46,7 @@ pub fn probes(prepared: &Observations, fit: &Fit, tangent: &Tangent) -> (Vec<Pro
             unseen.push(Unseen { kind, reason });
             continue;
         }
-        // What goes with velocity or from trial to trial is judged across trials.
-        if kind.needs().contains(&DataRequirement::Velocities)
-            || !kind.parameters().iter().any(|parameter| parameter.fitted)
-        {
+        if !matches!(kind.evidence(), EvidenceSource::Trace | EvidenceSource::AcrossTrials) {
             continue;
         }
         let mut largest = (0.0, 0.0);
@@ -80,27 +77,8 @@ pub fn probes(prepared: &Observations, fit: &Fit, tangent: &Tangent) -> (Vec<Pro
 
 /// What the session lacks for a mechanism to be considered.
 pub fn missing(prepared: &Observations, kind: MechanismKind) -> Option<String> {
-    let varies = |read: &dyn Fn(usize) -> f64| {
-        (1..prepared.trials.len()).any(|trial| (read(trial) - read(0)).abs() > 1e-12)
-    };
-    let covariates = |trial: usize| prepared.trials[trial].input.covariates;
-    let lack = |need: &DataRequirement| match need {
-        DataRequirement::Lever if prepared.lever.is_none() => Some("the lever is rigid"),
-        DataRequirement::FlexorEmg if !varies(&|t| covariates(t).flexor_emg_excess_mvc) => {
-            Some("there is no flexor EMG")
-        }
-        DataRequirement::ExtensorEmg if !varies(&|t| covariates(t).extensor_emg_mvc) => {
-            Some("there is no extensor EMG")
-        }
-        DataRequirement::Rest if !varies(&|t| covariates(t).rest_s) => {
-            Some("the rest before the trials is not given, or always the same")
-        }
-        DataRequirement::Velocities if !varies(&|t| covariates(t).velocity_rad_s) => {
-            Some("there is only one velocity")
-        }
-        _ => None,
-    };
-    kind.needs().iter().find_map(lack).map(Into::into)
+    let covariates: Vec<Covariates> = prepared.trials.iter().map(|trial| trial.input.covariates).collect();
+    kind.needs().iter().find_map(|need| need.unmet(prepared.lever, &covariates)).map(Into::into)
 }
 
 /// Predicted torques of all trials.

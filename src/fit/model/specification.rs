@@ -127,10 +127,9 @@ impl Model {
         self.mechanisms.iter().map(|switched| switched.kind).collect()
     }
 
-    /// The frequency of the mains' hum, if the model has it; it is taken out of the records rather than fitted.
+    /// Frequency of the sinusoid that is subtracted from the records before the fit, Hz, if the model has one.
     pub fn hum_hz(&self) -> Option<f64> {
-        let hum = self.mechanisms.iter().find(|switched| switched.kind == MechanismKind::MainsHum)?;
-        hum.parameters.get(1)?.value
+        self.mechanisms.iter().find_map(|added| added.parameters[added.kind.subtracted_frequency()?].value)
     }
 
     /// Names of all parameters in the order of a trial's parameter vector; a mechanism's carry its id.

@@ -8,7 +8,6 @@ use crate::fit::residuals::prediction::predict;
 use crate::fit::solver::levenberg_marquardt::{SolverOptions, solve};
 use crate::fit::solver::normal_equations::Objective;
 use crate::random::Stream;
-use crate::wrist::mechanisms::MechanismKind;
 use crate::wrist::{BASE_PARAMETERS, SimulatedTorque};
 
 /// First values of each trial's six base parameters.
@@ -192,22 +191,12 @@ impl StartingValues {
                 return BoundedStart {
                     low: parameter.low,
                     high: parameter.high,
-                    start: self.typical(switched.kind, added),
+                    start: switched.kind.starting_value(added, self.lever),
                 };
             }
             added -= switched.kind.parameter_count();
         }
         unreachable!("a model has as many parameters as its mechanisms say")
-    }
-
-    /// The lever's constants start at what the session states.
-    fn typical(&self, kind: MechanismKind, parameter: usize) -> f64 {
-        match (kind, self.lever) {
-            (MechanismKind::LeverInertia, Some(lever)) => lever.inertia_kg_m2,
-            (MechanismKind::LeverStiffness, Some(lever)) => lever.stiffness_nm_per_rad,
-            (MechanismKind::LeverDamping, Some(lever)) => lever.damping_nm_s_per_rad,
-            _ => kind.parameters()[parameter].typical,
-        }
     }
 }
 

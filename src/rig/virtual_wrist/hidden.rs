@@ -29,7 +29,7 @@ impl Sealed {
 pub fn hidden(seed: u64, lever: Option<Lever>) -> MechanismList {
     let mut stream = Stream::new(seed, "hidden effect");
     let can: Vec<(MechanismKind, (f64, f64))> =
-        CATALOGUE.iter().filter_map(|kind| Some((*kind, kind.hidden_sizes(lever)?))).collect();
+        CATALOGUE.iter().filter_map(|kind| Some((*kind, kind.hidden_range(lever)?))).collect();
     let (kind, (least, most)) = can[stream.below(can.len() as u64) as usize];
     let first = &kind.parameters()[0];
     let size = least + (most - least) * stream.uniform();

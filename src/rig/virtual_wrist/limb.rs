@@ -6,11 +6,10 @@ use super::person::{Person, Reflex, Surface};
 use super::setup::Setup;
 use super::voluntary::TrialSpread;
 use crate::rig::Upcoming;
-use crate::wrist::mechanisms::{
-    ActiveMechanisms, ChannelErrors, Covariates, Extension, History, NoExtension,
-};
+use crate::wrist::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
 use crate::wrist::{
-    HermiteSegment, Integrator, Kinematics, Lever, Mechanics, Plant, RecordedInput, State, Torques, substeps,
+    Extension, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics, NoExtension, Plant, RecordedInput, Torques,
+    substeps,
 };
 
 /// Time constant with which the muscle's resistance fades when the person lets go after a ramp, s. Assumed.
@@ -75,7 +74,7 @@ struct Moving {
 impl Limb {
     /// The limb of `person` in a rig of `setup`.
     pub fn new(person: &Person, setup: &Setup, sample_rate_hz: f64) -> Self {
-        let switched = person.mechanisms.and(&setup.mechanisms).from_the_onset();
+        let switched = person.mechanisms.and(&setup.mechanisms).starting_at_onset();
         Self {
             lever: setup.lever,
             reflex: person.reflex,
@@ -139,7 +138,8 @@ impl Limb {
         let sign = trial.velocity_rad_s.signum();
         let covariates =
             Covariates { torque_before_nm: sign * (torque_nm + self.gauge_offset_nm), ..trial.covariates };
-        let history = History::new(0.0, self.period_s);
+        let states = self.switched.kinds.iter().map(|kind| kind.state_count()).sum();
+        let history = History::new(0.0, self.period_s, states);
         let mut plant = Plant::base(self.lever, &trial.parameters);
         ActiveMechanisms {
             kinds: &self.switched.kinds,
@@ -147,7 +147,7 @@ impl Limb {
             trial: &covariates,
             history: &history,
         }
-        .shape(&mut plant);
+        .alter_plant(&mut plant);
         let speed_rad_s = trial.velocity_rad_s.abs();
         self.moving = Some(Moving {
             mechanics: Mechanics::new(plant),
@@ -223,7 +223,7 @@ impl Moving {
         let torques = if switched.kinds.is_empty() {
             self.run(&NoExtension, &input, to, start_s, end_s)
         } else {
-            let history = std::mem::replace(&mut self.history, History::new(0.0, period_s));
+            let history = std::mem::replace(&mut self.history, History::new(0.0, period_s, 0));
             let covariates = self.covariates;
             let extension = ActiveMechanisms {
                 kinds: &switched.kinds,
@@ -233,7 +233,8 @@ impl Moving {
             };
             let torques = self.run(&extension, &input, to, start_s, end_s);
             self.history = history;
-            self.history.push(self.integrator.memory);
+            let (added, rates) = self.integrator.sampled();
+            self.history.push(added, rates);
             torques
         };
         self.from = to;
@@ -257,13 +258,13 @@ impl Moving {
         end_s: f64,
     ) -> Torques<f64> {
         self.integrator.advance(&self.mechanics, extension, input, start_s, end_s - start_s, self.substeps);
-        self.mechanics.rates(extension, &self.integrator.state, to, end_s, &mut State::rest())
+        self.integrator.torques(&self.mechanics, extension, to, end_s).0
     }
 }
 
 /// What the mechanisms switched on do to the way from the motor's angle to the recorded one.
 pub fn channels(switched: &MechanismList) -> ChannelErrors<f64> {
-    let (trial, history) = (Covariates::default(), History::new(0.0, 1.0));
+    let (trial, history) = (Covariates::default(), History::new(0.0, 1.0, 0));
     ActiveMechanisms {
         kinds: &switched.kinds,
         parameters: &switched.parameters,

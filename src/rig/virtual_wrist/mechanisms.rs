@@ -29,11 +29,11 @@ impl MechanismList {
     }
 
     /// The same in a wrist that does not know of a ramp until it begins.
-    pub fn from_the_onset(mut self) -> Self {
+    pub fn starting_at_onset(mut self) -> Self {
         let mut rest = self.parameters.as_mut_slice();
         for kind in &self.kinds {
             let (own, others) = rest.split_at_mut(kind.parameter_count());
-            kind.from_the_onset(own);
+            kind.start_at_onset(own);
             rest = others;
         }
         self

@@ -69,7 +69,7 @@ impl Sensors {
         let mut sum_nm = 0.0;
         for kind in &self.disturbances.kinds {
             let next = first + kind.parameter_count();
-            sum_nm += kind.disturbance(&self.disturbances.parameters[first..next], time_s);
+            sum_nm += kind.disturbance_nm(&self.disturbances.parameters[first..next], time_s);
             first = next;
         }
         sum_nm

@@ -1,6 +1,6 @@
-//! Turns the list of mechanisms into a type: the only place that leads from an id to code.
+//! The macro that turns the list of mechanisms into a type: the only code that leads from an identifier to a mechanism.
 
-/// Declares the mechanisms' modules and [`MechanismKind`], which dispatches to them.
+/// Declares the mechanisms' modules, [`MechanismKind`], which dispatches to them, and the number of states that they add.
 macro_rules! catalogue {
     ($($module:ident :: $name:ident,)*) => {
         $(mod $module;)*
@@ -11,16 +11,19 @@ macro_rules! catalogue {
             $(#[doc = concat!("`", stringify!($module), "`")] $name,)*
         }
 
-        /// Every mechanism, in the order of the design's table.
+        /// Every mechanism, in the order of the catalogue.
         pub const CATALOGUE: &[MechanismKind] = &[$(MechanismKind::$name,)*];
 
+        /// Number of states that a model can add: those of all mechanisms, each switched on once.
+        pub const MAX_ADDED_STATES: usize = 0 $(+ <$module::$name as Mechanism>::STATES)*;
+
         impl MechanismKind {
-            /// The id that results print.
+            /// Identifier in results and model files.
             pub fn id(self) -> &'static str {
                 match self { $(Self::$name => <$module::$name as Mechanism>::ID,)* }
             }
 
-            /// What it is, in a few words.
+            /// Description in a few words.
             pub fn title(self) -> &'static str {
                 match self { $(Self::$name => <$module::$name as Mechanism>::TITLE,)* }
             }
@@ -30,7 +33,17 @@ macro_rules! catalogue {
                 match self { $(Self::$name => <$module::$name as Mechanism>::CLASS,)* }
             }
 
-            /// Where its form comes from.
+            /// Where a session shows it.
+            pub fn evidence(self) -> EvidenceSource {
+                match self { $(Self::$name => <$module::$name as Mechanism>::EVIDENCE,)* }
+            }
+
+            /// Its equation in plain text; notation of [`Mechanism::EQUATION`].
+            pub fn equation(self) -> &'static str {
+                match self { $(Self::$name => <$module::$name as Mechanism>::EQUATION,)* }
+            }
+
+            /// Source of its functional form.
             pub fn source(self) -> &'static str {
                 match self { $(Self::$name => <$module::$name as Mechanism>::SOURCE,)* }
             }
@@ -40,19 +53,9 @@ macro_rules! catalogue {
                 match self { $(Self::$name => <$module::$name as Mechanism>::PARAMETERS,)* }
             }
 
-            /// What data it needs.
+            /// Data that a session must hold.
             pub fn needs(self) -> &'static [DataRequirement] {
                 match self { $(Self::$name => <$module::$name as Mechanism>::NEEDS,)* }
-            }
-
-            /// See [`Mechanism::probes`].
-            pub fn probes(self, session: &ProbeContext) -> Vec<Vec<f64>> {
-                match self { $(Self::$name => $module::$name::probes(session),)* }
-            }
-
-            /// See [`Mechanism::hidden_sizes`].
-            pub fn hidden_sizes(self, lever: Option<Lever>) -> Option<(f64, f64)> {
-                match self { $(Self::$name => $module::$name::hidden_sizes(lever),)* }
             }
 
             /// Whether it alters how the recorded angle becomes the motor's.
@@ -60,14 +63,9 @@ macro_rules! catalogue {
                 match self { $(Self::$name => <$module::$name as Mechanism>::ALTERS_ANGLE,)* }
             }
 
-            /// Whether there is no law in it that could be another.
-            pub fn is_exact(self) -> bool {
-                match self { $(Self::$name => <$module::$name as Mechanism>::EXACT,)* }
-            }
-
-            /// See [`Mechanism::delay_s`].
-            pub fn delay_s(self, p: &[f64]) -> Option<f64> {
-                match self { $(Self::$name => $module::$name::delay_s(p),)* }
+            /// Whether its functional form is certain; see [`Mechanism::KNOWN_FORM`].
+            pub fn has_known_form(self) -> bool {
+                match self { $(Self::$name => <$module::$name as Mechanism>::KNOWN_FORM,)* }
             }
 
             /// How long before the onset it may begin to act, s.
@@ -75,66 +73,89 @@ macro_rules! catalogue {
                 match self { $(Self::$name => <$module::$name as Mechanism>::BEFORE_ONSET_S,)* }
             }
 
-            /// See [`Mechanism::from_the_onset`].
-            pub fn from_the_onset(self, p: &mut [f64]) {
-                match self { $(Self::$name => $module::$name::from_the_onset(p),)* }
+            /// Index of the parameter that is the frequency (Hz) of a sinusoid to subtract before a fit.
+            pub fn subtracted_frequency(self) -> Option<usize> {
+                match self { $(Self::$name => <$module::$name as Mechanism>::SUBTRACTED_FREQUENCY,)* }
             }
 
-            /// See [`Mechanism::disturbance`].
-            pub fn disturbance(self, p: &[f64], session_time_s: f64) -> f64 {
-                match self { $(Self::$name => $module::$name::disturbance(p, session_time_s),)* }
+            /// Starting value of a fit for parameter number `parameter`, in a rig with this lever.
+            pub fn starting_value(self, parameter: usize, lever: Option<Lever>) -> f64 {
+                match self { $(Self::$name => $module::$name::starting_value(parameter, lever),)* }
             }
 
-            /// How many parameters it has.
+            /// Parameter values at which a diagnosis tests whether the mechanism would help.
+            pub fn probes(self, session: &ProbeContext) -> Vec<Vec<f64>> {
+                match self { $(Self::$name => $module::$name::probes(session),)* }
+            }
+
+            /// Range of the first parameter when hidden; see [`Mechanism::hidden_range`].
+            pub fn hidden_range(self, lever: Option<Lever>) -> Option<(f64, f64)> {
+                match self { $(Self::$name => $module::$name::hidden_range(lever),)* }
+            }
+
+            /// Mean delay of a lag, s; `None` for a mechanism that is no lag.
+            pub fn delay_s(self, p: &[f64]) -> Option<f64> {
+                match self { $(Self::$name => $module::$name::delay_s(p),)* }
+            }
+
+            /// Moves the start of an effect that begins before the onset to the onset.
+            pub fn start_at_onset(self, p: &mut [f64]) {
+                match self { $(Self::$name => $module::$name::start_at_onset(p),)* }
+            }
+
+            /// Torque that the torque channel shows in addition, N m.
+            pub fn disturbance_nm(self, p: &[f64], session_time_s: f64) -> f64 {
+                match self { $(Self::$name => $module::$name::disturbance_nm(p, session_time_s),)* }
+            }
+
+            /// Number of its parameters.
             #[inline(always)]
             pub fn parameter_count(self) -> usize {
                 match self { $(Self::$name => <$module::$name as Mechanism>::PARAMETERS.len(),)* }
             }
 
-            /// How many states it adds.
+            /// Number of states that it adds.
             #[inline(always)]
-            pub fn memory(self) -> usize {
-                match self { $(Self::$name => <$module::$name as Mechanism>::MEMORY,)* }
+            pub fn state_count(self) -> usize {
+                match self { $(Self::$name => <$module::$name as Mechanism>::STATES,)* }
             }
 
-            /// See [`Mechanism::shape`].
+            /// Alters the coefficients of the plant in a trial.
             #[inline(always)]
-            pub fn shape<T: Number>(self, p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {
-                match self { $(Self::$name => $module::$name::shape(p, plant, trial),)* }
+            pub fn alter_plant<T: Number>(self, p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {
+                match self { $(Self::$name => $module::$name::alter_plant(p, plant, trial),)* }
             }
 
-            /// See [`Mechanism::channels`].
+            /// Alters how the recorded angle becomes the motor's angle.
             #[inline(always)]
-            pub fn channels<T: Number>(self, p: &[T], channels: &mut ChannelErrors<T>) {
-                match self { $(Self::$name => $module::$name::channels(p, channels),)* }
+            pub fn alter_channels<T: Number>(self, p: &[T], channels: &mut ChannelErrors<T>) {
+                match self { $(Self::$name => $module::$name::alter_channels(p, channels),)* }
             }
 
-            /// See [`Mechanism::act`].
+            /// Adds torques and writes the rates of its states.
             #[inline(always)]
-            pub fn act<T: Number>(
+            pub fn add_torques<T: Number>(
                 self,
                 p: &[T],
-                moment: &Context<'_, T>,
-                history: &History<T>,
-                slot: usize,
+                context: &Context<'_, T>,
+                states: &OwnStates<'_, T>,
                 torques: &mut Torques<T>,
-                rates: &mut [T; MEMORY],
+                rates: &mut [T],
             ) {
-                match self { $(Self::$name => $module::$name::act(p, moment, history, slot, torques, rates),)* }
+                match self { $(Self::$name => $module::$name::add_torques(p, context, states, torques, rates),)* }
             }
 
-            /// See [`Mechanism::measure`].
+            /// Alters the measured torque and writes the rates of its states.
             #[inline(always)]
-            pub fn measure<T: Number>(
+            pub fn alter_measurement<T: Number>(
                 self,
                 p: &[T],
-                moment: &Context<'_, T>,
+                states: &OwnStates<'_, T>,
                 trial: &Covariates<T::Plain>,
-                slot: usize,
                 torque: T,
-                rates: &mut [T; MEMORY],
+                rates: &mut [T],
             ) -> T {
-                match self { $(Self::$name => $module::$name::measure(p, moment, trial, slot, torque, rates),)* }
+                match self { $(Self::$name => $module::$name::alter_measurement(p, states, trial, torque, rates),)* }
             }
         }
     };

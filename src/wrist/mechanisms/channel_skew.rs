@@ -1,28 +1,36 @@
-//! The torque record is late (or early) against the angle record.
+//! The torque record lags (or leads) the angle record.
 
-use super::{ChannelErrors, MechanismClass, Mechanism, MechanismParameter, ProbeContext};
+use super::channel_errors::ChannelErrors;
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::parameter::MechanismParameter;
 use crate::number::Number;
 
-/// See the module.
+/// Delay between the torque channel and the angle channel.
 pub struct ChannelSkew;
 
 impl Mechanism for ChannelSkew {
     const ID: &'static str = "channel_skew";
     const TITLE: &'static str = "torque and angle are not recorded at the same time";
     const CLASS: MechanismClass = MechanismClass::Sensor;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("delay_s", "how much the torque lags behind the angle", (-0.01, 0.01), Some(0.0), 0.0005),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "delay_s",
+        "how much the torque lags behind the angle",
+        (-0.01, 0.01),
+        Some(0.0),
+        0.0005,
+    )];
+    const EQUATION: &'static str = "T_recorded(t) = T_l(t - delay)";
     const SOURCE: &'static str = "Pure delay between the channels";
     const ALTERS_ANGLE: bool = true;
-    const EXACT: bool = true;
+    const KNOWN_FORM: bool = true;
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [-0.0005, 0.0005].map(|delay| vec![delay]).to_vec()
     }
 
     #[inline(always)]
-    fn channels<T: Number>(p: &[T], channels: &mut ChannelErrors<T>) {
+    fn alter_channels<T: Number>(p: &[T], channels: &mut ChannelErrors<T>) {
         channels.torque_delay_s = p[0];
     }
 }

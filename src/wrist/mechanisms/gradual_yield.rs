@@ -1,24 +1,31 @@
 //! A smoother transition at the elastic limit than a_s = 100 gives (Eq. 2).
 
-use super::{ProbeContext, MechanismClass, Covariates, Mechanism, MechanismParameter};
-use crate::wrist::Lever;
+use super::covariates::Covariates;
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::parameter::MechanismParameter;
 use crate::number::Number;
-use crate::wrist::plant::{Plant, YIELD_SMOOTHNESS_PER_NM};
+use crate::wrist::plant::{Lever, Plant, YIELD_SMOOTHNESS_PER_NM};
 
-/// See the module.
+/// Yield of the muscle over a range of angles.
 pub struct GradualYield;
 
 impl Mechanism for GradualYield {
     const ID: &'static str = "gradual_yield";
     const TITLE: &'static str = "a yield more gradual than a_s = 100";
     const CLASS: MechanismClass = MechanismClass::Plant;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("smoothness_per_nm", "a_s in Eq. 2", (3.0, 100.0), Some(YIELD_SMOOTHNESS_PER_NM), 20.0),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "smoothness_per_nm",
+        "a_s in Eq. 2",
+        (3.0, 100.0),
+        Some(YIELD_SMOOTHNESS_PER_NM),
+        20.0,
+    )];
+    const EQUATION: &'static str =
+        "T_j,elas = k_srs theta_j - ln(1 + exp(a_s k_dec (theta_j - x_e))) / a_s, a_s = smoothness";
     const SOURCE: &'static str = "a_s of Eq. 2 of de Vlugt et al. 2011, there fixed at 100";
 
-    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
-        let _ = lever;
+    fn hidden_range(_lever: Option<Lever>) -> Option<(f64, f64)> {
         Some((4.0, 8.0))
     }
 
@@ -27,7 +34,7 @@ impl Mechanism for GradualYield {
     }
 
     #[inline(always)]
-    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
+    fn alter_plant<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
         plant.smoothness = p[0];
     }
 }

@@ -1,32 +1,39 @@
 //! Hand-handle stiffness that grows with its deflection: k_h (1 + strength d^2).
 
-use super::{MechanismClass, Mechanism, MechanismParameter, History};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
+use super::parameter::MechanismParameter;
+use super::states::OwnStates;
 use crate::number::Number;
-use crate::wrist::plant::{MEMORY, Context, Torques};
+use crate::wrist::mechanics::{Context, Torques};
 
-/// See the module.
+/// Interface stiffness that grows with the square of the deflection.
 pub struct InterfaceHardening;
 
 impl Mechanism for InterfaceHardening {
     const ID: &'static str = "interface_hardening";
     const TITLE: &'static str = "the hand-handle interface stiffens as it is deflected";
     const CLASS: MechanismClass = MechanismClass::Plant;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("strength_per_rad2", "relative growth of k_h with the square of the deflection", (0.0, 200000.0), Some(0.0), 2000.0),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "strength_per_rad2",
+        "relative growth of k_h with the square of the deflection",
+        (0.0, 200000.0),
+        Some(0.0),
+        2000.0,
+    )];
+    const EQUATION: &'static str = "T_h = b_h d' + k_h d (1 + strength d^2), d = theta_l - theta_j";
     const SOURCE: &'static str = "Cubic spring; skin and foam stiffen under load";
 
     #[inline(always)]
-    fn act<T: Number>(
+    fn add_torques<T: Number>(
         p: &[T],
-        moment: &Context<'_, T>,
-        _past: &History<T>,
-        _slot: usize,
+        context: &Context<'_, T>,
+        _states: &OwnStates<'_, T>,
         torques: &mut Torques<T>,
-        _rates: &mut [T; MEMORY],
+        _rates: &mut [T],
     ) {
-        let deflection = moment.handle.theta - moment.state.theta_j;
+        let deflection = context.handle.theta - context.state.theta_j;
         let growth = p[0] * deflection * deflection;
-        torques.interface = torques.interface + moment.plant.interface_stiffness * deflection * growth;
+        torques.interface = torques.interface + context.plant.interface_stiffness * deflection * growth;
     }
 }

@@ -1,33 +1,42 @@
 //! A dead zone between hand and handle: k_h acts only beyond it.
 
-use super::{MechanismClass, Mechanism, MechanismParameter, History};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
+use super::parameter::MechanismParameter;
+use super::states::OwnStates;
 use crate::number::Number;
-use crate::wrist::plant::{MEMORY, Context, Torques};
+use crate::wrist::mechanics::{Context, Torques};
 
-/// See the module.
+/// Dead zone of the interface between hand and handle.
 pub struct InterfaceSlack;
 
 impl Mechanism for InterfaceSlack {
     const ID: &'static str = "interface_slack";
     const TITLE: &'static str = "a dead zone between hand and handle";
     const CLASS: MechanismClass = MechanismClass::Plant;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("half_width_rad", "half-width of the dead zone", (0.0, 0.02), Some(0.0), 0.0005),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "half_width_rad",
+        "half-width of the dead zone",
+        (0.0, 0.02),
+        Some(0.0),
+        0.0005,
+    )];
+    const EQUATION: &'static str =
+        "T_h = b_h d' + k_h (max(0, d - w) - max(0, -d - w)), d = theta_l - theta_j, w = half_width";
     const SOURCE: &'static str = "Dead zone in series with k_h";
 
     #[inline(always)]
-    fn act<T: Number>(
+    fn add_torques<T: Number>(
         p: &[T],
-        moment: &Context<'_, T>,
-        _past: &History<T>,
-        _slot: usize,
+        context: &Context<'_, T>,
+        _states: &OwnStates<'_, T>,
         torques: &mut Torques<T>,
-        _rates: &mut [T; MEMORY],
+        _rates: &mut [T],
     ) {
-        let deflection = moment.handle.theta - moment.state.theta_j;
-        // What the dead zone takes from the spring: the deflection itself inside, half a width beyond.
+        let deflection = context.handle.theta - context.state.theta_j;
+        // The part of the deflection without spring torque: all of it within the dead zone, half a width beyond.
         let (above, below) = ((deflection - p[0]).positive_part(), (-deflection - p[0]).positive_part());
-        torques.interface = torques.interface - moment.plant.interface_stiffness * (deflection - above + below);
+        torques.interface =
+            torques.interface - context.plant.interface_stiffness * (deflection - above + below);
     }
 }

@@ -1,23 +1,31 @@
 //! Damping b_j in the joint that is not negligible (Eq. 7).
 
-use super::{MechanismClass, Covariates, Mechanism, MechanismParameter};
+use super::covariates::Covariates;
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
+use super::parameter::MechanismParameter;
 use crate::number::Number;
 use crate::wrist::plant::{JOINT_DAMPING_NM_S_PER_RAD, Plant};
 
-/// See the module.
+/// Viscous damping of the wrist joint.
 pub struct JointDamping;
 
 impl Mechanism for JointDamping {
     const ID: &'static str = "joint_damping";
     const TITLE: &'static str = "damping in the joint";
     const CLASS: MechanismClass = MechanismClass::Plant;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("b_j_nm_s_per_rad", "joint damping b_j", (0.0, 2.0), Some(JOINT_DAMPING_NM_S_PER_RAD), 0.05),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "b_j_nm_s_per_rad",
+        "joint damping b_j",
+        (0.0, 2.0),
+        Some(JOINT_DAMPING_NM_S_PER_RAD),
+        0.05,
+    )];
+    const EQUATION: &'static str = "T_j = b_j theta_j' + T_j,elas";
     const SOURCE: &'static str = "Eq. 7 of de Vlugt et al. 2011, where b_j is fixed at a negligible value";
 
     #[inline(always)]
-    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
+    fn alter_plant<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
         plant.joint_damping = p[0];
     }
 }

@@ -1,25 +1,32 @@
-//! A lever whose damping b_l is not the one that the session states.
+//! A lever whose damping b_l differs from the value that the session states.
 
-use super::{ProbeContext, MechanismClass, Covariates, Mechanism, DataRequirement, MechanismParameter};
-use crate::wrist::Lever;
+use super::covariates::{Covariates, DataRequirement};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::parameter::MechanismParameter;
 use crate::number::Number;
-use crate::wrist::plant::Plant;
+use crate::wrist::plant::{Lever, Plant};
 
-/// See the module.
+/// Damping of the lever, unlike the value that the session states.
 pub struct LeverDamping;
 
 impl Mechanism for LeverDamping {
     const ID: &'static str = "lever_damping";
     const TITLE: &'static str = "the lever's damping is not as assumed";
     const CLASS: MechanismClass = MechanismClass::Rig;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("damping_nm_s_per_rad", "b_l", (0.0, 20.0), None, 0.4),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] =
+        &[MechanismParameter::new("damping_nm_s_per_rad", "b_l", (0.0, 20.0), None, 0.4)];
+    const EQUATION: &'static str = "b_l = damping";
     const SOURCE: &'static str = "b_l of Table 1 of de Vlugt et al. 2011";
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::Lever];
-    const EXACT: bool = true;
+    const KNOWN_FORM: bool = true;
 
-    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+    /// The value that the session states.
+    fn starting_value(parameter: usize, lever: Option<Lever>) -> f64 {
+        lever.map_or(Self::PARAMETERS[parameter].typical, |lever| lever.damping_nm_s_per_rad)
+    }
+
+    fn hidden_range(lever: Option<Lever>) -> Option<(f64, f64)> {
         lever.map(|lever| (1.5 * lever.damping_nm_s_per_rad, 2.0 * lever.damping_nm_s_per_rad))
     }
 
@@ -29,7 +36,7 @@ impl Mechanism for LeverDamping {
     }
 
     #[inline(always)]
-    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
+    fn alter_plant<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
         if let Some(lever) = &mut plant.lever {
             lever.damping = p[0];
         }

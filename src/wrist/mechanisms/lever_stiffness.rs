@@ -1,25 +1,32 @@
-//! A lever whose stiffness k_l is not the one that the session states.
+//! A lever whose stiffness k_l differs from the value that the session states.
 
-use super::{ProbeContext, MechanismClass, Covariates, Mechanism, DataRequirement, MechanismParameter};
-use crate::wrist::Lever;
+use super::covariates::{Covariates, DataRequirement};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::parameter::MechanismParameter;
 use crate::number::Number;
-use crate::wrist::plant::Plant;
+use crate::wrist::plant::{Lever, Plant};
 
-/// See the module.
+/// Stiffness of the lever, unlike the value that the session states.
 pub struct LeverStiffness;
 
 impl Mechanism for LeverStiffness {
     const ID: &'static str = "lever_stiffness";
     const TITLE: &'static str = "the lever's stiffness is not as assumed";
     const CLASS: MechanismClass = MechanismClass::Rig;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("stiffness_nm_per_rad", "k_l", (20.0, 100000.0), None, 900.0),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] =
+        &[MechanismParameter::new("stiffness_nm_per_rad", "k_l", (20.0, 100000.0), None, 900.0)];
+    const EQUATION: &'static str = "k_l = stiffness";
     const SOURCE: &'static str = "k_l of Table 1 of de Vlugt et al. 2011";
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::Lever];
-    const EXACT: bool = true;
+    const KNOWN_FORM: bool = true;
 
-    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
+    /// The value that the session states.
+    fn starting_value(parameter: usize, lever: Option<Lever>) -> f64 {
+        lever.map_or(Self::PARAMETERS[parameter].typical, |lever| lever.stiffness_nm_per_rad)
+    }
+
+    fn hidden_range(lever: Option<Lever>) -> Option<(f64, f64)> {
         lever.map(|lever| (0.6 * lever.stiffness_nm_per_rad, 0.75 * lever.stiffness_nm_per_rad))
     }
 
@@ -29,7 +36,7 @@ impl Mechanism for LeverStiffness {
     }
 
     #[inline(always)]
-    fn shape<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
+    fn alter_plant<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {
         if let Some(lever) = &mut plant.lever {
             lever.stiffness = p[0];
         }

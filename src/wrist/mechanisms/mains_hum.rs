@@ -1,24 +1,34 @@
 //! Hum of the mains in the torque channel.
 //!
-//! It is there before the ramp as well as after, so its phase and amplitude in a trial are read off the hold and taken out
-//! of the record before the fit; see `signal::hum`.
+//! The hum is there before the ramp as well as after it. Its phase and amplitude in a trial are therefore estimated from the
+//! hold and subtracted from the record before the fit; see [`Sinusoid`](crate::signal::Sinusoid).
 
-use super::{MechanismClass, Mechanism, MechanismParameter};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
+use super::parameter::MechanismParameter;
 
-/// See the module.
+/// Sinusoid of the mains in the torque channel.
 pub struct MainsHum;
 
 impl Mechanism for MainsHum {
     const ID: &'static str = "mains_hum";
     const TITLE: &'static str = "hum of the mains in the torque";
     const CLASS: MechanismClass = MechanismClass::Sensor;
+    const EVIDENCE: EvidenceSource = EvidenceSource::Hold;
     const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter { fitted: false, ..MechanismParameter::new("amplitude_nm", "amplitude", (0.0, 5.0), Some(0.0), 0.03) },
-        MechanismParameter { fitted: false, ..MechanismParameter::new("frequency_hz", "50 or 60", (45.0, 65.0), None, 50.0) },
+        MechanismParameter {
+            fitted: false,
+            ..MechanismParameter::new("amplitude_nm", "amplitude", (0.0, 5.0), Some(0.0), 0.03)
+        },
+        MechanismParameter {
+            fitted: false,
+            ..MechanismParameter::new("frequency_hz", "50 or 60", (45.0, 65.0), None, 50.0)
+        },
     ];
+    const EQUATION: &'static str = "T_recorded = T_l + amplitude sin(2 pi frequency t)";
     const SOURCE: &'static str = "Sinusoid at the frequency of the mains, amplitude and phase per trial";
+    const SUBTRACTED_FREQUENCY: Option<usize> = Some(1);
 
-    fn disturbance(p: &[f64], session_time_s: f64) -> f64 {
+    fn disturbance_nm(p: &[f64], session_time_s: f64) -> f64 {
         p[0] * libm::sin(std::f64::consts::TAU * p[1] * session_time_s)
     }
 }

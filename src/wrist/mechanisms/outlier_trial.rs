@@ -1,15 +1,18 @@
-//! Single trials that do not belong: they are named and left out, nothing is added to the model.
+//! Single trials that do not belong: the diagnosis names them and leaves them out; the model is not changed.
 
-use super::{MechanismClass, Mechanism, MechanismParameter};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
+use super::parameter::MechanismParameter;
 
-/// See the module.
+/// Single trials that differ from their repetitions.
 pub struct OutlierTrial;
 
 impl Mechanism for OutlierTrial {
     const ID: &'static str = "outlier_trial";
     const TITLE: &'static str = "single trials do not belong";
     const CLASS: MechanismClass = MechanismClass::Trial;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-    ];
-    const SOURCE: &'static str = "Trials that differ from their repetitions by more than the spread among all";
+    const EVIDENCE: EvidenceSource = EvidenceSource::SingleTrials;
+    const PARAMETERS: &'static [MechanismParameter] = &[];
+    const EQUATION: &'static str = "k_srs,trial differs from its repetitions";
+    const SOURCE: &'static str =
+        "Trials that differ from their repetitions by more than the spread among all";
 }

@@ -1,30 +1,38 @@
 //! Velocity-proportional torque beyond the elastic limit.
 
-use super::{MechanismClass, Mechanism, MechanismParameter, History};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
+use super::parameter::MechanismParameter;
+use super::states::OwnStates;
 use crate::number::Number;
-use crate::wrist::plant::{MEMORY, Context, Torques};
+use crate::wrist::mechanics::{Context, Torques};
 
-/// See the module.
+/// Viscosity of the muscle beyond the elastic limit.
 pub struct PostYieldViscosity;
 
 impl Mechanism for PostYieldViscosity {
     const ID: &'static str = "post_yield_viscosity";
     const TITLE: &'static str = "viscosity beyond the elastic limit";
     const CLASS: MechanismClass = MechanismClass::Plant;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("coefficient_nm_s_per_rad", "torque per speed beyond x_e", (0.0, 2.0), Some(0.0), 0.15),
-    ];
-    const SOURCE: &'static str = "Rack and Westbury 1974: beyond the short range the muscle acts like a viscous damper";
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "coefficient_nm_s_per_rad",
+        "torque per speed beyond x_e",
+        (0.0, 2.0),
+        Some(0.0),
+        0.15,
+    )];
+    const EQUATION: &'static str = "T_j += c theta_j' / (1 + exp(-a_s k_dec (theta_j - x_e)))";
+    const SOURCE: &'static str =
+        "Rack and Westbury 1974: beyond the short range the muscle acts like a viscous damper";
 
     #[inline(always)]
-    fn act<T: Number>(
+    fn add_torques<T: Number>(
         p: &[T],
-        moment: &Context<'_, T>,
-        _past: &History<T>,
-        _slot: usize,
+        context: &Context<'_, T>,
+        _states: &OwnStates<'_, T>,
         torques: &mut Torques<T>,
-        _rates: &mut [T; MEMORY],
+        _rates: &mut [T],
     ) {
-        torques.joint = torques.joint + p[0] * moment.state.omega_j * torques.beyond.logistic();
+        torques.joint = torques.joint + p[0] * context.state.omega_j * torques.beyond.logistic();
     }
 }

@@ -1,19 +1,27 @@
-//! The recorded angle is the command; the motor follows it with a finite bandwidth.
+//! The recorded angle is the command, and the motor follows it with a finite bandwidth.
 
-use super::{ProbeContext, ChannelErrors, MechanismClass, Mechanism, MechanismParameter};
-use crate::wrist::Lever;
+use super::channel_errors::ChannelErrors;
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::parameter::MechanismParameter;
 use crate::number::Number;
+use crate::wrist::plant::Lever;
 
-/// See the module.
+/// Recorded command instead of the motor's angle.
 pub struct ServoFollowing;
 
 impl Mechanism for ServoFollowing {
     const ID: &'static str = "servo_following";
     const TITLE: &'static str = "the recorded angle is the command, not the motor's";
     const CLASS: MechanismClass = MechanismClass::Rig;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("bandwidth_hz", "natural frequency of the critically damped servo", (5.0, 2000.0), None, 100.0),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "bandwidth_hz",
+        "natural frequency of the critically damped servo",
+        (5.0, 2000.0),
+        None,
+        100.0,
+    )];
+    const EQUATION: &'static str = "theta_m(s) = theta_recorded(s) / (1 + s / (2 pi f))^2, f = bandwidth";
     const SOURCE: &'static str = "Two equal real poles at the bandwidth";
     const ALTERS_ANGLE: bool = true;
 
@@ -21,8 +29,7 @@ impl Mechanism for ServoFollowing {
         Some(2.0 / (std::f64::consts::TAU * p[0]))
     }
 
-    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
-        let _ = lever;
+    fn hidden_range(_lever: Option<Lever>) -> Option<(f64, f64)> {
         Some((100.0, 180.0))
     }
 
@@ -31,7 +38,7 @@ impl Mechanism for ServoFollowing {
     }
 
     #[inline(always)]
-    fn channels<T: Number>(p: &[T], channels: &mut ChannelErrors<T>) {
+    fn alter_channels<T: Number>(p: &[T], channels: &mut ChannelErrors<T>) {
         channels.following_hz = Some(p[0]);
     }
 }

@@ -1,20 +1,30 @@
 //! Voluntary torque that starts to change about the onset.
 
-use super::{MechanismClass, Mechanism, MechanismParameter, History, ProbeContext};
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::parameter::MechanismParameter;
+use super::states::OwnStates;
 use crate::number::Number;
-use crate::wrist::plant::{MEMORY, Context, Torques};
+use crate::wrist::mechanics::{Context, Torques};
 
-/// See the module.
+/// Voluntary torque that is not steady at the onset.
 pub struct TorqueDrift;
 
 impl Mechanism for TorqueDrift {
     const ID: &'static str = "torque_drift";
     const TITLE: &'static str = "the voluntary torque is not steady at the onset";
     const CLASS: MechanismClass = MechanismClass::Trial;
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
     const PARAMETERS: &'static [MechanismParameter] = &[
         MechanismParameter::new("slope_nm_per_s", "slope of the torque", (-50.0, 50.0), Some(0.0), 1.0),
-        MechanismParameter::new("start_s", "when it starts, from the onset", (-Self::BEFORE_ONSET_S, 0.03), None, 0.005),
+        MechanismParameter::new(
+            "start_s",
+            "when it starts, from the onset",
+            (-Self::BEFORE_ONSET_S, 0.03),
+            None,
+            0.005,
+        ),
     ];
+    const EQUATION: &'static str = "T_j += slope max(0, t - start)";
     const SOURCE: &'static str = "Linear change of the muscle's torque from a moment on";
     const BEFORE_ONSET_S: f64 = 0.02;
 
@@ -22,19 +32,18 @@ impl Mechanism for TorqueDrift {
         [-0.005, 0.005, 0.02].map(|start| vec![1.0, start]).to_vec()
     }
 
-    fn from_the_onset(p: &mut [f64]) {
+    fn start_at_onset(p: &mut [f64]) {
         p[1] = p[1].max(0.0);
     }
 
     #[inline(always)]
-    fn act<T: Number>(
+    fn add_torques<T: Number>(
         p: &[T],
-        moment: &Context<'_, T>,
-        _past: &History<T>,
-        _slot: usize,
+        context: &Context<'_, T>,
+        _states: &OwnStates<'_, T>,
         torques: &mut Torques<T>,
-        _rates: &mut [T; MEMORY],
+        _rates: &mut [T],
     ) {
-        torques.joint = torques.joint + p[0] * (T::constant(moment.time_s) - p[1]).positive_part();
+        torques.joint = torques.joint + p[0] * (T::constant(context.time_s) - p[1]).positive_part();
     }
 }

@@ -1,34 +1,36 @@
 //! A calibration error of the torque.
 
-use super::{MechanismClass, Covariates, Mechanism, MechanismParameter, ProbeContext};
+use super::covariates::Covariates;
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::parameter::MechanismParameter;
+use super::states::OwnStates;
 use crate::number::Number;
-use crate::wrist::plant::{MEMORY, Context};
 
-/// See the module.
+/// Wrong scale of the torque channel.
 pub struct TorqueGain;
 
 impl Mechanism for TorqueGain {
     const ID: &'static str = "torque_gain";
     const TITLE: &'static str = "the torque is recorded too large or too small";
     const CLASS: MechanismClass = MechanismClass::Sensor;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("factor", "recorded over true torque", (0.3, 3.0), Some(1.0), 1.05),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] =
+        &[MechanismParameter::new("factor", "recorded over true torque", (0.3, 3.0), Some(1.0), 1.05)];
+    const EQUATION: &'static str = "T_recorded = factor T_l";
     const SOURCE: &'static str = "Calibration factor";
-    const EXACT: bool = true;
+    const KNOWN_FORM: bool = true;
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [0.87, 1.15].map(|factor| vec![factor]).to_vec()
     }
 
     #[inline(always)]
-    fn measure<T: Number>(
+    fn alter_measurement<T: Number>(
         p: &[T],
-        _moment: &Context<'_, T>,
+        _states: &OwnStates<'_, T>,
         _trial: &Covariates<T::Plain>,
-        _slot: usize,
         torque: T,
-        _rates: &mut [T; MEMORY],
+        _rates: &mut [T],
     ) -> T {
         torque * p[0]
     }

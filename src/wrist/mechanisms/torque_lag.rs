@@ -1,29 +1,36 @@
 //! A low-pass in the torque channel that the angle channel does not have.
 
-use super::{ProbeContext, MechanismClass, Covariates, Mechanism, MechanismParameter};
-use crate::wrist::Lever;
+use super::covariates::Covariates;
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::parameter::MechanismParameter;
+use super::states::OwnStates;
 use crate::number::Number;
-use crate::wrist::plant::{MEMORY, Context};
+use crate::wrist::plant::Lever;
 
-/// See the module.
+/// Low-pass filter of the torque channel.
 pub struct TorqueLag;
 
 impl Mechanism for TorqueLag {
     const ID: &'static str = "torque_lag";
     const TITLE: &'static str = "a low-pass in the torque channel alone";
     const CLASS: MechanismClass = MechanismClass::Sensor;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("cutoff_hz", "cut-off of the first-order low-pass", (10.0, 5000.0), None, 150.0),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "cutoff_hz",
+        "cut-off of the first-order low-pass",
+        (10.0, 5000.0),
+        None,
+        150.0,
+    )];
+    const EQUATION: &'static str = "dT_recorded/dt = 2 pi cutoff (T_l - T_recorded)";
     const SOURCE: &'static str = "First-order low-pass";
-    const MEMORY: usize = 1;
+    const STATES: usize = 1;
 
     fn delay_s(p: &[f64]) -> Option<f64> {
         Some(1.0 / (std::f64::consts::TAU * p[0]))
     }
 
-    fn hidden_sizes(lever: Option<Lever>) -> Option<(f64, f64)> {
-        let _ = lever;
+    fn hidden_range(_lever: Option<Lever>) -> Option<(f64, f64)> {
         Some((80.0, 160.0))
     }
 
@@ -32,16 +39,15 @@ impl Mechanism for TorqueLag {
     }
 
     #[inline(always)]
-    fn measure<T: Number>(
+    fn alter_measurement<T: Number>(
         p: &[T],
-        moment: &Context<'_, T>,
+        states: &OwnStates<'_, T>,
         _trial: &Covariates<T::Plain>,
-        slot: usize,
         torque: T,
-        rates: &mut [T; MEMORY],
+        rates: &mut [T],
     ) -> T {
-        let lagged = moment.state.memory[slot];
-        rates[slot] = (torque - lagged) * p[0].scale(std::f64::consts::TAU);
+        let lagged = states.now(0);
+        rates[0] = (torque - lagged) * p[0].scale(std::f64::consts::TAU);
         lagged
     }
 }

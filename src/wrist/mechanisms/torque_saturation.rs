@@ -1,19 +1,22 @@
 //! A torque channel that clips at a level.
 
-use super::{ProbeContext, MechanismClass, Covariates, Mechanism, MechanismParameter};
+use super::covariates::Covariates;
+use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::parameter::MechanismParameter;
+use super::states::OwnStates;
 use crate::number::Number;
-use crate::wrist::plant::{MEMORY, Context};
 
-/// See the module.
+/// Saturation of the torque channel.
 pub struct TorqueSaturation;
 
 impl Mechanism for TorqueSaturation {
     const ID: &'static str = "torque_saturation";
     const TITLE: &'static str = "the torque channel clips";
     const CLASS: MechanismClass = MechanismClass::Sensor;
-    const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("level_nm", "largest torque the channel shows", (0.5, 100.0), None, 5.0),
-    ];
+    const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
+    const PARAMETERS: &'static [MechanismParameter] =
+        &[MechanismParameter::new("level_nm", "largest torque the channel shows", (0.5, 100.0), None, 5.0)];
+    const EQUATION: &'static str = "T_recorded = min(T, level), T = T_0 + T_l";
     const SOURCE: &'static str = "Clipping of the measured torque";
 
     fn probes(session: &ProbeContext) -> Vec<Vec<f64>> {
@@ -21,15 +24,14 @@ impl Mechanism for TorqueSaturation {
     }
 
     #[inline(always)]
-    fn measure<T: Number>(
+    fn alter_measurement<T: Number>(
         p: &[T],
-        _moment: &Context<'_, T>,
+        _states: &OwnStates<'_, T>,
         trial: &Covariates<T::Plain>,
-        _slot: usize,
         torque: T,
-        _rates: &mut [T; MEMORY],
+        _rates: &mut [T],
     ) -> T {
-        // The level is that of the torque itself; the model's torque is a change from the steady state.
+        // The level limits the torque itself; the model's torque is a change from the steady state.
         let room = p[0] - T::lift(trial.torque_before_nm);
         torque - (torque - room).positive_part()
     }
