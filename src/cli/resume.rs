@@ -8,7 +8,7 @@ use ramphold::console::ConsoleSetup;
 use ramphold::dataset::{self, Disk, Resumable, Resumed};
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::can::CanMotor;
-use ramphold::rig::virtual_wrist::{Person, RigFile, Sealed, VirtualWrist};
+use ramphold::rig::virtual_wrist::{MechanismList, Person, RigFile, Seal, SealError, VirtualWrist};
 use ramphold::wrist::Lever;
 use serde::Deserialize;
 use serde_json::Value;
@@ -115,10 +115,10 @@ impl Resume {
 
     fn rig(&self, session: &Resumable) -> Result<Motor, Failure> {
         if !run_motor::was_on_can(&self.session) {
-            let Kept { rig: RigFile::Virtual(setup), person, sealed } = kept(&self.session)?;
-            is_seed_of(sealed.as_ref(), self.hide, "--hide", &self.session)?;
+            let Kept { rig: RigFile::Virtual(setup), person, seal } = kept(&self.session)?;
             let lever = setup.lever;
-            let setup = with_hidden(setup, self.hide);
+            let hidden = open_seal(seal.as_ref(), self.hide, lever, "--hide", &self.session)?;
+            let setup = with_hidden(setup, &hidden);
             let wrist = VirtualWrist::new(person, setup, session.seed(), session.sample_rate_hz());
             return Ok(Motor::Virtual(Box::new(wrist), lever));
         }
@@ -142,8 +142,8 @@ pub struct Kept {
     pub rig: RigFile,
     /// The person.
     pub person: Person,
-    /// Of the hidden effect.
-    pub sealed: Option<Sealed>,
+    /// The seal of the hidden effect, if there is one.
+    pub seal: Option<Seal>,
 }
 
 /// Reads them.
@@ -156,29 +156,33 @@ pub fn kept(session: &Path) -> Result<Kept, Failure> {
     };
     let kept: Value = serde_json::from_str(&text).map_err(|error| not_a_rig(&error))?;
     let part = |name: &str| kept.get(name).map(Value::to_string).unwrap_or_default();
-    let sealed =
-        kept.get("hidden").map(Sealed::deserialize).transpose().map_err(|error| not_a_rig(&error))?;
+    let seal = kept.get("hidden").map(Seal::deserialize).transpose().map_err(|error| not_a_rig(&error))?;
     Ok(Kept {
         rig: RigFile::parse(&part("rig"), &path)?,
         person: Person::parse(&part("person"), &path)?,
-        sealed,
+        seal,
     })
 }
 
-/// Whether the seed given with `option` is that of the session's seal, or neither is there.
-pub fn is_seed_of(
-    sealed: Option<&Sealed>,
+/// The hidden effect of a session, which the seed given with `option` opens; an empty list for a session without one.
+pub fn open_seal(
+    seal: Option<&Seal>,
     seed: Option<u64>,
+    lever: Option<Lever>,
     option: &str,
     session: &Path,
-) -> Result<(), Failure> {
+) -> Result<MechanismList, Failure> {
     let session = session.display();
-    match (sealed, seed) {
-        (None, None) => Ok(()),
-        (Some(seal), Some(seed)) if *seal == Sealed::of(seed) => Ok(()),
-        (Some(_), Some(seed)) => Err(Failure::Usage(format!(
-            "{option} {seed}: is not the seed that {session} was run with --hide"
-        ))),
+    match (seal, seed) {
+        (None, None) => Ok(MechanismList::default()),
+        (Some(seal), Some(seed)) => seal.open(seed, lever).map_err(|error| match error {
+            SealError::WrongSeed => {
+                Failure::Usage(format!("{option} {seed}: is not the seed that {session} was run with --hide"))
+            }
+            SealError::Unknown(_) => {
+                Failure::Usage(format!("{session}: {error}; open it with a newer version"))
+            }
+        }),
         (Some(_), None) => Err(Failure::Usage(format!(
             "{session}: was run with --hide, and its folder does not say what is hidden; expected the same seed as {option} SEED"
         ))),

@@ -4,10 +4,10 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use ramphold::protocol::significant;
-use ramphold::rig::virtual_wrist::{RigFile, hidden};
+use ramphold::rig::virtual_wrist::RigFile;
 
 use super::diagnose::{named, read_diagnosis};
-use super::resume::{Kept, is_seed_of, kept};
+use super::resume::{Kept, kept, open_seal};
 use super::{Console, Failure, Verb};
 
 /// Tell what `run --hide` hid in a session, and whether its diagnosis found it.
@@ -27,9 +27,8 @@ pub struct Reveal {
 
 impl Verb for Reveal {
     fn run(self, console: &Console) -> Result<(), Failure> {
-        let Kept { rig: RigFile::Virtual(setup), sealed, .. } = kept(&self.session)?;
-        is_seed_of(sealed.as_ref(), Some(self.seed), "--seed", &self.session)?;
-        let effect = hidden(self.seed, setup.lever);
+        let Kept { rig: RigFile::Virtual(setup), seal, .. } = kept(&self.session)?;
+        let effect = open_seal(seal.as_ref(), Some(self.seed), setup.lever, "--seed", &self.session)?;
         let kind = effect.kinds[0];
         let mut out = console.results();
         writeln!(out, "hidden: {} ({})", kind.id(), kind.title())?;

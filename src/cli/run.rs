@@ -8,7 +8,9 @@ use ramphold::console::{ConsoleSetup, Live};
 use ramphold::dataset::{BackgroundRecorder, Disk, Manifest, NewSession, RecordError, Recorder, Resumable};
 use ramphold::fit::{Model, Weighting};
 use ramphold::protocol::ValidProtocol;
-use ramphold::rig::virtual_wrist::{Person, RigFile, Sealed, Setup, VirtualWrist, hidden};
+use ramphold::rig::virtual_wrist::{
+    MechanismList, Person, RigFile, Seal, Setup, VirtualWrist, draw_hidden_effect,
+};
 use ramphold::schedule;
 use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Status, conduct};
 
@@ -87,13 +89,14 @@ impl Verb for Run {
         let folder = self.folder(&person.id, seed)?;
         let RigFile::Virtual(setup) = &rig;
         operators_word(self.yes || rig.is_virtual(), &format!("subject {}", person.id))?;
+        let hidden = self.hide.map(|seed| draw_hidden_effect(seed, setup.lever)).unwrap_or_default();
         let recorder = NewSession {
             protocol: &protocol,
             order: &order,
             seed,
             subject: &person.id,
             lever: setup.lever,
-            rig: &rig_json(&rig, &person, self.hide),
+            rig: &rig_json(&rig, &person, self.hide.map(|seed| Seal::new(seed, &hidden))),
             motion_delay_samples: 0,
         }
         .create(&folder, Disk::default())?;
@@ -108,7 +111,7 @@ impl Verb for Run {
             earlier: Vec::new(),
         };
         let plan = self.desk.plan(facts, self.yes, pace.is_patient())?;
-        let setup = with_hidden(setup.clone(), self.hide);
+        let setup = with_hidden(setup.clone(), &hidden);
         let wrist = VirtualWrist::new(person, setup, seed, settings.sample_rate_hz);
         let machine = Machine::new(Arc::new(settings));
         let (machine, live) = go_on(wrist, machine, recorder, pace, (&self.desk, plan), console)?;
@@ -134,20 +137,18 @@ impl Run {
     }
 }
 
-/// What a session keeps of its rig and person; of a hidden effect its seal.
-fn rig_json(rig: &RigFile, person: &Person, hide: Option<u64>) -> serde_json::Value {
+/// Contents of the session's `rig.json`: rig, subject, and the sealed hidden effect, if there is one.
+fn rig_json(rig: &RigFile, person: &Person, seal: Option<Seal>) -> serde_json::Value {
     let mut kept = serde_json::json!({ "rig": rig, "person": person });
-    if let (Some(seed), Some(fields)) = (hide, kept.as_object_mut()) {
-        fields.insert("hidden".into(), serde_json::json!(Sealed::of(seed)));
+    if let (Some(seal), Some(fields)) = (seal, kept.as_object_mut()) {
+        fields.insert("hidden".into(), serde_json::json!(seal));
     }
     kept
 }
 
-/// The rig with the effect that the seed hides in it.
-pub fn with_hidden(mut setup: Setup, hide: Option<u64>) -> Setup {
-    if let Some(seed) = hide {
-        setup.mechanisms = setup.mechanisms.and(&hidden(seed, setup.lever));
-    }
+/// The rig with a hidden effect in it; an empty list changes nothing.
+pub fn with_hidden(mut setup: Setup, effect: &MechanismList) -> Setup {
+    setup.mechanisms = setup.mechanisms.and(effect);
     setup
 }
 

@@ -119,7 +119,8 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
 
 /// The mechanism of the catalogue that stands for what the hold or single trials show.
 fn cause_shown_in(evidence: EvidenceSource) -> MechanismKind {
-    MechanismKind::shown_in(evidence).expect("the catalogue has a mechanism for the hold and one for single trials")
+    MechanismKind::shown_in(evidence)
+        .expect("the catalogue has a mechanism for the hold and one for single trials")
 }
 
 fn hum_cause(

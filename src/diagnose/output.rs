@@ -130,8 +130,11 @@ fn added_values(fit: &Fit, prepared: &Observations, kind: MechanismKind) -> Vec<
     (first..first + kind.parameter_count())
         .map(|index| {
             let (parameter, value) = (&kind.parameters()[index - first], fit.parameters[0][index]);
-            let law =
-                if kind.has_known_form() { 0.0 } else { FORM_ERROR * (value - parameter.absent.unwrap_or(0.0)) };
+            let law = if kind.has_known_form() {
+                0.0
+            } else {
+                FORM_ERROR * (value - parameter.absent.unwrap_or(0.0))
+            };
             let se = se.get(index).copied().flatten().map(|se| libm::hypot(se, law));
             (value, se, parameter.low > 0.0)
         })

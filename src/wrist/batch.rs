@@ -1,10 +1,10 @@
 //! One batch of trials, side by side in the lanes of a vector, through the model from start to end.
 
-use super::integrate::{CorrectedInput, HermiteSegment, Integrator, MotorInput, RecordedInput};
 use super::history::History;
+use super::integrate::{CorrectedInput, HermiteSegment, Integrator, MotorInput, RecordedInput};
 use super::mechanics::{Extension, Kinematics, Mechanics, NoExtension};
 use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
-use super::motion::{gather, corrected_motion};
+use super::motion::{corrected_motion, gather};
 use super::plant::{BASE_PARAMETERS, Plant};
 use super::simulation::{SimulatedTorque, SimulationSettings, TrialInput};
 use super::sparse_coefficient::DerivativeStructure;

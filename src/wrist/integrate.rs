@@ -150,7 +150,10 @@ impl<T: Number> Integrator<T> {
         let Self { state, sampled: [first, first_rates], begin, at, rates } = self;
         let step = period_s / substeps as f64;
         let count = extension.state_count();
-        assert!(count <= MAX_ADDED_STATES, "the mechanisms add too many states; each may be switched on once");
+        assert!(
+            count <= MAX_ADDED_STATES,
+            "the mechanisms add too many states; each may be switched on once"
+        );
         let mut measured = T::constant(0.0);
         begin.copy_from(state, count);
         at.copy_from(state, count);

@@ -207,13 +207,7 @@ pub trait Extension<T: Number> {
     fn state_count(&self) -> usize;
 
     /// Adds torques (N m) and writes the rates of the added states.
-    fn add_torques(
-        &self,
-        context: &Context<'_, T>,
-        added: &[T],
-        torques: &mut Torques<T>,
-        rates: &mut [T],
-    );
+    fn add_torques(&self, context: &Context<'_, T>, added: &[T], torques: &mut Torques<T>, rates: &mut [T]);
 
     /// Alters the measured torque (N m) and writes the rates of the added states.
     fn alter_measurement(&self, added: &[T], torque: T, rates: &mut [T]) -> T;

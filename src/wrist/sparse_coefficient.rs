@@ -105,7 +105,9 @@ pub struct SingleParameterCoefficient<P, const INDEX: usize> {
     slope: P,
 }
 
-impl<P: Plain, T: Number<Plain = P>, const INDEX: usize> Coefficient<T> for SingleParameterCoefficient<P, INDEX> {
+impl<P: Plain, T: Number<Plain = P>, const INDEX: usize> Coefficient<T>
+    for SingleParameterCoefficient<P, INDEX>
+{
     #[inline(always)]
     fn multiply(self, x: T) -> T {
         x.times(self.value).with_slope(INDEX, x.plain() * self.slope)

@@ -1,8 +1,8 @@
 //! One simulated trial with all angles, speeds and torques, for figures and for quantities derived from the motion.
 
 use super::batch::{Batch, motion};
-use super::integrate::{CorrectedInput, HermiteSegment, Integrator};
 use super::history::History;
+use super::integrate::{CorrectedInput, HermiteSegment, Integrator};
 use super::mechanics::{Extension, Kinematics, Mechanics, State, Torques};
 use super::mechanisms::ActiveMechanisms;
 use super::plant::{BASE_PARAMETERS, Plant};
@@ -33,7 +33,8 @@ pub fn trace(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f6
     assert_eq!(parameters.len(), settings.parameter_count(), "one parameter vector");
     let batch = Batch { settings, trials: &[trial], parameters, first: 0, wanted: 0..0 };
     let start_s = -(settings.lead_samples as f64) * settings.period_s;
-    let mut history = History::new(start_s, settings.period_s, settings.kinds.iter().map(|kind| kind.state_count()).sum());
+    let mut history =
+        History::new(start_s, settings.period_s, settings.kinds.iter().map(|kind| kind.state_count()).sum());
     let mut plant = Plant::base(settings.lever, parameters);
     let added = &parameters[BASE_PARAMETERS.len()..];
     let active = ActiveMechanisms {

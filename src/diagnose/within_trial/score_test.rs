@@ -5,7 +5,9 @@ use nalgebra::DVector;
 use super::residual_projection::{Direction, Tangent, whiten};
 use crate::fit::{Fit, Observations, predict};
 use crate::wrist::SimulatedTorque;
-use crate::wrist::mechanisms::{CATALOGUE, Covariates, EvidenceSource, MechanismClass, MechanismKind, ProbeContext};
+use crate::wrist::mechanisms::{
+    CATALOGUE, Covariates, EvidenceSource, MechanismClass, MechanismKind, ProbeContext,
+};
 
 /// A mechanism looked at with given values.
 #[derive(Debug, Clone)]

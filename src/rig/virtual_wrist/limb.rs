@@ -1,15 +1,15 @@
 //! The wrist in the rig while the motor moves: the paper's model, with what the person and the rig add to it.
 
 use super::emg::burst;
-use super::mechanisms::MechanismList;
+use super::mechanism_list::MechanismList;
 use super::person::{Person, Reflex, Surface};
 use super::setup::Setup;
 use super::voluntary::TrialSpread;
 use crate::rig::Upcoming;
 use crate::wrist::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
 use crate::wrist::{
-    Extension, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics, NoExtension, Plant, RecordedInput, Torques,
-    substeps,
+    Extension, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics, NoExtension, Plant,
+    RecordedInput, Torques, substeps,
 };
 
 /// Time constant with which the muscle's resistance fades when the person lets go after a ramp, s. Assumed.

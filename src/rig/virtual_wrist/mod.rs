@@ -3,19 +3,21 @@
 //! tried on before a limb is.
 
 mod emg;
-mod hidden;
+mod hidden_effect;
 mod limb;
-mod mechanisms;
+mod mechanism_list;
 mod noise;
 mod person;
+mod seal;
 mod sensors;
 mod servo;
 mod setup;
 mod voluntary;
 
-pub use hidden::{Sealed, hidden};
-pub use mechanisms::{MechanismList, UnknownMechanism};
+pub use hidden_effect::draw_hidden_effect;
+pub use mechanism_list::{MechanismList, MechanismListError};
 pub use person::{FORMAT as PERSON_FORMAT, Person, PersonError, Surface};
+pub use seal::{Seal, SealError};
 pub use setup::{RigFile, RigFileError, Setup};
 
 use emg::Emg;

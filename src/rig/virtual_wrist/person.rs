@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::mechanisms::MechanismList;
+use super::mechanism_list::MechanismList;
 use crate::random::Stream;
 
 /// Format and version of the files of virtual persons.

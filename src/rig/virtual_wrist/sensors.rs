@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::limb::channels;
-use super::mechanisms::MechanismList;
+use super::mechanism_list::MechanismList;
 use super::person::Person;
 use super::setup::Setup;
 use crate::random::Stream;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::mechanisms::MechanismList;
+use super::mechanism_list::MechanismList;
 use crate::wrist::Lever;
 
 /// The virtual rig. Values that no source gives are marked as assumed.

@@ -13,14 +13,14 @@ use crate::wrist::mechanisms::{CATALOGUE, MechanismKind};
 #[serde(try_from = "Vec<Written>", into = "Vec<Written>")]
 #[schemars(with = "Vec<Written>")]
 pub struct MechanismList {
-    /// Which, in order.
+    /// The mechanisms, in order.
     pub kinds: Vec<MechanismKind>,
-    /// Their parameters, one after the other.
+    /// Their parameters, one mechanism after the other.
     pub parameters: Vec<f64>,
 }
 
 impl MechanismList {
-    /// These, and then those of `other`.
+    /// The mechanisms of `self`, followed by those of `other`.
     pub fn and(&self, other: &Self) -> Self {
         Self {
             kinds: [&self.kinds[..], &other.kinds].concat(),
@@ -28,7 +28,7 @@ impl MechanismList {
         }
     }
 
-    /// The same in a wrist that does not know of a ramp until it begins.
+    /// The list with every effect that begins before the onset moved to the onset: the subject does not know of the ramp before.
     pub fn starting_at_onset(mut self) -> Self {
         let mut rest = self.parameters.as_mut_slice();
         for kind in &self.kinds {
@@ -61,9 +61,9 @@ struct Written {
     parameters: BTreeMap<String, f64>,
 }
 
-/// A mechanism in a file that the catalogue does not have, or not with these parameters.
+/// Why a list of mechanisms in a file is refused.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum UnknownMechanism {
+pub enum MechanismListError {
     /// No such id.
     #[error("mechanism {found:?} is not in the catalogue; expected one of {known}")]
     Id {
@@ -71,6 +71,12 @@ pub enum UnknownMechanism {
         found: String,
         /// Those there are.
         known: String,
+    },
+    /// A mechanism is in the list twice.
+    #[error("mechanism {mechanism} is in the list twice; expected each mechanism once")]
+    Twice {
+        /// The mechanism.
+        mechanism: String,
     },
     /// A parameter is missing, too much, or not a number.
     #[error("mechanism {mechanism}: parameters {found:?}; expected finite numbers for {expected:?}")]
@@ -85,14 +91,14 @@ pub enum UnknownMechanism {
 }
 
 impl TryFrom<Vec<Written>> for MechanismList {
-    type Error = UnknownMechanism;
+    type Error = MechanismListError;
 
-    fn try_from(list: Vec<Written>) -> Result<Self, UnknownMechanism> {
+    fn try_from(list: Vec<Written>) -> Result<Self, MechanismListError> {
         let mut mechanisms = Self::default();
         for Written { mechanism, parameters } in list {
-            let Some(&kind) = CATALOGUE.iter().find(|kind| kind.id() == mechanism) else {
+            let Some(kind) = MechanismKind::from_id(&mechanism) else {
                 let known: Vec<&str> = CATALOGUE.iter().map(|kind| kind.id()).collect();
-                return Err(UnknownMechanism::Id { found: mechanism, known: known.join(", ") });
+                return Err(MechanismListError::Id { found: mechanism, known: known.join(", ") });
             };
             let values: Vec<f64> = kind
                 .parameters()
@@ -103,11 +109,14 @@ impl TryFrom<Vec<Written>> for MechanismList {
                 || values.len() != kind.parameters().len()
                 || values.iter().any(|value| !value.is_finite())
             {
-                return Err(UnknownMechanism::Parameters {
+                return Err(MechanismListError::Parameters {
                     mechanism,
                     found: parameters.into_keys().collect(),
                     expected: kind.parameters().iter().map(|parameter| parameter.name.to_owned()).collect(),
                 });
+            }
+            if mechanisms.kinds.contains(&kind) {
+                return Err(MechanismListError::Twice { mechanism });
             }
             mechanisms.kinds.push(kind);
             mechanisms.parameters.extend(values);
