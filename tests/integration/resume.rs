@@ -3,13 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
-use std::thread::sleep;
-use std::time::Duration;
 
 use ramphold::dataset::{self, Status};
 use serde_json::{Value, json};
 
-use crate::workspace::{Workspace, files};
+use crate::workspace::{Workspace, files, wait_for};
 
 impl Workspace {
     /// A folder with the protocol of a short session.
@@ -37,14 +35,9 @@ impl Workspace {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        for _ in 0..6000 {
-            if self.path("s/trials/trial-002.csv.part").exists() {
-                return child;
-            }
-            assert!(child.try_wait().unwrap().is_none(), "the program has ended");
-            sleep(Duration::from_millis(10));
-        }
-        panic!("it never came to the second trial");
+        let second = self.path("s/trials/trial-002.csv.part");
+        wait_for(&mut child, "the second trial", || second.exists());
+        child
     }
 
     /// A session that was killed in its second trial.

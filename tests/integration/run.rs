@@ -2,14 +2,12 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
-use std::time::Duration;
+use std::process::{Command, Stdio};
 
 use ramphold::dataset::{self, Status};
 use serde_json::{Value, json};
 
-use crate::workspace::{PAPER, PROGRAM, Workspace, files, output_of, ramphold};
+use crate::workspace::{PAPER, PROGRAM, Workspace, files, output_of, ramphold, wait_for};
 
 impl Workspace {
     /// Writes the quick protocol after a change.
@@ -191,18 +189,6 @@ fn slow(workspace: &Workspace) -> PathBuf {
     })
 }
 
-/// Waits for something that the running program does; gives up after a minute.
-fn wait_for(child: &mut Child, what: impl Fn() -> bool) {
-    for _ in 0..6000 {
-        if what() {
-            return;
-        }
-        assert_eq!(child.try_wait().unwrap().map(|status| status.to_string()), None, "the program has ended");
-        sleep(Duration::from_millis(10));
-    }
-    panic!("it never happened");
-}
-
 #[cfg(unix)]
 #[test]
 fn an_interrupt_ends_the_session_cleanly_with_all_trials_so_far() {
@@ -216,7 +202,7 @@ fn an_interrupt_ends_the_session_cleanly_with_all_trials_so_far() {
             .spawn()
             .unwrap();
         let second = workspace.path("s/trials/trial-002.csv.part");
-        wait_for(&mut child, || second.exists());
+        wait_for(&mut child, "the second trial", || second.exists());
         let kill = Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
         assert!(kill.unwrap().success());
         let output = child.wait_with_output().unwrap();
@@ -243,7 +229,7 @@ fn a_killed_session_is_loadable_up_to_the_last_finished_trial() {
         .spawn()
         .unwrap();
     let second = workspace.path("s/trials/trial-002.csv.part");
-    wait_for(&mut child, || second.exists());
+    wait_for(&mut child, "the second trial", || second.exists());
     child.kill().unwrap();
     child.wait().unwrap();
     let session = dataset::load(&workspace.path("s")).unwrap();

@@ -3,12 +3,16 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
 /// The program under test.
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_ramphold");
+/// Time after which a test gives up waiting. It is far more than anything needs, on a busy machine too.
+pub const FOREVER: Duration = Duration::from_secs(600);
 /// Protocol of the paper's experiment.
 pub const PAPER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols/de-vlugt-2011.json");
 /// Protocol of a session of one minute.
@@ -62,6 +66,17 @@ impl Workspace {
     #[track_caller]
     pub fn call_with_threads(&self, threads: &str, code: i32, arguments: &[&str]) -> (String, String) {
         output_of(self.ramphold(arguments).env("RAYON_NUM_THREADS", threads), code)
+    }
+}
+
+/// Waits until a running program has done something.
+#[track_caller]
+pub fn wait_for(child: &mut Child, what: &str, done: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !done() {
+        assert_eq!(child.try_wait().unwrap(), None, "the program ended before {what}");
+        assert!(begun.elapsed() < FOREVER, "never: {what}");
+        sleep(Duration::from_millis(10));
     }
 }
 

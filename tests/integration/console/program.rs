@@ -13,10 +13,7 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
 use tungstenite::{Message, WebSocket};
 
-use crate::workspace::PROGRAM;
-
-/// How long anything may take before it counts as never: far more than it needs.
-pub const FOREVER: Duration = Duration::from_secs(60);
+use crate::workspace::{FOREVER, PROGRAM};
 
 /// A session that runs.
 pub struct Program {

@@ -10,8 +10,8 @@ use std::thread;
 use ramphold::dataset::{ActionOrigin, OperatorAction, remarks};
 use ramphold::session::Event;
 
-use super::program::{FOREVER, protocol};
-use crate::workspace::PROGRAM;
+use super::program::protocol;
+use crate::workspace::{FOREVER, PROGRAM};
 
 #[test]
 fn a_session_is_run_from_the_terminal() {
