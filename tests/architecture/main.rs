@@ -1,0 +1,187 @@
+//! Holds the map in docs/explanation/architecture.md against the imports of the source code.
+
+mod checker;
+mod graph;
+mod imports;
+mod names;
+mod table;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::LazyLock;
+
+use graph::{Graph, circles, imports_against};
+use imports::{FileName, Imports};
+use table::{Row, modules_of_front_page, rows};
+
+/// The page with the table of allowed imports.
+const MAP: &str = "docs/explanation/architecture.md";
+/// How the header of that table begins.
+const HEADER: &str = "| Module |";
+
+/// Files in circles that are still allowed in each top-level module. May only shrink.
+const KNOWN_CIRCLES: &[(&str, usize)] = &[];
+/// Types that are still defined twice. May only shrink.
+const KNOWN_TYPES: &[&str] = &[];
+/// Constants that still have two values. May only shrink.
+const KNOWN_CONSTANTS: &[&str] = &[];
+
+static SOURCES: LazyLock<BTreeMap<FileName, String>> = LazyLock::new(|| {
+    let mut sources = BTreeMap::new();
+    read_folder(&root().join("src"), "", &mut sources);
+    sources
+});
+static IMPORTS: LazyLock<Imports> =
+    LazyLock::new(|| imports::read(&SOURCES).expect("the crate can be parsed"));
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn read_folder(folder: &Path, prefix: &str, sources: &mut BTreeMap<FileName, String>) {
+    for entry in fs::read_dir(folder).expect("the folder can be read") {
+        let path = entry.expect("the folder can be read").path();
+        let name = path.file_name().and_then(|name| name.to_str()).expect("names are ASCII").to_owned();
+        let name = if prefix.is_empty() { name } else { format!("{prefix}/{name}") };
+        if path.is_dir() {
+            read_folder(&path, &name, sources);
+        } else if name.ends_with(".rs") {
+            sources.insert(name, fs::read_to_string(&path).expect("the file can be read"));
+        }
+    }
+}
+
+fn map() -> Vec<Row> {
+    let page = fs::read_to_string(root().join(MAP)).expect("the page can be read");
+    rows(&page, HEADER).expect("the page has the table")
+}
+
+fn file_graph(imports: &Imports) -> Graph {
+    imports.files.iter().map(|(file, targets)| (file.clone(), targets.keys().cloned().collect())).collect()
+}
+
+/// The graph of the imports between top-level modules.
+fn module_graph(imports: &Imports) -> Graph {
+    let mut graph: Graph =
+        imports.top_level.iter().map(|module| (module.clone(), Default::default())).collect();
+    for (from, to) in imports.between_modules().into_keys() {
+        graph.entry(from).or_default().insert(to);
+    }
+    graph
+}
+
+#[test]
+fn the_map_names_every_top_level_module_once() {
+    let mut named: Vec<String> = map().into_iter().map(|row| row.module).collect();
+    named.sort();
+    let declared: Vec<String> = IMPORTS.top_level.iter().cloned().collect();
+    assert_eq!(named, declared, "{MAP} must have one row for each module of lib.rs");
+}
+
+#[test]
+fn the_map_allows_exactly_the_imports_that_the_code_has() {
+    let allowed: BTreeMap<String, Vec<String>> =
+        map().into_iter().map(|row| (row.module, row.may_import)).collect();
+    let arrows = IMPORTS.between_modules();
+    for ((from, to), place) in &arrows {
+        let is_allowed = allowed.get(from).is_some_and(|targets| targets.contains(to));
+        assert!(is_allowed, "{place}: {MAP} does not allow {from} to import {to}");
+    }
+    for (from, targets) in &allowed {
+        for to in targets {
+            let is_used = arrows.contains_key(&(from.clone(), to.clone()));
+            assert!(is_used, "{MAP} allows {from} to import {to}, but no file of {from} does; remove it");
+        }
+    }
+}
+
+#[test]
+fn every_module_imports_only_modules_above_it_on_the_map_and_on_the_front_page() {
+    let graph = module_graph(&IMPORTS);
+    let map: Vec<String> = map().into_iter().map(|row| row.module).collect();
+    let front_page = modules_of_front_page(&SOURCES["lib.rs"]);
+    assert_eq!(imports_against(&map, &graph), Vec::<String>::new(), "{MAP}: later rows are imported");
+    assert_eq!(front_page, map, "the table of modules in src/lib.rs must have the order of {MAP}");
+}
+
+#[test]
+fn no_file_imports_itself_through_others() {
+    let mut in_circles: BTreeMap<String, usize> = BTreeMap::new();
+    let found = circles(&file_graph(&IMPORTS));
+    for file in found.iter().flatten() {
+        *in_circles.entry(imports::top_level_module(file)).or_default() += 1;
+    }
+    for (module, files) in in_circles {
+        let known = KNOWN_CIRCLES.iter().find(|(name, _)| *name == module).map_or(0, |(_, files)| *files);
+        assert!(
+            files <= known,
+            "{files} files of {module} import themselves through others: {}",
+            shown(&found)
+        );
+    }
+}
+
+/// The circles, each with the imports that close it.
+fn shown(circles: &[Vec<String>]) -> String {
+    let mut text = String::new();
+    for circle in circles {
+        text += &format!("\n{}", circle.join(", "));
+        for from in circle {
+            for (to, path) in IMPORTS.files[from].iter().filter(|(to, _)| circle.contains(to)) {
+                text += &format!("\n    {from} -> {to}: {path}");
+            }
+        }
+    }
+    text
+}
+
+#[test]
+fn a_verb_imports_no_other_verb() {
+    assert!(IMPORTS.verbs.len() >= 18, "only {} verbs were found", IMPORTS.verbs.len());
+    for verb in &IMPORTS.verbs {
+        for (other, path) in &IMPORTS.files[verb] {
+            assert!(!IMPORTS.verbs.contains(other), "{verb}: {path} is of the verb {other}");
+        }
+    }
+}
+
+#[test]
+fn the_session_knows_nothing_of_the_can_bus() {
+    let session = IMPORTS.files.iter().filter(|(file, _)| file.starts_with("session/"));
+    for (file, targets) in session {
+        for (to, path) in targets {
+            assert!(!to.starts_with("rig/can"), "{file}: {path} is of the CAN motor");
+        }
+    }
+}
+
+#[test]
+fn the_wrist_knows_no_file_clock_bus_or_statistics() {
+    let allowed = ["Self", "std::", "core::", "alloc::", "libm::", "serde::"];
+    let forbidden = ["fs", "io", "net", "os", "path", "process", "thread", "time"];
+    let wrist = IMPORTS.external.iter().filter(|(file, _)| file.starts_with("wrist/"));
+    for (file, paths) in wrist {
+        for path in paths {
+            let is_forbidden = forbidden.iter().any(|module| path.starts_with(&format!("std::{module}::")));
+            let is_allowed = !path.starts_with(char::is_lowercase)
+                || !path.contains("::")
+                || allowed.iter().any(|prefix| path.starts_with(prefix));
+            assert!(is_allowed && !is_forbidden, "{file}: the model must not use {path}");
+        }
+    }
+}
+
+#[test]
+fn no_type_name_stands_for_two_types() {
+    let mut found = names::types_defined_twice(&SOURCES).expect("the crate can be parsed");
+    found.retain(|name, _| !KNOWN_TYPES.contains(&name.as_str()));
+    assert!(found.is_empty(), "types of one name: {found:#?}");
+}
+
+#[test]
+fn no_constant_name_stands_for_two_values() {
+    let mut found = names::constants_with_two_values(&SOURCES).expect("the crate can be parsed");
+    found.retain(|name, _| !KNOWN_CONSTANTS.contains(&name.as_str()));
+    assert!(found.is_empty(), "constants of one name and different values: {found:#?}");
+}
