@@ -8,23 +8,31 @@
 //!
 //! | noun | module | what it is |
 //! |---|---|---|
-//! | protocol | [`protocol`] | what the experimenter writes, checked at the door |
+//! | random numbers | [`random`] | streams of random numbers, one for each purpose, all derived from one seed |
+//! | wrist | [`wrist`] | the wrist model, Eq. 1-7 of the paper, and the mechanisms that may be missing from it |
+//! | signal | [`signal`] | the low-pass filter, the onset of the ramp, the noise of the hold |
+//! | protocol | [`protocol`] | the protocol file: its fields, its schema, its validation |
 //! | schedule | [`schedule`] | the order of the trials, drawn from a seed |
-//! | wrist | [`wrist`] | Eq. 1-7 of the paper and the mechanisms that may be missing from them |
-//! | session | [`session`] | the experiment as a state machine, stepped once a sample |
-//! | rig | [`rig`] | what moves the wrist and measures it: virtual, or a motor on a CAN bus |
-//! | dataset | [`dataset`] | session folders: reading what was measured, writing what was run |
-//! | signal | [`signal`] | the filter, the onset, the noise of the hold |
-//! | fit | [`fit`] | the wrist's parameters out of the recorded torque, and how well they are known |
-//! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what mending it gains |
-//! | report | [`report`] | figures and tables of a session for a person |
-//! | console | [`console`] | what operator and person see while a session runs, and how the operator is heard |
-//! | statistics | [`statistics`] | what a table of many persons says |
-//! | study | [`study`] | many persons through one protocol |
+//! | rig | [`rig`] | what moves the wrist and measures it: the virtual wrist, or a motor on a CAN bus |
+//! | session | [`session`] | the experiment as a state machine; the control loop around it |
+//! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
+//! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
+//! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |
+//! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what adding a mechanism gains |
+//! | report | [`report`] | figures and tables of a session |
+//! | console | [`console`] | what operator and subject see while a session runs, and the operator's commands |
+//! | study | [`study`] | many subjects through one protocol |
 //! | export | [`export`] | sessions in the formats of other tools |
+//! | application | [`app`] | what the verbs share: messages, errors, folders, seeds |
+//! | command line | [`cli`] | the command line, one file per verb |
 //!
 //! SI units throughout; a field's name carries its unit. The ramp is positive and so is the resistance to it.
 
+// The program is part of the library, so that its command line can be documented and tested from outside.
+extern crate self as ramphold;
+
+pub mod app;
+pub mod cli;
 pub mod console;
 pub mod dataset;
 pub mod diagnose;

@@ -1,10 +1,7 @@
 //! Command line in, exit code out.
 
-mod app;
-mod cli;
-
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    cli::main()
+    ramphold::cli::main()
 }

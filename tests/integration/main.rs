@@ -1,5 +1,6 @@
 //! The program and the library from outside, in one test binary: it is linked once, and tests that wait run side by side.
 
+mod architecture;
 mod cohort;
 mod command_line;
 mod console;

@@ -119,6 +119,21 @@ fn paths_of_other_crates_are_kept_apart() {
 }
 
 #[test]
+fn a_file_whose_module_a_macro_declares_is_read_as_well() {
+    let files = [
+        ("lib.rs", "mod a;"),
+        ("a.rs", "list! { one } #[cfg(test)] mod tests; pub struct Shared;"),
+        ("a/one.rs", "use super::Shared;"),
+        ("a/tests.rs", "use super::one::One;"),
+    ];
+    let found = imports(&files);
+    assert_eq!(Vec::from_iter(found.files["a/one.rs"].keys()), ["a.rs"]);
+    assert!(!found.files.contains_key("a/tests.rs"));
+    let error = read(&sources(&[("lib.rs", ""), ("b/one.rs", "")])).unwrap_err();
+    assert_eq!(error, "b/one.rs: no module declares it");
+}
+
+#[test]
 fn a_module_without_a_file_is_an_error() {
     let error = read(&sources(&[("lib.rs", "mod gone;")])).unwrap_err();
     assert_eq!(error, "lib.rs: the file of module gone is missing");

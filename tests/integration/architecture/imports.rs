@@ -56,6 +56,7 @@ pub fn read(sources: &BTreeMap<FileName, String>) -> Result<Imports, String> {
             tree.load(0, root, "", sources)?;
         }
     }
+    tree.load_undeclared(sources)?;
     let mut imports =
         Imports { top_level: tree.modules[0].children.keys().cloned().collect(), ..Imports::default() };
     for (file, module, parsed) in &tree.parsed {
@@ -86,6 +87,8 @@ struct Module {
 struct Tree {
     modules: Vec<Module>,
     parsed: Vec<(FileName, usize, syn::File)>,
+    /// Folders and files, without their ending, of modules that are compiled for tests alone.
+    test_only: Vec<String>,
 }
 
 /// The module that a path names, or that defines the item it names.
@@ -119,6 +122,29 @@ impl Tree {
         Ok(())
     }
 
+    /// Loads the files whose module is declared inside a macro. Their path says which module declares them.
+    fn load_undeclared(&mut self, sources: &BTreeMap<FileName, String>) -> Result<(), String> {
+        for file in sources.keys() {
+            let stem = file.trim_end_matches(".rs").trim_end_matches("/mod");
+            let is_test_only =
+                self.test_only.iter().any(|only| stem == only || stem.starts_with(&format!("{only}/")));
+            let is_loaded = self.parsed.iter().any(|(loaded, ..)| loaded == file);
+            if is_test_only || is_loaded || file == "lib.rs" || file == "main.rs" {
+                continue;
+            }
+            let mut names: Vec<&str> = stem.split('/').collect();
+            let name = names.pop().unwrap_or_default();
+            let parent =
+                names.iter().try_fold(0, |module, name| self.modules[module].children.get(*name).copied());
+            let parent = parent.ok_or_else(|| format!("{file}: no module declares it"))?;
+            let child = self.modules.len();
+            self.modules.push(Module { file: file.clone(), parent, ..Module::default() });
+            self.modules[parent].children.insert(name.to_owned(), child);
+            self.load(child, file, stem, sources)?;
+        }
+        Ok(())
+    }
+
     fn declare(
         &mut self,
         module: usize,
@@ -137,16 +163,22 @@ impl Tree {
                 None => self.modules[module].globs.push(path),
             }
         }
-        for item in items.iter().filter(|item| !is_test_only(attributes(item))) {
+        for item in items {
             let Item::Mod(declared) = item else {
-                self.modules[module].items.extend(name_of(item));
+                if !is_test_only(attributes(item)) {
+                    self.modules[module].items.extend(name_of(item));
+                }
                 continue;
             };
             let name = declared.ident.to_string();
+            let below = if folder.is_empty() { name.clone() } else { format!("{folder}/{name}") };
+            if is_test_only(&declared.attrs) {
+                self.test_only.push(below);
+                continue;
+            }
             let child = self.modules.len();
             self.modules.push(Module { file: file.to_owned(), parent: module, ..Module::default() });
-            self.modules[module].children.insert(name.clone(), child);
-            let below = if folder.is_empty() { name } else { format!("{folder}/{name}") };
+            self.modules[module].children.insert(name, child);
             if let Some((_, inline)) = &declared.content {
                 self.declare(child, file, &below, inline, sources)?;
                 continue;
