@@ -128,4 +128,15 @@ mod tests {
             assert!(after.contains("ramphold "), "{name} --help shows no example");
         }
     }
+
+    /// `scripts/reference` writes the page.
+    #[test]
+    fn the_reference_of_the_command_line_is_that_of_the_program() {
+        let options = clap_markdown::MarkdownOptions::new()
+            .title("Command line".to_owned())
+            .show_footer(false)
+            .show_table_of_contents(true);
+        let page = clap_markdown::help_markdown_command_custom(&CommandLine::command(), &options);
+        expect_test::expect_file!["../../docs/reference/command-line.md"].assert_eq(&page);
+    }
 }

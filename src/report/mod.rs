@@ -20,7 +20,7 @@ mod traces;
 use std::path::{Path, PathBuf};
 
 pub use error::ReportError;
-pub use figures::{PowerCurve, power as power_figure};
+pub use figures::{EffectCurve, PowerCurve, mechanism as mechanism_figure, power as power_figure};
 
 use crate::dataset::Disk;
 use material::Material;

@@ -12,6 +12,7 @@ mod fit_input;
 mod motor_cycle_memory;
 mod protocol_check;
 mod protocol_fields;
+mod reference;
 mod report;
 mod resume;
 mod run;

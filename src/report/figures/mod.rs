@@ -2,6 +2,7 @@
 
 mod balance;
 mod glance;
+mod mechanism;
 mod parameters;
 mod power;
 mod residuals;
@@ -10,6 +11,7 @@ mod trial;
 
 pub use balance::balance;
 pub use glance::{gates, lateness, order};
+pub use mechanism::{EffectCurve, mechanism};
 pub use parameters::parameters;
 pub use power::{PowerCurve, power};
 pub use residuals::{ResidualMap, residual_map};

@@ -1,0 +1,195 @@
+//! Pages of the fields of protocol, subject, rig and study files, from their JSON schemas.
+
+use std::fmt::Write;
+
+use ramphold::rig::virtual_wrist;
+use ramphold::{protocol, study};
+use serde_json::{Map, Value};
+
+/// A page: a title, an introduction, and a table of fields for each object of `schema`.
+fn page(title: &str, introduction: &str, schema: &str) -> String {
+    let schema: Value = serde_json::from_str(schema).unwrap();
+    let mut page = format!("# {title}\n\n{introduction}\n");
+    object(&mut page, &schema, true);
+    for (name, definition) in members(&schema, "$defs") {
+        let _ = write!(page, "\n## {name}\n");
+        object(&mut page, definition, false);
+    }
+    page
+}
+
+/// The description of a type and its fields; of a choice, each variant's.
+fn object(page: &mut String, schema: &Value, introduced: bool) {
+    if !introduced {
+        paragraph(page, text(schema));
+    }
+    for field in ["oneOf", "anyOf"] {
+        let Some(variants) = schema.get(field).and_then(Value::as_array) else { continue };
+        for variant in variants {
+            match kind(variant) {
+                Some((field, value)) => {
+                    let _ = write!(page, "\n### {field}: {value}\n");
+                }
+                None => {
+                    let _ = write!(page, "\n- {}: {}\n", form(variant), text(variant));
+                    continue;
+                }
+            }
+            paragraph(page, text(variant));
+            table(page, variant);
+        }
+    }
+    table(page, schema);
+    if schema.get("properties").is_none() && schema.get("oneOf").is_none() && schema.get("anyOf").is_none() {
+        let _ = write!(page, "\nForm: {}\n", form(schema));
+    }
+}
+
+fn paragraph(page: &mut String, text: String) {
+    if !text.is_empty() {
+        let _ = write!(page, "\n{text}\n");
+    }
+}
+
+/// The field by whose value a variant is chosen, and that value.
+fn kind(variant: &Value) -> Option<(&str, &Value)> {
+    let (name, value) =
+        members(variant, "properties").find_map(|(name, field)| Some((name, field.get("const")?)))?;
+    Some((name, value))
+}
+
+fn table(page: &mut String, schema: &Value) {
+    if schema.get("properties").is_none() {
+        return;
+    }
+    let required: Vec<&str> = schema
+        .get("required")
+        .and_then(Value::as_array)
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    page.push_str("\n| field | form | default | meaning |\n|---|---|---|---|\n");
+    for (name, field) in members(schema, "properties") {
+        let default = match field.get("default") {
+            Some(value) => format!("`{value}`"),
+            None if required.contains(&name) => "required".to_owned(),
+            None => "none".to_owned(),
+        };
+        let _ = writeln!(page, "| `{name}` | {} | {default} | {} |", form(field), text(field));
+    }
+}
+
+/// What a value looks like, with its bounds.
+fn form(schema: &Value) -> String {
+    if let Some(value) = schema.get("const") {
+        return format!("`{value}`");
+    }
+    if let Some(values) = schema.get("enum").and_then(Value::as_array) {
+        return values.iter().map(|value| format!("`{value}`")).collect::<Vec<_>>().join(" or ");
+    }
+    if let Some(reference) = schema.get("$ref").and_then(Value::as_str) {
+        let name = reference.rsplit('/').next().unwrap();
+        return format!("[{name}](#{})", name.to_lowercase());
+    }
+    for choice in ["anyOf", "oneOf"] {
+        if let Some(variants) = schema.get(choice).and_then(Value::as_array) {
+            return variants.iter().map(form).collect::<Vec<_>>().join(" or ");
+        }
+    }
+    let kinds = match schema.get("type") {
+        Some(Value::String(kind)) => vec![kind.as_str()],
+        Some(Value::Array(kinds)) => kinds.iter().filter_map(Value::as_str).collect(),
+        _ => vec!["any value"],
+    };
+    let mut form = kinds.iter().map(|kind| described(kind, schema)).collect::<Vec<_>>().join(" or ");
+    let bound = |name: &str| schema.get(name).map(ToString::to_string);
+    match (bound("minimum"), bound("maximum")) {
+        (Some(low), Some(high)) => form.push_str(&format!(", {low} to {high}")),
+        (Some(low), None) => form.push_str(&format!(", from {low}")),
+        (None, Some(high)) => form.push_str(&format!(", up to {high}")),
+        (None, None) => {}
+    }
+    if let Some(low) = bound("exclusiveMinimum") {
+        form.push_str(&format!(", above {low}"));
+    }
+    form
+}
+
+fn described(kind: &str, schema: &Value) -> String {
+    match (kind, schema.get("items"), schema.get("prefixItems").and_then(Value::as_array)) {
+        ("array", Some(items), _) if items.is_object() => match schema.get("maxItems") {
+            Some(count) if schema.get("minItems") == Some(count) => format!("{count} of: {}", form(items)),
+            _ => format!("list of: {}", form(items)),
+        },
+        ("array", _, Some(items)) => format!("[{}]", items.iter().map(form).collect::<Vec<_>>().join(", ")),
+        ("object", _, _) if schema.get("additionalProperties").is_some_and(Value::is_object) => {
+            format!("object of: {}", form(&schema["additionalProperties"]))
+        }
+        ("integer", _, _) => "whole number".to_owned(),
+        ("string", _, _) => "text".to_owned(),
+        ("boolean", _, _) => "`true` or `false`".to_owned(),
+        ("null", _, _) => "`null`".to_owned(),
+        _ => kind.to_owned(),
+    }
+}
+
+/// The description of a schema in one line, as it can stand in a table.
+fn text(schema: &Value) -> String {
+    let text = schema.get("description").and_then(Value::as_str).unwrap_or_default();
+    text.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")
+}
+
+fn members<'a>(schema: &'a Value, field: &str) -> impl Iterator<Item = (&'a str, &'a Value)> {
+    let members: Option<&Map<String, Value>> = schema.get(field).and_then(Value::as_object);
+    members.into_iter().flatten().map(|(name, value)| (name.as_str(), value))
+}
+
+#[test]
+fn the_page_of_the_protocols_fields_is_that_of_the_schema() {
+    let introduction = "A protocol file says what is run. `ramphold check FILE` reports everything that is wrong with one; \
+                        `protocols/de-vlugt-2011.json` is the paper's.\n\n\
+                        This page is generated from the JSON schema, which `ramphold schema protocol` prints.";
+    expect_test::expect_file!["../../../docs/reference/protocol-fields.md"].assert_eq(&page(
+        "Protocol fields",
+        introduction,
+        &protocol::schema_text(),
+    ));
+}
+
+#[test]
+fn the_page_of_the_subjects_fields_is_that_of_the_schema() {
+    let introduction = "A subject file describes a virtual subject for `run --subject FILE` \
+                        ([how to write one](../how-to/virtual-wrist.md)). Values marked *assumed* are not in the paper.\n\n\
+                        This page is generated from the JSON schema, which `ramphold schema person` prints.";
+    expect_test::expect_file!["../../../docs/reference/subject-fields.md"].assert_eq(&page(
+        "Subject fields",
+        introduction,
+        &virtual_wrist::person_schema_text(),
+    ));
+}
+
+#[test]
+fn the_page_of_the_virtual_rigs_fields_is_that_of_the_schema() {
+    let introduction = "A rig file of kind `virtual` describes the virtual wrist's motor, lever and sensors, for `run --rig FILE` \
+                        ([how to write one](../how-to/virtual-wrist.md)). Values marked *assumed* are not in the paper. A real motor \
+                        has [another rig file](motor-rig-fields.md).\n\n\
+                        This page is generated from the JSON schema, which `ramphold schema rig` prints.";
+    expect_test::expect_file!["../../../docs/reference/virtual-rig-fields.md"].assert_eq(&page(
+        "Virtual rig fields",
+        introduction,
+        &virtual_wrist::rig_schema_text(),
+    ));
+}
+
+#[test]
+fn the_page_of_the_studys_fields_is_that_of_the_schema() {
+    let introduction = "A study file says which subjects `cohort` and `power` simulate or read ([how to use it](../how-to/study.md)). Its \
+                        fields say *person* for subject.\n\n\
+                        This page is generated from the JSON schema, which `ramphold schema study` prints.";
+    expect_test::expect_file!["../../../docs/reference/study-fields.md"].assert_eq(&page(
+        "Study fields",
+        introduction,
+        &study::schema_text(),
+    ));
+}
