@@ -1,6 +1,7 @@
 //! Pages of the fields of protocol, subject, rig and study files, from their JSON schemas.
 
 use std::fmt::Write;
+use std::fs;
 
 use ramphold::rig::virtual_wrist;
 use ramphold::{protocol, study};
@@ -36,7 +37,10 @@ fn object(page: &mut String, schema: &Value, introduced: bool) {
                 }
             }
             paragraph(page, text(variant));
-            table(page, variant);
+            // The field that chooses the variant is in the heading.
+            if members(variant, "properties").count() > 1 {
+                table(page, variant);
+            }
         }
     }
     table(page, schema);
@@ -192,4 +196,31 @@ fn the_page_of_the_studys_fields_is_that_of_the_schema() {
         introduction,
         &study::schema_text(),
     ));
+}
+
+#[test]
+fn the_page_of_the_motor_rigs_fields_names_every_field_of_the_rig_file() {
+    let page = include_str!("../../../docs/reference/motor-rig-fields.md");
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/src/rig/can/file");
+    let sources =
+        fs::read_dir(folder).unwrap().map(|entry| fs::read_to_string(entry.unwrap().path()).unwrap());
+    let source = sources.into_iter().find(|source| source.contains("pub struct RigFile")).unwrap();
+    let mut count = 0;
+    let mut renamed = None;
+    for line in source.lines().map(str::trim) {
+        if let Some(rename) = line.strip_prefix("#[serde(rename = \"") {
+            renamed = rename.split('"').next();
+        } else if let Some(field) = line.strip_prefix("pub ").and_then(|rest| rest.split_once(": ")) {
+            if field.0.contains(' ') {
+                continue;
+            }
+            let name = renamed.take().unwrap_or(field.0);
+            assert!(
+                page.contains(&format!("`{name}`")),
+                "docs/reference/motor-rig-fields.md must describe {name}"
+            );
+            count += 1;
+        }
+    }
+    assert!(count > 80, "{count} fields found");
 }

@@ -11,7 +11,9 @@ use ramphold::report::{EffectCurve, mechanism_figure};
 use ramphold::wrist::mechanisms::{
     CATALOGUE, Covariates, DataRequirement, EvidenceSource, MechanismClass, MechanismKind, ProbeContext,
 };
-use ramphold::wrist::{Kinematics, Lever, SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, simulate, substeps};
+use ramphold::wrist::{
+    Kinematics, Lever, SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, simulate, substeps,
+};
 
 const VELOCITIES_RAD_S: [f64; 4] = [1.3, 1.95, 2.6, 3.25];
 const TORQUES_NM: [f64; 3] = [0.9, 1.5, 2.1];
@@ -27,8 +29,7 @@ const BASELINE: usize = 25;
 const RISE_S: f64 = 0.020;
 /// Standard deviation of the gauges' noise in the virtual wrist, N m.
 const NOISE_NM: f64 = 0.01;
-const LEVER: Lever =
-    Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
+const LEVER: Lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
 /// Smallest cosine between two mechanisms at which one is said to imitate the other.
 const IMITATES: f64 = 0.7;
 /// Part of an effect below which what the free parameters leave of it is rounding.
@@ -108,7 +109,9 @@ fn torque(kinds: &[MechanismKind], values: &[f64]) -> SimulatedTorque {
     let trials: Vec<TrialInput> = conditions().iter().map(|(v, torque)| trial(*v, *torque)).collect();
     let all: Vec<f64> = conditions()
         .iter()
-        .flat_map(|(v, torque)| parameters(*v, *torque).into_iter().chain(values.iter().copied()).collect::<Vec<_>>())
+        .flat_map(|(v, torque)| {
+            parameters(*v, *torque).into_iter().chain(values.iter().copied()).collect::<Vec<_>>()
+        })
         .collect();
     let settings = SimulationSettings {
         lever: Some(LEVER),
@@ -138,7 +141,8 @@ fn absorbable(base: &SimulatedTorque) -> DMatrix<f64> {
             Some(_) => 0.0,
         }
     });
-    let scaled = DMatrix::from_columns(&jacobian.column_iter().map(|column| column.normalize()).collect::<Vec<_>>());
+    let scaled =
+        DMatrix::from_columns(&jacobian.column_iter().map(|column| column.normalize()).collect::<Vec<_>>());
     scaled.qr().q()
 }
 
@@ -213,7 +217,8 @@ fn need(need: DataRequirement) -> &'static str {
 fn page(kind: MechanismKind, effects: &[Effect]) -> String {
     let mut page = format!("# {}\n\n{}.\n\n", kind.id(), capitalised(kind.title()));
     let needs: Vec<&str> = kind.needs().iter().map(|requirement| need(*requirement)).collect();
-    let needs = if needs.is_empty() { "nothing beyond angle and torque".to_owned() } else { needs.join("; ") };
+    let needs =
+        if needs.is_empty() { "nothing beyond angle and torque".to_owned() } else { needs.join("; ") };
     let _ = write!(
         page,
         "| | |\n|---|---|\n| equation | `{}` |\n| class | {} |\n| shown | {} |\n| needs | {needs} |\n| source | {} |\n",
@@ -235,7 +240,9 @@ fn parameters_table(page: &mut String, kind: MechanismKind) {
         page.push_str("\nIt has no parameters.\n");
         return;
     }
-    page.push_str("\n| parameter | meaning | unit | bounds | no effect at | typical |\n|---|---|---|---|---|---|\n");
+    page.push_str(
+        "\n| parameter | meaning | unit | bounds | no effect at | typical |\n|---|---|---|---|---|---|\n",
+    );
     for parameter in kind.parameters() {
         let absent = parameter.absent.map_or("a limit only".to_owned(), |value| value.to_string());
         let _ = writeln!(
@@ -253,7 +260,9 @@ fn parameters_table(page: &mut String, kind: MechanismKind) {
 
 fn describe(page: &mut String, effect: &Effect, effects: &[Effect]) {
     let values = effect.kind.parameters().iter().zip(&effect.values);
-    let values: Vec<String> = values.map(|(parameter, value)| format!("`{}` {value:.4}", parameter.name)).collect();
+    let values: Vec<String> = values
+        .map(|(parameter, value)| format!("`{}` = {}", parameter.name, (value * 1e6).round() / 1e6))
+        .collect();
     let _ = write!(
         page,
         "\n## Effect on the torque\n\n![Change of the torque by {id}, before and after the free parameters follow]({id}.svg)\n\n\
@@ -278,7 +287,11 @@ fn describe(page: &mut String, effect: &Effect, effects: &[Effect]) {
     }
     let mut rivals: Vec<(f64, MechanismKind)> = effects
         .iter()
-        .filter(|other| other.kind != effect.kind && other.kind.evidence() == EvidenceSource::Trace && !other.is_absorbed())
+        .filter(|other| {
+            other.kind != effect.kind
+                && other.kind.evidence() == EvidenceSource::Trace
+                && !other.is_absorbed()
+        })
         .map(|other| (effect.cosine(other), other.kind))
         .filter(|(cosine, _)| cosine.abs() >= IMITATES)
         .collect();
@@ -307,7 +320,9 @@ fn picture(effect: &Effect) -> String {
             .map(|(condition, (velocity, _))| EffectCurve {
                 label: format!("{velocity} rad/s"),
                 points: (0..SAMPLES)
-                    .map(|sample| (sample as f64 * PERIOD_S * 1e3, change[condition * SAMPLES + sample] * 1e3))
+                    .map(|sample| {
+                        (sample as f64 * PERIOD_S * 1e3, change[condition * SAMPLES + sample] * 1e3)
+                    })
                     .collect(),
             })
             .collect()
@@ -328,7 +343,12 @@ These pages are generated from the code.
     for kind in CATALOGUE.iter().copied() {
         let worth = effects.iter().find(|effect| effect.kind == kind).map_or_else(
             || ("-".to_owned(), "-".to_owned()),
-            |effect| (format!("{:.1}", Effect::worth(&effect.change)), format!("{:.1}", Effect::worth(&effect.residual))),
+            |effect| {
+                (
+                    format!("{:.1}", Effect::worth(&effect.change)),
+                    format!("{:.1}", Effect::worth(&effect.residual)),
+                )
+            },
         );
         let class = class(kind);
         let class = class.split(':').next().unwrap_or(class);
