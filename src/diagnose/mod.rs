@@ -8,6 +8,8 @@
 //! Then the trials are compared with each other (`across_trials`). Steps are repeated until nothing is left over.
 
 mod across_trials;
+#[cfg(test)]
+mod added_mechanism;
 mod cause;
 mod diagnosis;
 mod mains_hum;

@@ -12,6 +12,7 @@ mod seal;
 mod sensors;
 mod servo;
 mod setup;
+mod typical_effect;
 mod voluntary;
 
 pub use hidden_effect::draw_hidden_effect;
@@ -19,6 +20,7 @@ pub use mechanism_list::{MechanismList, MechanismListError};
 pub use person::{FORMAT as PERSON_FORMAT, Person, PersonError, Surface};
 pub use seal::{Seal, SealError};
 pub use setup::{RigFile, RigFileError, Setup};
+pub use typical_effect::TypicalEffect;
 
 use emg::Emg;
 use limb::Limb;

@@ -1,135 +1,144 @@
 //! The macro that turns the list of mechanisms into a type: the only code that leads from an identifier to a mechanism.
 
-/// Declares the mechanisms' modules, [`MechanismKind`], which dispatches to them, and the number of states that they add.
+/// Declares the mechanisms' modules, [`MechanismKind`], which dispatches to them, and the number of states that they add. An entry may
+/// have a condition (`#[cfg(test)]`).
 macro_rules! catalogue {
-    ($($module:ident :: $name:ident,)*) => {
-        $(mod $module;)*
+    ($($(#[$condition:meta])? $module:ident :: $name:ident,)*) => {
+        $($(#[$condition])? mod $module;)*
 
         /// A mechanism of the catalogue.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum MechanismKind {
-            $(#[doc = concat!("`", stringify!($module), "`")] $name,)*
+            $($(#[$condition])? #[doc = concat!("`", stringify!($module), "`")] $name,)*
         }
 
         /// Every mechanism, in the order of the catalogue.
-        pub const CATALOGUE: &[MechanismKind] = &[$(MechanismKind::$name,)*];
+        pub const CATALOGUE: &[MechanismKind] = &[$($(#[$condition])? MechanismKind::$name,)*];
 
         /// Number of states that a model can add: those of all mechanisms, each switched on once.
-        pub const MAX_ADDED_STATES: usize = 0 $(+ <$module::$name as Mechanism>::STATES)*;
+        pub const MAX_ADDED_STATES: usize = {
+            let states: &[usize] = &[$($(#[$condition])? <$module::$name as Mechanism>::STATES,)*];
+            let (mut sum, mut place) = (0, 0);
+            while place < states.len() {
+                sum += states[place];
+                place += 1;
+            }
+            sum
+        };
 
         impl MechanismKind {
             /// Identifier in results and model files.
             pub fn id(self) -> &'static str {
-                match self { $(Self::$name => <$module::$name as Mechanism>::ID,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::ID,)* }
             }
 
             /// Description in a few words.
             pub fn title(self) -> &'static str {
-                match self { $(Self::$name => <$module::$name as Mechanism>::TITLE,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::TITLE,)* }
             }
 
             /// Where it acts.
             pub fn class(self) -> MechanismClass {
-                match self { $(Self::$name => <$module::$name as Mechanism>::CLASS,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::CLASS,)* }
             }
 
             /// Where a session shows it.
             pub fn evidence(self) -> EvidenceSource {
-                match self { $(Self::$name => <$module::$name as Mechanism>::EVIDENCE,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::EVIDENCE,)* }
             }
 
             /// Its equation in plain text; notation of [`Mechanism::EQUATION`].
             pub fn equation(self) -> &'static str {
-                match self { $(Self::$name => <$module::$name as Mechanism>::EQUATION,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::EQUATION,)* }
             }
 
             /// Source of its functional form.
             pub fn source(self) -> &'static str {
-                match self { $(Self::$name => <$module::$name as Mechanism>::SOURCE,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::SOURCE,)* }
             }
 
             /// Its parameters.
             pub fn parameters(self) -> &'static [MechanismParameter] {
-                match self { $(Self::$name => <$module::$name as Mechanism>::PARAMETERS,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::PARAMETERS,)* }
             }
 
             /// Data that a session must hold.
             pub fn needs(self) -> &'static [DataRequirement] {
-                match self { $(Self::$name => <$module::$name as Mechanism>::NEEDS,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::NEEDS,)* }
             }
 
             /// Whether it alters how the recorded angle becomes the motor's.
             pub fn alters_angle(self) -> bool {
-                match self { $(Self::$name => <$module::$name as Mechanism>::ALTERS_ANGLE,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::ALTERS_ANGLE,)* }
             }
 
             /// Whether its functional form is certain; see [`Mechanism::KNOWN_FORM`].
             pub fn has_known_form(self) -> bool {
-                match self { $(Self::$name => <$module::$name as Mechanism>::KNOWN_FORM,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::KNOWN_FORM,)* }
             }
 
             /// How long before the onset it may begin to act, s.
             pub fn before_onset_s(self) -> f64 {
-                match self { $(Self::$name => <$module::$name as Mechanism>::BEFORE_ONSET_S,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::BEFORE_ONSET_S,)* }
             }
 
             /// Index of the parameter that is the frequency (Hz) of a sinusoid to subtract before a fit.
             pub fn subtracted_frequency(self) -> Option<usize> {
-                match self { $(Self::$name => <$module::$name as Mechanism>::SUBTRACTED_FREQUENCY,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::SUBTRACTED_FREQUENCY,)* }
             }
 
             /// Starting value of a fit for parameter number `parameter`, in a rig with this lever.
             pub fn starting_value(self, parameter: usize, lever: Option<Lever>) -> f64 {
-                match self { $(Self::$name => $module::$name::starting_value(parameter, lever),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::starting_value(parameter, lever),)* }
             }
 
             /// Parameter values at which a diagnosis tests whether the mechanism would help.
             pub fn probes(self, session: &ProbeContext) -> Vec<Vec<f64>> {
-                match self { $(Self::$name => $module::$name::probes(session),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::probes(session),)* }
             }
 
             /// Range of the first parameter when hidden; see [`Mechanism::hidden_range`].
             pub fn hidden_range(self, lever: Option<Lever>) -> Option<(f64, f64)> {
-                match self { $(Self::$name => $module::$name::hidden_range(lever),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::hidden_range(lever),)* }
             }
 
             /// Mean delay of a lag, s; `None` for a mechanism that is no lag.
             pub fn delay_s(self, p: &[f64]) -> Option<f64> {
-                match self { $(Self::$name => $module::$name::delay_s(p),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::delay_s(p),)* }
             }
 
             /// Moves the start of an effect that begins before the onset to the onset.
             pub fn start_at_onset(self, p: &mut [f64]) {
-                match self { $(Self::$name => $module::$name::start_at_onset(p),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::start_at_onset(p),)* }
             }
 
             /// Torque that the torque channel shows in addition, N m.
             pub fn disturbance_nm(self, p: &[f64], session_time_s: f64) -> f64 {
-                match self { $(Self::$name => $module::$name::disturbance_nm(p, session_time_s),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::disturbance_nm(p, session_time_s),)* }
             }
 
             /// Number of its parameters.
             #[inline(always)]
             pub fn parameter_count(self) -> usize {
-                match self { $(Self::$name => <$module::$name as Mechanism>::PARAMETERS.len(),)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::PARAMETERS.len(),)* }
             }
 
             /// Number of states that it adds.
             #[inline(always)]
             pub fn state_count(self) -> usize {
-                match self { $(Self::$name => <$module::$name as Mechanism>::STATES,)* }
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::STATES,)* }
             }
 
             /// Alters the coefficients of the plant in a trial.
             #[inline(always)]
             pub fn alter_plant<T: Number>(self, p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {
-                match self { $(Self::$name => $module::$name::alter_plant(p, plant, trial),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::alter_plant(p, plant, trial),)* }
             }
 
             /// Alters how the recorded angle becomes the motor's angle.
             #[inline(always)]
             pub fn alter_channels<T: Number>(self, p: &[T], channels: &mut ChannelErrors<T>) {
-                match self { $(Self::$name => $module::$name::alter_channels(p, channels),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::alter_channels(p, channels),)* }
             }
 
             /// Adds torques and writes the rates of its states.
@@ -142,7 +151,7 @@ macro_rules! catalogue {
                 torques: &mut Torques<T>,
                 rates: &mut [T],
             ) {
-                match self { $(Self::$name => $module::$name::add_torques(p, context, states, torques, rates),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::add_torques(p, context, states, torques, rates),)* }
             }
 
             /// Alters the measured torque and writes the rates of its states.
@@ -155,7 +164,7 @@ macro_rules! catalogue {
                 torque: T,
                 rates: &mut [T],
             ) -> T {
-                match self { $(Self::$name => $module::$name::alter_measurement(p, states, trial, torque, rates),)* }
+                match self { $($(#[$condition])? Self::$name => $module::$name::alter_measurement(p, states, trial, torque, rates),)* }
             }
         }
     };

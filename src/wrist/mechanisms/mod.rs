@@ -52,6 +52,8 @@ catalogue! {
     cocontraction::Cocontraction,
     outlier_trial::OutlierTrial,
     activation_scaling::ActivationScaling,
+    #[cfg(test)] // The worked example of the docs.
+    end_range_stiffness::EndRangeStiffness,
 }
 
 impl MechanismKind {
