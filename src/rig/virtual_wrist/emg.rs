@@ -1,14 +1,14 @@
-//! Surface EMG of flexor and extensor: noise between 20 and 450 Hz that grows with the muscle's activity.
+//! Surface EMG of flexor and extensor: noise between 20 and 450 Hz in proportion to the muscle's activity.
 
 use super::noise::{Biquad, cheap_normal, noise_gain};
 use super::person::{Muscles, Person, Reflex};
-use super::voluntary::{TrialSpread, Voluntary};
+use super::voluntary::{TrialSpread, VoluntaryTorque};
 use crate::random::Stream;
 
 /// Standard deviation of a normal number whose absolute value has mean 1.
 const DEVIATION_OF_UNIT_MEAN: f64 = 1.253_314_137_315_500_1;
 
-/// Two electrodes, FCR and ECR.
+/// EMG of the flexor carpi radialis (FCR) and the extensor carpi radialis (ECR).
 #[derive(Debug, Clone)]
 pub struct Emg {
     muscles: Muscles,
@@ -22,7 +22,7 @@ pub struct Emg {
 }
 
 impl Emg {
-    /// The electrodes of `person`.
+    /// The EMG of `person`.
     pub fn new(person: &Person, sample_rate_hz: f64, stream: Stream) -> Self {
         // The band of the paper's amplifier, or what the sampling rate leaves of it.
         let highest_hz = 450f64.min(0.45 * sample_rate_hz);
@@ -39,13 +39,13 @@ impl Emg {
         }
     }
 
-    /// Begins anew, with random numbers of its own.
+    /// Resets the filters and takes a new stream of random numbers.
     pub fn restart(&mut self, stream: Stream) {
         self.stream = stream;
         self.bands.iter_mut().flatten().for_each(Biquad::restart);
     }
 
-    /// What is different in this trial: returns the flexor's excess over what is usual at this torque and the extensor's
+    /// Sets the activity of this trial. Returns the flexor's excess over what is usual at this torque and the extensor's
     /// level, as fractions of MVC.
     pub fn prepare(&mut self, spread: &TrialSpread, target_nm: f64) -> [f64; 2] {
         let active = target_nm.abs() / self.muscles.flexion_nm;
@@ -55,8 +55,13 @@ impl Emg {
         [active * (self.flexor_factor - 1.0), active * self.cocontraction]
     }
 
-    /// The next sample of both, fraction of nominal MVC.
-    pub fn step(&mut self, voluntary: &Voluntary, since_onset_s: Option<f64>, speed_rad_s: f64) -> [f64; 2] {
+    /// The next sample of FCR and ECR, fraction of nominal MVC.
+    pub fn step(
+        &mut self,
+        voluntary: &VoluntaryTorque,
+        since_onset_s: Option<f64>,
+        speed_rad_s: f64,
+    ) -> [f64; 2] {
         let [flexion, extension] = voluntary.activity();
         let reflex = since_onset_s.map_or(0.0, |since_onset_s| {
             let burst = burst(since_onset_s - self.reflex.emg_latency_s, self.reflex.rise_s);
@@ -77,7 +82,7 @@ impl Emg {
     }
 }
 
-/// A burst that begins at 0, peaks with 1 at `rise_s` and dies away: (t/r) exp(1 - t/r).
+/// A burst that begins at 0, has its peak of 1 at `rise_s` and decays: (t/r) exp(1 - t/r).
 pub fn burst(t_s: f64, rise_s: f64) -> f64 {
     let x = t_s / rise_s;
     if x > 0.0 { x * libm::exp(1.0 - x) } else { 0.0 }

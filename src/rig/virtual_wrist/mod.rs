@@ -1,10 +1,10 @@
-//! A wrist without a person or a motor: the paper's model inside a stiff position servo, with a virtual person who
-//! tracks the target by sight, and sensors that count and hiss. It ships with the program and is what a protocol is
-//! tried on before a limb is.
+//! The virtual wrist: a rig without motor and subject, on which a protocol is tried first.
+//!
+//! It simulates the paper's model behind a stiff position servo, a virtual subject who tracks the displayed target, and
+//! sensors with noise and finite resolution.
 
 mod emg;
 mod hidden_effect;
-mod limb;
 mod mechanism_list;
 mod noise;
 mod person;
@@ -14,6 +14,7 @@ mod servo;
 mod setup;
 mod typical_effect;
 mod voluntary;
+mod wrist_response;
 
 pub use hidden_effect::draw_hidden_effect;
 pub use mechanism_list::{MechanismList, MechanismListError};
@@ -23,10 +24,10 @@ pub use setup::{RigFile, RigFileError, Setup};
 pub use typical_effect::TypicalEffect;
 
 use emg::Emg;
-use limb::Limb;
 use sensors::Sensors;
 use servo::Servo;
-use voluntary::Voluntary;
+use voluntary::VoluntaryTorque;
+use wrist_response::WristResponse;
 
 use schemars::{JsonSchema, schema_for};
 
@@ -34,7 +35,7 @@ use super::{Armed, Command, Cue, Fault, Motor, OperatorsWord, Rig, Sample, Trial
 use crate::protocol::Limits;
 use crate::random::Stream;
 
-/// The JSON schema of the files of virtual persons, as text.
+/// The JSON schema of the files of virtual subjects, as text.
 pub fn person_schema_text() -> String {
     schema_text::<Person>()
 }
@@ -48,7 +49,7 @@ fn schema_text<T: JsonSchema>() -> String {
     format!("{:#}\n", schema_for!(T).to_value())
 }
 
-/// The virtual wrist, unable to move.
+/// The virtual wrist, disarmed.
 #[derive(Debug, Clone)]
 pub struct VirtualWrist {
     person: Person,
@@ -73,12 +74,12 @@ impl Rig for VirtualWrist {
     }
 }
 
-/// The virtual wrist, able to move.
+/// The virtual wrist, armed.
 pub struct ArmedVirtualWrist {
     rig: VirtualWrist,
     servo: Servo,
-    limb: Limb,
-    voluntary: Voluntary,
+    wrist: WristResponse,
+    voluntary: VoluntaryTorque,
     emg: Emg,
     sensors: Sensors,
     trial: Option<TrialKey>,
@@ -93,8 +94,8 @@ impl ArmedVirtualWrist {
         let (rate, stream) = (rig.sample_rate_hz, |name: &str| Stream::new(rig.seed, name));
         Self {
             servo: Servo::new(&rig.setup, rate),
-            limb: Limb::new(&rig.person, &rig.setup, rate),
-            voluntary: Voluntary::new(&rig.person, rate, stream("subject/rest")),
+            wrist: WristResponse::new(&rig.person, &rig.setup, rate),
+            voluntary: VoluntaryTorque::new(&rig.person, rate, stream("subject/rest")),
             emg: Emg::new(&rig.person, rate, stream("emg/rest")),
             sensors: Sensors::new(&rig.setup, &rig.person, rate, stream("noise/rest")),
             rig,
@@ -105,7 +106,7 @@ impl ArmedVirtualWrist {
         }
     }
 
-    /// Nothing random in a trial depends on what came before it: a trial run again after a crash is the same trial.
+    /// Draws the random numbers of a trial from streams of its own, so that a trial that is repeated after a crash is the same trial.
     fn begin_trial(&mut self, key: TrialKey) {
         self.trial = Some(key);
         let kind = if key.practice { "practice" } else { "trial" };
@@ -116,7 +117,7 @@ impl ArmedVirtualWrist {
         self.emg.restart(stream("emg"));
         self.sensors.restart(stream("noise"));
         self.servo.settle();
-        self.limb.stop();
+        self.wrist.stop();
         self.lever_torque_nm = 0.0;
     }
 
@@ -127,11 +128,11 @@ impl ArmedVirtualWrist {
             self.begin_trial(trial.key);
             let spread = self.voluntary.draw_trial();
             let emg = self.emg.prepare(&spread, *target_nm);
-            self.limb.prepare(&self.rig.person, trial, *target_nm, &spread, emg);
+            self.wrist.prepare(&self.rig.person, trial, *target_nm, &spread, emg);
         }
         if matches!(cue, Cue::Moving) && !self.moving {
             self.moving = true;
-            self.limb.start(self.servo.knot(), self.voluntary.torque_nm());
+            self.wrist.start(self.servo.motion(), self.voluntary.torque_nm());
         }
         if matches!(cue, Cue::Rest) {
             self.trial = None;
@@ -147,18 +148,18 @@ impl Armed for ArmedVirtualWrist {
         self.follow_cue(&command.cue);
         let angle_rad = match command.motor {
             Motor::Follow { angle_rad } => angle_rad,
-            // The virtual rig's safe state: stay where it is.
+            // The safe state of the virtual rig: hold the last command.
             Motor::Safe => self.servo.reference_rad(),
         };
         self.servo.step(angle_rad, self.lever_torque_nm);
         let voluntary_nm = self.voluntary.step(&command.cue);
-        let response = self.limb.step(self.servo.knot(), matches!(command.cue, Cue::Rest));
+        let response = self.wrist.step(self.servo.motion(), matches!(command.cue, Cue::Rest));
         self.lever_torque_nm = voluntary_nm + response.lever_nm;
         let emg = self.emg.step(&self.voluntary, response.since_onset_s, response.speed_rad_s);
         self.sample += 1;
         let time_s = self.sample as f64 / self.rig.sample_rate_hz;
         Ok(self.sensors.measure(
-            self.servo.knot().theta,
+            self.servo.motion().theta,
             voluntary_nm + response.measured_nm,
             [emg[0] / self.rig.emg_scale[0], emg[1] / self.rig.emg_scale[1]],
             time_s,

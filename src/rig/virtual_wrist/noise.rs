@@ -52,15 +52,15 @@ impl Biquad {
         output
     }
 
-    /// Forgets what it was given.
+    /// Sets the state to zero.
     pub fn restart(&mut self) {
         self.state = [0.0; 2];
     }
 }
 
-/// The standard deviation that white noise of unit variance has after `sections`.
+/// Standard deviation of white noise of unit variance behind `sections`.
 pub fn noise_gain(mut sections: Vec<Biquad>) -> f64 {
-    // The power of the impulse response, until it has died away.
+    // Sum the power of the impulse response until it has decayed.
     let mut power = 0.0;
     for sample in 0..1_000_000 {
         let impulse = if sample == 0 { 1.0 } else { 0.0 };
@@ -74,8 +74,8 @@ pub fn noise_gain(mut sections: Vec<Biquad>) -> f64 {
     libm::sqrt(power)
 }
 
-/// A random number of unit variance that is cheap and bell-shaped: the sum of four uniform ones out of 64 bits. A filter
-/// after it mixes many of them, and then nothing tells it from a normal one.
+/// An approximately normal random number of unit variance: the sum of four uniform numbers from 64 bits, which is faster than an exact
+/// one. A filter behind it sums many of them, and the result is normal for all purposes here.
 #[inline]
 pub fn cheap_normal(stream: &mut Stream) -> f64 {
     let bits = stream.bits();
@@ -84,7 +84,7 @@ pub fn cheap_normal(stream: &mut Stream) -> f64 {
     (sum as f64 - 131_070.0) * (1.0 / 37_837.227_232_854_32)
 }
 
-/// Slow noise made at a fraction of the sample rate, straight between its knots.
+/// Low-frequency noise, computed at a fraction of the sample rate and interpolated linearly.
 #[derive(Debug, Clone)]
 pub struct SlowNoise {
     section: Biquad,
@@ -96,12 +96,12 @@ pub struct SlowNoise {
 }
 
 impl SlowNoise {
-    /// Rate at which the knots are made, Hz.
-    const KNOT_RATE_HZ: f64 = 250.0;
+    /// Rate at which the noise is computed, Hz.
+    const NODE_RATE_HZ: f64 = 250.0;
 
-    /// Noise of unit variance with the colour that `section` gives at a rate.
+    /// Noise of unit variance with the spectrum of `section`, which gets the rate in Hz.
     pub fn new(section: impl Fn(f64) -> Biquad, sample_rate_hz: f64) -> Self {
-        let every = (sample_rate_hz / Self::KNOT_RATE_HZ).round().max(1.0);
+        let every = (sample_rate_hz / Self::NODE_RATE_HZ).round().max(1.0);
         let section = section(sample_rate_hz / every);
         let gain = 1.0 / noise_gain(vec![section]);
         Self { section, gain, every: every as u32, count: 0, value: 0.0, slope: 0.0 }
@@ -112,15 +112,15 @@ impl SlowNoise {
     pub fn step(&mut self, stream: &mut Stream) -> f64 {
         if self.count == 0 {
             self.count = self.every;
-            let knot = self.gain * self.section.step(stream.normal());
-            self.slope = (knot - self.value) / f64::from(self.every);
+            let node = self.gain * self.section.step(stream.normal());
+            self.slope = (node - self.value) / f64::from(self.every);
         }
         self.count -= 1;
         self.value += self.slope;
         self.value
     }
 
-    /// Forgets everything.
+    /// Sets the state to zero.
     pub fn restart(&mut self) {
         self.section.restart();
         (self.count, self.value, self.slope) = (0, 0.0, 0.0);

@@ -45,7 +45,7 @@ pub struct Person {
     pub spread: Spread,
     /// How the torque is held.
     #[serde(default)]
-    pub voluntary: Voluntary,
+    pub voluntary: VoluntaryParameters,
     /// The stretch reflex, which everybody has.
     #[serde(default)]
     pub reflex: Reflex,
@@ -95,7 +95,8 @@ pub struct Spread {
 /// How the person holds a torque.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct Voluntary {
+#[schemars(rename = "Voluntary")]
+pub struct VoluntaryParameters {
     /// From seeing to acting, s. Assumed: 0.2.
     pub reaction_s: f64,
     /// Time constant of the rise and fall of the torque, s. Assumed: 0.08.
@@ -175,7 +176,7 @@ impl Default for Spread {
     }
 }
 
-impl Default for Voluntary {
+impl Default for VoluntaryParameters {
     fn default() -> Self {
         Self {
             reaction_s: 0.2,
@@ -218,7 +219,7 @@ impl Default for Person {
             stiffness_decrement_nm_per_rad: defaults::stiffness_decrement(),
             elastic_limit_rad: defaults::elastic_limit(),
             spread: Spread::default(),
-            voluntary: Voluntary::default(),
+            voluntary: VoluntaryParameters::default(),
             reflex: Reflex::default(),
             muscles: Muscles::default(),
             mechanisms: MechanismList::default(),

@@ -1,15 +1,15 @@
-//! What the encoder, the strain gauges and the EMG amplifier make of the truth.
+//! The encoder, the strain gauges and the EMG amplifier: resolution, noise, offset, delay.
 
 use std::f64::consts::TAU;
 
-use super::limb::channels;
 use super::mechanism_list::MechanismList;
 use super::person::Person;
 use super::setup::Setup;
+use super::wrist_response::channels;
 use crate::random::Stream;
 use crate::rig::Sample;
 
-/// The sensors.
+/// The sensors of a virtual rig.
 #[derive(Debug, Clone)]
 pub struct Sensors {
     setup: Setup,
@@ -46,7 +46,7 @@ impl Sensors {
         self.torque.restart();
     }
 
-    /// What is read off at `time_s` of the session.
+    /// The recorded sample at `time_s` of the session.
     #[inline]
     pub fn measure(&mut self, angle_rad: f64, torque_nm: f64, emg_mvc: [f64; 2], time_s: f64) -> Sample {
         let angle_rad = self.angle_gain * self.angle.step(angle_rad);
@@ -76,7 +76,7 @@ impl Sensors {
     }
 }
 
-/// A delay by any number of samples, whole or not.
+/// A delay by any number of samples, integer or fractional.
 #[derive(Debug, Clone)]
 struct Delay {
     samples: f64,

@@ -6,8 +6,8 @@ use crate::wrist::Kinematics;
 /// A motor of inertia J held to its reference by stiffness K and damping D:
 /// `J e'' = -K e - D e' - T_l`, where e is the motor's angle less the reference.
 ///
-/// Within a period the reference is straight and the torque constant; for that the step is exact, so that the stiffest
-/// servo is stable at any rate.
+/// Within a period the reference is linear in time and the torque is constant. The step is exact under that assumption, so any servo is
+/// stable at any rate.
 #[derive(Debug, Clone)]
 pub struct Servo {
     /// The exact transition of (e + T_l / K, e') over a period.
@@ -20,7 +20,7 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// At rest at the start position.
+    /// A servo at rest at the start position.
     pub fn new(setup: &Setup, sample_rate_hz: f64) -> Self {
         let natural = std::f64::consts::TAU * setup.servo_bandwidth_hz;
         let damping = setup.servo_damping_ratio;
@@ -34,12 +34,12 @@ impl Servo {
         }
     }
 
-    /// At rest where it is commanded to be, with no torque on it.
+    /// Puts the motor at rest at its commanded angle, without torque.
     pub fn settle(&mut self) {
         (self.angle_rad, self.speed_rad_s) = (self.reference_rad, 0.0);
     }
 
-    /// One period: on to `reference_rad`, against the torque in the lever.
+    /// Moves the motor for one period, to the command `reference_rad` and against the torque in the lever.
     #[inline]
     pub fn step(&mut self, reference_rad: f64, lever_torque_nm: f64) {
         let reference_speed = (reference_rad - self.reference_rad) * self.sample_rate_hz;
@@ -52,12 +52,12 @@ impl Servo {
         self.speed_rad_s = reference_speed + c * error + d * error_speed;
     }
 
-    /// Angle and speed of the motor.
-    pub fn knot(&self) -> Kinematics<f64> {
+    /// Angle and angular velocity of the motor.
+    pub fn motion(&self) -> Kinematics<f64> {
         Kinematics { theta: self.angle_rad, omega: self.speed_rad_s }
     }
 
-    /// Where it was last told to be.
+    /// The last commanded angle, rad.
     pub fn reference_rad(&self) -> f64 {
         self.reference_rad
     }
@@ -95,16 +95,16 @@ mod tests {
     fn a_steady_torque_bends_it_by_its_stiffness() {
         let mut servo = servo();
         (0..2500).for_each(|_| servo.step(0.0, 2.0));
-        assert!((servo.knot().theta + 0.002).abs() < 1e-12);
-        assert!(servo.knot().omega.abs() < 1e-9);
+        assert!((servo.motion().theta + 0.002).abs() < 1e-12);
+        assert!(servo.motion().omega.abs() < 1e-9);
     }
 
     #[test]
     fn it_follows_a_ramp_without_lag_once_it_has_settled() {
         let mut servo = servo();
         (1..=2500).for_each(|sample| servo.step(f64::from(sample) * 1e-3, 0.0));
-        assert!((servo.knot().theta - 2.5).abs() < 1e-9);
-        assert!((servo.knot().omega - 2.5).abs() < 1e-9);
+        assert!((servo.motion().theta - 2.5).abs() < 1e-9);
+        assert!((servo.motion().omega - 2.5).abs() < 1e-9);
     }
 
     #[test]
@@ -115,7 +115,7 @@ mod tests {
             let mut servo = Servo::new(&setup, 2500.0);
             servo.step(0.01, 0.0);
             let w = std::f64::consts::TAU * setup.servo_bandwidth_hz;
-            let (mut x, mut v) = (servo.knot().theta - 0.01, servo.knot().omega);
+            let (mut x, mut v) = (servo.motion().theta - 0.01, servo.motion().omega);
             servo.step(0.01, 0.0);
             let h = 0.0004 / 100_000.0;
             for _ in 0..100_000 {
@@ -123,8 +123,8 @@ mod tests {
                 let (xm, vm) = (x + h / 2.0 * v, v + h / 2.0 * a(x, v));
                 (x, v) = (x + h * vm, v + h * a(xm, vm));
             }
-            assert!((servo.knot().theta - 0.01 - x).abs() < 1e-9);
-            assert!((servo.knot().omega - v).abs() < 1e-6);
+            assert!((servo.motion().theta - 0.01 - x).abs() < 1e-9);
+            assert!((servo.motion().omega - v).abs() < 1e-6);
         }
     }
 }

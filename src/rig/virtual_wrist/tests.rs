@@ -53,7 +53,8 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 
 fn quiet() -> (Person, Setup) {
     let mut person = Person::default();
-    person.voluntary = person::Voluntary { wander: 0.0, tremor: 0.0, first_error: 0.0, ..person.voluntary };
+    person.voluntary =
+        person::VoluntaryParameters { wander: 0.0, tremor: 0.0, first_error: 0.0, ..person.voluntary };
     person.spread = person::Spread {
         short_range_stiffness: 0.0,
         stiffness_decrement: 0.0,

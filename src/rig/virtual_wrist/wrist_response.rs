@@ -1,4 +1,4 @@
-//! The wrist in the rig while the motor moves: the paper's model, with what the person and the rig add to it.
+//! The torque response of the wrist to the motor's motion: the paper's model, with the mechanisms of subject and rig.
 
 use super::emg::burst;
 use super::mechanism_list::MechanismList;
@@ -12,31 +12,31 @@ use crate::wrist::{
     RecordedInput, Torques, substeps,
 };
 
-/// Time constant with which the muscle's resistance fades when the person lets go after a ramp, s. Assumed.
-const LETTING_GO_S: f64 = 0.08;
+/// Time constant with which the muscle's resistance decays when the subject relaxes after a ramp, s. Assumed.
+const RELAXATION_S: f64 = 0.08;
 
-/// What is left of the resistance when the limb counts as relaxed.
+/// Part of the resistance below which the wrist counts as relaxed.
 const RELAXED: f64 = 1e-4;
 
-/// The part of the torque that the movement causes, and when.
+/// The torque that the movement causes at one sample.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Response {
+pub struct ResponseSample {
     /// In the lever, as a change from the hold, N m.
     pub lever_nm: f64,
-    /// What the torque sensor makes of it, N m.
+    /// The same torque as the torque sensor shows it, N m.
     pub measured_nm: f64,
-    /// Since the onset, while a movement is under way, s.
+    /// Time since the onset, s; `None` without a movement.
     pub since_onset_s: Option<f64>,
-    /// Speed of the ramp under way, without its sign, rad/s.
+    /// Absolute velocity of the present ramp, rad/s.
     pub speed_rad_s: f64,
 }
 
-/// The wrist, the hand and the lever.
-pub struct Limb {
+/// The wrist, the hand and the lever during a movement.
+pub struct WristResponse {
     lever: Option<Lever>,
     reflex: Reflex,
     reaction_s: f64,
-    switched: MechanismList,
+    mechanisms: MechanismList,
     channels: ChannelErrors<f64>,
     gauge_offset_nm: f64,
     period_s: f64,
@@ -52,8 +52,7 @@ struct Trial {
     velocity_rad_s: f64,
 }
 
-/// A movement under way. Angles and torques are turned so that the ramp is positive: the model of a negative ramp is the
-/// mirrored one.
+/// A movement under way. Angles and torques have the sign of a positive ramp: the model of a negative ramp is its mirror image.
 struct Moving {
     mechanics: Mechanics<f64>,
     covariates: Covariates,
@@ -68,19 +67,19 @@ struct Moving {
     reflex_nm: f64,
     speed_rad_s: f64,
     resistance: f64,
-    let_go: u64,
+    relaxed_samples: u64,
 }
 
-impl Limb {
-    /// The limb of `person` in a rig of `setup`.
+impl WristResponse {
+    /// The wrist of `person` in a rig of `setup`.
     pub fn new(person: &Person, setup: &Setup, sample_rate_hz: f64) -> Self {
-        let switched = person.mechanisms.and(&setup.mechanisms).starting_at_onset();
+        let mechanisms = person.mechanisms.and(&setup.mechanisms).starting_at_onset();
         Self {
             lever: setup.lever,
             reflex: person.reflex,
             reaction_s: person.voluntary.reaction_s,
-            channels: channels(&switched),
-            switched,
+            channels: channels(&mechanisms),
+            mechanisms,
             gauge_offset_nm: setup.gauge_offset_nm,
             period_s: 1.0 / sample_rate_hz,
             trial: None,
@@ -88,7 +87,7 @@ impl Limb {
         }
     }
 
-    /// Draws the muscle as it is in this trial; `emg` is the flexor's excess and the extensor's level.
+    /// Sets the muscle's parameters for this trial; `emg` is the flexor's excess and the extensor's level, fraction of MVC.
     pub fn prepare(
         &mut self,
         person: &Person,
@@ -116,7 +115,7 @@ impl Limb {
                 person.interface_damping_nm_s_per_rad,
                 value(person.interface_stiffness_nm_per_rad, 0.0).max(1.0),
                 k_srs,
-                // A muscle does not push back less the further it is stretched.
+                // The torque of a muscle does not fall when it is stretched further.
                 k_dec.clamp(0.0, k_srs),
                 x_e.max(0.001),
             ],
@@ -132,18 +131,18 @@ impl Limb {
         });
     }
 
-    /// The ramp begins: from here on, angle and torque are changes from what they are now.
+    /// Starts the ramp: from here on, angle and torque are changes from their present values.
     pub fn start(&mut self, motor: Kinematics<f64>, torque_nm: f64) {
         let Some(trial) = self.trial else { return };
         let sign = trial.velocity_rad_s.signum();
         let covariates =
             Covariates { torque_before_nm: sign * (torque_nm + self.gauge_offset_nm), ..trial.covariates };
-        let states = self.switched.kinds.iter().map(|kind| kind.state_count()).sum();
+        let states = self.mechanisms.kinds.iter().map(|kind| kind.state_count()).sum();
         let history = History::new(0.0, self.period_s, states);
         let mut plant = Plant::base(self.lever, &trial.parameters);
         ActiveMechanisms {
-            kinds: &self.switched.kinds,
-            parameters: &self.switched.parameters,
+            kinds: &self.mechanisms.kinds,
+            parameters: &self.mechanisms.parameters,
             trial: &covariates,
             history: &history,
         }
@@ -163,24 +162,24 @@ impl Limb {
             reflex_nm: self.reflex.gain_s_per_rad * speed_rad_s * torque_nm.abs(),
             speed_rad_s,
             resistance: 1.0,
-            let_go: 0,
+            relaxed_samples: 0,
         });
     }
 
-    /// At rest again.
+    /// Ends the movement.
     pub fn stop(&mut self) {
         self.moving = None;
     }
 
-    /// What the limb answers when the motor has come to `motor`; `let_go` says that the person is not asked for torque.
-    pub fn step(&mut self, motor: Kinematics<f64>, let_go: bool) -> Response {
-        let Some(moving) = &mut self.moving else { return Response::default() };
-        let to = moving.turned(motor, self.channels.following_hz, self.period_s);
-        let response = moving.advance(&self.switched, &self.reflex, to, self.period_s);
-        if let_go {
-            moving.let_go += 1;
-            if moving.let_go as f64 * self.period_s > self.reaction_s {
-                moving.resistance *= libm::exp(-self.period_s / LETTING_GO_S);
+    /// The response when the motor has come to `motor`; `relax` tells that no torque is asked of the subject.
+    pub fn step(&mut self, motor: Kinematics<f64>, relax: bool) -> ResponseSample {
+        let Some(moving) = &mut self.moving else { return ResponseSample::default() };
+        let to = moving.relative_motion(motor, self.channels.following_hz, self.period_s);
+        let response = moving.advance(&self.mechanisms, &self.reflex, to, self.period_s);
+        if relax {
+            moving.relaxed_samples += 1;
+            if moving.relaxed_samples as f64 * self.period_s > self.reaction_s {
+                moving.resistance *= libm::exp(-self.period_s / RELAXATION_S);
             }
         }
         if moving.resistance < RELAXED {
@@ -191,9 +190,9 @@ impl Limb {
 }
 
 impl Moving {
-    /// The motor as seen from the onset. Where the recorded angle is only a command, the motor follows it with two equal
-    /// lags, as the mechanism `servo_following` has it.
-    fn turned(
+    /// The motor's motion relative to the onset, in the direction of the ramp. If the recorded angle is only a command, the motor follows
+    /// it with two equal lags (mechanism `servo_following`).
+    fn relative_motion(
         &mut self,
         motor: Kinematics<f64>,
         following_hz: Option<f64>,
@@ -212,22 +211,22 @@ impl Moving {
 
     fn advance(
         &mut self,
-        switched: &MechanismList,
+        mechanisms: &MechanismList,
         reflex: &Reflex,
         to: Kinematics<f64>,
         period_s: f64,
-    ) -> Response {
+    ) -> ResponseSample {
         let start_s = self.sample as f64 * period_s;
         let end_s = (self.sample + 1) as f64 * period_s;
         let input = RecordedInput(HermiteSegment::new(self.from, to, period_s));
-        let torques = if switched.kinds.is_empty() {
+        let torques = if mechanisms.kinds.is_empty() {
             self.run(&NoExtension, &input, to, start_s, end_s)
         } else {
             let history = std::mem::replace(&mut self.history, History::new(0.0, period_s, 0));
             let covariates = self.covariates;
             let extension = ActiveMechanisms {
-                kinds: &switched.kinds,
-                parameters: &switched.parameters,
+                kinds: &mechanisms.kinds,
+                parameters: &mechanisms.parameters,
                 trial: &covariates,
                 history: &history,
             };
@@ -240,10 +239,10 @@ impl Moving {
         self.from = to;
         self.sample += 1;
         let reflex_nm = self.reflex_nm * burst(end_s - reflex.torque_latency_s, reflex.rise_s);
-        let turned = self.sign * self.resistance;
-        Response {
-            lever_nm: turned * (torques.lever + reflex_nm),
-            measured_nm: turned * (torques.measured + reflex_nm),
+        let factor = self.sign * self.resistance;
+        ResponseSample {
+            lever_nm: factor * (torques.lever + reflex_nm),
+            measured_nm: factor * (torques.measured + reflex_nm),
             since_onset_s: Some(end_s),
             speed_rad_s: self.speed_rad_s,
         }
@@ -262,12 +261,12 @@ impl Moving {
     }
 }
 
-/// What the mechanisms switched on do to the way from the motor's angle to the recorded one.
-pub fn channels(switched: &MechanismList) -> ChannelErrors<f64> {
+/// How the recorded angle differs from the motor's angle with these mechanisms.
+pub fn channels(mechanisms: &MechanismList) -> ChannelErrors<f64> {
     let (trial, history) = (Covariates::default(), History::new(0.0, 1.0, 0));
     ActiveMechanisms {
-        kinds: &switched.kinds,
-        parameters: &switched.parameters,
+        kinds: &mechanisms.kinds,
+        parameters: &mechanisms.parameters,
         trial: &trial,
         history: &history,
     }
