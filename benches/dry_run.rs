@@ -15,28 +15,29 @@ use ramphold::rig::Fault;
 use ramphold::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use ramphold::schedule;
 use ramphold::session::{
-    AsFastAsItGoes, Event, Input, Machine, Operator, Output, Phase, Recorder, Settings, conduct,
+    AsFastAsItGoes, Event, Machine, Operator, Phase, Progress, Settings, Step, StepConsumer, run_control_loop,
 };
 
 struct Starter;
 
 impl Operator for Starter {
-    fn heard(&mut self, _: &Machine) -> Option<Event> {
+    fn poll_command(&mut self, _: &Machine) -> Option<Event> {
         None
     }
-    fn asked(&mut self, _: &Machine) -> Event {
+    fn wait_for_command(&mut self, _: &Machine) -> Event {
         Event::Start
     }
-    fn refused(&mut self, _: Event, _: Phase) {}
-    fn not_armed(&mut self, _: Fault) {}
-    fn faulted(&mut self, _: Fault) {}
+    fn command_refused(&mut self, _: Event, _: Phase) {}
+    fn arming_failed(&mut self, _: Fault) {}
+    fn fault_occurred(&mut self, _: Fault) {}
 }
 
-struct Forgetful;
+/// Consumer that keeps nothing.
+struct Discard;
 
-impl Recorder for Forgetful {
+impl StepConsumer for Discard {
     type Error = Infallible;
-    fn take(&mut self, _: &Input, _: &Output, _: &Machine) -> Result<(), Infallible> {
+    fn consume(&mut self, _: &Step, _: &Progress) -> Result<(), Infallible> {
         Ok(())
     }
 }
@@ -76,7 +77,7 @@ fn main() {
     for _ in 0..5 {
         let mut machine = Machine::new(settings.clone());
         let watch = Watch::start();
-        let Ok(_) = conduct(wrist(), &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut Forgetful);
+        let Ok(_) = run_control_loop(wrist(), &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut Discard);
         alone_s = least(alone_s, watch.stop());
         simulated_s = machine.sample() as f64 / rate;
 
@@ -94,7 +95,7 @@ fn main() {
         };
         let mut recorder =
             session.create(&folder.path().join("s"), Disk::default()).expect("it can be written");
-        conduct(wrist(), &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)
+        run_control_loop(wrist(), &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)
             .expect("it can be kept");
         kept_s = least(kept_s, watch.stop());
     }

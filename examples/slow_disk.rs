@@ -10,22 +10,22 @@ use ramphold::protocol::ValidProtocol;
 use ramphold::rig::Fault;
 use ramphold::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use ramphold::schedule;
-use ramphold::session::{Event, Machine, Operator, Phase, RealTime, Settings, conduct};
+use ramphold::session::{Event, Machine, Operator, Phase, RealTime, Settings, run_control_loop};
 
 struct Starter;
 
 impl Operator for Starter {
-    fn heard(&mut self, _: &Machine) -> Option<Event> {
+    fn poll_command(&mut self, _: &Machine) -> Option<Event> {
         None
     }
-    fn asked(&mut self, machine: &Machine) -> Event {
+    fn wait_for_command(&mut self, machine: &Machine) -> Event {
         if machine.phase() == Phase::Ready { Event::Start } else { Event::Abort }
     }
-    fn refused(&mut self, _: Event, _: Phase) {}
-    fn not_armed(&mut self, fault: Fault) {
+    fn command_refused(&mut self, _: Event, _: Phase) {}
+    fn arming_failed(&mut self, fault: Fault) {
         eprintln!("{fault}");
     }
-    fn faulted(&mut self, fault: Fault) {
+    fn fault_occurred(&mut self, fault: Fault) {
         eprintln!("{fault}");
     }
 }
@@ -59,11 +59,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let wrist = VirtualWrist::new(Person::default(), Setup::default(), 1, rate);
         let (mut machine, mut clock) = (Machine::new(settings.clone()), RealTime::new(rate));
         if behind_ring {
-            let mut recorder = BackgroundRecorder::start(recorder);
-            conduct(wrist, &mut machine, &mut Starter, &mut clock, &mut recorder)?;
+            let mut recorder = BackgroundRecorder::start(recorder, machine.progress().clone());
+            run_control_loop(wrist, &mut machine, &mut Starter, &mut clock, &mut recorder)?;
             recorder.finish()?;
         } else {
-            conduct(wrist, &mut machine, &mut Starter, &mut clock, &mut recorder)?;
+            run_control_loop(wrist, &mut machine, &mut Starter, &mut clock, &mut recorder)?;
         }
         let where_written = if behind_ring { "behind the ring" } else { "in the loop" };
         println!("each operation of the disk takes {disk_takes} ms longer, written {where_written}:");

@@ -13,7 +13,7 @@ use ramphold::dataset::{BackgroundRecorder, Recorder, Trial, Wrist};
 use ramphold::fit::PreprocessingSettings;
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::Rig;
-use ramphold::session::{Clock, Machine, conduct};
+use ramphold::session::{Clock, Machine, run_control_loop};
 use ramphold::wrist::Lever;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
@@ -186,7 +186,7 @@ impl ConsoleOptions {
             self.pages.announce(&pages.operator, &pages.person, console);
         }
         live.take_terminal()?;
-        let ended = conduct(rig, machine, &mut listener, clock, &mut tapped);
+        let ended = run_control_loop(rig, machine, &mut listener, clock, &mut tapped);
         // A disk that failed has already ended the session, and said why.
         let kept = tapped.into_inner().finish();
         live.give_terminal_back();

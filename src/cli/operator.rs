@@ -44,7 +44,7 @@ impl CommandLineOperator {
 }
 
 impl Operator for CommandLineOperator {
-    fn heard(&mut self, machine: &Machine) -> Option<Event> {
+    fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
         if machine.sample().is_multiple_of(PROGRESS_EVERY) {
             let ended = machine.progress().attempts().iter().filter_map(|attempt| attempt.ended);
             let ok = ended.filter(|(status, _)| *status == Status::Ok).count();
@@ -54,7 +54,7 @@ impl Operator for CommandLineOperator {
         self.wants_to_stop().then_some(Event::Abort)
     }
 
-    fn asked(&mut self, machine: &Machine) -> Event {
+    fn wait_for_command(&mut self, machine: &Machine) -> Event {
         match machine.phase() {
             Phase::Ready if !self.wants_to_stop() => Event::Start,
             // There is nobody here who could mend a fault.
@@ -62,16 +62,16 @@ impl Operator for CommandLineOperator {
         }
     }
 
-    fn refused(&mut self, word: Event, phase: Phase) {
+    fn command_refused(&mut self, word: Event, phase: Phase) {
         self.console.message(format_args!("{} is not possible in phase {}", word.name(), phase.name()));
     }
 
-    fn not_armed(&mut self, fault: Fault) {
+    fn arming_failed(&mut self, fault: Fault) {
         self.console.error(format_args!("the rig could not be armed: {fault}"));
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    fn faulted(&mut self, fault: Fault) {
+    fn fault_occurred(&mut self, fault: Fault) {
         self.console.error(format_args!("fault, the motor is safe: {fault}"));
     }
 }

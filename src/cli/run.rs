@@ -12,7 +12,7 @@ use ramphold::rig::virtual_wrist::{
     MechanismList, Person, RigFile, Seal, Setup, VirtualWrist, draw_hidden_effect,
 };
 use ramphold::schedule;
-use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Status, conduct};
+use ramphold::session::{AsFastAsItGoes, Machine, Phase, RealTime, Settings, Status, run_control_loop};
 
 use super::fit::{fit_session, table};
 use super::live::{ConsoleOptions, Facts, see_off};
@@ -215,12 +215,12 @@ pub fn go_on(
     let ended = if let Pace::Times(speed) = pace {
         let mut clock = RealTime::new(speed * rate_hz);
         let mut recorder = BackgroundRecorder::start(recorder);
-        let ended = conduct(wrist, &mut machine, &mut operator, &mut clock, &mut recorder);
+        let ended = run_control_loop(wrist, &mut machine, &mut operator, &mut clock, &mut recorder);
         console.message(clock.lateness());
         // A disk that failed has already ended the session, and said why.
         ended.and_then(|_| recorder.finish())
     } else {
-        conduct(wrist, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut recorder).map(|_| ())
+        run_control_loop(wrist, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut recorder).map(|_| ())
     };
     operator.finish();
     ended?;

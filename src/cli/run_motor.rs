@@ -12,7 +12,7 @@ use ramphold::rig::Fault;
 use ramphold::rig::can::file::ValidRigFile;
 use ramphold::rig::can::{CanMotor, Connection, DryRun, Summary};
 use ramphold::schedule;
-use ramphold::session::{AsFastAsItGoes, Event, Machine, Operator, Phase, Settings, conduct};
+use ramphold::session::{AsFastAsItGoes, Event, Machine, Operator, Phase, Settings, run_control_loop};
 
 use super::live::{ConsoleOptions, Facts, see_off, stop_on_signals};
 use super::run::{Run, drawn_seed, finish, subject_number};
@@ -95,7 +95,7 @@ pub fn go_on(
     }
     let mut operator = AtTheMotor::new(yes, console)?;
     let mut recorder = BackgroundRecorder::start(recorder);
-    let ended = conduct(motor, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut recorder);
+    let ended = run_control_loop(motor, &mut machine, &mut operator, &mut AsFastAsItGoes, &mut recorder);
     let kept = recorder.finish();
     let motor = ended?;
     kept?;
@@ -139,7 +139,7 @@ impl AtTheMotor {
 
 impl Operator for AtTheMotor {
     // Called once a sample: it may not wait, write or ask for memory.
-    fn heard(&mut self, machine: &Machine) -> Option<Event> {
+    fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
         if self.stop.load(Ordering::Relaxed) {
             return Some(Event::Abort);
         }
@@ -147,7 +147,7 @@ impl Operator for AtTheMotor {
         (machine.phase() == Phase::Paused).then_some(Event::Resume)
     }
 
-    fn asked(&mut self, machine: &Machine) -> Event {
+    fn wait_for_command(&mut self, machine: &Machine) -> Event {
         if self.stop.load(Ordering::Relaxed) {
             return Event::Abort;
         }
@@ -169,16 +169,16 @@ impl Operator for AtTheMotor {
         }
     }
 
-    fn refused(&mut self, word: Event, phase: Phase) {
+    fn command_refused(&mut self, word: Event, phase: Phase) {
         self.console.message(format_args!("{} is not possible in phase {}", word.name(), phase.name()));
     }
 
-    fn not_armed(&mut self, fault: Fault) {
+    fn arming_failed(&mut self, fault: Fault) {
         self.console.error(format_args!("the motor was not armed: {fault}"));
         self.stop.store(true, Ordering::Relaxed);
     }
 
-    fn faulted(&mut self, fault: Fault) {
+    fn fault_occurred(&mut self, fault: Fault) {
         self.console.error(format_args!("fault, the motor was made safe: {fault}"));
     }
 }

@@ -1,4 +1,4 @@
-//! What goes into the loop: the operator's words, through a ring, and how the loop hears them.
+//! The operator's commands on their way to the control loop, and the notices on their way back.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
@@ -12,128 +12,134 @@ use crate::dataset::{ActionOrigin, AuditEntry, AuditSender, OperatorAction};
 use crate::rig::{Fault, Vitals};
 use crate::session::{Event, Machine, Operator, Phase};
 
-/// Words that may wait for the loop.
-const ROOM: usize = 64;
-/// How often a session that waits for a word looks for one.
-const IDLE: Duration = Duration::from_millis(2);
+/// Number of commands that can wait for the control loop.
+const COMMAND_CAPACITY: usize = 64;
+/// Time between two checks for a command while the rig is disarmed.
+const COMMAND_POLL: Duration = Duration::from_millis(2);
 
-/// The operator's end: whatever console it is, what is said goes this way, and into the journal.
+/// Whether a command moves the motor or cannot be undone; the operator must confirm it.
+pub fn needs_confirmation(command: Event) -> bool {
+    matches!(command, Event::Start | Event::Rearm | Event::Abort | Event::Skip | Event::Repeat)
+}
+
+/// Sends the operator's commands to the control loop and writes them into the journal.
 #[derive(Debug, Clone)]
 pub struct CommandSender(Arc<Shared>);
 
 #[derive(Debug)]
 struct Shared {
-    words: Mutex<Producer<Event>>,
+    commands: Mutex<Producer<Event>>,
     pause_after_trial: AtomicBool,
-    remarks: AuditSender,
-    told: Mutex<mpsc::Sender<OperatorNotice>>,
-    place: SampleCounter,
-    gauges: SharedVitals,
+    journal: AuditSender,
+    notices: Mutex<mpsc::Sender<OperatorNotice>>,
+    counter: SampleCounter,
+    vitals: SharedVitals,
 }
 
-/// Something for the operator to read.
+/// A notice for the operator to read.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OperatorNotice {
-    /// Done at a console.
-    Did(AuditEntry),
-    /// Gone wrong.
+    /// An action at a console was written into the journal.
+    Action(AuditEntry),
+    /// A fault, or an action that was not kept.
     Alarm(String),
 }
 
-/// The last [`Vitals`] of the loop.
+/// The latest [`Vitals`] of the control loop.
 #[derive(Debug, Default)]
 struct SharedVitals {
     periods: AtomicU64,
     late_p99_us: AtomicU64,
     latest_us: AtomicU64,
     missed: AtomicU64,
-    /// The bits of the load as a floating-point number; that of no bus is not a number.
+    /// Bits of the bus load as `f64`; NaN without a bus.
     bus_load: AtomicU64,
     bus_errors: AtomicU64,
 }
 
 impl CommandSender {
-    /// The two ends, and what the operator is told. `stop` is set where the session is to end at once.
+    /// Makes the operator's end, the control loop's end and the receiver of notices. When `stop` is set, the control loop
+    /// receives an abort. With `starts_at_once` the first command is a start that needs no operator.
     pub fn new(
-        remarks: AuditSender,
-        place: SampleCounter,
+        journal: AuditSender,
+        counter: SampleCounter,
         stop: Arc<AtomicBool>,
         starts_at_once: bool,
     ) -> (Self, CommandReceiver, mpsc::Receiver<OperatorNotice>) {
-        let (words, heard) = RingBuffer::new(ROOM);
-        let (told, telling) = mpsc::channel();
-        let gauges = SharedVitals { bus_load: AtomicU64::new(f64::NAN.to_bits()), ..SharedVitals::default() };
+        let (commands, received) = RingBuffer::new(COMMAND_CAPACITY);
+        let (notices, notices_received) = mpsc::channel();
+        let vitals = SharedVitals { bus_load: AtomicU64::new(f64::NAN.to_bits()), ..SharedVitals::default() };
         let shared = Arc::new(Shared {
-            words: Mutex::new(words),
+            commands: Mutex::new(commands),
             pause_after_trial: AtomicBool::new(false),
-            remarks,
-            told: Mutex::new(told),
-            place,
-            gauges,
+            journal,
+            notices: Mutex::new(notices),
+            counter,
+            vitals,
         });
-        let listener = CommandReceiver { shared: shared.clone(), words: heard, stop, starts_at_once };
-        (Self(shared), listener, telling)
+        let receiver = CommandReceiver { shared: shared.clone(), commands: received, stop, starts_at_once };
+        (Self(shared), receiver, notices_received)
     }
 
-    /// A word for the session. Whether it is possible is the session's to say.
-    pub fn say(&self, word: Event, desk: ActionOrigin) {
-        self.note(OperatorAction::Said { word }, desk);
-        // Sixty words that the loop did not hear yet say enough; more of them are in the journal alone.
-        let _ = self.0.words.lock().unwrap_or_else(PoisonError::into_inner).push(word);
+    /// Sends a command. The session decides whether it is possible.
+    pub fn send(&self, command: Event, origin: ActionOrigin) {
+        self.record(OperatorAction::Commanded { command }, origin);
+        // If the control loop has not yet taken the last 64 commands, this one is only journaled.
+        let _ = self.0.commands.lock().unwrap_or_else(PoisonError::into_inner).push(command);
     }
 
-    /// The session is to pause as soon as no trial is broken off by it.
-    pub fn pause_after_trial(&self, deed: OperatorAction, desk: ActionOrigin) {
-        self.note(deed, desk);
+    /// Asks for a pause as soon as it interrupts no trial; `action` is the reason for the journal.
+    pub fn pause_after_trial(&self, action: OperatorAction, origin: ActionOrigin) {
+        self.record(action, origin);
         self.0.pause_after_trial.store(true, Ordering::Release);
     }
 
-    /// Keeps what was done in the journal.
-    pub fn note(&self, deed: OperatorAction, desk: ActionOrigin) {
-        let remark = AuditEntry { sample: self.0.place.sample(), desk, deed };
-        if self.0.remarks.send(remark.clone()) {
-            self.tell(OperatorNotice::Did(remark));
-        } else if !matches!(remark.deed, OperatorAction::Joined | OperatorAction::Left) {
-            self.tell(OperatorNotice::Alarm("the session is over: this was not kept".to_owned()));
+    /// Writes an action into the journal.
+    pub fn record(&self, action: OperatorAction, origin: ActionOrigin) {
+        let entry = AuditEntry { sample: self.0.counter.sample(), origin, action };
+        if self.0.journal.send(entry.clone()) {
+            self.notify(OperatorNotice::Action(entry));
+        } else if !matches!(entry.action, OperatorAction::Joined | OperatorAction::Left) {
+            self.notify(OperatorNotice::Alarm("the session is over: this was not kept".to_owned()));
         }
     }
 
-    /// How the loop fares.
+    /// The latest timing and bus load of the control loop.
     pub fn vitals(&self) -> Vitals {
-        let gauges = &self.0.gauges;
-        let read = |gauge: &AtomicU64| gauge.load(Ordering::Relaxed);
+        let vitals = &self.0.vitals;
+        let read = |value: &AtomicU64| value.load(Ordering::Relaxed);
         Vitals {
-            periods: read(&gauges.periods),
-            late_p99_us: read(&gauges.late_p99_us),
-            latest_us: read(&gauges.latest_us),
-            missed: read(&gauges.missed),
-            bus_load: Some(f64::from_bits(read(&gauges.bus_load))).filter(|load| load.is_finite()),
-            bus_errors: read(&gauges.bus_errors),
+            periods: read(&vitals.periods),
+            late_p99_us: read(&vitals.late_p99_us),
+            latest_us: read(&vitals.latest_us),
+            missed: read(&vitals.missed),
+            bus_load: Some(f64::from_bits(read(&vitals.bus_load))).filter(|load| load.is_finite()),
+            bus_errors: read(&vitals.bus_errors),
         }
     }
 
-    fn tell(&self, told: OperatorNotice) {
-        // Nobody reads it any more when the console closes.
-        let _ = self.0.told.lock().unwrap_or_else(PoisonError::into_inner).send(told);
+    fn notify(&self, notice: OperatorNotice) {
+        // The receiver is gone once the console is closed.
+        let _ = self.0.notices.lock().unwrap_or_else(PoisonError::into_inner).send(notice);
     }
 }
 
-/// The loop's end.
+/// The control loop's end: receives the operator's commands.
 #[derive(Debug)]
 pub struct CommandReceiver {
     shared: Arc<Shared>,
-    words: Consumer<Event>,
+    commands: Consumer<Event>,
     stop: Arc<AtomicBool>,
     starts_at_once: bool,
 }
 
 impl CommandReceiver {
-    fn wants_to_stop(&self) -> bool {
+    fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// The wish for a pause becomes the word when no measurement is broken off by it. A ramp notes it; in a rest the
-    /// session pauses at once.
+    /// Turns a requested pause into a command once the pause interrupts no measurement: during a ramp the session notes
+    /// it, during a rest the session pauses at once.
     fn due_pause(&mut self, phase: Phase) -> Option<Event> {
         if !self.shared.pause_after_trial.load(Ordering::Acquire) {
             return None;
@@ -153,51 +159,51 @@ impl CommandReceiver {
 }
 
 impl Operator for CommandReceiver {
-    // Called once a sample: it may not wait, write or ask for memory.
-    fn heard(&mut self, machine: &Machine) -> Option<Event> {
-        if self.wants_to_stop() {
+    // Called at every sample: must not block, write or allocate.
+    fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
+        if self.is_stopped() {
             return Some(Event::Abort);
         }
-        self.words.pop().ok().or_else(|| self.due_pause(machine.phase()))
+        self.commands.pop().ok().or_else(|| self.due_pause(machine.phase()))
     }
 
-    fn asked(&mut self, machine: &Machine) -> Event {
+    fn wait_for_command(&mut self, machine: &Machine) -> Event {
         if std::mem::take(&mut self.starts_at_once) && machine.phase() == Phase::Ready {
             return Event::Start;
         }
         loop {
-            if self.wants_to_stop() {
+            if self.is_stopped() {
                 return Event::Abort;
             }
-            if let Ok(word) = self.words.pop() {
-                return word;
+            if let Ok(command) = self.commands.pop() {
+                return command;
             }
             self.due_pause(machine.phase());
-            thread::sleep(IDLE);
+            thread::sleep(COMMAND_POLL);
         }
     }
 
-    // The journal has it, and the console shows it.
-    fn refused(&mut self, _: Event, _: Phase) {}
+    // The console shows refused commands from the steps.
+    fn command_refused(&mut self, _: Event, _: Phase) {}
 
-    fn not_armed(&mut self, fault: Fault) {
-        CommandSender(self.shared.clone())
-            .tell(OperatorNotice::Alarm(format!("the rig could not be armed: {fault}")));
+    fn arming_failed(&mut self, fault: Fault) {
+        let notice = OperatorNotice::Alarm(format!("the rig could not be armed: {fault}"));
+        CommandSender(self.shared.clone()).notify(notice);
     }
 
-    fn faulted(&mut self, fault: Fault) {
-        CommandSender(self.shared.clone())
-            .tell(OperatorNotice::Alarm(format!("fault, the motor is safe: {fault}")));
+    fn fault_occurred(&mut self, fault: Fault) {
+        let notice = OperatorNotice::Alarm(format!("fault, the motor is safe: {fault}"));
+        CommandSender(self.shared.clone()).notify(notice);
     }
 
     fn vitals(&mut self, vitals: Vitals) {
-        let gauges = &self.shared.gauges;
-        let write = |gauge: &AtomicU64, value: u64| gauge.store(value, Ordering::Relaxed);
-        write(&gauges.periods, vitals.periods);
-        write(&gauges.late_p99_us, vitals.late_p99_us);
-        write(&gauges.latest_us, vitals.latest_us);
-        write(&gauges.missed, vitals.missed);
-        write(&gauges.bus_load, vitals.bus_load.unwrap_or(f64::NAN).to_bits());
-        write(&gauges.bus_errors, vitals.bus_errors);
+        let shared = &self.shared.vitals;
+        let write = |target: &AtomicU64, value: u64| target.store(value, Ordering::Relaxed);
+        write(&shared.periods, vitals.periods);
+        write(&shared.late_p99_us, vitals.late_p99_us);
+        write(&shared.latest_us, vitals.latest_us);
+        write(&shared.missed, vitals.missed);
+        write(&shared.bus_load, vitals.bus_load.unwrap_or(f64::NAN).to_bits());
+        write(&shared.bus_errors, vitals.bus_errors);
     }
 }

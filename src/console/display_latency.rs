@@ -1,5 +1,4 @@
-//! How long torque takes to the person's screen: from the sample to the moment when the page has drawn it, as the page
-//! tells; its message back is in it.
+//! Latency of the subject's display: from the sample to the message of the page that it has drawn the sample.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -7,38 +6,39 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-/// Pictures that are kept: a good half minute.
-const KEPT: usize = 2000;
+/// Number of snapshots in the statistics: about half a minute.
+const LATENCIES_KEPT: usize = 2000;
 
-/// Collects the times of the latest pictures.
+/// Latencies of the latest snapshots. Clones share them.
 #[derive(Debug, Clone, Default)]
 pub struct DisplayLatencies(Arc<Mutex<VecDeque<Duration>>>);
 
-/// How long the latest pictures took, ms.
+/// Statistics of the latencies of the latest snapshots.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct DisplayLatency {
-    /// How many pictures.
-    pub pictures: usize,
-    /// Half of them at most, ms.
+    /// Number of snapshots.
+    #[serde(rename = "pictures")]
+    pub snapshots: usize,
+    /// Median, ms.
     pub p50_ms: f64,
-    /// 99 % of them at most, ms.
+    /// 99th percentile, ms.
     pub p99_ms: f64,
-    /// The longest, ms.
+    /// Maximum, ms.
     pub longest_ms: f64,
 }
 
 impl DisplayLatencies {
-    /// A picture was drawn so long after its sample.
-    pub fn add(&self, time: Duration) {
+    /// Adds the latency of a snapshot.
+    pub fn add(&self, latency: Duration) {
         let mut times = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if times.len() == KEPT {
+        if times.len() == LATENCIES_KEPT {
             times.pop_front();
         }
-        times.push_back(time);
+        times.push_back(latency);
     }
 
-    /// The latest pictures in short; `None` before the first.
-    pub fn in_short(&self) -> Option<DisplayLatency> {
+    /// Statistics of the latest snapshots; `None` before the first.
+    pub fn summary(&self) -> Option<DisplayLatency> {
         let mut times: Vec<Duration> =
             self.0.lock().unwrap_or_else(PoisonError::into_inner).iter().copied().collect();
         times.sort_unstable();
@@ -46,7 +46,7 @@ impl DisplayLatencies {
         let quantile =
             |part: f64| times.get(((times.len() as f64 * part).ceil() as usize).max(1) - 1).map(ms);
         Some(DisplayLatency {
-            pictures: times.len(),
+            snapshots: times.len(),
             p50_ms: quantile(0.5)?,
             p99_ms: quantile(0.99)?,
             longest_ms: quantile(1.0)?,
@@ -59,14 +59,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_latest_pictures_tell_how_long_torque_takes() {
+    fn the_summary_covers_the_latest_snapshots_only() {
         let times = DisplayLatencies::default();
-        assert_eq!(times.in_short(), None);
-        (1..=KEPT as u64 + 100).rev().for_each(|ms| times.add(Duration::from_millis(ms)));
-        let found = times.in_short().unwrap();
+        assert_eq!(times.summary(), None);
+        (1..=LATENCIES_KEPT as u64 + 100).rev().for_each(|ms| times.add(Duration::from_millis(ms)));
+        let found = times.summary().unwrap();
         assert_eq!(
             found,
-            DisplayLatency { pictures: KEPT, p50_ms: 1000.0, p99_ms: 1980.0, longest_ms: 2000.0 }
+            DisplayLatency { snapshots: LATENCIES_KEPT, p50_ms: 1000.0, p99_ms: 1980.0, longest_ms: 2000.0 }
         );
     }
 }

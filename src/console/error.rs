@@ -1,4 +1,4 @@
-//! Why there is no console.
+//! Errors of the console.
 
 use std::io;
 use std::net::SocketAddr;
@@ -7,24 +7,24 @@ use std::path::PathBuf;
 use crate::dataset::DatasetError;
 use crate::protocol::ProtocolError;
 
-/// Why a console cannot be opened.
+/// Reason why a console cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum ConsoleError {
-    /// Others could read and press along.
+    /// Without encryption, others on the network could read the pages and give commands.
     #[error(
-        "--listen {0}: others on the network could look on and press buttons; give a certificate with --tls-cert FILE and \
-         --tls-key FILE, or listen on 127.0.0.1"
+        "--listen {0}: without a certificate, others on the network could read the pages and give commands; give a certificate \
+         with --tls-cert FILE and --tls-key FILE, or listen on 127.0.0.1"
     )]
     Plain(SocketAddr),
-    /// Nobody could tell an honest request from a forged one.
+    /// Without a host name, forged requests cannot be recognised.
     #[error(
-        "--listen {0}: listens on every address; say with --host NAME under which name or address browsers will ask for it"
+        "--listen {0}: this means every address; give with --host NAME the name or address that browsers will use"
     )]
     Nameless(SocketAddr),
-    /// The address cannot be had.
+    /// The address is not available.
     #[error("{address}: cannot be listened on: {source}. Choose another with --console-port N")]
     Bind {
-        /// Which.
+        /// The address.
         address: SocketAddr,
         /// The system's reason.
         source: io::Error,
@@ -32,11 +32,11 @@ pub enum ConsoleError {
     /// A file of the certificate cannot be used.
     #[error("{}: {problem}; expected {expected} in PEM form", .file.display())]
     Certificate {
-        /// Which.
+        /// The file.
         file: PathBuf,
         /// What is wrong.
         problem: String,
-        /// What should be there.
+        /// Expected content.
         expected: &'static str,
     },
     /// The program was built without this part.
@@ -50,8 +50,8 @@ pub enum ConsoleError {
         /// The cargo feature.
         feature: &'static str,
     },
-    /// The system gives no random numbers to make tokens of.
-    #[error("no tokens can be made: the system gives no random numbers ({0})")]
+    /// The system gives no random numbers for the tokens.
+    #[error("the addresses of the pages cannot be made secret: the system gives no random numbers ({0})")]
     Random(String),
     /// The threads of the console cannot be started.
     #[error("the console cannot be started: {0}")]
@@ -59,11 +59,11 @@ pub enum ConsoleError {
     /// The recorded session cannot be read.
     #[error(transparent)]
     Session(#[from] DatasetError),
-    /// Nor can its protocol.
+    /// The protocol of the recorded session cannot be read.
     #[error(transparent)]
     Protocol(#[from] ProtocolError),
-    /// There is nothing to play.
-    #[error("{}: nothing happened in this session that could be played", .0.display())]
+    /// The recorded session has no samples.
+    #[error("{}: the session has no events; there is nothing to play", .0.display())]
     Empty(PathBuf),
     /// The terminal cannot be drawn on.
     #[error("the terminal cannot be drawn on: {0}. Is this a terminal? Leave --tui out otherwise")]
@@ -71,7 +71,7 @@ pub enum ConsoleError {
 }
 
 impl ConsoleError {
-    /// What was asked for makes no sense; otherwise the system refused.
+    /// Whether the input is at fault rather than the system.
     pub fn is_bad_input(&self) -> bool {
         matches!(
             self,

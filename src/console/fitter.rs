@@ -1,11 +1,11 @@
-//! A thread that fits each trial as it ends, so that the operator sees at once whether it can be used.
+//! Thread that fits each trial when it ends, so that the operator sees at once whether it is usable.
 //!
-//! A trial is fitted alone: its parameters are what the fit of the whole session starts from, not what it ends at.
+//! Each trial is fitted alone; the fit of the whole session starts from such values and ends at others.
 
 use std::sync::mpsc;
 use std::thread;
 
-use super::nice;
+use super::thread_priority::lower_thread_priority;
 use crate::dataset::{Session, Status, Subject, Trial};
 use crate::fit::{
     Fit, Model, Observations, PreprocessingSettings, TrialEstimate, Weighting, estimates_without_profiles,
@@ -13,34 +13,34 @@ use crate::fit::{
 };
 use crate::wrist::Lever;
 
-/// What it takes to fit a trial, beside the trial.
+/// What the fit of a trial needs beside the trial.
 #[derive(Debug, Clone)]
 pub struct TrialFitContext {
-    /// Who is measured.
+    /// Identifier of the subject.
     pub subject: String,
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub sample_rate_hz: f64,
     /// The lever of the rig.
     pub lever: Option<Lever>,
-    /// How the analysis looks at a record.
-    pub view: PreprocessingSettings,
+    /// Window and filter of the analysis.
+    pub preprocessing: PreprocessingSettings,
 }
 
 /// A trial and its fit.
 #[derive(Debug, Clone)]
 pub struct TrialFit {
-    /// What was estimated.
+    /// Estimated parameters and their standard errors.
     pub estimate: TrialEstimate,
-    /// The filtered torque of the window less the level before the ramp, N m.
+    /// Filtered torque in the window, minus its level before the ramp, N m.
     pub measured_nm: Vec<f64>,
-    /// The model's, N m.
+    /// Torque predicted by the model, N m.
     pub predicted_nm: Vec<f64>,
 }
 
-/// What became of a trial's fit: its number, and the fit or why there is none.
+/// Number of a trial, and its fit or the reason why there is none.
 pub type TrialFitOutcome = (u32, Result<Box<TrialFit>, String>);
 
-/// The thread and what goes to and fro.
+/// The fitting thread and its channels.
 #[derive(Debug)]
 pub struct Fitter {
     jobs: mpsc::Sender<Trial>,
@@ -49,13 +49,13 @@ pub struct Fitter {
 
 impl Fitter {
     /// Starts the thread; it ends when this is dropped.
-    pub fn start(circumstances: TrialFitContext) -> Self {
+    pub fn start(context: TrialFitContext) -> Self {
         let (jobs, todo) = mpsc::channel::<Trial>();
         let (done, outcomes) = mpsc::channel();
         thread::spawn(move || {
-            nice();
+            lower_thread_priority();
             for trial in todo {
-                let outcome = (trial.number, fit(&circumstances, trial));
+                let outcome = (trial.number, fit(&context, trial));
                 if done.send(outcome).is_err() {
                     return;
                 }
@@ -64,29 +64,29 @@ impl Fitter {
         Self { jobs, outcomes }
     }
 
-    /// Has a trial fitted, if it can be used.
+    /// Queues a trial for the fit, if its status is ok.
     pub fn fit(&self, trial: Trial) {
         if trial.status == Status::Ok {
-            // The thread ends only when this does.
+            // The thread ends only after the sender is dropped.
             let _ = self.jobs.send(trial);
         }
     }
 
-    /// The next trial that is done, if any is.
+    /// The next finished fit, if there is one.
     pub fn outcome(&self) -> Option<TrialFitOutcome> {
         self.outcomes.try_recv().ok()
     }
 }
 
-fn fit(circumstances: &TrialFitContext, trial: Trial) -> Result<Box<TrialFit>, String> {
+fn fit(context: &TrialFitContext, trial: Trial) -> Result<Box<TrialFit>, String> {
     let session = Session {
-        subject: Subject { id: circumstances.subject.clone() },
-        sample_rate_hz: circumstances.sample_rate_hz,
-        lever: circumstances.lever,
+        subject: Subject { id: context.subject.clone() },
+        sample_rate_hz: context.sample_rate_hz,
+        lever: context.lever,
         recorded_filter: None,
         trials: vec![trial],
     };
-    let prepared = Observations::new(&session, circumstances.view).map_err(|error| error.to_string())?;
+    let prepared = Observations::new(&session, context.preprocessing).map_err(|error| error.to_string())?;
     let fit = Fit::new(&prepared, &Model::paper(), Weighting::default());
     let estimate =
         estimates_without_profiles(&prepared, &fit).pop().ok_or("the trial could not be prepared")?;

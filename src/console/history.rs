@@ -1,11 +1,11 @@
-//! What has happened so far, for the operator to read: trials with their outcomes and fits, the conditions, the log.
+//! History of the session for the operator: trials with status and fit, means by condition, the log.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::DisplayLatency;
+use super::display_latency::DisplayLatency;
 use super::fitter::{TrialFit, TrialFitOutcome};
 use crate::dataset::{ActionOrigin, AuditEntry, OperatorAction};
 use crate::fit::{ConditionEstimate, QUANTITIES, TrialEstimate, by_condition};
@@ -14,26 +14,27 @@ use crate::session::{
     Attempt, Event, Phase, PlannedTrial, Progress, Settings, Source, TransitionDetail, TransitionRecord,
 };
 
-/// Lines of the log that are kept for reading; the journal has them all.
-const KEPT: usize = 200;
+/// Number of log lines that are shown; the journal keeps all.
+const LOG_LINES: usize = 200;
 
-/// The story apart from what the progress tells.
+/// Log and system status; trials come from the progress of the session.
 #[derive(Debug, Default)]
 pub struct History {
     log: VecDeque<LogLine>,
-    gauges: SystemStatus,
+    status: SystemStatus,
 }
 
-/// How everything fares.
+/// Timing of the loop, free disk space and display latency.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct SystemStatus {
-    /// The loop and the bus.
+    /// Timing of the loop and load of the bus.
     #[serde(flatten)]
     pub vitals: Vitals,
-    /// Room on the session's disk, bytes.
+    /// Free space on the session's disk, bytes.
     pub disk_free_bytes: Option<u64>,
-    /// How long torque takes to the person's screen.
-    pub screen: Option<DisplayLatency>,
+    /// Latency from a sample to the subject's screen.
+    #[serde(rename = "screen")]
+    pub display_latency: Option<DisplayLatency>,
 }
 
 /// A line of the log.
@@ -44,13 +45,13 @@ struct LogLine {
     entry: LogEntry,
 }
 
-/// What a line says.
+/// Text of a log line.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LogEntry {
-    /// What sort of line it is.
+    /// Kind of the line; the page colours it accordingly.
     kind: LogKind,
     text: String,
-    /// The time on the operator's clock, with a note.
+    /// Time of day on the operator's screen, with a note.
     #[serde(skip_serializing_if = "Option::is_none")]
     clock: Option<String>,
 }
@@ -59,45 +60,48 @@ pub struct LogEntry {
 #[serde(rename_all = "snake_case")]
 enum LogKind {
     Plain,
-    Said,
+    #[serde(rename = "said")]
+    Command,
     Note,
     Refused,
     Alarm,
 }
 
 impl LogEntry {
-    /// A word that was not possible.
-    pub fn refused(word: Event, phase: Phase) -> Self {
-        Self::new(LogKind::Refused, format!("{} is not possible in phase {}", word.name(), phase.name()))
+    /// A command that was not possible.
+    pub fn refused(command: Event, phase: Phase) -> Self {
+        Self::new(LogKind::Refused, format!("{} is not possible in phase {}", command.name(), phase.name()))
     }
 
-    /// Something to be alarmed at.
+    /// An alarm.
     pub fn alarm(text: &str) -> Self {
         Self::new(LogKind::Alarm, text.to_owned())
     }
 
-    /// Something to know.
+    /// A plain message.
     pub fn plain(text: &str) -> Self {
         Self::new(LogKind::Plain, text.to_owned())
     }
 
-    /// What was done at a console.
-    pub fn of(remark: &AuditEntry) -> Self {
-        let by = match remark.desk {
+    /// An operator's action.
+    pub fn of_action(entry: &AuditEntry) -> Self {
+        let by = match entry.origin {
             ActionOrigin::Page => "",
             ActionOrigin::Terminal => " (terminal)",
             ActionOrigin::Program => " (program)",
         };
-        match &remark.deed {
+        match &entry.action {
             OperatorAction::Opened { .. } => Self::plain("the console is open"),
-            OperatorAction::Joined => Self::plain("an operator is here"),
-            OperatorAction::Left => Self::plain("an operator left"),
+            OperatorAction::Joined => Self::plain("an operator's page was opened"),
+            OperatorAction::Left => Self::plain("an operator's page was closed"),
             OperatorAction::Missed { after_s } => {
                 Self::new(LogKind::Alarm, format!("no operator for {after_s} s: pause after the trial"))
             }
-            OperatorAction::Said { word } => Self::new(LogKind::Said, format!("{}{by}", word.name())),
-            OperatorAction::AskedForPauseAfterTrial => {
-                Self::new(LogKind::Said, format!("pause after the trial{by}"))
+            OperatorAction::Commanded { command } => {
+                Self::new(LogKind::Command, format!("{}{by}", command.name()))
+            },
+            OperatorAction::RequestedPauseAfterTrial => {
+                Self::new(LogKind::Command, format!("pause after the trial{by}"))
             }
             OperatorAction::Noted { text, clock } => {
                 Self { clock: clock.clone(), ..Self::new(LogKind::Note, format!("{text}{by}")) }
@@ -112,46 +116,46 @@ impl LogEntry {
 
 impl History {
     /// Adds a line.
-    pub fn tell(&mut self, t_s: f64, entry: LogEntry) {
+    pub fn add(&mut self, t_s: f64, entry: LogEntry) {
         self.log.push_back(LogLine { t_s, entry });
-        if self.log.len() > KEPT {
+        if self.log.len() > LOG_LINES {
             self.log.pop_front();
         }
     }
 
-    /// Adds what is worth a line of what happened. The operator's words are told as they are said.
-    pub fn happened(&mut self, t_s: f64, happening: &TransitionRecord) {
-        let entry = match happening.detail {
+    /// Adds a line for a transition, if it is worth one. Commands have lines of their own.
+    pub fn add_transition(&mut self, t_s: f64, transition: &TransitionRecord) {
+        let entry = match transition.detail {
             Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) => {
                 LogEntry::new(LogKind::Alarm, format!("fault: {fault}"))
             }
             Some(TransitionDetail::Ended { number, status, .. }) => {
-                let why = happening.event.name();
+                let why = transition.event.name();
                 LogEntry::new(LogKind::Plain, format!("trial {number} {} ({why})", status.name()))
             }
             Some(TransitionDetail::OffsetNm(offset_nm)) => {
                 LogEntry::new(LogKind::Plain, format!("offset {offset_nm:.3} N m"))
             }
-            _ if happening.to == Phase::Finished => LogEntry::plain("every trial is done"),
-            _ if happening.event.source() == Source::Operator && happening.to != happening.from => {
+            _ if transition.to == Phase::Finished => LogEntry::plain("every trial is done"),
+            _ if transition.event.source() == Source::Operator && transition.to != transition.from => {
                 LogEntry::new(
                     LogKind::Plain,
-                    format!("{}: now {}", happening.event.name(), happening.to.name()),
+                    format!("{}: now {}", transition.event.name(), transition.to.name()),
                 )
             }
             _ => return,
         };
-        self.tell(t_s, entry);
+        self.add(t_s, entry);
     }
 
-    /// How everything fares; whether that is news.
-    pub fn gauge(&mut self, gauges: SystemStatus) -> bool {
-        let is_news = gauges != self.gauges;
-        self.gauges = gauges;
-        is_news
+    /// Sets the system status; returns whether it changed.
+    pub fn set_status(&mut self, status: SystemStatus) -> bool {
+        let changed = status != self.status;
+        self.status = status;
+        changed
     }
 
-    /// The story as JSON.
+    /// The history as JSON.
     pub fn json(
         &self,
         progress: &Progress,
@@ -177,7 +181,7 @@ impl History {
                 Err(reason) => json!({ "trial": number, "reason": reason }),
             }),
             "log": self.log,
-            "gauges": self.gauges,
+            "gauges": self.status,
         })
         .to_string()
     }
@@ -209,7 +213,7 @@ fn trial(attempt: &Attempt, outcome: Option<&TrialFitOutcome>) -> Value {
     trial
 }
 
-/// Values by name.
+/// The fitted quantities by name.
 fn values(quantities: &[Option<f64>; 9]) -> Value {
     QUANTITIES.iter().zip(quantities).map(|(name, value)| ((*name).to_owned(), json!(value))).collect()
 }

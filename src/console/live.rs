@@ -1,4 +1,4 @@
-//! A session with its console: the threads, and who hears whom.
+//! The console of a running session: its threads and the channels between them.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -8,221 +8,224 @@ use std::time::{Duration, Instant};
 
 use rtrb::Consumer;
 
+use super::commands::{CommandReceiver, CommandSender, OperatorNotice, needs_confirmation};
+use super::controls::{Controls, Request};
+use super::display_latency::DisplayLatencies;
+use super::error::ConsoleError;
 use super::fitter::{Fitter, TrialFitContext};
 use super::history::SystemStatus;
+use super::presence::Presence;
+use super::step_feed::{SampleCounter, StepFeed, TimedStep};
 use super::terminal::Terminal;
+use super::thread_priority::lower_thread_priority;
 use super::view_model::ViewModel;
-use super::web::{Address, Content, Role, Server};
-use super::welcome::{SessionInfo, hello};
-use super::{
-    CommandReceiver, CommandSender, ConsoleError, Controls, DisplayLatencies, OperatorNotice, Request,
-    SampleCounter, Tapped, TimedStep, nice,
-};
-use crate::dataset::{ActionOrigin, BackgroundRecorder, LONGEST_NOTE, OperatorAction, Trial, Wrist};
-use crate::session::{Event, Machine, Source};
+use super::web::{Address, Content, PageAddresses, Server};
+use super::welcome::{SessionInfo, welcome_messages};
+use crate::dataset::{ActionOrigin, AuditSender, LONGEST_NOTE, OperatorAction, Trial, Wrist};
+use crate::session::{Machine, Source};
 
-/// How often the hub looks for steps.
-const IDLE: Duration = Duration::from_millis(2);
-/// Time between two pictures.
-const PICTURE: Duration = Duration::from_millis(4);
-/// Time between two pictures while nothing moves.
-const STILL: Duration = Duration::from_millis(500);
-/// Time between two looks at the disk and at how the loop fares.
-const GAUGED: Duration = Duration::from_millis(500);
+/// Time between two checks for new steps.
+const STEP_POLL: Duration = Duration::from_millis(2);
+/// Shortest time between two snapshots.
+const SNAPSHOT_PERIOD: Duration = Duration::from_millis(4);
+/// Longest time between two snapshots, without new steps.
+const IDLE_SNAPSHOT_PERIOD: Duration = Duration::from_millis(500);
+/// Time between two readings of the disk space and the loop's timing.
+const STATUS_PERIOD: Duration = Duration::from_millis(500);
+/// Longest time of day that is kept with a note, in bytes.
+const LONGEST_CLOCK: usize = 40;
 
-/// What console a session is to have.
+/// What a session's console consists of, and what it must know of the session.
 #[derive(Debug, Clone)]
 pub struct ConsoleSetup {
-    /// PageAddresses in a browser.
+    /// Address of the web pages; `None` serves none.
     pub pages: Option<Address>,
-    /// The terminal.
+    /// Whether the terminal shows the session.
     pub terminal: bool,
-    /// Which wrist is in the handle.
+    /// Wrist in the handle.
     pub wrist: Wrist,
-    /// Pause after the trial when no operator was there for so long; `None` never does.
+    /// Time without an operator's page after which the session pauses after the trial; `None` never pauses it.
     pub missed_after: Option<Duration>,
-    /// The operator's word was given beforehand: the session starts at once.
+    /// Whether the session starts without an operator's command (`--yes`).
     pub starts_at_once: bool,
-    /// The loop has no deadlines, and may be made to wait.
-    pub is_patient: bool,
-    /// What there is to know of the session.
-    pub about: SessionInfo,
-    /// What it takes to fit its trials.
-    pub circumstances: TrialFitContext,
-    /// Trials that were measured before the session was resumed.
-    pub earlier: Vec<Trial>,
+    /// Whether the control loop has no deadlines and may wait for the disk and the console.
+    pub may_wait: bool,
+    /// Description of the session for the pages.
+    pub info: SessionInfo,
+    /// What the fit of a trial needs beside the trial.
+    pub fit_context: TrialFitContext,
+    /// Trials measured before the session was resumed.
+    pub earlier_trials: Vec<Trial>,
     /// The session's folder.
     pub folder: PathBuf,
 }
 
-/// Where the pages are. Whoever knows an address has its role.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct PageAddresses {
-    /// The operator's.
-    pub operator: String,
-    /// The person's.
-    pub person: String,
-}
-
-/// The console of a session that runs.
+/// The console of a running session.
 pub struct Live {
-    hub: Option<JoinHandle<()>>,
-    over: Arc<Mutex<Option<String>>>,
+    worker: Option<JoinHandle<()>>,
+    closing_message: Arc<Mutex<Option<String>>>,
     server: Option<Server>,
-    /// What the terminal needs, until it is taken.
-    awaits_terminal: Option<Box<dyn FnOnce() -> Result<Terminal, ConsoleError>>>,
+    /// Opens the terminal, until it is taken.
+    open_terminal: Option<Box<dyn FnOnce() -> Result<Terminal, ConsoleError>>>,
     terminal: Option<Terminal>,
 }
 
 impl Live {
-    /// Opens the console of a session that is about to run: what the loop needs of it, and the console itself. `stop` is
-    /// set where the session is to end at once.
+    /// Opens the console of a session that is about to run. Returns the console, the consumer of the control loop's steps
+    /// and the source of the operator's commands. When `stop` is set, the session ends at once.
     ///
     /// # Errors
-    /// If the pages cannot be served or the terminal cannot be drawn on.
+    /// If the pages cannot be served or the threads cannot be started.
     pub fn open(
-        plan: ConsoleSetup,
+        setup: ConsoleSetup,
         machine: &Machine,
-        recorder: BackgroundRecorder,
+        journal: AuditSender,
         stop: Arc<AtomicBool>,
-    ) -> Result<(Self, Tapped<BackgroundRecorder>, CommandReceiver), ConsoleError> {
+    ) -> Result<(Self, StepFeed, CommandReceiver), ConsoleError> {
         let settings = Arc::new(machine.settings().clone());
-        let place = SampleCounter::default();
-        let (orders, listener, told) =
-            CommandSender::new(recorder.remarks(), place.clone(), stop.clone(), plan.starts_at_once);
-        let (tapped, beats) = Tapped::new(recorder, place, plan.is_patient);
-        let fitter = Fitter::start(plan.circumstances);
-        let (hub, views) = ViewModel::new(settings.clone(), machine.progress().clone(), fitter, None);
-        hub.fit(plan.earlier);
-        let presence = Presence::new(plan.missed_after);
-        let controls = Arc::new(SessionControls { orders: orders.clone(), presence: presence.clone() });
-        let screen = DisplayLatencies::default();
+        let counter = SampleCounter::default();
+        let (commands, receiver, notices) =
+            CommandSender::new(journal, counter.clone(), stop.clone(), setup.starts_at_once);
+        let (feed, steps) = StepFeed::new(counter, setup.may_wait);
+        let fitter = Fitter::start(setup.fit_context);
+        let (view, views) = ViewModel::new(settings.clone(), machine.progress().clone(), fitter, None);
+        view.fit(setup.earlier_trials);
+        let presence = Presence::new(setup.missed_after);
+        let controls = Arc::new(SessionControls { commands: commands.clone(), presence: presence.clone() });
+        let latencies = DisplayLatencies::default();
         let content = Content {
-            hello: hello(&plan.about, &settings, plan.wrist, None),
+            welcome: welcome_messages(&setup.info, &settings, setup.wrist, None),
             views: views.clone(),
             controls: controls.clone(),
-            screen: screen.clone(),
+            latencies: latencies.clone(),
         };
-        let server = plan.pages.as_ref().map(|address| Server::start(address, content)).transpose()?;
-        orders.note(OperatorAction::Opened { wrist: plan.wrist }, ActionOrigin::Program);
-        let about = plan.about;
-        let open_terminal = move || Terminal::open(views, controls, about, stop);
-        let awaits_terminal = plan.terminal.then(|| Box::new(open_terminal) as Box<_>);
-        let over = Arc::new(Mutex::new(None));
-        let worker =
-            Worker { hub, beats, told, orders, presence, screen, folder: plan.folder, over: over.clone() };
-        let hub = thread::Builder::new()
-            .name("hub".to_owned())
-            .spawn(move || worker.work())
+        let server = setup.pages.as_ref().map(|address| Server::start(address, content)).transpose()?;
+        commands.record(OperatorAction::Opened { wrist: setup.wrist }, ActionOrigin::Program);
+        let info = setup.info;
+        let open_terminal = move || Terminal::open(views, controls, info, stop);
+        let open_terminal = setup.terminal.then(|| Box::new(open_terminal) as Box<_>);
+        let closing_message = Arc::new(Mutex::new(None));
+        let worker = Worker {
+            view,
+            steps,
+            notices,
+            commands,
+            presence,
+            latencies,
+            folder: setup.folder,
+            closing_message: closing_message.clone(),
+        };
+        let worker = thread::Builder::new()
+            .name("view model".to_owned())
+            .spawn(move || worker.run())
             .map_err(ConsoleError::Start)?;
-        let live = Self { hub: Some(hub), over, server, awaits_terminal, terminal: None };
-        Ok((live, tapped, listener))
+        let live = Self { worker: Some(worker), closing_message, server, open_terminal, terminal: None };
+        Ok((live, feed, receiver))
     }
 
-    /// Where its pages are.
+    /// Addresses of the pages, if pages are served.
     pub fn pages(&self) -> Option<PageAddresses> {
-        let server = self.server.as_ref()?;
-        Some(PageAddresses { operator: server.url(Role::Operator), person: server.url(Role::Person) })
+        self.server.as_ref().map(Server::pages)
     }
 
-    /// Takes the terminal, if it is to. What is to be read there beforehand has been printed.
+    /// Draws the session in the terminal, if the setup says so. Print messages before this call.
     ///
     /// # Errors
-    /// If it cannot be drawn on.
+    /// If the terminal cannot be drawn on.
     pub fn take_terminal(&mut self) -> Result<(), ConsoleError> {
-        if let Some(open) = self.awaits_terminal.take() {
+        if let Some(open) = self.open_terminal.take() {
             self.terminal = Some(open()?);
         }
         Ok(())
     }
 
-    /// Gives the terminal back, for what is to be printed there.
-    pub fn give_terminal_back(&mut self) {
+    /// Gives the terminal back, so that messages can be printed there.
+    pub fn release_terminal(&mut self) {
         drop(self.terminal.take());
     }
 
-    /// Tells everybody how it ended, and closes.
-    pub fn close(mut self, said: &str) {
-        *self.over.lock().unwrap_or_else(PoisonError::into_inner) = Some(said.to_owned());
-        if let Some(hub) = self.hub.take() {
-            // It has nothing to say that could still be of use.
-            let _ = hub.join();
+    /// Shows `message` on all pages and closes the console.
+    pub fn close(mut self, message: &str) {
+        *self.closing_message.lock().unwrap_or_else(PoisonError::into_inner) = Some(message.to_owned());
+        if let Some(worker) = self.worker.take() {
+            // If the thread panicked, there is nothing left to show.
+            let _ = worker.join();
         }
         drop(self.server.take());
     }
 }
 
 impl Drop for Live {
-    /// A session that failed closes its console, too.
+    /// Closes the console of a session that failed.
     fn drop(&mut self) {
-        let mut over = self.over.lock().unwrap_or_else(PoisonError::into_inner);
-        over.get_or_insert_with(|| "the program has ended".to_owned());
+        let mut message = self.closing_message.lock().unwrap_or_else(PoisonError::into_inner);
+        message.get_or_insert_with(|| "the program has ended".to_owned());
     }
 }
 
-/// The hub at work on a thread of its own.
+/// The thread that updates the view model.
 struct Worker {
-    hub: ViewModel,
-    beats: Consumer<TimedStep>,
-    told: mpsc::Receiver<OperatorNotice>,
-    orders: CommandSender,
+    view: ViewModel,
+    steps: Consumer<TimedStep>,
+    notices: mpsc::Receiver<OperatorNotice>,
+    commands: CommandSender,
     presence: Presence,
-    screen: DisplayLatencies,
+    latencies: DisplayLatencies,
     folder: PathBuf,
-    over: Arc<Mutex<Option<String>>>,
+    closing_message: Arc<Mutex<Option<String>>>,
 }
 
 impl Worker {
-    fn work(mut self) {
-        nice();
-        let (mut drawn, mut gauged) = (Instant::now(), None::<Instant>);
+    fn run(mut self) {
+        lower_thread_priority();
+        let (mut published, mut status_read) = (Instant::now(), None::<Instant>);
         loop {
-            // Instruction before looking, so that what came just before the end is still seen.
-            let over = self.over.lock().unwrap_or_else(PoisonError::into_inner).clone();
-            let mut is_news = false;
-            while let Ok(beat) = self.beats.pop() {
-                self.hub.take(&beat);
-                is_news = true;
-                if drawn.elapsed() >= PICTURE {
+            // Read before the ring is emptied, so that the last steps are still shown.
+            let closing = self.closing_message.lock().unwrap_or_else(PoisonError::into_inner).clone();
+            let mut changed = false;
+            while let Ok(step) = self.steps.pop() {
+                self.view.take(&step);
+                changed = true;
+                if published.elapsed() >= SNAPSHOT_PERIOD {
                     break;
                 }
             }
-            for told in self.told.try_iter() {
-                match told {
-                    OperatorNotice::Did(remark) => self.hub.remark(&remark),
-                    OperatorNotice::Alarm(text) => self.hub.alarm(&text),
+            for notice in self.notices.try_iter() {
+                match notice {
+                    OperatorNotice::Action(entry) => self.view.add_action(&entry),
+                    OperatorNotice::Alarm(text) => self.view.add_alarm(&text),
                 }
-                is_news = true;
+                changed = true;
             }
-            if let Some(after) = self.presence.is_missed() {
-                self.orders.pause_after_trial(
-                    OperatorAction::Missed { after_s: after.as_secs_f64() },
-                    ActionOrigin::Program,
-                );
+            if let Some(timeout) = self.presence.is_missed() {
+                let action = OperatorAction::Missed { after_s: timeout.as_secs_f64() };
+                self.commands.pause_after_trial(action, ActionOrigin::Program);
             }
-            if gauged.is_none_or(|at| at.elapsed() >= GAUGED) {
-                let disk_free_bytes = free_bytes(&self.folder);
-                let screen = self.screen.in_short();
-                self.hub.gauge(SystemStatus { vitals: self.orders.vitals(), disk_free_bytes, screen });
-                gauged = Some(Instant::now());
+            if status_read.is_none_or(|at| at.elapsed() >= STATUS_PERIOD) {
+                self.view.set_status(SystemStatus {
+                    vitals: self.commands.vitals(),
+                    disk_free_bytes: free_bytes(&self.folder),
+                    display_latency: self.latencies.summary(),
+                });
+                status_read = Some(Instant::now());
             }
-            if let Some(said) = over.filter(|_| self.beats.is_empty()) {
-                self.hub.over(&said);
-                return self.hub.publish();
+            if let Some(message) = closing.filter(|_| self.steps.is_empty()) {
+                self.view.close(&message);
+                return self.view.publish();
             }
-            let since = drawn.elapsed();
-            if since >= STILL || is_news && since >= PICTURE {
-                self.hub.publish();
-                drawn = Instant::now();
+            let since = published.elapsed();
+            if since >= IDLE_SNAPSHOT_PERIOD || changed && since >= SNAPSHOT_PERIOD {
+                self.view.publish();
+                published = Instant::now();
             }
-            if self.beats.is_empty() {
-                thread::sleep(IDLE);
+            if self.steps.is_empty() {
+                thread::sleep(STEP_POLL);
             }
         }
     }
 }
 
-/// Bytes left on the disk of a folder, where the system tells.
+/// Free space on the disk of a folder, bytes; `None` where the system does not report it.
 #[cfg(unix)]
 fn free_bytes(folder: &Path) -> Option<u64> {
     let disk = rustix::fs::statvfs(folder).ok()?;
@@ -234,88 +237,48 @@ fn free_bytes(_folder: &Path) -> Option<u64> {
     None
 }
 
-/// Whether an operator is there.
-#[derive(Debug, Clone)]
-struct Presence {
-    /// How many there are, and since when there was none.
-    state: Arc<Mutex<(usize, Option<Instant>)>>,
-    patience: Option<Duration>,
-}
-
-impl Presence {
-    fn new(patience: Option<Duration>) -> Self {
-        Self { state: Arc::default(), patience }
-    }
-
-    fn come(&self) {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        *state = (state.0 + 1, None);
-    }
-
-    fn go(&self) {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        state.0 = state.0.saturating_sub(1);
-        state.1 = (state.0 == 0).then(Instant::now);
-    }
-
-    /// For how long there was none, said once when it is too long.
-    fn is_missed(&self) -> Option<Duration> {
-        let patience = self.patience?;
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let missed = state.1.is_some_and(|since| since.elapsed() >= patience);
-        if missed {
-            state.1 = None;
-        }
-        missed.then_some(patience)
-    }
-}
-
-/// What an operator's desks do.
+/// What operators' requests do to a running session.
 struct SessionControls {
-    orders: CommandSender,
+    commands: CommandSender,
     presence: Presence,
 }
 
 impl Controls for SessionControls {
-    fn hear(&self, request: Request, desk: ActionOrigin) {
+    fn request(&self, request: Request, origin: ActionOrigin) {
         match request {
-            Request::Word { word, sure }
-                if word.source() == Source::Operator && (sure || !is_final(word)) =>
+            Request::Command { command, confirmed }
+                if command.source() == Source::Operator && (confirmed || !needs_confirmation(command)) =>
             {
-                self.orders.say(word, desk)
+                self.commands.send(command, origin)
             }
             Request::PauseAfterTrial => {
-                self.orders.pause_after_trial(OperatorAction::AskedForPauseAfterTrial, desk)
+                self.commands.pause_after_trial(OperatorAction::RequestedPauseAfterTrial, origin)
             }
             Request::Note { text, clock } => {
-                let (text, clock) = (cut(text.trim(), LONGEST_NOTE), clock.map(|clock| cut(&clock, 40)));
+                let text = truncated(text.trim(), LONGEST_NOTE);
+                let clock = clock.map(|clock| truncated(&clock, LONGEST_CLOCK));
                 if !text.is_empty() {
-                    self.orders.note(OperatorAction::Noted { text, clock }, desk);
+                    self.commands.record(OperatorAction::Noted { text, clock }, origin);
                 }
             }
-            // Nothing that an operator says, not sure, or meant for a recording.
-            Request::Word { .. } | Request::Play { .. } | Request::Seek { .. } => {}
+            // Not an operator's command, not confirmed, or meant for a recording.
+            Request::Command { .. } | Request::Play { .. } | Request::Seek { .. } => {}
         }
     }
 
-    fn joined(&self, desk: ActionOrigin) {
-        self.presence.come();
-        self.orders.note(OperatorAction::Joined, desk);
+    fn joined(&self, origin: ActionOrigin) {
+        self.presence.opened();
+        self.commands.record(OperatorAction::Joined, origin);
     }
 
-    fn left(&self, desk: ActionOrigin) {
-        self.presence.go();
-        self.orders.note(OperatorAction::Left, desk);
+    fn left(&self, origin: ActionOrigin) {
+        self.presence.closed();
+        self.commands.record(OperatorAction::Left, origin);
     }
 }
 
-/// What moves a motor or cannot be taken back needs a second word.
-pub(super) fn is_final(word: Event) -> bool {
-    matches!(word, Event::Start | Event::Rearm | Event::Abort | Event::Skip | Event::Repeat)
-}
-
-/// The beginning of a text, at most so many bytes, without what no line may hold.
-fn cut(text: &str, most: usize) -> String {
+/// The first `most` bytes of a text, with blanks instead of control characters.
+fn truncated(text: &str, most: usize) -> String {
     let end = text.floor_char_boundary(most);
     text[..end].chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

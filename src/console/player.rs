@@ -1,6 +1,6 @@
-//! A recorded session in the same pages: its records go through the state machine again, at a pace that is asked for.
+//! Playback of a recorded session in the pages: its records go through the state machine again, at the requested speed.
 //!
-//! To go to another place is to begin anew and to run there without drawing; so whatever is shown is what was so then.
+//! To seek, the playback starts again and runs to the requested time without drawing.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -9,48 +9,51 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use super::fitter::{Fitter, TrialFitContext};
-use super::live::PageAddresses;
 use super::snapshot::PlaybackState;
-use super::view_model::ViewModel;
-use super::web::{Address, Content, Role, Server};
-use super::welcome::{SessionInfo, hello};
-use super::{ConsoleError, Controls, DisplayLatencies, Request, TimedStep, nice};
+use super::view_model::{ViewModel, Views};
+use super::web::{Address, Content, PageAddresses, Server};
+use super::welcome::{SessionInfo, welcome_messages};
+use super::controls::{Controls, Request};
+use super::display_latency::DisplayLatencies;
+use super::error::ConsoleError;
+use super::step_feed::TimedStep;
+use super::thread_priority::lower_thread_priority;
 use crate::dataset::{self, ActionOrigin, AuditEntry, OperatorAction, Wrist, replay_watched};
 use crate::fit::PreprocessingSettings;
 use crate::protocol::ValidProtocol;
 use crate::session::{Progress, Settings};
 
-/// Time between two pictures.
-const PICTURE: Duration = Duration::from_millis(5);
-/// How often a recording that stands still looks whether it is to go on.
-const IDLE: Duration = Duration::from_millis(10);
-/// How often it is drawn while it stands still.
-const STILL: Duration = Duration::from_millis(500);
-/// Slowest and fastest that a recording is played.
+/// Time between two snapshots.
+const SNAPSHOT_PERIOD: Duration = Duration::from_millis(5);
+/// Time between two checks for a request while the recording is paused.
+const PAUSED_POLL: Duration = Duration::from_millis(10);
+/// Time between two snapshots while the recording is paused.
+const PAUSED_SNAPSHOT_PERIOD: Duration = Duration::from_millis(500);
+/// Lowest and highest speed of the playback, relative to real time.
 const SPEEDS: [f64; 2] = [0.05, 1000.0];
 
-/// A recorded session, as far as it must be known before it is played.
+/// A recorded session as read before the playback.
 struct RecordedSession {
     folder: PathBuf,
     settings: Arc<Settings>,
-    about: SessionInfo,
+    info: SessionInfo,
     wrist: Wrist,
     /// Time before each start of the session, s.
     before_s: Vec<f64>,
     length_s: f64,
-    /// What was done at consoles: start, from 0, and deed.
-    remarks: Vec<(usize, AuditEntry)>,
+    /// Operators' actions, each with the number of its start of the session, from 0.
+    actions: Vec<(usize, AuditEntry)>,
 }
 
 impl RecordedSession {
-    /// Goes through the whole session once.
-    fn read(folder: &Path, wrist: Option<Wrist>) -> Result<(Self, ViewModel, super::Views), ConsoleError> {
+    /// Reads the session and replays it once.
+    fn read(folder: &Path, wrist: Option<Wrist>) -> Result<(Self, ViewModel, Views), ConsoleError> {
         let session = dataset::load(folder)?;
         let protocol = ValidProtocol::read(&folder.join("protocol.json"))?;
-        let remarks: Vec<_> =
-            dataset::remarks(folder)?.into_iter().map(|(start, remark)| (start - 1, remark)).collect();
+        let actions: Vec<_> =
+            dataset::operator_actions(folder)?.into_iter().map(|(start, entry)| (start - 1, entry)).collect();
         let (mut settings, mut steps, mut starts) = (None, 0u64, Vec::new());
-        replay_watched(folder, &mut |_, _, machine| {
+        replay_watched(folder, &mut |_, machine| {
             if machine.sample() == 1 {
                 starts.push(steps);
             }
@@ -59,16 +62,16 @@ impl RecordedSession {
             ControlFlow::Continue(())
         })?;
         let mut settings = settings.ok_or_else(|| ConsoleError::Empty(folder.to_owned()))?;
-        // A replay is told of limits by the journal; pages show those of the protocol.
+        // A replay runs without limits; the pages show those of the protocol.
         settings.limits = protocol.limits.clone();
         let rate_hz = settings.sample_rate_hz;
-        let opened = remarks.iter().find_map(|(_, remark)| match remark.deed {
+        let opened = actions.iter().find_map(|(_, entry)| match entry.action {
             OperatorAction::Opened { wrist } => Some(wrist),
             _ => None,
         });
         let recording = Self {
             folder: folder.to_owned(),
-            about: SessionInfo {
+            info: SessionInfo {
                 protocol: protocol.name.clone(),
                 subject: session.subject.id.clone(),
                 folder: folder.display().to_string(),
@@ -78,38 +81,38 @@ impl RecordedSession {
             before_s: starts.iter().map(|steps| *steps as f64 / rate_hz).collect(),
             length_s: steps as f64 / rate_hz,
             settings: Arc::new(settings),
-            remarks,
+            actions,
         };
         let fitter = Fitter::start(TrialFitContext {
             subject: session.subject.id,
             sample_rate_hz: session.sample_rate_hz,
             lever: session.lever,
-            view: PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter },
+            preprocessing: PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter },
         });
         let progress = Progress::new(&recording.settings);
-        let tape = PlaybackState { speed: 1.0, is_playing: false, length_s: recording.length_s };
-        let (hub, views) = ViewModel::new(recording.settings.clone(), progress, fitter, Some(tape));
-        hub.fit(session.trials);
-        Ok((recording, hub, views))
+        let playback = PlaybackState { speed: 1.0, is_playing: false, length_s: recording.length_s };
+        let (view, views) = ViewModel::new(recording.settings.clone(), progress, fitter, Some(playback));
+        view.fit(session.trials);
+        Ok((recording, view, views))
     }
 }
 
-/// What was asked of the player.
+/// The latest requests to the player.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct PlaybackRequest {
     speed: f64,
     plays: bool,
-    /// Where to, s.
+    /// Time to go to, s.
     seek: Option<f64>,
     over: bool,
 }
 
-/// What the operator's page does to a recording.
+/// The operator's requests to the player.
 #[derive(Debug, Clone)]
 struct PlaybackControls(Arc<Mutex<PlaybackRequest>>);
 
 impl PlaybackControls {
-    fn wish(&self) -> PlaybackRequest {
+    fn current(&self) -> PlaybackRequest {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -119,22 +122,22 @@ impl PlaybackControls {
 }
 
 impl Controls for PlaybackControls {
-    fn hear(&self, request: Request, _desk: ActionOrigin) {
+    fn request(&self, request: Request, _: ActionOrigin) {
         match request {
             Request::Play { speed, plays } if speed.is_finite() => {
                 let [slowest, fastest] = SPEEDS;
-                self.change(|wish| (wish.speed, wish.plays) = (speed.clamp(slowest, fastest), plays));
+                self.change(|requested| (requested.speed, requested.plays) = (speed.clamp(slowest, fastest), plays));
             }
-            Request::Seek { t_s } if t_s.is_finite() => self.change(|wish| wish.seek = Some(t_s.max(0.0))),
-            // There is nobody any more who could hear the others.
+            Request::Seek { t_s } if t_s.is_finite() => self.change(|requested| requested.seek = Some(t_s.max(0.0))),
+            // The others are commands for a running session.
             _ => {}
         }
     }
 }
 
-/// A recording that is being watched, until this is dropped.
+/// Plays a recorded session in the pages until it is dropped.
 pub struct Playback {
-    remote: PlaybackControls,
+    controls: PlaybackControls,
     player: Option<JoinHandle<()>>,
     server: Server,
 }
@@ -145,46 +148,46 @@ impl Playback {
     /// # Errors
     /// If the session cannot be read or the pages cannot be served.
     pub fn open(folder: &Path, address: &Address, wrist: Option<Wrist>) -> Result<Self, ConsoleError> {
-        let (recording, hub, views) = RecordedSession::read(folder, wrist)?;
-        let tape = views.now().borrow().tape;
-        let wish = PlaybackRequest { speed: 1.0, plays: false, seek: None, over: false };
-        let remote = PlaybackControls(Arc::new(Mutex::new(wish)));
+        let (recording, view, views) = RecordedSession::read(folder, wrist)?;
+        let playback = views.snapshot().borrow().playback;
+        let requested = PlaybackRequest { speed: 1.0, plays: false, seek: None, over: false };
+        let controls = PlaybackControls(Arc::new(Mutex::new(requested)));
         let content = Content {
-            hello: hello(&recording.about, &recording.settings, recording.wrist, tape),
+            welcome: welcome_messages(&recording.info, &recording.settings, recording.wrist, playback),
             views,
-            controls: Arc::new(remote.clone()),
-            screen: DisplayLatencies::default(),
+            controls: Arc::new(controls.clone()),
+            latencies: DisplayLatencies::default(),
         };
         let server = Server::start(address, content)?;
         let player = Player {
             recording,
-            hub,
-            remote: remote.clone(),
+            view,
+            controls: controls.clone(),
             start: 0,
-            told: 0,
+            actions_shown: 0,
             anchor: None,
-            drawn: Instant::now(),
-            go_to_s: 0.0,
-            is_broken_off: false,
+            published: Instant::now(),
+            seek_to_s: 0.0,
+            is_interrupted: false,
         };
         let player = thread::Builder::new()
             .name("player".to_owned())
             .spawn(move || player.play())
             .map_err(ConsoleError::Start)?;
-        Ok(Self { remote, player: Some(player), server })
+        Ok(Self { controls, player: Some(player), server })
     }
 
-    /// Where its pages are.
+    /// Addresses of the pages.
     pub fn pages(&self) -> PageAddresses {
-        PageAddresses { operator: self.server.url(Role::Operator), person: self.server.url(Role::Person) }
+        self.server.pages()
     }
 }
 
 impl Drop for Playback {
     fn drop(&mut self) {
-        self.remote.change(|wish| wish.over = true);
+        self.controls.change(|requested| requested.over = true);
         if let Some(player) = self.player.take() {
-            // It has nothing to say that could still be of use.
+            // If the thread panicked, there is nothing left to show.
             let _ = player.join();
         }
     }
@@ -193,128 +196,128 @@ impl Drop for Playback {
 /// Plays a recording.
 struct Player {
     recording: RecordedSession,
-    hub: ViewModel,
-    remote: PlaybackControls,
-    /// Which start of the session is being played, from 1; 0 before the first.
+    view: ViewModel,
+    controls: PlaybackControls,
+    /// Number of the start of the session that is being played, from 1; 0 before the first.
     start: usize,
-    /// How many remarks were told.
-    told: usize,
-    /// Where it was last in step with the clock: then, there in s, and at what speed.
+    /// Number of operators' actions shown so far.
+    actions_shown: usize,
+    /// Reference for the pace: wall-clock time, time in the recording in s, and speed.
     anchor: Option<(Instant, f64, f64)>,
-    drawn: Instant,
-    /// Up to where it goes without drawing, s.
-    go_to_s: f64,
-    /// It is to begin anew, or to end.
-    is_broken_off: bool,
+    published: Instant,
+    /// Time in the recording up to which nothing is drawn, s.
+    seek_to_s: f64,
+    /// Whether the replay was stopped by a seek or by the end of the playback.
+    is_interrupted: bool,
 }
 
 impl Player {
-    /// Until it is over.
+    /// Runs until the playback is dropped.
     fn play(mut self) {
-        nice();
-        while !self.remote.wish().over {
+        lower_thread_priority();
+        while !self.controls.current().over {
             let folder = self.recording.folder.clone();
-            (self.start, self.told, self.anchor, self.is_broken_off) = (0, 0, None, false);
-            self.hub.rewind(Progress::new(&self.recording.settings));
-            let played = replay_watched(&folder, &mut |input, output, machine| {
+            (self.start, self.actions_shown, self.anchor, self.is_interrupted) = (0, 0, None, false);
+            self.view.rewind(Progress::new(&self.recording.settings));
+            let played = replay_watched(&folder, &mut |step, machine| {
                 if machine.sample() == 1 {
                     let before_s = self.recording.before_s.get(self.start).copied().unwrap_or(0.0);
                     self.start += 1;
-                    // The first step begins a session, and changes nothing of what is done.
-                    self.hub.restart(machine.progress().clone(), before_s);
+                    // The first step starts the session and changes no progress.
+                    self.view.restart(machine.progress().clone(), before_s);
                 }
-                self.hub.take(&TimedStep::new(input, output, machine));
+                self.view.take(&TimedStep::now(step));
                 self.keep_pace(machine.sample())
             });
             match played {
                 Ok(replay) => {
                     if let Some(difference) = &replay.difference {
-                        self.hub.alarm(&format!("from here on a replay goes another way: {difference}"));
+                        self.view.add_alarm(&format!("from here on the replay differs from the record: {difference}"));
                     }
                 }
-                Err(error) => self.hub.alarm(&error.to_string()),
+                Err(error) => self.view.add_alarm(&error.to_string()),
             }
-            if !self.is_broken_off {
-                self.stand_at_end();
+            if !self.is_interrupted {
+                self.wait_at_end();
             }
         }
     }
 
-    /// After each step: tells what was done then, and waits for the next one's time.
+    /// After each step: shows the operators' actions at that time, and waits until the next step is due.
     fn keep_pace(&mut self, sample: u64) -> ControlFlow<()> {
-        self.tell_remarks(sample);
+        self.add_due_actions(sample);
         let rate_hz = self.recording.settings.sample_rate_hz;
         let before_s = self.recording.before_s.get(self.start - 1).copied().unwrap_or(0.0);
         let t_s = before_s + sample as f64 / rate_hz;
-        if t_s < self.go_to_s {
+        if t_s < self.seek_to_s {
             return ControlFlow::Continue(());
         }
         loop {
-            let wish = self.remote.wish();
-            if wish.over || wish.seek.is_some() {
-                self.begin_anew(wish);
+            let requested = self.controls.current();
+            if requested.over || requested.seek.is_some() {
+                self.restart(requested);
                 return ControlFlow::Break(());
             }
-            if !wish.plays {
+            if !requested.plays {
                 self.anchor = None;
-                self.draw(wish, STILL);
-                thread::sleep(IDLE);
+                self.publish_if_due(requested, PAUSED_SNAPSHOT_PERIOD);
+                thread::sleep(PAUSED_POLL);
                 continue;
             }
-            let (then, there_s, speed) = *self.anchor.get_or_insert((Instant::now(), t_s, wish.speed));
-            if speed != wish.speed {
+            let (then, there_s, speed) = *self.anchor.get_or_insert((Instant::now(), t_s, requested.speed));
+            if speed != requested.speed {
                 self.anchor = None;
                 continue;
             }
             let due = Duration::from_secs_f64((t_s - there_s).max(0.0) / speed);
             let ahead = due.saturating_sub(then.elapsed());
-            self.draw(wish, PICTURE);
-            if ahead < PICTURE / 2 {
+            self.publish_if_due(requested, SNAPSHOT_PERIOD);
+            if ahead < SNAPSHOT_PERIOD / 2 {
                 return ControlFlow::Continue(());
             }
-            thread::sleep(ahead.min(IDLE));
+            thread::sleep(ahead.min(PAUSED_POLL));
         }
     }
 
-    fn tell_remarks(&mut self, sample: u64) {
-        while let Some((start, remark)) = self.recording.remarks.get(self.told) {
-            let is_due = (*start + 1, remark.sample) <= (self.start, sample);
+    fn add_due_actions(&mut self, sample: u64) {
+        while let Some((start, entry)) = self.recording.actions.get(self.actions_shown) {
+            let is_due = (*start + 1, entry.sample) <= (self.start, sample);
             if !is_due {
                 return;
             }
-            self.hub.remark(remark);
-            self.told += 1;
+            self.view.add_action(entry);
+            self.actions_shown += 1;
         }
     }
 
-    /// Draws, unless it did so a moment ago.
-    fn draw(&mut self, wish: PlaybackRequest, pause: Duration) {
-        let tape =
-            PlaybackState { speed: wish.speed, is_playing: wish.plays, length_s: self.recording.length_s };
-        let is_changed = self.hub.set_tape(tape);
-        if is_changed || self.drawn.elapsed() >= pause {
-            self.hub.publish();
-            self.drawn = Instant::now();
+    /// Publishes a snapshot, unless the last one is newer than `pause`.
+    fn publish_if_due(&mut self, requested: PlaybackRequest, pause: Duration) {
+        let playback =
+            PlaybackState { speed: requested.speed, is_playing: requested.plays, length_s: self.recording.length_s };
+        let changed = self.view.set_playback(playback);
+        if changed || self.published.elapsed() >= pause {
+            self.view.publish();
+            self.published = Instant::now();
         }
     }
 
-    fn begin_anew(&mut self, wish: PlaybackRequest) {
-        self.is_broken_off = true;
-        // Before the very end there is always something to see.
-        self.go_to_s = wish.seek.unwrap_or(0.0).min(self.recording.length_s - 0.001);
-        self.remote.change(|now| now.seek = now.seek.filter(|seek| Some(*seek) != wish.seek));
+    fn restart(&mut self, requested: PlaybackRequest) {
+        self.is_interrupted = true;
+        // Just before the end, so that there is a step to show.
+        self.seek_to_s = requested.seek.unwrap_or(0.0).min(self.recording.length_s - 0.001);
+        self.controls.change(|now| now.seek = now.seek.filter(|seek| Some(*seek) != requested.seek));
     }
 
-    /// The recording has come to its end.
-    fn stand_at_end(&mut self) {
-        self.remote.change(|wish| wish.plays = false);
+    /// Waits at the end of the recording for a request.
+    fn wait_at_end(&mut self) {
+        self.controls.change(|requested| requested.plays = false);
         loop {
-            let wish = self.remote.wish();
-            self.draw(wish, STILL);
-            if wish.over || wish.seek.is_some() || wish.plays {
-                return self.begin_anew(wish);
+            let requested = self.controls.current();
+            self.publish_if_due(requested, PAUSED_SNAPSHOT_PERIOD);
+            if requested.over || requested.seek.is_some() || requested.plays {
+                return self.restart(requested);
             }
-            thread::sleep(IDLE);
+            thread::sleep(PAUSED_POLL);
         }
     }
 }

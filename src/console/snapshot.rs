@@ -1,4 +1,4 @@
-//! What is so right now: the picture that pages draw, made anew some hundred times a second.
+//! Snapshot of a session: what the pages draw, renewed up to 250 times a second.
 
 use std::time::Instant;
 
@@ -7,116 +7,155 @@ use serde::Serialize;
 use crate::rig::Direction;
 use crate::session::{Phase, Status};
 
-/// What the person is shown. It says nothing that a person must not know, such as how fast the ramp will be.
+/// The part of the snapshot that the subject may see. It must not tell what comes, such as the velocity of the ramp.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SubjectView {
-    /// Number of the picture.
+    /// Number of the snapshot.
     pub n: u64,
-    /// What is asked.
-    pub cue: Instruction,
-    /// Which way to push.
+    /// Instruction to the subject.
+    #[serde(rename = "cue")]
+    pub instruction: Instruction,
+    /// Direction in which the subject pushes.
     pub direction: Option<Direction>,
-    /// The torque: a fraction of the target, or of a strong effort where there is none. Flexion is positive.
+    /// Torque as a fraction of the target, or of a strong effort where there is no target. Flexion is positive.
     pub level: f64,
-    /// Half-width of the band around the target, as a fraction of it.
+    /// Half-width of the band around the target, as a fraction of the target.
     pub band_fraction: f64,
     /// EMG of flexor and extensor, fraction of MVC.
     pub emg_mvc: [f64; 2],
-    /// How much of the gate's time has been held, 0 to 1.
+    /// Fraction of the gate's time that the torque has been in the band, 0 to 1.
     pub gate: f64,
-    /// Rest left, s.
+    /// Remaining rest, s.
     pub rest_left_s: Option<f64>,
-    /// The whole rest, s.
+    /// Duration of the whole rest, s.
     pub rest_s: Option<f64>,
-    /// Trials that count.
+    /// Number of trials of status ok.
     pub done: usize,
-    /// Trials that are to count in the end.
+    /// Number of trials of status ok at the end of the session.
     pub total: usize,
-    /// Whether the last trial counts; absent before the first.
+    /// Whether the last trial is of status ok; `None` before the first trial has ended.
     pub last_counts: Option<bool>,
 }
 
-/// What is asked of the person.
+/// Instruction to the subject.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Instruction {
-    /// The session has not begun, or was ended.
+    /// Wait: the session has not begun, or was ended.
     Wait,
-    /// Let go.
+    /// Relax the hand.
     Relax,
-    /// As hard as possible.
+    /// Push as hard as possible.
     Effort,
     /// Rest.
     Rest,
     /// Bring the bar to the target.
     Target,
-    /// The gate is open: stay.
+    /// Hold the torque: the gate is open.
     Stay,
     /// The motor is moving.
     Moving,
-    /// A break.
+    /// The session is paused.
     Pause,
-    /// It is done.
+    /// All trials are done.
     Done,
 }
 
-/// All that is so right now; the person is shown a part of it.
+/// State of the session at one time, as the operator sees it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Snapshot {
-    /// What the person is shown.
+    /// The part that the subject sees.
     #[serde(flatten)]
-    pub shown: SubjectView,
+    pub subject: SubjectView,
     /// Time since the session was started or resumed, s.
     pub t_s: f64,
-    /// The phase.
+    /// Phase of the session.
     pub phase: Phase,
-    /// Time in it, s.
+    /// Time in the phase, s.
     pub in_phase_s: f64,
     /// Motor angle, rad.
     pub angle_rad: f64,
-    /// The torque on the display, N m.
+    /// Smoothed torque without the offset, N m.
     pub torque_nm: f64,
-    /// The target, N m.
+    /// Target torque, N m.
     pub target_nm: Option<f64>,
-    /// The trial under way.
+    /// Trial under way, or the last one.
     pub trial: Option<CurrentTrial>,
-    /// Words of the operator that are possible.
+    /// Names of the commands that are possible.
     pub possible: Vec<&'static str>,
-    /// A pause was asked for and is still to come.
-    pub pause_asked: bool,
-    /// Steps that were left out because nobody took them in time.
-    pub left_out: u64,
-    /// The program is done with the session.
+    /// Whether a requested pause is still to come.
+    #[serde(rename = "pause_asked")]
+    pub pause_requested: bool,
+    /// Number of steps that the console missed because the ring was full.
+    #[serde(rename = "left_out")]
+    pub missed_steps: u64,
+    /// Whether the session and its results are complete, or the program has given up.
     pub is_over: bool,
-    /// When its latest sample was measured.
+    /// Time at which the latest sample was measured.
     #[serde(skip)]
     pub measured: Option<Instant>,
-    /// The recording that is being played, if it is one.
-    pub tape: Option<PlaybackState>,
+    /// State of the playback, for a recorded session.
+    #[serde(rename = "tape")]
+    pub playback: Option<PlaybackState>,
 }
 
-/// A trial under way.
+impl Snapshot {
+    /// The snapshot before the first step.
+    pub fn before_start(playback: Option<PlaybackState>) -> Self {
+        Self {
+            subject: SubjectView {
+                n: 0,
+                instruction: Instruction::Wait,
+                direction: None,
+                level: 0.0,
+                band_fraction: 0.0,
+                emg_mvc: [0.0; 2],
+                gate: 0.0,
+                rest_left_s: None,
+                rest_s: None,
+                done: 0,
+                total: 0,
+                last_counts: None,
+            },
+            t_s: 0.0,
+            phase: Phase::Ready,
+            in_phase_s: 0.0,
+            angle_rad: 0.0,
+            torque_nm: 0.0,
+            target_nm: None,
+            trial: None,
+            possible: Vec::new(),
+            pause_requested: false,
+            missed_steps: 0,
+            is_over: false,
+            measured: None,
+            playback,
+        }
+    }
+}
+
+/// A trial under way or just ended.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CurrentTrial {
-    /// Its number.
+    /// Number of the trial, from 1.
     pub number: u32,
-    /// For practice.
+    /// Whether it is a practice trial.
     pub practice: bool,
     /// Ramp velocity, rad/s.
     pub velocity_rad_s: f64,
-    /// Which repetition.
+    /// Repetition index of its condition, from 1.
     pub repetition: u32,
-    /// What became of it, if it is over.
+    /// Status of the trial, once it has ended.
     pub status: Option<Status>,
 }
 
-/// How a recording is played.
+/// State of the playback of a recorded session.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct PlaybackState {
-    /// So many times as fast as it was.
+    /// Speed relative to real time.
     pub speed: f64,
-    /// It is running.
+    /// Whether the recording runs.
     pub is_playing: bool,
-    /// Its length, s.
+    /// Length of the recording, s.
     pub length_s: f64,
 }

@@ -1,5 +1,6 @@
-//! What leaves the loop: a copy of each step, through a ring that the loop never waits for.
+//! The feed of steps from the control loop to the console: a ring buffer that a loop with deadlines never waits for.
 
+use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
@@ -7,108 +8,72 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use crate::dataset::Step;
-use crate::rig::Cue;
-use crate::session::{Input, Machine, Output, Phase, Recorder};
+use crate::session::{Progress, Step, StepConsumer};
 
-/// Steps that the ring holds: 6.5 s at 2.5 kHz.
-const ROOM: usize = 1 << 14;
-/// So much of it is kept for steps at which something happened, which nobody can do without.
-const KEPT_FREE: usize = 1 << 10;
-/// How long a loop that has time waits before it looks again.
-const A_MOMENT: Duration = Duration::from_micros(50);
+/// Number of steps that the ring holds: 6.5 s at 2.5 kHz.
+const FEED_CAPACITY: usize = 1 << 14;
+/// Part of the capacity reserved for steps that make a journal entry; the console must not miss those.
+const RESERVED_FOR_EVENTS: usize = 1 << 10;
+/// Time that a loop without deadlines sleeps while the ring is full.
+const FULL_FEED_SLEEP: Duration = Duration::from_micros(50);
 
-/// One step of the session, with all that a console shows of it.
+/// A step and the time at which it was made.
 #[derive(Debug, Clone, Copy)]
 pub struct TimedStep {
-    /// What was measured, and what happened.
+    /// The step.
     pub step: Step,
-    /// When.
+    /// Time of the step on the monotonic clock.
     pub at: Instant,
-    /// The phase after it.
-    pub phase: Phase,
-    /// What the person is shown.
-    pub cue: Cue,
-    /// The torque on the display, offset removed and smoothed, N m.
-    pub shown_nm: f64,
-    /// Smoothed EMG of flexor and extensor, fraction of MVC.
-    pub emg_mvc: [f64; 2],
-    /// How much of the gate's time has been held, 0 to 1.
-    pub gate: f64,
 }
 
 impl TimedStep {
-    /// What a console shows of a step.
-    pub fn new(input: &Input, output: &Output, machine: &Machine) -> Self {
-        let display = machine.display();
-        Self {
-            step: Step::new(input, output, machine),
-            at: Instant::now(),
-            phase: output.phase,
-            cue: output.command.cue,
-            shown_nm: display.torque_nm - machine.progress().offset_nm(),
-            emg_mvc: [display.fcr_mvc, display.ecr_mvc],
-            gate: output.gate_fraction,
-        }
+    /// A step made now.
+    pub fn now(step: &Step) -> Self {
+        Self { step: *step, at: Instant::now() }
     }
 }
 
-/// How far the loop is, for everybody to look at.
+/// Number of samples since the session was started or resumed, readable from any thread.
 #[derive(Debug, Clone, Default)]
 pub struct SampleCounter(Arc<AtomicU64>);
 
 impl SampleCounter {
-    /// Samples since the session was started or resumed.
+    /// The number of the latest sample.
     pub fn sample(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// A recorder that lets a console look on.
+/// The control loop's end of the feed.
 #[derive(Debug)]
-pub struct Tapped<K> {
-    recorder: K,
-    beats: Producer<TimedStep>,
-    place: SampleCounter,
-    is_patient: bool,
+pub struct StepFeed {
+    steps: Producer<TimedStep>,
+    counter: SampleCounter,
+    waits_for_room: bool,
 }
 
-impl<K> Tapped<K> {
-    /// Lets steps out on their way to `recorder`. A patient loop has no deadlines, and waits for whoever looks on; any
-    /// other leaves out what there is no room for.
-    pub fn new(recorder: K, place: SampleCounter, is_patient: bool) -> (Self, Consumer<TimedStep>) {
-        let (beats, seen) = RingBuffer::new(ROOM);
-        (Self { recorder, beats, place, is_patient }, seen)
-    }
-
-    /// The recorder alone.
-    pub fn into_inner(self) -> K {
-        self.recorder
-    }
-
-    fn let_out(&mut self, beat: TimedStep) {
-        let needed = if beat.step.is_told() { 1 } else { KEPT_FREE };
-        while self.is_patient && self.beats.slots() < needed && !self.beats.is_abandoned() {
-            thread::sleep(A_MOMENT);
-        }
-        if self.beats.slots() >= needed {
-            // There is room, and nobody else puts anything in.
-            let _ = self.beats.push(beat);
-        }
+impl StepFeed {
+    /// Makes both ends of the feed. With `waits_for_room` the loop waits while the ring is full; without it, steps that
+    /// find no room are dropped, those without a journal entry first.
+    pub fn new(counter: SampleCounter, waits_for_room: bool) -> (Self, Consumer<TimedStep>) {
+        let (steps, received) = RingBuffer::new(FEED_CAPACITY);
+        (Self { steps, counter, waits_for_room }, received)
     }
 }
 
-impl<K: Recorder> Recorder for Tapped<K> {
-    type Error = K::Error;
+impl StepConsumer for StepFeed {
+    type Error = Infallible;
 
-    fn on_disk(&self) -> bool {
-        self.recorder.on_disk()
-    }
-
-    fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), K::Error> {
-        self.recorder.take(input, output, machine)?;
-        self.place.0.store(machine.sample(), Ordering::Relaxed);
-        self.let_out(TimedStep::new(input, output, machine));
+    fn consume(&mut self, step: &Step, _: &Progress) -> Result<(), Infallible> {
+        self.counter.0.store(step.sample, Ordering::Relaxed);
+        let needed = if step.is_journaled() { 1 } else { RESERVED_FOR_EVENTS };
+        while self.waits_for_room && self.steps.slots() < needed && !self.steps.is_abandoned() {
+            thread::sleep(FULL_FEED_SLEEP);
+        }
+        if self.steps.slots() >= needed {
+            // There is room, and this is the only producer.
+            let _ = self.steps.push(TimedStep::now(step));
+        }
         Ok(())
     }
 }

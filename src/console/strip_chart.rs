@@ -1,21 +1,21 @@
-//! The strip charts: what was measured lately, the extremes of each hundredth of a second.
+//! Data of the strip charts: the extremes of each bin of 10 ms in the last minute.
 
 use std::collections::VecDeque;
 
 use serde::Serialize;
 
-use super::step_feed::TimedStep;
 use crate::rig::Cue;
+use crate::session::Step;
 
 /// Width of a bin, s.
 pub const BIN_S: f64 = 0.01;
-/// Bins that are kept: a minute.
-const KEPT: usize = 6000;
+/// Number of bins: one minute.
+const BINS_KEPT: usize = 6000;
 
-/// What was measured in one bin.
+/// Extremes of the signals in one bin.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Bin {
-    /// Its beginning, s.
+    /// Start of the bin, s.
     pub t_s: f64,
     /// Lowest and highest angle, rad.
     pub angle_rad: [f32; 2],
@@ -25,35 +25,35 @@ pub struct Bin {
     pub emg_mvc: [f32; 2],
     /// The target, N m, while there is one.
     pub target_nm: Option<f32>,
-    /// How much of the gate's time was held, 0 to 1.
+    /// Fraction of the gate's time that the torque has been in the band, 0 to 1.
     pub gate: f32,
 }
 
-/// The bins so far; the latest is still growing.
+/// The latest bins; the last one is still being filled.
 #[derive(Debug, Default)]
 pub struct StripChart {
     bins: VecDeque<Bin>,
-    /// Number of the first bin that is kept.
+    /// Number of the oldest bin.
     first: u64,
 }
 
 impl StripChart {
-    /// Takes a measured step in.
-    pub fn take(&mut self, t_s: f64, beat: &TimedStep) {
-        let Some(sample) = beat.step.measured else { return };
+    /// Adds a measured step at time `t_s`.
+    pub fn take(&mut self, t_s: f64, step: &Step) {
+        let Some(sample) = step.measured else { return };
         let begins_s = (t_s / BIN_S).floor() * BIN_S;
-        let target_nm = match beat.cue {
+        let target_nm = match step.cue {
             Cue::Target { target_nm, .. } => Some(target_nm as f32),
             _ => None,
         };
-        let (angle, torque) = (sample.theta_m_rad as f32, beat.shown_nm as f32);
-        let emg = beat.emg_mvc.map(|value| value as f32);
+        let (angle, torque) = (sample.theta_m_rad as f32, step.feedback_torque_nm as f32);
+        let emg = step.feedback_emg_mvc.map(|value| value as f32);
         match self.bins.back_mut().filter(|bin| begins_s <= bin.t_s) {
             Some(bin) => {
                 bin.angle_rad = [bin.angle_rad[0].min(angle), bin.angle_rad[1].max(angle)];
                 bin.torque_nm = [bin.torque_nm[0].min(torque), bin.torque_nm[1].max(torque)];
                 bin.emg_mvc = [bin.emg_mvc[0].max(emg[0]), bin.emg_mvc[1].max(emg[1])];
-                bin.gate = beat.gate as f32;
+                bin.gate = step.gate_fraction as f32;
             }
             None => {
                 self.bins.push_back(Bin {
@@ -62,9 +62,9 @@ impl StripChart {
                     torque_nm: [torque; 2],
                     emg_mvc: emg,
                     target_nm,
-                    gate: beat.gate as f32,
+                    gate: step.gate_fraction as f32,
                 });
-                if self.bins.len() > KEPT {
+                if self.bins.len() > BINS_KEPT {
                     self.bins.pop_front();
                     self.first += 1;
                 }
@@ -72,7 +72,7 @@ impl StripChart {
         }
     }
 
-    /// Every bin from number `next` on that grows no more, and the number after them.
+    /// The complete bins from number `next` on, and the number of the bin after them.
     pub fn since(&self, next: u64) -> (Vec<Bin>, u64) {
         let end = self.first + self.bins.len().saturating_sub(1) as u64;
         let skipped = next.clamp(self.first, end) - self.first;
@@ -80,7 +80,7 @@ impl StripChart {
         (self.bins.iter().skip(skipped as usize).take(whole).copied().collect(), end)
     }
 
-    /// Forgets everything; numbers go on, so that nobody takes new bins for old ones.
+    /// Removes all bins; the numbers of new bins continue.
     pub fn clear(&mut self) {
         self.first += self.bins.len() as u64;
         self.bins.clear();

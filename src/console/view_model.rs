@@ -1,5 +1,5 @@
-//! Makes of the session's steps what pages draw, and hands it out: the latest picture alone, so that who is slow misses
-//! some and delays nobody.
+//! Builds the snapshots and the history that pages draw from the session's steps. Readers get the latest snapshot only, so
+//! that a slow page misses some and delays nobody.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,65 +8,67 @@ use tokio::sync::watch;
 
 use super::fitter::{Fitter, TrialFitOutcome};
 use super::history::{History, LogEntry, SystemStatus};
-use super::snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot, SubjectView};
+use super::snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot};
 use super::step_feed::TimedStep;
 use super::strip_chart::{Bin, StripChart};
 use crate::dataset::{AuditEntry, MemoryRecorder, OperatorAction, Trial};
 use crate::rig::{Cue, Direction};
-use crate::session::{Attempt, Event, Phase, Progress, RecordTarget, Settings, Status, transitions::Guard};
+use crate::session::{Attempt, Event, Phase, Progress, RecordTarget, Settings, Status, Step, StepConsumer, transitions::Guard};
 
-/// A strong effort, in targets: the scale of the display while there is no target.
-const STRONG_EFFORT: f64 = 5.0;
+/// Torque of a strong effort as a multiple of the largest target: the full scale of the display without a target.
+const EFFORT_SCALE_TARGETS: f64 = 5.0;
 
-/// Where readers find what the hub made.
+/// Read access to the snapshots, the history and the strip charts.
 #[derive(Debug, Clone)]
 pub struct Views {
-    now: watch::Receiver<Arc<Snapshot>>,
-    story: watch::Receiver<Arc<str>>,
-    strip: Arc<Mutex<StripChart>>,
+    snapshot: watch::Receiver<Arc<Snapshot>>,
+    history: watch::Receiver<Arc<str>>,
+    strip_chart: Arc<Mutex<StripChart>>,
 }
 
 impl Views {
-    /// The latest picture, and when there is a newer one.
-    pub fn now(&self) -> watch::Receiver<Arc<Snapshot>> {
-        self.now.clone()
+    /// Receiver of the latest snapshot.
+    pub fn snapshot(&self) -> watch::Receiver<Arc<Snapshot>> {
+        self.snapshot.clone()
     }
 
-    /// The latest story, as JSON.
-    pub fn story(&self) -> watch::Receiver<Arc<str>> {
-        self.story.clone()
+    /// Receiver of the latest history, as JSON.
+    pub fn history(&self) -> watch::Receiver<Arc<str>> {
+        self.history.clone()
     }
 
-    /// The bins of the strip charts from number `next` on, and the number after them.
+    /// The complete bins of the strip charts from number `next` on, and the number of the bin after them.
     pub fn bins_since(&self, next: u64) -> (Vec<Bin>, u64) {
-        self.strip.lock().unwrap_or_else(PoisonError::into_inner).since(next)
+        self.strip_chart.lock().unwrap_or_else(PoisonError::into_inner).since(next)
     }
 }
 
-/// The hub.
+/// Follows a session step by step and publishes what pages show of it.
 #[derive(Debug)]
 pub struct ViewModel {
     settings: Arc<Settings>,
-    /// Keeps the trial under way for the fit.
-    records: MemoryRecorder,
+    /// Progress of the session, followed from the steps.
+    progress: Progress,
+    /// Records the trial under way for the fit.
+    recorder: MemoryRecorder,
     fitter: Fitter,
     fits: BTreeMap<u32, TrialFitOutcome>,
-    now: Snapshot,
+    snapshot: Snapshot,
     /// Sample at which the phase was entered.
-    entered: u64,
-    /// Sample of the last step seen.
-    seen: u64,
-    /// A step of the trial under way was left out.
+    phase_start: u64,
+    /// Sample of the last step received.
+    last_sample: u64,
+    /// Whether a step of the trial under way was missed.
     has_gap: bool,
-    /// Only what was recorded is drawn: the rest of a replay was made up.
-    records_alone: bool,
-    story: History,
-    story_changed: bool,
+    /// Whether only recorded samples are drawn: a replay makes up the others.
+    draws_records_only: bool,
+    history: History,
+    history_changed: bool,
     /// Time before the start of the session that is being played, s.
     before_s: f64,
-    strip: Arc<Mutex<StripChart>>,
-    now_out: watch::Sender<Arc<Snapshot>>,
-    story_out: watch::Sender<Arc<str>>,
+    strip_chart: Arc<Mutex<StripChart>>,
+    snapshot_out: watch::Sender<Arc<Snapshot>>,
+    history_out: watch::Sender<Arc<str>>,
 }
 
 impl ViewModel {
@@ -75,211 +77,216 @@ impl ViewModel {
         settings: Arc<Settings>,
         progress: Progress,
         fitter: Fitter,
-        tape: Option<PlaybackState>,
+        playback: Option<PlaybackState>,
     ) -> (Self, Views) {
-        let now = waiting(tape);
-        let strip = Arc::new(Mutex::new(StripChart::default()));
-        let (now_out, now_in) = watch::channel(Arc::new(now.clone()));
-        let (story_out, story_in) = watch::channel(Arc::from("null"));
-        let views = Views { now: now_in, story: story_in, strip: strip.clone() };
-        let mut hub = Self {
-            records: MemoryRecorder::with_progress(settings.clone(), progress),
+        let snapshot = Snapshot::before_start(playback);
+        let strip_chart = Arc::new(Mutex::new(StripChart::default()));
+        let (snapshot_out, snapshot_in) = watch::channel(Arc::new(snapshot.clone()));
+        let (history_out, history_in) = watch::channel(Arc::from("null"));
+        let views = Views { snapshot: snapshot_in, history: history_in, strip_chart: strip_chart.clone() };
+        let mut view = Self {
+            progress,
+            recorder: MemoryRecorder::new(settings.clone()),
             settings,
             fitter,
             fits: BTreeMap::new(),
-            now,
-            entered: 0,
-            seen: 0,
+            snapshot,
+            phase_start: 0,
+            last_sample: 0,
             has_gap: false,
-            records_alone: tape.is_some(),
-            story: History::default(),
-            story_changed: true,
+            draws_records_only: playback.is_some(),
+            history: History::default(),
+            history_changed: true,
             before_s: 0.0,
-            strip,
-            now_out,
-            story_out,
+            strip_chart,
+            snapshot_out,
+            history_out,
         };
-        hub.count();
-        hub.publish();
-        (hub, views)
+        view.count_trials();
+        view.publish();
+        (view, views)
     }
 
-    /// Has trials fitted that were measured earlier.
+    /// Fits trials that were measured before.
     pub fn fit(&self, trials: impl IntoIterator<Item = Trial>) {
         trials.into_iter().for_each(|trial| self.fitter.fit(trial));
     }
 
-    /// The session begins anew, with `progress` already done: it was resumed, or is looked at from another place.
+    /// Starts again from `progress`, `before_s` after the beginning of the recording: the recorded session was resumed there.
     pub fn restart(&mut self, progress: Progress, before_s: f64) {
-        self.records = MemoryRecorder::with_progress(self.settings.clone(), progress);
-        let n = self.now.shown.n;
-        self.now = waiting(self.now.tape);
-        self.now.shown.n = n;
-        (self.entered, self.seen, self.before_s) = (0, 0, before_s);
-        self.count();
-        self.story_changed = true;
+        self.recorder = MemoryRecorder::new(self.settings.clone());
+        self.progress = progress;
+        let n = self.snapshot.subject.n;
+        self.snapshot = Snapshot::before_start(self.snapshot.playback);
+        self.snapshot.subject.n = n;
+        (self.phase_start, self.last_sample, self.before_s) = (0, 0, before_s);
+        self.count_trials();
+        self.history_changed = true;
     }
 
-    /// The recording is looked at from its beginning again: nothing has been told yet.
+    /// Goes back to the beginning of the recording and empties the history.
     pub fn rewind(&mut self, progress: Progress) {
         self.restart(progress, 0.0);
-        self.story = History::default();
-        self.strip.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        self.history = History::default();
+        self.strip_chart.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// How the recording is played; whether that is news.
-    pub fn set_tape(&mut self, tape: PlaybackState) -> bool {
-        self.now.tape.replace(tape) != Some(tape)
+    /// Sets the state of the playback; returns whether it changed.
+    pub fn set_playback(&mut self, playback: PlaybackState) -> bool {
+        self.snapshot.playback.replace(playback) != Some(playback)
     }
 
-    /// Takes a step in.
-    pub fn take(&mut self, beat: &TimedStep) {
-        let step = &beat.step;
-        let missed = step.sample.saturating_sub(self.seen + 1);
-        self.now.left_out += missed;
+    /// Takes a step of the session.
+    pub fn take(&mut self, timed: &TimedStep) {
+        let step = &timed.step;
+        let missed = step.sample.saturating_sub(self.last_sample + 1);
+        self.snapshot.missed_steps += missed;
         self.has_gap |= missed > 0;
-        self.seen = step.sample;
-        self.now.t_s = self.time_s(step.sample);
-        if beat.phase != self.now.phase {
-            self.entered = step.sample;
+        self.last_sample = step.sample;
+        self.snapshot.t_s = self.time_s(step.sample);
+        if step.phase != self.snapshot.phase {
+            self.phase_start = step.sample;
         }
-        self.now.phase = beat.phase;
-        self.now.measured = Some(beat.at);
-        self.records.keep_step(step);
-        let measures = !self.records_alone || step.recording != RecordTarget::None;
+        self.snapshot.phase = step.phase;
+        self.snapshot.measured = Some(timed.at);
+        if let Some(transition) = &step.transition {
+            self.progress.apply(transition);
+        }
+        let Ok(()) = self.recorder.consume(step, &self.progress);
+        let measures = !self.draws_records_only || step.record != RecordTarget::None;
         if measures {
-            self.strip.lock().unwrap_or_else(PoisonError::into_inner).take(self.now.t_s, beat);
+            self.strip_chart.lock().unwrap_or_else(PoisonError::into_inner).take(self.snapshot.t_s, step);
         }
-        self.show(beat, measures);
-        if let Some(happening) = step.happened {
-            self.story.happened(self.now.t_s, &happening);
-            self.story_changed = true;
-            if happening.to == Phase::Hold {
+        self.show(step, measures);
+        if let Some(transition) = step.transition {
+            self.history.add_transition(self.snapshot.t_s, &transition);
+            self.history_changed = true;
+            if transition.to == Phase::Hold {
                 self.has_gap = false;
             }
-            if matches!(happening.event, Event::HoldOver) {
-                self.fit_last();
+            if matches!(transition.event, Event::HoldOver) {
+                self.fit_last_trial();
             }
         }
-        if let Some(word) = step.refused {
-            self.story.tell(self.now.t_s, LogEntry::refused(word, beat.phase));
-            self.story_changed = true;
+        if let Some(command) = step.refused {
+            self.history.add(self.snapshot.t_s, LogEntry::refused(command, step.phase));
+            self.history_changed = true;
         }
     }
 
-    /// What was done at a console.
-    pub fn remark(&mut self, remark: &AuditEntry) {
-        let t_s = self.time_s(remark.sample);
-        if matches!(remark.deed, OperatorAction::AskedForPauseAfterTrial | OperatorAction::Missed { .. }) {
-            self.now.pause_asked = true;
+    /// Adds an operator's action to the history.
+    pub fn add_action(&mut self, entry: &AuditEntry) {
+        let t_s = self.time_s(entry.sample);
+        if matches!(entry.action, OperatorAction::RequestedPauseAfterTrial | OperatorAction::Missed { .. }) {
+            self.snapshot.pause_requested = true;
         }
-        self.story.tell(t_s, LogEntry::of(remark));
-        self.story_changed = true;
+        self.history.add(t_s, LogEntry::of_action(entry));
+        self.history_changed = true;
     }
 
-    /// Something that the operator must know.
-    pub fn alarm(&mut self, text: &str) {
-        self.story.tell(self.now.t_s, LogEntry::alarm(text));
-        self.story_changed = true;
+    /// Adds an alarm to the history.
+    pub fn add_alarm(&mut self, text: &str) {
+        self.history.add(self.snapshot.t_s, LogEntry::alarm(text));
+        self.history_changed = true;
     }
 
-    /// How everything fares.
-    pub fn gauge(&mut self, gauges: SystemStatus) {
-        self.story_changed |= self.story.gauge(gauges);
+    /// Sets the timing, disk space and display latency.
+    pub fn set_status(&mut self, status: SystemStatus) {
+        self.history_changed |= self.history.set_status(status);
     }
 
-    /// The program is done with the session.
-    pub fn over(&mut self, said: &str) {
-        self.now.is_over = true;
-        self.story.tell(self.now.t_s, LogEntry::plain(said));
-        self.story_changed = true;
+    /// Marks the session as over, with a closing message for the log.
+    pub fn close(&mut self, message: &str) {
+        self.snapshot.is_over = true;
+        self.history.add(self.snapshot.t_s, LogEntry::plain(message));
+        self.history_changed = true;
     }
 
-    /// Hands out what is new.
+    /// Publishes a snapshot, and the history if it changed.
     pub fn publish(&mut self) {
         while let Some(outcome) = self.fitter.outcome() {
             self.fits.insert(outcome.0, outcome);
-            self.story_changed = true;
+            self.history_changed = true;
         }
-        let progress = self.records.progress();
-        let now = &mut self.now;
-        now.shown.n += 1;
-        now.in_phase_s = (self.seen.saturating_sub(self.entered)) as f64 / self.settings.sample_rate_hz;
-        if self.story_changed {
-            let possible = |word: &Event| progress.line(now.phase, *word).is_some();
-            let words = WORDS.iter().filter(|word| possible(word));
-            now.possible =
-                if now.tape.is_some() { Vec::new() } else { words.map(|word| word.name()).collect() };
-            now.pause_asked = (now.pause_asked && now.phase.is_armed() && now.phase != Phase::Paused)
+        let progress = &self.progress;
+        let snapshot = &mut self.snapshot;
+        snapshot.subject.n += 1;
+        snapshot.in_phase_s = (self.last_sample.saturating_sub(self.phase_start)) as f64 / self.settings.sample_rate_hz;
+        if self.history_changed {
+            let possible = |command: &Event| progress.line(snapshot.phase, *command).is_some();
+            let commands = COMMANDS.iter().filter(|command| possible(command));
+            snapshot.possible =
+                if snapshot.playback.is_some() { Vec::new() } else { commands.map(|command| command.name()).collect() };
+            snapshot.pause_requested = (snapshot.pause_requested && snapshot.phase.is_armed() && snapshot.phase != Phase::Paused)
                 || progress.holds(Guard::PauseAsked);
-            self.story_changed = false;
-            self.story_out.send_replace(self.story.json(progress, &self.settings, &self.fits).into());
+            self.history_changed = false;
+            self.history_out.send_replace(self.history.json(progress, &self.settings, &self.fits).into());
         }
-        self.now_out.send_replace(Arc::new(now.clone()));
-        // A picture that is made again, for want of a new sample, does not tell how old samples are.
-        self.now.measured = None;
+        self.snapshot_out.send_replace(Arc::new(snapshot.clone()));
+        // A snapshot without a new sample must not count in the display latency.
+        self.snapshot.measured = None;
     }
 
     fn time_s(&self, sample: u64) -> f64 {
         self.before_s + sample as f64 / self.settings.sample_rate_hz
     }
 
-    fn fit_last(&mut self) {
-        let Some(trial) = self.records.take_last_trial() else { return };
+    fn fit_last_trial(&mut self) {
+        let Some(trial) = self.recorder.take_last_trial(&self.progress) else { return };
         if self.has_gap {
-            let why = "some of its samples were left out on the way here; see the fit at the end";
+            let why = "the console missed some of its samples; see the fit at the end of the session";
             self.fits.insert(trial.number, (trial.number, Err(why.to_owned())));
         } else if !self.fits.contains_key(&trial.number) {
             self.fitter.fit(trial);
         }
     }
 
-    /// What the person sees, and what the operator sees of it.
-    fn show(&mut self, beat: &TimedStep, measures: bool) {
-        let now = &mut self.now;
+    /// Updates what subject and operator see.
+    fn show(&mut self, step: &Step, measures: bool) {
+        let snapshot = &mut self.snapshot;
         if measures {
-            now.angle_rad = beat.step.measured.map_or(now.angle_rad, |sample| sample.theta_m_rad);
-            now.torque_nm = beat.shown_nm;
+            snapshot.angle_rad = step.measured.map_or(snapshot.angle_rad, |sample| sample.theta_m_rad);
+            snapshot.torque_nm = step.feedback_torque_nm;
         }
-        let shown = &mut now.shown;
-        shown.cue = asked(beat);
+        let shown = &mut snapshot.subject;
+        shown.instruction = instruction(step);
         shown.band_fraction = self.settings.gate.band_fraction;
-        // While the motor moves, nothing on the display does.
-        if shown.cue != Instruction::Moving {
-            shown.gate = beat.gate;
-            shown.emg_mvc = if measures { beat.emg_mvc } else { [0.0; 2] };
-            now.target_nm = None;
-            (shown.direction, shown.level) = match beat.cue {
+        // The display stands still while the motor moves.
+        if shown.instruction != Instruction::Moving {
+            shown.gate = step.gate_fraction;
+            shown.emg_mvc = if measures { step.feedback_emg_mvc } else { [0.0; 2] };
+            snapshot.target_nm = None;
+            (shown.direction, shown.level) = match step.cue {
                 Cue::Target { target_nm, .. } => {
-                    now.target_nm = Some(target_nm);
-                    (Some(direction(target_nm)), beat.shown_nm / target_nm)
+                    snapshot.target_nm = Some(target_nm);
+                    (Some(direction(target_nm)), step.feedback_torque_nm / target_nm)
                 }
                 Cue::Effort(direction) => {
                     let targets = self.settings.plan.iter().map(|planned| planned.torque_nm.abs());
-                    let strong_nm = STRONG_EFFORT * targets.fold(0.1, f64::max);
-                    (Some(direction), beat.shown_nm.abs() / strong_nm)
+                    let strong_nm = EFFORT_SCALE_TARGETS * targets.fold(0.1, f64::max);
+                    (Some(direction), step.feedback_torque_nm.abs() / strong_nm)
                 }
                 _ => (None, 0.0),
             };
         }
-        let rest_s = match beat.phase {
+        let rest_s = match step.phase {
             Phase::Rest => Some(self.settings.rest_samples as f64 / self.settings.sample_rate_hz),
             Phase::MvcRest => self.settings.mvc.as_ref().map(|mvc| mvc.rest_s),
             _ => None,
         };
-        let rested_s = beat.step.sample.saturating_sub(self.entered) as f64 / self.settings.sample_rate_hz;
+        let rested_s = step.sample.saturating_sub(self.phase_start) as f64 / self.settings.sample_rate_hz;
         shown.rest_left_s = rest_s.map(|rest_s| (rest_s - rested_s).max(0.0));
         shown.rest_s = rest_s;
-        if beat.step.happened.is_some() {
-            self.count();
+        if step.transition.is_some() {
+            self.count_trials();
         }
     }
 
-    /// How many trials are done, and which is under way.
-    fn count(&mut self) {
-        let progress = self.records.progress();
-        let now = &mut self.now;
-        let (last, shown) = (progress.attempts().last(), &mut now.shown);
+    /// Counts the trials and sets the one under way.
+    fn count_trials(&mut self) {
+        let progress = &self.progress;
+        let snapshot = &mut self.snapshot;
+        let (last, shown) = (progress.attempts().last(), &mut snapshot.subject);
         let measured = |attempt: &&Attempt| !attempt.planned.key.practice;
         let ended = progress.attempts().iter().filter(measured).filter_map(|attempt| attempt.ended);
         shown.done = ended.filter(|(status, _)| *status == Status::Ok).count();
@@ -287,7 +294,7 @@ impl ViewModel {
         let left = progress.queue().filter(|planned| !planned.key.practice).count();
         shown.total = shown.done + under_way + left;
         shown.last_counts = last.and_then(|attempt| attempt.ended).map(|(status, _)| status == Status::Ok);
-        now.trial = last.map(|attempt| CurrentTrial {
+        snapshot.trial = last.map(|attempt| CurrentTrial {
             number: attempt.number,
             practice: attempt.planned.key.practice,
             velocity_rad_s: attempt.planned.velocity_rad_s,
@@ -297,12 +304,12 @@ impl ViewModel {
     }
 }
 
-/// The operator's words.
-const WORDS: [Event; 7] =
+/// Commands of the operator.
+const COMMANDS: [Event; 7] =
     [Event::Start, Event::Pause, Event::Resume, Event::Skip, Event::Repeat, Event::Abort, Event::Rearm];
 
-fn asked(beat: &TimedStep) -> Instruction {
-    match (beat.phase, beat.cue) {
+fn instruction(step: &Step) -> Instruction {
+    match (step.phase, step.cue) {
         (Phase::Finished, _) => Instruction::Done,
         (Phase::Ready | Phase::Aborted, _) => Instruction::Wait,
         (Phase::Paused | Phase::Faulted | Phase::Homing, _) => Instruction::Pause,
@@ -317,37 +324,4 @@ fn asked(beat: &TimedStep) -> Instruction {
 
 fn direction(torque_nm: f64) -> Direction {
     if torque_nm < 0.0 { Direction::Extension } else { Direction::Flexion }
-}
-
-/// Before the first step.
-pub(super) fn waiting(tape: Option<PlaybackState>) -> Snapshot {
-    Snapshot {
-        shown: SubjectView {
-            n: 0,
-            cue: Instruction::Wait,
-            direction: None,
-            level: 0.0,
-            band_fraction: 0.0,
-            emg_mvc: [0.0; 2],
-            gate: 0.0,
-            rest_left_s: None,
-            rest_s: None,
-            done: 0,
-            total: 0,
-            last_counts: None,
-        },
-        t_s: 0.0,
-        phase: Phase::Ready,
-        in_phase_s: 0.0,
-        angle_rad: 0.0,
-        torque_nm: 0.0,
-        target_nm: None,
-        trial: None,
-        possible: Vec::new(),
-        pause_asked: false,
-        left_out: 0,
-        is_over: false,
-        measured: None,
-        tape,
-    }
 }

@@ -1,4 +1,4 @@
-//! What pages are told first, and what does not change.
+//! First message of a page's socket: what does not change during the session.
 
 use serde_json::{Value, json};
 
@@ -7,42 +7,42 @@ use crate::dataset::Wrist;
 use crate::session::transitions::TRANSITIONS;
 use crate::session::{Phase, Settings};
 
-/// What there is to know of a session.
+/// Description of a session for the pages.
 #[derive(Debug, Clone)]
 pub struct SessionInfo {
     /// Name of the protocol.
     pub protocol: String,
-    /// Who is measured.
+    /// Identifier of the subject.
     pub subject: String,
-    /// The session's folder, for reading.
+    /// The session's folder.
     pub folder: String,
-    /// What moves the wrist, for reading.
+    /// Name of the rig.
     pub rig: String,
 }
 
-/// The first message for the operator and for the person.
-pub fn hello(
-    about: &SessionInfo,
+/// The first messages for the operator's and the subject's page.
+pub fn welcome_messages(
+    info: &SessionInfo,
     settings: &Settings,
     wrist: Wrist,
-    tape: Option<PlaybackState>,
+    playback: Option<PlaybackState>,
 ) -> [Value; 2] {
-    let person = json!({
+    let subject = json!({
         "kind": "hello",
         "wrist": wrist,
     });
-    let mut operator = person.clone();
+    let mut operator = subject.clone();
     let more = json!({
-        "protocol": about.protocol,
-        "subject": about.subject,
-        "folder": about.folder,
-        "rig": about.rig,
+        "protocol": info.protocol,
+        "subject": info.subject,
+        "folder": info.folder,
+        "rig": info.rig,
         "seed": settings.seed,
         "sample_rate_hz": settings.sample_rate_hz,
         "gate_s": settings.gate.duration_s,
         "antagonist_limit_mvc": settings.gate.antagonist_limit_mvc,
         "angle_rad": settings.limits.angle_rad,
-        "tape": tape,
+        "tape": playback,
         "phases": Phase::ALL.map(Phase::name),
         "transitions": TRANSITIONS.iter().map(|line| json!({
             "from": line.from.name(),
@@ -56,5 +56,5 @@ pub fn hello(
     if let (Value::Object(operator), Value::Object(more)) = (&mut operator, more) {
         operator.extend(more);
     }
-    [operator, person]
+    [operator, subject]
 }

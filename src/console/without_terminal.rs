@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::welcome::SessionInfo;
-use super::{ConsoleError, Controls, Views};
+use super::controls::Controls;
+use super::error::ConsoleError;
+use super::view_model::Views;
 
 /// A terminal that is drawn on: without the feature there is none.
 pub enum Terminal {}

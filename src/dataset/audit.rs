@@ -1,49 +1,52 @@
-//! What people did at a console, for the journal. The session goes by what came of it, which the journal tells beside
-//! this; here stands who did what, and what they wrote down.
+//! Operators' actions at a console, as the journal keeps them: who did what, and the notes. The resulting transitions of
+//! the session are journal entries of their own.
 
 use serde::{Deserialize, Serialize};
 
 use crate::session::Event;
 
-/// The longest note, in bytes.
+/// Longest note, in bytes.
 pub const LONGEST_NOTE: usize = 1000;
 
-/// Something done at a console.
+/// An action at a console.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OperatorAction {
     /// The console was opened.
     Opened {
-        /// The wrist in the handle, as the person's display mirrors it.
+        /// Wrist in the handle; the subject's display is mirrored to its side.
         wrist: Wrist,
     },
-    /// An operator came to the console.
+    /// An operator's page was opened.
     Joined,
-    /// An operator left it, or was no longer heard of.
+    /// An operator's page was closed, or its connection was lost.
     Left,
-    /// No operator was there for too long: the session is to pause after the trial.
+    /// No operator's page was open for too long: the session pauses after the trial.
     Missed {
-        /// For how long, s.
+        /// Time without an operator's page, s.
         after_s: f64,
     },
-    /// The operator gave a word to the session.
-    Said {
-        /// The word.
-        word: Event,
+    /// The operator gave a command.
+    #[serde(rename = "said")]
+    Commanded {
+        /// The command.
+        #[serde(rename = "word")]
+        command: Event,
     },
-    /// The operator asked for a pause once the trial under way is over.
-    AskedForPauseAfterTrial,
-    /// The operator wrote something down.
+    /// The operator asked for a pause after the trial under way.
+    #[serde(rename = "asked_for_pause_after_trial")]
+    RequestedPauseAfterTrial,
+    /// The operator wrote a note.
     Noted {
-        /// What.
+        /// The note.
         text: String,
-        /// The time on the operator's clock, as the operator's screen gave it.
+        /// Time of day on the operator's screen.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         clock: Option<String>,
     },
 }
 
-/// Where something was done.
+/// Where an action came from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ActionOrigin {
@@ -55,24 +58,26 @@ pub enum ActionOrigin {
     Program,
 }
 
-/// Which wrist is in the handle.
+/// The wrist in the handle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Wrist {
-    /// The left one.
+    /// The left wrist.
     Left,
-    /// The right one.
+    /// The right wrist.
     #[default]
     Right,
 }
 
-/// A deed with its place in the session.
+/// An action with its time and origin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AuditEntry {
     /// Samples since the session was started or resumed.
     pub sample: u64,
-    /// Where it was done.
-    pub desk: ActionOrigin,
-    /// What.
-    pub deed: OperatorAction,
+    /// Where the action came from.
+    #[serde(rename = "desk")]
+    pub origin: ActionOrigin,
+    /// The action.
+    #[serde(rename = "deed")]
+    pub action: OperatorAction,
 }

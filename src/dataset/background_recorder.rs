@@ -1,5 +1,5 @@
-//! A thread that writes, behind a ring, so that a slow disk never delays the loop. The loop's end asks for no memory and waits
-//! for no lock; its only call to the operating system wakes the thread when there is something for the journal.
+//! Recorder on a thread of its own, behind a ring buffer, so that a slow disk never delays the control loop. The loop's
+//! end allocates nothing and takes no lock; its only system call wakes the thread when there is a journal entry to write.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -10,91 +10,98 @@ use std::time::Duration;
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
 use super::audit::AuditEntry;
-use super::recorder::{RecordError, Recorder, Step};
-use crate::session::{Input, Machine, Output, Recorder as KeepsSession};
+use super::recorder::{RecordError, Recorder};
+use crate::session::{Progress, Step, StepConsumer};
 
-/// Steps that the ring holds: 26 s at 2.5 kHz.
-const ROOM: usize = 1 << 16;
-/// How often the thread looks when there is nothing to do.
-const IDLE: Duration = Duration::from_millis(2);
-/// How long a loop that has time waits before it looks again.
-const A_MOMENT: Duration = Duration::from_micros(20);
+/// Number of steps that the ring holds: 26 s at 2.5 kHz.
+const RING_CAPACITY: usize = 1 << 16;
+/// Longest sleep of the writing thread while there is nothing to write.
+const WRITER_SLEEP: Duration = Duration::from_millis(2);
+/// Time that a loop without deadlines sleeps before it checks the disk again.
+const DISK_POLL: Duration = Duration::from_micros(20);
 
-/// A [`Recorder`] at work on a thread of its own.
+/// A [`Recorder`] that writes on a thread of its own.
 #[derive(Debug)]
 pub struct BackgroundRecorder {
     ring: Producer<Step>,
     thread: Option<JoinHandle<Result<(), RecordError>>>,
-    /// Journal entries handed over.
-    told: u64,
-    /// The loop has time: it waits for the disk rather than fail.
-    is_patient: bool,
-    remarks: AuditSender,
+    /// Number of journal entries handed to the thread.
+    entries_sent: u64,
+    /// The loop has no deadlines: it waits for the disk instead of failing.
+    waits_for_disk: bool,
+    actions: AuditSender,
     shared: Arc<Shared>,
 }
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// Journal entries on disk.
-    safe: AtomicU64,
+    /// Number of journal entries on disk.
+    entries_on_disk: AtomicU64,
     /// No more steps will come.
     over: AtomicBool,
-    /// The thread has given up.
+    /// The thread has stopped because of an error.
     failed: AtomicBool,
 }
 
-/// Where others than the loop hand in what was done at a console.
+/// Sends operators' actions to the journal, from any thread but the control loop's.
 #[derive(Debug, Clone)]
 pub struct AuditSender(mpsc::Sender<AuditEntry>);
 
 impl AuditSender {
-    /// Has it written into the journal; whether anybody still writes one.
-    pub fn send(&self, remark: AuditEntry) -> bool {
-        self.0.send(remark).is_ok()
+    /// Sends an action to the journal; `false` if the journal is closed.
+    pub fn send(&self, action: AuditEntry) -> bool {
+        self.0.send(action).is_ok()
     }
 }
 
 impl BackgroundRecorder {
-    /// Takes a recorder to a thread of its own.
-    pub fn start(recorder: Recorder) -> Self {
-        let (ring, steps) = RingBuffer::new(ROOM);
-        let (remarks, remarked) = mpsc::channel();
+    /// Moves a recorder to a thread of its own. `progress` is the session's progress so far; the thread follows it
+    /// from the steps that it receives.
+    pub fn start(recorder: Recorder, progress: Progress) -> Self {
+        let (ring, steps) = RingBuffer::new(RING_CAPACITY);
+        let (actions, received) = mpsc::channel();
         let shared = Arc::new(Shared::default());
         let thread = thread::spawn({
             let shared = shared.clone();
             move || {
-                // Also when it panics.
+                // Also set when the thread panics.
                 let _failed = FailedUnlessOver(&shared);
-                write(recorder, steps, &remarked, &shared)
+                write(recorder, progress, steps, &received, &shared)
             }
         });
-        Self { ring, thread: Some(thread), told: 0, is_patient: false, remarks: AuditSender(remarks), shared }
+        Self {
+            ring,
+            thread: Some(thread),
+            entries_sent: 0,
+            waits_for_disk: false,
+            actions: AuditSender(actions),
+            shared,
+        }
     }
 
-    /// The same for a loop without deadlines: it waits until what happened is on disk, as with the recorder itself.
-    pub fn patient(recorder: Recorder) -> Self {
-        let mut started = Self::start(recorder);
-        started.is_patient = true;
+    /// As [`BackgroundRecorder::start`], for a loop without deadlines: each step waits until its journal entry is on disk.
+    pub fn start_waiting(recorder: Recorder, progress: Progress) -> Self {
+        let mut started = Self::start(recorder, progress);
+        started.waits_for_disk = true;
         started
     }
 
-    /// Where others than the loop hand in what was done at a console.
-    pub fn remarks(&self) -> AuditSender {
-        self.remarks.clone()
+    /// The sender of operators' actions to this recorder's journal.
+    pub fn actions(&self) -> AuditSender {
+        self.actions.clone()
     }
 
     fn wake(&self) {
         self.thread.iter().for_each(|thread| thread.thread().unpark());
     }
 
-    /// Waits for room, or for the disk.
-    fn wait_while(&mut self, goes_on: impl Fn(&Self) -> bool) -> Result<(), RecordError> {
-        while goes_on(self) {
+    fn wait_while(&mut self, condition: impl Fn(&Self) -> bool) -> Result<(), RecordError> {
+        while condition(self) {
             if self.shared.failed.load(Ordering::Acquire) {
                 return self.join().and(Err(RecordError::WriterGone));
             }
             self.wake();
-            thread::sleep(A_MOMENT);
+            thread::sleep(DISK_POLL);
         }
         Ok(())
     }
@@ -102,7 +109,7 @@ impl BackgroundRecorder {
     /// Waits until everything is written.
     ///
     /// # Errors
-    /// What could not be written.
+    /// The first error of the writing thread.
     pub fn finish(mut self) -> Result<(), RecordError> {
         self.join()
     }
@@ -128,54 +135,59 @@ impl Drop for FailedUnlessOver<'_> {
 
 fn write(
     mut recorder: Recorder,
+    mut progress: Progress,
     mut steps: Consumer<Step>,
-    remarks: &mpsc::Receiver<AuditEntry>,
+    actions: &mpsc::Receiver<AuditEntry>,
     shared: &Shared,
 ) -> Result<(), RecordError> {
     loop {
-        // Asked before looking, so that what came just before the end is still seen.
+        // Read before the ring is emptied, so that the last steps are still written.
         let over = shared.over.load(Ordering::Acquire);
         match steps.pop() {
             Ok(step) => {
-                recorder.keep_step(&step)?;
-                if step.is_told() {
-                    shared.safe.fetch_add(1, Ordering::Release);
+                if let Some(transition) = &step.transition {
+                    progress.apply(transition);
+                }
+                recorder.consume(&step, &progress)?;
+                if step.is_journaled() {
+                    shared.entries_on_disk.fetch_add(1, Ordering::Release);
                 }
             }
-            Err(_) => match remarks.try_recv() {
-                Ok(remark) => recorder.keep_remark(remark)?,
+            Err(_) => match actions.try_recv() {
+                Ok(action) => recorder.record_action(action)?,
                 Err(_) if over => return Ok(()),
-                Err(_) => thread::park_timeout(IDLE),
+                Err(_) => thread::park_timeout(WRITER_SLEEP),
             },
         }
     }
 }
 
-impl KeepsSession for BackgroundRecorder {
+impl StepConsumer for BackgroundRecorder {
     type Error = RecordError;
 
-    fn on_disk(&self) -> bool {
-        self.shared.safe.load(Ordering::Acquire) == self.told
+    fn is_on_disk(&self) -> bool {
+        self.shared.entries_on_disk.load(Ordering::Acquire) == self.entries_sent
     }
 
-    fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), RecordError> {
+    fn consume(&mut self, step: &Step, _: &Progress) -> Result<(), RecordError> {
         if self.shared.failed.load(Ordering::Acquire) {
             return self.join().and(Err(RecordError::WriterGone));
         }
-        let step = Step::new(input, output, machine);
-        if !step.is_kept() {
+        if !step.is_recorded() {
             return Ok(());
         }
-        if self.is_patient {
+        if self.waits_for_disk {
             self.wait_while(|own| own.ring.is_full())?;
         }
-        self.ring.push(step).map_err(|PushError::Full(_)| RecordError::TooSlow { waiting: ROOM })?;
-        if step.is_told() {
-            self.told += 1;
-            // The ramp waits for the journal, so nobody should sleep over it.
+        self.ring
+            .push(*step)
+            .map_err(|PushError::Full(_)| RecordError::TooSlow { waiting: RING_CAPACITY })?;
+        if step.is_journaled() {
+            self.entries_sent += 1;
+            // The ramp waits for this entry.
             self.wake();
         }
-        if self.is_patient { self.wait_while(|own| !own.on_disk()) } else { Ok(()) }
+        if self.waits_for_disk { self.wait_while(|own| !own.is_on_disk()) } else { Ok(()) }
     }
 }
 

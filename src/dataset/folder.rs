@@ -13,7 +13,7 @@ use super::{FORMAT, Subject};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
 use crate::session::rules::RULES;
-use crate::session::{Progress, Settings};
+use crate::session::Settings;
 use crate::wrist::Lever;
 
 /// What is known of a session before it begins.
@@ -76,8 +76,7 @@ impl NewSession<'_> {
             }
             _ => RecordError::at(path)(error),
         })?;
-        let progress = Progress::new(&settings);
-        Ok(Recorder::new(path, disk, journal, settings, (progress, RecordNames::default())))
+        Ok(Recorder::new(path, disk, journal, settings, RecordNames::default()))
     }
 
     fn prepare(&self, path: &Path, disk: &Disk) -> Result<Journal, RecordError> {

@@ -45,20 +45,22 @@ pub enum JournalEntry {
         #[serde(default, skip_serializing_if = "is_none")]
         motion_delay_samples: u64,
     },
-    /// A step of the state machine that changed something.
-    Happened(TransitionRecord),
-    /// The operator said something that was not possible.
+    /// A transition of the state machine.
+    #[serde(rename = "transition")]
+    Transition(TransitionRecord),
+    /// A command of the operator that was not possible in its phase.
     Refused {
         /// Samples since the session was started or resumed.
         sample: u64,
-        /// The word.
-        word: Event,
+        /// The command.
+        #[serde(rename = "word")]
+        command: Event,
     },
-    /// Somebody did something at a console.
+    /// An action of an operator at a console.
     Console(AuditEntry),
-    /// The program had ended in the middle of the session and was started again; samples are counted anew.
+    /// The session was resumed after the program had ended; samples are counted from 0 again.
     Resumed {
-        /// The trial that was under way then, if there was one: it is aborted.
+        /// The trial that was under way when the program ended, now aborted.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         interrupted: Option<Interrupted>,
     },
@@ -72,7 +74,7 @@ fn first_rules() -> u32 {
     1
 }
 
-/// A trial that the program did not live to end.
+/// A trial that was under way when the program ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Interrupted {
     /// Its number.

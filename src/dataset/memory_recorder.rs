@@ -1,61 +1,43 @@
-//! A session kept in memory alone: what loading its folder would give, without the folder.
+//! Recorder that keeps a session in memory instead of a folder.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 
-use super::recorder::Step;
 use super::tables::{self, amplitude_rad, rest_s};
 use super::trial_csv_writer::TrialCsvWriter;
 use super::{Record, Session, Subject, Trial};
 use crate::rig::Sample;
-use crate::session::{Attempt, Input, Machine, Output, Progress, RecordTarget, Recorder, Settings};
+use crate::session::{Attempt, Progress, RecordTarget, Settings, Step, StepConsumer};
 use crate::wrist::Lever;
 
-/// Keeps the records of the trials while a session runs.
+/// Records the trials of a running session in memory.
 ///
-/// Samples come to it rounded to what a folder's records hold, so that both ways lead to the same bits.
+/// Samples arrive rounded to the resolution of the CSV files, so that memory and folder hold the same bits.
 #[derive(Debug)]
 pub struct MemoryRecorder {
     settings: Arc<Settings>,
-    progress: Progress,
+    /// The record of each attempt; `None` for practice and for a record that was taken.
     records: Vec<Option<Record>>,
-    open: bool,
+    is_open: bool,
 }
 
 impl MemoryRecorder {
-    /// Nothing is recorded yet.
+    /// A recorder without trials.
     pub fn new(settings: Arc<Settings>) -> Self {
-        let progress = Progress::new(&settings);
-        Self::with_progress(settings, progress)
+        Self { settings, records: Vec::new(), is_open: false }
     }
 
-    /// Nothing is recorded yet of a session of which `progress` is already done.
-    pub fn with_progress(settings: Arc<Settings>, progress: Progress) -> Self {
-        Self { progress, settings, records: Vec::new(), open: false }
+    /// Takes the last trial out of the recorder; `None` while it is under way, and for practice.
+    pub fn take_last_trial(&mut self, progress: &Progress) -> Option<Trial> {
+        let attempt = progress.attempts().last()?;
+        let record = self.records.get_mut(progress.attempts().len() - 1)?.take()?;
+        trial(attempt, record, progress, &self.settings, &TrialCsvWriter::new(self.settings.sample_rate_hz))
     }
 
-    /// What happened so far.
-    pub fn progress(&self) -> &Progress {
-        &self.progress
-    }
-
-    /// The last trial with its record, which is given away; `None` while it is under way, and for practice.
-    pub fn take_last_trial(&mut self) -> Option<Trial> {
-        let attempt = self.progress.attempts().last()?;
-        let record = self.records.get_mut(self.progress.attempts().len() - 1)?.take()?;
-        trial(
-            attempt,
-            record,
-            &self.progress,
-            &self.settings,
-            &TrialCsvWriter::new(self.settings.sample_rate_hz),
-        )
-    }
-
-    /// The session as [`super::load`] would give it.
-    pub fn session(self, subject: &str, lever: Option<Lever>) -> Session {
-        let (progress, settings) = (&self.progress, &self.settings);
+    /// The session as [`super::load`] would read it from a folder.
+    pub fn session(self, progress: &Progress, subject: &str, lever: Option<Lever>) -> Session {
+        let settings = &self.settings;
         let rows = TrialCsvWriter::new(settings.sample_rate_hz);
         let trials = progress.attempts().iter().zip(self.records);
         Session {
@@ -72,29 +54,10 @@ impl MemoryRecorder {
         }
     }
 
-    /// Keeps a step.
-    pub fn keep_step(&mut self, step: &Step) {
-        if let Some(happening) = &step.happened {
-            self.progress.apply(happening);
-        }
-        let goes_on = self.open && step.recording == RecordTarget::Trial;
-        if let (true, Some(sample)) = (self.open, &step.measured) {
-            // The sample that ended a record belongs to it, as in a folder.
-            self.keep(sample);
-        }
-        self.open = step.recording == RecordTarget::Trial;
-        if self.open && !goes_on {
-            self.begin();
-            if let Some(sample) = &step.measured {
-                self.keep(sample);
-            }
-        }
-    }
-
-    fn begin(&mut self) {
-        self.records.resize_with(self.progress.attempts().len(), || None);
-        if let (Some(last), Some(attempt)) = (self.records.last_mut(), self.progress.current()) {
-            // Practice is recorded too, but nobody analyses it.
+    fn begin(&mut self, progress: &Progress) {
+        self.records.resize_with(progress.attempts().len(), || None);
+        if let (Some(last), Some(attempt)) = (self.records.last_mut(), progress.current()) {
+            // Practice is not analysed.
             let empty = || Record {
                 emg_fcr_mvc: Some(Vec::new()),
                 emg_ecr_mvc: Some(Vec::new()),
@@ -106,7 +69,7 @@ impl MemoryRecorder {
 
     fn keep(&mut self, sample: &Sample) {
         let Some(Some(record)) = self.records.last_mut() else { return };
-        // A record's text knows no negative zero.
+        // A CSV record has no negative zero.
         record.theta_m_rad.push(sample.theta_m_rad + 0.0);
         record.torque_l_nm.push(sample.torque_l_nm + 0.0);
         for (channel, value) in
@@ -149,11 +112,22 @@ fn trial(
     })
 }
 
-impl Recorder for MemoryRecorder {
+impl StepConsumer for MemoryRecorder {
     type Error = Infallible;
 
-    fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), Infallible> {
-        self.keep_step(&Step::new(input, output, machine));
+    fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), Infallible> {
+        let continues = self.is_open && step.record == RecordTarget::Trial;
+        if let (true, Some(sample)) = (self.is_open, &step.measured) {
+            // The sample that ends a record belongs to it, as in a folder.
+            self.keep(sample);
+        }
+        self.is_open = step.record == RecordTarget::Trial;
+        if self.is_open && !continues {
+            self.begin(progress);
+            if let Some(sample) = &step.measured {
+                self.keep(sample);
+            }
+        }
         Ok(())
     }
 }

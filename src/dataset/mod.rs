@@ -30,9 +30,9 @@ pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalLine, Jo
 pub use load::load;
 pub use manifest::{Change, MANIFEST, Manifest};
 pub use memory_recorder::MemoryRecorder;
-pub use recorder::{RecordError, Recorder, Step};
-pub use recovery::remarks;
-pub use replay::{Difference, Observer, Replay, replay, replay_watched};
+pub use recorder::{RecordError, Recorder};
+pub use recovery::operator_actions;
+pub use replay::{Difference, Replay, StepObserver, replay, replay_watched};
 pub use resume::{Resumable, ResumeError, Resumed};
 use serde::{Deserialize, Serialize};
 

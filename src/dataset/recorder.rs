@@ -14,8 +14,7 @@ use super::trial_csv_writer::{HEADER, TrialCsvWriter};
 use crate::protocol::TooShort;
 use crate::rig::Sample;
 use crate::session::{
-    Event, Input, Machine, Output, Phase, Progress, Reading, RecordTarget, Recorder as KeepsSession,
-    Settings, TransitionDetail, TransitionRecord,
+    Phase, Progress, RecordTarget, Settings, Step, StepConsumer, TransitionDetail, TransitionRecord,
 };
 
 /// So many bytes of rows are collected before they are handed to the operating system.
@@ -80,56 +79,14 @@ pub struct Recorder {
     journal: Journal,
     rows: TrialCsvWriter,
     settings: Arc<Settings>,
-    /// What happened so far; the same as the session's own.
-    progress: Progress,
-    /// How many records were begun under a name.
-    begun: RecordNames,
+    names: RecordNames,
     open: Option<OpenRecord>,
-}
-
-/// All that a recorder needs to know of a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
-    /// Steps so far.
-    pub sample: u64,
-    /// What the rig measured.
-    pub measured: Option<Sample>,
-    /// To which record it belongs.
-    pub recording: RecordTarget,
-    /// What happened.
-    pub happened: Option<TransitionRecord>,
-    /// The operator's word that was not possible.
-    pub refused: Option<Event>,
-}
-
-impl Step {
-    /// What is to be kept of a step.
-    pub fn new(input: &Input, output: &Output, machine: &Machine) -> Self {
-        let measured = match (&input.reading, output.happened) {
-            // A sample that broke a limit may be no number; the journal tells what it was.
-            (_, Some(TransitionRecord { event: Event::Fault, .. })) => None,
-            (Reading::Sample(sample), _) => Some(*sample),
-            _ => None,
-        };
-        let (recording, happened, refused) = (output.recording, output.happened, output.refused);
-        Self { sample: machine.sample(), measured, recording, happened, refused }
-    }
-
-    /// Whether there is anything in it to keep.
-    pub fn is_kept(&self) -> bool {
-        self.recording != RecordTarget::None || self.happened.is_some() || self.refused.is_some()
-    }
-
-    /// Whether the journal tells of it.
-    pub fn is_told(&self) -> bool {
-        self.happened.is_some() || self.refused.is_some()
-    }
 }
 
 /// A record that is being written.
 #[derive(Debug)]
 struct OpenRecord {
-    recording: RecordTarget,
+    target: RecordTarget,
     /// Path in the session folder that it gets when it is complete.
     file: String,
     handle: File,
@@ -138,22 +95,26 @@ struct OpenRecord {
 }
 
 impl Recorder {
-    /// Keeps the session in `folder`, whose journal has been begun.
+    /// Records into `folder`, whose journal has been begun.
     pub(super) fn new(
         folder: &Path,
         disk: Disk,
         journal: Journal,
         settings: Arc<Settings>,
-        (progress, begun): (Progress, RecordNames),
+        names: RecordNames,
     ) -> Self {
         let rows = TrialCsvWriter::new(settings.sample_rate_hz);
-        Self { folder: folder.to_owned(), disk, journal, rows, settings, progress, begun, open: None }
+        Self { folder: folder.to_owned(), disk, journal, rows, settings, names, open: None }
     }
 
-    /// The session goes on after the program had ended.
-    pub(super) fn resume(&mut self, interrupted: Option<Interrupted>) -> Result<(), RecordError> {
+    /// Notes in the journal that the session was resumed.
+    pub(super) fn resume(
+        &mut self,
+        interrupted: Option<Interrupted>,
+        progress: &Progress,
+    ) -> Result<(), RecordError> {
         self.append(&JournalEntry::Resumed { interrupted })?;
-        self.write_tables()
+        self.write_tables(progress)
     }
 
     /// The session's folder.
@@ -161,22 +122,22 @@ impl Recorder {
         &self.folder
     }
 
-    /// Keeps what was done at a console. When this returns it is on disk.
-    pub fn keep_remark(&mut self, remark: AuditEntry) -> Result<(), RecordError> {
-        self.append(&JournalEntry::Console(remark))
+    /// Writes an operator's action into the journal. It is on disk when this returns.
+    pub fn record_action(&mut self, action: AuditEntry) -> Result<(), RecordError> {
+        self.append(&JournalEntry::Console(action))
     }
 
     fn append(&mut self, record: &JournalEntry) -> Result<(), RecordError> {
         self.journal.append(&self.disk, record).map_err(RecordError::at(&self.folder.join(super::JOURNAL)))
     }
 
-    fn begin(&mut self, recording: RecordTarget) -> Result<(), RecordError> {
-        let Some(file) = self.begun.name(recording, &self.progress) else { return Ok(()) };
+    fn begin(&mut self, target: RecordTarget, progress: &Progress) -> Result<(), RecordError> {
+        let Some(file) = self.names.next(target, progress) else { return Ok(()) };
         let path = self.folder.join(&file).with_added_extension("part");
         let handle = self.disk.create(&path).map_err(RecordError::at(&path))?;
         let mut buffer = Vec::with_capacity(2 * CHUNK);
         buffer.extend_from_slice(HEADER);
-        self.open = Some(OpenRecord { recording, file, handle, buffer, samples: 0 });
+        self.open = Some(OpenRecord { target, file, handle, buffer, samples: 0 });
         Ok(())
     }
 
@@ -209,8 +170,8 @@ impl Recorder {
         write().map_err(RecordError::at(&path))
     }
 
-    pub(super) fn write_tables(&self) -> Result<(), RecordError> {
-        for (name, bytes) in tables::of_session(&self.progress, &self.settings, &self.rows) {
+    pub(super) fn write_tables(&self, progress: &Progress) -> Result<(), RecordError> {
+        for (name, bytes) in tables::of_session(progress, &self.settings, &self.rows) {
             let path = self.folder.join(name);
             self.disk.write(&path, &bytes).map_err(RecordError::at(&path))?;
         }
@@ -218,64 +179,53 @@ impl Recorder {
     }
 }
 
-impl Recorder {
-    /// Keeps a step. When this returns it is on disk.
-    pub fn keep_step(&mut self, step: &Step) -> Result<(), RecordError> {
-        if let Some(happening) = &step.happened {
-            self.progress.apply(happening);
-        }
-        let open = self.open.as_ref().map_or(RecordTarget::None, |open| open.recording);
-        if open != RecordTarget::None && open != step.recording {
-            // The sample that ended a record belongs to it: without it, nobody could tell why it ended.
-            if let Some(sample) = &step.measured {
-                self.keep(sample)?;
-            }
-            self.finish()?;
-        }
-        let goes_on = open != RecordTarget::None && open == step.recording;
-        if let (true, Some(sample)) = (goes_on, &step.measured) {
+impl StepConsumer for Recorder {
+    type Error = RecordError;
+
+    /// Records a step. It is on disk when this returns.
+    fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), RecordError> {
+        let open = self.open.as_ref().map_or(RecordTarget::None, |open| open.target);
+        let ends = open != RecordTarget::None && open != step.record;
+        let continues = open != RecordTarget::None && open == step.record;
+        // The sample that ends a record belongs to it: a replay needs it to find the same end.
+        if let (true, Some(sample)) = (ends || continues, &step.measured) {
             self.keep(sample)?;
         }
-        if step.is_told() {
-            // What an entry rests on is in the record before the entry is in the journal.
+        if ends {
+            self.finish()?;
+        }
+        if step.is_journaled() {
+            // The samples that an entry rests on are written before the entry.
             self.flush()?;
         }
-        if let Some(happening) = step.happened {
-            self.append(&JournalEntry::Happened(happening))?;
+        if let Some(transition) = step.transition {
+            self.append(&JournalEntry::Transition(transition))?;
         }
-        if let Some(word) = step.refused {
-            self.append(&JournalEntry::Refused { sample: step.sample, word })?;
+        if let Some(command) = step.refused {
+            self.append(&JournalEntry::Refused { sample: step.sample, command })?;
         }
-        if step.recording != RecordTarget::None && !goes_on {
-            self.begin(step.recording)?;
+        if step.record != RecordTarget::None && !continues {
+            self.begin(step.record, progress)?;
             if let Some(sample) = &step.measured {
                 self.keep(sample)?;
             }
         }
-        match step.happened {
-            Some(happening) if alters_tables(&happening) => self.write_tables(),
+        match step.transition {
+            Some(transition) if changes_tables(&transition) => self.write_tables(progress),
             _ => Ok(()),
         }
     }
 }
 
-impl KeepsSession for Recorder {
-    type Error = RecordError;
-
-    fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), RecordError> {
-        self.keep_step(&Step::new(input, output, machine))
-    }
-}
-
-/// How often a record was begun under each name. Of a measurement that was broken off there is more than one record, and
-/// none is written over.
+/// File names of the session's records. A measurement that was broken off and repeated has several records; each gets a
+/// name of its own, so that none is overwritten.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct RecordNames(BTreeMap<String, u32>);
 
 impl RecordNames {
-    /// The name of the next record, if there is to be one.
-    pub fn name(&mut self, recording: RecordTarget, progress: &Progress) -> Option<String> {
-        let stem = match recording {
+    /// The file name of the next record; `None` if the samples belong to no record.
+    pub fn next(&mut self, target: RecordTarget, progress: &Progress) -> Option<String> {
+        let stem = match target {
             RecordTarget::None => return None,
             RecordTarget::Offset => "before/offset".to_owned(),
             RecordTarget::Effort(number) => format!("before/effort-{number}"),
@@ -287,9 +237,9 @@ impl RecordNames {
     }
 }
 
-fn alters_tables(happening: &TransitionRecord) -> bool {
-    let detail = happening.detail.as_ref();
-    happening.to != Phase::Hold
+fn changes_tables(transition: &TransitionRecord) -> bool {
+    let detail = transition.detail.as_ref();
+    transition.to != Phase::Hold
         && detail.is_some_and(|detail| !matches!(detail, TransitionDetail::Onset { .. }))
 }
 

@@ -100,18 +100,18 @@ impl RecoveredSession {
     }
 }
 
-/// What was done at consoles while the session in `folder` ran, each with the number of the start that it belongs to, from 1.
+/// Operators' actions in the session in `folder`, each with the number of the start of the session, from 1.
 ///
 /// # Errors
 /// If the folder cannot be read.
-pub fn remarks(folder: &Path) -> Result<Vec<(usize, AuditEntry)>, DatasetError> {
+pub fn operator_actions(folder: &Path) -> Result<Vec<(usize, AuditEntry)>, DatasetError> {
     let story = RecoveredSession::read(folder)?;
     let mut start = 1;
     let mut found = Vec::new();
     for placed in story.journal.records {
         match placed.record {
             JournalEntry::Resumed { .. } => start += 1,
-            JournalEntry::Console(remark) => found.push((start, remark)),
+            JournalEntry::Console(entry) => found.push((start, entry)),
             _ => {}
         }
     }
@@ -140,18 +140,18 @@ fn order(folder: &SessionFolder) -> Result<Vec<schedule::Planned>, DatasetError>
 #[derive(Debug, Clone)]
 pub(super) struct RecoveredState {
     pub progress: Progress,
-    pub begun: RecordNames,
+    pub names: RecordNames,
     pub phase: Phase,
     /// The record that was being written.
     pub open: Option<String>,
 }
 
 impl RecoveredState {
-    /// Before anything happened.
+    /// Before anything transition.
     pub fn new(settings: &Settings) -> Self {
         Self {
             progress: Progress::new(settings),
-            begun: RecordNames::default(),
+            names: RecordNames::default(),
             phase: Phase::Ready,
             open: None,
         }
@@ -161,15 +161,15 @@ impl RecoveredState {
     pub fn take(&mut self, record: &JournalEntry) {
         match record {
             JournalEntry::Session { .. } | JournalEntry::Refused { .. } | JournalEntry::Console(_) => {}
-            JournalEntry::Happened(happening) => {
-                let before = self.progress.recording(self.phase);
-                self.progress.apply(happening);
-                self.phase = happening.to;
-                let now = self.progress.recording(self.phase);
+            JournalEntry::Transition(transition) => {
+                let before = self.progress.record_target(self.phase);
+                self.progress.apply(transition);
+                self.phase = transition.to;
+                let now = self.progress.record_target(self.phase);
                 if now == RecordTarget::None {
                     self.open = None;
                 } else if now != before {
-                    self.open = self.begun.name(now, &self.progress);
+                    self.open = self.names.next(now, &self.progress);
                 }
             }
             JournalEntry::Resumed { interrupted } => {

@@ -18,7 +18,7 @@ use crate::protocol::Limits;
 use crate::rig::{Fault, Motor, Sample};
 use crate::session::rules::{RULES, RuleChange, changes_since};
 use crate::session::{
-    Event, Input, Machine, Output, Phase, Reading, RecordTarget, Settings, Source, TransitionDetail,
+    Event, Input, Machine, Output, Phase, Reading, RecordTarget, Settings, Source, Step, TransitionDetail,
     TransitionRecord, Watch,
 };
 
@@ -85,23 +85,22 @@ impl fmt::Display for Difference {
     }
 }
 
-/// Who looks on: called after each step that came out as recorded, with what the session was told, what it answered, and
-/// how it stands. It can end the replay there.
-pub type Observer<'a> = dyn FnMut(&Input, &Output, &Machine) -> ControlFlow<()> + 'a;
+/// Called after each step that came out as recorded, with the step and the state machine after it. Can end the replay.
+pub type StepObserver<'a> = dyn FnMut(&Step, &Machine) -> ControlFlow<()> + 'a;
 
 /// Goes through the session in `folder` again, up to the first difference.
 ///
 /// # Errors
 /// If the folder cannot be read, or its journal is damaged in the middle.
 pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
-    replay_watched(folder, &mut |_, _, _| ControlFlow::Continue(()))
+    replay_watched(folder, &mut |_, _| ControlFlow::Continue(()))
 }
 
 /// The same, with somebody who looks on.
 ///
 /// # Errors
 /// As [`replay`].
-pub fn replay_watched(folder: &Path, observer: &mut Observer) -> Result<Replay, DatasetError> {
+pub fn replay_watched(folder: &Path, observer: &mut StepObserver) -> Result<Replay, DatasetError> {
     let story = RecoveredSession::read(folder)?;
     story.undamaged()?;
     let mut standing = RecoveredState::new(&story.settings);
@@ -142,7 +141,7 @@ pub fn replay_watched(folder: &Path, observer: &mut Observer) -> Result<Replay, 
 /// Whether the last thing that a journal tells leaves the session going on: the program did not live to end it.
 fn is_under_way(lines: &[ExpectedStep]) -> bool {
     let last = lines.iter().rev().find_map(|line| match line.record {
-        StepEntry::Happened(happening) => Some(happening.to),
+        StepEntry::Transition(transition) => Some(transition.to),
         StepEntry::Refused(_) => None,
     });
     last.is_none_or(Phase::is_armed)
@@ -157,19 +156,19 @@ struct ExpectedStep {
 
 #[derive(Debug, Clone, Copy)]
 enum StepEntry {
-    Happened(TransitionRecord),
+    Transition(TransitionRecord),
     Refused(Event),
 }
 
 impl ExpectedStep {
     fn of(record: &JournalEntry) -> Option<Self> {
         match record {
-            JournalEntry::Happened(happening) => {
-                Some(Self { sample: happening.sample, record: StepEntry::Happened(*happening) })
+            JournalEntry::Transition(transition) => {
+                Some(Self { sample: transition.sample, record: StepEntry::Transition(*transition) })
             }
             // It was noted after the step was counted.
-            JournalEntry::Refused { sample, word } => {
-                Some(Self { sample: sample.saturating_sub(1), record: StepEntry::Refused(*word) })
+            JournalEntry::Refused { sample, command } => {
+                Some(Self { sample: sample.saturating_sub(1), record: StepEntry::Refused(*command) })
             }
             JournalEntry::Session { .. } | JournalEntry::Resumed { .. } | JournalEntry::Console(_) => None,
         }
@@ -224,7 +223,7 @@ impl<'a> Replayer<'a> {
     fn play(
         &mut self,
         lines: &[ExpectedStep],
-        observer: &mut Observer,
+        observer: &mut StepObserver,
     ) -> Result<Option<Difference>, DatasetError> {
         let longest = (LONGEST_WAIT_S * self.story.settings.sample_rate_hz) as u64;
         let mut lines = lines;
@@ -232,7 +231,7 @@ impl<'a> Replayer<'a> {
             let step = self.machine.sample();
             let now = lines.iter().take_while(|line| line.sample == step).count();
             let (due, later) = lines.split_at(now);
-            let (happened, refused) = expected(due);
+            let (transition, refused) = expected(due);
             let waits = later.first().map(|line| line.sample.saturating_sub(step));
             let rows_left = self.rows_are_left();
             let may_go_on = self.machine.phase().is_armed()
@@ -244,11 +243,11 @@ impl<'a> Replayer<'a> {
             }
             let phase = self.machine.phase();
             let next = later.first().map(|line| &line.record);
-            let Some(input) = self.input(happened, refused, next) else {
+            let Some(input) = self.input(transition, refused, next) else {
                 if self.loses_its_end(lines) {
                     return Ok(None);
                 }
-                let recorded = happened.map_or("a state that goes on".to_owned(), |it| describe(&it));
+                let recorded = transition.map_or("a state that goes on".to_owned(), |it| describe(&it));
                 return Ok(Some(self.difference(step, recorded, "the end of the record".to_owned())));
             };
             let output = self.machine.step(&input);
@@ -257,18 +256,18 @@ impl<'a> Replayer<'a> {
                 // acted on either.
                 return Ok(None);
             }
-            if output.happened != happened || output.refused != refused {
-                let recorded = describe_step(happened, refused);
-                let replayed = describe_step(output.happened, output.refused);
+            if output.transition != transition || output.refused != refused {
+                let recorded = describe_step(transition, refused);
+                let replayed = describe_step(output.transition, output.refused);
                 let mut difference = self.difference(step, recorded, replayed);
                 difference.phase = phase;
                 return Ok(Some(difference));
             }
-            self.events += usize::from(happened.is_some());
+            self.events += usize::from(transition.is_some());
             if let Some(difference) = self.follow(&output)? {
                 return Ok(Some(difference));
             }
-            if observer(&input, &output, &self.machine).is_break() {
+            if observer(&Step::new(&input, &output, &self.machine), &self.machine).is_break() {
                 self.is_stopped = true;
                 return Ok(None);
             }
@@ -284,7 +283,7 @@ impl<'a> Replayer<'a> {
     /// on its disk, of the samples perhaps less. Nothing that came later depends on them: the trial counts as aborted.
     fn loses_its_end(&self, left: &[ExpectedStep]) -> bool {
         let stays = |line: &ExpectedStep| match line.record {
-            StepEntry::Happened(happening) => happening.to.in_trial(),
+            StepEntry::Transition(transition) => transition.to.in_trial(),
             StepEntry::Refused(_) => true,
         };
         !self.ended_well && left.iter().all(stays)
@@ -298,14 +297,14 @@ impl<'a> Replayer<'a> {
     /// What the session was told at this step; `None` if the record is at its end.
     fn input(
         &mut self,
-        happened: Option<TransitionRecord>,
+        transition: Option<TransitionRecord>,
         refused: Option<Event>,
         next: Option<&StepEntry>,
     ) -> Option<Input> {
-        let said = happened.map(|it| it.event).filter(|event| event.source() == Source::Operator);
+        let said = transition.map(|it| it.event).filter(|event| event.source() == Source::Operator);
         let operator = refused.or(said);
         let arms = matches!(operator, Some(Event::Start | Event::Rearm));
-        let fault = match happened.and_then(|it| it.detail) {
+        let fault = match transition.and_then(|it| it.detail) {
             Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) => {
                 Some(fault)
             }
@@ -318,28 +317,28 @@ impl<'a> Replayer<'a> {
         } else if self.rows.is_some() {
             self.row()?
         } else {
-            if let Some(TransitionDetail::Rearmed { angle_rad }) = happened.and_then(|it| it.detail) {
+            if let Some(TransitionDetail::Rearmed { angle_rad }) = transition.and_then(|it| it.detail) {
                 self.angle_rad = angle_rad;
             }
             Reading::Sample(Sample { theta_m_rad: self.angle_rad, ..Sample::default() })
         };
-        Some(Input { reading, operator, on_disk: self.was_on_disk(happened, next) })
+        Some(Input { reading, operator, on_disk: self.was_on_disk(transition, next) })
     }
 
     /// Whether the disk was done. What the journal tells is only that a ramp waited for it.
-    fn was_on_disk(&self, happened: Option<TransitionRecord>, next: Option<&StepEntry>) -> bool {
+    fn was_on_disk(&self, transition: Option<TransitionRecord>, next: Option<&StepEntry>) -> bool {
         let is_onset = |it: &TransitionRecord| it.event == Event::Onset;
-        if self.machine.phase() != Phase::Delay || happened.as_ref().is_some_and(is_onset) {
+        if self.machine.phase() != Phase::Delay || transition.as_ref().is_some_and(is_onset) {
             return true;
         }
         match next {
-            Some(StepEntry::Happened(TransitionRecord {
+            Some(StepEntry::Transition(TransitionRecord {
                 detail: Some(TransitionDetail::Onset { waited_samples, .. }),
                 ..
             })) => *waited_samples == 0,
             Some(StepEntry::Refused(_)) => true,
             // The delay was broken off; how long it was to last is not in question then.
-            Some(StepEntry::Happened(_)) | None => false,
+            Some(StepEntry::Transition(_)) | None => false,
         }
     }
 
@@ -361,9 +360,9 @@ impl<'a> Replayer<'a> {
         if let Motor::Follow { angle_rad } = output.command.motor {
             self.angle_rad = angle_rad;
         }
-        let Some(happening) = output.happened else { return Ok(None) };
+        let Some(transition) = output.transition else { return Ok(None) };
         let before = self.standing.open.clone();
-        self.standing.take(&JournalEntry::Happened(happening));
+        self.standing.take(&JournalEntry::Transition(transition));
         if self.standing.open == before {
             return Ok(None);
         }
@@ -371,11 +370,11 @@ impl<'a> Replayer<'a> {
             && rows.next < rows.samples.len()
         {
             let recorded = format!("{} more samples", rows.samples.len() - rows.next);
-            let replayed = describe(&happening);
+            let replayed = describe(&transition);
             return Ok(Some(self.difference(self.machine.sample() - 1, recorded, replayed)));
         }
         if let Some(file) = self.standing.open.clone() {
-            debug_assert_ne!(output.recording, RecordTarget::None);
+            debug_assert_ne!(output.record, RecordTarget::None);
             self.rows = Some(self.read(&file)?);
         }
         Ok(None)
@@ -419,7 +418,7 @@ fn expected(due: &[ExpectedStep]) -> (Option<TransitionRecord>, Option<Event>) {
     let mut step = (None, None);
     for line in due {
         match line.record {
-            StepEntry::Happened(happening) => step.0 = Some(happening),
+            StepEntry::Transition(transition) => step.0 = Some(transition),
             StepEntry::Refused(word) => step.1 = Some(word),
         }
     }
@@ -428,23 +427,23 @@ fn expected(due: &[ExpectedStep]) -> (Option<TransitionRecord>, Option<Event>) {
 
 fn describe_line(record: &StepEntry) -> String {
     match record {
-        StepEntry::Happened(happening) => describe_step(Some(*happening), None),
+        StepEntry::Transition(transition) => describe_step(Some(*transition), None),
         StepEntry::Refused(word) => describe_step(None, Some(*word)),
     }
 }
 
-fn describe_step(happened: Option<TransitionRecord>, refused: Option<Event>) -> String {
-    match (happened, refused) {
+fn describe_step(transition: Option<TransitionRecord>, refused: Option<Event>) -> String {
+    match (transition, refused) {
         (None, None) => "nothing".to_owned(),
-        (Some(happening), None) => describe(&happening),
+        (Some(transition), None) => describe(&transition),
         (None, Some(word)) => format!("{} refused", word.name()),
-        (Some(happening), Some(word)) => format!("{}, {} refused", describe(&happening), word.name()),
+        (Some(transition), Some(word)) => format!("{}, {} refused", describe(&transition), word.name()),
     }
 }
 
-fn describe(happening: &TransitionRecord) -> String {
-    let mut text = format!("{} to {}", happening.event.name(), happening.to.name());
-    if let Some(detail) = happening.detail {
+fn describe(transition: &TransitionRecord) -> String {
+    let mut text = format!("{} to {}", transition.event.name(), transition.to.name());
+    if let Some(detail) = transition.detail {
         // Made by this program, so it has a JSON form.
         text += &format!(" {}", serde_json::to_string(&detail).unwrap_or_default());
     }

@@ -149,12 +149,11 @@ impl Resumable {
             .interrupt(samples)
             .map(|trial| Interrupted { number: trial.number, samples: trial.samples });
         let machine = Machine::with_progress(story.settings.clone(), standing.progress.clone());
-        let kept = (standing.progress, standing.begun);
-        let mut recorder = Recorder::new(&story.path, disk, journal, story.settings, kept);
+        let mut recorder = Recorder::new(&story.path, disk, journal, story.settings, standing.names);
         if is_finished {
-            recorder.write_tables()?;
+            recorder.write_tables(&standing.progress)?;
         } else {
-            recorder.resume(interrupted)?;
+            recorder.resume(interrupted, &standing.progress)?;
         }
         Ok(Resumed { recorder, machine, interrupted, torn: story.journal.torn })
     }

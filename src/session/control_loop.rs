@@ -1,4 +1,5 @@
-//! The loop around the machine: reads the rig, steps the session, hands what happened to the recorder, writes the command.
+//! The control loop of a session: reads the rig, steps the session, hands the step to its consumers,
+//! commands the motor.
 
 use std::time::{Duration, Instant};
 
@@ -7,30 +8,31 @@ use super::io::{Input, Output, Reading, TransitionDetail};
 use super::lateness::Lateness;
 use super::machine::Machine;
 use super::phase::Phase;
+use super::step::{Step, StepConsumer};
 use crate::rig::{Armed, Command, Cue, Fault, Motor, OperatorsWord, Rig, Vitals};
 
-/// The operator, at a console or on a command line.
+/// Source of the operator's commands: a console or the command line.
 pub trait Operator {
-    /// What was said since the last sample, if anything. Must not make the loop wait.
-    fn heard(&mut self, machine: &Machine) -> Option<Event>;
+    /// Returns a command given since the last sample, if there is one. Must not block.
+    fn poll_command(&mut self, machine: &Machine) -> Option<Event>;
 
-    /// Waits for a word while the rig is disarmed.
-    fn asked(&mut self, machine: &Machine) -> Event;
+    /// Waits for a command while the rig is disarmed.
+    fn wait_for_command(&mut self, machine: &Machine) -> Event;
 
-    /// A word was not possible.
-    fn refused(&mut self, word: Event, phase: Phase);
+    /// Tells the operator that a command is not possible in this phase.
+    fn command_refused(&mut self, command: Event, phase: Phase);
 
-    /// The rig could not be armed.
-    fn not_armed(&mut self, fault: Fault);
+    /// Tells the operator that the rig could not be armed.
+    fn arming_failed(&mut self, fault: Fault);
 
-    /// A fault stopped the session; the motor is safe.
-    fn faulted(&mut self, fault: Fault);
+    /// Tells the operator that a fault stopped the session. The motor is safe.
+    fn fault_occurred(&mut self, fault: Fault);
 
-    /// How the loop fares, now and then. Must not make it wait.
+    /// Receives the timing and the bus load of the loop every few hundred samples. Must not block.
     fn vitals(&mut self, _vitals: Vitals) {}
 }
 
-/// Samples between two looks at how the loop fares.
+/// Samples between two reports of the loop's timing.
 const VITALS_EVERY: u64 = 512;
 
 /// Who owns the time: as fast as it goes, or true periods.
@@ -94,50 +96,36 @@ impl Clock for RealTime {
     }
 }
 
-/// Who keeps what happens. What it was told is safe when it returns, or as soon as it says so: the session acts on it then.
-pub trait Recorder {
-    /// Why something could not be kept.
-    type Error;
-
-    /// Whether everything that it was told so far is on disk; the ramp waits for it.
-    fn on_disk(&self) -> bool {
-        true
-    }
-
-    /// One step of the session.
-    fn take(&mut self, input: &Input, output: &Output, machine: &Machine) -> Result<(), Self::Error>;
-}
-
-/// Runs the session until it is over.
+/// Runs the session until it is over, and returns the disarmed rig.
 ///
 /// # Errors
-/// The recorder's, after the motor was made safe and the rig disarmed.
-pub fn conduct<R: Rig, K: Recorder>(
+/// The consumer's error, after the motor was made safe and the rig disarmed.
+pub fn run_control_loop<R: Rig, C: StepConsumer>(
     mut rig: R,
     machine: &mut Machine,
     operator: &mut impl Operator,
     clock: &mut impl Clock,
-    recorder: &mut K,
-) -> Result<R, K::Error> {
+    consumer: &mut C,
+) -> Result<R, C::Error> {
     let mut emg_is_scaled = false;
     while !machine.phase().is_final() {
-        let word = operator.asked(machine);
-        if !matches!(word, Event::Start | Event::Rearm) {
-            let input = Input { reading: Reading::Disarmed, operator: Some(word), on_disk: true };
+        let command = operator.wait_for_command(machine);
+        if !matches!(command, Event::Start | Event::Rearm) {
+            let input = Input { reading: Reading::Disarmed, operator: Some(command), on_disk: true };
             let output = machine.step(&input);
-            tell(&input, &output, machine, operator, recorder)?;
+            report(&input, &output, machine, operator, consumer)?;
             continue;
         }
         rig = match rig.arm(OperatorsWord::given(), &machine.settings().limits) {
             Err((rig, fault)) => {
-                operator.not_armed(fault);
+                operator.arming_failed(fault);
                 rig
             }
             Ok(mut armed) => {
                 if let (false, Some(factors)) = (emg_is_scaled, machine.progress().emg_factors()) {
                     armed.rescale_emg(factors);
                 }
-                let ended = run_armed(&mut armed, word, machine, operator, clock, recorder);
+                let ended = run_armed(&mut armed, command, machine, operator, clock, consumer);
                 emg_is_scaled = machine.progress().emg_factors().is_some();
                 let rig = armed.disarm();
                 ended?;
@@ -150,32 +138,32 @@ pub fn conduct<R: Rig, K: Recorder>(
 
 const SAFE: Command = Command { motor: Motor::Safe, cue: Cue::Rest };
 
-/// The motor is made safe when this returns, whatever ended it.
-fn run_armed<A: Armed, K: Recorder>(
+/// Runs the session while the rig is armed. The motor is safe when this returns, whatever ended it.
+fn run_armed<A: Armed, C: StepConsumer>(
     armed: &mut A,
-    word: Event,
+    first_command: Event,
     machine: &mut Machine,
     operator: &mut impl Operator,
     clock: &mut impl Clock,
-    recorder: &mut K,
-) -> Result<(), K::Error> {
-    let mut command = SAFE;
-    let mut word = Some(word);
+    consumer: &mut C,
+) -> Result<(), C::Error> {
+    let mut to_rig = SAFE;
+    let mut first_command = Some(first_command);
     loop {
-        let reading = match armed.exchange(&command) {
+        let reading = match armed.exchange(&to_rig) {
             Ok(sample) => Reading::Sample(sample.rounded()),
             Err(fault) => Reading::Fault(fault),
         };
-        let said = word.take().or_else(|| operator.heard(machine));
+        let operators_command = first_command.take().or_else(|| operator.poll_command(machine));
         let scaled_before = machine.progress().emg_factors().is_some();
-        let input = Input { reading, operator: said, on_disk: recorder.on_disk() };
+        let input = Input { reading, operator: operators_command, on_disk: consumer.is_on_disk() };
         let output = machine.step(&input);
         let is_over = !output.phase.is_armed();
         if is_over {
-            // A fault stops the motor first, and is reported and written down second.
+            // The motor is stopped before a fault is reported or written down.
             let _ = armed.exchange(&SAFE);
         }
-        let kept = tell(&input, &output, machine, operator, recorder);
+        let kept = report(&input, &output, machine, operator, consumer);
         if kept.is_err() && !is_over {
             let _ = armed.exchange(&SAFE);
         }
@@ -190,25 +178,26 @@ fn run_armed<A: Armed, K: Recorder>(
         {
             operator.vitals(vitals);
         }
-        command = output.command;
+        to_rig = output.command;
         clock.wait();
     }
 }
 
-fn tell<K: Recorder>(
+/// Tells the operator about faults and refused commands, and hands the step to the consumers.
+fn report<C: StepConsumer>(
     input: &Input,
     output: &Output,
     machine: &Machine,
     operator: &mut impl Operator,
-    recorder: &mut K,
-) -> Result<(), K::Error> {
+    consumer: &mut C,
+) -> Result<(), C::Error> {
     if let Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) =
-        output.happened.and_then(|it| it.detail)
+        output.transition.and_then(|it| it.detail)
     {
-        operator.faulted(fault);
+        operator.fault_occurred(fault);
     }
-    if let Some(word) = output.refused {
-        operator.refused(word, output.phase);
+    if let Some(command) = output.refused {
+        operator.command_refused(command, output.phase);
     }
-    recorder.take(input, output, machine)
+    consumer.consume(&Step::new(input, output, machine), machine.progress())
 }

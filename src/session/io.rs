@@ -1,4 +1,4 @@
-//! One step of the session: what goes in, what comes out, and what happened, in a form that the journal keeps.
+//! One step of the session: what goes in, what comes out, and what transition, in a form that the journal keeps.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ pub struct Input {
     pub reading: Reading,
     /// A word of the operator since the last sample; one at a time.
     pub operator: Option<Event>,
-    /// Everything that happened so far is safely on disk. The ramp waits for it.
+    /// Everything that transition so far is safely on disk. The ramp waits for it.
     pub on_disk: bool,
 }
 
@@ -36,12 +36,12 @@ pub struct Output {
     pub command: Command,
     /// The phase after this step.
     pub phase: Phase,
-    /// What happened at this sample, if anything did.
-    pub happened: Option<TransitionRecord>,
+    /// What transition at this sample, if anything did.
+    pub transition: Option<TransitionRecord>,
     /// A word of the operator that is not possible in this phase.
     pub refused: Option<Event>,
     /// Where the sample belongs.
-    pub recording: RecordTarget,
+    pub record: RecordTarget,
     /// For the displays: how much of the gate's time has been held (0 to 1).
     pub gate_fraction: f64,
 }
@@ -66,7 +66,7 @@ pub struct TransitionRecord {
     pub sample: u64,
     /// The phase before.
     pub from: Phase,
-    /// What happened.
+    /// What transition.
     pub event: Event,
     /// The phase after.
     pub to: Phase,

@@ -24,7 +24,7 @@ pub struct Machine {
     progress: Progress,
     phase: Phase,
     watch: Watch,
-    display: FeedbackFilter,
+    feedback: FeedbackFilter,
     /// Steps so far.
     sample: u64,
     /// Samples since the phase was entered.
@@ -60,7 +60,7 @@ impl Machine {
             progress,
             phase: Phase::Ready,
             watch: Watch::new(settings.limits.clone(), settings.sample_rate_hz),
-            display: FeedbackFilter::new(settings.display_cutoff_hz, settings.sample_rate_hz),
+            feedback: FeedbackFilter::new(settings.display_cutoff_hz, settings.sample_rate_hz),
             settings,
             sample: 0,
             in_phase: 0,
@@ -96,27 +96,27 @@ impl Machine {
     }
 
     /// The signals as the person sees them.
-    pub fn display(&self) -> &FeedbackFilter {
-        &self.display
+    pub fn feedback(&self) -> &FeedbackFilter {
+        &self.feedback
     }
 
     /// One sample. At most one thing happens at a sample: a fault before the operator's word, and that before the rest.
     pub fn step(&mut self, input: &Input) -> Output {
         self.count();
         let mut refused = None;
-        let mut happened = None;
+        let mut transition = None;
         match self.measured(&input.reading) {
             Err(fault) => {
                 refused = input.operator;
-                happened = self.fire(Event::Fault, Some(TransitionDetail::Fault(fault)));
+                transition = self.fire(Event::Fault, Some(TransitionDetail::Fault(fault)));
             }
             Ok(sample) => {
                 if let Some(word) = input.operator.filter(|word| word.source() == Source::Operator) {
-                    happened = self.obey(word, sample);
-                    refused = if happened.is_none() { Some(word) } else { None };
+                    transition = self.obey(word, sample);
+                    refused = if transition.is_none() { Some(word) } else { None };
                 }
-                if let (None, Some(sample)) = (&happened, sample) {
-                    happened = self
+                if let (None, Some(sample)) = (&transition, sample) {
+                    transition = self
                         .natural(&sample, input.on_disk)
                         .and_then(|(event, detail)| self.fire(event, detail));
                 }
@@ -126,9 +126,9 @@ impl Machine {
         Output {
             command: Command { motor: self.motor(), cue: self.cue() },
             phase: self.phase,
-            happened,
+            transition,
             refused,
-            recording: self.progress.recording(self.phase),
+            record: self.progress.record_target(self.phase),
             gate_fraction: self.in_band as f64 / self.settings.gate_samples as f64,
         }
     }
@@ -145,7 +145,7 @@ impl Machine {
         match *reading {
             Reading::Sample(sample) => {
                 self.watch.check(&sample)?;
-                self.display.update(&sample);
+                self.feedback.update(&sample);
                 Ok(Some(sample))
             }
             Reading::Fault(fault) => Err(fault),
@@ -203,7 +203,7 @@ impl Machine {
     }
 
     fn measure_effort(&mut self) -> Option<(Event, Option<TransitionDetail>)> {
-        let now = [self.display.torque_nm, self.display.fcr_mvc, self.display.ecr_mvc];
+        let now = [self.feedback.torque_nm, self.feedback.fcr_mvc, self.feedback.ecr_mvc];
         if now[0].abs() > self.peaks[0].abs() {
             self.peaks[0] = now[0];
         }
@@ -260,11 +260,11 @@ impl Machine {
     }
 
     fn antagonist_is_active(&self) -> bool {
-        self.settings.gate.antagonist_limit_mvc.is_some_and(|limit| self.display.ecr_mvc > limit)
+        self.settings.gate.antagonist_limit_mvc.is_some_and(|limit| self.feedback.ecr_mvc > limit)
     }
 
     fn shown_nm(&self) -> f64 {
-        self.display.torque_nm - self.progress.offset_nm()
+        self.feedback.torque_nm - self.progress.offset_nm()
     }
 
     fn follow_movement(&self) -> Option<Event> {
@@ -290,18 +290,18 @@ impl Machine {
     /// Takes the line of the table for an event, if there is one.
     fn fire(&mut self, event: Event, detail: Option<TransitionDetail>) -> Option<TransitionRecord> {
         let line = self.progress.line(self.phase, event)?;
-        let happening = TransitionRecord {
+        let transition = TransitionRecord {
             sample: self.sample,
             from: line.from,
             event,
             to: line.to,
             detail: self.detail(line, detail),
         };
-        self.progress.apply(&happening);
+        self.progress.apply(&transition);
         if line.to != line.from {
             self.enter(line);
         }
-        Some(happening)
+        Some(transition)
     }
 
     /// What the journal must know of a transition beside its names.
@@ -333,23 +333,23 @@ impl Machine {
         match line.to {
             Phase::Offset => {
                 self.offset_sum_nm = 0.0;
-                self.display.restart();
+                self.feedback.restart();
             }
             Phase::MvcEffort => {
                 self.peaks = [0.0; 3];
-                self.display.restart();
+                self.feedback.restart();
             }
             Phase::Hold => {
                 self.in_trial = 0;
                 self.in_band = 0;
-                self.display.restart();
+                self.feedback.restart();
             }
             Phase::Delay => self.delay = self.draw_delay(),
             Phase::Ramp => self.since_onset = 0,
             Phase::Faulted => {
                 // The next sample comes after the rig was armed again, from wherever the motor is then.
                 self.watch.restart();
-                self.display.restart();
+                self.feedback.restart();
             }
             _ => {}
         }
@@ -358,7 +358,7 @@ impl Machine {
         }
         if line.effect == Effect::KeepEffort && self.progress.emg_factors().is_some() {
             // From here on, EMG comes in other units.
-            self.display.restart();
+            self.feedback.restart();
         }
     }
 

@@ -96,9 +96,9 @@ impl Progress {
         transitions::lines(from, event).find(|line| self.holds(line.guard))
     }
 
-    /// Takes note of what happened.
-    pub fn apply(&mut self, happening: &TransitionRecord) {
-        let line = transitions::lines(happening.from, happening.event).find(|line| line.to == happening.to);
+    /// Takes note of what transition.
+    pub fn apply(&mut self, transition: &TransitionRecord) {
+        let line = transitions::lines(transition.from, transition.event).find(|line| line.to == transition.to);
         let Some(line) = line else { return };
         if line.to == Phase::Paused && line.from != Phase::Paused {
             self.pause_asked = false;
@@ -106,26 +106,26 @@ impl Progress {
         match line.effect {
             Effect::None => {}
             Effect::NotePause => self.pause_asked = true,
-            Effect::KeepOffset => self.keep_offset(happening),
-            Effect::KeepEffort => self.keep_effort(happening),
-            Effect::Begin => self.begin(happening),
-            Effect::Ok => self.end(Status::Ok, happening),
+            Effect::KeepOffset => self.keep_offset(transition),
+            Effect::KeepEffort => self.keep_effort(transition),
+            Effect::Begin => self.begin(transition),
+            Effect::Ok => self.end(Status::Ok, transition),
             Effect::Reject => {
-                self.end(Status::Rejected, happening);
+                self.end(Status::Rejected, transition);
                 self.put_back_later(1);
             }
             Effect::Abort => {
-                self.end(Status::Aborted, happening);
+                self.end(Status::Aborted, transition);
                 self.put_back_later(0);
             }
-            Effect::LeaveOut => self.end(Status::Aborted, happening),
+            Effect::LeaveOut => self.end(Status::Aborted, transition),
             Effect::LeaveOutNext => {
                 self.queue.pop_front();
             }
             Effect::TakeBack => self.take_back(),
         }
-        if line.effect == Effect::None && happening.event == Event::Onset {
-            self.note_onset(happening);
+        if line.effect == Effect::None && transition.event == Event::Onset {
+            self.note_onset(transition);
         }
     }
 
@@ -143,7 +143,7 @@ impl Progress {
     }
 
     /// To which record the samples of a phase belong.
-    pub fn recording(&self, phase: Phase) -> RecordTarget {
+    pub fn record_target(&self, phase: Phase) -> RecordTarget {
         match phase {
             Phase::Offset => RecordTarget::Offset,
             Phase::MvcEffort => RecordTarget::Effort(self.effort_number()),
@@ -158,15 +158,15 @@ impl Progress {
         1 + self.attempts.iter().filter(|attempt| attempt.planned.key.practice == practice).count() as u32
     }
 
-    fn keep_offset(&mut self, happening: &TransitionRecord) {
-        if let Some(TransitionDetail::OffsetNm(offset_nm)) = happening.detail {
+    fn keep_offset(&mut self, transition: &TransitionRecord) {
+        if let Some(TransitionDetail::OffsetNm(offset_nm)) = transition.detail {
             self.offset_nm = offset_nm;
             self.offset_due = false;
         }
     }
 
-    fn keep_effort(&mut self, happening: &TransitionRecord) {
-        if let Some(TransitionDetail::Effort { peak_fcr, peak_ecr, .. }) = happening.detail {
+    fn keep_effort(&mut self, transition: &TransitionRecord) {
+        if let Some(TransitionDetail::Effort { peak_fcr, peak_ecr, .. }) = transition.detail {
             match self.effort_direction() {
                 Direction::Flexion => self.peak_fcr = self.peak_fcr.max(peak_fcr),
                 Direction::Extension => self.peak_ecr = self.peak_ecr.max(peak_ecr),
@@ -175,9 +175,9 @@ impl Progress {
         }
     }
 
-    fn begin(&mut self, happening: &TransitionRecord) {
+    fn begin(&mut self, transition: &TransitionRecord) {
         let (Some(planned), Some(TransitionDetail::Began { number, rest_samples, .. })) =
-            (self.queue.pop_front(), happening.detail)
+            (self.queue.pop_front(), transition.detail)
         else {
             return;
         };
@@ -191,23 +191,23 @@ impl Progress {
         });
     }
 
-    fn note_onset(&mut self, happening: &TransitionRecord) {
+    fn note_onset(&mut self, transition: &TransitionRecord) {
         if let (Some(attempt), Some(TransitionDetail::Onset { trial_sample, .. })) =
-            (self.attempts.last_mut(), happening.detail)
+            (self.attempts.last_mut(), transition.detail)
         {
             attempt.onset_sample = Some(trial_sample);
         }
     }
 
-    fn end(&mut self, status: Status, happening: &TransitionRecord) {
-        let samples = match happening.detail {
+    fn end(&mut self, status: Status, transition: &TransitionRecord) {
+        let samples = match transition.detail {
             Some(
                 TransitionDetail::Ended { samples, .. } | TransitionDetail::FaultInTrial { samples, .. },
             ) => samples,
             _ => 0,
         };
         if let Some(attempt) = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none()) {
-            attempt.ended = Some((status, happening.event));
+            attempt.ended = Some((status, transition.event));
             attempt.samples = samples;
         }
     }

@@ -14,7 +14,7 @@ use crate::protocol::ValidProtocol;
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
-use crate::session::{AsFastAsItGoes, Event, Machine, Operator, Phase, Recorder, Settings, conduct};
+use crate::session::{AsFastAsItGoes, Event, Machine, Operator, Phase, Settings, StepConsumer, run_control_loop};
 
 /// Where a simulated session is stored.
 #[derive(Debug, Clone, Copy)]
@@ -67,7 +67,7 @@ pub fn simulate_unit(unit: &Unit, storage: SessionStorage) -> Result<Option<Sess
         SessionStorage::Memory => {
             let mut recorder = MemoryRecorder::new(settings);
             let Ok(()) = run_to_the_end::<Infallible>(wrist, &mut machine, &mut recorder)?;
-            Ok(Some(recorder.session(&unit.subject, setup.lever)))
+            Ok(Some(recorder.session(machine.progress(), &unit.subject, setup.lever)))
         }
         SessionStorage::Folder(folder) => {
             let path = folder.join(format!("{}-{}", unit.subject, unit.session));
@@ -98,10 +98,10 @@ fn rig_json(setup: &Setup, person: &Person) -> serde_json::Value {
 fn run_to_the_end<E>(
     wrist: VirtualWrist,
     machine: &mut Machine,
-    recorder: &mut impl Recorder<Error = E>,
+    recorder: &mut impl StepConsumer<Error = E>,
 ) -> Result<Result<(), E>, UnitError> {
     let mut operator = Unattended::default();
-    let ended = conduct(wrist, machine, &mut operator, &mut AsFastAsItGoes, recorder);
+    let ended = run_control_loop(wrist, machine, &mut operator, &mut AsFastAsItGoes, recorder);
     if let Err(error) = ended {
         return Ok(Err(error));
     }
@@ -118,21 +118,21 @@ struct Unattended {
 }
 
 impl Operator for Unattended {
-    fn heard(&mut self, _: &Machine) -> Option<Event> {
+    fn poll_command(&mut self, _: &Machine) -> Option<Event> {
         None
     }
 
-    fn asked(&mut self, machine: &Machine) -> Event {
+    fn wait_for_command(&mut self, machine: &Machine) -> Event {
         if machine.phase() == Phase::Ready && self.fault.is_none() { Event::Start } else { Event::Abort }
     }
 
-    fn refused(&mut self, _: Event, _: Phase) {}
+    fn command_refused(&mut self, _: Event, _: Phase) {}
 
-    fn not_armed(&mut self, fault: Fault) {
+    fn arming_failed(&mut self, fault: Fault) {
         self.fault = Some(fault);
     }
 
-    fn faulted(&mut self, fault: Fault) {
+    fn fault_occurred(&mut self, fault: Fault) {
         self.fault = Some(fault);
     }
 }

@@ -1,4 +1,4 @@
-//! The picture in the terminal: torque against its band, muscles, gate, trials, log.
+//! Layout of the terminal: torque against its band, muscles, gate, trials, log.
 
 use ratatui_core::layout::{Constraint, Layout, Rect};
 use ratatui_core::style::{Color, Modifier, Style};
@@ -11,18 +11,19 @@ use ratatui_widgets::table::{Row, Table};
 use serde_json::Value;
 
 use super::keys::KeyInput;
-use crate::console::{Instruction, SessionInfo, Snapshot};
+use crate::console::snapshot::{Instruction, Snapshot};
+use crate::console::welcome::SessionInfo;
 
-/// Where on the bar the target is; the bar ends a quarter beyond it.
-const FULL: f64 = 1.25;
+/// Length of the torque bar as a multiple of the target.
+const BAR_END: f64 = 1.25;
 
 const GREEN: Style = Style::new().fg(Color::Green);
 const SOFT: Style = Style::new().fg(Color::DarkGray);
 const WARN: Style = Style::new().fg(Color::Yellow);
 
-/// Draws everything.
-pub fn draw(frame: &mut Frame, now: &Snapshot, story: &str, about: &SessionInfo, desk: &KeyInput) {
-    let story: Value = serde_json::from_str(story).unwrap_or_default();
+/// Draws the whole screen.
+pub fn draw(frame: &mut Frame, snapshot: &Snapshot, history: &str, info: &SessionInfo, input: &KeyInput) {
+    let history: Value = serde_json::from_str(history).unwrap_or_default();
     let [head, bars, lists, foot] = Layout::vertical([
         Constraint::Length(2),
         Constraint::Length(6),
@@ -30,36 +31,36 @@ pub fn draw(frame: &mut Frame, now: &Snapshot, story: &str, about: &SessionInfo,
         Constraint::Length(2),
     ])
     .areas(frame.area());
-    frame.render_widget(heading(now, about), head);
-    frame.render_widget(Text::from(bar_lines(now, usize::from(bars.width))), bars);
+    frame.render_widget(heading(snapshot, info), head);
+    frame.render_widget(Text::from(bar_lines(snapshot, usize::from(bars.width))), bars);
     let [left, right] = Layout::horizontal([Constraint::Length(44), Constraint::Min(20)]).areas(lists);
-    trials(frame, left, &story);
-    log(frame, right, &story);
-    frame.render_widget(question(now, desk), foot);
+    trials(frame, left, &history);
+    log(frame, right, &history);
+    frame.render_widget(question(snapshot, input), foot);
 }
 
-fn heading<'a>(now: &Snapshot, about: &'a SessionInfo) -> Text<'a> {
-    let phase = Span::styled(now.phase.name(), Style::new().add_modifier(Modifier::BOLD));
-    let rest = now.shown.rest_left_s.map_or(String::new(), |left_s| format!("  {left_s:.0} s"));
-    let trial = now.trial.map_or(String::new(), |trial| {
+fn heading<'a>(snapshot: &Snapshot, info: &'a SessionInfo) -> Text<'a> {
+    let phase = Span::styled(snapshot.phase.name(), Style::new().add_modifier(Modifier::BOLD));
+    let rest = snapshot.subject.rest_left_s.map_or(String::new(), |left_s| format!("  {left_s:.0} s"));
+    let trial = snapshot.trial.map_or(String::new(), |trial| {
         let kind = if trial.practice { "practice" } else { "trial" };
         format!("  {kind} {} at {} rad/s", trial.number, trial.velocity_rad_s)
     });
-    let done = format!("  {} of {} done", now.shown.done, now.shown.total);
-    let pause = Span::styled(if now.pause_asked { "  pause comes" } else { "" }, WARN);
+    let done = format!("  {} of {} done", snapshot.subject.done, snapshot.subject.total);
+    let pause = Span::styled(if snapshot.pause_requested { "  pause comes" } else { "" }, WARN);
     Text::from(vec![
-        Line::from(format!("{} · {} · {}", about.subject, about.protocol, about.folder)),
+        Line::from(format!("{} · {} · {}", info.subject, info.protocol, info.folder)),
         Line::from(vec![phase, rest.into(), trial.into(), done.into(), pause]),
     ])
 }
 
-fn bar_lines<'a>(now: &Snapshot, width: usize) -> Vec<Line<'a>> {
-    let shown = &now.shown;
+fn bar_lines<'a>(snapshot: &Snapshot, width: usize) -> Vec<Line<'a>> {
+    let shown = &snapshot.subject;
     let room = width.saturating_sub(14).max(10);
-    let asks = matches!(shown.cue, Instruction::Target | Instruction::Stay | Instruction::Moving);
+    let asks = matches!(shown.instruction, Instruction::Target | Instruction::Stay | Instruction::Moving);
     let in_band = asks && (shown.level - 1.0).abs() < shown.band_fraction;
-    let torque = now.target_nm.map_or(format!("{:6.2} N m", now.torque_nm), |target_nm| {
-        format!("{:6.2} N m of {target_nm}", now.torque_nm)
+    let torque = snapshot.target_nm.map_or(format!("{:6.2} N m", snapshot.torque_nm), |target_nm| {
+        format!("{:6.2} N m of {target_nm}", snapshot.torque_nm)
     });
     let band = asks.then_some([1.0 - shown.band_fraction, 1.0 + shown.band_fraction]);
     let style = if in_band { GREEN } else { Style::new() };
@@ -70,7 +71,7 @@ fn bar_lines<'a>(now: &Snapshot, width: usize) -> Vec<Line<'a>> {
         Line::from(""),
         named(
             "torque",
-            bar(shown.level / FULL, band.map(|edges| edges.map(|edge| edge / FULL)), room, style),
+            bar(shown.level / BAR_END, band.map(|edges| edges.map(|edge| edge / BAR_END)), room, style),
         ),
         named("", vec![Span::raw(torque)]),
         named("gate", bar(shown.gate, None, room, GREEN)),
@@ -94,7 +95,7 @@ fn bar<'a>(fraction: f64, band: Option<[f64; 2]>, room: usize, style: Style) -> 
     spans.collect()
 }
 
-fn trials(frame: &mut Frame, area: Rect, story: &Value) {
+fn trials(frame: &mut Frame, area: Rect, history: &Value) {
     let number =
         |trial: &Value, name: &str| trial[name].as_f64().map_or(String::new(), |value| value.to_string());
     let rounded =
@@ -117,7 +118,7 @@ fn trials(frame: &mut Frame, area: Rect, story: &Value) {
         ])
         .style(style)
     };
-    let all = story["trials"].as_array().map_or(&[][..], Vec::as_slice);
+    let all = history["trials"].as_array().map_or(&[][..], Vec::as_slice);
     let room = usize::from(area.height.saturating_sub(2));
     let rows = all.iter().skip(all.len().saturating_sub(room)).map(row);
     let widths = [4, 6, 6, 10, 6, 6].map(Constraint::Length);
@@ -126,8 +127,8 @@ fn trials(frame: &mut Frame, area: Rect, story: &Value) {
     frame.render_widget(Table::new(rows, widths).header(head).block(block), area);
 }
 
-fn log(frame: &mut Frame, area: Rect, story: &Value) {
-    let gauges = &story["gauges"];
+fn log(frame: &mut Frame, area: Rect, history: &Value) {
+    let gauges = &history["gauges"];
     let load =
         gauges["bus_load"].as_f64().map_or(String::new(), |load| format!(", bus {:.0} %", load * 100.0));
     let disk = gauges["disk_free_bytes"]
@@ -146,23 +147,23 @@ fn log(frame: &mut Frame, area: Rect, story: &Value) {
             format!("{:7.1} {}", line["t_s"].as_f64().unwrap_or(0.0), line["text"].as_str().unwrap_or(""));
         Line::styled(text, style)
     };
-    let all = story["log"].as_array().map_or(&[][..], Vec::as_slice);
+    let all = history["log"].as_array().map_or(&[][..], Vec::as_slice);
     let room = usize::from(area.height.saturating_sub(1));
     let lines: Vec<Line> = all.iter().skip(all.len().saturating_sub(room)).map(line).collect();
     let block = Block::new().borders(Borders::TOP | Borders::LEFT).title(title);
     frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: false }).block(block), area);
 }
 
-fn question<'a>(now: &Snapshot, desk: &'a KeyInput) -> Text<'a> {
-    match desk {
-        KeyInput::Instruction(word) => {
-            Line::styled(format!("{}: sure? Enter or y; any other key: no", word.name()), WARN).into()
+fn question<'a>(snapshot: &Snapshot, input: &'a KeyInput) -> Text<'a> {
+    match input {
+        KeyInput::Confirming(command) => {
+            Line::styled(format!("{}: sure? Enter or y; any other key: no", command.name()), WARN).into()
         }
-        KeyInput::AskedToStop => {
-            Line::styled("End the session now? Ctrl-C again, Enter or y; any other key: no", WARN).into()
+        KeyInput::ConfirmingStop => {
+            Line::styled("End the session snapshot? Ctrl-C again, Enter or y; any other key: no", WARN).into()
         }
         KeyInput::Writing(text) => Line::from(format!("note: {text}▏ (Enter keeps it, Esc does not)")).into(),
-        KeyInput::Playback => {
+        KeyInput::Idle => {
             let keys = [
                 ("s", "start", "start"),
                 ("s", "arm again", "rearm"),
@@ -172,7 +173,7 @@ fn question<'a>(now: &Snapshot, desk: &'a KeyInput) -> Text<'a> {
                 ("b", "repeat the last", "repeat"),
                 ("x", "end the session", "abort"),
             ];
-            let possible = keys.iter().filter(|(_, _, word)| now.possible.contains(word));
+            let possible = keys.iter().filter(|(_, _, command)| snapshot.possible.contains(command));
             let own = possible.map(|(key, what, _)| format!("{key} {what}   ")).collect::<String>();
             Line::styled(format!("{own}e pause after the trial   n note"), SOFT).into()
         }
@@ -182,20 +183,19 @@ fn question<'a>(now: &Snapshot, desk: &'a KeyInput) -> Text<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::console::view_model::waiting;
     use ratatui_core::backend::TestBackend;
     use ratatui_core::terminal::Terminal;
     use serde_json::json;
 
-    fn drawn(now: &Snapshot, desk: &KeyInput) -> String {
-        let about = SessionInfo {
+    fn drawn(snapshot: &Snapshot, input: &KeyInput) -> String {
+        let info = SessionInfo {
             protocol: "a first look".to_owned(),
             subject: "V00".to_owned(),
             folder: "sessions/first".to_owned(),
             rig: "virtual wrist".to_owned(),
         };
         let fit = json!({ "k_srs_nm_per_rad": 22.71, "vaf": 0.9981 });
-        let story = json!({
+        let history = json!({
             "trials": [
                 { "number": 1, "velocity_rad_s": 3.25, "torque_nm": 2.1, "status": "ok", "fit": fit },
                 { "number": 2, "velocity_rad_s": 1.3, "torque_nm": 0.9 },
@@ -204,22 +204,22 @@ mod tests {
             "gauges": { "latest_us": 812, "missed": 0, "bus_load": 0.31, "disk_free_bytes": 6.2e10 },
         });
         let mut screen = Terminal::new(TestBackend::new(110, 20)).unwrap();
-        screen.draw(|frame| draw(frame, now, &story.to_string(), &about, desk)).unwrap();
+        screen.draw(|frame| draw(frame, snapshot, &history.to_string(), &info, input)).unwrap();
         screen.backend().to_string()
     }
 
     fn held(level: f64) -> Snapshot {
-        let mut now = waiting(None);
-        now.shown.cue = Instruction::Target;
-        (now.shown.level, now.shown.band_fraction, now.shown.gate) = (level, 0.025, 0.5);
-        (now.torque_nm, now.target_nm) = (0.9 * level, Some(0.9));
-        now.possible = vec!["pause", "abort"];
-        now
+        let mut snapshot = Snapshot::before_start(None);
+        snapshot.subject.cue = Instruction::Target;
+        (snapshot.subject.level, snapshot.subject.band_fraction, snapshot.subject.gate) = (level, 0.025, 0.5);
+        (snapshot.torque_nm, snapshot.target_nm) = (0.9 * level, Some(0.9));
+        snapshot.possible = vec!["pause", "abort"];
+        snapshot
     }
 
     #[test]
     fn torque_gate_trials_and_log_are_on_the_screen() {
-        let picture = drawn(&held(0.5), &KeyInput::Playback);
+        let picture = drawn(&held(0.5), &KeyInput::Idle);
         for part in
             ["V00 · a first look", "0.45 N m of 0.9", "22.7", "0.998", "under way", "12.3 electrode re-glued"]
         {
@@ -236,7 +236,7 @@ mod tests {
     #[test]
     fn the_bar_reaches_its_band_when_the_torque_does() {
         let line = |level: f64| {
-            let picture = drawn(&held(level), &KeyInput::Playback);
+            let picture = drawn(&held(level), &KeyInput::Idle);
             let line = picture.lines().find(|line| line.contains("torque")).unwrap().to_owned();
             (line.matches('█').count(), line.matches('│').count())
         };
@@ -251,7 +251,7 @@ mod tests {
     #[test]
     fn what_is_asked_is_on_the_last_line() {
         assert!(
-            drawn(&held(1.0), &KeyInput::Instruction(crate::session::Event::Abort)).contains("abort: sure?")
+            drawn(&held(1.0), &KeyInput::Confirming(crate::session::Event::Abort)).contains("abort: sure?")
         );
         assert!(drawn(&held(1.0), &KeyInput::Writing("grip".to_owned())).contains("note: grip"));
     }

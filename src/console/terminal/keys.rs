@@ -1,85 +1,86 @@
-//! What keys mean. They are the same on the operator's page.
+//! What the keys do. The operator's page has the same keys.
 
 use ratatui_crossterm::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
-use crate::console::live::is_final;
-use crate::console::{Request, Snapshot};
+use crate::console::commands::needs_confirmation;
+use crate::console::controls::Request;
+use crate::console::snapshot::Snapshot;
 use crate::dataset::LONGEST_NOTE;
 use crate::session::Event;
 
-/// What the operator is at.
+/// State of the operator's input at the terminal.
 #[derive(Debug, Default, PartialEq)]
 pub enum KeyInput {
-    /// Nothing in particular.
+    /// Waiting for a key.
     #[default]
-    Playback,
-    /// Instruction whether a word is meant.
-    Instruction(Event),
-    /// Instruction whether the program is to end the session, motor and all, at once.
-    AskedToStop,
+    Idle,
+    /// Waiting for the confirmation of a command.
+    Confirming(Event),
+    /// Waiting for the confirmation that the session is to end at once.
+    ConfirmingStop,
     /// Writing a note.
     Writing(String),
 }
 
-/// What a key brings about.
+/// What a key brings info.
 #[derive(Debug, PartialEq)]
 pub enum KeyAction {
-    /// Something is asked for.
-    Ask(Request),
+    /// A request of the operator.
+    Request(Request),
     /// The session ends at once.
     Stop,
 }
 
 impl KeyInput {
-    /// A key was pressed while things were so.
-    pub fn press(&mut self, key: KeyEvent, now: &Snapshot) -> Option<KeyAction> {
+    /// Takes a key; `snapshot` says which commands are possible.
+    pub fn press(&mut self, key: KeyEvent, snapshot: &Snapshot) -> Option<KeyAction> {
         if key.kind == KeyEventKind::Release {
             return None;
         }
         let is_interrupt = key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
         if is_interrupt {
-            let again = std::mem::replace(self, Self::AskedToStop) == Self::AskedToStop;
+            let again = std::mem::replace(self, Self::ConfirmingStop) == Self::ConfirmingStop;
             return again.then_some(KeyAction::Stop);
         }
         match std::mem::take(self) {
-            Self::Playback => self.choose(key.code, now),
-            Self::Instruction(word) if is_yes(key.code) => {
-                Some(KeyAction::Ask(Request::Word { word, sure: true }))
+            Self::Idle => self.choose(key.code, snapshot),
+            Self::Confirming(command) if is_yes(key.code) => {
+                Some(KeyAction::Request(Request::Command { command, confirmed: true }))
             }
-            Self::AskedToStop if is_yes(key.code) => Some(KeyAction::Stop),
-            Self::Instruction(_) | Self::AskedToStop => None,
+            Self::ConfirmingStop if is_yes(key.code) => Some(KeyAction::Stop),
+            Self::Confirming(_) | Self::ConfirmingStop => None,
             Self::Writing(text) => self.write(text, key.code),
         }
     }
 
-    fn choose(&mut self, key: KeyCode, now: &Snapshot) -> Option<KeyAction> {
-        let is_possible = |word: &Event| now.possible.contains(&word.name());
-        let word = match key {
+    fn choose(&mut self, key: KeyCode, snapshot: &Snapshot) -> Option<KeyAction> {
+        let is_possible = |command: &Event| snapshot.possible.contains(&command.name());
+        let command = match key {
             KeyCode::Char('s') => [Event::Start, Event::Rearm].into_iter().find(is_possible)?,
             KeyCode::Char(' ') => [Event::Resume, Event::Pause].into_iter().find(is_possible)?,
             KeyCode::Char('k') => Event::Skip,
             KeyCode::Char('b') => Event::Repeat,
             KeyCode::Char('x') => Event::Abort,
-            KeyCode::Char('e') => return Some(KeyAction::Ask(Request::PauseAfterTrial)),
+            KeyCode::Char('e') => return Some(KeyAction::Request(Request::PauseAfterTrial)),
             KeyCode::Char('n') => {
                 *self = Self::Writing(String::new());
                 return None;
             }
             _ => return None,
         };
-        if !is_possible(&word) {
+        if !is_possible(&command) {
             return None;
         }
-        if is_final(word) {
-            *self = Self::Instruction(word);
+        if needs_confirmation(command) {
+            *self = Self::Confirming(command);
             return None;
         }
-        Some(KeyAction::Ask(Request::Word { word, sure: false }))
+        Some(KeyAction::Request(Request::Command { command, confirmed: false }))
     }
 
     fn write(&mut self, mut text: String, key: KeyCode) -> Option<KeyAction> {
         match key {
-            KeyCode::Enter => return Some(KeyAction::Ask(Request::Note { text, clock: None })),
+            KeyCode::Enter => return Some(KeyAction::Request(Request::Note { text, clock: None })),
             KeyCode::Esc => return None,
             KeyCode::Backspace => drop(text.pop()),
             KeyCode::Char(letter) if text.len() < LONGEST_NOTE - 4 => text.push(letter),
@@ -97,13 +98,12 @@ fn is_yes(key: KeyCode) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::console::view_model::waiting;
 
-    fn now(possible: &[&'static str]) -> Snapshot {
-        Snapshot { possible: possible.to_vec(), ..waiting(None) }
+    fn snapshot(possible: &[&'static str]) -> Snapshot {
+        Snapshot { possible: possible.to_vec(), ..Snapshot::before_start(None) }
     }
 
-    fn press(desk: &mut KeyInput, keys: &str, now: &Snapshot) -> Vec<KeyAction> {
+    fn press(input: &mut KeyInput, keys: &str, snapshot: &Snapshot) -> Vec<KeyAction> {
         keys.chars()
             .filter_map(|key| {
                 let code = match key {
@@ -111,44 +111,44 @@ mod tests {
                     '\u{1b}' => KeyCode::Esc,
                     letter => KeyCode::Char(letter),
                 };
-                desk.press(KeyEvent::from(code), now)
+                input.press(KeyEvent::from(code), snapshot)
             })
             .collect()
     }
 
     #[test]
-    fn what_cannot_be_taken_back_is_asked_for_twice() {
-        let (mut desk, now) = (KeyInput::default(), now(&["start", "abort"]));
-        assert_eq!(press(&mut desk, "s", &now), []);
-        assert_eq!(desk, KeyInput::Instruction(Event::Start));
-        let start = KeyAction::Ask(Request::Word { word: Event::Start, sure: true });
-        assert_eq!(press(&mut desk, "\n", &now), [start]);
-        assert_eq!(press(&mut desk, "x\u{1b}x ", &now), []);
-        assert_eq!(desk, KeyInput::Playback);
+    fn a_command_that_cannot_be_undone_must_be_confirmed() {
+        let (mut input, now) = (KeyInput::default(), snapshot(&["start", "abort"]));
+        assert_eq!(press(&mut input, "s", &now), []);
+        assert_eq!(input, KeyInput::Confirming(Event::Start));
+        let start = KeyAction::Request(Request::Command { command: Event::Start, confirmed: true });
+        assert_eq!(press(&mut input, "\n", &now), [start]);
+        assert_eq!(press(&mut input, "x\u{1b}x ", &now), []);
+        assert_eq!(input, KeyInput::Idle);
     }
 
     #[test]
-    fn what_is_not_possible_is_not_asked_for() {
-        let (mut desk, now) = (KeyInput::default(), now(&["pause"]));
-        assert_eq!(press(&mut desk, "skbx", &now), []);
-        assert_eq!(desk, KeyInput::Playback);
-        let pause = KeyAction::Ask(Request::Word { word: Event::Pause, sure: false });
-        assert_eq!(press(&mut desk, " ", &now), [pause]);
+    fn an_impossible_command_is_not_requested() {
+        let (mut input, now) = (KeyInput::default(), snapshot(&["pause"]));
+        assert_eq!(press(&mut input, "skbx", &now), []);
+        assert_eq!(input, KeyInput::Idle);
+        let pause = KeyAction::Request(Request::Command { command: Event::Pause, confirmed: false });
+        assert_eq!(press(&mut input, " ", &now), [pause]);
     }
 
     #[test]
     fn letters_in_a_note_are_no_commands() {
-        let (mut desk, now) = (KeyInput::default(), now(&["pause", "abort"]));
-        let note = KeyAction::Ask(Request::Note { text: "x is ok".to_owned(), clock: None });
-        assert_eq!(press(&mut desk, "nx is ok\n", &now), [note]);
-        assert_eq!(press(&mut desk, "nabc\u{1b}", &now), []);
+        let (mut input, now) = (KeyInput::default(), snapshot(&["pause", "abort"]));
+        let note = KeyAction::Request(Request::Note { text: "x is ok".to_owned(), clock: None });
+        assert_eq!(press(&mut input, "nx is ok\n", &now), [note]);
+        assert_eq!(press(&mut input, "nabc\u{1b}", &now), []);
     }
 
     #[test]
     fn the_interrupt_key_ends_the_session_the_second_time() {
-        let (mut desk, now) = (KeyInput::default(), now(&[]));
+        let (mut input, now) = (KeyInput::default(), snapshot(&[]));
         let interrupt = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
-        assert_eq!(desk.press(interrupt, &now), None);
-        assert_eq!(desk.press(interrupt, &now), Some(KeyAction::Stop));
+        assert_eq!(input.press(interrupt, &now), None);
+        assert_eq!(input.press(interrupt, &now), Some(KeyAction::Stop));
     }
 }

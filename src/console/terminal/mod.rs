@@ -1,4 +1,4 @@
-//! The console in a terminal, for who has no browser there.
+//! The console in a terminal, for machines without a browser.
 
 mod draw;
 mod keys;
@@ -17,12 +17,16 @@ use ratatui_crossterm::crossterm::terminal::{
 };
 use ratatui_crossterm::crossterm::{cursor, execute};
 
+use super::controls::Controls;
+use super::error::ConsoleError;
+use super::thread_priority::lower_thread_priority;
+use super::view_model::Views;
 use super::welcome::SessionInfo;
-use super::{ConsoleError, Controls, Views, nice};
+use crate::dataset::ActionOrigin;
 use keys::{KeyAction, KeyInput};
 
-/// Time between two pictures.
-const PERIOD: Duration = Duration::from_millis(50);
+/// Time between two drawings.
+const DRAW_PERIOD: Duration = Duration::from_millis(50);
 
 /// Checks that the program can draw on a terminal: that the feature `terminal` is built.
 ///
@@ -32,7 +36,7 @@ pub fn check() -> Result<(), ConsoleError> {
     Ok(())
 }
 
-/// The terminal, being drawn on until this is dropped.
+/// Draws the session in the terminal until it is dropped.
 pub struct Terminal {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -42,27 +46,27 @@ impl Terminal {
     /// Takes the terminal. `stop` is set when the operator presses Ctrl-C twice.
     ///
     /// # Errors
-    /// If there is none.
+    /// If standard error is not a terminal that can be drawn on.
     pub fn open(
         views: Views,
         controls: Arc<dyn Controls>,
-        about: SessionInfo,
+        info: SessionInfo,
         stop: Arc<AtomicBool>,
     ) -> Result<Self, ConsoleError> {
         let screen = take().map_err(ConsoleError::Terminal)?;
         let over = Arc::new(AtomicBool::new(false));
         let ends = over.clone();
-        let work = move || {
-            nice();
-            controls.joined(crate::dataset::ActionOrigin::Terminal);
-            let worked = work(screen, &views, &*controls, &about, &stop, &ends);
-            let given_back = give_back();
-            controls.left(crate::dataset::ActionOrigin::Terminal);
-            if let Err(error) = worked.and(given_back) {
+        let run = move || {
+            lower_thread_priority();
+            controls.joined(ActionOrigin::Terminal);
+            let drawn = draw_until_over(screen, &views, &*controls, &info, &stop, &ends);
+            let restored = restore();
+            controls.left(ActionOrigin::Terminal);
+            if let Err(error) = drawn.and(restored) {
                 tracing::error!("the terminal cannot be drawn on any more: {error}");
             }
         };
-        let thread = thread::Builder::new().name("terminal".to_owned()).spawn(work);
+        let thread = thread::Builder::new().name("terminal".to_owned()).spawn(run);
         Ok(Self { over, thread: Some(thread.map_err(ConsoleError::Start)?) })
     }
 }
@@ -72,50 +76,50 @@ impl Drop for Terminal {
     fn drop(&mut self) {
         self.over.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
-            // It said itself what went wrong.
+            // The thread has reported its own error.
             let _ = thread.join();
         }
     }
 }
 
-type Drawn = Screen<CrosstermBackend<io::Stderr>>;
+type ScreenOnStderr = Screen<CrosstermBackend<io::Stderr>>;
 
-/// On standard error, as all that is said to the person at the terminal: results go to standard output.
-fn take() -> io::Result<Drawn> {
+/// Draws on standard error, as all messages do; results go to standard output.
+fn take() -> io::Result<ScreenOnStderr> {
     enable_raw_mode()?;
     execute!(io::stderr(), EnterAlternateScreen, cursor::Hide)
         .and_then(|()| Screen::new(CrosstermBackend::new(io::stderr())))
         .inspect_err(|_| {
-            // What was taken is given back; the first error is the one to tell.
-            let _ = give_back();
+            // The first error is the one to report.
+            let _ = restore();
         })
 }
 
-fn give_back() -> io::Result<()> {
+fn restore() -> io::Result<()> {
     let left = execute!(io::stderr(), LeaveAlternateScreen, cursor::Show);
     disable_raw_mode().and(left)
 }
 
-fn work(
-    mut screen: Drawn,
+fn draw_until_over(
+    mut screen: ScreenOnStderr,
     views: &Views,
     controls: &dyn Controls,
-    about: &SessionInfo,
+    info: &SessionInfo,
     stop: &AtomicBool,
     over: &AtomicBool,
 ) -> io::Result<()> {
-    let mut desk = KeyInput::default();
-    let (mut now, mut story) = (views.now(), views.story());
+    let mut input = KeyInput::default();
+    let (mut snapshot, mut history) = (views.snapshot(), views.history());
     while !over.load(Ordering::Acquire) {
-        let latest = now.borrow_and_update().clone();
-        let told = story.borrow_and_update().clone();
-        screen.draw(|frame| draw::draw(frame, &latest, &told, about, &desk))?;
-        if !event::poll(PERIOD)? {
+        let latest = snapshot.borrow_and_update().clone();
+        let events = history.borrow_and_update().clone();
+        screen.draw(|frame| draw::draw(frame, &latest, &events, info, &input))?;
+        if !event::poll(DRAW_PERIOD)? {
             continue;
         }
         let Key::Key(key) = event::read()? else { continue };
-        match desk.press(key, &latest) {
-            Some(KeyAction::Ask(request)) => controls.hear(request, crate::dataset::ActionOrigin::Terminal),
+        match input.press(key, &latest) {
+            Some(KeyAction::Request(request)) => controls.request(request, ActionOrigin::Terminal),
             Some(KeyAction::Stop) => stop.store(true, Ordering::Relaxed),
             None => {}
         }

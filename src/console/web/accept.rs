@@ -1,4 +1,4 @@
-//! Connections: so many at a time, each for so long, encrypted where there is a certificate.
+//! Connections: limited in number and time, encrypted if there is a certificate.
 
 use std::collections::VecDeque;
 use std::net::TcpListener;
@@ -13,14 +13,13 @@ use tokio::net::TcpStream;
 use tokio::sync::watch;
 use tokio::task::AbortHandle;
 
-use super::FAREWELL;
-use super::limits::{CONNECTIONS, LONGEST_HEAD, PATIENCE};
+use super::limits::{CLOSING_TIME, CONNECTIONS, LONGEST_HEAD, REQUEST_TIMEOUT};
 use super::tls::TlsAcceptor;
 
-/// How long to wait after the system refused a connection: it has no room for another file just now.
-const A_MOMENT: Duration = Duration::from_millis(20);
+/// Pause after the system refused a connection, usually because too many files are open.
+const REFUSED_PAUSE: Duration = Duration::from_millis(20);
 
-/// Serves until told to stop, and lets pages take leave.
+/// Serves until `stopped`, then waits until the pages are closed.
 pub async fn serve(
     listener: TcpListener,
     tls: Option<TlsAcceptor>,
@@ -38,11 +37,11 @@ pub async fn serve(
             _ = stopped.wait_for(|stopped| *stopped) => break,
         };
         let Ok((stream, _)) = accepted else {
-            tokio::time::sleep(A_MOMENT).await;
+            tokio::time::sleep(REFUSED_PAUSE).await;
             continue;
         };
         open.retain(|connection| !connection.is_finished());
-        // More than anybody needs at once: the oldest makes room, so that a flood does not keep the operator out.
+        // At the limit the oldest connection is closed, so that a flood does not keep the operator out.
         if open.len() >= CONNECTIONS
             && let Some(oldest) = open.pop_front()
         {
@@ -51,18 +50,18 @@ pub async fn serve(
         open.push_back(tokio::spawn(connection(stream, tls.clone(), router.clone())).abort_handle());
     }
     drop(listener);
-    tokio::time::sleep(FAREWELL).await;
+    tokio::time::sleep(CLOSING_TIME).await;
 }
 
 async fn connection(stream: TcpStream, tls: Option<TlsAcceptor>, router: Router) {
-    // A picture is one small packet, and it must not wait for the next.
+    // A snapshot is one small packet, which must not wait for the next one (Nagle's algorithm).
     if stream.set_nodelay(true).is_err() {
         return;
     }
     match tls {
         None => requests(stream, router).await,
         Some(tls) => {
-            if let Ok(Ok(stream)) = tokio::time::timeout(PATIENCE, tls.accept(stream)).await {
+            if let Ok(Ok(stream)) = tokio::time::timeout(REQUEST_TIMEOUT, tls.accept(stream)).await {
                 requests(stream, router).await;
             }
         }
@@ -75,12 +74,11 @@ where
 {
     let served = http1::Builder::new()
         .timer(TokioTimer::new())
-        .header_read_timeout(PATIENCE)
+        .header_read_timeout(REQUEST_TIMEOUT)
         .max_buf_size(LONGEST_HEAD)
         .max_headers(64)
         .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router))
         .with_upgrades();
-    // A connection that did all it was asked to within its time ends by itself; one that became a page's socket lives on
-    // elsewhere, and has shown its token.
-    let _ = tokio::time::timeout(2 * PATIENCE, served).await;
+    // A connection that became a page's web socket has shown its token and continues in a task of its own.
+    let _ = tokio::time::timeout(2 * REQUEST_TIMEOUT, served).await;
 }

@@ -1,4 +1,4 @@
-//! Who may come in: a secret in the address for each role, and only requests that were meant for this program.
+//! Access control: a secret token in the address for each role, and protection against forged requests.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -6,39 +6,39 @@ use axum::http::header::{HOST, ORIGIN};
 use axum::http::{HeaderMap, StatusCode};
 use subtle::ConstantTimeEq;
 
-use super::super::ConsoleError;
+use super::super::error::ConsoleError;
 
 /// Random bytes in a token.
 const TOKEN_BYTES: usize = 32;
 
-/// What somebody at a page may do.
+/// Role of a page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// See everything, and say what is to be done.
+    /// Sees everything and gives commands.
     Operator,
-    /// Look at what the person is shown.
-    Person,
+    /// Sees what the subject is shown, and can ask for nothing.
+    Subject,
 }
 
 impl Role {
-    /// The word in addresses.
+    /// Name of the role in addresses.
     pub fn name(self) -> &'static str {
         match self {
             Self::Operator => "operator",
-            Self::Person => "person",
+            Self::Subject => "subject",
         }
     }
 
     fn parse(name: &str) -> Option<Self> {
-        [Self::Operator, Self::Person].into_iter().find(|role| role.name() == name)
+        [Self::Operator, Self::Subject].into_iter().find(|role| role.name() == name)
     }
 }
 
-/// The secrets of the two roles, drawn anew for every run.
+/// The secret tokens of the two roles, drawn for every run of the program.
 #[derive(Clone)]
 pub struct Tokens {
     operator: String,
-    person: String,
+    subject: String,
 }
 
 impl std::fmt::Debug for Tokens {
@@ -48,44 +48,44 @@ impl std::fmt::Debug for Tokens {
 }
 
 impl Tokens {
-    /// Draws them from the system's random numbers; a seed would make them guessable.
+    /// Draws the tokens from the system's random numbers; with a seed they could be guessed.
     ///
     /// # Errors
-    /// If the system has none.
+    /// If the system gives no random numbers.
     pub fn draw() -> Result<Self, ConsoleError> {
         let token = || -> Result<String, ConsoleError> {
             let mut bytes = [0u8; TOKEN_BYTES];
             getrandom::fill(&mut bytes).map_err(|error| ConsoleError::Random(error.to_string()))?;
             Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
         };
-        Ok(Self { operator: token()?, person: token()? })
+        Ok(Self { operator: token()?, subject: token()? })
     }
 
-    /// The secret of a role.
+    /// The token of a role.
     pub fn of(&self, role: Role) -> &str {
         match role {
             Role::Operator => &self.operator,
-            Role::Person => &self.person,
+            Role::Subject => &self.subject,
         }
     }
 }
 
-/// Why a request is turned away.
+/// Reason why a request is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
-    /// It was sent to another name: a page elsewhere may have made a browser believe that we are it (DNS rebinding).
-    #[error("this program is not known under that name")]
+    /// Wrong host name, as after DNS rebinding by another site.
+    #[error("the host name is not one of this program; use the address that it printed, or add the name with --host")]
     Host,
-    /// A page from elsewhere sent it.
-    #[error("requests from other pages are not answered")]
+    /// The request comes from a page of another site.
+    #[error("requests from pages of other sites are refused")]
     Origin,
-    /// It does not know the secret.
-    #[error("this address is not known; take the one that the program printed when it started")]
+    /// The token is wrong.
+    #[error("the token in the address is wrong; use the address that the program printed when it started")]
     Token,
 }
 
 impl Refusal {
-    /// The status that tells it.
+    /// HTTP status of the refusal.
     pub fn status(self) -> StatusCode {
         match self {
             Self::Host => StatusCode::MISDIRECTED_REQUEST,
@@ -99,12 +99,12 @@ impl Refusal {
 pub struct AccessControl {
     tokens: Tokens,
     scheme: &'static str,
-    /// Names with their port, in small letters, the one to print first.
+    /// Accepted host names with port, in lower case; the first one is printed.
     hosts: Vec<String>,
 }
 
 impl AccessControl {
-    /// Lets in who knows the secrets and asks for this address, or one of `names`.
+    /// Accepts the tokens' owners under the address `bound` and under `names`.
     pub fn new(tokens: Tokens, scheme: &'static str, bound: SocketAddr, names: &[String]) -> Self {
         let port = bound.port();
         let own = (!bound.ip().is_unspecified()).then(|| bound.to_string());
@@ -115,7 +115,7 @@ impl AccessControl {
             _ => format!("{}:{port}", name.to_ascii_lowercase()),
         };
         let mut hosts: Vec<String> = own.into_iter().chain(local).collect();
-        // A certificate is made out to a name, so that a name comes before a number.
+        // Names come first because a certificate is valid for a name.
         hosts.splice(0..0, names.iter().map(with_port));
         if port == default_port {
             let bare: Vec<String> = hosts
@@ -128,15 +128,15 @@ impl AccessControl {
         Self { tokens, scheme, hosts }
     }
 
-    /// The name to print.
+    /// Host name to print.
     pub fn first_host(&self) -> &str {
         self.hosts.first().map_or("localhost", String::as_str)
     }
 
-    /// Whether a request was meant for this program, and by one of its own pages if by any.
+    /// Checks that a request has an accepted host name and does not come from a page of another site.
     ///
     /// # Errors
-    /// Why not.
+    /// If the host name or the origin is wrong.
     pub fn check_source(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         let mut given = headers.get_all(HOST).iter();
         let host = given.next().and_then(|host| host.to_str().ok()).ok_or(Refusal::Host)?;
@@ -150,18 +150,18 @@ impl AccessControl {
         }
     }
 
-    /// A socket is opened by a page, and a page says where it is from.
+    /// Checks that the request for a socket states its origin, as browsers do.
     ///
     /// # Errors
-    /// If it does not say so.
+    /// If it states none.
     pub fn check_socket(&self, headers: &HeaderMap) -> Result<(), Refusal> {
         if headers.contains_key(ORIGIN) { Ok(()) } else { Err(Refusal::Origin) }
     }
 
-    /// The role that a secret stands for. How long this takes does not depend on how much of the secret is right.
+    /// The role named `name`, if `token` is its token. The comparison takes constant time.
     ///
     /// # Errors
-    /// If it is not the role's.
+    /// If the role or the token is wrong.
     pub fn role(&self, name: &str, token: &str) -> Result<Role, Refusal> {
         let role = Role::parse(name).ok_or(Refusal::Token)?;
         let is_right = self.tokens.of(role).as_bytes().ct_eq(token.as_bytes());
@@ -179,7 +179,7 @@ mod tests {
     use super::*;
     use axum::http::HeaderValue;
 
-    fn guard(scheme: &'static str, address: &str, names: &[&str]) -> AccessControl {
+    fn access(scheme: &'static str, address: &str, names: &[&str]) -> AccessControl {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
         AccessControl::new(Tokens::draw().unwrap(), scheme, address.parse().unwrap(), &names)
     }
@@ -196,7 +196,7 @@ mod tests {
     #[test]
     fn tokens_are_long_and_never_the_same() {
         let (one, other) = (Tokens::draw().unwrap(), Tokens::draw().unwrap());
-        let all = [one.operator, one.person, other.operator, other.person];
+        let all = [one.operator, one.subject, other.operator, other.subject];
         assert!(all.iter().all(|token| token.len() == 2 * TOKEN_BYTES));
         for (place, token) in all.iter().enumerate() {
             assert!(!all[..place].contains(token));
@@ -205,32 +205,32 @@ mod tests {
 
     #[test]
     fn a_token_opens_its_own_role_and_no_other() {
-        let guard = guard("http", "127.0.0.1:8000", &[]);
-        let tokens = guard.tokens.clone();
-        assert_eq!(guard.role("operator", &tokens.operator), Ok(Role::Operator));
-        assert_eq!(guard.role("person", &tokens.person), Ok(Role::Person));
+        let access = access("http", "127.0.0.1:8000", &[]);
+        let tokens = access.tokens.clone();
+        assert_eq!(access.role("operator", &tokens.operator), Ok(Role::Operator));
+        assert_eq!(access.role("subject", &tokens.subject), Ok(Role::Subject));
         for (role, token) in [
-            ("operator", tokens.person.as_str()),
-            ("person", &tokens.operator),
+            ("operator", tokens.subject.as_str()),
+            ("subject", &tokens.operator),
             ("operator", ""),
             ("operator", &tokens.operator[1..]),
             ("Operator", &tokens.operator),
             ("", &tokens.operator),
         ] {
-            assert_eq!(guard.role(role, token), Err(Refusal::Token), "{role} {token}");
+            assert_eq!(access.role(role, token), Err(Refusal::Token), "{role} {token}");
         }
     }
 
     #[test]
     fn only_its_own_names_and_its_own_pages_are_answered() {
-        let guard = guard("http", "127.0.0.1:8000", &[]);
+        let access = access("http", "127.0.0.1:8000", &[]);
         for (host, origin) in [
             ("127.0.0.1:8000", None),
             ("localhost:8000", None),
             ("LOCALHOST:8000", Some("http://localhost:8000")),
             ("127.0.0.1:8000", Some("http://127.0.0.1:8000")),
         ] {
-            assert_eq!(guard.check_source(&headers(host, origin)), Ok(()), "{host} {origin:?}");
+            assert_eq!(access.check_source(&headers(host, origin)), Ok(()), "{host} {origin:?}");
         }
         for (host, origin, refusal) in [
             ("evil.example:8000", None, Refusal::Host),
@@ -242,30 +242,30 @@ mod tests {
             ("127.0.0.1:8000", Some("http://localhost:8000"), Refusal::Origin),
             ("127.0.0.1:8000", Some("null"), Refusal::Origin),
         ] {
-            assert_eq!(guard.check_source(&headers(host, origin)), Err(refusal), "{host} {origin:?}");
+            assert_eq!(access.check_source(&headers(host, origin)), Err(refusal), "{host} {origin:?}");
         }
         let mut two = headers("127.0.0.1:8000", None);
         two.append(HOST, HeaderValue::from_static("evil.example"));
-        assert_eq!(guard.check_source(&two), Err(Refusal::Host));
-        assert_eq!(guard.check_source(&HeaderMap::new()), Err(Refusal::Host));
+        assert_eq!(access.check_source(&two), Err(Refusal::Host));
+        assert_eq!(access.check_source(&HeaderMap::new()), Err(Refusal::Host));
     }
 
     #[test]
     fn a_socket_says_which_page_opened_it() {
-        let guard = guard("http", "127.0.0.1:8000", &[]);
-        assert_eq!(guard.check_socket(&headers("127.0.0.1:8000", None)), Err(Refusal::Origin));
-        assert_eq!(guard.check_socket(&headers("127.0.0.1:8000", Some("http://127.0.0.1:8000"))), Ok(()));
+        let access = access("http", "127.0.0.1:8000", &[]);
+        assert_eq!(access.check_socket(&headers("127.0.0.1:8000", None)), Err(Refusal::Origin));
+        assert_eq!(access.check_socket(&headers("127.0.0.1:8000", Some("http://127.0.0.1:8000"))), Ok(()));
     }
 
     #[test]
     fn on_every_address_only_the_names_given_are_answered() {
-        let guard = guard("https", "0.0.0.0:443", &["Console.Lab", "fe80::1"]);
-        assert_eq!(guard.first_host(), "console.lab:443");
+        let access = access("https", "0.0.0.0:443", &["Console.Lab", "fe80::1"]);
+        assert_eq!(access.first_host(), "console.lab:443");
         for host in ["console.lab:443", "console.lab", "[fe80::1]:443"] {
-            assert_eq!(guard.check_source(&headers(host, None)), Ok(()), "{host}");
+            assert_eq!(access.check_source(&headers(host, None)), Ok(()), "{host}");
         }
         for host in ["0.0.0.0:443", "localhost:443", "127.0.0.1:443"] {
-            assert_eq!(guard.check_source(&headers(host, None)), Err(Refusal::Host), "{host}");
+            assert_eq!(access.check_source(&headers(host, None)), Err(Refusal::Host), "{host}");
         }
     }
 }

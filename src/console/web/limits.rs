@@ -1,45 +1,47 @@
-//! How much anybody may send.
+//! Limits on what browsers may send, and the time limits of connections.
 
 use std::time::{Duration, Instant};
 
-/// The longest message of a page, bytes.
+/// Longest message of a page, bytes.
 pub const LONGEST_MESSAGE: usize = 4096;
-/// The longest head of a request, bytes.
+/// Longest head of a request, bytes.
 pub const LONGEST_HEAD: usize = 8192;
-/// Connections that have not shown a token yet, at a time.
+/// Largest number of connections that have not shown a token.
 pub const CONNECTIONS: usize = 64;
-/// PageAddresses of one role, at a time.
-pub const PAGES: usize = 8;
-/// How long a request may take to come, and a connection to do nothing.
-pub const PATIENCE: Duration = Duration::from_secs(5);
-/// How long a page may leave pictures unanswered before it counts as gone.
-pub const SILENCE: Duration = Duration::from_secs(10);
-/// Pictures that may be on their way to a page.
-pub const ON_THE_WAY: u64 = 3;
+/// Largest number of open pages of one role.
+pub const PAGES_PER_ROLE: usize = 8;
+/// Time limit of a request, a handshake and a message that is being sent.
+pub const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
+/// Time without an acknowledged snapshot after which a page counts as gone.
+pub const PAGE_TIMEOUT: Duration = Duration::from_secs(10);
+/// Largest number of snapshots sent to a page and not acknowledged.
+pub const UNACKNOWLEDGED_SNAPSHOTS: u64 = 3;
+/// Time that pages get to receive the last snapshot before the program ends.
+pub const CLOSING_TIME: Duration = Duration::from_millis(800);
 
-/// So many a second in the long run, and no more than `most` at once.
+/// Rate limiter (token bucket): `burst` messages at once, `per_s` messages a second in the long run.
 #[derive(Debug)]
-pub struct Rate {
-    most: f64,
+pub struct RateLimiter {
+    burst: f64,
     per_s: f64,
-    left: f64,
+    tokens: f64,
     at: Instant,
 }
 
-impl Rate {
-    /// Nothing is used up yet.
-    pub fn new(most: f64, per_s: f64, now: Instant) -> Self {
-        Self { most, per_s, left: most, at: now }
+impl RateLimiter {
+    /// A limiter with a full bucket.
+    pub fn new(burst: f64, per_s: f64, now: Instant) -> Self {
+        Self { burst, per_s, tokens: burst, at: now }
     }
 
-    /// Whether one more may come.
+    /// Whether one more message is allowed at time `now`; if so, it is counted.
     pub fn allows(&mut self, now: Instant) -> bool {
         let passed_s = now.saturating_duration_since(self.at).as_secs_f64();
         self.at = now;
-        self.left = (self.left + passed_s * self.per_s).min(self.most);
-        let allows = self.left >= 1.0;
+        self.tokens = (self.tokens + passed_s * self.per_s).min(self.burst);
+        let allows = self.tokens >= 1.0;
         if allows {
-            self.left -= 1.0;
+            self.tokens -= 1.0;
         }
         allows
     }
@@ -51,11 +53,11 @@ mod tests {
 
     #[test]
     fn a_burst_is_allowed_and_then_only_the_rate() {
-        let begun = Instant::now();
-        let mut rate = Rate::new(3.0, 2.0, begun);
-        let at = |ms: u64| begun + Duration::from_millis(ms);
-        assert_eq!([0, 0, 0, 0].map(|ms| rate.allows(at(ms))), [true, true, true, false]);
-        assert_eq!([400, 600, 700, 1100].map(|ms| rate.allows(at(ms))), [false, true, false, true]);
-        assert_eq!([9000, 9000, 9000, 9000].map(|ms| rate.allows(at(ms))), [true, true, true, false]);
+        let start = Instant::now();
+        let mut limiter = RateLimiter::new(3.0, 2.0, start);
+        let at = |ms: u64| start + Duration::from_millis(ms);
+        assert_eq!([0, 0, 0, 0].map(|ms| limiter.allows(at(ms))), [true, true, true, false]);
+        assert_eq!([400, 600, 700, 1100].map(|ms| limiter.allows(at(ms))), [false, true, false, true]);
+        assert_eq!([9000, 9000, 9000, 9000].map(|ms| limiter.allows(at(ms))), [true, true, true, false]);
     }
 }

@@ -1,4 +1,4 @@
-//! Requests and sockets: the files of a page, and the pictures that it draws.
+//! Requests for the files of a page, and the web socket that sends it snapshots.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -21,21 +21,25 @@ use tokio::time::{sleep_until, timeout};
 
 use super::access_control::{AccessControl, Role};
 use super::assets;
-use super::limits::{LONGEST_MESSAGE, ON_THE_WAY, PAGES, PATIENCE, Rate, SILENCE};
-use super::{Content, FAREWELL};
-use crate::console::{Request as OperatorRequest, Snapshot};
+use super::content::Content;
+use super::limits::{
+    CLOSING_TIME, LONGEST_MESSAGE, PAGE_TIMEOUT, PAGES_PER_ROLE, REQUEST_TIMEOUT, RateLimiter,
+    UNACKNOWLEDGED_SNAPSHOTS,
+};
+use super::super::controls::Request as OperatorRequest;
+use super::super::snapshot::Snapshot;
 use crate::dataset::ActionOrigin;
 
-/// Time between two pictures for the operator, whose charts need no more.
-const OPERATORS_PERIOD: Duration = Duration::from_millis(33);
-/// The same for the person, who follows a bar: well below a screen's own period.
-const PERSONS_PERIOD: Duration = Duration::from_millis(4);
+/// Shortest time between two snapshots for the operator's page.
+const OPERATOR_PERIOD: Duration = Duration::from_millis(33);
+/// Shortest time between two snapshots for the subject's page, well below the period of a screen.
+const SUBJECT_PERIOD: Duration = Duration::from_millis(4);
 
-/// Pictures that the time of their sample is remembered of, until the page says that they were drawn.
-const REMEMBERED: usize = 64;
+/// Number of snapshots whose sample time is kept until the page has drawn them.
+const SAMPLE_TIMES: usize = 64;
 
-/// What every answer says to the browser: nothing from elsewhere, nothing kept, nowhere framed.
-const HEADERS: [(header::HeaderName, &str); 7] = [
+/// Security headers of every response: no foreign content, no cache, no frames.
+const SECURITY_HEADERS: [(header::HeaderName, &str); 7] = [
     (
         header::CONTENT_SECURITY_POLICY,
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self'; \
@@ -51,16 +55,16 @@ const HEADERS: [(header::HeaderName, &str); 7] = [
 
 #[derive(Clone)]
 struct Site {
-    guard: Arc<AccessControl>,
+    access: Arc<AccessControl>,
     content: Arc<Content>,
     stopped: watch::Receiver<bool>,
-    /// PageAddresses open: operators', persons'.
+    /// Number of open pages of the operator and of the subject.
     pages: Arc<[AtomicUsize; 2]>,
 }
 
-/// All there is to ask for.
-pub fn router(guard: Arc<AccessControl>, content: Arc<Content>, stopped: watch::Receiver<bool>) -> Router {
-    let site = Site { guard, content, stopped, pages: Arc::default() };
+/// The routes of the pages.
+pub fn router(access: Arc<AccessControl>, content: Arc<Content>, stopped: watch::Receiver<bool>) -> Router {
+    let site = Site { access, content, stopped, pages: Arc::default() };
     Router::new()
         .route("/{role}/{token}/", get(page))
         .route("/{role}/{token}/live", get(live))
@@ -70,20 +74,20 @@ pub fn router(guard: Arc<AccessControl>, content: Arc<Content>, stopped: watch::
         .with_state(site)
 }
 
-/// Before anything else: was it meant for us? And what the browser must keep to with every answer, refusals included.
+/// Refuses forged requests and adds the security headers to every response.
 async fn check(State(site): State<Site>, request: Request, next: Next) -> Response {
-    let mut response = match site.guard.check_source(request.headers()) {
+    let mut response = match site.access.check_source(request.headers()) {
         Ok(()) => next.run(request).await,
         Err(refusal) => (refusal.status(), refusal.to_string()).into_response(),
     };
-    for (name, value) in HEADERS {
+    for (name, value) in SECURITY_HEADERS {
         response.headers_mut().insert(name, HeaderValue::from_static(value));
     }
     response
 }
 
 async fn page(State(site): State<Site>, Path((role, token)): Path<(String, String)>) -> Response {
-    match site.guard.role(&role, &token) {
+    match site.access.role(&role, &token) {
         Ok(role) => answer(&format!("{}.html", role.name())),
         Err(refusal) => (refusal.status(), refusal.to_string()).into_response(),
     }
@@ -93,7 +97,7 @@ async fn asset(
     State(site): State<Site>,
     Path((role, token, file)): Path<(String, String, String)>,
 ) -> Response {
-    match site.guard.role(&role, &token) {
+    match site.access.role(&role, &token) {
         Ok(_) => answer(&file),
         Err(refusal) => (refusal.status(), refusal.to_string()).into_response(),
     }
@@ -112,30 +116,30 @@ async fn live(
     headers: HeaderMap,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Response {
-    let role = match site.guard.role(&role, &token) {
+    let role = match site.access.role(&role, &token) {
         Ok(role) => role,
         Err(refusal) => return (refusal.status(), refusal.to_string()).into_response(),
     };
-    if let Err(refusal) = site.guard.check_socket(&headers) {
+    if let Err(refusal) = site.access.check_socket(&headers) {
         return (refusal.status(), refusal.to_string()).into_response();
     }
     let upgrade = match upgrade {
         Ok(upgrade) => upgrade,
         Err(rejection) => return rejection.into_response(),
     };
-    let Some(place) = PageSlot::take(&site.pages, role) else {
+    let Some(slot) = PageSlot::take(&site.pages, role) else {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open").into_response();
     };
     upgrade.max_message_size(LONGEST_MESSAGE).max_frame_size(LONGEST_MESSAGE).write_buffer_size(0).on_upgrade(
         move |socket| async move {
             let stopped = site.stopped.clone();
             PageConnection::new(role, site.content).run(socket, stopped).await;
-            drop(place);
+            drop(slot);
         },
     )
 }
 
-/// A place among the pages of a role.
+/// One of the limited number of open pages of a role; free again when dropped.
 struct PageSlot {
     pages: Arc<[AtomicUsize; 2]>,
     role: Role,
@@ -143,10 +147,10 @@ struct PageSlot {
 
 impl PageSlot {
     fn take(pages: &Arc<[AtomicUsize; 2]>, role: Role) -> Option<Self> {
-        let seat = Self { pages: pages.clone(), role };
-        let before = seat.pages[role as usize].fetch_add(1, Ordering::Relaxed);
-        // One too many gives its place back as it is dropped.
-        (before < PAGES).then_some(seat)
+        let slot = Self { pages: pages.clone(), role };
+        let before = slot.pages[role as usize].fetch_add(1, Ordering::Relaxed);
+        // A slot beyond the limit is freed when it is dropped.
+        (before < PAGES_PER_ROLE).then_some(slot)
     }
 }
 
@@ -156,15 +160,15 @@ impl Drop for PageSlot {
     }
 }
 
-/// What a page sends.
+/// Message of a page.
 #[derive(Debug, Deserialize)]
 #[serde(untagged)]
 enum PageMessage {
-    /// It has taken the picture of that number.
+    /// The page has received a snapshot.
     Seen(Seen),
-    /// It has drawn it.
+    /// The page has drawn a snapshot.
     Drawn(Drawn),
-    /// The operator pressed something.
+    /// The operator asked for something.
     Request(OperatorRequest),
 }
 
@@ -180,22 +184,22 @@ struct Drawn {
     drawn: u64,
 }
 
-/// Why a page's socket is closed.
-type Why = (u16, &'static str);
+/// Code and reason with which a page's socket is closed.
+type CloseReason = (u16, &'static str);
 
-/// A page that looks on.
+/// Connection to one page.
 struct PageConnection {
     role: Role,
     content: Arc<Content>,
-    /// Number of the last picture sent, and of the last that the page has taken.
+    /// Number of the last snapshot sent, and of the last one acknowledged.
     sent: u64,
     seen: u64,
-    heard: Instant,
+    acknowledged_at: Instant,
     next_bin: u64,
-    /// When the latest pictures' samples were measured, by their number.
+    /// Time of the sample of the latest snapshots, by number.
     measured: VecDeque<(u64, Option<Instant>)>,
-    messages: Rate,
-    requests: Rate,
+    messages: RateLimiter,
+    requests: RateLimiter,
 }
 
 impl PageConnection {
@@ -206,11 +210,11 @@ impl PageConnection {
             content,
             sent: 0,
             seen: 0,
-            heard: now,
+            acknowledged_at: now,
             next_bin: 0,
-            measured: VecDeque::with_capacity(REMEMBERED),
-            messages: Rate::new(1200.0, 600.0, now),
-            requests: Rate::new(20.0, 10.0, now),
+            measured: VecDeque::with_capacity(SAMPLE_TIMES),
+            messages: RateLimiter::new(1200.0, 600.0, now),
+            requests: RateLimiter::new(20.0, 10.0, now),
         }
     }
 
@@ -218,57 +222,57 @@ impl PageConnection {
         if self.role == Role::Operator {
             self.content.controls.joined(ActionOrigin::Page);
         }
-        let (code, reason) = self.look_on(&mut socket, stopped).await.unwrap_or((close_code::AWAY, "gone"));
+        let (code, reason) = self.serve(&mut socket, stopped).await.unwrap_or((close_code::AWAY, "gone"));
         if self.role == Role::Operator {
             self.content.controls.left(ActionOrigin::Page);
         }
-        let farewell = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
-        // What the page still says is read until it, too, has closed: a socket shut on unread words is reset, and the page
-        // would lose the farewell on its way. It may also be gone already.
-        let part = async {
-            let mut open = socket.send(farewell).await.is_ok();
+        let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
+        // Messages of the page are read until it has closed: a socket that is closed with unread messages is reset, and the
+        // page would lose the close reason. The page may also be gone already.
+        let closing = async {
+            let mut open = socket.send(close).await.is_ok();
             while open {
                 open = matches!(socket.recv().await, Some(Ok(_)));
             }
         };
-        let _ = timeout(FAREWELL / 2, part).await;
+        let _ = timeout(CLOSING_TIME / 2, closing).await;
     }
 
-    /// Until either side has enough; why, if it is to be told.
-    async fn look_on(&mut self, socket: &mut WebSocket, mut stopped: watch::Receiver<bool>) -> Option<Why> {
+    /// Serves the page until either side closes; returns the reason for the page, if it can be told.
+    async fn serve(&mut self, socket: &mut WebSocket, mut stopped: watch::Receiver<bool>) -> Option<CloseReason> {
         let content = self.content.clone();
-        let hello = &content.hello[usize::from(self.role == Role::Person)];
-        send(socket, hello.to_string()).await?;
-        let (mut now, mut story) = (content.views.now(), content.views.story());
-        now.mark_changed();
-        story.mark_changed();
-        let period = if self.role == Role::Operator { OPERATORS_PERIOD } else { PERSONS_PERIOD };
+        let welcome = &content.welcome[usize::from(self.role == Role::Subject)];
+        send(socket, welcome.to_string()).await?;
+        let (mut snapshot, mut history) = (content.views.snapshot(), content.views.history());
+        snapshot.mark_changed();
+        history.mark_changed();
+        let period = if self.role == Role::Operator { OPERATOR_PERIOD } else { SUBJECT_PERIOD };
         let mut due = tokio::time::Instant::now();
         loop {
-            let may_send = self.sent - self.seen < ON_THE_WAY;
+            let may_send = self.sent - self.seen < UNACKNOWLEDGED_SNAPSHOTS;
             tokio::select! {
                 biased;
                 message = socket.recv() => {
-                    if let Err(why) = self.hear(message?.ok()) {
-                        return why;
+                    if let Err(reason) = self.receive(message?.ok()) {
+                        return reason;
                     }
                 }
                 () = until(&mut stopped) => {
-                    self.send_story(socket, &story).await?;
-                    let last = now.borrow().clone();
-                    self.send_picture(socket, &last).await?;
+                    self.send_history(socket, &history).await?;
+                    let last = snapshot.borrow().clone();
+                    self.send_snapshot(socket, &last).await?;
                     return Some((close_code::NORMAL, "over"));
                 }
-                _ = sleep_until(tokio::time::Instant::from_std(self.heard + SILENCE)) => {
+                _ = sleep_until(tokio::time::Instant::from_std(self.acknowledged_at + PAGE_TIMEOUT)) => {
                     return Some((close_code::POLICY, "no answer"));
                 }
-                Ok(()) = story.changed(), if may_send && self.role == Role::Operator => {
-                    story.mark_unchanged();
-                    self.send_story(socket, &story).await?;
+                Ok(()) = history.changed(), if may_send && self.role == Role::Operator => {
+                    history.mark_unchanged();
+                    self.send_history(socket, &history).await?;
                 }
-                Ok(()) = now.changed(), if may_send && due <= tokio::time::Instant::now() => {
-                    let latest = now.borrow_and_update().clone();
-                    self.send_picture(socket, &latest).await?;
+                Ok(()) = snapshot.changed(), if may_send && due <= tokio::time::Instant::now() => {
+                    let latest = snapshot.borrow_and_update().clone();
+                    self.send_snapshot(socket, &latest).await?;
                     due = tokio::time::Instant::now() + period;
                 }
                 _ = sleep_until(due), if may_send && due > tokio::time::Instant::now() => {}
@@ -276,36 +280,36 @@ impl PageConnection {
         }
     }
 
-    async fn send_story(&mut self, socket: &mut WebSocket, story: &watch::Receiver<Arc<str>>) -> Option<()> {
-        if self.role == Role::Person {
+    async fn send_history(&mut self, socket: &mut WebSocket, history: &watch::Receiver<Arc<str>>) -> Option<()> {
+        if self.role == Role::Subject {
             return Some(());
         }
-        let text = story.borrow().to_string();
+        let text = history.borrow().to_string();
         send(socket, text).await
     }
 
-    async fn send_picture(&mut self, socket: &mut WebSocket, now: &Snapshot) -> Option<()> {
+    async fn send_snapshot(&mut self, socket: &mut WebSocket, snapshot: &Snapshot) -> Option<()> {
         self.sent += 1;
-        let mut picture = match self.role {
-            Role::Person => json!(now.shown),
-            Role::Operator => json!(now),
+        let mut message = match self.role {
+            Role::Subject => json!(snapshot.subject),
+            Role::Operator => json!(snapshot),
         };
-        picture["kind"] = "now".into();
-        picture["n"] = self.sent.into();
+        message["kind"] = "now".into();
+        message["n"] = self.sent.into();
         if self.role == Role::Operator {
             let (bins, next) = self.content.views.bins_since(self.next_bin);
             self.next_bin = next;
-            picture["bins"] = json!(bins);
+            message["bins"] = json!(bins);
         }
-        if self.measured.len() == REMEMBERED {
+        if self.measured.len() == SAMPLE_TIMES {
             self.measured.pop_front();
         }
-        self.measured.push_back((self.sent, now.measured));
-        send(socket, picture.to_string()).await
+        self.measured.push_back((self.sent, snapshot.measured));
+        send(socket, message.to_string()).await
     }
 
-    /// Takes a message in; an error ends the socket.
-    fn hear(&mut self, message: Option<Message>) -> Result<(), Option<Why>> {
+    /// Takes a message of the page; an error closes the socket.
+    fn receive(&mut self, message: Option<Message>) -> Result<(), Option<CloseReason>> {
         let now = Instant::now();
         if !self.messages.allows(now) {
             return Err(Some((close_code::POLICY, "too many messages")));
@@ -315,30 +319,30 @@ impl PageConnection {
             Some(Message::Ping(_) | Message::Pong(_)) => return Ok(()),
             Some(Message::Close(_)) => return Err(None),
             Some(Message::Binary(_)) => return Err(Some((close_code::UNSUPPORTED, "text only"))),
-            // Not a frame, or one that is too long.
+            // Not a frame, or a frame that is too long.
             None => return Err(Some((close_code::PROTOCOL, "malformed or too long"))),
         };
         match serde_json::from_str::<PageMessage>(&text) {
             Ok(PageMessage::Seen(Seen { seen })) if seen <= self.sent => {
                 self.seen = self.seen.max(seen);
-                self.heard = now;
+                self.acknowledged_at = now;
                 Ok(())
             }
-            Ok(PageMessage::Drawn(Drawn { drawn })) if drawn <= self.sent && self.role == Role::Person => {
+            Ok(PageMessage::Drawn(Drawn { drawn })) if drawn <= self.sent && self.role == Role::Subject => {
                 let mut measured = self.measured.iter().filter(|(n, _)| *n == drawn);
                 if let Some((_, Some(at))) = measured.next() {
-                    self.content.screen.add(now.saturating_duration_since(*at));
+                    self.content.latencies.add(now.saturating_duration_since(*at));
                 }
                 Ok(())
             }
-            Ok(PageMessage::Request(_)) if self.role == Role::Person => {
-                Err(Some((close_code::POLICY, "this page can only look")))
+            Ok(PageMessage::Request(_)) if self.role == Role::Subject => {
+                Err(Some((close_code::POLICY, "the subject's page gives no commands")))
             }
             Ok(PageMessage::Request(_)) if !self.requests.allows(now) => {
                 Err(Some((close_code::POLICY, "too many requests")))
             }
-            Ok(PageMessage::Request(asked)) => {
-                self.content.controls.hear(asked, ActionOrigin::Page);
+            Ok(PageMessage::Request(request)) => {
+                self.content.controls.request(request, ActionOrigin::Page);
                 Ok(())
             }
             Ok(PageMessage::Seen(_) | PageMessage::Drawn(_)) | Err(_) => {
@@ -348,13 +352,13 @@ impl PageConnection {
     }
 }
 
-/// Waits for the end of the program.
+/// Waits until the server stops.
 async fn until(stopped: &mut watch::Receiver<bool>) {
-    // A server that is gone has stopped, too.
+    // An error means that the server was dropped, which also stops it.
     let _ = stopped.wait_for(|stopped| *stopped).await;
 }
 
-/// Sends text; `None` if the page does not take it.
+/// Sends text; `None` if the page does not receive it in time.
 async fn send(socket: &mut WebSocket, text: String) -> Option<()> {
-    timeout(PATIENCE, socket.send(Message::Text(text.into()))).await.ok()?.ok()
+    timeout(REQUEST_TIMEOUT, socket.send(Message::Text(text.into()))).await.ok()?.ok()
 }

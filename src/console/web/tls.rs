@@ -1,4 +1,4 @@
-//! The certificate for addresses that others can reach.
+//! Encryption with a certificate, for addresses that others can reach.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -9,9 +9,9 @@ use tokio_rustls::rustls::crypto::ring;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
 use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 
-use super::super::ConsoleError;
+use super::super::error::ConsoleError;
 
-/// What encrypts connections with the certificate in two PEM files.
+/// Reads certificate chain and private key from PEM files.
 pub fn acceptor(chain: &Path, key: &Path) -> Result<TlsAcceptor, ConsoleError> {
     let wrong = |file: &Path, expected| {
         let file = file.to_owned();
@@ -22,7 +22,7 @@ pub fn acceptor(chain: &Path, key: &Path) -> Result<TlsAcceptor, ConsoleError> {
         CertificateDer::pem_file_iter(chain).and_then(|certificates| certificates.collect());
     let certificates = match certificates {
         Ok(certificates) if !certificates.is_empty() => certificates,
-        Ok(_) => return Err(bad_chain("holds no certificate".to_owned())),
+        Ok(_) => return Err(bad_chain("contains no certificate".to_owned())),
         Err(error) => return Err(bad_chain(error.to_string())),
     };
     let bad_key = wrong(key, "the private key of the certificate");

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use tokio::net::TcpStream;
 
-use super::super::ConsoleError;
+use super::super::error::ConsoleError;
 
 /// What encrypts connections: without the feature there is none.
 #[derive(Clone)]

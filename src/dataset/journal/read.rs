@@ -210,13 +210,13 @@ mod tests {
         let line = text.lines().find(|line| line.contains("no_answer_to_sync")).unwrap();
         let json = &line[HEAD..];
         let journal = JournalText::parse(format!("{}{json}\n", head(json.as_bytes())).as_bytes());
-        let [JournalLine { record: JournalEntry::Happened(happening), .. }] = &journal.records[..] else {
+        let [JournalLine { record: JournalEntry::Transition(transition), .. }] = &journal.records[..] else {
             panic!("not one event: {journal:?}")
         };
         let Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) =
-            happening.detail
+            transition.detail
         else {
-            panic!("no fault: {happening:?}")
+            panic!("no fault: {transition:?}")
         };
         assert_eq!(fault.code(), "no_answer_to_sync");
         assert!(fault.to_string().contains("in_a_row 401, tolerated 400, id 389"), "{fault}");

@@ -9,7 +9,7 @@ use crate::protocol::{Protocol, ValidProtocol};
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
-use crate::session::{AsFastAsItGoes, Event, Operator, Settings, conduct};
+use crate::session::{AsFastAsItGoes, Event, Machine, Operator, Settings, run_control_loop};
 
 /// Two short trials, nothing before them.
 fn protocol() -> ValidProtocol {
@@ -25,19 +25,19 @@ fn protocol() -> ValidProtocol {
 pub struct Starter;
 
 impl Operator for Starter {
-    fn heard(&mut self, _: &Machine) -> Option<Event> {
+    fn poll_command(&mut self, _: &Machine) -> Option<Event> {
         None
     }
-    fn asked(&mut self, _: &Machine) -> Event {
+    fn wait_for_command(&mut self, _: &Machine) -> Event {
         Event::Start
     }
-    fn refused(&mut self, word: Event, phase: Phase) {
+    fn command_refused(&mut self, word: Event, phase: Phase) {
         panic!("{word:?} refused in {phase:?}");
     }
-    fn not_armed(&mut self, fault: Fault) {
+    fn arming_failed(&mut self, fault: Fault) {
         panic!("{fault}");
     }
-    fn faulted(&mut self, fault: Fault) {
+    fn fault_occurred(&mut self, fault: Fault) {
         panic!("{fault}");
     }
 }
@@ -59,7 +59,7 @@ pub fn run(folder: &Path, disk: Disk) -> Result<u64, RecordError> {
     .create(folder, disk)?;
     let wrist = VirtualWrist::new(Person::default(), Setup::default(), 1, settings.sample_rate_hz);
     let mut machine = Machine::new(Arc::new(settings));
-    conduct(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)?;
+    run_control_loop(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)?;
     assert_eq!(machine.phase(), Phase::Finished);
     Ok(recorder.disk.operations())
 }

@@ -13,7 +13,7 @@ use crate::random::Stream;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::rig::{Armed, Command, Fault, OperatorsWord, Rig, Sample};
 use crate::session::{
-    AsFastAsItGoes, Event, Lateness, Machine, Operator, Phase, RealTime, TransitionDetail, conduct,
+    AsFastAsItGoes, Event, Lateness, Machine, Operator, Phase, RealTime, TransitionDetail, run_control_loop,
 };
 
 /// Goes on with the session to its end; how many operations that took.
@@ -24,7 +24,7 @@ fn go_on(folder: &Path, disk: Disk) -> Result<(), ResumeError> {
     let is_finished = session.is_finished();
     let Resumed { mut recorder, mut machine, .. } = session.resume()?;
     if !is_finished {
-        conduct(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)?;
+        run_control_loop(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)?;
         assert_eq!(machine.phase(), Phase::Finished);
     }
     Ok(())
@@ -108,9 +108,9 @@ fn the_ramp_waits_for_a_slow_disk_and_the_replay_knows_it() {
     let rate = session.sample_rate_hz();
     let wrist = VirtualWrist::new(Person::default(), Setup::default(), session.seed(), rate);
     let Resumed { recorder, mut machine, .. } = session.resume().unwrap();
-    let mut recorder = BackgroundRecorder::start(recorder);
+    let mut recorder = BackgroundRecorder::start(recorder, machine.progress().clone());
     let mut clock = RealTime::new(rate);
-    conduct(wrist, &mut machine, &mut Starter, &mut clock, &mut recorder).unwrap();
+    run_control_loop(wrist, &mut machine, &mut Starter, &mut clock, &mut recorder).unwrap();
     recorder.finish().unwrap();
     assert_eq!(machine.phase(), Phase::Finished);
     let lateness: &Lateness = clock.lateness();
@@ -118,7 +118,7 @@ fn the_ramp_waits_for_a_slow_disk_and_the_replay_knows_it() {
 
     let journal = JournalText::parse(&fs::read(folder.join(JOURNAL)).unwrap());
     let waited = journal.records.iter().filter_map(|placed| match placed.record {
-        super::super::journal::JournalEntry::Happened(happening) => match happening.detail {
+        super::super::journal::JournalEntry::Transition(transition) => match transition.detail {
             Some(TransitionDetail::Onset { waited_samples, .. }) => Some(waited_samples),
             _ => None,
         },
@@ -137,8 +137,8 @@ fn a_disk_that_fails_behind_the_ring_ends_the_session() {
     let rate = session.sample_rate_hz();
     let wrist = VirtualWrist::new(Person::default(), Setup::default(), session.seed(), rate);
     let Resumed { recorder, mut machine, .. } = session.resume().unwrap();
-    let mut recorder = BackgroundRecorder::start(recorder);
-    let error = match conduct(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder) {
+    let mut recorder = BackgroundRecorder::start(recorder, machine.progress().clone());
+    let error = match run_control_loop(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder) {
         Err(error) => error,
         Ok(_) => recorder.finish().unwrap_err(),
     };
@@ -216,19 +216,19 @@ impl<A: Armed> Armed for Failing<A> {
 struct EndsAtAFault;
 
 impl Operator for EndsAtAFault {
-    fn heard(&mut self, _: &Machine) -> Option<Event> {
+    fn poll_command(&mut self, _: &Machine) -> Option<Event> {
         None
     }
-    fn asked(&mut self, machine: &Machine) -> Event {
+    fn wait_for_command(&mut self, machine: &Machine) -> Event {
         if machine.phase() == Phase::Ready { Event::Start } else { Event::Abort }
     }
-    fn refused(&mut self, event: Event, phase: Phase) {
+    fn command_refused(&mut self, event: Event, phase: Phase) {
         panic!("{event:?} refused in {phase:?}");
     }
-    fn not_armed(&mut self, fault: Fault) {
+    fn arming_failed(&mut self, fault: Fault) {
         panic!("{fault}");
     }
-    fn faulted(&mut self, _: Fault) {}
+    fn fault_occurred(&mut self, _: Fault) {}
 }
 
 /// The faults are read from lines of version 0.1.0, so that the journals get the bytes that version 0.1.0 wrote; the
@@ -250,7 +250,7 @@ fn a_session_that_ended_by_a_can_fault_of_an_older_version_resumes_and_replays()
             VirtualWrist::new(Person::default(), Setup::default(), session.seed(), session.sample_rate_hz());
         let rig = Failing { rig: wrist, samples_left, fault: serde_json::from_str(text).unwrap() };
         let Resumed { mut recorder, mut machine, .. } = session.resume().unwrap();
-        conduct(rig, &mut machine, &mut EndsAtAFault, &mut AsFastAsItGoes, &mut recorder).unwrap();
+        run_control_loop(rig, &mut machine, &mut EndsAtAFault, &mut AsFastAsItGoes, &mut recorder).unwrap();
         drop(recorder);
         let journal = fs::read_to_string(folder.join(JOURNAL)).unwrap();
         assert!(journal.contains(&format!("\"fault\":{text}")), "{journal}");

@@ -47,15 +47,15 @@ impl Armed for Stray {
 struct Witness(Deeds);
 
 impl Operator for Witness {
-    fn heard(&mut self, _: &Machine) -> Option<Event> {
+    fn poll_command(&mut self, _: &Machine) -> Option<Event> {
         None
     }
-    fn asked(&mut self, machine: &Machine) -> Event {
+    fn wait_for_command(&mut self, machine: &Machine) -> Event {
         if machine.phase() == Phase::Ready { Event::Start } else { Event::Abort }
     }
-    fn refused(&mut self, _: Event, _: Phase) {}
-    fn not_armed(&mut self, _: Fault) {}
-    fn faulted(&mut self, _: Fault) {
+    fn command_refused(&mut self, _: Event, _: Phase) {}
+    fn arming_failed(&mut self, _: Fault) {}
+    fn fault_occurred(&mut self, _: Fault) {
         self.0.borrow_mut().push("operator told");
     }
 }
@@ -66,15 +66,15 @@ struct Pen {
     fails: bool,
 }
 
-impl Recorder for Pen {
+impl StepConsumer for Pen {
     type Error = &'static str;
 
-    fn take(&mut self, _: &Input, output: &Output, _: &Machine) -> Result<(), &'static str> {
+    fn consume(&mut self, step: &Step, _: &Progress) -> Result<(), &'static str> {
         if self.fails {
             self.deeds.borrow_mut().push("pen broke");
             return Err("the pen broke");
         }
-        if output.phase == Phase::Faulted && output.happened.is_some() {
+        if step.phase == Phase::Faulted && step.transition.is_some() {
             self.deeds.borrow_mut().push("written down");
         }
         Ok(())
@@ -86,7 +86,7 @@ fn conducted(fails: bool) -> (Vec<&'static str>, bool) {
     let rig = Stray { deeds: deeds.clone(), samples: 0 };
     let mut machine = Machine::new(Arc::new(settings()));
     let mut pen = Pen { deeds: deeds.clone(), fails };
-    let ended = conduct(rig, &mut machine, &mut Witness(deeds.clone()), &mut AsFastAsItGoes, &mut pen);
+    let ended = run_control_loop(rig, &mut machine, &mut Witness(deeds.clone()), &mut AsFastAsItGoes, &mut pen);
     let deeds = deeds.borrow().clone();
     (deeds, ended.is_ok())
 }

@@ -6,7 +6,7 @@ use crate::rig::{Channel, Fault, Quantity};
 fn assert_faults(bench: &mut Bench, sample: Sample, expected: impl Fn(Fault) -> bool) {
     let output = bench.give(Reading::Sample(sample), None);
     assert_eq!((output.phase, output.command.motor), (Phase::Faulted, Motor::Safe));
-    let fault = match output.happened.unwrap().detail {
+    let fault = match output.transition.unwrap().detail {
         Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) => fault,
         other => panic!("{other:?}"),
     };
@@ -131,6 +131,6 @@ fn an_effort_with_a_silent_muscle_is_a_fault_that_names_it() {
         let sample = Sample { emg_fcr_mvc: 0.0, ..bench.sample() };
         bench.give(Reading::Sample(sample), None);
     }
-    let detail = bench.happened.last().unwrap().detail;
+    let detail = bench.transitions.last().unwrap().detail;
     assert_eq!(detail, Some(TransitionDetail::Fault(Fault::SilentEffort { channel: Channel::EmgFcr })));
 }

@@ -73,11 +73,11 @@ fn a_trial_whose_gate_does_not_open_in_time_is_rejected_kept_and_put_back() {
     bench.error_nm = 1.0;
     let planned = bench.machine.progress().current().unwrap().planned;
     let left = bench.machine.progress().queue().len();
-    let happening = bench.run_to_event();
-    assert_eq!((happening.event, happening.to), (Event::GateTimedOut, Phase::Rest));
+    let transition = bench.run_to_event();
+    assert_eq!((transition.event, transition.to), (Event::GateTimedOut, Phase::Rest));
     let samples = bench.machine.settings().timeout_samples;
     assert_eq!(
-        happening.detail,
+        transition.detail,
         Some(TransitionDetail::Ended { number: 1, status: Status::Rejected, samples })
     );
     let progress = bench.machine.progress();
@@ -93,8 +93,8 @@ fn a_trial_whose_gate_does_not_open_in_time_is_rejected_kept_and_put_back() {
 fn torque_that_leaves_the_band_between_gate_and_onset_rejects_the_trial() {
     let mut bench = Bench::in_phase(settings(), Phase::Delay);
     bench.error_nm = 5.0;
-    let happening = bench.run_to_event();
-    assert_eq!((happening.from, happening.event, happening.to), (Phase::Delay, Event::LeftBand, Phase::Rest));
+    let transition = bench.run_to_event();
+    assert_eq!((transition.from, transition.event, transition.to), (Phase::Delay, Event::LeftBand, Phase::Rest));
     assert_eq!(bench.statuses(), [Some(Status::Rejected)]);
 }
 
@@ -107,8 +107,8 @@ fn an_active_antagonist_rejects_the_trial_in_hold_and_delay_but_not_below_its_li
             settings.delay_samples = [300, 300];
             let mut bench = Bench::in_phase(settings, phase);
             bench.ecr_mvc = ecr_mvc;
-            let happening = bench.run_to_event();
-            assert_eq!(happening.event == Event::AntagonistActive, rejects, "{ecr_mvc} in {phase:?}");
+            let transition = bench.run_to_event();
+            assert_eq!(transition.event == Event::AntagonistActive, rejects, "{ecr_mvc} in {phase:?}");
         }
     }
 }
@@ -127,10 +127,10 @@ fn the_delay_after_the_gate_is_within_its_limits_and_not_always_the_same() {
     let mut bench = Bench::started(settings());
     let mut delays = Vec::new();
     while bench.machine.phase() != Phase::Finished {
-        let opened = *bench.happened.last().unwrap();
-        let happening = bench.run_to_event();
-        if happening.event == Event::Onset {
-            delays.push(happening.sample - opened.sample);
+        let opened = *bench.transitions.last().unwrap();
+        let transition = bench.run_to_event();
+        if transition.event == Event::Onset {
+            delays.push(transition.sample - opened.sample);
         }
     }
     let [shortest, longest] = bench.machine.settings().delay_samples;

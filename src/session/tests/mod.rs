@@ -53,7 +53,7 @@ struct Bench {
     /// What the torque shows when nothing is asked, N m.
     offset_nm: f64,
     ecr_mvc: f64,
-    happened: Vec<TransitionRecord>,
+    transitions: Vec<TransitionRecord>,
 }
 
 impl Bench {
@@ -64,7 +64,7 @@ impl Bench {
             error_nm: 0.0,
             offset_nm: 0.0,
             ecr_mvc: 0.0,
-            happened: Vec::new(),
+            transitions: Vec::new(),
         }
     }
 
@@ -101,7 +101,7 @@ impl Bench {
     fn feed(&mut self, input: Input) -> Output {
         let output = self.machine.step(&input);
         self.command = output.command;
-        self.happened.extend(output.happened);
+        self.transitions.extend(output.transition);
         output
     }
 
@@ -130,8 +130,8 @@ impl Bench {
     #[track_caller]
     fn run_to_event(&mut self) -> TransitionRecord {
         for _ in 0..100_000 {
-            if let Some(happening) = self.tick().happened {
-                return happening;
+            if let Some(transition) = self.tick().transition {
+                return transition;
             }
         }
         panic!("nothing happens in {:?}", self.machine.phase());

@@ -11,7 +11,7 @@ fn a_session_runs_from_start_to_finish_in_the_order_of_the_plan() {
     let plan: Vec<_> =
         settings_with_everything().plan.iter().map(|planned| planned.key).zip([1, 1, 2, 3, 4]).collect();
     assert_eq!(order, plan);
-    let phases: Vec<Phase> = bench.happened.iter().take(10).map(|happening| happening.to).collect();
+    let phases: Vec<Phase> = bench.transitions.iter().take(10).map(|transition| transition.to).collect();
     use Phase::*;
     assert_eq!(
         phases,
@@ -135,7 +135,7 @@ fn a_record_runs_from_the_target_to_the_end_of_the_hold() {
     let mut bench = Bench::in_phase(settings(), Phase::Rest);
     let mut recorded = Vec::new();
     while bench.machine.phase() != Phase::Return {
-        recorded.push(bench.tick().recording == RecordTarget::Trial);
+        recorded.push(bench.tick().record == RecordTarget::Trial);
     }
     let first = recorded.iter().position(|inside| *inside).unwrap();
     let samples = recorded[first..].iter().filter(|inside| **inside).count() as u64;

@@ -66,7 +66,7 @@ impl Observed {
             prop_assert_eq!(output.phase, Phase::Faulted, "a broken limit is a fault in the same step");
         }
         self.count_band(before);
-        if matches!(output.happened, Some(TransitionRecord { event: Event::Onset, .. })) {
+        if matches!(output.transition, Some(TransitionRecord { event: Event::Onset, .. })) {
             let needed = self.bench.machine.settings().gate_samples;
             prop_assert!(self.in_band > needed, "the ramp starts {} samples into the gate", self.in_band);
         }
@@ -83,7 +83,7 @@ impl Observed {
     fn count_band(&mut self, before: Phase) {
         let machine = &self.bench.machine;
         let target = machine.progress().attempts().last().map(|attempt| attempt.planned.torque_nm);
-        let shown_nm = machine.display().torque_nm - machine.progress().offset_nm();
+        let shown_nm = machine.feedback().torque_nm - machine.progress().offset_nm();
         let inside = matches!(before, Phase::Hold | Phase::Delay)
             && target.is_some_and(|target| (shown_nm - target).abs() < 0.025 * target.abs());
         self.in_band = if inside { self.in_band + 1 } else { 0 };
@@ -148,8 +148,8 @@ proptest! {
         // The journal's happenings alone build the same progress again.
         let bench = observed.bench;
         let mut again = Progress::new(bench.machine.settings());
-        for happening in &bench.happened {
-            let line = serde_json::to_string(happening).unwrap();
+        for transition in &bench.transitions {
+            let line = serde_json::to_string(transition).unwrap();
             again.apply(&serde_json::from_str(&line).unwrap());
         }
         prop_assert_eq!(&again, bench.machine.progress());
@@ -164,7 +164,7 @@ proptest! {
             let word = stretch.word.filter(|word| *word != Event::Skip);
             observed.run(&Stretch { word, ..stretch.clone() })?;
         }
-        // Whatever happened, the session can be brought to its end.
+        // Whatever transition, the session can be brought to its end.
         let bench = &mut observed.bench;
         (bench.error_nm, bench.ecr_mvc) = (0.0, 0.0);
         for _ in 0..200_000 {

@@ -59,13 +59,13 @@ fn every_word_of_the_operator_in_every_phase_does_what_the_table_says_or_is_refu
             let output = bench.say(word);
             match allowed {
                 Some(line) => {
-                    let happening = output.happened.expect("the word is allowed");
-                    assert_eq!((happening.from, happening.event, happening.to), (from, word, line.to));
+                    let transition = output.transition.expect("the word is allowed");
+                    assert_eq!((transition.from, transition.event, transition.to), (from, word, line.to));
                     assert_eq!(output.phase, line.to);
                 }
                 None => {
                     assert_eq!(output.refused, Some(word), "{word:?} in {from:?}");
-                    let natural = output.happened.is_some_and(|it| it.event.source() != Source::Operator);
+                    let natural = output.transition.is_some_and(|it| it.event.source() != Source::Operator);
                     assert!(
                         natural || output.phase == from,
                         "{word:?} in {from:?} led to {:?}",
@@ -151,24 +151,24 @@ fn random_walk(seed: u64, samples: usize) -> Vec<TransitionRecord> {
             break;
         }
     }
-    bench.happened
+    bench.transitions
 }
 
 #[test]
 fn every_line_of_the_table_happens_and_nothing_else_does() {
-    let line = |happening: &TransitionRecord| (happening.from, happening.event, happening.to);
-    let mut happened: BTreeSet<_> =
-        (0..4000).flat_map(|seed| random_walk(seed, 20_000)).map(|happening| line(&happening)).collect();
+    let line = |transition: &TransitionRecord| (transition.from, transition.event, transition.to);
+    let mut seen: BTreeSet<_> =
+        (0..4000).flat_map(|seed| random_walk(seed, 20_000)).map(|transition| line(&transition)).collect();
     // A session whose program died on the way home from its last trial has nothing left to do when it is resumed.
     let done = Bench::in_phase(settings(), Phase::Finished);
     let progress = done.machine.progress().clone();
     let mut resumed = Bench::new(settings());
     resumed.machine = Machine::with_progress(Arc::new(settings()), progress);
-    happened.insert(line(&resumed.say(Event::Start).happened.unwrap()));
+    seen.insert(line(&resumed.say(Event::Start).transition.unwrap()));
     let table: BTreeSet<_> = TRANSITIONS.iter().map(|line| (line.from, line.event, line.to)).collect();
-    let missing: Vec<_> = table.difference(&happened).collect();
-    let unknown: Vec<_> = happened.difference(&table).collect();
-    assert!(missing.is_empty(), "never happened: {missing:?}");
+    let missing: Vec<_> = table.difference(&seen).collect();
+    let unknown: Vec<_> = seen.difference(&table).collect();
+    assert!(missing.is_empty(), "never transition: {missing:?}");
     assert!(unknown.is_empty(), "not in the table: {unknown:?}");
 }
 

@@ -34,14 +34,14 @@ fn every_word_and_note_is_in_the_journal_with_its_place() {
     let remarks = remarks(&program.session).unwrap();
     let said: Vec<Event> = remarks
         .iter()
-        .filter_map(|(_, remark)| match (&remark.deed, remark.desk) {
-            (OperatorAction::Said { word }, ActionOrigin::Page) => Some(*word),
+        .filter_map(|(_, remark)| match (&entry.action, entry.origin) {
+            (OperatorAction::Commanded { command: word }, ActionOrigin::Page) => Some(*word),
             _ => None,
         })
         .collect();
     assert_eq!(said, [Event::Resume, Event::Start, Event::Pause, Event::Resume]);
     let kept =
-        remarks.iter().find(|(_, remark)| matches!(remark.deed, OperatorAction::Noted { .. })).unwrap();
+        remarks.iter().find(|(_, remark)| matches!(entry.action, OperatorAction::Noted { .. })).unwrap();
     let deed = OperatorAction::Noted {
         text: "electrode  re-glued".to_owned(),
         clock: Some("2026-01-02T03:04:05+01:00".to_owned()),

@@ -63,8 +63,8 @@ fn a_session_is_run_from_the_terminal() {
     let said: Vec<OperatorAction> = remarks(&session)
         .unwrap()
         .into_iter()
-        .filter(|(_, remark)| remark.desk == ActionOrigin::Terminal)
-        .map(|(_, remark)| remark.deed)
+        .filter(|(_, remark)| entry.origin == ActionOrigin::Terminal)
+        .map(|(_, remark)| entry.action)
         .filter(|deed| matches!(deed, OperatorAction::Said { .. } | OperatorAction::Noted { .. }))
         .collect();
     let note = OperatorAction::Noted { text: "re-glued".to_owned(), clock: None };

@@ -1,0 +1,55 @@
+//! What operators can ask for at a page or in the terminal. The subject's page can ask for nothing.
+
+use serde::Deserialize;
+
+use crate::dataset::ActionOrigin;
+use crate::session::Event;
+
+/// Receives the requests of operators.
+pub trait Controls: Send + Sync {
+    /// An operator asked for something.
+    fn request(&self, request: Request, origin: ActionOrigin);
+
+    /// An operator's page was opened.
+    fn joined(&self, _origin: ActionOrigin) {}
+
+    /// An operator's page was closed.
+    fn left(&self, _origin: ActionOrigin) {}
+}
+
+/// A request of an operator.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Request {
+    /// A command for the session.
+    #[serde(rename = "word")]
+    Command {
+        /// The command.
+        #[serde(rename = "word")]
+        command: Event,
+        /// Whether the operator confirmed it; needed for commands that cannot be undone.
+        #[serde(rename = "sure", default)]
+        confirmed: bool,
+    },
+    /// A pause after the trial under way.
+    PauseAfterTrial,
+    /// A note for the journal.
+    Note {
+        /// The note.
+        text: String,
+        /// Time of day on the operator's screen.
+        clock: Option<String>,
+    },
+    /// Play a recording, or stop it.
+    Play {
+        /// Speed relative to real time.
+        speed: f64,
+        /// Whether the recording runs.
+        plays: bool,
+    },
+    /// Go to a time of a recording.
+    Seek {
+        /// Time from the beginning of the recording, s.
+        t_s: f64,
+    },
+}

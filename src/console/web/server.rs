@@ -1,0 +1,96 @@
+//! The server of the pages.
+
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use tokio::sync::watch;
+
+use super::super::error::ConsoleError;
+use super::super::thread_priority::lower_thread_priority;
+use super::access_control::{AccessControl, Role, Tokens};
+use super::address::Address;
+use super::content::Content;
+use super::{accept, socket};
+
+/// Addresses of the two pages. Whoever knows an address has its role.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PageAddresses {
+    /// The operator's page.
+    pub operator: String,
+    /// The subject's page.
+    pub subject: String,
+}
+
+/// Serves the pages until it is dropped.
+#[derive(Debug)]
+pub struct Server {
+    address: SocketAddr,
+    scheme: &'static str,
+    host: String,
+    tokens: Tokens,
+    stop: watch::Sender<bool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Listens on the address and starts the server's thread.
+    ///
+    /// # Errors
+    /// If the address is not this machine's own and there is no certificate, if it is taken, or if a file cannot be read.
+    pub fn start(address: &Address, content: Content) -> Result<Self, ConsoleError> {
+        address.check()?;
+        let listen = address.listen;
+        let tls = address.acceptor()?;
+        let bind = |source| ConsoleError::Bind { address: listen, source };
+        let listener = TcpListener::bind(listen).map_err(bind)?;
+        listener.set_nonblocking(true).map_err(bind)?;
+        let bound = listener.local_addr().map_err(bind)?;
+        let tokens = Tokens::draw()?;
+        let scheme = if tls.is_some() { "https" } else { "http" };
+        let access = AccessControl::new(tokens.clone(), scheme, bound, &address.hosts);
+        let host = access.first_host().to_owned();
+        let (stop, stopped) = watch::channel(false);
+        let router = socket::router(Arc::new(access), Arc::new(content), stopped.clone());
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(ConsoleError::Start)?;
+        let serve = move || {
+            lower_thread_priority();
+            runtime.block_on(accept::serve(listener, tls, router, stopped));
+            // Time for messages that are still being sent.
+            runtime.shutdown_timeout(Duration::from_millis(100));
+        };
+        let thread =
+            thread::Builder::new().name("console".to_owned()).spawn(serve).map_err(ConsoleError::Start)?;
+        Ok(Self { address: bound, scheme, host, tokens, stop, thread: Some(thread) })
+    }
+
+    /// Address on which the server listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Addresses of the pages.
+    pub fn pages(&self) -> PageAddresses {
+        PageAddresses { operator: self.url(Role::Operator), subject: self.url(Role::Subject) }
+    }
+
+    /// Address of a role's page; whoever knows it has that role.
+    pub fn url(&self, role: Role) -> String {
+        format!("{}://{}/{}/{}/", self.scheme, self.host, role.name(), self.tokens.of(role))
+    }
+}
+
+impl Drop for Server {
+    /// Closes all pages.
+    fn drop(&mut self) {
+        self.stop.send_replace(true);
+        if let Some(thread) = self.thread.take() {
+            // If the thread panicked, there is nothing left to close.
+            let _ = thread.join();
+        }
+    }
+}
