@@ -9,8 +9,8 @@ use ramphold::study::{
 };
 use rayon::prelude::*;
 
-use super::run::{drawn_seed, new_folder};
 use super::{Console, Failure, Verb};
+use crate::app::{draw_seed, new_folder};
 
 /// Run or read many people's sessions, fit them all, and make the study's tables.
 ///
@@ -53,7 +53,7 @@ impl Verb for Cohort {
             return self.only_tables(console);
         }
         let begun = || self.out.as_deref().filter(|_| self.resume).and_then(StudyFolder::seed);
-        let seed = self.seed.or_else(begun).unwrap_or_else(drawn_seed);
+        let seed = self.seed.or_else(begun).unwrap_or_else(draw_seed);
         let study = Study::open(&self.study, seed)?;
         let path = self.folder(&format!("{}-{seed}", self.stem()));
         let folder = StudyFolder::open(&path, &study, self.resume || self.plan || self.part.is_some())?;

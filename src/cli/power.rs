@@ -16,8 +16,8 @@ use ramphold::study::power::{
 };
 use ramphold::study::{Study, StudyError};
 
-use super::run::{drawn_seed, new_folder};
 use super::{Console, Failure, Verb};
+use crate::app::{draw_seed, new_folder};
 
 /// Tell how often studies of so many persons would find an effect: power curves by simulation.
 ///
@@ -80,7 +80,7 @@ enum TrueLimit {
 
 impl Verb for Power {
     fn run(self, console: &Console) -> Result<(), Failure> {
-        let seed = self.seed.unwrap_or_else(drawn_seed);
+        let seed = self.seed.unwrap_or_else(draw_seed);
         let study = Study::open(&self.study, seed)?;
         let resampling = self.resampling(&study)?;
         let folder = self

@@ -7,8 +7,9 @@ use ramphold::protocol::significant;
 use ramphold::rig::virtual_wrist::RigFile;
 
 use super::diagnose::{named, read_diagnosis};
-use super::resume::{Kept, kept, open_seal};
+
 use super::{Console, Failure, Verb};
+use crate::app::{StoredVirtualRig, open_seal, read_stored_virtual_rig};
 
 /// Tell what `run --hide` hid in a session, and whether its diagnosis found it.
 #[derive(Debug, clap::Args)]
@@ -27,7 +28,8 @@ pub struct Reveal {
 
 impl Verb for Reveal {
     fn run(self, console: &Console) -> Result<(), Failure> {
-        let Kept { rig: RigFile::Virtual(setup), seal, .. } = kept(&self.session)?;
+        let StoredVirtualRig { rig: RigFile::Virtual(setup), seal, .. } =
+            read_stored_virtual_rig(&self.session)?;
         let effect = open_seal(seal.as_ref(), Some(self.seed), setup.lever, "--seed", &self.session)?;
         let kind = effect.kinds[0];
         let mut out = console.results();

@@ -1,4 +1,4 @@
-//! `ramphold watch`: a recorded session in the pages of the console.
+//! `ramphold watch`: plays a recorded session in the pages of the console.
 
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use ramphold::console::player::Playback;
 
-use super::live::{PageOptions, stop_on_signals};
 use super::{Console, Failure, Verb};
+use crate::app::{PageOptions, stop_on_signals};
 
-/// How often it is looked whether Ctrl-C was pressed.
-const IDLE: Duration = Duration::from_millis(100);
+/// Time between two checks for Ctrl-C.
+const STOP_POLL: Duration = Duration::from_millis(100);
 
-/// Play a recorded session in the operator's and the person's page, with speed and a time slider, until Ctrl-C.
+/// Play a recorded session in the operator's and the subject's page, with a choice of speed and time, until Ctrl-C.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  ramphold watch sessions/quick-V00-7")]
 pub struct Watch {
@@ -27,11 +27,10 @@ impl Verb for Watch {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let address = self.pages.address()?;
         let stop = stop_on_signals()?;
-        let watching = Playback::open(&self.session, &address, self.pages.wrist())?;
-        let pages = watching.pages();
-        self.pages.announce(&pages.operator, &pages.person, console);
+        let playback = Playback::open(&self.session, &address, self.pages.wrist())?;
+        self.pages.announce(&playback.pages(), console);
         while !stop.load(Ordering::Relaxed) {
-            std::thread::sleep(IDLE);
+            std::thread::sleep(STOP_POLL);
         }
         Ok(())
     }

@@ -99,7 +99,7 @@ impl LogEntry {
             }
             OperatorAction::Commanded { command } => {
                 Self::new(LogKind::Command, format!("{}{by}", command.name()))
-            },
+            }
             OperatorAction::RequestedPauseAfterTrial => {
                 Self::new(LogKind::Command, format!("pause after the trial{by}"))
             }

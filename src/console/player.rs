@@ -8,16 +8,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use super::fitter::{Fitter, TrialFitContext};
-use super::snapshot::PlaybackState;
-use super::view_model::{ViewModel, Views};
-use super::web::{Address, Content, PageAddresses, Server};
-use super::welcome::{SessionInfo, welcome_messages};
 use super::controls::{Controls, Request};
 use super::display_latency::DisplayLatencies;
 use super::error::ConsoleError;
+use super::fitter::{Fitter, TrialFitContext};
+use super::snapshot::PlaybackState;
 use super::step_feed::TimedStep;
 use super::thread_priority::lower_thread_priority;
+use super::view_model::{ViewModel, Views};
+use super::web::{Address, Content, PageAddresses, Server};
+use super::welcome::{SessionInfo, welcome_messages};
 use crate::dataset::{self, ActionOrigin, AuditEntry, OperatorAction, Wrist, replay_watched};
 use crate::fit::PreprocessingSettings;
 use crate::protocol::ValidProtocol;
@@ -87,7 +87,10 @@ impl RecordedSession {
             subject: session.subject.id,
             sample_rate_hz: session.sample_rate_hz,
             lever: session.lever,
-            preprocessing: PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter },
+            preprocessing: PreprocessingSettings {
+                window_s: protocol.window_s,
+                filter: protocol.signal.filter,
+            },
         });
         let progress = Progress::new(&recording.settings);
         let playback = PlaybackState { speed: 1.0, is_playing: false, length_s: recording.length_s };
@@ -126,9 +129,13 @@ impl Controls for PlaybackControls {
         match request {
             Request::Play { speed, plays } if speed.is_finite() => {
                 let [slowest, fastest] = SPEEDS;
-                self.change(|requested| (requested.speed, requested.plays) = (speed.clamp(slowest, fastest), plays));
+                self.change(|requested| {
+                    (requested.speed, requested.plays) = (speed.clamp(slowest, fastest), plays)
+                });
             }
-            Request::Seek { t_s } if t_s.is_finite() => self.change(|requested| requested.seek = Some(t_s.max(0.0))),
+            Request::Seek { t_s } if t_s.is_finite() => {
+                self.change(|requested| requested.seek = Some(t_s.max(0.0)))
+            }
             // The others are commands for a running session.
             _ => {}
         }
@@ -232,7 +239,9 @@ impl Player {
             match played {
                 Ok(replay) => {
                     if let Some(difference) = &replay.difference {
-                        self.view.add_alarm(&format!("from here on the replay differs from the record: {difference}"));
+                        self.view.add_alarm(&format!(
+                            "from here on the replay differs from the record: {difference}"
+                        ));
                     }
                 }
                 Err(error) => self.view.add_alarm(&error.to_string()),
@@ -292,8 +301,11 @@ impl Player {
 
     /// Publishes a snapshot, unless the last one is newer than `pause`.
     fn publish_if_due(&mut self, requested: PlaybackRequest, pause: Duration) {
-        let playback =
-            PlaybackState { speed: requested.speed, is_playing: requested.plays, length_s: self.recording.length_s };
+        let playback = PlaybackState {
+            speed: requested.speed,
+            is_playing: requested.plays,
+            length_s: self.recording.length_s,
+        };
         let changed = self.view.set_playback(playback);
         if changed || self.published.elapsed() >= pause {
             self.view.publish();

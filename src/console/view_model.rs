@@ -13,7 +13,9 @@ use super::step_feed::TimedStep;
 use super::strip_chart::{Bin, StripChart};
 use crate::dataset::{AuditEntry, MemoryRecorder, OperatorAction, Trial};
 use crate::rig::{Cue, Direction};
-use crate::session::{Attempt, Event, Phase, Progress, RecordTarget, Settings, Status, Step, StepConsumer, transitions::Guard};
+use crate::session::{
+    Attempt, Event, Phase, Progress, RecordTarget, Settings, Status, Step, StepConsumer, transitions::Guard,
+};
 
 /// Torque of a strong effort as a multiple of the largest target: the full scale of the display without a target.
 const EFFORT_SCALE_TARGETS: f64 = 5.0;
@@ -211,14 +213,19 @@ impl ViewModel {
         let progress = &self.progress;
         let snapshot = &mut self.snapshot;
         snapshot.subject.n += 1;
-        snapshot.in_phase_s = (self.last_sample.saturating_sub(self.phase_start)) as f64 / self.settings.sample_rate_hz;
+        snapshot.in_phase_s =
+            (self.last_sample.saturating_sub(self.phase_start)) as f64 / self.settings.sample_rate_hz;
         if self.history_changed {
             let possible = |command: &Event| progress.line(snapshot.phase, *command).is_some();
             let commands = COMMANDS.iter().filter(|command| possible(command));
-            snapshot.possible =
-                if snapshot.playback.is_some() { Vec::new() } else { commands.map(|command| command.name()).collect() };
-            snapshot.pause_requested = (snapshot.pause_requested && snapshot.phase.is_armed() && snapshot.phase != Phase::Paused)
-                || progress.holds(Guard::PauseAsked);
+            snapshot.possible = if snapshot.playback.is_some() {
+                Vec::new()
+            } else {
+                commands.map(|command| command.name()).collect()
+            };
+            snapshot.pause_requested =
+                (snapshot.pause_requested && snapshot.phase.is_armed() && snapshot.phase != Phase::Paused)
+                    || progress.holds(Guard::PauseAsked);
             self.history_changed = false;
             self.history_out.send_replace(self.history.json(progress, &self.settings, &self.fits).into());
         }

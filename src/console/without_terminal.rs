@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::welcome::SessionInfo;
 use super::controls::Controls;
 use super::error::ConsoleError;
 use super::view_model::Views;
+use super::welcome::SessionInfo;
 
 /// A terminal that is drawn on: without the feature there is none.
 pub enum Terminal {}

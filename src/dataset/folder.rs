@@ -12,8 +12,8 @@ use super::recorder::{RecordError, RecordNames, Recorder};
 use super::{FORMAT, Subject};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
-use crate::session::rules::RULES;
 use crate::session::Settings;
+use crate::session::rules::RULES;
 use crate::wrist::Lever;
 
 /// What is known of a session before it begins.

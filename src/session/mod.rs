@@ -13,8 +13,8 @@ mod progress;
 mod rng_streams;
 pub mod rules;
 mod settings;
-mod step;
 mod smoothing;
+mod step;
 pub mod transitions;
 mod watch;
 
@@ -25,9 +25,9 @@ pub use lateness::Lateness;
 pub use machine::Machine;
 pub use phase::Phase;
 pub use progress::Progress;
-pub use step::{Step, StepConsumer};
 pub use settings::{PlannedTrial, Settings};
 pub use smoothing::FeedbackFilter;
+pub use step::{Step, StepConsumer};
 pub use watch::Watch;
 
 #[cfg(test)]

@@ -98,7 +98,8 @@ impl Progress {
 
     /// Takes note of what transition.
     pub fn apply(&mut self, transition: &TransitionRecord) {
-        let line = transitions::lines(transition.from, transition.event).find(|line| line.to == transition.to);
+        let line =
+            transitions::lines(transition.from, transition.event).find(|line| line.to == transition.to);
         let Some(line) = line else { return };
         if line.to == Phase::Paused && line.from != Phase::Paused {
             self.pause_asked = false;

@@ -14,7 +14,9 @@ use crate::protocol::ValidProtocol;
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
-use crate::session::{AsFastAsItGoes, Event, Machine, Operator, Phase, Settings, StepConsumer, run_control_loop};
+use crate::session::{
+    AsFastAsItGoes, Event, Machine, Operator, Phase, Settings, StepConsumer, run_control_loop,
+};
 
 /// Where a simulated session is stored.
 #[derive(Debug, Clone, Copy)]

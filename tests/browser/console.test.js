@@ -64,10 +64,10 @@ function journal(out) {
 test("a whole session is run with the mouse: paused, a trial repeated and one skipped, finished", async () => {
   const { out, program } = await session("--speed", "5");
   const operator = await open(program.operator);
-  const person = await open(program.person);
+  const subject = await open(program.subject);
   const { page } = operator;
   await ready(page);
-  await label(person.page, "waiting");
+  await label(subject.page, "waiting");
   await button(page, "start").click();
   // What moves the motor asks first, and no is no.
   await page.locator("#sure button[value=no]").click();
@@ -75,12 +75,12 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   await button(page, "start").click();
   await yes(page);
   await phase(page, "hold");
-  await label(person.page, "bring the bar into the band");
+  await label(subject.page, "bring the bar into the band");
   await page.locator("#trial-rows tr.ok").first().waitFor();
-  await label(person.page, "rest");
+  await label(subject.page, "rest");
   await button(page, "pause_after_trial").click();
   await phase(page, "paused");
-  await label(person.page, "a break");
+  await label(subject.page, "a break");
   const before = await page.locator("#trial-rows tr.ok").count();
   await button(page, "repeat").click();
   await yes(page);
@@ -96,7 +96,7 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   await button(page, "resume").click();
   await page.locator("#phase", { hasText: "finished" }).waitFor({ timeout: 60000 });
   await page.locator("#line", { hasText: "session over" }).waitFor();
-  await label(person.page, "all trials are done");
+  await label(subject.page, "all trials are done");
   // The fit of each trial, and the table of the conditions.
   const fitted = await page.locator("#trial-rows tr.ok td:nth-child(7)").allTextContents();
   assert.ok(fitted.length === 7 && fitted.every((vaf) => Number(vaf) > 0.98), fitted.join());
@@ -104,8 +104,8 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   assert.equal(await program.ended, 0);
   const words = journal(out).filter((record) => record.record === "console" && record.deed.said);
   assert.deepEqual(words.map(({ deed }) => deed.said.word), ["start", "repeat", "skip", "resume"]);
-  assert.deepEqual([...operator.wrong, ...person.wrong], []);
-  await Promise.all([operator.close(), person.close()]);
+  assert.deepEqual([...operator.wrong, ...subject.wrong], []);
+  await Promise.all([operator.close(), subject.close()]);
 });
 
 test("the keyboard alone is enough", async () => {
@@ -150,14 +150,14 @@ describe("accessibility", () => {
     test(`axe finds nothing wrong in the ${dark ? "dark" : "light"}`, async () => {
       const { program } = await session("--speed", "5");
       const operator = await open(program.operator, { dark });
-      const person = await open(program.person, { dark });
+      const subject = await open(program.subject, { dark });
       const check = async ({ page }) => {
         await page.evaluate(axe);
         const { violations } = await page.evaluate(() => globalThis.axe.run());
         return violations.flatMap(({ id, nodes }) => nodes.map((node) => `${id}: ${node.html} ${node.failureSummary}`));
       };
       await ready(operator.page);
-      assert.deepEqual([...(await check(operator)), ...(await check(person))], []);
+      assert.deepEqual([...(await check(operator)), ...(await check(subject))], []);
       await operator.page.keyboard.press("s");
       assert.deepEqual(await check(operator), []);
       await operator.page.keyboard.press("Enter");
@@ -165,9 +165,9 @@ describe("accessibility", () => {
       await operator.page.locator("#condition-rows tr").first().waitFor();
       await operator.page.keyboard.press("e");
       await phase(operator.page, "paused");
-      assert.deepEqual([...(await check(operator)), ...(await check(person))], []);
+      assert.deepEqual([...(await check(operator)), ...(await check(subject))], []);
       await program.stop();
-      await Promise.all([operator.close(), person.close()]);
+      await Promise.all([operator.close(), subject.close()]);
     });
   }
 });
@@ -221,16 +221,16 @@ describe("a recorded session", () => {
   test("is played, at another speed, and from another place", async () => {
     const program = await start(["watch", recorded]);
     const { page, wrong, close } = await open(program.operator);
-    const person = await open(program.person);
+    const subject = await open(program.subject);
     await page.locator("#play").waitFor();
     assert.equal(await page.locator("#note-form").isVisible(), false);
     await page.locator("#place").fill(String(moment(0.5)));
     await phase(page, "hold");
-    await label(person.page, "bring the bar into the band");
+    await label(subject.page, "bring the bar into the band");
     await page.selectOption("#speed", "50");
     await page.locator("#play").click();
     await phase(page, "finished");
-    await label(person.page, "all trials are done");
+    await label(subject.page, "all trials are done");
     assert.equal(await page.locator("#trial-rows tr.ok").count(), 8);
     // Back: what was still to come is to come again.
     await page.locator("#place").fill(String(moment(0.5)));
@@ -239,8 +239,8 @@ describe("a recorded session", () => {
     await page.locator("#place").evaluate((place) => place.blur());
     await page.keyboard.press("ArrowLeft");
     await page.locator("#phase", { hasNotText: "hold" }).waitFor();
-    assert.deepEqual([...wrong, ...person.wrong], []);
-    await Promise.all([close(), person.close()]);
+    assert.deepEqual([...wrong, ...subject.wrong], []);
+    await Promise.all([close(), subject.close()]);
     assert.equal(await program.stop(), 0);
   });
 
@@ -249,11 +249,11 @@ describe("a recorded session", () => {
     for (const wrist of ["left", "right"]) {
       const program = await start(["watch", recorded, "--wrist", wrist]);
       const operator = await open(program.operator);
-      const person = await open(program.person);
+      const subject = await open(program.subject);
       await operator.page.locator("#place").fill(String(moment(0.8)));
-      await label(person.page, "bring the bar into the band");
-      await person.page.waitForTimeout(300);
-      pictures[wrist] = await person.page.evaluate((flip) => {
+      await label(subject.page, "bring the bar into the band");
+      await subject.page.waitForTimeout(300);
+      pictures[wrist] = await subject.page.evaluate((flip) => {
         const display = document.getElementById("display");
         const { width, height } = display;
         const copy = new OffscreenCanvas(width, height).getContext("2d");
@@ -261,7 +261,7 @@ describe("a recorded session", () => {
         copy.drawImage(display, 0, 0);
         return [...copy.getImageData(0, 0, width, height).data].filter((_, place) => place % 97 === 0);
       }, wrist === "left");
-      await Promise.all([operator.close(), person.close()]);
+      await Promise.all([operator.close(), subject.close()]);
       await program.stop();
     }
     const differ = pictures.left.filter((value, place) => Math.abs(value - pictures.right[place]) > 40).length;
@@ -269,22 +269,22 @@ describe("a recorded session", () => {
     assert.ok(new Set(pictures.right).size > 5, "nothing was drawn");
   });
 
-  // For a person to look at: SCREENSHOTS=DIR node --test tests/browser
+  // To look at the pages: SCREENSHOTS=DIR node --test tests/browser
   test("pictures of both pages", { skip: !process.env.SCREENSHOTS }, async () => {
     mkdirSync(process.env.SCREENSHOTS, { recursive: true });
     const program = await start(["watch", recorded]);
     for (const [width, height] of SCREENS) {
       for (const dark of [false, true]) {
         const operator = await open(program.operator, { width, height, dark });
-        const person = await open(program.person, { width, height, dark });
+        const subject = await open(program.subject, { width, height, dark });
         for (const [name, at] of [["hold", moment(0.7)], ["held", moment(0.97)], ["rest", moment(-0.2)], ["late", 24]]) {
           await operator.page.locator("#place").fill(String(at));
           await operator.page.waitForTimeout(600);
           const path = (page) => join(process.env.SCREENSHOTS, `${page}-${name}-${width}${dark ? "-dark" : ""}.png`);
           await operator.page.screenshot({ path: path("operator") });
-          if (!dark) await person.page.screenshot({ path: path("person") });
+          if (!dark) await subject.page.screenshot({ path: path("subject") });
         }
-        await Promise.all([operator.close(), person.close()]);
+        await Promise.all([operator.close(), subject.close()]);
       }
     }
     await program.stop();

@@ -27,9 +27,9 @@ export async function start(args, { cwd } = {}) {
   let printed = "";
   child.stdout.on("data", (data) => (printed += data));
   await ready;
-  const [operator, person] = pages;
+  const [operator, subject] = pages;
   return {
-    operator, person, ended, said, child,
+    operator, subject, ended, said, child,
     printed: () => printed,
     /// Ends it, however it is.
     async stop() {

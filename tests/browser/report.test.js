@@ -144,7 +144,7 @@ test("the colours follow the reader's light or dark page", async () => {
   assert.deepEqual(colours, ["rgb(255, 255, 255)", "rgb(20, 23, 26)"]);
 });
 
-// For a person to look at: SCREENSHOTS=DIR node --test tests/browser
+// To look at the pages: SCREENSHOTS=DIR node --test tests/browser
 test("pictures of every section", { skip: !process.env.SCREENSHOTS }, async () => {
   const folder = process.env.SCREENSHOTS;
   mkdirSync(folder, { recursive: true });

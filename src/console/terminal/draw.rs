@@ -210,7 +210,7 @@ mod tests {
 
     fn held(level: f64) -> Snapshot {
         let mut snapshot = Snapshot::before_start(None);
-        snapshot.subject.cue = Instruction::Target;
+        snapshot.subject.instruction = Instruction::Target;
         (snapshot.subject.level, snapshot.subject.band_fraction, snapshot.subject.gate) = (level, 0.025, 0.5);
         (snapshot.torque_nm, snapshot.target_nm) = (0.9 * level, Some(0.9));
         snapshot.possible = vec!["pause", "abort"];

@@ -74,7 +74,9 @@ impl Tokens {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     /// Wrong host name, as after DNS rebinding by another site.
-    #[error("the host name is not one of this program; use the address that it printed, or add the name with --host")]
+    #[error(
+        "the host name is not one of this program; use the address that it printed, or add the name with --host"
+    )]
     Host,
     /// The request comes from a page of another site.
     #[error("requests from pages of other sites are refused")]

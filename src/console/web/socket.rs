@@ -19,6 +19,8 @@ use serde_json::json;
 use tokio::sync::watch;
 use tokio::time::{sleep_until, timeout};
 
+use super::super::controls::Request as OperatorRequest;
+use super::super::snapshot::Snapshot;
 use super::access_control::{AccessControl, Role};
 use super::assets;
 use super::content::Content;
@@ -26,8 +28,6 @@ use super::limits::{
     CLOSING_TIME, LONGEST_MESSAGE, PAGE_TIMEOUT, PAGES_PER_ROLE, REQUEST_TIMEOUT, RateLimiter,
     UNACKNOWLEDGED_SNAPSHOTS,
 };
-use super::super::controls::Request as OperatorRequest;
-use super::super::snapshot::Snapshot;
 use crate::dataset::ActionOrigin;
 
 /// Shortest time between two snapshots for the operator's page.
@@ -239,7 +239,11 @@ impl PageConnection {
     }
 
     /// Serves the page until either side closes; returns the reason for the page, if it can be told.
-    async fn serve(&mut self, socket: &mut WebSocket, mut stopped: watch::Receiver<bool>) -> Option<CloseReason> {
+    async fn serve(
+        &mut self,
+        socket: &mut WebSocket,
+        mut stopped: watch::Receiver<bool>,
+    ) -> Option<CloseReason> {
         let content = self.content.clone();
         let welcome = &content.welcome[usize::from(self.role == Role::Subject)];
         send(socket, welcome.to_string()).await?;
@@ -280,7 +284,11 @@ impl PageConnection {
         }
     }
 
-    async fn send_history(&mut self, socket: &mut WebSocket, history: &watch::Receiver<Arc<str>>) -> Option<()> {
+    async fn send_history(
+        &mut self,
+        socket: &mut WebSocket,
+        history: &watch::Receiver<Arc<str>>,
+    ) -> Option<()> {
         if self.role == Role::Subject {
             return Some(());
         }

@@ -138,7 +138,8 @@ fn a_disk_that_fails_behind_the_ring_ends_the_session() {
     let wrist = VirtualWrist::new(Person::default(), Setup::default(), session.seed(), rate);
     let Resumed { recorder, mut machine, .. } = session.resume().unwrap();
     let mut recorder = BackgroundRecorder::start(recorder, machine.progress().clone());
-    let error = match run_control_loop(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder) {
+    let error = match run_control_loop(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)
+    {
         Err(error) => error,
         Ok(_) => recorder.finish().unwrap_err(),
     };

@@ -94,7 +94,10 @@ fn torque_that_leaves_the_band_between_gate_and_onset_rejects_the_trial() {
     let mut bench = Bench::in_phase(settings(), Phase::Delay);
     bench.error_nm = 5.0;
     let transition = bench.run_to_event();
-    assert_eq!((transition.from, transition.event, transition.to), (Phase::Delay, Event::LeftBand, Phase::Rest));
+    assert_eq!(
+        (transition.from, transition.event, transition.to),
+        (Phase::Delay, Event::LeftBand, Phase::Rest)
+    );
     assert_eq!(bench.statuses(), [Some(Status::Rejected)]);
 }
 

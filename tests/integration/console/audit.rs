@@ -1,6 +1,6 @@
 //! Every click is in the journal, and a replay shows the same.
 
-use ramphold::dataset::{ActionOrigin, OperatorAction, remarks, replay};
+use ramphold::dataset::{ActionOrigin, OperatorAction, operator_actions, replay};
 use ramphold::session::Event;
 use serde_json::json;
 
@@ -31,22 +31,22 @@ fn every_word_and_note_is_in_the_journal_with_its_place() {
     drop(operator);
     assert_eq!(program.ends(), Some(0));
 
-    let remarks = remarks(&program.session).unwrap();
-    let said: Vec<Event> = remarks
+    let actions = operator_actions(&program.session).unwrap();
+    let said: Vec<Event> = actions
         .iter()
-        .filter_map(|(_, remark)| match (&entry.action, entry.origin) {
-            (OperatorAction::Commanded { command: word }, ActionOrigin::Page) => Some(*word),
+        .filter_map(|(_, entry)| match (&entry.action, entry.origin) {
+            (OperatorAction::Commanded { command }, ActionOrigin::Page) => Some(*command),
             _ => None,
         })
         .collect();
     assert_eq!(said, [Event::Resume, Event::Start, Event::Pause, Event::Resume]);
     let kept =
-        remarks.iter().find(|(_, remark)| matches!(entry.action, OperatorAction::Noted { .. })).unwrap();
-    let deed = OperatorAction::Noted {
+        actions.iter().find(|(_, entry)| matches!(entry.action, OperatorAction::Noted { .. })).unwrap();
+    let action = OperatorAction::Noted {
         text: "electrode  re-glued".to_owned(),
         clock: Some("2026-01-02T03:04:05+01:00".to_owned()),
     };
-    assert_eq!(kept.1.deed, deed);
+    assert_eq!(kept.1.action, action);
     assert!(kept.1.sample > 0);
 
     let played = replay(&program.session).unwrap();

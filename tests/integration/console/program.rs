@@ -19,7 +19,7 @@ use crate::workspace::{FOREVER, PROGRAM};
 pub struct Program {
     child: Child,
     pub operator: Page,
-    pub person: Page,
+    pub subject: Page,
     pub session: PathBuf,
     folder: Arc<TempDir>,
 }
@@ -187,10 +187,10 @@ impl Program {
             }
             heard.push(line);
         };
-        let (operator, person) = (url(), url());
+        let (operator, subject) = (url(), url());
         // Somebody reads on, or the program would wait for that.
         std::thread::spawn(move || said.for_each(drop));
-        Self { child, operator, person, session, folder }
+        Self { child, operator, subject, session, folder }
     }
 
     /// Waits for the end of the program; its exit code.

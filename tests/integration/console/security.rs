@@ -16,7 +16,7 @@ const FAST: [&str; 2] = ["--speed", "50"];
 #[test]
 fn every_answer_forbids_what_comes_from_elsewhere_and_no_file_asks_for_it() {
     let program = Program::run(&[]);
-    for page in [&program.operator, &program.person] {
+    for page in [&program.operator, &program.subject] {
         let html = page.get(&page.path);
         assert_eq!(status(&html), "200");
         let mut files: Vec<String> =
@@ -48,7 +48,7 @@ fn every_answer_forbids_what_comes_from_elsewhere_and_no_file_asks_for_it() {
 #[test]
 fn without_the_right_token_there_is_no_way_in() {
     let program = Program::run(&[]);
-    let (operator, person) = (&program.operator, &program.person);
+    let (operator, subject) = (&program.operator, &program.subject);
     let mut wrong = operator.token().to_owned();
     wrong.replace_range(..1, if wrong.starts_with('0') { "1" } else { "0" });
     for path in [
@@ -58,8 +58,8 @@ fn without_the_right_token_there_is_no_way_in() {
         "/operator.html".to_owned(),
         format!("/operator/{wrong}/"),
         format!("/operator/{}/", &operator.token()[..63]),
-        format!("/operator/{}/", person.token()),
-        format!("/person/{}/", operator.token()),
+        format!("/operator/{}/", subject.token()),
+        format!("/subject/{}/", operator.token()),
         format!("/operator/{wrong}/operator.js"),
         format!("/operator/{}/../../etc/passwd", operator.token()),
     ] {
@@ -71,8 +71,8 @@ fn without_the_right_token_there_is_no_way_in() {
     for path in [
         "/live".to_owned(),
         format!("/operator/{wrong}/live"),
-        format!("/operator/{}/live", person.token()),
-        format!("/person/{}/live", operator.token()),
+        format!("/operator/{}/live", subject.token()),
+        format!("/subject/{}/live", operator.token()),
     ] {
         assert_eq!(operator.open(&path, Some(&own)).err(), Some(403), "{path}");
     }
@@ -106,7 +106,7 @@ fn requests_for_other_names_and_of_other_pages_are_turned_away() {
 }
 
 #[test]
-fn the_persons_page_can_only_look() {
+fn the_subjects_page_gives_no_commands() {
     let program = Program::run(&[]);
     for message in [
         json!({ "word": { "word": "start", "sure": true } }),
@@ -114,13 +114,13 @@ fn the_persons_page_can_only_look() {
         json!({ "note": { "text": "it was me", "clock": null } }),
         json!("pause_after_trial"),
     ] {
-        let mut person = program.person.live();
-        let seen = person.until("a picture", |message| message["kind"] == "now");
+        let mut subject = program.subject.live();
+        let seen = subject.until("a picture", |message| message["kind"] == "now");
         for hidden in ["phase", "trial", "possible", "bins"] {
-            assert!(seen.get(hidden).is_none(), "the person is told {hidden}");
+            assert!(seen.get(hidden).is_none(), "the subject is told {hidden}");
         }
-        person.send(&message);
-        assert_eq!(person.closed(), "this page can only look", "{message}");
+        subject.send(&message);
+        assert_eq!(subject.closed(), "the subject's page gives no commands", "{message}");
     }
     let mut operator = program.operator.live();
     operator.phase("ready");
@@ -191,8 +191,8 @@ fn no_more_pages_are_open_than_anybody_needs() {
     let own = format!("http://{}", program.operator.host);
     let live = format!("{}live", program.operator.path);
     assert_eq!(program.operator.open(&live, Some(&own)).err(), Some(503));
-    // The person's page is not kept out by them.
-    program.person.live().until("a picture", |message| message["kind"] == "now");
+    // The subject's page is not kept out by them.
+    program.subject.live().until("a picture", |message| message["kind"] == "now");
     drop(open);
     // As soon as one is gone, there is room.
     let begun = std::time::Instant::now();
@@ -284,8 +284,8 @@ fn a_slow_page_misses_pictures_instead_of_getting_old_ones() {
     let program = Program::run(&["--speed", "5"]);
     let mut operator = program.operator.live();
     operator.phase("ready");
-    let own = format!("http://{}", program.person.host);
-    let mut slow = program.person.open(&format!("{}live", program.person.path), Some(&own)).unwrap();
+    let own = format!("http://{}", program.subject.host);
+    let mut slow = program.subject.open(&format!("{}live", program.subject.path), Some(&own)).unwrap();
     operator.word("start");
     operator.phase("hold");
     three_pictures(&mut slow);

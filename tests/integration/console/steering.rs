@@ -79,8 +79,8 @@ fn without_its_operator_the_session_pauses_after_the_trial() {
     operator.word("start");
     operator.phase("hold");
     drop(operator);
-    let mut person = program.person.live();
-    person.until("a pause", |message| message["cue"] == "pause");
+    let mut subject = program.subject.live();
+    subject.until("a pause", |message| message["cue"] == "pause");
     let mut back = program.operator.live();
     back.phase("paused");
     let journal = program.journal();

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::thread;
 
-use ramphold::dataset::{ActionOrigin, OperatorAction, remarks};
+use ramphold::dataset::{ActionOrigin, OperatorAction, operator_actions};
 use ramphold::session::Event;
 
 use super::program::protocol;
@@ -60,13 +60,13 @@ fn a_session_is_run_from_the_terminal() {
     until("x_t");
     assert!(child.wait().unwrap().success());
 
-    let said: Vec<OperatorAction> = remarks(&session)
+    let said: Vec<OperatorAction> = operator_actions(&session)
         .unwrap()
         .into_iter()
-        .filter(|(_, remark)| entry.origin == ActionOrigin::Terminal)
-        .map(|(_, remark)| entry.action)
-        .filter(|deed| matches!(deed, OperatorAction::Said { .. } | OperatorAction::Noted { .. }))
+        .filter(|(_, entry)| entry.origin == ActionOrigin::Terminal)
+        .map(|(_, entry)| entry.action)
+        .filter(|action| matches!(action, OperatorAction::Commanded { .. } | OperatorAction::Noted { .. }))
         .collect();
     let note = OperatorAction::Noted { text: "re-glued".to_owned(), clock: None };
-    assert_eq!(said, [OperatorAction::Said { word: Event::Start }, note]);
+    assert_eq!(said, [OperatorAction::Commanded { command: Event::Start }, note]);
 }

@@ -1,4 +1,4 @@
-//! The operator of a session that was started from a shell: starts it, and ends it on Ctrl-C.
+//! The operator of a virtual session without a console: starts the session, ends it on Ctrl-C.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -7,13 +7,13 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ramphold::rig::Fault;
 use ramphold::session::{Event, Machine, Operator, Phase, Status};
 
-use super::live::stop_on_signals;
+use super::signals::stop_on_signals;
 use super::{Console, Failure};
 
-/// Samples between two looks at the progress.
-const PROGRESS_EVERY: u64 = 1024;
+/// Samples between two updates of the progress bar.
+const PROGRESS_PERIOD_SAMPLES: u64 = 1024;
 
-/// Speaks for the person at the shell.
+/// Starts the session at once and shows its progress.
 pub struct CommandLineOperator {
     stop: Arc<AtomicBool>,
     bar: ProgressBar,
@@ -21,7 +21,7 @@ pub struct CommandLineOperator {
 }
 
 impl CommandLineOperator {
-    /// Listens to Ctrl-C and to the request to end; shows progress where someone can see it.
+    /// Listens to SIGINT and SIGTERM; shows a progress bar if standard error is a terminal.
     pub fn new(machine: &Machine, console: &Console) -> Result<Self, Failure> {
         let stop = stop_on_signals()?;
         let target =
@@ -33,37 +33,37 @@ impl CommandLineOperator {
         Ok(Self { stop, bar, console: *console })
     }
 
-    /// Takes the progress off the screen.
+    /// Removes the progress bar.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }
 
-    fn wants_to_stop(&self) -> bool {
+    fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 }
 
 impl Operator for CommandLineOperator {
     fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
-        if machine.sample().is_multiple_of(PROGRESS_EVERY) {
+        if machine.sample().is_multiple_of(PROGRESS_PERIOD_SAMPLES) {
             let ended = machine.progress().attempts().iter().filter_map(|attempt| attempt.ended);
             let ok = ended.filter(|(status, _)| *status == Status::Ok).count();
             self.bar.set_position(ok as u64);
             self.bar.set_message(machine.phase().name());
         }
-        self.wants_to_stop().then_some(Event::Abort)
+        self.is_stopped().then_some(Event::Abort)
     }
 
     fn wait_for_command(&mut self, machine: &Machine) -> Event {
         match machine.phase() {
-            Phase::Ready if !self.wants_to_stop() => Event::Start,
-            // There is nobody here who could mend a fault.
+            Phase::Ready if !self.is_stopped() => Event::Start,
+            // Without a console nobody can say that a fault has been fixed.
             _ => Event::Abort,
         }
     }
 
-    fn command_refused(&mut self, word: Event, phase: Phase) {
-        self.console.message(format_args!("{} is not possible in phase {}", word.name(), phase.name()));
+    fn command_refused(&mut self, command: Event, phase: Phase) {
+        self.console.message(format_args!("{} is not possible in phase {}", command.name(), phase.name()));
     }
 
     fn arming_failed(&mut self, fault: Fault) {

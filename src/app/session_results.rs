@@ -1,0 +1,49 @@
+//! The end of a session: trial counts, fit, report and manifest.
+
+use std::path::Path;
+
+use ramphold::dataset::{Disk, Manifest, Resumable};
+use ramphold::fit::{Model, Weighting};
+use ramphold::session::{Machine, Phase, Status};
+
+use super::{Console, Failure, ran_on_can_motor};
+use crate::cli::fit::{fit_session, table};
+use crate::cli::report::write_report;
+
+/// Prints how many trials have which status; fits the session if every trial is done, and writes results, report and
+/// manifest.
+///
+/// # Errors
+/// If the session ended before its last trial, or the results cannot be made.
+pub fn finish_session(
+    machine: &Machine,
+    was_finished: bool,
+    folder: &Path,
+    console: &Console,
+) -> Result<(), Failure> {
+    let count = |wanted: Status| {
+        let measured = machine.progress().attempts().iter().filter(|attempt| !attempt.planned.key.practice);
+        measured.filter(|attempt| matches!(attempt.ended, Some((status, _)) if status == wanted)).count()
+    };
+    console.message(format_args!(
+        "{} trials ok, {} rejected, {} aborted; {}",
+        count(Status::Ok),
+        count(Status::Rejected),
+        count(Status::Aborted),
+        folder.display()
+    ));
+    // Locks the session until the results are written.
+    let _lock = Resumable::open(folder, Disk::default())?;
+    let disk = Disk::default();
+    let is_virtual = !ran_on_can_motor(folder);
+    if !was_finished && machine.phase() != Phase::Finished {
+        Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
+        return Err(Failure::Ended { folder: folder.to_owned(), left: machine.progress().queue().len() });
+    }
+    let results = fit_session(folder, &Model::paper(), None, Weighting::default())?;
+    results.write(&disk, &folder.join("results"))?;
+    write_report(folder, &folder.join("results"), console)?;
+    // The manifest comes last: a session without it is not complete.
+    Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
+    table(console, &results)
+}

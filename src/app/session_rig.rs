@@ -1,0 +1,186 @@
+//! The rig of a session: from its rig file, or as the session's folder keeps it.
+
+use std::fs;
+use std::path::Path;
+
+use ramphold::dataset::{Disk, RecordError, Resumable};
+use ramphold::protocol::ValidProtocol;
+use ramphold::rig::can::file::ValidRigFile;
+use ramphold::rig::can::{CanMotor, Connection, DryRun, Summary};
+use ramphold::rig::virtual_wrist::{MechanismList, Person, RigFile, Seal, SealError, Setup, VirtualWrist};
+use ramphold::wrist::Lever;
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::{Console, Failure, Pace};
+
+/// Name of the rig file in the session's folder.
+const RIG_FILE: &str = "rig.json";
+
+/// The rig that a session runs on.
+pub enum SessionRig {
+    /// The virtual wrist.
+    Virtual {
+        /// The wrist and its servo.
+        wrist: Box<VirtualWrist>,
+        /// Lever between motor and handle.
+        lever: Option<Lever>,
+        /// Speed of the session.
+        pace: Pace,
+    },
+    /// A motor on a CAN bus.
+    Can(Box<CanMotor>),
+}
+
+impl SessionRig {
+    /// The rig of a session that is to be resumed, from the session's folder. `hide` is the seed of its hidden effect.
+    ///
+    /// # Errors
+    /// If the rig file cannot be used, or is not the one that the session began with.
+    pub fn of_session(
+        folder: &Path,
+        session: &Resumable,
+        pace: Pace,
+        hide: Option<u64>,
+    ) -> Result<Self, Failure> {
+        if ran_on_can_motor(folder) {
+            return Self::can_motor_of_session(folder, session);
+        }
+        let StoredVirtualRig { rig: RigFile::Virtual(setup), subject, seal } =
+            read_stored_virtual_rig(folder)?;
+        let lever = setup.lever;
+        let hidden = open_seal(seal.as_ref(), hide, lever, "--hide", folder)?;
+        let setup = with_hidden_effect(setup, &hidden);
+        let wrist = VirtualWrist::new(subject, setup, session.seed(), session.sample_rate_hz());
+        Ok(Self::Virtual { wrist: Box::new(wrist), lever, pace })
+    }
+
+    fn can_motor_of_session(folder: &Path, session: &Resumable) -> Result<Self, Failure> {
+        let rig = ValidRigFile::read(&folder.join(RIG_FILE))?;
+        let protocol = ValidProtocol::read(&folder.join("protocol.json"))?;
+        let dry_run = DryRun::of(&protocol, &rig)?;
+        let motor = CanMotor::new(Connection::open(rig)?, dry_run);
+        if motor.motion_delay_samples() != session.motion_delay_samples() {
+            return Err(Failure::Usage(format!(
+                "{}: is not the rig that the session began with: its motor follows {} samples late, that one {}; \
+                 put the rig.json of the session back",
+                folder.join(RIG_FILE).display(),
+                motor.motion_delay_samples(),
+                session.motion_delay_samples()
+            )));
+        }
+        Ok(Self::Can(Box::new(motor)))
+    }
+
+    /// Lever between motor and handle; `None` for a rigid one.
+    pub fn lever(&self) -> Option<Lever> {
+        match self {
+            Self::Virtual { lever, .. } => *lever,
+            Self::Can(motor) => motor.lever(),
+        }
+    }
+
+    /// Name of the rig for the operator.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Virtual { .. } => "virtual wrist",
+            Self::Can(motor) => motor.name(),
+        }
+    }
+
+    /// Whether the control loop has no deadlines, so that it may wait for the disk and the console.
+    pub fn may_wait(&self) -> bool {
+        matches!(self, Self::Virtual { pace: Pace::Unlimited, .. })
+    }
+}
+
+/// Whether a rig file describes a motor on a CAN bus. The rest of the file is not checked here.
+pub fn is_can_rig_file(file: &Path) -> bool {
+    let text = fs::read_to_string(file).unwrap_or_default();
+    let kind = serde_json::from_str::<Value>(&text).ok().and_then(|rig| rig.get("kind").cloned());
+    // A file without a kind, or that is not JSON, goes to the motor's reader, which says what is wrong with it.
+    kind.is_none_or(|kind| kind != "virtual")
+}
+
+/// Whether the session in a folder ran on a motor.
+pub fn ran_on_can_motor(session: &Path) -> bool {
+    // The rig of a virtual session is one level down in its rig.json, beside the virtual subject.
+    let text = fs::read_to_string(session.join(RIG_FILE)).unwrap_or_default();
+    serde_json::from_str::<Value>(&text).is_ok_and(|rig| rig.get("kind").is_some())
+}
+
+/// The virtual rig with a hidden effect; an empty list changes nothing.
+pub fn with_hidden_effect(mut setup: Setup, effect: &MechanismList) -> Setup {
+    setup.mechanisms = setup.mechanisms.and(effect);
+    setup
+}
+
+/// A virtual rig as the session's folder keeps it.
+pub struct StoredVirtualRig {
+    /// The rig.
+    pub rig: RigFile,
+    /// The virtual subject.
+    pub subject: Person,
+    /// The seal of the hidden effect, if there is one.
+    pub seal: Option<Seal>,
+}
+
+/// Reads the virtual rig from the session's folder.
+///
+/// # Errors
+/// If `rig.json` cannot be read or describes no virtual rig.
+pub fn read_stored_virtual_rig(session: &Path) -> Result<StoredVirtualRig, Failure> {
+    let path = session.join(RIG_FILE);
+    let file = path.display().to_string();
+    let text = fs::read_to_string(&path).map_err(|source| Failure::Read { file: file.clone(), source })?;
+    let not_a_rig = |error: &dyn std::fmt::Display| {
+        Failure::Usage(format!("{file}: {error}; expected the rig of the session"))
+    };
+    let stored: Value = serde_json::from_str(&text).map_err(|error| not_a_rig(&error))?;
+    let part = |name: &str| stored.get(name).map(Value::to_string).unwrap_or_default();
+    let seal = stored.get("hidden").map(Seal::deserialize).transpose().map_err(|error| not_a_rig(&error))?;
+    Ok(StoredVirtualRig {
+        rig: RigFile::parse(&part("rig"), &path)?,
+        subject: Person::parse(&part("person"), &path)?,
+        seal,
+    })
+}
+
+/// The hidden effect of a session, which the seed given with `option` opens; an empty list for a session without one.
+pub fn open_seal(
+    seal: Option<&Seal>,
+    seed: Option<u64>,
+    lever: Option<Lever>,
+    option: &str,
+    session: &Path,
+) -> Result<MechanismList, Failure> {
+    let session = session.display();
+    match (seal, seed) {
+        (None, None) => Ok(MechanismList::default()),
+        (Some(seal), Some(seed)) => seal.open(seed, lever).map_err(|error| match error {
+            SealError::WrongSeed => {
+                Failure::Usage(format!("{option} {seed}: is not the seed that {session} was run with --hide"))
+            }
+            SealError::Unknown(_) => {
+                Failure::Usage(format!("{session}: {error}; open it with a newer version"))
+            }
+        }),
+        (Some(_), None) => Err(Failure::Usage(format!(
+            "{session}: was run with --hide, and its folder does not say what is hidden; expected the same seed as {option} SEED"
+        ))),
+        (None, Some(_)) => Err(Failure::Usage(format!(
+            "{option}: {session} was run without --hide; nothing is hidden in it"
+        ))),
+    }
+}
+
+/// Writes the summary of a run on the bus: `bus.json`, and `bus-2.json`, `bus-3.json` when the session was resumed.
+pub(super) fn write_bus_summary(summary: &Summary, folder: &Path, console: &Console) -> Result<(), Failure> {
+    console.message(summary);
+    let name = |run: u32| if run == 1 { "bus.json".to_owned() } else { format!("bus-{run}.json") };
+    let path = (1..).map(|run| folder.join(name(run))).find(|path| !path.exists());
+    let path = path.unwrap_or_else(|| folder.join(name(1)));
+    let mut bytes = serde_json::to_vec_pretty(summary).unwrap_or_default();
+    bytes.push(b'\n');
+    Ok(Disk::default().write(&path, &bytes).map_err(RecordError::at(&path))?)
+}

@@ -1,0 +1,172 @@
+//! Runs a session, new or resumed, on any rig, with or without a console, and makes its results.
+
+use std::io::{self, BufRead, IsTerminal, Write};
+use std::path::PathBuf;
+
+use ramphold::console::{ConsoleSetup, Live};
+use ramphold::dataset::{BackgroundRecorder, Recorder};
+use ramphold::rig::Rig;
+use ramphold::session::{AsFastAsItGoes, Clock, Machine, Operator, RealTime, run_control_loop};
+
+use super::command_line_operator::CommandLineOperator;
+use super::motor_operator::MotorOperator;
+use super::session_rig::write_bus_summary;
+use super::signals::stop_on_signals;
+use super::{Console, ConsoleOptions, Failure, Pace, SessionRig, finish_session};
+
+/// A session that is about to run.
+pub struct SessionRun<'a> {
+    /// The session's folder.
+    pub folder: PathBuf,
+    /// Rig that the session runs on.
+    pub rig: SessionRig,
+    /// State machine of the session.
+    pub machine: Machine,
+    /// Recorder of the session.
+    pub recorder: Recorder,
+    /// Console of the session, if it has one.
+    pub setup: Option<ConsoleSetup>,
+    /// Options of the console.
+    pub options: &'a ConsoleOptions,
+    /// Whether the first arming of a motor was confirmed on the command line.
+    pub is_confirmed: bool,
+}
+
+impl SessionRun<'_> {
+    /// Runs the session until it is over, fits it if it is finished, and shows the outcome in the console.
+    ///
+    /// # Errors
+    /// If the session cannot be recorded, ends before its last trial, or cannot be fitted.
+    pub fn run(self, console: &Console) -> Result<(), Failure> {
+        let folder = self.folder.clone();
+        let (machine, live) = self.run_to_the_end(console)?;
+        let finished = finish_session(&machine, false, &folder, console);
+        if let Some(live) = live {
+            live.close(&match &finished {
+                Ok(()) => format!("the results are in {}", folder.join("results").display()),
+                Err(failure) => failure.to_string(),
+            });
+        }
+        finished
+    }
+
+    /// Runs the session; the console stays open for the closing message.
+    fn run_to_the_end(self, console: &Console) -> Result<(Machine, Option<Live>), Failure> {
+        let Self { folder, rig, mut machine, recorder, setup, options, is_confirmed } = self;
+        let rate_hz = machine.settings().sample_rate_hz;
+        let work = Work { machine: &mut machine, recorder, setup, options, console };
+        let live = match rig {
+            SessionRig::Virtual { wrist, pace: Pace::Unlimited, .. } => work.without_deadlines(*wrist)?,
+            SessionRig::Virtual { wrist, pace: Pace::TimesRealTime(speed), .. } => {
+                let mut clock = RealTime::new(speed * rate_hz);
+                let operator = |machine: &Machine| CommandLineOperator::new(machine, console);
+                let ended = work.with_deadlines(*wrist, &mut clock, operator);
+                console.message(clock.lateness());
+                ended?.1
+            }
+            SessionRig::Can(motor) => {
+                let operator = |_: &Machine| MotorOperator::new(is_confirmed, console);
+                let (motor, live) = work.with_deadlines(*motor, &mut AsFastAsItGoes, operator)?;
+                write_bus_summary(&motor.summary(), &folder, console)?;
+                live
+            }
+        };
+        Ok((machine, live))
+    }
+}
+
+/// What the control loop of a session needs beside rig and clock.
+struct Work<'a> {
+    machine: &'a mut Machine,
+    recorder: Recorder,
+    setup: Option<ConsoleSetup>,
+    options: &'a ConsoleOptions,
+    console: &'a Console,
+}
+
+impl Work<'_> {
+    /// Runs a rig in simulated time: the loop waits for the disk, and for the console.
+    fn without_deadlines<R: Rig>(mut self, rig: R) -> Result<Option<Live>, Failure> {
+        if let Some(setup) = self.setup.take() {
+            let recorder = BackgroundRecorder::start_waiting(self.recorder, self.machine.progress().clone());
+            let (console, options) = (self.console, self.options);
+            return with_console(rig, self.machine, &mut AsFastAsItGoes, recorder, setup, options, console)
+                .map(|(_, live)| Some(live));
+        }
+        let mut operator = CommandLineOperator::new(self.machine, self.console)?;
+        let ended =
+            run_control_loop(rig, self.machine, &mut operator, &mut AsFastAsItGoes, &mut self.recorder);
+        operator.finish();
+        ended?;
+        Ok(None)
+    }
+
+    /// Runs a rig in real time: the recorder is on a thread of its own, and the loop waits for nobody.
+    fn with_deadlines<R: Rig, O: Operator>(
+        self,
+        rig: R,
+        clock: &mut impl Clock,
+        operator: impl FnOnce(&Machine) -> Result<O, Failure>,
+    ) -> Result<(R, Option<Live>), Failure> {
+        let recorder =
+            |recorder, machine: &Machine| BackgroundRecorder::start(recorder, machine.progress().clone());
+        if let Some(setup) = self.setup {
+            let recorder = recorder(self.recorder, self.machine);
+            return with_console(rig, self.machine, clock, recorder, setup, self.options, self.console)
+                .map(|(rig, live)| (rig, Some(live)));
+        }
+        let mut operator = operator(self.machine)?;
+        let mut recorder = recorder(self.recorder, self.machine);
+        let ended = run_control_loop(rig, self.machine, &mut operator, clock, &mut recorder);
+        let written = recorder.finish();
+        // An error of the disk that ended the session comes first.
+        let rig = ended?;
+        written?;
+        Ok((rig, None))
+    }
+}
+
+/// Runs a session with its console until it is over. The console stays open for the closing message.
+fn with_console<R: Rig>(
+    rig: R,
+    machine: &mut Machine,
+    clock: &mut impl Clock,
+    recorder: BackgroundRecorder,
+    setup: ConsoleSetup,
+    options: &ConsoleOptions,
+    console: &Console,
+) -> Result<(R, Live), Failure> {
+    let stop = stop_on_signals()?;
+    let (mut live, feed, mut operator) = Live::open(setup, machine, recorder.actions(), stop)?;
+    if let Some(pages) = live.pages() {
+        options.pages.announce(&pages, console);
+    }
+    live.take_terminal()?;
+    let mut consumers = (recorder, feed);
+    let ended = run_control_loop(rig, machine, &mut operator, clock, &mut consumers);
+    let written = consumers.0.finish();
+    live.release_terminal();
+    // An error of the disk that ended the session comes first.
+    let rig = ended?;
+    written?;
+    Ok((rig, live))
+}
+
+/// Asks at the terminal whether the motor may move, unless that was confirmed on the command line.
+///
+/// # Errors
+/// If the answer is not yes, or nobody can be asked.
+pub fn confirm_motion(is_confirmed: bool, session: &str) -> Result<(), Failure> {
+    if is_confirmed {
+        return Ok(());
+    }
+    let (stdin, mut stderr) = (io::stdin(), io::stderr());
+    if !stdin.is_terminal() {
+        return Err(Failure::NoWord);
+    }
+    write!(stderr, "{session}. May the motor move? Type yes: ")?;
+    stderr.flush()?;
+    let mut answer = String::new();
+    stdin.lock().read_line(&mut answer)?;
+    if answer.trim() == "yes" { Ok(()) } else { Err(Failure::NoWord) }
+}
