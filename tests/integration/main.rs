@@ -10,6 +10,7 @@ mod disk_faults;
 mod documentation;
 mod fit_input;
 mod motor_cycle_memory;
+mod optional_parts;
 mod protocol_check;
 mod protocol_fields;
 mod reference;
