@@ -13,7 +13,7 @@ pub const SEED: u64 = 1;
 pub fn as_json(problem: &Problem, count: usize) -> Value {
     let (prepared, fit) = (&problem.prepared, &problem.fit);
     let predicted: Vec<Vec<f64>> = predictions(prepared, fit).into_iter().map(|own| own.torque_nm).collect();
-    let noise = NoiseSampler::new(fit);
+    let noise = NoiseSampler::new(&fit.residual_covariances);
     let refit = |number| {
         let mut stream = Stream::new(SEED, &format!("fit/bootstrap/{number}"));
         let session = draw_observations(prepared, &predicted, &noise, &mut stream);

@@ -8,7 +8,7 @@ use std::path::Path;
 use ramphold::dataset;
 use ramphold::fit::{
     Fit, Model, Objective, Observations, Parameterisation, PreprocessingSettings, Solution, SolverOptions,
-    StartingValues, Transform, Weighting, objective, pilot_points, solve,
+    StartingValueSearch, StartingValues, Transform, Weighting, solve,
 };
 use ramphold::wrist::{
     JOINT_DAMPING_NM_S_PER_RAD, Kinematics, SimulatedTorque, SimulationSettings, VectorWidth,
@@ -39,7 +39,7 @@ pub struct Problem {
     pub prepared: Observations,
     /// Its fit, weighed by the noise of the holds.
     pub fit: Fit,
-    guess: StartingValues,
+    starting_values: StartingValues,
 }
 
 /// Some trials of a session, a start, and what is to be minimised.
@@ -57,14 +57,14 @@ impl Problem {
         let prepared =
             Observations::new(&session, PreprocessingSettings::default()).expect("trials that can be fitted");
         assert!(prepared.lever.is_some(), "the peers' model has a lever");
-        // As `Fit::new` goes about it, up to its second look at other optima.
-        let points = pilot_points(&prepared);
-        let (first, _) = objective(&prepared, Weighting::MeasuredNoise, points.first());
-        let guess = StartingValues::pooled(&prepared, &first, &points, &Model::paper()).swap_remove(0);
+        // The steps of `Fit::new` before its multistart search.
+        let search = StartingValueSearch::new(&prepared, Weighting::MeasuredNoise);
+        let starting_values = search.starting_values(&prepared, &Model::paper()).swap_remove(0);
         let (weighed, covariances) =
-            objective(&prepared, Weighting::MeasuredNoise, Some(&guess.median_values()));
-        let fit = Fit::from_starting_values(&prepared, &Model::paper(), weighed, covariances, &guess);
-        Self { prepared, guess, fit }
+            Objective::new(&prepared, Weighting::MeasuredNoise, Some(&starting_values.median_values()));
+        let fit =
+            Fit::from_starting_values(&prepared, &Model::paper(), weighed, covariances, &starting_values);
+        Self { prepared, starting_values, fit }
     }
 
     /// All trials.
@@ -80,7 +80,8 @@ impl Problem {
     /// The weighed problem of some trials, from the program's own start.
     pub fn weighed(&self, trials: &[usize]) -> Part {
         let prepared = self.prepared.subset(trials);
-        let parameterisation = Parameterisation::new(&prepared, &Model::paper(), &self.guess.subset(trials));
+        let parameterisation =
+            Parameterisation::new(&prepared, &Model::paper(), &self.starting_values.subset(trials));
         let start = parameterisation.start();
         Part { prepared, parameterisation, objective: self.fit.objective.clone(), start }
     }
@@ -180,7 +181,7 @@ impl Part {
             "start": self.start,
             "whiteners": self.whiteners(),
             "ours": solution.outcomes.iter().map(|outcome| {
-                json!({ "cost": outcome.cost, "steps": outcome.iterations, "stop": outcome.stop })
+                json!({ "cost": outcome.cost, "steps": outcome.iterations, "stop": outcome.termination })
             }).collect::<Vec<_>>(),
         })
     }

@@ -1,41 +1,60 @@
-//! The wrist's parameters out of the recorded torque, and how well they are known.
+//! Fit: estimates the parameters of the wrist model from recorded torque, with their uncertainty.
+//!
+//! The folders are layers; a file imports only files of its own layer and of the layers above it in this list.
+//!
+//! | layer | content |
+//! |---|---|
+//! | `linalg` | factorisation and inversion of small matrices |
+//! | `data` | preprocessing: from a session to observations and their noise |
+//! | `model` | specification of a fit model, its file, and the indices of the parameters |
+//! | `parameters` | starting values and bounds, coordinates, their partition into components and blocks |
+//! | `residuals` | predicted torque, covariance of the residuals, objective and whitening |
+//! | `solver` | normal equations in arrowhead form, Levenberg-Marquardt method |
+//! | `fitted` | [`Fit`], its predictions and standard errors, fits that start at its optimum, block subproblems |
+//! | `search` | starting values, multistart, shrinkage, extension by a mechanism |
+//! | `pipeline` | [`Fit::new`]: all steps for one session |
+//! | `inference` | profile likelihood, parametric bootstrap |
+//! | `output` | estimates by trial and condition, result files |
 
 mod data;
 mod fitted;
 mod inference;
+mod linalg;
 mod model;
+mod noise_from_residuals;
 mod output;
 mod parameters;
+mod pipeline;
 mod residuals;
 mod search;
 mod solver;
+#[cfg(test)]
+mod tests;
 
-pub use data::hold_noise::NoiseSource;
-pub use data::preprocessing::{
-    ExcludedTrial, Observations, PreprocessingError, PreprocessingSettings, TrialObservation, onset_sample,
-};
-pub use fitted::fit::{Fit, K_SRS, Weighting, X_E, objective};
-pub use fitted::uncertainty::{
-    Prediction, Uncertainty, covariance, predictions, uncertainties, variance_accounted_for,
-};
+pub use data::observations::{ExcludedTrial, NoiseSource, Observations, TrialObservation};
+pub use data::preprocessing::{PreprocessingError, PreprocessingSettings, onset_sample};
+pub use fitted::fit::Fit;
+pub use fitted::predictions::{Prediction, predictions, variance_accounted_for};
+pub use fitted::quantities::{QUANTITIES, simulated_trajectory};
+pub use fitted::uncertainty::{Uncertainty, coordinate_covariances, uncertainties};
 pub use inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread, bootstrap};
 pub use inference::profile::{PROFILED_PARAMETERS, ProfileInterval, profiles};
 pub use inference::resampling::{NoiseSampler, draw_observations};
-pub use model::specification::{
-    AddedMechanism, FORMAT as MODEL_FORMAT, LawTerm, Model, ModelError, ParameterSpec, Scope,
-};
+pub use model::model_file::{MODEL_FORMAT, ModelError};
+pub use model::parameter_index::{B_H, I_J, K_DEC, K_H, K_SRS, X_E};
+pub use model::specification::{AddedMechanism, LawTerm, Model, ParameterSpec, Scope, mechanism_ranges};
 pub use output::estimates::{
-    ConditionEstimate, QUANTITIES, TrialEstimate, by_condition, estimates, estimates_without_profiles,
-    simulated,
+    ConditionEstimate, TrialEstimate, by_condition, estimates, estimates_without_profiles,
 };
 pub use output::result_files::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
-pub use parameters::parameterisation::{Component, Coordinate, Parameterisation, Transform};
+pub use parameters::component::{Component, Position};
+pub use parameters::coordinate::{Coordinate, Transform};
+pub use parameters::parameterisation::Parameterisation;
+pub use parameters::starting_values::StartingValues;
+pub use residuals::objective::{Objective, Weighting, objective};
 pub use residuals::prediction::predict;
-pub use residuals::residual_covariance::{covariances, whiteners};
 pub use search::extension_search::{ExtensionSearch, ScreenedExtension};
-pub use search::starting_values::{StartingValues, pilot_points};
-pub use solver::levenberg_marquardt::{ComponentOutcome, Solution, SolverOptions, Termination, solve};
-pub use solver::normal_equations::{NormalEquations, Objective};
-
-#[cfg(test)]
-mod tests;
+pub use search::starting_value_search::StartingValueSearch;
+pub use solver::levenberg_marquardt::{ComponentOutcome, Solution, Termination, solve};
+pub use solver::normal_equations::GaussNewtonEquations;
+pub use solver::options::SolverOptions;

@@ -1,50 +1,48 @@
-//! The noise that a fit must be judged against, measured in the holds before the ramps.
+//! Covariance of noise in an analysis window, estimated from stretches of pure noise.
 //!
-//! What is left of a trial's torque after the filter is not white: some 4 to 5 independent values remain in 100 samples,
-//! and a person wanders and trembles besides. So stretches of the hold go through exactly what the ramp goes through
-//! (filter, level before, window), and their covariance is the noise.
+//! The noise of filtered torque is not white: some 4 to 5 independent values remain in 100 samples, and the torque of a subject
+//! drifts and trembles. Stretches of noise therefore pass the same processing as the window (filter, subtraction of the mean before,
+//! cut), and their covariance describes the noise of the window.
 
 use nalgebra::DMatrix;
 
-/// Covariance of the noise in the analysed window.
+/// Covariance of the noise in an analysis window.
 #[derive(Debug, Clone)]
 pub struct NoiseCovariance {
-    /// Covariance of the samples of the window, (N m)^2.
+    /// Covariance between the noise samples of the window, (N m)^2.
     pub covariance: DMatrix<f64>,
-    /// How many stretches of hold it was measured on; neighbours overlap.
+    /// Number of stretches from which the covariance was estimated; neighbouring stretches overlap.
     pub stretches: usize,
 }
 
 impl NoiseCovariance {
-    /// Measures the covariance on `stretches`: torque over a window, less the level before it, some samples of it.
-    ///
-    /// `None` if there are fewer than two.
-    pub fn measure(stretches: &[Vec<f64>]) -> Option<Self> {
+    /// Estimates the covariance from `stretches`, each with the noise samples of one window, N m; `None` for fewer than two stretches.
+    pub fn estimate(stretches: &[Vec<f64>]) -> Option<Self> {
         let samples = stretches.first()?.len();
         if stretches.len() < 2 {
             return None;
         }
         let data = DMatrix::from_fn(samples, stretches.len(), |row, column| stretches[column][row]);
-        // The mean is zero by nature of a hold: the wrist goes up as often as down.
+        // The expected value is zero: during a hold the torque rises as often as it falls.
         let covariance = &data * data.transpose() / stretches.len() as f64;
         Some(Self { covariance, stretches: stretches.len() })
     }
 
-    /// Standard deviation of the window's last sample, N m.
+    /// Standard deviation of the last sample of the window, N m.
     pub fn last_sample_sd_nm(&self) -> f64 {
         let last = self.covariance.nrows() - 1;
         libm::sqrt(self.covariance[(last, last)])
     }
 
-    /// How many independent directions have a variance above `floor`, (N m)^2.
+    /// Number of independent directions with a variance above `floor`, (N m)^2.
     pub fn directions(&self, floor: f64) -> usize {
         self.covariance.clone().symmetric_eigenvalues().iter().filter(|value| **value > floor).count()
     }
 
-    /// The matrix that turns a window into independent values of variance one.
+    /// Whitening matrix: it maps the noise samples of a window to independent values of variance one.
     ///
-    /// Directions of the covariance with a variance below `floor` (N m)^2 are left out: the filtered noise's covariance is
-    /// numerically singular, and an inverse that trusted its smallest values would weigh rounding and model error.
+    /// Directions with a variance below `floor`, (N m)^2, are dropped: the covariance of filtered noise is numerically singular,
+    /// and the inverse of its smallest eigenvalues would weight rounding and model error.
     pub fn whitener(&self, floor: f64) -> DMatrix<f64> {
         let eigen = self.covariance.clone().symmetric_eigen();
         let mut kept: Vec<usize> =
@@ -55,7 +53,7 @@ impl NoiseCovariance {
         })
     }
 
-    /// How many independent values the window holds: (trace)^2 / trace of the square.
+    /// Number of independent values in the window: trace^2 / trace of the square.
     pub fn effective_samples(&self) -> f64 {
         let trace = self.covariance.trace();
         trace * trace / self.covariance.norm_squared()
@@ -80,7 +78,7 @@ mod tests {
 
     #[test]
     fn white_noise_through_the_papers_filter_leaves_four_to_five_independent_values() {
-        let noise = NoiseCovariance::measure(&filtered_stretches(3000)).unwrap();
+        let noise = NoiseCovariance::estimate(&filtered_stretches(3000)).unwrap();
         let effective = noise.effective_samples();
         assert!((3.5..5.5).contains(&effective), "{effective}");
     }
@@ -88,7 +86,7 @@ mod tests {
     #[test]
     fn the_whitener_makes_fresh_noise_white() {
         let stretches = filtered_stretches(4000);
-        let whitener = NoiseCovariance::measure(&stretches[..2000]).unwrap().whitener(1e-9);
+        let whitener = NoiseCovariance::estimate(&stretches[..2000]).unwrap().whitener(1e-9);
         let fresh: Vec<DVector<f64>> =
             stretches[2000..].iter().map(|s| &whitener * DVector::from_column_slice(s)).collect();
         for component in 0..8 {
@@ -99,7 +97,7 @@ mod tests {
 
     #[test]
     fn noise_needs_at_least_two_stretches() {
-        assert!(NoiseCovariance::measure(&[]).is_none());
-        assert!(NoiseCovariance::measure(&filtered_stretches(1)).is_none());
+        assert!(NoiseCovariance::estimate(&[]).is_none());
+        assert!(NoiseCovariance::estimate(&filtered_stretches(1)).is_none());
     }
 }

@@ -1,21 +1,21 @@
-//! One motion for trials that the motor is told to move alike in: their encoder's steps average out.
+//! Averaging of the motor angle over the trials of one velocity, which reduces the quantisation error of the encoder.
 //!
-//! Behind the paper's filter a single record, lightly smoothed, is good enough. Up to some hundred hertz, where a diagnosis
-//! pilot_points, the steps of an encoder would be worth as much as the torque's own noise, and a mechanism that smooths the angle
-//! (a servo that lags, a damping of the lever that is too large) would look like an improvement of the model.
+//! Behind the paper's filter, a single record with little smoothing is accurate enough. A diagnosis uses a band of some hundred
+//! hertz, in which the steps of an encoder would weigh as much as the noise of the torque; a mechanism that smooths the angle (lag
+//! of the servo, too much damping of the lever) would then seem to improve the model.
 
-use super::preprocessing::{Observations, TrialObservation};
+use super::observations::{Observations, TrialObservation};
 use crate::random::Stream;
 use crate::wrist::{Kinematics, Smoothing};
 
-/// Of the mean over trials alike: passes the rise of a ramp and what a servo makes of it.
-const MEAN: Smoothing = Smoothing { half_s: 0.004, twice: true };
+/// Smoothing of the mean angle; it passes the rise of a ramp and the response of a servo.
+const MEAN_SMOOTHING: Smoothing = Smoothing { half_s: 0.004, twice: true };
 
-/// Of how a trial differs from the mean: the motor gives way under another load, which is slow.
-const OWN: Smoothing = Smoothing { half_s: 0.008, twice: true };
+/// Smoothing of the difference between a trial and the mean; a motor yields slowly under another load.
+const DIFFERENCE_SMOOTHING: Smoothing = Smoothing { half_s: 0.008, twice: true };
 
 impl Observations {
-    /// Replaces each trial's motion by what trials of its velocity have in common and its own slow difference from that.
+    /// Replaces the motion of each trial by the mean over the trials of its velocity plus the trial's own slow difference.
     pub fn average_motion(&mut self) {
         let key = |trial: &TrialObservation| (trial.velocity_rad_s.to_bits(), trial.label.clone());
         let mut keys: Vec<_> = self.trials.iter().map(key).collect();
@@ -24,13 +24,14 @@ impl Observations {
         for own in &keys {
             let alike: Vec<usize> =
                 (0..self.trials.len()).filter(|t| key(&self.trials[*t]) == *own).collect();
-            self.share_among(&alike);
+            self.average_over(&alike);
         }
         let of_mean = keys.len() as f64 / self.trials.len() as f64;
-        self.angle_smoothings = vec![(of_mean, MEAN), (1.0 - of_mean, OWN)];
+        self.angle_smoothings = vec![(of_mean, MEAN_SMOOTHING), (1.0 - of_mean, DIFFERENCE_SMOOTHING)];
     }
 
-    /// Records the motions again, as a motor would that rested restart_point within its encoder's steps.
+    /// Draws the error of the recorded angle anew: the rest position of the motor within a step of its encoder, or white noise if the
+    /// angle is not quantised.
     pub fn redraw_angle_error(&mut self, stream: &mut Stream) {
         let step = self.angle_step_rad;
         for trial in &mut self.trials {
@@ -51,7 +52,8 @@ impl Observations {
         }
     }
 
-    fn share_among(&mut self, alike: &[usize]) {
+    /// Averages the motion over the trials `alike`, aligned at the onset.
+    fn average_over(&mut self, alike: &[usize]) {
         let trials = || alike.iter().map(|trial| &self.trials[*trial]);
         let before = trials().map(|trial| trial.input.onset).min().unwrap_or(0);
         let after = trials().map(|trial| trial.angle_rad.len() - trial.input.onset).min().unwrap_or(0);
@@ -62,16 +64,16 @@ impl Observations {
         let mean: Vec<f64> = (0..before + after)
             .map(|sample| angles.iter().map(|angle| angle[sample]).sum::<f64>() / angles.len() as f64)
             .collect();
-        let in_common = MEAN.motion(&mean, self.period_s);
+        let common = MEAN_SMOOTHING.motion(&mean, self.period_s);
         for (trial, angle) in alike.iter().zip(angles) {
-            let differs: Vec<f64> = angle.iter().zip(&mean).map(|(own, mean)| own - mean).collect();
-            let own = OWN.motion(&differs, self.period_s);
+            let difference: Vec<f64> = angle.iter().zip(&mean).map(|(own, mean)| own - mean).collect();
+            let own = DIFFERENCE_SMOOTHING.motion(&difference, self.period_s);
             let input = &mut self.trials[*trial].input;
             let sum = |(a, b): (&Kinematics<f64>, &Kinematics<f64>)| Kinematics {
                 theta: a.theta + b.theta,
                 omega: a.omega + b.omega,
             };
-            input.motion = in_common.iter().zip(&own).map(sum).collect();
+            input.motion = common.iter().zip(&own).map(sum).collect();
             input.onset = before;
             self.trials[*trial].angle_rad = angle;
         }

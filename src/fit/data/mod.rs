@@ -1,5 +1,7 @@
-//! Measured data: from a session to the torque and motion that are compared with the model.
+//! Observations: the measured torque and motion of each trial, prepared from a session for the comparison with the model.
 
+pub mod covariates;
 pub mod hold_noise;
 pub mod input_averaging;
+pub mod observations;
 pub mod preprocessing;

@@ -1,43 +1,46 @@
-//! Blocks as problems of their own: a block's trials and the border, with what the other blocks know of the border as the
-//! quadratic that is left when they follow. One block may come ambiguous_trials times; all descend side by side.
+//! Block subproblems: the trials of one block as a problem of their own, with the border and a quadratic approximation of what the
+//! other blocks know about it. A block may occur several times, with different starts; all subproblems are solved side by side.
 
 use std::ops::Range;
 
 use super::fit::Fit;
-use crate::fit::data::preprocessing::Observations;
-use crate::fit::parameters::parameterisation::{BorderPrior, Component, Parameterisation, Transform};
-use crate::fit::solver::levenberg_marquardt::{Solution, SolverOptions, solve};
-use crate::fit::solver::normal_equations::{NormalEquations, Objective, evaluate};
+use crate::fit::data::observations::Observations;
+use crate::fit::parameters::component::{BorderPrior, Component};
+use crate::fit::parameters::parameterisation::Parameterisation;
+use crate::fit::residuals::objective::Objective;
+use crate::fit::solver::levenberg_marquardt::{Solution, solve};
+use crate::fit::solver::normal_equations::{GaussNewtonEquations, evaluate};
+use crate::fit::solver::options::SolverOptions;
 use crate::wrist::mechanisms::MechanismKind;
 
-/// A block of trials: index of its component, and of the block in it.
-pub(in crate::fit) type BlockIndex = (usize, usize);
+/// A block of a session: index of its component, and index of the block in the component.
+pub type BlockIndex = (usize, usize);
 
-/// Small problems, one a place.
-pub(in crate::fit) struct BlockSubproblems<'a> {
+/// Subproblems of some blocks about the optimum of a fit.
+pub struct BlockSubproblems<'a> {
     kinds: &'a [MechanismKind],
     objective: &'a Objective,
     observations: Observations,
-    /// The coordinates of all of them; a component each.
+    /// Coordinates of all subproblems; each subproblem is a component.
     pub parameterisation: Parameterisation,
-    /// Where the fit ended, in these coordinates.
+    /// The optimum of the fit, in these coordinates.
     pub start: Vec<f64>,
-    /// The coordinates of each: its block's, then the border's.
+    /// For each subproblem, the range of its coordinates: those of the block, then those of the border.
     pub ranges: Vec<Range<usize>>,
 }
 
 impl<'a> BlockSubproblems<'a> {
-    /// The problems of the blocks at `places`, which come one block after the other, about the optimum of `fit`; `normals` are
-    /// the normal equations there.
+    /// Subproblems of `blocks`, in which a block that occurs several times does so consecutively. `equations` are the normal equations
+    /// of the components at the optimum of `fit`.
     pub fn new(
         observations: &Observations,
         fit: &'a Fit,
-        normals: &[NormalEquations],
-        places: &[BlockIndex],
+        equations: &[GaussNewtonEquations],
+        blocks: &[BlockIndex],
     ) -> Self {
         let at = &fit.solution.coordinates;
         let mut trials = Vec::new();
-        let mut known: Option<(BlockIndex, BorderPrior)> = None;
+        let mut last_prior: Option<(BlockIndex, BorderPrior)> = None;
         let mut parameterisation = Parameterisation {
             coordinates: Vec::new(),
             transforms: Vec::new(),
@@ -45,49 +48,64 @@ impl<'a> BlockSubproblems<'a> {
             estimated: fit.parameterisation.estimated.clone(),
         };
         let (mut start, mut ranges) = (Vec::new(), Vec::new());
-        for (component, block) in places {
+        for (component, block) in blocks {
             let own = &fit.parameterisation.components[*component];
             let order: Vec<usize> = own.blocks[*block].iter().chain(&own.border).copied().collect();
             let (first, border) = (start.len(), start.len() + own.blocks[*block].len());
-            let here = |index: usize| first + order.iter().position(|own| *own == index).unwrap_or(0);
-            parameterisation
-                .coordinates
-                .extend(order.iter().map(|index| fit.parameterisation.coordinates[*index].clone()));
-            // What is known of the border beforehand is in what the others know of it.
+            let index_here = |index: usize| {
+                let position = order.iter().position(|own| *own == index);
+                first + position.expect("a coordinate of the block or of the border")
+            };
+            let coordinates = order.iter().map(|index| fit.parameterisation.coordinates[*index].clone());
+            parameterisation.coordinates.extend(coordinates);
+            // The border prior contains the priors of the border's coordinates.
             parameterisation.coordinates[border..].iter_mut().for_each(|coordinate| coordinate.prior = None);
             start.extend(order.iter().map(|index| at[*index]));
             let first_trial = trials.len();
             trials.extend(own.trials_of_block(*block));
-            let links = trials[first_trial..].iter().map(|trial| &fit.parameterisation.transforms[*trial]);
-            parameterisation
-                .transforms
-                .extend(links.map(|own| own.iter().map(|link| moved(link, &here)).collect::<Vec<_>>()));
-            if known.as_ref().is_none_or(|(of, _)| *of != (*component, *block)) {
-                known = Some((
-                    (*component, *block),
-                    normals[*component].border_prior_from_others(own, *block, at),
-                ));
+            for trial in &trials[first_trial..] {
+                let transforms = fit.parameterisation.transforms[*trial].iter();
+                let here = transforms.map(|transform| transform.reindexed(index_here)).collect();
+                parameterisation.transforms.push(here);
             }
+            let prior = match last_prior.take() {
+                Some((of, prior)) if of == (*component, *block) => prior,
+                _ => equations[*component].border_prior_from_others(own, *block, at),
+            };
             parameterisation.components.push(Component {
                 trials: (first_trial..trials.len()).collect(),
                 blocks: vec![(first..border).collect()],
                 block_of_trial: vec![0; trials.len() - first_trial],
                 border: (border..start.len()).collect(),
-                border_prior: known.as_ref().map(|(_, known)| known.clone()),
+                border_prior: Some(prior.clone()),
             });
+            last_prior = Some(((*component, *block), prior));
             ranges.push(first..start.len());
         }
-        let (kinds, objective) = (&fit.kinds, &fit.objective);
-        Self { kinds, objective, observations: observations.subset(&trials), parameterisation, start, ranges }
+        Self {
+            kinds: &fit.kinds,
+            objective: &fit.objective,
+            observations: observations.subset(&trials),
+            parameterisation,
+            start,
+            ranges,
+        }
     }
 
-    /// The normal equations of all problems.
-    pub fn normals(&self, at: &[f64]) -> Vec<NormalEquations> {
+    /// Normal equations of all subproblems at `coordinates`.
+    pub fn normal_equations(&self, coordinates: &[f64]) -> Vec<GaussNewtonEquations> {
         let components: Vec<&Component> = self.parameterisation.components.iter().collect();
-        evaluate(&self.observations, &self.parameterisation, self.kinds, self.objective, &components, at)
+        evaluate(
+            &self.observations,
+            &self.parameterisation,
+            self.kinds,
+            self.objective,
+            &components,
+            coordinates,
+        )
     }
 
-    /// Solves the problems that `parameterisation` has; its coordinates are those of all.
+    /// Solves the subproblems that are components of `parameterisation`; see [`BlockSubproblems::subset`].
     pub fn solve(
         &self,
         parameterisation: &Parameterisation,
@@ -97,27 +115,14 @@ impl<'a> BlockSubproblems<'a> {
         solve(&self.observations, parameterisation, self.kinds, self.objective, start, options)
     }
 
-    /// A parameterisation of some of the problems.
-    pub fn subset(&self, problems: &[usize]) -> Parameterisation {
+    /// A parameterisation with the components of `subproblems`, given by index, and the coordinates of all.
+    pub fn subset(&self, subproblems: &[usize]) -> Parameterisation {
         Parameterisation {
-            components: problems
+            components: subproblems
                 .iter()
                 .map(|index| self.parameterisation.components[*index].clone())
                 .collect(),
             ..self.parameterisation.clone()
-        }
-    }
-}
-
-/// A link with its coordinates in other places.
-fn moved(link: &Transform, here: &dyn Fn(usize) -> usize) -> Transform {
-    match link {
-        Transform::Fixed(value) => Transform::Fixed(*value),
-        Transform::Logarithmic { coordinate, factor } => {
-            Transform::Logarithmic { coordinate: here(*coordinate), factor: *factor }
-        }
-        Transform::Sum(terms) => {
-            Transform::Sum(terms.iter().map(|(index, factor)| (here(*index), *factor)).collect())
         }
     }
 }

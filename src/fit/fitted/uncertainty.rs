@@ -1,69 +1,33 @@
-//! How well the parameters are known: Eq. 9 of the paper, and standard errors from the noise that the holds show.
+//! Standard errors of the parameters: Eq. 9 of the paper, and from the estimated covariance of the residuals.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::fit::Fit;
-use crate::fit::data::preprocessing::Observations;
-use crate::fit::residuals::prediction::predict;
-use crate::fit::solver::normal_equations::{Objective, evaluate};
-use crate::wrist::{BASE_PARAMETERS, SimulatedTorque};
+use super::predictions::{Prediction, predictions};
+use crate::fit::data::observations::Observations;
+use crate::fit::linalg::invert_scaled;
+use crate::fit::parameters::component::Component;
+use crate::fit::residuals::objective::Objective;
+use crate::fit::solver::normal_equations::{GaussNewtonEquations, evaluate};
+use crate::wrist::BASE_PARAMETERS;
 
-/// One trial's uncertainty, by the six base parameters; relative to the parameter.
+/// Relative standard errors of the six base parameters of one trial.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Uncertainty {
-    /// Eq. 9: counts every sample as independent.
+    /// Eq. 9, which counts every sample as independent; `None` if the parameter is fixed or not determined.
     pub sem: [Option<f64>; 6],
-    /// From the measured noise covariance; `None` without a hold, or where the data do not determine the parameter.
+    /// Standard error from the covariance of the residuals; `None` if the covariance is unknown, or the parameter fixed, at a bound or
+    /// not determined.
     pub se: [Option<f64>; 6],
 }
 
-/// Predicted torque of a trial, its residuals (measured less predicted) and derivatives by the estimated parameters.
-pub struct Prediction {
-    /// Predicted torque, N m.
-    pub torque_nm: Vec<f64>,
-    /// Measured less predicted, N m.
-    pub residual_nm: Vec<f64>,
-    /// Derivatives of the prediction: samples by estimated parameters.
-    pub jacobian: DMatrix<f64>,
-}
-
-/// Predictions of all trials at the optimum.
-pub fn predictions(observations: &Observations, fit: &Fit) -> Vec<Prediction> {
-    let trials: Vec<usize> = (0..observations.trials.len()).collect();
-    let flat: Vec<f64> = fit.parameters.iter().flatten().copied().collect();
-    let wanted = &fit.parameterisation.estimated;
-    let mut response = SimulatedTorque::default();
-    predict(observations, &fit.kinds, wanted, &trials, &flat, &mut response);
-    let samples = observations.samples;
-    trials
-        .iter()
-        .map(|trial| {
-            let torque_nm = response.torque_nm[trial * samples..(trial + 1) * samples].to_vec();
-            let slopes =
-                &response.slopes[trial * samples * wanted.len()..(trial + 1) * samples * wanted.len()];
-            let measured = &observations.trials[*trial].measured_nm;
-            Prediction {
-                residual_nm: measured.iter().zip(&torque_nm).map(|(m, p)| m - p).collect(),
-                torque_nm,
-                jacobian: DMatrix::from_row_slice(samples, wanted.len(), slopes),
-            }
-        })
-        .collect()
-}
-
-/// Variance accounted for, of torque: Eq. 8 prints the angle, but what is fitted and judged is the torque.
-pub fn variance_accounted_for(measured_nm: &[f64], residual_nm: &[f64]) -> f64 {
-    let square = |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>();
-    1.0 - square(residual_nm) / square(measured_nm)
-}
-
-/// The uncertainty of every trial's parameters.
+/// Uncertainty of the base parameters of every trial.
 pub fn uncertainties(observations: &Observations, fit: &Fit, predictions: &[Prediction]) -> Vec<Uncertainty> {
-    let honest = covariance(observations, fit, predictions);
+    let covariances = coordinate_covariances(observations, fit, predictions);
     (0..observations.trials.len())
         .map(|trial| Uncertainty {
             sem: sem(fit, trial, &predictions[trial]),
-            se: standard_errors(fit, trial, honest.as_deref()),
+            se: relative_standard_errors(fit, trial, covariances.as_deref()),
         })
         .collect()
 }
@@ -87,11 +51,12 @@ fn sem(fit: &Fit, trial: usize, prediction: &Prediction) -> [Option<f64>; 6] {
     sem
 }
 
-/// The covariance of the coordinates, component by component; `None` where no noise could be measured.
+/// Covariance of the coordinates of each component, in the order of the component; `None` if the covariance of the residuals is
+/// unknown.
 ///
-/// For a whitened fit it is the inverse of the Gauss-Newton matrix; for plain least squares the sandwich
-/// H^-1 J'CJ H^-1 with the measured covariance C. Coordinates at a bound count as known.
-pub fn covariance(
+/// For whitened residuals it is the inverse of the Gauss-Newton matrix H. For ordinary least squares it is the sandwich estimator
+/// H^-1 J'CJ H^-1 with the estimated covariance C of the residuals. Coordinates at a bound count as known.
+pub fn coordinate_covariances(
     observations: &Observations,
     fit: &Fit,
     predictions: &[Prediction],
@@ -101,20 +66,12 @@ pub fn covariance(
     }
     let components: Vec<_> = fit.parameterisation.components.iter().collect();
     let at = &fit.solution.coordinates;
-    let normals = evaluate(observations, &fit.parameterisation, &fit.kinds, &fit.objective, &components, at);
-    let of_component = |(component, normal): (
-        &&crate::fit::parameters::parameterisation::Component,
-        &crate::fit::solver::normal_equations::NormalEquations,
-    )| {
+    let equations =
+        evaluate(observations, &fit.parameterisation, &fit.kinds, &fit.objective, &components, at);
+    let of_component = |(component, equations): (&&Component, &GaussNewtonEquations)| {
         let order = component.order();
-        let mut matrix = normal.dense(component);
-        let held: Vec<bool> = order
-            .iter()
-            .map(|index| {
-                let (c, x) = (&fit.parameterisation.coordinates[*index], at[*index]);
-                x <= c.low + 1e-6 || x >= c.high - 1e-6
-            })
-            .collect();
+        let mut matrix = equations.dense(component);
+        let held: Vec<bool> = order.iter().map(|index| fit.coordinate_at_bound(*index)).collect();
         for (i, held) in held.iter().enumerate() {
             if *held {
                 matrix.row_mut(i).fill(0.0);
@@ -126,8 +83,8 @@ pub fn covariance(
             return DMatrix::from_element(order.len(), order.len(), f64::INFINITY);
         };
         if let Objective::LeastSquares = fit.objective {
-            let filling = filling(observations, fit, predictions, component, &order);
-            inverse = &inverse * filling * &inverse;
+            let meat = sandwich_meat(observations, fit, predictions, component, &order);
+            inverse = &inverse * meat * &inverse;
         }
         for (i, held) in held.iter().enumerate() {
             if *held {
@@ -137,57 +94,56 @@ pub fn covariance(
         }
         inverse
     };
-    Some(components.iter().zip(&normals).map(of_component).collect())
+    Some(components.iter().zip(&equations).map(of_component).collect())
 }
 
-/// The filling of the sandwich: the sum over trials of J'CJ, C being the measured covariance between all samples.
-fn filling(
+/// The middle factor of the sandwich estimator: the sum over trials of J'CJ, with the covariance C between all samples.
+fn sandwich_meat(
     observations: &Observations,
     fit: &Fit,
     predictions: &[Prediction],
-    component: &crate::fit::parameters::parameterisation::Component,
+    component: &Component,
     order: &[usize],
 ) -> DMatrix<f64> {
-    let places: Vec<usize> = observations.noise_samples().collect();
-    let mut filling = DMatrix::zeros(order.len(), order.len());
+    let samples: Vec<usize> = observations.noise_samples().collect();
+    let mut meat = DMatrix::zeros(order.len(), order.len());
     for trial in &component.trials {
         let Some(noise) = observations.noise_index[*trial] else { continue };
         let jacobian = &predictions[*trial].jacobian;
-        // The covariance is known on every stride-th sample; between them noise and derivatives are smooth, so that the sum
-        // over all samples is that over these, each standing for its neighbours.
-        let weight = observations.samples as f64 / places.len() as f64;
-        let rows = DMatrix::from_fn(places.len(), jacobian.ncols(), |i, j| weight * jacobian[(places[i], j)]);
+        // The covariance is known on the noise samples. Noise and derivatives are smooth in between, so each noise sample stands for
+        // its neighbours in the sum over all samples.
+        let weight = observations.samples as f64 / samples.len() as f64;
+        let rows =
+            DMatrix::from_fn(samples.len(), jacobian.ncols(), |i, j| weight * jacobian[(samples[i], j)]);
         let mut to_coordinates = DMatrix::zeros(jacobian.ncols(), order.len());
         for (row, parameter) in fit.parameterisation.estimated.iter().enumerate() {
-            fit.parameterisation.slopes(
-                *trial,
-                *parameter,
-                fit.parameters[*trial][*parameter],
-                |coordinate, slope| {
-                    if let Some(column) = order.iter().position(|index| *index == coordinate) {
-                        to_coordinates[(row, column)] = slope;
-                    }
-                },
-            );
+            let value = fit.parameters[*trial][*parameter];
+            fit.parameterisation.slopes(*trial, *parameter, value, |coordinate, slope| {
+                if let Some(column) = order.iter().position(|index| *index == coordinate) {
+                    to_coordinates[(row, column)] = slope;
+                }
+            });
         }
         let full = rows * to_coordinates;
-        filling += full.tr_mul(&(&fit.residual_covariances[noise].covariance * &full));
+        meat += full.tr_mul(&(&fit.residual_covariances[noise].covariance * &full));
     }
-    filling
+    meat
 }
 
 impl Fit {
-    /// Standard errors of the first trial's parameters, the mechanisms' included; absent where the data do not tell.
+    /// Standard errors of all parameters of the first trial, in the units of the parameters; `None` for a parameter that is fixed, at a
+    /// bound or not determined, or if the covariance of the residuals is unknown.
     pub fn standard_errors(&self, observations: &Observations) -> Vec<Option<f64>> {
         let count = self.parameters[0].len();
-        let Some(covariances) = covariance(observations, self, &predictions(observations, self)) else {
+        let predictions = predictions(observations, self);
+        let Some(covariances) = coordinate_covariances(observations, self, &predictions) else {
             return vec![None; count];
         };
         (0..count).map(|parameter| standard_error(self, 0, parameter, &covariances)).collect()
     }
 }
 
-/// Standard error of one parameter of a trial.
+/// Standard error of one parameter of a trial, in the unit of the parameter.
 fn standard_error(fit: &Fit, trial: usize, parameter: usize, covariances: &[DMatrix<f64>]) -> Option<f64> {
     if fit.at_bound(trial, parameter) || !fit.parameterisation.estimated.contains(&parameter) {
         return None;
@@ -196,16 +152,21 @@ fn standard_error(fit: &Fit, trial: usize, parameter: usize, covariances: &[DMat
         fit.parameterisation.components.iter().position(|component| component.trials.contains(&trial))?;
     let order = fit.parameterisation.components[index].order();
     let mut gradient = DVector::zeros(order.len());
-    fit.parameterisation.slopes(trial, parameter, fit.parameters[trial][parameter], |coordinate, slope| {
-        if let Some(place) = order.iter().position(|own| *own == coordinate) {
-            gradient[place] = slope;
+    let value = fit.parameters[trial][parameter];
+    fit.parameterisation.slopes(trial, parameter, value, |coordinate, slope| {
+        if let Some(position) = order.iter().position(|own| *own == coordinate) {
+            gradient[position] = slope;
         }
     });
     finite(libm::sqrt(gradient.dot(&(&covariances[index] * &gradient))))
 }
 
-/// Standard errors of a trial's base parameters relative to them.
-fn standard_errors(fit: &Fit, trial: usize, covariances: Option<&[DMatrix<f64>]>) -> [Option<f64>; 6] {
+/// Standard errors of the base parameters of a trial, relative to the parameters.
+fn relative_standard_errors(
+    fit: &Fit,
+    trial: usize,
+    covariances: Option<&[DMatrix<f64>]>,
+) -> [Option<f64>; 6] {
     let mut se = [None; 6];
     let Some(covariances) = covariances else { return se };
     for (parameter, slot) in se.iter_mut().enumerate() {
@@ -217,14 +178,4 @@ fn standard_errors(fit: &Fit, trial: usize, covariances: Option<&[DMatrix<f64>]>
 
 fn finite(value: f64) -> Option<f64> {
     value.is_finite().then_some(value)
-}
-
-/// The inverse of a positive definite matrix, scaled first; `None` if it is singular.
-pub(in crate::fit) fn invert_scaled(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let scale: Vec<f64> =
-        matrix.diagonal().iter().map(|x| 1.0 / libm::sqrt(x.max(f64::MIN_POSITIVE))).collect();
-    let scaled =
-        DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] * scale[i] * scale[j]);
-    let inverse = nalgebra::Cholesky::new(scaled)?.inverse();
-    Some(DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| inverse[(i, j)] * scale[i] * scale[j]))
 }

@@ -1,47 +1,49 @@
-//! The parametric bootstrap: how the estimates scatter when the fitted session is measured again and again.
+//! Parametric bootstrap: the spread of the estimates over simulated sessions.
 
 use rayon::prelude::*;
 
 use super::resampling::{NoiseSampler, draw_observations};
-use crate::fit::data::preprocessing::Observations;
+use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
-use crate::fit::output::estimates::QUANTITIES;
+use crate::fit::fitted::predictions::predictions;
+use crate::fit::fitted::quantities::QUANTITIES;
+use crate::fit::model::parameter_index::{K_DEC, K_SRS};
 use crate::random::Stream;
+use crate::wrist::BASE_PARAMETERS;
 
-/// How many quantities are bootstrapped: all but the VAF, which is no property of the wrist.
+/// Number of bootstrapped quantities: all but the VAF, which is no property of the wrist.
 const COUNT: usize = QUANTITIES.len() - 1;
 
-/// Names of what is bootstrapped: the base parameters, then the quantities that follow from them.
+/// Names of the bootstrapped quantities: the base parameters, then the quantities that follow from them.
 pub const BOOTSTRAPPED_QUANTITIES: &[&str] = QUANTITIES.split_at(COUNT).0;
 
-/// What the refits of a trial came to, by [`BOOTSTRAPPED_QUANTITIES`].
+/// Spread of the quantities of one trial over the bootstrap, in the order of [`BOOTSTRAPPED_QUANTITIES`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct BootstrapSpread {
-    /// Standard deviation; absent where fewer than two refits have a value.
+    /// Standard deviation; `None` if fewer than two refits have a value.
     pub sd: [Option<f64>; COUNT],
-    /// 2.5th and 97.5th percentile.
+    /// 2.5th and 97.5th percentile; `None` if fewer than two refits have a value.
     pub percentiles: [Option<[f64; 2]>; COUNT],
 }
 
-/// Refits `refits` sessions drawn from `fit`, and tells how each trial's values scatter. Empty without a measured noise.
+/// Simulates `refits` sessions from `fit`, refits each, and returns the spread of each trial; empty if the covariance of the residuals
+/// is unknown.
 ///
-/// Each refit has a random stream of its own, so the answer does not depend on the number of threads.
+/// Each refit has its own random stream, so the result does not depend on the number of threads.
 pub fn bootstrap(observations: &Observations, fit: &Fit, refits: usize, seed: u64) -> Vec<BootstrapSpread> {
     if fit.residual_covariances.is_empty() {
         return Vec::new();
     }
-    let predicted: Vec<Vec<f64>> = crate::fit::fitted::uncertainty::predictions(observations, fit)
-        .into_iter()
-        .map(|own| own.torque_nm)
-        .collect();
-    let noise = NoiseSampler::new(fit);
+    let predicted: Vec<Vec<f64>> =
+        predictions(observations, fit).into_iter().map(|own| own.torque_nm).collect();
+    let noise = NoiseSampler::new(&fit.residual_covariances);
     let drawn: Vec<Vec<[Option<f64>; COUNT]>> = (0..refits)
         .into_par_iter()
         .map(|number| {
             let mut stream = Stream::new(seed, &format!("fit/bootstrap/{number}"));
             let session = draw_observations(observations, &predicted, &noise, &mut stream);
             let refitted = fit.refitted(&session);
-            (0..session.trials.len()).map(|trial| values(&session, &refitted, trial)).collect()
+            (0..session.trials.len()).map(|trial| quantities(&session, &refitted, trial)).collect()
         })
         .collect();
     (0..observations.trials.len())
@@ -49,15 +51,16 @@ pub fn bootstrap(observations: &Observations, fit: &Fit, refits: usize, seed: u6
         .collect()
 }
 
-fn values(session: &Observations, fit: &Fit, trial: usize) -> [Option<f64>; COUNT] {
+/// The bootstrapped quantities of a trial.
+fn quantities(session: &Observations, fit: &Fit, trial: usize) -> [Option<f64>; COUNT] {
     let own = &fit.parameters[trial];
-    let mut values = [None; COUNT];
-    for (value, parameter) in values.iter_mut().zip(&own[..6]) {
-        *value = Some(*parameter);
+    let mut quantities = [None; COUNT];
+    for (quantity, parameter) in quantities.iter_mut().zip(&own[..BASE_PARAMETERS.len()]) {
+        *quantity = Some(*parameter);
     }
-    values[6] = Some(own[3] - own[4]);
-    values[7] = fit.x_t_s(session, trial);
-    values
+    quantities[6] = Some(own[K_SRS] - own[K_DEC]);
+    quantities[7] = fit.x_t_s(session, trial);
+    quantities
 }
 
 impl BootstrapSpread {
@@ -73,16 +76,16 @@ impl BootstrapSpread {
             let mean = values.iter().sum::<f64>() / count;
             let squares = values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
             sd[quantity] = Some(libm::sqrt(squares / (count - 1.0)));
-            percentiles[quantity] = Some([0.025, 0.975].map(|part| percentile(&values, part)));
+            percentiles[quantity] = Some([0.025, 0.975].map(|fraction| percentile(&values, fraction)));
         }
         Self { sd, percentiles }
     }
 }
 
-/// The percentile of sorted values, with a straight line between neighbours.
-fn percentile(sorted: &[f64], part: f64) -> f64 {
-    let place = part * (sorted.len() - 1) as f64;
-    let below = libm::floor(place) as usize;
+/// The percentile of sorted values, linearly interpolated between neighbours.
+fn percentile(sorted: &[f64], fraction: f64) -> f64 {
+    let rank = fraction * (sorted.len() - 1) as f64;
+    let below = libm::floor(rank) as usize;
     let above = (below + 1).min(sorted.len() - 1);
-    sorted[below] + (place - below as f64) * (sorted[above] - sorted[below])
+    sorted[below] + (rank - below as f64) * (sorted[above] - sorted[below])
 }

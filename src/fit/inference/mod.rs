@@ -1,4 +1,4 @@
-//! Intervals beyond standard errors: profile likelihood and parametric bootstrap.
+//! Intervals beyond standard errors: profile likelihood, and the parametric bootstrap.
 
 pub mod bootstrap;
 pub mod profile;

@@ -1,60 +1,47 @@
-//! Profile likelihood intervals: how far a parameter can be moved, all others following, before the noise can't account
-//! for what the fit loses.
+//! Profile likelihood intervals: how far a parameter can move, all others re-estimated, until the cost increases significantly.
 //!
-//! The elastic limit and the decrement beyond it act on the last milliseconds of a window only, and the likelihood is not a
-//! parabola about them: an interval from the curvature at the optimum is too short on one side. Each trial's profile is a
-//! small problem of its own, its block and the border; what the other blocks know of the border goes into it as the
-//! quadratic that is left when they are eliminated. All profiles of a session descend side by side.
+//! x_e and k_dec affect only the last milliseconds of a window, and the log likelihood is not a parabola over them: an interval from the
+//! curvature at the optimum would be too short on one side. Each profile is a block subproblem, and all profiles of a session are
+//! computed side by side.
 
 use std::ops::Range;
 
-use crate::fit::data::preprocessing::Observations;
+use crate::fit::data::observations::Observations;
 use crate::fit::fitted::block_subproblem::{BlockIndex, BlockSubproblems};
-use crate::fit::fitted::fit::{Fit, X_E};
-use crate::fit::parameters::parameterisation::{Component, Coordinate, Transform};
-use crate::fit::solver::levenberg_marquardt::SolverOptions;
-use crate::fit::solver::normal_equations::{NormalEquations, Objective, evaluate};
+use crate::fit::fitted::fit::Fit;
+use crate::fit::model::parameter_index::{K_DEC, X_E};
+use crate::fit::parameters::component::Component;
+use crate::fit::parameters::coordinate::{Coordinate, Transform};
+use crate::fit::residuals::objective::Objective;
+use crate::fit::solver::normal_equations::{GaussNewtonEquations, evaluate};
+use crate::fit::solver::options::SolverOptions;
 
-/// The parameters that have a profile: k_dec and x_e.
-pub const PROFILED_PARAMETERS: [usize; 2] = [4, X_E];
+/// Indices of the parameters that have a profile.
+pub const PROFILED_PARAMETERS: [usize; 2] = [K_DEC, X_E];
 
-/// Fall of twice the log likelihood at the ends of a 95 % interval: chi-square with one degree of freedom.
-const FALL: f64 = 3.841_458_820_694_124;
+/// Decrease of twice the log likelihood at the ends of a 95 % interval: the 95 % quantile of chi-square with one degree of freedom.
+const CHI_SQUARE_95: f64 = 3.841_458_820_694_124;
 
-/// The interval's ends are found to this part of the fall's root.
-const EXACT: f64 = 0.01;
+/// Accuracy of the ends, relative to the square root of [`CHI_SQUARE_95`].
+const END_TOLERANCE: f64 = 0.01;
 
-/// How many times an end is sought anew.
-const ROUNDS: usize = 8;
+/// Largest number of secant steps for an end.
+const MAX_SECANT_STEPS: usize = 8;
 
-/// A profile starts at its neighbour's end; few steps lead down.
-const STEPS: SolverOptions = SolverOptions { max_iterations: 12, tolerance: 1e-5, max_log_step: 0.7 };
+/// Options of the solver at a point of a profile, which starts at the solution of the point before.
+const PROFILE_POINT: SolverOptions = SolverOptions { max_iterations: 12, tolerance: 1e-5, max_log_step: 0.7 };
 
-/// The 95 % interval of one parameter of a trial.
+/// 95 % profile likelihood interval of one parameter of a trial, in the unit of the parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProfileInterval {
-    /// Lower end; `None` where the fit may go to its bound without a loss that the noise could not make.
+    /// Lower end; `None` if the cost does not increase significantly up to the bound.
     pub low: Option<f64>,
-    /// Upper end, likewise.
+    /// Upper end; `None` if the cost does not increase significantly up to the bound.
     pub high: Option<f64>,
 }
 
-/// One end that is sought.
-struct IntervalEnd {
-    component: usize,
-    block: usize,
-    coordinate: usize,
-    upwards: bool,
-    optimum: f64,
-    /// Where the profile is evaluated next, and the points that enclose the end: place and root of the fall.
-    at: f64,
-    inside: (f64, f64),
-    outside: Option<(f64, f64)>,
-    found: Option<Option<f64>>,
-}
-
-/// The intervals of every trial's [`PROFILED_PARAMETERS`] parameters; `None` where a parameter is not a coordinate of its own block, or
-/// where no measured noise says what a loss is worth.
+/// Profile likelihood intervals of the [`PROFILED_PARAMETERS`] of every trial. `None` for a parameter that is not a coordinate of its
+/// own block, and for unweighted fits, for which no noise says which increase of the cost is significant.
 pub fn profiles(observations: &Observations, fit: &Fit) -> Vec<[Option<ProfileInterval>; 2]> {
     let none = vec![[None; 2]; observations.trials.len()];
     if !matches!(fit.objective, Objective::Whitened(_)) {
@@ -62,20 +49,20 @@ pub fn profiles(observations: &Observations, fit: &Fit) -> Vec<[Option<ProfileIn
     }
     let components: Vec<&Component> = fit.parameterisation.components.iter().collect();
     let at = &fit.solution.coordinates;
-    let normals = evaluate(observations, &fit.parameterisation, &fit.kinds, &fit.objective, &components, at);
-    let mut ends = ends(fit, &normals);
+    let equations =
+        evaluate(observations, &fit.parameterisation, &fit.kinds, &fit.objective, &components, at);
+    let mut ends = interval_ends(fit, &equations);
     if ends.is_empty() {
         return none;
     }
-    let problems = ProfileProblems::new(observations, fit, &normals, &ends);
-    problems.seek(&mut ends);
-    let end_of = |trial: usize, parameter: usize, upwards: bool| {
+    ProfileProblems::new(observations, fit, &equations, &ends).find(&mut ends);
+    let end_of = |trial: usize, parameter: usize, upper: bool| {
         let Transform::Logarithmic { coordinate, factor } = fit.parameterisation.transforms[trial][parameter]
         else {
             return None;
         };
-        let end = ends.iter().find(|end| end.coordinate == coordinate && end.upwards == upwards)?;
-        Some(end.found.flatten().map(|place| factor * libm::exp(place)))
+        let end = ends.iter().find(|end| end.coordinate == coordinate && end.upper == upper)?;
+        Some(end.found.flatten().map(|coordinate| factor * libm::exp(coordinate)))
     };
     (0..observations.trials.len())
         .map(|trial| {
@@ -87,33 +74,56 @@ pub fn profiles(observations: &Observations, fit: &Fit) -> Vec<[Option<ProfileIn
         .collect()
 }
 
-/// Both ends of each coordinate that has a profile; first sought where the curvature at the optimum puts them.
-fn ends(fit: &Fit, normals: &[NormalEquations]) -> Vec<IntervalEnd> {
+/// Search for one end of an interval.
+struct IntervalEnd {
+    component: usize,
+    block: usize,
+    /// Index of the coordinate.
+    coordinate: usize,
+    /// Whether this is the upper end.
+    upper: bool,
+    /// The coordinate at the optimum.
+    optimum: f64,
+    /// The coordinate at which the profile is evaluated next.
+    at: f64,
+    /// The last point inside the interval: coordinate, and square root of the decrease of twice the log likelihood.
+    inside: (f64, f64),
+    /// The last point outside the interval, if any.
+    outside: Option<(f64, f64)>,
+    /// The end once it is known; `Some(None)` if the interval reaches the bound.
+    found: Option<Option<f64>>,
+}
+
+/// Both ends of each coordinate that has a profile. The first evaluation is where the curvature at the optimum puts the end.
+fn interval_ends(fit: &Fit, equations: &[GaussNewtonEquations]) -> Vec<IntervalEnd> {
     let mut ends = Vec::new();
     for (component, own) in fit.parameterisation.components.iter().enumerate() {
         for (block, coordinates) in own.blocks.iter().enumerate() {
-            let known = normals[component].border_prior_from_others(own, block, &fit.solution.coordinates);
-            let sds = normals[component].block_standard_deviations(block, &known);
-            for (place, coordinate) in coordinates.iter().enumerate() {
+            let prior = equations[component].border_prior_from_others(own, block, &fit.solution.coordinates);
+            let sds = equations[component].block_standard_deviations(block, &prior);
+            for (position, coordinate) in coordinates.iter().enumerate() {
                 let bounds = &fit.parameterisation.coordinates[*coordinate];
                 if !bounds.logarithmic || !PROFILED_PARAMETERS.contains(&bounds.parameter) {
                     continue;
                 }
-                let now = fit.solution.coordinates[*coordinate];
-                let step = libm::sqrt(FALL) * sds[place].clamp(1e-4, 0.5);
-                for upwards in [false, true] {
-                    let first =
-                        if upwards { (now + step).min(bounds.high) } else { (now - step).max(bounds.low) };
+                let optimum = fit.solution.coordinates[*coordinate];
+                let step = libm::sqrt(CHI_SQUARE_95) * sds[position].clamp(1e-4, 0.5);
+                for upper in [false, true] {
+                    let first = if upper {
+                        (optimum + step).min(bounds.high)
+                    } else {
+                        (optimum - step).max(bounds.low)
+                    };
                     ends.push(IntervalEnd {
                         component,
                         block,
                         coordinate: *coordinate,
-                        upwards,
-                        optimum: now,
+                        upper,
+                        optimum,
                         at: first,
-                        inside: (now, 0.0),
+                        inside: (optimum, 0.0),
                         outside: None,
-                        found: ((first - now).abs() < 1e-9).then_some(None),
+                        found: ((first - optimum).abs() < 1e-9).then_some(None),
                     });
                 }
             }
@@ -122,62 +132,62 @@ fn ends(fit: &Fit, normals: &[NormalEquations]) -> Vec<IntervalEnd> {
     ends
 }
 
-/// One small problem an end.
+/// One block subproblem per interval end.
 struct ProfileProblems<'a> {
-    alone: BlockSubproblems<'a>,
-    /// For each end, its coordinate in them, and the cost at the optimum.
+    subproblems: BlockSubproblems<'a>,
+    /// For each end, the index of its coordinate in the subproblems.
     target: Vec<usize>,
-    least: Vec<f64>,
+    /// For each end, the cost of its subproblem at the optimum.
+    optimal_cost: Vec<f64>,
 }
 
 impl<'a> ProfileProblems<'a> {
     fn new(
         observations: &Observations,
         fit: &'a Fit,
-        normals: &[NormalEquations],
+        equations: &[GaussNewtonEquations],
         ends: &[IntervalEnd],
     ) -> Self {
-        let places: Vec<BlockIndex> = ends.iter().map(|end| (end.component, end.block)).collect();
-        let alone = BlockSubproblems::new(observations, fit, normals, &places);
+        let blocks: Vec<BlockIndex> = ends.iter().map(|end| (end.component, end.block)).collect();
+        let subproblems = BlockSubproblems::new(observations, fit, equations, &blocks);
         let target = |(end, range): (&IntervalEnd, &Range<usize>)| {
             let block = &fit.parameterisation.components[end.component].blocks[end.block];
             range.start + block.iter().position(|index| *index == end.coordinate).unwrap_or(0)
         };
+        let at_optimum = subproblems.normal_equations(&subproblems.start);
         Self {
-            target: ends.iter().zip(&alone.ranges).map(target).collect(),
-            least: alone.normals(&alone.start).iter().map(|normal| normal.cost).collect(),
-            alone,
+            target: ends.iter().zip(&subproblems.ranges).map(target).collect(),
+            optimal_cost: at_optimum.iter().map(|own| own.cost).collect(),
+            subproblems,
         }
     }
 
-    /// Seeks all ends, by the secant of the root of the fall, which is nearly straight.
-    fn seek(&self, ends: &mut [IntervalEnd]) {
-        let mut reached = self.alone.start.clone();
-        for _ in 0..ROUNDS {
-            let sought: Vec<usize> = (0..ends.len()).filter(|index| ends[*index].found.is_none()).collect();
-            if sought.is_empty() {
+    /// Finds all ends by secant steps on the square root of the decrease of twice the log likelihood, which is nearly linear.
+    fn find(&self, ends: &mut [IntervalEnd]) {
+        let mut coordinates = self.subproblems.start.clone();
+        for _ in 0..MAX_SECANT_STEPS {
+            let open: Vec<usize> = (0..ends.len()).filter(|index| ends[*index].found.is_none()).collect();
+            if open.is_empty() {
                 return;
             }
-            let mut parameterisation = self.alone.subset(&sought);
-            let mut start = reached.clone();
-            for index in &sought {
+            let mut parameterisation = self.subproblems.subset(&open);
+            let mut start = coordinates.clone();
+            for index in &open {
                 let (target, at) = (self.target[*index], ends[*index].at);
-                (parameterisation.coordinates[target].low, parameterisation.coordinates[target].high) =
-                    (at, at);
+                let coordinate = &mut parameterisation.coordinates[target];
+                (coordinate.low, coordinate.high) = (at, at);
                 start[target] = at;
             }
-            let solution = self.alone.solve(&parameterisation, &start, STEPS);
-            for (index, outcome) in sought.iter().zip(&solution.outcomes) {
-                let range = self.alone.ranges[*index].clone();
-                reached[range.clone()].copy_from_slice(&solution.coordinates[range]);
-                let fall = 2.0 * (outcome.cost - self.least[*index]).max(0.0);
-                ends[*index].accept_or_reject(
-                    &self.alone.parameterisation.coordinates[self.target[*index]],
-                    libm::sqrt(fall),
-                );
+            let solution = self.subproblems.solve(&parameterisation, &start, PROFILE_POINT);
+            for (index, outcome) in open.iter().zip(&solution.outcomes) {
+                let range = self.subproblems.ranges[*index].clone();
+                coordinates[range.clone()].copy_from_slice(&solution.coordinates[range]);
+                let decrease = 2.0 * (outcome.cost - self.optimal_cost[*index]).max(0.0);
+                let bounds = &self.subproblems.parameterisation.coordinates[self.target[*index]];
+                ends[*index].update(bounds, libm::sqrt(decrease));
             }
         }
-        // What is still open lies between two known points: the straight line between them is near enough.
+        // An end that is still open lies between two known points, and the last secant step is accurate enough.
         for end in ends.iter_mut().filter(|end| end.found.is_none()) {
             end.found = Some(end.outside.map(|_| end.at));
         }
@@ -185,11 +195,11 @@ impl<'a> ProfileProblems<'a> {
 }
 
 impl IntervalEnd {
-    /// Takes the root of the fall at the present place, and chooses the next.
-    fn accept_or_reject(&mut self, bounds: &Coordinate, root: f64) {
-        let wanted = libm::sqrt(FALL);
-        let bound = if self.upwards { bounds.high } else { bounds.low };
-        if (root - wanted).abs() <= EXACT * wanted {
+    /// Updates the search with the square root of the decrease of twice the log likelihood at the present coordinate.
+    fn update(&mut self, bounds: &Coordinate, root: f64) {
+        let wanted = libm::sqrt(CHI_SQUARE_95);
+        let bound = if self.upper { bounds.high } else { bounds.low };
+        if (root - wanted).abs() <= END_TOLERANCE * wanted {
             self.found = Some(Some(self.at));
             return;
         }
@@ -202,16 +212,16 @@ impl IntervalEnd {
         } else {
             self.outside = Some((self.at, root));
         }
-        let (near, near_root) = self.inside;
+        let (inside, inside_root) = self.inside;
         self.at = match self.outside {
-            Some((far, far_root)) => {
-                let part = ((wanted - near_root) / (far_root - near_root)).clamp(0.1, 0.9);
-                near + part * (far - near)
+            Some((outside, outside_root)) => {
+                let fraction = ((wanted - inside_root) / (outside_root - inside_root)).clamp(0.1, 0.9);
+                inside + fraction * (outside - inside)
             }
             None => {
-                let further = (wanted / near_root.max(0.25)).clamp(1.1, 3.0) * (near - self.optimum);
-                let next = self.optimum + further;
-                if self.upwards { next.min(bound) } else { next.max(bound) }
+                let step = (wanted / inside_root.max(0.25)).clamp(1.1, 3.0) * (inside - self.optimum);
+                let next = self.optimum + step;
+                if self.upper { next.min(bound) } else { next.max(bound) }
             }
         };
     }

@@ -1,25 +1,20 @@
-//! The session again as it might have come out: the fitted model with fresh noise. What a parametric bootstrap refits.
+//! Parametric resampling: simulated sessions with predicted torques and new noise.
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::data::preprocessing::Observations;
-use crate::fit::fitted::fit::Fit;
+use crate::fit::data::observations::Observations;
 use crate::random::Stream;
 use crate::signal::NoiseCovariance;
 
-/// Draws noise with the measured covariances.
+/// Sampler of Gaussian noise with given covariances.
 pub struct NoiseSampler {
+    /// For each covariance C a matrix A with A A' = C.
     factors: Vec<DMatrix<f64>>,
 }
 
 impl NoiseSampler {
-    /// For everything that `fit` takes for noise, the error of the angle included.
-    pub fn new(fit: &Fit) -> Self {
-        Self::of(&fit.residual_covariances)
-    }
-
-    /// For these noise_covariances.
-    pub fn of(noise_covariances: &[NoiseCovariance]) -> Self {
+    /// A sampler for `covariances`, in the order of [`Observations::noise_covariances`].
+    pub fn new(covariances: &[NoiseCovariance]) -> Self {
         let factor = |noise: &NoiseCovariance| {
             let eigen = noise.covariance.clone().symmetric_eigen();
             let scale = DVector::from_iterator(
@@ -28,11 +23,16 @@ impl NoiseSampler {
             );
             &eigen.eigenvectors * DMatrix::from_diagonal(&scale)
         };
-        Self { factors: noise_covariances.iter().map(factor).collect() }
+        Self { factors: covariances.iter().map(factor).collect() }
+    }
+
+    /// A sampler for `covariances`.
+    pub fn of(covariances: &[NoiseCovariance]) -> Self {
+        Self::new(covariances)
     }
 }
 
-/// A session in which the predictions are right: measured torque is prediction plus noise, where noise is looked at.
+/// A simulated session: the measured torque is `predicted`, N m by trial and sample, plus noise from `noise` on the noise samples.
 pub fn draw_observations(
     observations: &Observations,
     predicted: &[Vec<f64>],
@@ -40,14 +40,14 @@ pub fn draw_observations(
     stream: &mut Stream,
 ) -> Observations {
     let mut simulated = observations.clone();
-    let places: Vec<usize> = observations.noise_samples().collect();
+    let samples: Vec<usize> = observations.noise_samples().collect();
     for (trial, own) in simulated.trials.iter_mut().enumerate() {
         own.measured_nm.clone_from(&predicted[trial]);
         let Some(index) = observations.noise_index[trial] else { continue };
-        let normals = DVector::from_fn(places.len(), |_, _| stream.normal());
+        let normals = DVector::from_fn(samples.len(), |_, _| stream.normal());
         let drawn = &noise.factors[index] * normals;
-        for (place, value) in places.iter().zip(drawn.iter()) {
-            own.measured_nm[*place] += value;
+        for (sample, value) in samples.iter().zip(drawn.iter()) {
+            own.measured_nm[*sample] += value;
         }
     }
     simulated

@@ -1,82 +1,72 @@
-//! The result of a fit by trial and by condition: what tables and files show.
+//! Estimates by trial and by condition, as tables and files report them.
 
 use serde::Serialize;
 
-use crate::fit::data::preprocessing::{Observations, TrialObservation};
-use crate::fit::fitted::fit::{Fit, X_E};
-use crate::fit::fitted::uncertainty::{predictions, uncertainties, variance_accounted_for};
+use crate::fit::data::observations::Observations;
+use crate::fit::fitted::fit::Fit;
+use crate::fit::fitted::predictions::{predictions, variance_accounted_for};
+use crate::fit::fitted::quantities::QUANTITIES;
+use crate::fit::fitted::uncertainty::uncertainties;
 use crate::fit::inference::profile::{ProfileInterval, profiles};
+use crate::fit::model::parameter_index::{K_DEC, K_SRS};
 use crate::fit::solver::levenberg_marquardt::Termination;
-use crate::wrist::{BASE_PARAMETERS, SimulationSettings, TraceSample, srs_period_s, substeps, trace};
+use crate::wrist::BASE_PARAMETERS;
 
-/// What was estimated from one trial.
+/// Estimates of one trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrialEstimate {
     /// Number of the trial in the session.
     pub trial: u32,
-    /// Label of its condition, where the session has labels.
+    /// Label of the condition, if the session has labels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub condition: Option<String>,
     /// Ramp velocity, rad/s.
     pub velocity_rad_s: f64,
     /// Target torque, N m.
     pub torque_nm: f64,
-    /// Which repetition.
+    /// Repetition index, from 1.
     pub repetition: u32,
-    /// The six parameters, in the order of [`BASE_PARAMETERS`].
+    /// The six base parameters, in the order of [`BASE_PARAMETERS`].
     pub values: [f64; 6],
-    /// k_srs - k_dec, N m/rad.
+    /// Stiffness beyond the elastic limit, k_srs - k_dec, N m/rad.
     pub k_after_nm_per_rad: f64,
-    /// SRS period, s; absent if the joint does not reach the elastic limit within the record.
+    /// Short-range-stiffness period x_t, s; `None` if the joint does not reach the elastic limit within the record.
     pub x_t_s: Option<f64>,
-    /// Variance of the torque accounted for (Eq. 8).
+    /// Variance accounted for of the torque (Eq. 8).
     pub vaf: f64,
-    /// Eq. 9 relative to each parameter.
+    /// Standard error of Eq. 9, relative to each parameter; `None` if not determined.
     pub sem: [Option<f64>; 6],
-    /// Standard error from the measured noise, relative to each parameter; absent where the data do not tell.
+    /// Standard error from the covariance of the residuals, relative to each parameter; `None` if not determined.
     pub se: [Option<f64>; 6],
-    /// 95 % profile likelihood intervals of k_dec and x_e ([`crate::fit::PROFILED_PARAMETERS`]); absent where they are not a trial's own.
+    /// 95 % profile likelihood intervals of k_dec and x_e; `None` if the parameter is not the trial's own, or not computed.
     #[serde(skip)]
     pub profile: [Option<ProfileInterval>; 2],
-    /// Whether the optimisation came to its end.
+    /// Whether the optimisation converged.
     pub converged: bool,
-    /// Remarks for a person: what stopped it, parameters at a bound, other optima.
+    /// Remarks as text for a reader: why the optimisation ended, parameters at a bound, other optima.
     pub remarks: Vec<String>,
 }
 
-/// The repetitions of one condition together.
+/// Means and standard deviations over the repetitions of one condition.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ConditionEstimate {
-    /// Its label, where the session has labels.
+    /// Label of the condition, if the session has labels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub condition: Option<String>,
     /// Ramp velocity, rad/s.
     pub velocity_rad_s: f64,
     /// Target torque, N m.
     pub torque_nm: f64,
-    /// How many repetitions.
+    /// Number of repetitions.
     pub repetitions: usize,
-    /// Means over the repetitions, in the order of [`QUANTITIES`]; absent where no repetition has a value.
+    /// Means over the repetitions, in the order of [`QUANTITIES`]; `None` if no repetition has a value.
     pub mean: [Option<f64>; 9],
-    /// Standard deviations; absent with fewer than two values.
+    /// Standard deviations, in the order of [`QUANTITIES`]; `None` if fewer than two repetitions have a value.
     pub sd: [Option<f64>; 9],
 }
 
-/// What tables show of a trial: the six parameters and what follows from them.
-pub const QUANTITIES: [&str; 9] = [
-    BASE_PARAMETERS[0],
-    BASE_PARAMETERS[1],
-    BASE_PARAMETERS[2],
-    BASE_PARAMETERS[3],
-    BASE_PARAMETERS[4],
-    BASE_PARAMETERS[5],
-    "k_after_nm_per_rad",
-    "x_t_s",
-    "vaf",
-];
-
 impl TrialEstimate {
-    /// Its values in the order of [`QUANTITIES`].
+    /// Values in the order of [`QUANTITIES`].
     pub fn quantities(&self) -> [Option<f64>; 9] {
         let v = &self.values;
         [
@@ -93,12 +83,12 @@ impl TrialEstimate {
     }
 }
 
-/// The estimates of all trials, by condition and repetition.
+/// Estimates of all trials with profile likelihood intervals, ordered by condition and repetition.
 pub fn estimates(observations: &Observations, fit: &Fit) -> Vec<TrialEstimate> {
     with_profiles(observations, fit, &profiles(observations, fit))
 }
 
-/// The same without profiles, which cost more than all else and which no table of a study has.
+/// Estimates of all trials without profile likelihood intervals, which take longer than everything else and are not part of a study.
 pub fn estimates_without_profiles(observations: &Observations, fit: &Fit) -> Vec<TrialEstimate> {
     with_profiles(observations, fit, &vec![[None; 2]; observations.trials.len()])
 }
@@ -113,20 +103,20 @@ fn with_profiles(
     let of_trial = |index: usize| {
         let trial = &observations.trials[index];
         let mut values = [0.0; 6];
-        values.copy_from_slice(&fit.parameters[index][..6]);
+        values.copy_from_slice(&fit.parameters[index][..BASE_PARAMETERS.len()]);
         TrialEstimate {
             trial: trial.number,
             condition: trial.label.clone(),
             velocity_rad_s: trial.velocity_rad_s,
             torque_nm: trial.torque_nm,
             repetition: trial.repetition,
-            k_after_nm_per_rad: values[3] - values[4],
+            k_after_nm_per_rad: values[K_SRS] - values[K_DEC],
             x_t_s: fit.x_t_s(observations, index),
             vaf: variance_accounted_for(&trial.measured_nm, &predictions[index].residual_nm),
             sem: uncertainties[index].sem,
             se: uncertainties[index].se,
             profile: profiles[index],
-            converged: fit.outcome(index).stop == Termination::Converged,
+            converged: fit.outcome(index).termination == Termination::Converged,
             remarks: remarks(fit, index),
             values,
         }
@@ -134,33 +124,17 @@ fn with_profiles(
     (0..observations.trials.len()).map(of_trial).collect()
 }
 
-impl Fit {
-    /// SRS period of a trial, s; absent if the joint does not reach the elastic limit within the record.
-    pub fn x_t_s(&self, observations: &Observations, trial: usize) -> Option<f64> {
-        srs_period_s(&simulated(observations, self, trial), self.parameters[trial][X_E])
-    }
-}
-
-/// The wrist during a trial as the fit sees it, for as long as the record was kept.
-pub fn simulated(observations: &Observations, fit: &Fit, index: usize) -> Vec<TraceSample> {
-    let trial: &TrialObservation = &observations.trials[index];
-    let parameters = &fit.parameters[index];
-    let substeps = substeps(observations.lever, parameters, observations.period_s);
-    let samples = trial.input.motion.len() - trial.input.onset;
-    let request = SimulationSettings { samples, ..observations.request(&fit.kinds, substeps) };
-    trace(&request, &trial.input, parameters)
-}
-
+/// Remarks on a trial, as text for a reader.
 fn remarks(fit: &Fit, index: usize) -> Vec<String> {
     let mut remarks = Vec::new();
-    match fit.outcome(index).stop {
+    match fit.outcome(index).termination {
         Termination::Converged => {}
         Termination::Stalled => {
             remarks.push("not converged: no step improves the fit, the problem is flat or singular".into())
         }
-        Termination::Iterations => remarks.push("not converged: the iterations allowed were used up".into()),
+        Termination::Iterations => remarks.push("not converged: the limit of iterations was reached".into()),
         Termination::NotFinite => {
-            remarks.push("not converged: the model cannot be evaluated at the first values".into())
+            remarks.push("not converged: the model cannot be evaluated at the starting values".into())
         }
     }
     for (parameter, name) in BASE_PARAMETERS.iter().enumerate() {
@@ -169,7 +143,7 @@ fn remarks(fit: &Fit, index: usize) -> Vec<String> {
         }
     }
     let own = &fit.parameters[index];
-    if own[4] > own[3] {
+    if own[K_DEC] > own[K_SRS] {
         remarks.push(
             "k_after is below zero: beyond the elastic limit the torque falls, which a stiffness cannot explain".into(),
         );
@@ -180,7 +154,7 @@ fn remarks(fit: &Fit, index: usize) -> Vec<String> {
     remarks
 }
 
-/// Means and standard deviations over the repetitions of each condition.
+/// Means and standard deviations over the repetitions of each condition; `estimates` are ordered by condition.
 pub fn by_condition(estimates: &[TrialEstimate]) -> Vec<ConditionEstimate> {
     let same = |a: &TrialEstimate, b: &TrialEstimate| match (&a.condition, &b.condition) {
         (Some(a), Some(b)) => a == b,

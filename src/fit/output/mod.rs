@@ -1,4 +1,4 @@
-//! Results of a fit by trial and by condition, and the files that hold them.
+//! Estimates by trial and by condition, and the files that hold them.
 
 pub mod estimates;
 pub mod result_files;

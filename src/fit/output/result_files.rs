@@ -1,58 +1,62 @@
-//! The files of a fit: `fit.csv`, `conditions.csv`, `fit.json`.
+//! Result files of a fit: `fit.csv`, `conditions.csv` and `fit.json`.
 
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
-use super::estimates::{ConditionEstimate, QUANTITIES, TrialEstimate, by_condition};
+use super::estimates::{ConditionEstimate, TrialEstimate, by_condition, estimates};
 use crate::dataset::Disk;
-use crate::fit::data::preprocessing::{Observations, PreprocessingSettings};
-use crate::fit::fitted::fit::{Fit, Weighting};
+use crate::fit::data::observations::{ExcludedTrial, Observations};
+use crate::fit::data::preprocessing::PreprocessingSettings;
+use crate::fit::fitted::fit::Fit;
+use crate::fit::fitted::quantities::QUANTITIES;
 use crate::fit::inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread};
 use crate::fit::inference::profile::{PROFILED_PARAMETERS, ProfileInterval};
 use crate::fit::model::specification::Model;
+use crate::fit::residuals::objective::{Objective, Weighting};
+use crate::signal::NoiseCovariance;
 use crate::wrist::BASE_PARAMETERS;
 
-/// The version of `fit.json` that this program writes.
+/// Version of the format of `fit.json` that this program writes.
 pub const FIT_FORMAT: &str = "ramphold-fit/1";
 
-/// A fit with what it was made with: everything that its files say.
+/// Results of a fit together with its settings: the contents of the result files.
 #[derive(Debug, Clone)]
 pub struct Results {
-    /// Who was measured.
+    /// Id of the subject.
     pub subject: String,
-    /// How the records were looked at.
-    pub view: PreprocessingSettings,
-    /// How residuals were weighed.
+    /// Settings of the preprocessing.
+    pub settings: PreprocessingSettings,
+    /// Weighting that was asked for.
     pub weighting: Weighting,
-    /// By condition and repetition.
+    /// Estimates of the trials, ordered by condition and repetition.
     pub estimates: Vec<TrialEstimate>,
-    /// Means over repetitions.
+    /// Means over the repetitions of each condition.
     pub conditions: Vec<ConditionEstimate>,
-    /// The same as JSON, with uncertainties, settings and versions.
+    /// Contents of `fit.json`: estimates, uncertainties, settings and versions.
     pub json: Value,
 }
 
 impl Results {
-    /// Gathers the results of `fit`.
+    /// Collects the results of `fit`.
     pub fn new(
         subject: &str,
         observations: &Observations,
         fit: &Fit,
-        view: PreprocessingSettings,
+        settings: PreprocessingSettings,
         weighting: Weighting,
     ) -> Self {
-        let estimates = super::estimates::estimates(observations, fit);
+        let estimates = estimates(observations, fit);
         let conditions = by_condition(&estimates);
-        let json = json(subject, observations, fit, view, weighting, (&estimates, &conditions));
-        Self { subject: subject.into(), view, weighting, estimates, conditions, json }
+        let json = json(subject, observations, fit, settings, weighting, (&estimates, &conditions));
+        Self { subject: subject.into(), settings, weighting, estimates, conditions, json }
     }
 
-    /// Adds what a parametric bootstrap found, trial by trial.
-    pub fn add_bootstrap(&mut self, refits: usize, seed: u64, scatter: &[BootstrapSpread]) {
+    /// Adds the results of a parametric bootstrap with `refits` simulated sessions; `spread` has one entry per trial.
+    pub fn add_bootstrap(&mut self, refits: usize, seed: u64, spread: &[BootstrapSpread]) {
         self.json["settings"]["bootstrap"] = json!({ "refits": refits, "seed": seed });
         let trials = self.json["trials"].as_array_mut().into_iter().flatten();
-        for (trial, own) in trials.zip(scatter) {
+        for (trial, own) in trials.zip(spread) {
             let named = (0..BOOTSTRAPPED_QUANTITIES.len()).map(|quantity| {
                 let found = json!({ "sd": own.sd[quantity], "percentiles_95": own.percentiles[quantity] });
                 (BOOTSTRAPPED_QUANTITIES[quantity].to_string(), found)
@@ -61,15 +65,15 @@ impl Results {
         }
     }
 
-    /// Whether every trial's optimisation came to its end.
+    /// Whether the optimisation converged for every trial.
     pub fn all_converged(&self) -> bool {
         self.estimates.iter().all(|estimate| estimate.converged)
     }
 
-    /// Writes the three files into `folder`, each whole or not at all.
+    /// Writes the three result files into `folder`; each file is replaced atomically.
     ///
     /// # Errors
-    /// If a file cannot be written; the message names it.
+    /// If a file cannot be written; the message names the file.
     pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), WriteError> {
         let json = serde_json::to_string_pretty(&self.json).unwrap_or_default() + "\n";
         let files = [
@@ -81,10 +85,10 @@ impl Results {
     }
 }
 
-/// Writes files into a folder, which is made if need be, each whole or not at all.
+/// Writes files, given as name and text, into `folder`, which is created if it does not exist; each file is replaced atomically.
 ///
 /// # Errors
-/// If the folder or a file cannot be written; the message names it.
+/// If the folder or a file cannot be written; the message names the path.
 pub fn write_files(disk: &Disk, folder: &Path, files: &[(&str, &str)]) -> Result<(), WriteError> {
     std::fs::create_dir_all(folder).map_err(|source| WriteError { path: folder.into(), source })?;
     for (name, text) in files {
@@ -94,7 +98,7 @@ pub fn write_files(disk: &Disk, folder: &Path, files: &[(&str, &str)]) -> Result
     Ok(())
 }
 
-/// A result file that cannot be written.
+/// Failure to write a result file.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: cannot be written: {source}", path.display())]
 pub struct WriteError {
@@ -102,12 +106,12 @@ pub struct WriteError {
     source: std::io::Error,
 }
 
-/// A cell of a table: empty where there is no value, and never NaN.
+/// A number as a cell of a CSV table; empty without a value or if the value is not finite.
 fn cell(value: Option<f64>) -> String {
     value.filter(|x| x.is_finite()).map_or(String::new(), |x| x.to_string())
 }
 
-/// The columns of `fit.csv` that every session has.
+/// Header of `fit.csv` without the column of condition labels, which only some sessions have.
 pub fn fit_header() -> String {
     let mut text = format!("velocity_rad_s,torque_nm,repetition,{}", QUANTITIES.join(","));
     for prefix in ["sem", "se"] {
@@ -118,7 +122,7 @@ pub fn fit_header() -> String {
     text + ",trial,converged"
 }
 
-/// The cells of a trial under [`fit_header`].
+/// Row of a trial under [`fit_header`].
 pub fn fit_row(estimate: &TrialEstimate) -> String {
     let mut text = format!("{},{},{}", estimate.velocity_rad_s, estimate.torque_nm, estimate.repetition);
     for value in estimate.quantities().into_iter().chain(estimate.sem).chain(estimate.se) {
@@ -128,6 +132,7 @@ pub fn fit_row(estimate: &TrialEstimate) -> String {
     text + &format!(",{},{}", estimate.trial, estimate.converged)
 }
 
+/// Text of `fit.csv`.
 fn fit_csv(estimates: &[TrialEstimate]) -> String {
     let labelled = estimates.iter().any(|estimate| estimate.condition.is_some());
     let mut text = fit_header() + if labelled { ",condition\n" } else { "\n" };
@@ -141,11 +146,12 @@ fn fit_csv(estimates: &[TrialEstimate]) -> String {
     text
 }
 
-/// A text cell, in quotes where it needs them.
+/// A text as a cell of a CSV table, in quotes if necessary.
 fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
 }
 
+/// Text of `conditions.csv`.
 fn conditions_csv(conditions: &[ConditionEstimate]) -> String {
     let mut text = "velocity_rad_s,torque_nm,repetitions".to_string();
     for name in QUANTITIES {
@@ -166,11 +172,12 @@ fn conditions_csv(conditions: &[ConditionEstimate]) -> String {
     text
 }
 
+/// Contents of `fit.json`.
 fn json(
     subject: &str,
     observations: &Observations,
     fit: &Fit,
-    view: PreprocessingSettings,
+    settings: PreprocessingSettings,
     weighting: Weighting,
     (estimates, conditions): (&[TrialEstimate], &[ConditionEstimate]),
 ) -> Value {
@@ -209,29 +216,29 @@ fn json(
             "sd": named(&condition.sd, &QUANTITIES),
         })
     };
-    let noise = |noise: &crate::signal::NoiseCovariance| {
+    let noise = |noise: &NoiseCovariance| {
         json!({
             "stretches": noise.stretches,
             "last_sample_sd_nm": noise.last_sample_sd_nm(),
             "effective_samples": noise.effective_samples(),
         })
     };
-    let left_out = |left: &crate::fit::data::preprocessing::ExcludedTrial| json!({ "trial": left.trial, "reason": left.reason });
+    let left_out = |left: &ExcludedTrial| json!({ "trial": left.trial, "reason": left.reason });
     json!({
         "format": FIT_FORMAT,
         "version": env!("CARGO_PKG_VERSION"),
         "subject": subject,
         "settings": {
-            "window_s": view.window_s,
-            "filter": if observations.sections.is_empty() { Value::Null } else { json!(view.filter) },
-            "weighting": weighting_in_force(weighting, fit),
+            "window_s": settings.window_s,
+            "filter": if observations.sections.is_empty() { Value::Null } else { json!(settings.filter) },
+            "weighting": weighting_used(weighting, fit),
             "lever": observations.lever,
             "sample_rate_hz": 1.0 / observations.period_s,
         },
         "model": model_json(&fit.model),
         "mechanism_values": mechanism_values(fit),
         "components": fit.solution.outcomes.iter().map(|outcome| json!({
-            "cost": outcome.cost, "stop": outcome.stop, "iterations": outcome.iterations,
+            "cost": outcome.cost, "stop": outcome.termination, "iterations": outcome.iterations,
         })).collect::<Vec<_>>(),
         "noise_source": observations.noise_source,
         "noise": observations.noise_covariances.iter().map(noise).collect::<Vec<_>>(),
@@ -242,7 +249,7 @@ fn json(
     })
 }
 
-/// The profile likelihood intervals; an end that the data leave open is null.
+/// Profile likelihood intervals as JSON; an end beyond the bound of the parameter is null.
 fn profile_json(profile: &[Option<ProfileInterval>; 2]) -> Value {
     let named = PROFILED_PARAMETERS.iter().zip(profile).map(|(parameter, interval)| {
         let ends = interval.map(|own| json!([own.low, own.high]));
@@ -251,11 +258,11 @@ fn profile_json(profile: &[Option<ProfileInterval>; 2]) -> Value {
     named.collect::<Map<_, _>>().into()
 }
 
-/// Plain where no noise could be measured, whatever was asked.
-fn weighting_in_force(asked: Weighting, fit: &Fit) -> Weighting {
+/// The weighting that the fit used: residuals stay unweighted if no noise could be estimated.
+fn weighting_used(asked: Weighting, fit: &Fit) -> Weighting {
     match fit.objective {
-        crate::fit::solver::normal_equations::Objective::LeastSquares => Weighting::Plain,
-        crate::fit::solver::normal_equations::Objective::Whitened(_) => asked,
+        Objective::LeastSquares => Weighting::Plain,
+        Objective::Whitened(_) => asked,
     }
 }
 
@@ -263,7 +270,7 @@ fn model_json(model: &Model) -> Value {
     serde_json::from_str(&model.to_json(None)).unwrap_or(Value::Null)
 }
 
-/// The values of the mechanisms' parameters, where they are the same in all trials.
+/// Parameters of mechanisms that have the same value in all trials, by name.
 fn mechanism_values(fit: &Fit) -> Value {
     let names = fit.model.parameter_names();
     let Some(first) = fit.parameters.first() else { return Value::Null };

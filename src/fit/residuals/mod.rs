@@ -1,4 +1,6 @@
-//! Predicted torque, the covariance of the residuals, and the objective function.
+//! Residuals: predicted torque, the covariance of the residuals, and the objective function.
 
+pub mod input_error;
+pub mod objective;
 pub mod prediction;
 pub mod residual_covariance;

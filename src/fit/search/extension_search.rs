@@ -1,239 +1,225 @@
-//! A mechanism added to a fit: of many starts a few trials tell which leads furthest down, and all trials where it ends.
+//! Extension search: starting values for a fit that adds a mechanism, found in stages on a subset of the trials.
+//!
+//! First many starts are screened with few iterations on the subset. The best are completed on all trials. The result can be
+//! restarted at the parameters found.
 
-use super::pilot_search::PilotSearch;
-use super::starting_values::StartingValues;
-use crate::fit::data::preprocessing::Observations;
-use crate::fit::fitted::fit::{Fit, Weighting};
+use super::starting_value_search::StartingValueSearch;
+use crate::fit::data::observations::Observations;
+use crate::fit::fitted::fit::Fit;
 use crate::fit::model::specification::{Model, ParameterSpec, Scope};
-use crate::fit::parameters::parameterisation::{Parameterisation, groups};
-use crate::fit::solver::levenberg_marquardt::SolverOptions;
+use crate::fit::parameters::parameterisation::{Parameterisation, trial_groups};
+use crate::fit::parameters::starting_values::StartingValues;
+use crate::fit::residuals::objective::Weighting;
+use crate::fit::solver::options::SolverOptions;
 
-/// Which of ambiguous_trials starts leads furthest down shows long before its end; those stay that are behind by less than this part of
-/// the cost.
-const GLANCE: SolverOptions = SolverOptions { max_iterations: 15, tolerance: 2e-3, max_log_step: 0.7 };
-const GLANCE_ERROR: f64 = 0.25;
+/// Options of a screening fit: which start leads to the lowest cost shows long before the end.
+const SCREENING: SolverOptions = SolverOptions { max_iterations: 15, tolerance: 2e-3, max_log_step: 0.7 };
 
-/// Those that stay go on as far as tells what they predicted_gain.
-const SECOND_GLANCE: SolverOptions = SolverOptions { max_iterations: 40, tolerance: 2e-4, max_log_step: 0.7 };
+/// A screened start is continued if its cost exceeds the lowest cost by less than this fraction.
+const SCREENING_TOLERANCE: f64 = 0.25;
 
-/// All trials go on where some of them ended within this much of the best, in units of the cost, in at most so many places whose
-/// values differ by this part.
-const NEAR: f64 = 25.0;
-const MOST_WAYS: usize = 5;
-const SAME: f64 = 0.02;
+/// Options of the continuation, after which the costs can be compared.
+const CONTINUATION: SolverOptions = SolverOptions { max_iterations: 40, tolerance: 2e-4, max_log_step: 0.7 };
 
-/// To start anew is worth the way to the end if it leads lower by this part of the cost.
-const LOWER: f64 = 0.005;
+/// A continued start is completed on all trials if its cost exceeds the lowest cost by less than this.
+const COST_WINDOW: f64 = 25.0;
 
-/// About how many trials a glance needs.
-const GLANCED_AT: usize = 12;
+/// Largest number of starts that are completed on all trials.
+const MAX_COMPLETED: usize = 5;
 
-/// Where a fit stands before mechanisms are added to it, in the session and in some of its trials.
+/// Relative difference of the mechanism's parameters below which two starts count as the same.
+const SAME_PARAMETERS: f64 = 0.02;
+
+/// A restart is completed on all trials if it decreases the cost on the subset by at least this fraction.
+const RESTART_DECREASE: f64 = 0.005;
+
+/// Approximate number of trials in the subset.
+const SUBSET_SIZE: usize = 12;
+
+/// Search for the optimum of models that add a mechanism to a fit.
 pub struct ExtensionSearch<'a> {
     observations: &'a Observations,
-    first: PilotSearch,
-    some: TrialSubset,
+    starting_values: StartingValueSearch,
+    subset: TrialSubset,
+    /// The observations of the subset.
     few: Observations,
-    /// The fit in those trials, and what its cost is there.
-    here: Fit,
-    cost: f64,
+    /// The fit without the mechanism, restricted to the subset.
+    base: Fit,
+    /// Cost of the fit without the mechanism on the subset.
+    base_cost: f64,
 }
 
-/// A model that adds a mechanism, a short way down from ambiguous_trials starts on some trials.
+/// A model that adds a mechanism, after the screening on the subset.
 pub struct ScreenedExtension {
-    /// The best first.
+    /// Fits to the subset from several starts, the best first.
     starts: Vec<Fit>,
-    /// What the best of them promises that the sum of squares of the whole session will lose, in units of the noise.
+    /// Predicted decrease of the sum of squared residuals of the whole session, in units of the noise variance.
     pub predicted_gain: f64,
 }
 
 impl<'a> ExtensionSearch<'a> {
-    /// Stands where `fit` ended.
+    /// A search for extensions of `fit`.
     pub fn new(observations: &'a Observations, fit: &'a Fit) -> Self {
-        let first = PilotSearch::new(observations, Weighting::MeasuredNoise);
-        let some = TrialSubset::of(observations);
-        let few = observations.subset(&some.trials);
-        let here = Fit { shrinkage_target: None, ..fit.of(&some.trials) };
-        let cost = here.extended_by(&few, &fit.model, GLANCE).cost();
-        Self { observations, first, some, few, here, cost }
+        let starting_values = StartingValueSearch::new(observations, Weighting::MeasuredNoise);
+        let subset = TrialSubset::of(observations);
+        let few = observations.subset(&subset.trials);
+        let (base, base_cost) = on_subset(fit, &subset, &few, SCREENING);
+        Self { observations, starting_values, subset, few, base, base_cost }
     }
 
-    /// Looks a short way down from each start of the `models`, which are the same but for the values that the mechanism starts
-    /// from.
+    /// Screens the starts of `models`, which differ only in the starting values of the mechanism.
     ///
     /// # Panics
-    /// If there are no models.
+    /// If `models` is empty.
     pub fn screen(&self, models: &[Model]) -> ScreenedExtension {
-        let screening_fits =
-            |model: &Model| self.here.screening_fits(&self.few, model, |model| self.starting_values(model));
-        let mut starts: Vec<Fit> = models.iter().flat_map(screening_fits).collect();
-        sort(&mut starts);
-        let within = starts[0].cost() * (1.0 + GLANCE_ERROR);
-        starts.retain(|fit| fit.cost() <= within);
-        starts.iter_mut().for_each(|fit| *fit = fit.extended_by(&self.few, &fit.model, SECOND_GLANCE));
-        sort(&mut starts);
-        starts.insert(0, starts[0].clone().with_trials_restarted(&self.few));
+        let mut starts: Vec<Fit> = models.iter().flat_map(|model| self.screening_fits(model)).collect();
+        sort_by_cost(&mut starts);
+        let highest = starts[0].cost() * (1.0 + SCREENING_TOLERANCE);
+        starts.retain(|fit| fit.cost() <= highest);
+        starts.iter_mut().for_each(|fit| *fit = fit.extended_by(&self.few, &fit.model, CONTINUATION));
+        sort_by_cost(&mut starts);
+        starts.insert(0, self.with_components_restarted(starts[0].clone()));
         let best = starts[0].cost();
-        let share = self.some.trials.len() as f64 / self.observations.trials.len() as f64;
-        ScreenedExtension { starts, predicted_gain: 2.0 * (self.cost - best) / share }
+        let share = self.subset.trials.len() as f64 / self.observations.trials.len() as f64;
+        ScreenedExtension { starts, predicted_gain: 2.0 * (self.base_cost - best) / share }
     }
 
-    /// Goes on with all trials from where the best starts led, with the weights of the fit. Looks for other optima only on the way
-    /// to [`Fit::refined`].
-    pub fn complete(&self, glance: &ScreenedExtension) -> Fit {
-        let within = glance.starts[0].cost() + NEAR;
-        let mut ways: Vec<&Fit> = Vec::new();
-        for own in glance.starts.iter().take_while(|own| own.cost() <= within) {
-            if ways.len() < MOST_WAYS && !ways.iter().any(|other| same(own, other)) {
-                ways.push(own);
+    /// Completes the best starts of `screened` on all trials and returns the best fit, with shrinkage. Other optima along x_e are
+    /// searched only by [`Fit::refined`].
+    pub fn complete(&self, screened: &ScreenedExtension) -> Fit {
+        let highest = screened.starts[0].cost() + COST_WINDOW;
+        let mut distinct: Vec<&Fit> = Vec::new();
+        for own in screened.starts.iter().take_while(|own| own.cost() <= highest) {
+            if distinct.len() < MAX_COMPLETED && !distinct.iter().any(|other| is_same(own, other)) {
+                distinct.push(own);
             }
         }
-        let ends = ways.into_iter().map(|own| self.to_the_end(own));
-        let best = ends.reduce(|best, own| if own.cost() < best.cost() { own } else { best });
-        best.expect("at least one model").with_shrinkage(self.observations)
+        let completed = distinct.into_iter().map(|own| self.on_all_trials(own));
+        let best = completed.reduce(|best, own| if own.cost() < best.cost() { own } else { best });
+        best.expect("at least one model was screened").with_shrinkage(self.observations)
     }
 
-    /// The better of a fit and where it leads to start anew with the mechanism at the values found: from a size that is far from
-    /// the true one all yields can go astray, and the way back is closed once the size is right.
+    /// Restarts `fit` with the mechanism at the parameters found, and returns the better of both fits. From starting values of the
+    /// mechanism far from the truth, x_e of all trials may reach a wrong optimum, which later iterations do not leave.
     pub fn restart(&self, fit: Fit) -> Fit {
-        let starting_values = |model: &Model| self.starting_values(model);
-        let released = self.here.released(&self.few, &fit.model, fit.added(), starting_values, SECOND_GLANCE);
-        let mut starts: Vec<Fit> = released.collect();
-        sort(&mut starts);
-        let best = starts.swap_remove(0).with_trials_restarted(&self.few);
-        let here = Fit { shrinkage_target: None, ..fit.of(&self.some.trials) };
-        let cost = here.extended_by(&self.few, &fit.model, SECOND_GLANCE).cost();
-        if best.cost() > cost * (1.0 - LOWER) {
+        let found = fit.last_mechanism_parameters();
+        let mut starts: Vec<Fit> = self.staged_fits(&fit.model, found, CONTINUATION).collect();
+        sort_by_cost(&mut starts);
+        let best = self.with_components_restarted(starts.swap_remove(0));
+        let (_, cost) = on_subset(&fit, &self.subset, &self.few, CONTINUATION);
+        if best.cost() > cost * (1.0 - RESTART_DECREASE) {
             return fit;
         }
-        let other = self.to_the_end(&best).with_shrinkage(self.observations);
-        if other.cost() < fit.cost() { other } else { fit }
+        let restarted = self.on_all_trials(&best).with_shrinkage(self.observations);
+        if restarted.cost() < fit.cost() { restarted } else { fit }
     }
 
-    /// First starting_values of those trials that tell.
-    fn starting_values(&self, model: &Model) -> impl Iterator<Item = StartingValues> + use<'_, 'a> {
-        let all = self.first.starting_values(self.observations, model).into_iter();
-        all.map(|starting_values| starting_values.subset(&self.some.trials))
+    /// Screening fits of `model` to the subset: from starting values of its own, since the optimum without the mechanism may be far
+    /// away; and from that optimum, since the effect of the mechanism may be small.
+    ///
+    /// From its own starting values, all parameters are first free together, then the mechanism is released in a second stage.
+    fn screening_fits(&self, model: &Model) -> Vec<Fit> {
+        let last = model.mechanisms.last().into_iter();
+        let specs = last.flat_map(|added| added.parameters.iter().zip(added.kind.parameters()));
+        let first: Vec<f64> =
+            specs.map(|(spec, parameter)| spec.value.unwrap_or(parameter.typical)).collect();
+        let free = self.own_starting_values(model).take(1).map(|values| self.screening_fit(model, &values));
+        let staged = self.staged_fits(model, &first, SCREENING);
+        let warm = std::iter::once_with(|| self.base.extended_by(&self.few, model, SCREENING));
+        free.chain(staged).chain(warm).collect()
     }
 
-    /// All trials from where those that stand for them ended.
-    fn to_the_end(&self, fit: &Fit) -> Fit {
-        let parameters = self.some.stands_for.iter().map(|own| fit.parameters[*own].clone()).collect();
+    /// Fits of `model` to the subset in two stages: first the last mechanism is held at `values` while the other parameters adapt,
+    /// then all parameters are free, with `options`. Free from the beginning, the mechanism would compensate for wrong values of x_e.
+    fn staged_fits<'b>(
+        &'b self,
+        model: &'b Model,
+        values: &[f64],
+        options: SolverOptions,
+    ) -> impl Iterator<Item = Fit> + use<'a, 'b> {
+        let mut held = model.clone();
+        if let Some(last) = held.mechanisms.last_mut() {
+            last.parameters = values.iter().copied().map(ParameterSpec::fixed).collect();
+        }
+        let starts: Vec<StartingValues> = self.own_starting_values(&held).take(2).collect();
+        starts
+            .into_iter()
+            .map(move |values| self.screening_fit(&held, &values).extended_by(&self.few, model, options))
+    }
+
+    /// Fits `model` to the subset from `starting_values`, with the options of the screening.
+    fn screening_fit(&self, model: &Model, starting_values: &StartingValues) -> Fit {
+        let parameterisation = Parameterisation::new(&self.few, model, starting_values);
+        let start = parameterisation.start();
+        self.base.optimised_from(&self.few, model, parameterisation, &start, SCREENING)
+    }
+
+    /// Starting values of the trials of the subset from the search for starting values of `model`, the best first.
+    fn own_starting_values(&self, model: &Model) -> impl Iterator<Item = StartingValues> + use<'_, 'a> {
+        let all = self.starting_values.starting_values(self.observations, model).into_iter();
+        all.map(|values| values.subset(&self.subset.trials))
+    }
+
+    /// A fit to the subset after a restart of its components.
+    fn with_components_restarted(&self, mut fit: Fit) -> Fit {
+        fit.restart_components(&self.few);
+        fit.update_parameters();
+        fit
+    }
+
+    /// Continues a fit to the subset on all trials: each trial starts at the optimum of its representative.
+    fn on_all_trials(&self, fit: &Fit) -> Fit {
+        let parameters = self.subset.representative.iter().map(|own| fit.parameters[*own].clone()).collect();
         Fit { parameters, ..fit.clone() }.extended(self.observations, &fit.model)
     }
 }
 
-fn sort(fits: &mut [Fit]) {
-    fits.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
-}
-
-/// Whether two fits ended in the same optimum, as far as the mechanism goes.
-fn same(one: &Fit, other: &Fit) -> bool {
-    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * a.abs().max(b.abs());
-    one.added().iter().zip(other.added()).all(near)
-}
-
 impl Fit {
-    /// `model` a short way down from ambiguous_trials starts: from first starting_values of its own, since where this fit ended may be far off
-    /// if it lacks what the model has, and from there, since what it lacks may be small.
-    ///
-    /// Once all parameters start together, and once those of the mechanism are held until the others have come to terms
-    /// with them: free from the beginning they run off to make up for yields that are in the wrong place.
-    fn screening_fits<G: Iterator<Item = StartingValues>>(
-        &self,
-        observations: &Observations,
-        model: &Model,
-        starting_values: impl Fn(&Model) -> G,
-    ) -> Vec<Self> {
-        let added = model
-            .mechanisms
-            .last()
-            .into_iter()
-            .flat_map(|own| own.parameters.iter().zip(own.kind.parameters()));
-        let first: Vec<f64> = added.map(|(own, parameter)| own.value.unwrap_or(parameter.typical)).collect();
-        let free = starting_values(model)
-            .take(1)
-            .map(|starting_values| self.screening_fit(observations, model, &starting_values));
-        let released = self.released(observations, model, &first, &starting_values, GLANCE);
-        free.chain(released)
-            .chain(std::iter::once_with(|| self.extended_by(observations, model, GLANCE)))
-            .collect()
-    }
-
-    /// `model` after its last mechanism was held at these values until the others had come to terms with them.
-    fn released<G: Iterator<Item = StartingValues>>(
-        &self,
-        observations: &Observations,
-        model: &Model,
-        values: &[f64],
-        starting_values: impl Fn(&Model) -> G,
-        options: SolverOptions,
-    ) -> impl Iterator<Item = Self> {
-        let mut held = model.clone();
-        if let Some(added) = held.mechanisms.last_mut() {
-            added.parameters = values.iter().copied().map(ParameterSpec::fixed).collect();
-        }
-        starting_values(&held).take(2).map(move |starting_values| {
-            self.screening_fit(observations, &held, &starting_values).extended_by(
-                observations,
-                model,
-                options,
-            )
-        })
-    }
-
-    /// `model` a short way down from a starting_values.
-    fn screening_fit(
-        &self,
-        observations: &Observations,
-        model: &Model,
-        starting_values: &StartingValues,
-    ) -> Self {
-        let parameterisation = Parameterisation::new(observations, model, starting_values);
-        let start = parameterisation.start();
-        self.descended(observations, model, parameterisation, &start, GLANCE)
-    }
-
-    /// The values of the last mechanism.
-    pub fn added(&self) -> &[f64] {
-        let own = self.kinds.last().map_or(0, |kind| kind.parameter_count());
-        &self.parameters[0][self.parameters[0].len() - own..]
-    }
-
-    /// The better of this fit and the ones from where all yields lie restart_point at once. What they shrinkage_target on would hold them.
-    fn with_trials_restarted(mut self, observations: &Observations) -> Self {
-        self.restart_all_trials(observations);
-        self.update_parameters();
-        self
-    }
-
-    /// The optimum after a second look, with the yields of single trials with_shrinkage on those of all: what a diagnosis compares,
-    /// since a yield that one trial's data leave open would hide or feign a misfit of the model.
+    /// This fit after a multistart search and with shrinkage. A diagnosis compares such fits: an x_e that the data of one trial leave
+    /// open would hide a misfit of the model, or imitate one.
     pub fn refined(mut self, observations: &Observations) -> Self {
         self.search_multistart(observations);
         self.with_shrinkage(observations)
     }
 }
 
-/// Trials that stand for all: some of each condition.
+/// A fit restricted to a subset, without shrinkage, and its cost after `options` on the subset.
+fn on_subset(fit: &Fit, subset: &TrialSubset, few: &Observations, options: SolverOptions) -> (Fit, f64) {
+    let restricted = Fit { shrinkage_target: None, ..fit.restricted_to(&subset.trials) };
+    let cost = restricted.extended_by(few, &fit.model, options).cost();
+    (restricted, cost)
+}
+
+fn sort_by_cost(fits: &mut [Fit]) {
+    fits.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+}
+
+/// Whether two fits ended at the same parameters of the mechanism.
+fn is_same(one: &Fit, other: &Fit) -> bool {
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME_PARAMETERS * a.abs().max(b.abs());
+    one.last_mechanism_parameters().iter().zip(other.last_mechanism_parameters()).all(near)
+}
+
+/// A subset of the trials with some of each condition.
 struct TrialSubset {
+    /// Indices of the trials.
     trials: Vec<usize>,
-    /// For each trial of the session the place of the one that stands for it.
-    stands_for: Vec<usize>,
+    /// For each trial of the session, the position in `trials` of a trial of the same condition.
+    representative: Vec<usize>,
 }
 
 impl TrialSubset {
     fn of(observations: &Observations) -> Self {
-        let conditions = groups(observations, Scope::Condition);
-        let of_each = GLANCED_AT.div_ceil(conditions.len().max(1));
-        let mut some = Self { trials: Vec::new(), stands_for: vec![0; observations.trials.len()] };
-        for alike in &conditions {
-            let first = some.trials.len();
-            some.trials.extend(alike.iter().take(of_each));
-            for (place, trial) in alike.iter().enumerate() {
-                some.stands_for[*trial] = first + place % of_each;
+        let conditions = trial_groups(observations, Scope::Condition);
+        let per_condition = SUBSET_SIZE.div_ceil(conditions.len().max(1));
+        let mut subset = Self { trials: Vec::new(), representative: vec![0; observations.trials.len()] };
+        for condition in &conditions {
+            let first = subset.trials.len();
+            subset.trials.extend(condition.iter().take(per_condition));
+            for (position, trial) in condition.iter().enumerate() {
+                subset.representative[*trial] = first + position % per_condition;
             }
         }
-        some
+        subset
     }
 }

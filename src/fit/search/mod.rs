@@ -1,7 +1,8 @@
-//! Starting values and the search for the global optimum.
+//! Starting values, and the search for the global optimum.
 
 pub mod extension_search;
 pub mod multistart;
 pub mod pilot_search;
+pub mod pooled_fit;
 pub mod shrinkage;
-pub mod starting_values;
+pub mod starting_value_search;

@@ -1,334 +1,337 @@
-//! A second look at yields that may lie restart_point: a trial's cost can have ambiguous_trials minima along its elastic limit.
+//! Multistart search along the elastic limit: the cost of a trial can have several minima over x_e.
 //!
-//! So every block of trials is started again, alone, from places that have nothing to do with where the fit ended. Most
-//! need not go far: with the elastic limit held there, one linear step of the other parameters tells that nothing comes near.
+//! Every block is restarted as a subproblem of its own from values of x_e and k_dec that do not depend on where the fit ended. Most
+//! restarts are dropped at once: with x_e held, one Gauss-Newton step of the other parameters shows that the cost stays too high.
 
-use crate::fit::data::preprocessing::Observations;
+use crate::fit::data::observations::Observations;
 use crate::fit::fitted::block_subproblem::{BlockIndex, BlockSubproblems};
-use crate::fit::fitted::fit::{Fit, K_DEC, K_SRS, X_E};
+use crate::fit::fitted::fit::Fit;
+use crate::fit::model::parameter_index::{K_DEC, K_SRS, X_E};
 use crate::fit::model::specification::Scope;
-use crate::fit::parameters::parameterisation::{Parameterisation, Transform};
-use crate::fit::solver::levenberg_marquardt::{ComponentOutcome, Solution, SolverOptions, solve};
-use crate::fit::solver::normal_equations::{NormalEquations, Objective, evaluate};
+use crate::fit::parameters::coordinate::Transform;
+use crate::fit::parameters::parameterisation::Parameterisation;
+use crate::fit::residuals::objective::Objective;
+use crate::fit::solver::levenberg_marquardt::{ComponentOutcome, Solution, solve};
+use crate::fit::solver::normal_equations::{GaussNewtonEquations, evaluate};
+use crate::fit::solver::options::SolverOptions;
 
-/// Where blocks start again: the elastic limit as a part of the way that the motor goes in the window, and k_dec as a part of
-/// k_srs.
-const PLACES: [(f64, f64); 8] =
+/// A restart: x_e as a fraction of the largest motor angle in the window, and k_dec as a fraction of k_srs.
+type Restart = (f64, f64);
+
+/// Restarts of single blocks.
+const BLOCK_RESTARTS: [Restart; 8] =
     [(0.1, 0.6), (0.2, 0.6), (0.2, 0.9), (0.35, 0.3), (0.35, 0.6), (0.5, 0.6), (0.7, 0.6), (0.85, 0.6)];
 
-/// Most times that the blocks are looked at: with another place for one, the border moves, and with it the others.
-const ROUNDS: usize = 5;
+/// Restarts of all trials of a component together.
+const COMPONENT_RESTARTS: [Restart; 2] = [(0.4, 0.6), (0.6, 0.6)];
 
-/// A decrease of a block's cost that is worth another place, in units of the noise.
-const WORTH: f64 = 3e-3;
+/// Largest number of rounds of block restarts: a block with another optimum moves the border, and with it the other blocks.
+const MAX_ROUNDS: usize = 5;
 
-/// A change of log x_e that makes another optimum.
-const ELSEWHERE: f64 = 0.25;
+/// Smallest decrease of a block's cost, per unit of noise variance, for which another optimum is adopted.
+const MIN_BLOCK_DECREASE: f64 = 3e-3;
 
-/// Two optima closer than this in half the sum of squares, in units of the noise, are not told apart (95 % of chi-square
-/// with one degree of freedom).
-const NOT_TOLD_APART: f64 = 1.92;
+/// Distance in log x_e from which on an optimum counts as another one.
+const DISTINCT_OPTIMUM_LOG_X_E: f64 = 0.25;
 
-/// A place that the linear step leaves this much worse, in the same units, is not started from.
-const OUT_OF_REACH: f64 = 12.0;
+/// Two optima are ambiguous if their costs differ by less than this, per unit of noise variance: half the 95 % quantile of
+/// chi-square with one degree of freedom.
+const AMBIGUITY_THRESHOLD: f64 = 1.92;
 
-/// About how many independent values the paper's filter leaves in its window of 40 ms.
+/// A restart is dropped if the cost predicted there exceeds the present cost by this, per unit of noise variance.
+const MAX_PREDICTED_EXCESS: f64 = 12.0;
+
+/// Approximate number of independent values that the paper's filter leaves in its window.
 const INDEPENDENT_VALUES: f64 = 4.5;
 
-/// Places that all trials of a component are started from together.
-const TOGETHER: [(f64, f64); 2] = [(0.4, 0.6), (0.6, 0.6)];
+/// Length of the paper's window, s.
+const PAPER_WINDOW_S: f64 = 0.040;
 
-/// A second look need only tell whether it leads to another optimum.
-const LOOK: SolverOptions = SolverOptions { max_iterations: 25, tolerance: 1e-4, max_log_step: 0.7 };
+/// Options of a restart with whitened residuals: it must only show whether it leads to another optimum.
+const RESTART: SolverOptions = SolverOptions { max_iterations: 25, tolerance: 1e-4, max_log_step: 0.7 };
 
-/// The plain sum of squares has valleys so flat that a short look does not tell.
-const PLAIN_LOOK: SolverOptions = SolverOptions { max_iterations: 60, tolerance: 1e-6, max_log_step: 0.7 };
+/// Options of a restart with ordinary least squares, whose valleys are so flat that a short descent shows nothing.
+const UNWEIGHTED_RESTART: SolverOptions =
+    SolverOptions { max_iterations: 60, tolerance: 1e-6, max_log_step: 0.7 };
 
-/// A block's optimum about another place.
+/// Optimum of a block that a restart reached.
 struct AlternativeOptimum {
-    place: BlockIndex,
-    /// What the block's cost falls by, in units of the noise, the other blocks following.
-    better_by: f64,
-    /// How far its log x_e lies from that of the fit.
-    away: f64,
-    /// The block's coordinates there.
+    block: BlockIndex,
+    /// Decrease of the block's cost, per unit of noise variance, if the other blocks follow.
+    decrease: f64,
+    /// Distance of log x_e from that of the fit.
+    distance: f64,
+    /// Coordinates of the block.
     coordinates: Vec<f64>,
 }
 
 impl Fit {
-    /// Looks for other optima along the elastic limits, gives each block of trials the best that was found, and notes the
-    /// trials whose optima the data do not tell apart.
+    /// Searches for other optima along x_e, adopts the best optimum of each block, and marks the trials whose optima the data do not
+    /// distinguish.
     pub fn search_multistart(&mut self, observations: &Observations) {
-        if self.x_e_is_local() {
-            self.restart_all_trials(observations);
+        if self.has_local_x_e() {
+            self.restart_components(observations);
             self.restart_blocks(observations);
         }
     }
 
-    /// This fit made anew on another session of the same trials, such as one drawn from it.
+    /// This fit repeated on other observations of the same trials, such as a simulated session.
     pub fn refitted(&self, session: &Observations) -> Self {
-        let (parameterisation, start) = (&self.parameterisation, &self.solution.coordinates);
-        let solution =
-            solve(session, parameterisation, &self.kinds, &self.objective, start, SolverOptions::default());
+        let start = &self.solution.coordinates;
+        let options = SolverOptions::default();
+        let solution = solve(session, &self.parameterisation, &self.kinds, &self.objective, start, options);
         let mut fit = self.at_solution(solution);
-        if fit.x_e_is_local() {
-            // What the trials share is nearly right, so they need not be started together.
+        if fit.has_local_x_e() {
+            // The parameters that trials share are nearly right already, so components need not be restarted.
             fit.restart_blocks(session);
         }
         fit
     }
 
-    fn look(&self) -> SolverOptions {
-        match self.objective {
-            Objective::Whitened(_) => LOOK,
-            Objective::LeastSquares => PLAIN_LOOK,
+    /// Restarts all trials of each component together: with a wrong value of the parameters that they share, no trial reaches its
+    /// right optimum alone.
+    pub(super) fn restart_components(&mut self, observations: &Observations) {
+        for restart in COMPONENT_RESTARTS {
+            let mut start = self.solution.coordinates.clone();
+            for (trial, transforms) in self.parameterisation.transforms.iter().enumerate() {
+                for (parameter, value) in self.restart_values(observations, trial, restart) {
+                    if let Transform::Logarithmic { coordinate, factor } = transforms[parameter] {
+                        let bounds = &self.parameterisation.coordinates[coordinate];
+                        start[coordinate] = libm::log(value / factor).clamp(bounds.low, bounds.high);
+                    }
+                }
+            }
+            let options = self.restart_options();
+            let found =
+                solve(observations, &self.parameterisation, &self.kinds, &self.objective, &start, options);
+            let is_better =
+                |(found, present): (&ComponentOutcome, &ComponentOutcome)| found.cost < present.cost;
+            let improved: Vec<bool> =
+                found.outcomes.iter().zip(&self.solution.outcomes).map(is_better).collect();
+            self.adopt_if_better(observations, &improved, &found.coordinates);
         }
     }
 
-    fn x_e_is_local(&self) -> bool {
-        let treatment = &self.model.base[X_E];
-        matches!(treatment.scope, Scope::Trial | Scope::Condition) && treatment.law.is_empty()
-    }
-
+    /// Restarts single blocks until no block improves.
     fn restart_blocks(&mut self, observations: &Observations) {
-        let mut ambiguous_trials = vec![Vec::new(); self.parameterisation.components.len()];
-        let mut open = vec![true; self.parameterisation.components.len()];
-        for _ in 0..ROUNDS {
-            let alternatives = self.alternatives(observations, &open);
-            self.mark_ambiguous_trials(&alternatives, &open, &mut ambiguous_trials);
-            open = self.adopt_best(observations, &alternatives);
+        let components = self.parameterisation.components.len();
+        let mut ambiguous = vec![Vec::new(); components];
+        let mut open = vec![true; components];
+        for _ in 0..MAX_ROUNDS {
+            let alternatives = self.alternative_optima(observations, &open);
+            self.mark_ambiguous_trials(&alternatives, &open, &mut ambiguous);
+            open = self.adopt_best_blocks(observations, &alternatives);
             if !open.contains(&true) {
                 break;
             }
         }
-        self.ambiguous_trials = ambiguous_trials.concat();
+        self.ambiguous_trials = ambiguous.concat();
         self.ambiguous_trials.sort_unstable();
         self.update_parameters();
     }
 
-    /// Where the blocks of the open components get to, alone, from every place that is not out of reach.
-    fn alternatives(&self, observations: &Observations, open: &[bool]) -> Vec<AlternativeOptimum> {
-        let reached = self.normals(observations, &self.solution.coordinates);
-        let mut places = Vec::new();
+    /// The optima that the blocks of the open components reach from the restarts that are not dropped.
+    fn alternative_optima(&self, observations: &Observations, open: &[bool]) -> Vec<AlternativeOptimum> {
+        let present = self.normal_equations(observations);
+        let mut blocks = Vec::new();
         for (component, own) in self.parameterisation.components.iter().enumerate() {
             for block in 0..own.blocks.len() {
                 if open[component] && self.coordinate_of(component, block, X_E).is_some() {
-                    places.extend([(component, block); PLACES.len()]);
+                    blocks.extend([(component, block); BLOCK_RESTARTS.len()]);
                 }
             }
         }
-        let alone = BlockSubproblems::new(observations, self, &reached, &places);
-        let start = self.starts(observations, &alone, &places);
-        let first = |place: &BlockIndex| reached[place.0].block_costs().nth(place.1).unwrap_or(f64::INFINITY);
-        let unit = |place: &BlockIndex| self.unit(observations, place.0, place.1, &reached[place.0]);
-        let normals = alone.normals(&start);
-        let in_reach: Vec<usize> = (0..places.len())
-            .filter(|problem| {
-                let place = &places[*problem];
-                let own = &self.parameterisation.components[place.0].blocks[place.1];
-                let limit = self.coordinate_of(place.0, place.1, X_E);
-                let held: Vec<bool> = own.iter().map(|index| Some(*index) == limit).collect();
-                let promised = normals[*problem].predicted_block_cost(0, &held);
-                promised < first(place) + OUT_OF_REACH * unit(place)
+        let subproblems = BlockSubproblems::new(observations, self, &present, &blocks);
+        let start = self.restart_coordinates(observations, &subproblems, &blocks);
+        let present_cost =
+            |block: &BlockIndex| present[block.0].block_costs().nth(block.1).unwrap_or(f64::INFINITY);
+        let unit = |block: &BlockIndex| self.cost_unit(observations, *block, &present[block.0]);
+        let equations = subproblems.normal_equations(&start);
+        let kept: Vec<usize> = (0..blocks.len())
+            .filter(|subproblem| {
+                let block = &blocks[*subproblem];
+                let own = &self.parameterisation.components[block.0].blocks[block.1];
+                let x_e = self.coordinate_of(block.0, block.1, X_E);
+                let held: Vec<bool> = own.iter().map(|index| Some(*index) == x_e).collect();
+                let predicted = equations[*subproblem].predicted_block_cost(0, &held);
+                predicted < present_cost(block) + MAX_PREDICTED_EXCESS * unit(block)
             })
             .collect();
-        let solution = alone.solve(&alone.subset(&in_reach), &start, self.look());
-        let rival = |(problem, outcome): (&usize, &ComponentOutcome)| {
-            let (place, range) = (places[*problem], alone.ranges[*problem].clone());
-            let own = &self.parameterisation.components[place.0].blocks[place.1];
+        let solution = subproblems.solve(&subproblems.subset(&kept), &start, self.restart_options());
+        let alternative = |(subproblem, outcome): (&usize, &ComponentOutcome)| {
+            let (block, range) = (blocks[*subproblem], subproblems.ranges[*subproblem].clone());
+            let own = &self.parameterisation.components[block.0].blocks[block.1];
             let coordinates = solution.coordinates[range][..own.len()].to_vec();
-            let limit = self.coordinate_of(place.0, place.1, X_E);
-            let at = own.iter().position(|index| Some(*index) == limit).unwrap_or(0);
-            let away = (coordinates[at] - self.solution.coordinates[own[at]]).abs();
-            AlternativeOptimum {
-                place,
-                better_by: (first(&place) - outcome.cost) / unit(&place),
-                away,
-                coordinates,
-            }
+            let x_e = self.coordinate_of(block.0, block.1, X_E);
+            let position = own.iter().position(|index| Some(*index) == x_e).unwrap_or(0);
+            let distance = (coordinates[position] - self.solution.coordinates[own[position]]).abs();
+            let decrease = (present_cost(&block) - outcome.cost) / unit(&block);
+            AlternativeOptimum { block, decrease, distance, coordinates }
         };
-        in_reach.iter().zip(&solution.outcomes).map(rival).collect()
+        kept.iter().zip(&solution.outcomes).map(alternative).collect()
     }
 
-    /// The starts of all problems: the block as it is, but for x_e and k_dec.
-    fn starts(
+    /// Coordinates from which the subproblems start: the optimum of the fit, except for k_srs, k_dec and x_e of the block.
+    fn restart_coordinates(
         &self,
         observations: &Observations,
-        alone: &BlockSubproblems,
-        places: &[BlockIndex],
+        subproblems: &BlockSubproblems,
+        blocks: &[BlockIndex],
     ) -> Vec<f64> {
-        let mut start = alone.start.clone();
-        for (problem, place) in places.iter().enumerate() {
-            let component = &self.parameterisation.components[place.0];
-            let Some(trial) = component.trials_of_block(place.1).next() else { continue };
-            for (parameter, value) in self.restart_point(observations, trial, PLACES[problem % PLACES.len()])
-            {
-                let Some(coordinate) = self.coordinate_of(place.0, place.1, parameter) else { continue };
-                let own = &component.blocks[place.1];
-                let at = alone.ranges[problem].start
+        let mut start = subproblems.start.clone();
+        for (subproblem, block) in blocks.iter().enumerate() {
+            let component = &self.parameterisation.components[block.0];
+            let Some(trial) = component.trials_of_block(block.1).next() else { continue };
+            let restart = BLOCK_RESTARTS[subproblem % BLOCK_RESTARTS.len()];
+            for (parameter, value) in self.restart_values(observations, trial, restart) {
+                let Some(coordinate) = self.coordinate_of(block.0, block.1, parameter) else { continue };
+                let own = &component.blocks[block.1];
+                let at = subproblems.ranges[subproblem].start
                     + own.iter().position(|index| *index == coordinate).unwrap_or(0);
-                let bounds = &alone.parameterisation.coordinates[at];
+                let bounds = &subproblems.parameterisation.coordinates[at];
                 start[at] = libm::log(value).clamp(bounds.low, bounds.high);
             }
         }
         start
     }
 
-    /// A trial's k_srs, k_dec and x_e at a place. What the window's end shows stays: the mean stiffness up to there.
-    fn restart_point(
+    /// k_srs, k_dec and x_e of a trial at a restart, by parameter index. The mean stiffness up to the end of the window stays, because
+    /// the data determine it.
+    fn restart_values(
         &self,
         observations: &Observations,
         trial: usize,
-        (limit, decrement): (f64, f64),
+        (x_e_fraction, k_dec_fraction): Restart,
     ) -> [(usize, f64); 3] {
-        let (own, reach) = (&self.parameters[trial], observations.peak_angle_rad(trial));
-        let mean = own[K_SRS] - own[K_DEC] * (1.0 - own[X_E] / reach).max(0.0);
-        let stiffness = mean.max(0.2 * own[K_SRS]) / (1.0 - decrement * (1.0 - limit));
-        [(K_SRS, stiffness), (K_DEC, decrement * stiffness), (X_E, limit * reach)]
+        let (own, peak_angle) = (&self.parameters[trial], observations.peak_angle_rad(trial));
+        let mean = own[K_SRS] - own[K_DEC] * (1.0 - own[X_E] / peak_angle).max(0.0);
+        let k_srs = mean.max(0.2 * own[K_SRS]) / (1.0 - k_dec_fraction * (1.0 - x_e_fraction));
+        [(K_SRS, k_srs), (K_DEC, k_dec_fraction * k_srs), (X_E, x_e_fraction * peak_angle)]
     }
 
-    /// The trials of each open component that have another optimum which the data do not tell apart from their best.
+    /// Records in `ambiguous`, for each open component, the trials with another optimum that the data do not distinguish from their
+    /// best one.
     fn mark_ambiguous_trials(
         &self,
         alternatives: &[AlternativeOptimum],
         open: &[bool],
-        ambiguous_trials: &mut [Vec<usize>],
+        ambiguous: &mut [Vec<usize>],
     ) {
         (0..open.len())
             .filter(|component| open[*component])
-            .for_each(|component| ambiguous_trials[component].clear());
-        let best = |place: BlockIndex| {
-            let own = alternatives.iter().filter(|rival| rival.place == place);
-            own.map(|rival| rival.better_by).fold(0.0, f64::max)
+            .for_each(|component| ambiguous[component].clear());
+        let best = |block: BlockIndex| {
+            let own = alternatives.iter().filter(|alternative| alternative.block == block);
+            own.map(|alternative| alternative.decrease).fold(0.0, f64::max)
         };
-        let equals = |rival: &&AlternativeOptimum| {
-            rival.away > ELSEWHERE && rival.better_by > best(rival.place) - NOT_TOLD_APART
+        let is_ambiguous = |alternative: &&AlternativeOptimum| {
+            alternative.distance > DISTINCT_OPTIMUM_LOG_X_E
+                && alternative.decrease > best(alternative.block) - AMBIGUITY_THRESHOLD
         };
-        for (component, block) in alternatives.iter().filter(equals).map(|rival| rival.place) {
+        for (component, block) in
+            alternatives.iter().filter(is_ambiguous).map(|alternative| alternative.block)
+        {
             let trials = self.parameterisation.components[component].trials_of_block(block);
-            let fresh: Vec<usize> =
-                trials.filter(|trial| !ambiguous_trials[component].contains(trial)).collect();
-            ambiguous_trials[component].extend(fresh);
+            let new: Vec<usize> = trials.filter(|trial| !ambiguous[component].contains(trial)).collect();
+            ambiguous[component].extend(new);
         }
     }
 
-    /// Goes on from the best alternatives; the components that have any.
-    fn adopt_best(&mut self, observations: &Observations, alternatives: &[AlternativeOptimum]) -> Vec<bool> {
+    /// Continues from the best alternative of each block that improves; returns for each component whether a block improved.
+    fn adopt_best_blocks(
+        &mut self,
+        observations: &Observations,
+        alternatives: &[AlternativeOptimum],
+    ) -> Vec<bool> {
         let mut merged = self.solution.coordinates.clone();
         let mut improved = vec![false; self.parameterisation.components.len()];
-        let mut best: Vec<&AlternativeOptimum> =
-            alternatives.iter().filter(|rival| rival.better_by > WORTH).collect();
-        // The best of each block comes last.
-        best.sort_by(|a, b| a.better_by.total_cmp(&b.better_by));
-        for rival in best {
-            let (component, block) = rival.place;
+        let mut better: Vec<&AlternativeOptimum> =
+            alternatives.iter().filter(|alternative| alternative.decrease > MIN_BLOCK_DECREASE).collect();
+        // The best alternative of a block comes last and overwrites the others.
+        better.sort_by(|a, b| a.decrease.total_cmp(&b.decrease));
+        for alternative in better {
+            let (component, block) = alternative.block;
             improved[component] = true;
-            for (index, value) in
-                self.parameterisation.components[component].blocks[block].iter().zip(&rival.coordinates)
-            {
+            let coordinates = &self.parameterisation.components[component].blocks[block];
+            for (index, value) in coordinates.iter().zip(&alternative.coordinates) {
                 merged[*index] = *value;
             }
         }
-        self.optimise_from(observations, &improved, &merged);
+        self.adopt_if_better(observations, &improved, &merged);
         improved
     }
 
-    /// Starts all trials of a component anew at once: with what they share at a wrong value, none of them gets to the right
-    /// place alone.
-    pub(in crate::fit) fn restart_all_trials(&mut self, observations: &Observations) {
-        for place in TOGETHER {
-            let mut start = self.solution.coordinates.clone();
-            for (trial, links) in self.parameterisation.transforms.iter().enumerate() {
-                for (parameter, value) in self.restart_point(observations, trial, place) {
-                    if let Transform::Logarithmic { coordinate, factor } = links[parameter] {
-                        let bounds = &self.parameterisation.coordinates[coordinate];
-                        start[coordinate] = libm::log(value / factor).clamp(bounds.low, bounds.high);
-                    }
-                }
-            }
-            let found = solve(
-                observations,
-                &self.parameterisation,
-                &self.kinds,
-                &self.objective,
-                &start,
-                self.look(),
-            );
-            let better = |(found, reached): (&ComponentOutcome, &ComponentOutcome)| found.cost < reached.cost;
-            let improved: Vec<bool> =
-                found.outcomes.iter().zip(&self.solution.outcomes).map(better).collect();
-            self.optimise_from(observations, &improved, &found.coordinates);
-        }
-    }
-
-    /// Goes on from the merged best blocks where any improved, and keeps what is better as a whole.
-    fn optimise_from(&mut self, observations: &Observations, improved: &[bool], merged: &[f64]) {
+    /// Optimises the components that `improved` from the coordinates `merged`, and adopts those whose cost is lower than before.
+    fn adopt_if_better(&mut self, observations: &Observations, improved: &[bool], merged: &[f64]) {
         if !improved.contains(&true) {
             return;
         }
-        let polished = self.solve_components(
-            observations,
-            &|component| improved[component],
-            merged,
-            SolverOptions::default(),
-        );
-        let solved = (0..improved.len()).filter(|component| improved[*component]);
-        for (component, outcome) in solved.zip(polished.outcomes) {
+        let components = self.parameterisation.components.iter().enumerate();
+        let some = Parameterisation {
+            components: components
+                .filter(|(index, _)| improved[*index])
+                .map(|(_, own)| own.clone())
+                .collect(),
+            ..self.parameterisation.clone()
+        };
+        let options = SolverOptions::default();
+        let found: Solution = solve(observations, &some, &self.kinds, &self.objective, merged, options);
+        let optimised = (0..improved.len()).filter(|component| improved[*component]);
+        for (component, outcome) in optimised.zip(found.outcomes) {
             if outcome.cost < self.solution.outcomes[component].cost {
                 for coordinate in self.parameterisation.components[component].order() {
-                    self.solution.coordinates[coordinate] = polished.coordinates[coordinate];
+                    self.solution.coordinates[coordinate] = found.coordinates[coordinate];
                 }
                 self.solution.outcomes[component] = outcome;
             }
         }
     }
 
-    fn solve_components(
-        &self,
-        observations: &Observations,
-        some: &dyn Fn(usize) -> bool,
-        start: &[f64],
-        options: SolverOptions,
-    ) -> Solution {
-        let components = self.parameterisation.components.iter().enumerate();
-        let part = Parameterisation {
-            components: components.filter(|(index, _)| some(*index)).map(|(_, own)| own.clone()).collect(),
-            ..self.parameterisation.clone()
-        };
-        solve(observations, &part, &self.kinds, &self.objective, start, options)
-    }
-
-    fn normals(&self, observations: &Observations, coordinates: &[f64]) -> Vec<NormalEquations> {
+    /// Normal equations of all components at the optimum.
+    fn normal_equations(&self, observations: &Observations) -> Vec<GaussNewtonEquations> {
         let components: Vec<_> = self.parameterisation.components.iter().collect();
-        evaluate(observations, &self.parameterisation, &self.kinds, &self.objective, &components, coordinates)
+        let at = &self.solution.coordinates;
+        evaluate(observations, &self.parameterisation, &self.kinds, &self.objective, &components, at)
     }
 
-    /// The coordinate of a block that is the logarithm of a base parameter.
+    /// Whether each trial or condition has its own x_e, so that x_e can have several optima per block.
+    fn has_local_x_e(&self) -> bool {
+        let spec = &self.model.base[X_E];
+        matches!(spec.scope, Scope::Trial | Scope::Condition) && spec.law.is_empty()
+    }
+
+    fn restart_options(&self) -> SolverOptions {
+        match self.objective {
+            Objective::Whitened(_) => RESTART,
+            Objective::LeastSquares => UNWEIGHTED_RESTART,
+        }
+    }
+
+    /// Index of the coordinate of a block that is the logarithm of a base parameter; `None` if the block has no such coordinate.
     fn coordinate_of(&self, component: usize, block: usize, parameter: usize) -> Option<usize> {
         let coordinates = &self.parameterisation.components[component].blocks[block];
-        let is_it = |index: &usize| {
+        let is_wanted = |index: &usize| {
             let own = &self.parameterisation.coordinates[*index];
             own.parameter == parameter && own.logarithmic
         };
-        coordinates.iter().copied().find(is_it)
+        coordinates.iter().copied().find(is_wanted)
     }
 
-    /// What half a squared residual of one standard deviation is worth in a block's cost: one where the noise weighs it, else
-    /// estimated from what is left.
-    fn unit(
+    /// Cost per unit of noise variance in a block: 1 for whitened residuals, otherwise estimated from the residuals of the block, whose
+    /// normal equations are among `present`.
+    fn cost_unit(
         &self,
         observations: &Observations,
-        component: usize,
-        block: usize,
-        reached: &NormalEquations,
+        (component, block): BlockIndex,
+        present: &GaussNewtonEquations,
     ) -> f64 {
         match self.objective {
             Objective::Whitened(_) => 1.0,
             Objective::LeastSquares => {
-                let windows = observations.samples as f64 * observations.period_s / 0.040;
+                let windows = observations.samples as f64 * observations.period_s / PAPER_WINDOW_S;
                 let trials =
                     self.parameterisation.components[component].trials_of_block(block).count() as f64;
-                reached.block_costs().nth(block).unwrap_or(0.0)
+                present.block_costs().nth(block).unwrap_or(0.0)
                     / (trials * 0.5 * INDEPENDENT_VALUES * windows)
             }
         }

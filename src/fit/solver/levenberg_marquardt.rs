@@ -1,131 +1,67 @@
-//! Bounded Levenberg-Marquardt on arrowhead normal equations, all separate problems of a session side by side.
+//! Bounded Levenberg-Marquardt method with block-wise damping; all components of a session are solved side by side.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
-use super::normal_equations::{NormalEquations, Objective};
-use crate::fit::data::preprocessing::Observations;
-use crate::fit::parameters::parameterisation::{Component, Parameterisation};
+use super::normal_equations::{GaussNewtonEquations, evaluate};
+use super::options::SolverOptions;
+use super::step_control::StepControl;
+use crate::fit::data::observations::Observations;
+use crate::fit::parameters::component::Component;
+use crate::fit::parameters::parameterisation::Parameterisation;
+use crate::fit::residuals::objective::Objective;
 use crate::wrist::mechanisms::MechanismKind;
 
-/// Why an optimisation ended.
+/// Reason why an optimisation ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Termination {
-    /// No step promises a notable decrease of the cost, or ambiguous_trials together brought none.
+    /// No step predicts a notable decrease of the cost, or several steps together brought none.
     Converged,
     /// The last steps changed nothing, though the gradient is not zero: the problem is flat or singular there.
     Stalled,
-    /// The number of iterations allowed was used up.
+    /// The largest number of iterations was reached.
     Iterations,
-    /// The model cannot be evaluated at the start.
+    /// The model gives no finite torque at the start.
     NotFinite,
 }
 
-/// Limits of the optimisation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SolverOptions {
-    /// Largest number of evaluations of the normal equations.
-    pub max_iterations: usize,
-    /// Decrease of the cost, relative to the cost, below which another step is not worth its time.
-    pub tolerance: f64,
-    /// Largest step of a logarithmic coordinate.
-    pub max_log_step: f64,
-}
-
-impl Default for SolverOptions {
-    fn default() -> Self {
-        Self { max_iterations: 100, tolerance: 1e-6, max_log_step: 0.7 }
-    }
-}
-
-/// After so many steps the descent is looked back upon.
-const VALLEY_STEPS: usize = 8;
-
-/// The decrease of the cost over these steps, in units of [`SolverOptions::tolerance`], below which the valley is flat.
-const VALLEY_DECREASE: f64 = 300.0;
-
-/// What came out for one component.
+/// Result of the optimisation of one component.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ComponentOutcome {
-    /// Half the sum of squared residuals.
+    /// Half the sum of squared residuals, priors included.
     pub cost: f64,
-    /// Why it ended.
-    pub stop: Termination,
-    /// How many steps were tried.
+    /// Reason why the optimisation ended.
+    pub termination: Termination,
+    /// Number of evaluations of the normal equations.
     pub iterations: usize,
 }
 
-/// A solved parameterisation.
+/// Result of an optimisation.
 #[derive(Debug, Clone)]
 pub struct Solution {
     /// The coordinates at the optimum.
     pub coordinates: Vec<f64>,
-    /// One outcome a component.
+    /// One result per component.
     pub outcomes: Vec<ComponentOutcome>,
 }
 
 impl Solution {
-    /// Half the sum of squares of all components, what is known beforehand included.
+    /// Cost of all components: half the sum of squared residuals, priors included.
     pub fn cost(&self) -> f64 {
         self.outcomes.iter().map(|outcome| outcome.cost).sum()
     }
 }
 
-/// How far one block dares to go. What the blocks share with the border apart, they are problems of their own: where one
-/// trial's valley bends, only that trial is held back.
-#[derive(Debug, Clone, Copy)]
-struct StepControl {
-    damping: f64,
-    growth: f64,
-    /// Longest step of its logarithmic coordinates.
-    longest: f64,
-}
+/// Number of accepted steps after which the total decrease of the cost is checked.
+const PROGRESS_STEPS: usize = 8;
 
-impl StepControl {
-    /// After a step that brought `gain` times what it promised.
-    fn after_gain(&mut self, gain: f64, options: SolverOptions) {
-        let excess = 2.0 * gain - 1.0;
-        self.damping = (self.damping * (1.0 - excess * excess * excess).clamp(0.1, 2.0)).max(1e-12);
-        self.growth = 2.0;
-        if gain > 0.75 {
-            self.longest = (2.0 * self.longest).min(4.0 * options.max_log_step);
-        }
-    }
+/// Decrease of the cost over these steps, in units of [`SolverOptions::tolerance`], below which the optimisation has converged.
+const PROGRESS_TOLERANCE: f64 = 300.0;
 
-    /// After a step that had nothing at stake.
-    fn recover(&mut self) {
-        (self.damping, self.growth) = ((0.3 * self.damping).max(1e-12), 2.0);
-    }
+/// Damping factor above which no step is possible.
+const MAX_DAMPING: f64 = 1e12;
 
-    /// After a step that led up, or not down as promised.
-    fn after_failure(&mut self, options: SolverOptions) {
-        self.damping *= self.growth;
-        self.growth *= 2.0;
-        self.longest = (0.5 * self.longest).min(options.max_log_step);
-    }
-}
-
-/// One component on its way down.
-struct ComponentSolver<'a> {
-    component: &'a Component,
-    /// One stride a block, the border's last.
-    strides: Vec<StepControl>,
-    /// Each block's part in what is promised.
-    predicted_by_block: Vec<f64>,
-    /// The point reached, its cost and normal equations.
-    reached: Option<(f64, NormalEquations)>,
-    trial_point: Vec<(usize, f64)>,
-    /// Decrease of the cost that the quadratic model promises for the trial point.
-    promised: f64,
-    small_steps: usize,
-    /// Steps taken since `milestone` was passed, the cost of then.
-    since: usize,
-    milestone: f64,
-    outcome: Option<ComponentOutcome>,
-    iterations: usize,
-}
-
-/// Minimises the objective over the parameterisation's coordinates from `start`.
+/// Minimises the objective over the coordinates from `start`, within their bounds.
 pub fn solve(
     observations: &Observations,
     parameterisation: &Parameterisation,
@@ -135,159 +71,179 @@ pub fn solve(
     options: SolverOptions,
 ) -> Solution {
     let mut coordinates = start.to_vec();
-    let mut descents: Vec<ComponentSolver> =
+    let mut solvers: Vec<ComponentSolver> =
         parameterisation.components.iter().map(|own| ComponentSolver::new(own, options)).collect();
     loop {
-        let active: Vec<usize> = (0..descents.len()).filter(|i| descents[*i].outcome.is_none()).collect();
+        let active: Vec<usize> = (0..solvers.len()).filter(|i| solvers[*i].outcome.is_none()).collect();
         if active.is_empty() {
             break;
         }
         let mut candidate = coordinates.clone();
         for index in &active {
-            for (coordinate, value) in &descents[*index].trial_point {
+            for (coordinate, value) in &solvers[*index].candidate {
                 candidate[*coordinate] = *value;
             }
         }
-        let components: Vec<&Component> = active.iter().map(|index| descents[*index].component).collect();
-        let evaluated = super::normal_equations::evaluate(
-            observations,
-            parameterisation,
-            kinds,
-            objective,
-            &components,
-            &candidate,
-        );
-        for (index, normal) in active.iter().zip(evaluated) {
-            descents[*index].accept_or_reject(parameterisation, &mut coordinates, normal, options);
+        let components: Vec<&Component> = active.iter().map(|index| solvers[*index].component).collect();
+        let evaluated = evaluate(observations, parameterisation, kinds, objective, &components, &candidate);
+        for (index, equations) in active.iter().zip(evaluated) {
+            solvers[*index].accept_or_reject(parameterisation, &mut coordinates, equations, options);
         }
     }
-    let outcomes = descents.iter().filter_map(|descent| descent.outcome).collect();
+    let outcomes = solvers.iter().filter_map(|solver| solver.outcome).collect();
     Solution { coordinates, outcomes }
+}
+
+/// State of the optimisation of one component.
+struct ComponentSolver<'a> {
+    component: &'a Component,
+    /// Step control of each block, then that of the border.
+    controls: Vec<StepControl>,
+    /// Cost and normal equations at the accepted point; `None` before the first evaluation.
+    accepted: Option<(f64, GaussNewtonEquations)>,
+    /// The candidate point: coordinates by index, and their values.
+    candidate: Vec<(usize, f64)>,
+    /// Decrease of the cost that the quadratic model predicts for the candidate.
+    predicted: f64,
+    /// The same for the trials of each block.
+    predicted_by_block: Vec<f64>,
+    /// Number of consecutive accepted steps with a negligible decrease.
+    small_steps: usize,
+    /// Number of accepted steps since the last check of progress.
+    steps_since_check: usize,
+    /// Cost at the last check of progress.
+    cost_at_check: f64,
+    iterations: usize,
+    outcome: Option<ComponentOutcome>,
 }
 
 impl<'a> ComponentSolver<'a> {
     fn new(component: &'a Component, options: SolverOptions) -> Self {
-        let stride = StepControl { damping: 1e-2, growth: 2.0, longest: options.max_log_step };
         Self {
             component,
-            strides: vec![stride; component.blocks.len() + 1],
+            controls: vec![StepControl::new(options); component.blocks.len() + 1],
+            accepted: None,
+            candidate: Vec::new(),
+            predicted: 0.0,
             predicted_by_block: Vec::new(),
-            reached: None,
-            trial_point: Vec::new(),
-            promised: 0.0,
             small_steps: 0,
-            since: 0,
-            milestone: f64::INFINITY,
-            outcome: None,
+            steps_since_check: 0,
+            cost_at_check: f64::INFINITY,
             iterations: 0,
+            outcome: None,
         }
     }
 
-    /// Takes or refuses the point just evaluated, and chooses the next.
+    /// Accepts or rejects the candidate, at which `equations` were evaluated, and proposes the next one.
     fn accept_or_reject(
         &mut self,
         parameterisation: &Parameterisation,
         coordinates: &mut [f64],
-        normal: NormalEquations,
+        equations: GaussNewtonEquations,
         options: SolverOptions,
     ) {
         self.iterations += 1;
-        let cost = normal.cost;
-        match &self.reached {
+        let cost = equations.cost;
+        match &self.accepted {
             None if !cost.is_finite() => return self.end(Termination::NotFinite, f64::INFINITY),
-            None => self.reached = Some((cost, normal)),
+            None => self.accepted = Some((cost, equations)),
             Some((before, at)) => {
                 let before = *before;
                 let decrease = before - cost;
-                let gains: Vec<f64> =
-                    at.block_costs().zip(normal.block_costs()).map(|(before, now)| before - now).collect();
+                let block_decreases: Vec<f64> =
+                    at.block_costs().zip(equations.block_costs()).map(|(before, now)| before - now).collect();
                 if decrease > 0.0 && cost.is_finite() {
-                    for (coordinate, value) in &self.trial_point {
+                    for (coordinate, value) in &self.candidate {
                         coordinates[*coordinate] = *value;
                     }
-                    self.update_dampings(&gains, decrease, options);
-                    self.reached = Some((cost, normal));
+                    self.update_controls(&block_decreases, decrease, options);
+                    self.accepted = Some((cost, equations));
                     let small = decrease <= options.tolerance * cost
-                        && self.promised <= 10.0 * options.tolerance * cost;
+                        && self.predicted <= 10.0 * options.tolerance * cost;
                     self.small_steps = if small { self.small_steps + 1 } else { 0 };
                     if self.small_steps >= 2 || self.progress_is_negligible(cost, options) {
                         return self.end(Termination::Converged, cost);
                     }
                 } else {
-                    if self.promised <= options.tolerance * before {
+                    if self.predicted <= options.tolerance * before {
                         return self.end(Termination::Converged, before);
                     }
-                    self.update_dampings(&gains, decrease, options);
-                    if self.largest_damping() > 1e12 {
+                    self.update_controls(&block_decreases, decrease, options);
+                    if self.largest_damping() > MAX_DAMPING {
                         return self.end(Termination::Stalled, before);
                     }
                 }
             }
         }
-        let cost = self.reached.as_ref().map_or(f64::INFINITY, |(cost, _)| *cost);
+        let cost = self.accepted.as_ref().map_or(f64::INFINITY, |(cost, _)| *cost);
         if self.iterations >= options.max_iterations {
             return self.end(Termination::Iterations, cost);
         }
-        self.propose_step(parameterisation, coordinates);
-        let cautious = if self.largest_damping() <= 1e-2 { 1.0 } else { 1e-3 };
-        if self.promised <= cautious * options.tolerance * cost {
+        self.propose(parameterisation, coordinates);
+        // With strong damping, a small predicted decrease does not mean that the optimum is near.
+        let factor = if self.largest_damping() <= 1e-2 { 1.0 } else { 1e-3 };
+        if self.predicted <= factor * options.tolerance * cost {
             self.end(Termination::Converged, cost);
         }
     }
 
-    fn largest_damping(&self) -> f64 {
-        self.strides.iter().map(|stride| stride.damping).fold(0.0, f64::max)
+    fn end(&mut self, termination: Termination, cost: f64) {
+        self.outcome = Some(ComponentOutcome { cost, termination, iterations: self.iterations });
     }
 
-    /// Fits the strides to what the last step brought, block by block.
-    fn update_dampings(&mut self, gains: &[f64], decrease: f64, options: SolverOptions) {
-        let taken = decrease > 0.0;
-        let notable = 1e-3 * self.promised.abs();
-        let mut blamed = false;
-        for ((stride, gain), promised) in self.strides.iter_mut().zip(gains).zip(&self.predicted_by_block) {
-            // A block may be promised a loss where the border moves for the others; only what the model did not foresee counts.
-            if *gain < 0.0 && gain - promised < -0.75 * promised.abs().max(notable) || gain.is_nan() {
-                stride.after_failure(options);
-                blamed = true;
-            } else if *promised <= notable {
-                stride.recover();
-            } else if taken {
-                stride.after_gain(gain / promised, options);
+    fn largest_damping(&self) -> f64 {
+        self.controls.iter().map(|control| control.damping).fold(0.0, f64::max)
+    }
+
+    /// Adapts the step control of each block to the actual decrease of its cost, and that of the border to the total `decrease`.
+    fn update_controls(&mut self, block_decreases: &[f64], decrease: f64, options: SolverOptions) {
+        let accepted = decrease > 0.0;
+        let notable = 1e-3 * self.predicted.abs();
+        let mut any_failed = false;
+        let blocks = self.controls.iter_mut().zip(block_decreases).zip(&self.predicted_by_block);
+        for ((control, actual), predicted) in blocks {
+            // A block may get a predicted increase, because the border moves for the sake of others. A failure is an increase that
+            // the quadratic model did not predict.
+            if *actual < 0.0 && actual - predicted < -0.75 * predicted.abs().max(notable) || actual.is_nan() {
+                control.after_failure(options);
+                any_failed = true;
+            } else if *predicted <= notable {
+                control.after_negligible_step();
+            } else if accepted {
+                control.after_success(actual / predicted, options);
             }
         }
-        let Some((border, blocks)) = self.strides.split_last_mut() else { return };
-        if taken {
-            border.after_gain(decrease / self.promised.max(f64::MIN_POSITIVE), options);
+        let Some((border, blocks)) = self.controls.split_last_mut() else { return };
+        if accepted {
+            border.after_success(decrease / self.predicted.max(f64::MIN_POSITIVE), options);
         } else {
             border.after_failure(options);
-            if !blamed {
-                blocks.iter_mut().for_each(|stride| stride.after_failure(options));
+            if !any_failed {
+                blocks.iter_mut().for_each(|control| control.after_failure(options));
             }
         }
     }
 
-    /// Whether the last steps together brought next to nothing: in a flat, curved valley each step promises more than it
-    /// keeps, and the way goes on for hundreds of steps that no data can tell apart.
+    /// Whether the last [`PROGRESS_STEPS`] steps together brought next to nothing. In a flat, curved valley each step predicts more than
+    /// it brings, and hundreds of steps follow that no data can distinguish.
     fn progress_is_negligible(&mut self, cost: f64, options: SolverOptions) -> bool {
-        self.since += 1;
-        if self.since < VALLEY_STEPS {
+        self.steps_since_check += 1;
+        if self.steps_since_check < PROGRESS_STEPS {
             return false;
         }
-        let flat = self.milestone - cost <= VALLEY_DECREASE * options.tolerance * cost;
-        (self.since, self.milestone) = (0, cost);
-        flat
+        let negligible = self.cost_at_check - cost <= PROGRESS_TOLERANCE * options.tolerance * cost;
+        (self.steps_since_check, self.cost_at_check) = (0, cost);
+        negligible
     }
 
-    fn end(&mut self, stop: Termination, cost: f64) {
-        self.outcome = Some(ComponentOutcome { cost, stop, iterations: self.iterations });
-    }
-
-    /// The next point: a damped Gauss-Newton step within the bounds.
-    fn propose_step(&mut self, parameterisation: &Parameterisation, coordinates: &[f64]) {
-        let Some((_, normal)) = &self.reached else { return };
-        let order = self.component.order();
-        let gradient = normal.gradient(self.component);
-        // A coordinate at a bound that the gradient pushes against stays there.
+    /// Proposes the next candidate: a damped Gauss-Newton step within the bounds. The damping grows until the quadratic model predicts
+    /// a decrease.
+    fn propose(&mut self, parameterisation: &Parameterisation, coordinates: &[f64]) {
+        let Some((_, equations)) = &self.accepted else { return };
+        let component = self.component;
+        let order = component.order();
+        let gradient = equations.gradient(component);
+        // A coordinate at a bound stays there if the descent direction leaves the bounds.
         let held: Vec<bool> = order
             .iter()
             .zip(gradient.iter())
@@ -297,70 +253,68 @@ impl<'a> ComponentSolver<'a> {
                 (x <= c.low + edge && *slope > 0.0) || (x >= c.high - edge && *slope < 0.0)
             })
             .collect();
-        let component = self.component;
         let lengths = component.blocks.iter().map(Vec::len).chain([component.border.len()]);
-        let longest: Vec<f64> = (self.strides.iter().zip(lengths))
-            .flat_map(|(stride, length)| std::iter::repeat_n(stride.longest, length))
+        let max_log_steps: Vec<f64> = (self.controls.iter().zip(lengths))
+            .flat_map(|(control, length)| std::iter::repeat_n(control.max_log_step, length))
             .collect();
         loop {
-            let dampings: Vec<f64> = self.strides.iter().map(|stride| stride.damping).collect();
-            if let Some(step) = normal.damped_step(component, parameterisation, &dampings, &held) {
-                // Cut off one by one, so that a coordinate that hardly matters does not hold up the others; if that leads
-                // up, shortened as a whole.
-                let mut taken = within_bounds(parameterisation, &order, coordinates, &step, &longest, false);
-                self.promised = normal.predicted_decrease(component, &gradient, &taken);
-                if self.promised <= 0.0 {
-                    taken = within_bounds(parameterisation, &order, coordinates, &step, &longest, true);
-                    self.promised = normal.predicted_decrease(component, &gradient, &taken);
+            let dampings: Vec<f64> = self.controls.iter().map(|control| control.damping).collect();
+            if let Some(step) = equations.damped_step(component, parameterisation, &dampings, &held) {
+                // Coordinates are limited one by one, so that one with little influence does not shorten the step of the others. If
+                // the limited step predicts an increase, the whole step is shortened instead.
+                let limited =
+                    |limit| limited_step(parameterisation, &order, coordinates, &step, &max_log_steps, limit);
+                let mut taken = limited(Limit::EachCoordinate);
+                self.predicted = equations.predicted_decrease(component, &gradient, &taken);
+                if self.predicted <= 0.0 {
+                    taken = limited(Limit::WholeStep);
+                    self.predicted = equations.predicted_decrease(component, &gradient, &taken);
                 }
-                // A step cut off at the bounds may lead up; a shorter one, more along the gradient, does not.
-                if self.promised > 0.0 || self.largest_damping() > 1e12 {
-                    self.predicted_by_block = normal.predicted_by_block(&taken);
-                    self.trial_point.clear();
-                    self.trial_point.extend(
+                // A step cut at the bounds may predict an increase; a shorter one, closer to the gradient, does not.
+                if self.predicted > 0.0 || self.largest_damping() > MAX_DAMPING {
+                    self.predicted_by_block = equations.predicted_by_block(&taken);
+                    self.candidate.clear();
+                    self.candidate.extend(
                         order.iter().zip(&taken).map(|(index, by)| (*index, coordinates[*index] + by)),
                     );
                     return;
                 }
-            } else if self.largest_damping() > 1e12 {
-                self.promised = 0.0;
+            } else if self.largest_damping() > MAX_DAMPING {
+                self.predicted = 0.0;
                 return;
             }
-            self.strides.iter_mut().for_each(|own| own.damping = (own.damping * 10.0).max(1e-10));
+            self.controls.iter_mut().for_each(|own| own.damping = (own.damping * 10.0).max(1e-10));
         }
     }
 }
 
-/// The step with no logarithmic coordinate going further than its `longest`, by shortening it as a whole or by cutting each off;
-/// then cut off at the bounds.
-fn within_bounds(
+/// How a step is limited to the largest steps of logarithmic coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Limit {
+    /// Each coordinate is cut at its own limit.
+    EachCoordinate,
+    /// The whole step is shortened, so that its direction stays.
+    WholeStep,
+}
+
+/// Limits `step` to the largest steps of logarithmic coordinates, then cuts it at the bounds.
+fn limited_step(
     parameterisation: &Parameterisation,
     order: &[usize],
     coordinates: &[f64],
     step: &DVector<f64>,
-    longest: &[f64],
-    as_a_whole: bool,
+    max_log_steps: &[f64],
+    limit: Limit,
 ) -> DVector<f64> {
-    let most = |place: usize| {
-        if parameterisation.coordinates[order[place]].logarithmic { longest[place] } else { f64::INFINITY }
+    let most = |position: usize| {
+        let logarithmic = parameterisation.coordinates[order[position]].logarithmic;
+        if logarithmic { max_log_steps[position] } else { f64::INFINITY }
     };
-    let excess = (0..order.len()).map(|place| step[place].abs() / most(place)).fold(1.0, f64::max);
-    let shorten = if as_a_whole { 1.0 / excess } else { 1.0 };
-    DVector::from_fn(order.len(), |place, _| {
-        let (c, x) = (&parameterisation.coordinates[order[place]], coordinates[order[place]]);
-        let by = (shorten * step[place]).clamp(-most(place), most(place));
+    let excess = (0..order.len()).map(|position| step[position].abs() / most(position)).fold(1.0, f64::max);
+    let shorten = if limit == Limit::WholeStep { 1.0 / excess } else { 1.0 };
+    DVector::from_fn(order.len(), |position, _| {
+        let (c, x) = (&parameterisation.coordinates[order[position]], coordinates[order[position]]);
+        let by = (shorten * step[position]).clamp(-most(position), most(position));
         (x + by).clamp(c.low, c.high) - x
     })
-}
-
-impl Component {
-    /// Its coordinates in the order of the solver: block by block, then the border.
-    pub fn order(&self) -> Vec<usize> {
-        self.blocks.iter().flatten().chain(&self.border).copied().collect()
-    }
-}
-
-/// The Cholesky factor of a small matrix; `None` if it is not positive definite.
-pub(in crate::fit) fn factor(matrix: DMatrix<f64>) -> Option<nalgebra::Cholesky<f64, nalgebra::Dyn>> {
-    nalgebra::Cholesky::new(matrix)
 }

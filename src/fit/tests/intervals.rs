@@ -1,4 +1,4 @@
-//! Intervals: what a profile's ends cost, and what a bootstrap scatters by.
+//! Tests of intervals: the cost at the ends of a profile, and the spread of a bootstrap.
 
 use super::*;
 
@@ -9,21 +9,21 @@ fn fitted() -> (Observations, Fit) {
 }
 
 #[test]
-fn at_the_ends_of_a_profile_the_whole_fit_has_lost_what_95_percent_of_noise_can_make() {
+fn at_the_ends_of_a_profile_the_cost_of_the_whole_fit_has_risen_by_the_95_percent_quantile() {
     let (observations, fit) = fitted();
     let least = fit.cost();
     let profiles = profiles(&observations, &fit);
-    let mut looked_at = 0;
+    let mut closed_ends = 0;
     for trial in [0, 5, 11] {
         for (place, parameter) in PROFILED_PARAMETERS.into_iter().enumerate() {
-            let interval = profiles[trial][place].expect("each trial has its own");
+            let interval = profiles[trial][place].expect("every trial has its own k_dec and x_e");
             let value = fit.parameters[trial][parameter];
             for end in [interval.low, interval.high].into_iter().flatten() {
-                // All trials refitted with this one held there: no part of the profile's own shortcut.
+                // A refit of all trials with this parameter held, without the approximation by a block subproblem.
                 let Transform::Logarithmic { coordinate, factor } =
                     fit.parameterisation.transforms[trial][parameter]
                 else {
-                    panic!("a trial's own")
+                    panic!("a parameter of a single trial")
                 };
                 let mut parameterisation = fit.parameterisation.clone();
                 let place = libm::log(end / factor);
@@ -41,34 +41,34 @@ fn at_the_ends_of_a_profile_the_whole_fit_has_lost_what_95_percent_of_noise_can_
                     &start,
                     SolverOptions::default(),
                 );
-                let fall = 2.0 * (held.cost() - least);
-                assert!((3.5..4.2).contains(&fall), "trial {trial}: {value} to {end} costs {fall}");
-                looked_at += 1;
+                let increase = 2.0 * (held.cost() - least);
+                assert!((3.5..4.2).contains(&increase), "trial {trial}: {value} to {end} costs {increase}");
+                closed_ends += 1;
             }
             assert!(
                 interval.low.is_none_or(|low| low < value) && interval.high.is_none_or(|high| high > value)
             );
         }
     }
-    assert!(looked_at >= 6, "only {looked_at} ends are closed");
+    assert!(closed_ends >= 6, "only {closed_ends} ends are closed");
 }
 
 #[test]
-fn a_plain_fit_has_no_profile_since_nothing_says_what_a_loss_is_worth() {
+fn an_unweighted_fit_has_no_profile_intervals() {
     let observations = SyntheticSession::new(1).observations();
     let fit = Fit::new(&observations, &Model::paper(), Weighting::Plain);
     assert!(profiles(&observations, &fit).iter().all(|own| own.iter().all(Option::is_none)));
 }
 
 #[test]
-fn a_bootstrap_scatters_as_the_standard_errors_say() {
+fn the_spread_of_a_bootstrap_agrees_with_the_standard_errors() {
     let (observations, fit) = fitted();
-    let scatter = bootstrap(&observations, &fit, 200, 1);
+    let spread = bootstrap(&observations, &fit, 200, 1);
     let estimates = estimates(&observations, &fit);
     for parameter in [0, 1, 2, 3] {
         let mut ratios: Vec<f64> = estimates
             .iter()
-            .zip(&scatter)
+            .zip(&spread)
             .filter_map(|(own, found)| {
                 Some(found.sd[parameter]? / (own.se[parameter]? * own.values[parameter]))
             })
@@ -80,7 +80,7 @@ fn a_bootstrap_scatters_as_the_standard_errors_say() {
 }
 
 #[test]
-fn a_bootstrap_is_the_same_whatever_the_number_of_threads() {
+fn a_bootstrap_does_not_depend_on_the_number_of_threads() {
     let (observations, fit) = fitted();
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -1,9 +1,9 @@
-//! The fit on sessions made by the model itself, where the truth is known.
+//! Tests of the fit on synthetic sessions, simulated with the model, whose true parameters are known.
 
-mod descent;
 mod intervals;
-mod models;
+mod model_specification;
 mod noise;
+mod optimisation;
 
 use std::collections::BTreeMap;
 
@@ -19,7 +19,7 @@ const LEVER: Lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, s
 const VELOCITIES: [f64; 4] = [1.3, 1.95, 2.6, 3.25];
 const TORQUES: [f64; 3] = [0.9, 1.5, 2.1];
 
-/// The six parameters as parameters.md has them for a condition.
+/// True base parameters of a condition, from the values and slopes that the paper reports.
 fn truth(velocity_rad_s: f64, torque_nm: f64) -> [f64; 6] {
     let x_e = 0.025 + 0.04 * (velocity_rad_s - 1.3) / 1.95;
     let k_srs = 15.0 + 8.0 * (torque_nm - 0.9) / 1.2;
@@ -27,7 +27,7 @@ fn truth(velocity_rad_s: f64, torque_nm: f64) -> [f64; 6] {
     [0.005, 1.2, 300.0, k_srs, k_dec, x_e]
 }
 
-/// A session of the paper's conditions with white torque noise, half a second of hold before each ramp.
+/// Generator of a session with the paper's conditions and white torque noise, and a hold before each ramp.
 struct SyntheticSession {
     repetitions: u32,
     noise_nm: f64,
@@ -110,14 +110,15 @@ impl SyntheticSession {
     }
 }
 
-/// A ramp whose speed rises as a raised cosine in 18 ms.
+/// Motor angle at time `t` after the onset, rad, of a ramp whose velocity rises as a raised cosine in 18 ms.
 fn angle(velocity: f64, t: f64) -> f64 {
     let rise = 0.018;
-    let risen = t.clamp(0.0, rise);
+    let time = t.clamp(0.0, rise);
     let phase = std::f64::consts::PI / rise;
-    velocity * (0.5 * (risen - libm::sin(phase * risen) / phase) + (t - rise).max(0.0))
+    velocity * (0.5 * (time - libm::sin(phase * time) / phase) + (t - rise).max(0.0))
 }
 
-fn relative(value: f64, expected: f64) -> f64 {
+/// Absolute relative error of `value`.
+fn relative_error(value: f64, expected: f64) -> f64 {
     (value / expected - 1.0).abs()
 }

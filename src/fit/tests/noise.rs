@@ -1,18 +1,18 @@
-//! Where the noise is measured, and what follows when it cannot be.
+//! Tests of the noise estimate: its source, and a fit without any estimate.
 
 use super::*;
 
 #[test]
-fn holds_of_half_a_second_tell_the_noise() {
+fn noise_is_estimated_from_holds_of_half_a_second() {
     let observations = SyntheticSession::new(1).observations();
     assert_eq!(observations.noise_source, Some(NoiseSource::Holds));
-    // 0.02 N m of white noise, of which the filter passes what lies below 50 Hz, and the level before takes part.
+    // White noise of 0.02 N m, of which the filter passes the part below 50 Hz; the mean before the ramp adds its own noise.
     let sd = observations.noise_covariances[0].last_sample_sd_nm();
     assert!((0.002..0.01).contains(&sd), "{sd} N m");
 }
 
 #[test]
-fn without_holds_the_repetitions_tell_the_noise() {
+fn without_holds_noise_is_estimated_from_repetitions() {
     let mut synthetic = SyntheticSession::new(3);
     synthetic.hold_s = 0.045;
     let observations = synthetic.observations();
@@ -20,7 +20,7 @@ fn without_holds_the_repetitions_tell_the_noise() {
     let fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
     assert!(
         matches!(fit.objective, Objective::LeastSquares),
-        "what differs between repetitions does not weigh"
+        "differences between repetitions must not weight residuals"
     );
     let with_holds = SyntheticSession::new(3).observations();
     let reference = Fit::new(&with_holds, &Model::paper(), Weighting::Plain);
@@ -34,7 +34,7 @@ fn without_holds_the_repetitions_tell_the_noise() {
 }
 
 #[test]
-fn without_holds_and_repetitions_there_are_no_standard_errors_but_eq_9() {
+fn without_holds_and_repetitions_only_eq_9_gives_standard_errors() {
     let mut synthetic = SyntheticSession::new(1);
     synthetic.hold_s = 0.045;
     let observations = synthetic.observations();

@@ -1,4 +1,4 @@
-//! A fit model is data: scopes, laws and fixed values work as a file says.
+//! Tests of fit models: scopes, laws and fixed values act as the model file specifies.
 
 use super::*;
 
@@ -9,7 +9,7 @@ fn fit(json: &str, repetitions: u32) -> (Observations, Fit) {
 }
 
 #[test]
-fn laws_over_velocity_and_torque_find_their_coefficients() {
+fn coefficients_of_laws_over_velocity_and_torque_are_estimated() {
     let (_, fit) = fit(
         r#"{ "format": "ramphold-model/1", "parameters": {
             "x_e_rad": { "scope": "session", "law": ["one", "velocity"] },
@@ -21,11 +21,11 @@ fn laws_over_velocity_and_torque_find_their_coefficients() {
         *of.find(|(c, _)| c.parameter == parameter && c.term == Some(term)).unwrap().1
     };
     // x_e = 0.025 + 0.04 (v - 1.3) / 1.95, k_srs = 15 + 8 (T - 0.9) / 1.2
-    assert!(relative(coefficient(5, LawTerm::Velocity), 0.04 / 1.95) < 0.1);
+    assert!(relative_error(coefficient(5, LawTerm::Velocity), 0.04 / 1.95) < 0.1);
     assert!((coefficient(5, LawTerm::One) - (0.025 - 0.04 * 1.3 / 1.95)).abs() < 0.005);
-    assert!(relative(coefficient(3, LawTerm::Torque), 8.0 / 1.2) < 0.1);
-    assert!(relative(coefficient(3, LawTerm::One), 9.0) < 0.1);
-    assert!(fit.solution.outcomes.iter().all(|outcome| outcome.stop == Termination::Converged));
+    assert!(relative_error(coefficient(3, LawTerm::Torque), 8.0 / 1.2) < 0.1);
+    assert!(relative_error(coefficient(3, LawTerm::One), 9.0) < 0.1);
+    assert!(fit.solution.outcomes.iter().all(|outcome| outcome.termination == Termination::Converged));
 }
 
 #[test]
@@ -53,7 +53,7 @@ fn a_parameter_has_one_value_over_its_scope() {
 }
 
 #[test]
-fn repetitions_that_share_nothing_are_separate_problems() {
+fn repetitions_that_share_no_coordinate_are_separate_components() {
     let (_, fit) = fit(r#"{ "format": "ramphold-model/1" }"#, 3);
     assert_eq!(fit.parameterisation.components.len(), 3);
     assert!(fit.parameterisation.components.iter().all(|component| component.order().len() == 61));

@@ -1,4 +1,4 @@
-//! The optimisation: its steps, its bounds, and where it ends.
+//! Tests of the optimisation: steps, bounds, termination, and the optimum that it reaches.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -7,20 +7,20 @@ use super::super::solver::levenberg_marquardt::solve;
 use super::super::solver::normal_equations::evaluate;
 use super::*;
 
-fn guess_of_truth(observations: &Observations) -> StartingValues {
-    StartingValues::given(
+fn true_starting_values(observations: &Observations) -> StartingValues {
+    StartingValues::new(
         observations,
         observations.trials.iter().map(|t| truth(t.velocity_rad_s, t.torque_nm)).collect(),
     )
 }
 
 #[test]
-fn the_arrowhead_step_is_that_of_the_dense_matrix() {
+fn the_arrowhead_step_equals_the_step_of_the_dense_matrix() {
     let observations = SyntheticSession::new(1).observations();
     let model = Model::paper();
-    let starting_values = guess_of_truth(&observations);
+    let starting_values = true_starting_values(&observations);
     let parameterisation = Parameterisation::new(&observations, &model, &starting_values);
-    let (objective, _) = objective(&observations, Weighting::MeasuredNoise, Some(&PERSON));
+    let (objective, _) = Objective::new(&observations, Weighting::MeasuredNoise, Some(&TYPICAL_PARAMETERS));
     let component = &parameterisation.components[0];
     assert_eq!(
         (parameterisation.components.len(), component.border.len(), component.order().len()),
@@ -28,16 +28,16 @@ fn the_arrowhead_step_is_that_of_the_dense_matrix() {
     );
     let at: Vec<f64> =
         parameterisation.start().iter().enumerate().map(|(i, x)| x + 0.05 * ((i % 7) as f64 - 3.0)).collect();
-    let normal = &evaluate(&observations, &parameterisation, &[], &objective, &[component], &at)[0];
+    let equations = &evaluate(&observations, &parameterisation, &[], &objective, &[component], &at)[0];
     let damping = 0.01;
     let mut held = vec![false; 61];
     (held[3], held[17]) = (true, true);
-    let step = normal.damped_step(component, &parameterisation, &[damping; 13], &held).unwrap();
-    let mut dense = normal.dense(component);
-    let mut right = -normal.gradient(component);
+    let step = equations.damped_step(component, &parameterisation, &[damping; 13], &held).unwrap();
+    let mut dense = equations.dense(component);
+    let mut right = -equations.gradient(component);
     for i in 0..61 {
-        // All coordinates are logarithms, of scale one; the second part is the floor that the solver keeps.
-        dense[(i, i)] += damping * dense[(i, i)] + 1e-9 * normal.cost;
+        // All coordinates are logarithms, of scale one; the second term is the floor of the solver.
+        dense[(i, i)] += damping * dense[(i, i)] + 1e-9 * equations.cost;
         if held[i] {
             dense.row_mut(i).fill(0.0);
             dense.column_mut(i).fill(0.0);
@@ -49,15 +49,15 @@ fn the_arrowhead_step_is_that_of_the_dense_matrix() {
     assert_eq!((step[3], step[17]), (0.0, 0.0));
 }
 
-const PERSON: [f64; 6] = [0.005, 1.2, 300.0, 20.0, 13.0, 0.04];
+const TYPICAL_PARAMETERS: [f64; 6] = [0.005, 1.2, 300.0, 20.0, 13.0, 0.04];
 
 #[test]
-fn the_gradient_is_that_of_the_cost() {
+fn the_gradient_is_the_derivative_of_the_cost() {
     let observations = SyntheticSession::new(1).observations();
     let parameterisation =
-        Parameterisation::new(&observations, &Model::paper(), &guess_of_truth(&observations));
+        Parameterisation::new(&observations, &Model::paper(), &true_starting_values(&observations));
     for weighting in [Weighting::MeasuredNoise, Weighting::Plain] {
-        let (objective, _) = objective(&observations, weighting, Some(&PERSON));
+        let (objective, _) = Objective::new(&observations, weighting, Some(&TYPICAL_PARAMETERS));
         let component = &parameterisation.components[0];
         let at = |coordinates: &[f64]| {
             evaluate(&observations, &parameterisation, &[], &objective, &[component], coordinates).remove(0)
@@ -81,9 +81,9 @@ fn the_gradient_is_that_of_the_cost() {
     }
 }
 
-/// Of so many random starts within a factor of three of the truth, those from which the weighed fit ends within 0.1 % of the
-/// best, and the plain fit after it.
-fn reached(observations: &Observations, starts: u32) -> [usize; 2] {
+/// Number of random starts, among `starts` within a factor of three of the truth, from which the weighted fit ends within 0.1 % of
+/// the lowest cost; and the number for the unweighted fit that follows it.
+fn starts_that_reach_the_optimum(observations: &Observations, starts: u32) -> [usize; 2] {
     let program = Fit::new(observations, &Model::paper(), Weighting::MeasuredNoise);
     let truths: Vec<[f64; 6]> =
         observations.trials.iter().map(|trial| truth(trial.velocity_rad_s, trial.torque_nm)).collect();
@@ -113,41 +113,45 @@ fn reached(observations: &Observations, starts: u32) -> [usize; 2] {
     };
     let costs: Vec<[f64; 2]> = (0..starts).into_par_iter().map(costs_from).collect();
     let own = [program.cost(), program.unweighted(observations).cost()];
-    [0, 1].map(|way| {
-        let best = costs.iter().map(|costs| costs[way]).fold(f64::INFINITY, f64::min);
-        assert!(own[way] < 1.001 * best, "the program's own start: {} and {best}", own[way]);
-        costs.iter().filter(|costs| costs[way] < 1.001 * best).count()
+    [0, 1].map(|weighting| {
+        let best = costs.iter().map(|costs| costs[weighting]).fold(f64::INFINITY, f64::min);
+        assert!(
+            own[weighting] < 1.001 * best,
+            "from the program's starting values: cost {}, lowest cost {best}",
+            own[weighting]
+        );
+        costs.iter().filter(|costs| costs[weighting] < 1.001 * best).count()
     })
 }
 
 #[test]
 fn from_two_hundred_starts_within_a_factor_of_three_the_fit_reaches_the_same_optimum() {
     let observations = SyntheticSession { seed: 2, ..SyntheticSession::new(1) }.observations();
-    let reached = reached(&observations, 200);
-    assert!(reached.iter().all(|reached| *reached >= 198), "weighed, plain: {reached:?} of 200");
+    let reached = starts_that_reach_the_optimum(&observations, 200);
+    assert!(reached.iter().all(|reached| *reached >= 198), "weighted, unweighted: {reached:?} of 200");
 }
 
 #[test]
-fn bounds_are_kept_and_told_of() {
+fn bounds_are_kept_and_reported() {
     let observations = SyntheticSession::new(1).observations();
     let mut model = Model::paper();
     (model.base[3].low, model.base[3].high) = (Some(5.0), Some(17.0));
     let fit = Fit::new(&observations, &model, Weighting::MeasuredNoise);
     assert!(fit.parameters.iter().all(|own| own[3] <= 17.0 * (1.0 + 1e-9)));
     let estimates = estimates(&observations, &fit);
-    let told = |estimate: &&TrialEstimate| {
+    let reports_bound = |estimate: &&TrialEstimate| {
         estimate.remarks.iter().any(|r| r.contains("k_srs_nm_per_rad ended at its bound"))
     };
     // k_srs is 19 and 23 N m/rad at the two higher torques.
-    assert!(estimates.iter().filter(told).all(|e| e.se[3].is_none()));
-    assert!(estimates.iter().filter(told).count() >= 8);
+    assert!(estimates.iter().filter(reports_bound).all(|e| e.se[3].is_none()));
+    assert!(estimates.iter().filter(reports_bound).count() >= 8);
 }
 
 #[test]
-fn a_start_where_the_model_cannot_be_evaluated_is_told() {
+fn a_start_where_the_model_cannot_be_evaluated_is_reported() {
     let observations = SyntheticSession::new(1).observations();
     let parameterisation =
-        Parameterisation::new(&observations, &Model::paper(), &guess_of_truth(&observations));
+        Parameterisation::new(&observations, &Model::paper(), &true_starting_values(&observations));
     let start = vec![f64::NAN; parameterisation.coordinates.len()];
     let solution = solve(
         &observations,
@@ -157,7 +161,7 @@ fn a_start_where_the_model_cannot_be_evaluated_is_told() {
         &start,
         SolverOptions::default(),
     );
-    assert_eq!(solution.outcomes[0].stop, Termination::NotFinite);
+    assert_eq!(solution.outcomes[0].termination, Termination::NotFinite);
 }
 
 #[test]
@@ -173,7 +177,7 @@ fn a_parameter_without_influence_leaves_the_others_determined() {
     let fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
     let estimates = estimates(&observations, &fit);
     for estimate in &estimates {
-        assert!(relative(estimate.values[0], 0.005) < 0.1, "I_j {}", estimate.values[0]);
+        assert!(relative_error(estimate.values[0], 0.005) < 0.1, "I_j {}", estimate.values[0]);
         let unknown = estimate.se[5].is_none_or(|se| se > 0.1) || !estimate.remarks.is_empty();
         assert!(unknown, "{:?} of x_e {}", estimate.se[5], estimate.values[5]);
     }
@@ -182,19 +186,19 @@ fn a_parameter_without_influence_leaves_the_others_determined() {
 }
 
 #[test]
-fn a_refit_ends_where_a_second_look_from_the_fits_own_start_does() {
-    // The optimum that a drawn session has need not be the one about the truth: steps from there alone ended 1 % above it.
+fn a_refit_reaches_the_optimum_of_a_full_multistart_search() {
+    // The optimum of a simulated session may be another one than that near the truth: a descent from there alone ended 1 % above it.
     let observations = SyntheticSession::new(1).observations();
     let fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
     let predicted: Vec<Vec<f64>> =
         predictions(&observations, &fit).into_iter().map(|own| own.torque_nm).collect();
-    let noise = NoiseSampler::new(&fit);
+    let noise = NoiseSampler::new(&fit.residual_covariances);
     let excess = |number: u32| {
         let mut stream = Stream::new(1, &format!("refit/{number}"));
         let session = draw_observations(&observations, &predicted, &noise, &mut stream);
         let (parameterisation, objective) = (fit.parameterisation.clone(), fit.objective.clone());
         let start = parameterisation.start();
-        let mut afresh = Fit::from_start(
+        let mut from_start = Fit::from_start(
             &session,
             &Model::paper(),
             parameterisation,
@@ -202,10 +206,10 @@ fn a_refit_ends_where_a_second_look_from_the_fits_own_start_does() {
             fit.residual_covariances.clone(),
             &start,
         );
-        afresh.search_multistart(&session);
+        from_start.search_multistart(&session);
         let cost = |fit: &Fit| fit.solution.outcomes[0].cost;
-        cost(&fit.refitted(&session)) / cost(&afresh) - 1.0
+        cost(&fit.refitted(&session)) / cost(&from_start) - 1.0
     };
     let worst = (0..40).into_par_iter().map(excess).reduce(|| 0.0, f64::max);
-    assert!(worst < 1e-3, "{worst:e} above");
+    assert!(worst < 1e-3, "relative excess of the cost: {worst:e}");
 }

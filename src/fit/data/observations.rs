@@ -1,0 +1,165 @@
+//! The observations of a session: what the model is driven by, what it must predict, and the noise of both.
+
+use crate::signal::{NoiseCovariance, Section};
+use crate::wrist::mechanisms::MechanismKind;
+use crate::wrist::{self, Lever, SimulationSettings, Smoothing, VectorWidth};
+
+/// Torque and angle before the ramp are means over this time, s.
+const LEVEL_S: f64 = 0.010;
+
+/// Data from which the noise of the torque was estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoiseSource {
+    /// The holds before the ramps, which contain noise alone.
+    Holds,
+    /// The differences between the repetitions of a condition, which contain noise and the true variation from trial to trial. A
+    /// standard error from this source says how far another repetition may lie from this one.
+    Repetitions,
+    /// The differences between the residuals of repetitions after a fit, which contain noise less the part that the parameters of
+    /// the trials absorbed.
+    Residuals,
+}
+
+/// The observations of a session after preprocessing.
+#[derive(Debug, Clone)]
+pub struct Observations {
+    /// The lever between motor and hand; `None` for a rigid lever.
+    pub lever: Option<Lever>,
+    /// Sample period, s.
+    pub period_s: f64,
+    /// Number of samples in the analysis window, which begins at the onset.
+    pub samples: usize,
+    /// Number of samples before the onset at which the simulation of the base model starts.
+    pub lead_samples: usize,
+    /// Sections of the low-pass that predicted torque passes; empty if the rig filtered angle and torque before recording.
+    pub sections: Vec<Section>,
+    /// The trials that can be fitted, ordered by condition, repetition and number.
+    pub trials: Vec<TrialObservation>,
+    /// The trials that cannot be fitted.
+    pub excluded_trials: Vec<ExcludedTrial>,
+    /// Noise covariances refer to every `stride`th sample of the window; the filtered noise is smooth in between.
+    pub stride: usize,
+    /// Standard deviation of the error of the recorded angle, rad; at least that of the encoder's quantisation.
+    pub angle_noise_rad: f64,
+    /// Step of the encoder, rad, if quantisation dominates the error of the angle; otherwise zero.
+    pub angle_step_rad: f64,
+    /// Smoothings applied to the angle, each with the share of the variance of an angle error that passes it.
+    pub angle_smoothings: Vec<(f64, Smoothing)>,
+    /// For each trial, the index of its noise in `noise_covariances`; `None` if no noise could be estimated.
+    pub noise_index: Vec<Option<usize>>,
+    /// Estimated covariances of the torque noise on [`Observations::noise_samples`]: one per torque level, or one for all.
+    pub noise_covariances: Vec<NoiseCovariance>,
+    /// Data from which the covariances were estimated; `None` if there are no covariances.
+    pub noise_source: Option<NoiseSource>,
+}
+
+/// A trial that is excluded from the fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExcludedTrial {
+    /// Number of the trial in the session.
+    pub trial: u32,
+    /// Reason of the exclusion, as text for a reader.
+    pub reason: String,
+}
+
+/// The observation of one trial.
+#[derive(Debug, Clone)]
+pub struct TrialObservation {
+    /// Number of the trial in the session.
+    pub number: u32,
+    /// Index of the condition; conditions are ordered by velocity, torque and label.
+    pub condition: usize,
+    /// Label of the condition, if the session has labels.
+    pub label: Option<String>,
+    /// Repetition index, from 1.
+    pub repetition: u32,
+    /// Ramp velocity that the session states, rad/s.
+    pub velocity_rad_s: f64,
+    /// Target torque that the session states, N m.
+    pub torque_nm: f64,
+    /// 1, or -1 if the ramp turns in the negative direction; angle and torque are multiplied by this sign.
+    pub direction: f64,
+    /// Onset of the ramp on the time axis of the record, s.
+    pub onset_s: f64,
+    /// Whether the onset was detected in the record rather than given by the session.
+    pub onset_found: bool,
+    /// Mean motor angle before the ramp, rad.
+    pub theta_0_rad: f64,
+    /// Mean torque before the ramp, N m.
+    pub torque_0_nm: f64,
+    /// Recorded angle less `theta_0_rad`, times `direction`, rad; as long as the motion in `input`.
+    pub angle_rad: Vec<f64>,
+    /// Motor motion and covariates that drive the model.
+    pub input: wrist::TrialInput,
+    /// Filtered torque in the window less `torque_0_nm`, times `direction`, N m; one value per sample of the window.
+    pub measured_nm: Vec<f64>,
+    /// Stretches of the hold, each processed like the window and read at [`Observations::noise_samples`], N m.
+    pub hold_stretches: Vec<Vec<f64>>,
+}
+
+impl Observations {
+    /// The observations of `trials`, given by index; noise covariances and settings stay.
+    pub fn subset(&self, trials: &[usize]) -> Self {
+        Self {
+            lever: self.lever,
+            period_s: self.period_s,
+            samples: self.samples,
+            lead_samples: self.lead_samples,
+            sections: self.sections.clone(),
+            trials: trials.iter().map(|trial| self.trials[*trial].clone()).collect(),
+            excluded_trials: Vec::new(),
+            stride: self.stride,
+            angle_noise_rad: self.angle_noise_rad,
+            angle_step_rad: self.angle_step_rad,
+            angle_smoothings: self.angle_smoothings.clone(),
+            noise_index: trials.iter().map(|trial| self.noise_index[*trial]).collect(),
+            noise_covariances: self.noise_covariances.clone(),
+            noise_source: self.noise_source,
+        }
+    }
+
+    /// Largest motor angle in the window of a trial, rad, relative to the angle before the ramp.
+    pub fn peak_angle_rad(&self, trial: usize) -> f64 {
+        let input = &self.trials[trial].input;
+        input.motion[input.onset..input.onset + self.samples]
+            .iter()
+            .map(|knot| knot.theta)
+            .fold(1e-6, f64::max)
+    }
+
+    /// Indices of the samples of the window to which noise covariances refer; the last sample of the window is among them.
+    pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
+        (0..self.samples).rev().step_by(self.stride).collect::<Vec<_>>().into_iter().rev()
+    }
+
+    /// Simulation of the window with the mechanisms `kinds` and `substeps` integration steps per sample.
+    ///
+    /// If a mechanism acts before the onset, the simulation starts earlier by as much, and the mean torque before the ramp is
+    /// subtracted from the prediction as it was from the measurement.
+    pub fn request<'a>(&'a self, kinds: &'a [MechanismKind], substeps: usize) -> SimulationSettings<'a> {
+        let before_s = kinds.iter().map(|kind| kind.before_onset_s()).fold(0.0, f64::max);
+        SimulationSettings {
+            lever: self.lever,
+            kinds,
+            period_s: self.period_s,
+            samples: self.samples,
+            lead_samples: self.lead_samples + libm::ceil(before_s / self.period_s) as usize,
+            baseline_samples: if before_s > 0.0 { self.level_samples() } else { 0 },
+            substeps,
+            filter: &self.sections,
+            derivatives: &[],
+            width: VectorWidth::fastest(),
+        }
+    }
+
+    /// Number of samples before the ramp over which filtered torque and angle are averaged.
+    pub(super) fn level_samples(&self) -> usize {
+        (libm::round(LEVEL_S / self.period_s) as usize).max(2)
+    }
+}
+
+/// Mean of `values`; 0 for an empty slice.
+pub(super) fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}

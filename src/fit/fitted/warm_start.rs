@@ -1,0 +1,100 @@
+//! Warm starts: fits of another model, or to other trials, that start at the optimum of a fit.
+
+use super::fit::Fit;
+use crate::fit::data::observations::Observations;
+use crate::fit::model::specification::{Model, mechanism_ranges};
+use crate::fit::parameters::coordinate::Transform;
+use crate::fit::parameters::parameterisation::Parameterisation;
+use crate::fit::parameters::starting_values::StartingValues;
+use crate::fit::solver::levenberg_marquardt::solve;
+use crate::fit::solver::options::SolverOptions;
+use crate::wrist::mechanisms::MechanismKind;
+
+/// Options of a fit that starts at the optimum of another fit.
+const WARM_START: SolverOptions = SolverOptions { max_iterations: 40, tolerance: 1e-4, max_log_step: 0.7 };
+
+impl Fit {
+    /// Fits `model`, which adds mechanisms to the model of this fit, from the optimum of this fit.
+    pub fn extended(&self, observations: &Observations, model: &Model) -> Self {
+        self.extended_by(observations, model, WARM_START)
+    }
+
+    /// Fits `model` to the trials `trials` of this fit, from its optimum; `subset` are the observations of these trials.
+    pub fn extended_on_subset(&self, subset: &Observations, trials: &[usize], model: &Model) -> Self {
+        self.restricted_to(trials).extended(subset, model)
+    }
+
+    /// Fits `model` to the trials `trials` of this fit, from its optimum.
+    pub fn on(&self, subset: &Observations, trials: &[usize], model: &Model) -> Self {
+        self.extended_on_subset(subset, trials, model)
+    }
+
+    /// This fit with the mechanism `kind` removed from its model; the other parameters stay nearly where they are.
+    ///
+    /// # Panics
+    /// If the model does not have the mechanism.
+    pub fn without(&self, observations: &Observations, kind: MechanismKind) -> Self {
+        let index = self.kinds.iter().position(|own| *own == kind).expect("a mechanism of this fit");
+        let removed = mechanism_ranges(&self.kinds)[index].clone();
+        let mut model = self.model.clone();
+        model.mechanisms.remove(index);
+        let mut reduced = self.clone();
+        reduced.parameters.iter_mut().for_each(|parameters| drop(parameters.drain(removed.clone())));
+        reduced.extended_by(observations, &model, SolverOptions { max_iterations: 1, ..WARM_START })
+    }
+
+    /// Fits `model` from the optimum of this fit, with `options`.
+    pub(in crate::fit) fn extended_by(
+        &self,
+        observations: &Observations,
+        model: &Model,
+        options: SolverOptions,
+    ) -> Self {
+        let starting_values = StartingValues::from_parameters(observations, &self.parameters);
+        let mut parameterisation = Parameterisation::new(observations, model, &starting_values);
+        if let Some(target) = &self.shrinkage_target {
+            parameterisation.shrink_towards(target);
+        }
+        let mut start = parameterisation.start();
+        for (transforms, parameters) in parameterisation.transforms.iter().zip(&self.parameters) {
+            for (transform, value) in transforms.iter().zip(parameters) {
+                let (coordinate, at) = match transform {
+                    Transform::Logarithmic { coordinate, factor } => (*coordinate, libm::log(value / factor)),
+                    Transform::Sum(terms) if terms.len() == 1 => (terms[0].0, value / terms[0].1),
+                    _ => continue,
+                };
+                let bounds = &parameterisation.coordinates[coordinate];
+                start[coordinate] = at.clamp(bounds.low, bounds.high);
+            }
+        }
+        self.optimised_from(observations, model, parameterisation, &start, options)
+    }
+
+    /// Fits `model` with its `parameterisation` and the objective of this fit from the coordinates `start`.
+    pub(in crate::fit) fn optimised_from(
+        &self,
+        observations: &Observations,
+        model: &Model,
+        parameterisation: Parameterisation,
+        start: &[f64],
+        options: SolverOptions,
+    ) -> Self {
+        let kinds = model.kinds();
+        let solution = solve(observations, &parameterisation, &kinds, &self.objective, start, options);
+        let fit = Self {
+            model: model.clone(),
+            kinds,
+            parameterisation,
+            ambiguous_trials: Vec::new(),
+            ..self.clone()
+        };
+        fit.at_solution(solution)
+    }
+
+    /// The optimum of this fit in `trials` only, as the starting point of a fit to these trials.
+    pub(in crate::fit) fn restricted_to(&self, trials: &[usize]) -> Self {
+        let parameters = trials.iter().map(|trial| self.parameters[*trial].clone()).collect();
+        let shrinkage_target = self.shrinkage_target.as_ref().map(|target| target.subset(trials));
+        Self { parameters, shrinkage_target, ..self.clone() }
+    }
+}

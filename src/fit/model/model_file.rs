@@ -1,0 +1,196 @@
+//! The model file: reading a fit model from JSON and writing it.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::specification::{Model, ParameterSpec, Scope};
+use crate::wrist::BASE_PARAMETERS;
+use crate::wrist::mechanisms::CATALOGUE;
+
+/// Version of the model format that this program reads and writes.
+pub const MODEL_FORMAT: &str = "ramphold-model/1";
+
+/// A mechanism in the model file.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MechanismFile {
+    mechanism: String,
+    #[serde(default)]
+    parameters: BTreeMap<String, ParameterFile>,
+}
+
+/// A parameter of a mechanism in the model file: a number fixes the parameter at that value.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(untagged)]
+enum ParameterFile {
+    Value(f64),
+    Spec(ParameterSpec),
+}
+
+/// The whole model file.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelFile {
+    format: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    note: Option<String>,
+    #[serde(default)]
+    parameters: BTreeMap<String, ParameterSpec>,
+    #[serde(default)]
+    mechanisms: Vec<MechanismFile>,
+}
+
+/// Reason why a model file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// The file is not JSON, or a field is missing, unknown or of the wrong type.
+    #[error("{path}: {message}")]
+    Form {
+        /// Path of the field in the file.
+        path: String,
+        /// What is wrong with the field.
+        message: String,
+    },
+    /// The file has another format or version.
+    #[error("format: \"{found}\"; expected \"{MODEL_FORMAT}\"")]
+    Format {
+        /// The format that the file names.
+        found: String,
+    },
+    /// The base model has no parameter of this name.
+    #[error("parameters.{name}: unknown; expected one of {expected}")]
+    Parameter {
+        /// The name in the file.
+        name: String,
+        /// The names that the base model has.
+        expected: String,
+    },
+    /// The catalogue has no mechanism of this id.
+    #[error(
+        "mechanisms[{index}].mechanism: \"{name}\" is not in the catalogue; expected one of {}",
+        catalogue_ids()
+    )]
+    Mechanism {
+        /// Position in the list, from 0.
+        index: usize,
+        /// The id in the file.
+        name: String,
+    },
+    /// A value contradicts its bounds or its scope.
+    #[error("{path}: {message}")]
+    Value {
+        /// Path of the field in the file.
+        path: String,
+        /// What is wrong, and what was expected.
+        message: String,
+    },
+}
+
+/// Ids of all mechanisms of the catalogue, separated by commas.
+fn catalogue_ids() -> String {
+    CATALOGUE.iter().map(|kind| kind.id()).collect::<Vec<_>>().join(", ")
+}
+
+impl Model {
+    /// Reads the text of a model file.
+    ///
+    /// # Errors
+    /// If the file is not JSON, has an unknown field, names an unknown parameter or mechanism, or has a value outside its bounds.
+    pub fn parse(text: &str) -> Result<Self, ModelError> {
+        let mut deserializer = serde_json::Deserializer::from_str(text);
+        let file: ModelFile = serde_path_to_error::deserialize(&mut deserializer)
+            .map_err(|e| ModelError::Form { path: e.path().to_string(), message: e.inner().to_string() })?;
+        deserializer
+            .end()
+            .map_err(|error| ModelError::Form { path: ".".to_owned(), message: error.to_string() })?;
+        if file.format != MODEL_FORMAT {
+            return Err(ModelError::Format { found: file.format });
+        }
+        let mut model = Self::paper();
+        for (name, spec) in file.parameters {
+            let Some(index) = BASE_PARAMETERS.iter().position(|known| *known == name) else {
+                return Err(ModelError::Parameter { name, expected: BASE_PARAMETERS.join(", ") });
+            };
+            check(&format!("parameters.{name}"), &spec, (f64::NEG_INFINITY, f64::INFINITY))?;
+            model.base[index] = spec;
+        }
+        for (index, entry) in file.mechanisms.into_iter().enumerate() {
+            let Some(kind) = CATALOGUE.iter().copied().find(|kind| kind.id() == entry.mechanism) else {
+                return Err(ModelError::Mechanism { index, name: entry.mechanism });
+            };
+            if model.mechanisms.iter().any(|added| added.kind == kind) {
+                return Err(ModelError::Value {
+                    path: format!("mechanisms[{index}].mechanism"),
+                    message: format!("\"{}\" is listed twice", kind.id()),
+                });
+            }
+            model = model.with(kind);
+            let added = model.mechanisms.len() - 1;
+            for (name, given) in entry.parameters {
+                let path = format!("mechanisms[{index}].parameters.{name}");
+                let Some(position) = kind.parameters().iter().position(|parameter| parameter.name == name)
+                else {
+                    let known: Vec<_> = kind.parameters().iter().map(|parameter| parameter.name).collect();
+                    return Err(ModelError::Value {
+                        path,
+                        message: format!("unknown; expected one of {}", known.join(", ")),
+                    });
+                };
+                let spec = match given {
+                    ParameterFile::Value(value) => ParameterSpec::fixed(value),
+                    ParameterFile::Spec(spec) => spec,
+                };
+                let bounds = (kind.parameters()[position].low, kind.parameters()[position].high);
+                check(&path, &spec, bounds)?;
+                model.mechanisms[added].parameters[position] = spec;
+            }
+        }
+        Ok(model)
+    }
+
+    /// The text of a model file, which [`Model::parse`] reads; `note` is stored with the model.
+    pub fn to_json(&self, note: Option<&str>) -> String {
+        let file = ModelFile {
+            format: MODEL_FORMAT.into(),
+            note: note.map(Into::into),
+            parameters: BASE_PARAMETERS
+                .iter()
+                .map(|n| (*n).to_string())
+                .zip(self.base.iter().cloned())
+                .collect(),
+            mechanisms: self
+                .mechanisms
+                .iter()
+                .map(|added| MechanismFile {
+                    mechanism: added.kind.id().into(),
+                    parameters: (added.kind.parameters().iter().map(|parameter| parameter.name.to_string()))
+                        .zip(added.parameters.iter().cloned().map(ParameterFile::Spec))
+                        .collect(),
+                })
+                .collect(),
+        };
+        serde_json::to_string_pretty(&file).expect("a model holds only strings and finite numbers") + "\n"
+    }
+}
+
+/// Refuses a specification that contradicts itself or leaves `bounds`; `path` names its field in the file.
+fn check(path: &str, spec: &ParameterSpec, bounds: (f64, f64)) -> Result<(), ModelError> {
+    let wrong = |message: String| Err(ModelError::Value { path: path.into(), message });
+    if spec.scope == Scope::Fixed && spec.value.is_none() {
+        return wrong("a fixed parameter needs a value".into());
+    }
+    if spec.scope == Scope::Fixed && !spec.law.is_empty() {
+        return wrong("a fixed parameter has no law; give its scope as \"session\" or \"repetition\"".into());
+    }
+    let (low, high) = (spec.low.unwrap_or(bounds.0), spec.high.unwrap_or(bounds.1));
+    if low >= high {
+        return wrong(format!("low {low} is not below high {high}"));
+    }
+    match spec.value {
+        Some(value) if spec.law.is_empty() && !(low..=high).contains(&value) => {
+            wrong(format!("value {value} is outside {low} to {high}"))
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,128 @@
+//! Errors-in-variables: the covariance of the torque error that the error of the recorded angle causes.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::prediction::predict;
+use crate::fit::data::observations::{Observations, TrialObservation};
+use crate::wrist::{SimulatedTorque, Smoothing};
+
+/// Number of rest positions within a step of the encoder over which the quantisation error is averaged.
+const REST_POSITIONS: usize = 16;
+
+/// Covariance, (N m)^2, of the error of the predicted torque on the noise samples that the error of the recorded angle causes.
+/// `point` are rough values of the base parameters.
+///
+/// The error of an angle that is not quantised is white noise. A quantised angle is rounded to the steps of the encoder: before
+/// the ramp the rounding error is constant, and it is subtracted from the whole window; while the motor is slow, the error
+/// follows the motion; once the motor passes a step per sample, the rounding errors of the samples are independent.
+pub fn input_error_covariance(observations: &Observations, point: &[f64; 6]) -> DMatrix<f64> {
+    let samples = observations.noise_samples().count();
+    observations.angle_smoothings.iter().fold(DMatrix::zeros(samples, samples), |sum, (share, smoothing)| {
+        sum + smoothed_error_covariance(observations, *smoothing, point) * *share
+    })
+}
+
+/// The covariance of [`input_error_covariance`] for an angle error that passes one smoothing.
+fn smoothed_error_covariance(
+    observations: &Observations,
+    smoothing: Smoothing,
+    point: &[f64; 6],
+) -> DMatrix<f64> {
+    let samples: Vec<usize> = observations.noise_samples().collect();
+    let response = ImpulseResponse::new(observations, smoothing, point);
+    let count = observations.samples + response.reach;
+    let mut covariance = DMatrix::zeros(samples.len(), samples.len());
+    let mut add_white = |sd_rad: f64, weight: f64, sample: usize| {
+        let mut error = vec![0.0; count];
+        error[sample] = sd_rad * libm::sqrt(weight);
+        response.add_outer_product(&mut covariance, &samples, &error);
+    };
+    let step = observations.angle_step_rad;
+    if step == 0.0 {
+        (0..count).for_each(|sample| add_white(observations.angle_noise_rad, 1.0, sample));
+        return covariance;
+    }
+    let motions = mean_motions(observations, count);
+    for (share, motion) in &motions {
+        let is_fast = |sample: usize| sample > 0 && (motion[sample] - motion[sample - 1]).abs() > step;
+        (0..count)
+            .filter(|s| is_fast(*s))
+            .for_each(|sample| add_white(step / libm::sqrt(12.0), *share, sample));
+    }
+    for (share, motion) in &motions {
+        let is_fast = |sample: usize| sample > 0 && (motion[sample] - motion[sample - 1]).abs() > step;
+        for position in 0..REST_POSITIONS {
+            let rest = step * ((position as f64 + 0.5) / REST_POSITIONS as f64 - 0.5);
+            let rounding = |theta: f64| libm::round((theta + rest) / step) * step - (theta + rest);
+            let weight = libm::sqrt(share / REST_POSITIONS as f64);
+            let error: Vec<f64> = (0..count)
+                .map(|s| weight * (if is_fast(s) { 0.0 } else { rounding(motion[s]) } - rounding(0.0)))
+                .collect();
+            response.add_outer_product(&mut covariance, &samples, &error);
+        }
+    }
+    covariance
+}
+
+/// Mean motor angle from the onset on, rad, for each velocity, with the share of the trials that have this velocity. The trials rest
+/// at different positions within a step of the encoder, so their mean resolves the motion within a step.
+fn mean_motions(observations: &Observations, count: usize) -> Vec<(f64, Vec<f64>)> {
+    let key = |trial: &TrialObservation| (trial.velocity_rad_s.to_bits(), trial.label.clone());
+    let mut keys: Vec<_> = observations.trials.iter().map(key).collect();
+    keys.sort();
+    keys.dedup();
+    let of_key = |own: &(u64, Option<String>)| {
+        let alike: Vec<&TrialObservation> =
+            observations.trials.iter().filter(|trial| key(trial) == *own).collect();
+        let at = |sample: usize| {
+            let theta = |trial: &&TrialObservation| {
+                let motion = &trial.input.motion;
+                motion[(trial.input.onset + sample).min(motion.len() - 1)].theta
+            };
+            alike.iter().map(theta).sum::<f64>() / alike.len() as f64
+        };
+        let share = alike.len() as f64 / observations.trials.len() as f64;
+        (share, (0..count).map(at).collect())
+    };
+    keys.iter().map(of_key).collect()
+}
+
+/// Impulse response of the torque to an error of the angle at one sample.
+struct ImpulseResponse {
+    /// Number of samples by which the response precedes the error, because the smoothing of the angle looks ahead.
+    reach: usize,
+    /// The response, N m/rad, from `reach` samples before the error on.
+    nm_per_rad: Vec<f64>,
+}
+
+impl ImpulseResponse {
+    /// Impulse response of the base model at the parameters `point`.
+    fn new(observations: &Observations, smoothing: Smoothing, point: &[f64; 6]) -> Self {
+        // Small enough for the model to be linear.
+        let error_rad = 1e-7;
+        let reach = smoothing.reach(observations.period_s);
+        let mut single = observations.subset(&[0]);
+        single.samples += reach + 1;
+        let mut angle = vec![0.0; single.lead_samples + single.samples + 2 * reach];
+        angle[single.lead_samples + reach] = error_rad;
+        single.trials[0].input.motion = smoothing.motion(&angle, single.period_s);
+        single.trials[0].input.onset = single.lead_samples;
+        let mut response = SimulatedTorque::default();
+        predict(&single, &[], &[], &[0], point, &mut response);
+        Self { reach, nm_per_rad: response.torque_nm.iter().map(|torque| torque / error_rad).collect() }
+    }
+
+    /// Adds to `covariance` the outer product of the torque error at `samples` that the angle error `error` causes, given in rad
+    /// sample by sample from the onset.
+    fn add_outer_product(&self, covariance: &mut DMatrix<f64>, samples: &[usize], error: &[f64]) {
+        let torque = |sample: &usize| {
+            let first = (sample + self.reach + 1).saturating_sub(self.nm_per_rad.len());
+            let last = (sample + self.reach).min(error.len() - 1);
+            (first..=last)
+                .map(|wrong| error[wrong] * self.nm_per_rad[sample + self.reach - wrong])
+                .sum::<f64>()
+        };
+        let torque = DVector::from_iterator(samples.len(), samples.iter().map(torque));
+        *covariance += &torque * torque.transpose();
+    }
+}
