@@ -48,4 +48,5 @@ pub mod session;
 pub mod signal;
 pub mod statistics;
 pub mod study;
+pub mod timing;
 pub mod wrist;

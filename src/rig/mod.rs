@@ -6,9 +6,11 @@
 #[cfg(any(unix, windows))]
 pub mod can;
 mod fault;
+mod limit_monitor;
 pub mod virtual_wrist;
 
 pub use fault::{Channel, DeviceFault, Fault, FaultClass, Quantity};
+pub use limit_monitor::{Exceeded, LimitMonitor, MotionLimits};
 
 use crate::protocol::Limits;
 
@@ -105,7 +107,7 @@ pub struct Upcoming {
 
 /// The operator has said that the motor may move.
 #[derive(Debug)]
-pub struct OperatorsWord(());
+pub struct ArmingConsent(());
 
 /// How many steps a radian, a newton metre, a second and the MVC are divided into in a record.
 ///
@@ -132,7 +134,7 @@ impl Sample {
     }
 }
 
-impl OperatorsWord {
+impl ArmingConsent {
     /// To be called where the operator has just said so, and nowhere else.
     pub fn given() -> Self {
         Self(())
@@ -165,7 +167,7 @@ pub trait Rig: Sized {
     ///
     /// # Errors
     /// The rig, still disarmed, and why.
-    fn arm(self, word: OperatorsWord, limits: &Limits) -> Result<Self::Armed, (Self, Fault)>;
+    fn arm(self, word: ArmingConsent, limits: &Limits) -> Result<Self::Armed, (Self, Fault)>;
 }
 
 /// A rig that moves when it is told to.

@@ -9,7 +9,7 @@ use super::lateness::Lateness;
 use super::machine::Machine;
 use super::phase::Phase;
 use super::step::{Step, StepConsumer};
-use crate::rig::{Armed, Command, Cue, Fault, Motor, OperatorsWord, Rig, Vitals};
+use crate::rig::{Armed, Command, Cue, Fault, Motor, ArmingConsent, Rig, Vitals};
 
 /// Source of the operator's commands: a console or the command line.
 pub trait Operator {
@@ -116,7 +116,7 @@ pub fn run_control_loop<R: Rig, C: StepConsumer>(
             report(&input, &output, machine, operator, consumer)?;
             continue;
         }
-        rig = match rig.arm(OperatorsWord::given(), &machine.settings().limits) {
+        rig = match rig.arm(ArmingConsent::given(), &machine.settings().limits) {
             Err((rig, fault)) => {
                 operator.arming_failed(fault);
                 rig

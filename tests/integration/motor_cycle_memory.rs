@@ -7,13 +7,15 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::collections::VecDeque;
 use std::io;
+use std::sync::Arc;
 use std::time::Instant;
 
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::can::bus::{CanBus, Frame, Received};
 use ramphold::rig::can::file::ValidRigFile;
 use ramphold::rig::can::{CanMotor, Connection, DryRun};
-use ramphold::rig::{Armed, Command, Cue, Motor, OperatorsWord, Rig};
+use ramphold::rig::{Armed, ArmingConsent, Command, Cue, Motor, Rig};
+use ramphold::timing::SystemClock;
 
 thread_local! {
     static ASKED: Cell<u64> = const { Cell::new(0) };
@@ -173,8 +175,11 @@ fn a_session_of_cycles_asks_for_no_memory() {
         ValidProtocol::parse(include_str!("../../fixtures/can/rigs/one-trial.json"), "one-trial.json")
             .unwrap();
     let dry_run = DryRun::of(&protocol, &rig).unwrap();
-    let motor = CanMotor::new(Connection::on(Box::new(ObedientDrive::new()), rig), dry_run);
-    let mut armed = motor.arm(OperatorsWord::given(), &protocol.limits).map_err(|(_, fault)| fault).unwrap();
+    let motor = CanMotor::new(
+        Connection::on(Box::new(ObedientDrive::new()), Arc::new(SystemClock::default()), rig),
+        dry_run,
+    );
+    let mut armed = motor.arm(ArmingConsent::given(), &protocol.limits).map_err(|(_, fault)| fault).unwrap();
 
     let movement = protocol.ramp_and_hold(2.6).unwrap();
     let asked_before = ASKED.with(Cell::get);

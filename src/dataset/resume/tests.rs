@@ -11,7 +11,7 @@ use crate::dataset::{BackgroundRecorder, Manifest, Status, load, replay};
 use crate::protocol::Limits;
 use crate::random::Stream;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
-use crate::rig::{Armed, Command, Fault, OperatorsWord, Rig, Sample};
+use crate::rig::{Armed, Command, Fault, ArmingConsent, Rig, Sample};
 use crate::session::{
     AsFastAsItGoes, Event, Lateness, Machine, Operator, Phase, RealTime, TransitionDetail, run_control_loop,
 };
@@ -187,7 +187,7 @@ struct Failing<R> {
 impl<R: Rig> Rig for Failing<R> {
     type Armed = Failing<R::Armed>;
 
-    fn arm(self, consent: OperatorsWord, limits: &Limits) -> Result<Self::Armed, (Self, Fault)> {
+    fn arm(self, consent: ArmingConsent, limits: &Limits) -> Result<Self::Armed, (Self, Fault)> {
         let Self { rig, samples_left, fault } = self;
         match rig.arm(consent, limits) {
             Ok(rig) => Ok(Failing { rig, samples_left, fault }),

@@ -7,13 +7,12 @@ use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
 use super::bus::Frame;
-use super::canopen::{Link, Producer, Strictness, cob};
-use super::drive::{Drive, Power, Wish};
+use super::canopen::{CanopenError, ErrorPolicy, Link, MonitoredNode, cob};
+use super::drive::{Drive, DriveRequest, MotionMonitor, Power};
 use super::fault::CanFault;
 use super::file::{CansimpleMotor, RigFile};
-use super::limits::{Confirmed, HandleLimits};
-use super::lookout::Lookout;
-use super::readings::Readings;
+use super::limits::{HandleLimits, LimitsConfirmed};
+use super::pdo_decoder::Readings;
 use super::sensors::Sensors;
 use super::units::JointAngle;
 
@@ -34,8 +33,8 @@ const CLOSED_LOOP_CONTROL: u8 = 8;
 const POSITION_CONTROL: u32 = 3;
 const PASSTHROUGH: u32 = 1;
 /// How long an axis may take for an answer, or to change its state.
-const ANSWER: Duration = Duration::from_millis(300);
-const STATE_CHANGE: Duration = Duration::from_secs(2);
+const AXIS_REPLY_TIMEOUT: Duration = Duration::from_millis(300);
+const AXIS_STATE_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// One axis.
 #[derive(Debug)]
@@ -47,8 +46,9 @@ pub struct Cansimple {
     wanted: u8,
     state: u8,
     errors: u32,
-    heard: Instant,
-    answered: bool,
+    /// When its latest heartbeat arrived.
+    heard: Option<Instant>,
+    has_replied: bool,
     position_turns: f64,
     endpoint: Option<(u16, [u8; 4])>,
 }
@@ -64,8 +64,8 @@ impl Cansimple {
             wanted: IDLE,
             state: 0,
             errors: 0,
-            heard: Instant::now(),
-            answered: false,
+            heard: None,
+            has_replied: false,
             position_turns: f64::NAN,
             endpoint: None,
         }
@@ -75,27 +75,27 @@ impl Cansimple {
         u16::from(self.motor.node) << 5 | command
     }
 
-    fn tell(&self, link: &mut Link, command: u16, data: &[u8]) -> Result<(), CanFault> {
-        link.send(&Frame::new(self.id(command), data))
+    fn send_command(&self, link: &mut Link, command: u16, data: &[u8]) -> Result<(), CanFault> {
+        Ok(link.send(&Frame::new(self.id(command), data))?)
     }
 
     /// Writes an endpoint and reads it back.
     fn write(&mut self, link: &mut Link, endpoint: u16, value: [u8; 4]) -> Result<(), CanFault> {
         let [low, high] = endpoint.to_le_bytes();
         let [a, b, c, d] = value;
-        self.tell(link, command::RX_SDO, &[1, low, high, 0, a, b, c, d])?;
-        self.tell(link, command::RX_SDO, &[0, low, high, 0])?;
+        self.send_command(link, command::RX_SDO, &[1, low, high, 0, a, b, c, d])?;
+        self.send_command(link, command::RX_SDO, &[0, low, high, 0])?;
         self.endpoint = None;
         let (node, index) = (self.motor.node, endpoint);
         let read = self
-            .until(link, ANSWER, |axis| axis.endpoint.filter(|(number, _)| *number == endpoint))?
-            .ok_or(CanFault::SdoSilent { node, index, sub: 0 })?
+            .until(link, AXIS_REPLY_TIMEOUT, |axis| axis.endpoint.filter(|(number, _)| *number == endpoint))?
+            .ok_or(CanopenError::SdoSilent { node, index, sub: 0 })?
             .1;
         if read == value {
             return Ok(());
         }
         let [written, read] = [value, read].map(u32::from_le_bytes);
-        Err(CanFault::NotTaken { node, index, sub: 0, written, read })
+        Err(CanopenError::ValueNotAccepted { node, index, sub: 0, written, read }.into())
     }
 
     /// Listens until something is so, or `None` after a while.
@@ -103,16 +103,16 @@ impl Cansimple {
         &mut self,
         link: &mut Link,
         time: Duration,
-        so: impl Fn(&Self) -> Option<T>,
+        condition: impl Fn(&Self) -> Option<T>,
     ) -> Result<Option<T>, CanFault> {
-        let deadline = Instant::now() + time;
+        let deadline = link.now() + time;
         loop {
-            if let Some(found) = so(self) {
+            if let Some(found) = condition(self) {
                 return Ok(Some(found));
             }
             match link.receive(deadline)? {
-                Some(frame) => drop(self.take(&frame)?),
-                None => return Ok(so(self)),
+                Some(frame) => drop(self.handle_frame(&frame, link.now())?),
+                None => return Ok(condition(self)),
             }
         }
     }
@@ -152,45 +152,48 @@ impl Drive for Cansimple {
         link: &mut Link,
         file: &RigFile,
         limits: &HandleLimits,
-    ) -> Result<Confirmed, CanFault> {
-        self.tell(link, command::SET_AXIS_STATE, &u32::from(IDLE).to_le_bytes())?;
+    ) -> Result<LimitsConfirmed, CanFault> {
+        self.send_command(link, command::SET_AXIS_STATE, &u32::from(IDLE).to_le_bytes())?;
         self.wanted = IDLE;
         self.write_limits(link, file, limits)?;
-        self.tell(link, command::CLEAR_ERRORS, &[0])?;
+        self.send_command(link, command::CLEAR_ERRORS, &[0])?;
         let mut modes = [0u8; 8];
         modes[..4].copy_from_slice(&POSITION_CONTROL.to_le_bytes());
         modes[4..].copy_from_slice(&PASSTHROUGH.to_le_bytes());
-        self.tell(link, command::SET_CONTROLLER_MODE, &modes)?;
+        self.send_command(link, command::SET_CONTROLLER_MODE, &modes)?;
         self.sensors.prepare(link, file)?;
-        Ok(Confirmed::by_reading_back())
+        Ok(LimitsConfirmed::by_reading_back())
     }
 
-    fn producers(&self) -> Vec<Producer> {
-        self.sensors.producers()
+    fn monitored_nodes(&self) -> Vec<MonitoredNode> {
+        self.sensors.monitored_nodes()
     }
 
     fn start(
         &mut self,
         link: &mut Link,
         _limits: &HandleLimits,
-        _lookout: &mut Lookout<'_>,
+        _lookout: &mut dyn MotionMonitor,
     ) -> Result<(), CanFault> {
         self.sensors.start(link)?;
-        self.tell(link, command::CLEAR_ERRORS, &[0])?;
+        self.send_command(link, command::CLEAR_ERRORS, &[0])?;
         if self.motor.zero_here && !self.zeroed {
-            self.tell(link, command::SET_ABSOLUTE_POSITION, &0f32.to_le_bytes())?;
+            self.send_command(link, command::SET_ABSOLUTE_POSITION, &0f32.to_le_bytes())?;
             self.zeroed = true;
         }
         // Two reports after that, so that the position is one on the new scale, and no error that was cleared.
         for _ in 0..2 {
-            self.answered = false;
-            self.until(link, STATE_CHANGE, |axis| axis.answered.then_some(()))?.ok_or(
-                CanFault::HeartbeatLost { node: self.motor.node, after_ms: STATE_CHANGE.as_millis() as u64 },
+            self.has_replied = false;
+            self.until(link, AXIS_STATE_TIMEOUT, |axis| axis.has_replied.then_some(()))?.ok_or(
+                CanopenError::HeartbeatLost {
+                    node: self.motor.node,
+                    after_ms: AXIS_STATE_TIMEOUT.as_millis() as u64,
+                },
             )?;
         }
-        let before = Instant::now();
-        self.until(link, STATE_CHANGE, |axis| (axis.heard > before).then_some(()))?;
-        link.set_strictness(Strictness::Watching);
+        let before = link.now();
+        self.until(link, AXIS_STATE_TIMEOUT, |axis| (axis.heard > Some(before)).then_some(()))?;
+        link.set_error_policy(ErrorPolicy::Fault);
         Ok(())
     }
 
@@ -199,30 +202,30 @@ impl Drive for Cansimple {
         link: &mut Link,
         target: JointAngle,
         _shown_nm: f64,
-        wish: Wish,
+        request: DriveRequest,
     ) -> Result<(), CanFault> {
-        if wish == Wish::Nothing {
+        if request == DriveRequest::None {
             return Ok(());
         }
         self.target_turns = Some(self.to_turns(target));
-        let wanted = if wish == Wish::NoPower { IDLE } else { CLOSED_LOOP_CONTROL };
+        let wanted = if request == DriveRequest::RemovePower { IDLE } else { CLOSED_LOOP_CONTROL };
         if wanted != self.wanted {
             self.wanted = wanted;
-            self.tell(link, command::SET_AXIS_STATE, &u32::from(wanted).to_le_bytes())?;
+            self.send_command(link, command::SET_AXIS_STATE, &u32::from(wanted).to_le_bytes())?;
         }
         Ok(())
     }
 
     fn send_sync(&mut self, link: &mut Link) -> Result<(), CanFault> {
-        self.answered = false;
+        self.has_replied = false;
         if let Some(turns) = self.target_turns.take() {
             let [a, b, c, d] = turns.to_le_bytes();
-            self.tell(link, command::SET_INPUT_POS, &[a, b, c, d, 0, 0, 0, 0])?;
+            self.send_command(link, command::SET_INPUT_POS, &[a, b, c, d, 0, 0, 0, 0])?;
         }
-        link.send(&Frame::new(cob::SYNC, &[]))
+        Ok(link.send(&Frame::new(cob::SYNC, &[]))?)
     }
 
-    fn take(&mut self, frame: &Frame) -> Result<bool, CanFault> {
+    fn handle_frame(&mut self, frame: &Frame, now: Instant) -> Result<bool, CanFault> {
         if frame.id >> 5 != u16::from(self.motor.node) {
             return Ok(false);
         }
@@ -230,11 +233,11 @@ impl Drive for Cansimple {
             (command::HEARTBEAT, [a, b, c, d, state, ..]) => {
                 self.errors = u32::from_le_bytes([*a, *b, *c, *d]);
                 self.state = *state;
-                self.heard = Instant::now();
+                self.heard = Some(now);
             }
             (command::ENCODER_ESTIMATES, [a, b, c, d, _, _, _, _]) => {
                 self.position_turns = f64::from(f32::from_le_bytes([*a, *b, *c, *d]));
-                self.answered = true;
+                self.has_replied = true;
             }
             (command::TX_SDO, [_, low, high, _, value @ ..]) => {
                 let mut bytes = [0; 4];
@@ -250,21 +253,19 @@ impl Drive for Cansimple {
         Ok(true)
     }
 
-    fn answered(&self) -> bool {
-        self.answered
+    fn has_replied(&self) -> bool {
+        self.has_replied
     }
 
     fn angle(&self, _readings: &Readings, _sample: usize) -> JointAngle {
         JointAngle(self.position_turns * TAU / self.motor.gear_ratio)
     }
 
-    fn check(&self, _readings: &Readings) -> Result<(), CanFault> {
-        let silent = self.heard.elapsed();
+    fn check(&self, _readings: &Readings, now: Instant) -> Result<(), CanFault> {
+        let silent = self.heard.map_or(Duration::MAX, |heard| now.saturating_duration_since(heard));
         if silent > Duration::from_millis(u64::from(self.motor.heartbeat_wait_ms)) {
-            return Err(CanFault::HeartbeatLost {
-                node: self.motor.node,
-                after_ms: silent.as_millis() as u64,
-            });
+            let after_ms = silent.as_millis().min(u128::from(u64::MAX)) as u64;
+            return Err(CanopenError::HeartbeatLost { node: self.motor.node, after_ms }.into());
         }
         if self.errors != 0 || self.state != CLOSED_LOOP_CONTROL {
             return Err(CanFault::MotorError { code: self.errors });
@@ -281,22 +282,24 @@ impl Drive for Cansimple {
     }
 
     /// It goes there as soon as it is told.
-    fn periods_to_target(&self) -> usize {
+    fn target_delay_periods(&self) -> usize {
         1
     }
 
-    fn creep_rad_s(&self) -> f64 {
+    fn approach_speed_rad_s(&self) -> f64 {
         self.motor.go_to_start_rad_s
     }
 
-    fn saw(&mut self, _readings: &Readings) {}
+    fn period_complete(&mut self, _readings: &Readings) {}
 
     fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault> {
         self.wanted = IDLE;
-        self.tell(link, command::SET_AXIS_STATE, &u32::from(IDLE).to_le_bytes())?;
-        let asked = Instant::now();
-        self.until(link, STATE_CHANGE, |axis| (axis.state == IDLE && axis.heard > asked).then_some(()))?
-            .ok_or(CanFault::PowerNotConfirmed)?;
-        self.sensors.release(link)
+        self.send_command(link, command::SET_AXIS_STATE, &u32::from(IDLE).to_le_bytes())?;
+        let asked = link.now();
+        self.until(link, AXIS_STATE_TIMEOUT, |axis| {
+            (axis.state == IDLE && axis.heard > Some(asked)).then_some(())
+        })?
+        .ok_or(CanFault::PowerNotConfirmed)?;
+        Ok(self.sensors.release(link)?)
     }
 }

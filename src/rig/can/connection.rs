@@ -1,22 +1,25 @@
 //! A rig's bus, opened, with the motor on it told everything but to move.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::bus::{self, CanBus};
-use super::canopen::{Beat, Link, Strictness};
+use super::canopen::{ErrorPolicy, Link, OwnHeartbeat};
 use super::cansimple::Cansimple;
 use super::cia402::Cia402;
 use super::drive::Drive;
 use super::fault::CanFault;
 use super::file::{Motor, ValidRigFile};
-use super::limits::{Confirmed, HandleLimits};
+use super::limits::{HandleLimits, LimitsConfirmed};
 use super::mit::Mit;
-use super::safe;
+use super::safe_state;
+use crate::timing::{Clock, SystemClock};
 
 /// The bus of a rig, and the motor on it.
 #[derive(Debug)]
 pub struct Connection {
     pub(super) file: ValidRigFile,
+    pub(super) clock: Arc<dyn Clock>,
     pub(super) link: Link,
     pub(super) drive: Box<dyn Drive>,
 }
@@ -45,21 +48,21 @@ impl Connection {
     pub fn open(file: ValidRigFile) -> Result<Self, ConnectError> {
         let bus = bus::open(&file.bus, file.bit_rate)
             .map_err(|source| ConnectError::Bus { bus: file.bus.to_string(), source })?;
-        Ok(Self::on(bus, file))
+        Ok(Self::on(bus, Arc::new(SystemClock::default()), file))
     }
 
-    /// The rig on a bus that is open.
-    pub fn on(bus: Box<dyn CanBus>, file: ValidRigFile) -> Self {
+    /// The rig on an open bus. All waiting is done on `clock`.
+    pub fn on(bus: Box<dyn CanBus>, clock: Arc<dyn Clock>, file: ValidRigFile) -> Self {
         let drive: Box<dyn Drive> = match &file.motor {
             Motor::Cia402(motor) => Box::new(Cia402::new(motor, &file)),
             Motor::Cansimple(motor) => Box::new(Cansimple::new(motor, &file)),
             Motor::Mit(motor) => Box::new(Mit::new(motor, &file)),
         };
-        let mut link = Link::new(bus);
+        let mut link = Link::new(bus, Arc::clone(&clock));
         let tolerate = &file.tolerate;
         link.tolerate(tolerate.error_frames, tolerate.garbled_frames, tolerate.foreign_frames_per_s);
         link.stretch(file.bench.map_or(1.0, |bench| bench.time_stretch));
-        Self { file, link, drive }
+        Self { file, clock, link, drive }
     }
 
     /// The rig file.
@@ -70,13 +73,13 @@ impl Connection {
     /// Identity, limits, watchdogs and frames: written and read back. The motor has no power and gets none.
     ///
     /// # Errors
-    /// What is refused, not taken, or not answered.
-    pub fn prepare(&mut self, limits: &HandleLimits) -> Result<Confirmed, CanFault> {
+    /// What is refused, not taken, or not has_replied.
+    pub fn prepare(&mut self, limits: &HandleLimits) -> Result<LimitsConfirmed, CanFault> {
         let master = self.file.master;
         let period = Duration::from_millis(u64::from(master.heartbeat_ms));
-        self.link.set_strictness(Strictness::Noting);
-        self.link.set_beat(Some(Beat { node: master.node, period }));
-        self.link.watch(&self.drive.producers());
+        self.link.set_error_policy(ErrorPolicy::Count);
+        self.link.set_own_heartbeat(Some(OwnHeartbeat { node: master.node, period }));
+        self.link.watch(&self.drive.monitored_nodes());
         self.link.drain()?;
         self.drive.prepare(&mut self.link, &self.file, limits)
     }
@@ -86,9 +89,9 @@ impl Connection {
     /// # Errors
     /// Why it could not be confirmed.
     pub fn release(&mut self) -> Result<(), CanFault> {
-        self.link.set_strictness(Strictness::Noting);
-        let outcome = safe::power_off(&mut self.link, self.drive.as_mut());
-        self.link.set_beat(None);
+        self.link.set_error_policy(ErrorPolicy::Count);
+        let outcome = safe_state::power_off(&mut self.link, self.drive.as_mut());
+        self.link.set_own_heartbeat(None);
         self.link.watch(&[]);
         outcome
     }

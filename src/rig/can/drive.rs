@@ -1,12 +1,13 @@
 //! What every kind of motor can do, whatever it speaks.
 
+use std::time::Instant;
+
 use super::bus::Frame;
-use super::canopen::{Link, Producer};
+use super::canopen::{Link, MonitoredNode};
 use super::fault::CanFault;
 use super::file::RigFile;
-use super::limits::{Confirmed, HandleLimits};
-use super::lookout::Lookout;
-use super::readings::Readings;
+use super::limits::{HandleLimits, LimitsConfirmed};
+use super::pdo_decoder::Readings;
 use super::units::JointAngle;
 
 /// A motor on the bus.
@@ -14,16 +15,16 @@ pub trait Drive: std::fmt::Debug + Send {
     /// Who it is, its limits, watchdogs and frames: written, and read back where it can be read. It has no power.
     ///
     /// # Errors
-    /// Whatever is refused, not taken or not answered; the motor stays without power.
+    /// Whatever is refused, not taken or not has_replied; the motor stays without power.
     fn prepare(
         &mut self,
         link: &mut Link,
         file: &RigFile,
         limits: &HandleLimits,
-    ) -> Result<Confirmed, CanFault>;
+    ) -> Result<LimitsConfirmed, CanFault>;
 
     /// The nodes whose heartbeats are minded.
-    fn producers(&self) -> Vec<Producer>;
+    fn monitored_nodes(&self) -> Vec<MonitoredNode>;
 
     /// Finds the start position and goes there, looked on at all the way; ready to be given power by the cycle.
     ///
@@ -33,35 +34,35 @@ pub trait Drive: std::fmt::Debug + Send {
         &mut self,
         link: &mut Link,
         limits: &HandleLimits,
-        lookout: &mut Lookout<'_>,
+        monitor: &mut dyn MotionMonitor,
     ) -> Result<(), CanFault>;
 
     /// What is sent ahead of SYNC, as soon as it is known.
     ///
     /// # Errors
-    /// [`CanFault::BusGone`]
+    /// The bus is gone.
     fn send_target(
         &mut self,
         link: &mut Link,
         target: JointAngle,
         shown_nm: f64,
-        wish: Wish,
+        request: DriveRequest,
     ) -> Result<(), CanFault>;
 
     /// SYNC, and for motors without it the target.
     ///
     /// # Errors
-    /// [`CanFault::BusGone`]
+    /// The bus is gone.
     fn send_sync(&mut self, link: &mut Link) -> Result<(), CanFault>;
 
-    /// A frame that is none of the rig file's; whether it is this motor's.
+    /// Handles a frame that is not in the rig file, which arrived by `now`. Returns whether it is this motor's.
     ///
     /// # Errors
     /// What the motor reports in it.
-    fn take(&mut self, frame: &Frame) -> Result<bool, CanFault>;
+    fn handle_frame(&mut self, frame: &Frame, now: Instant) -> Result<bool, CanFault>;
 
     /// Whether the motor's own answer in this period has come.
-    fn answered(&self) -> bool;
+    fn has_replied(&self) -> bool;
 
     /// Where the handle was at SYNC, and at each of the samples before.
     fn angle(&self, readings: &Readings, sample: usize) -> JointAngle;
@@ -70,19 +71,19 @@ pub trait Drive: std::fmt::Debug + Send {
     ///
     /// # Errors
     /// What it says.
-    fn check(&self, readings: &Readings) -> Result<(), CanFault>;
+    fn check(&self, readings: &Readings, now: Instant) -> Result<(), CanFault>;
 
     /// Whether it has power, as far as the latest frames tell.
     fn power(&self, readings: &Readings) -> Power;
 
     /// How many periods pass from a command to the motor being there.
-    fn periods_to_target(&self) -> usize;
+    fn target_delay_periods(&self) -> usize;
 
     /// Speed of the last stretch to the start position, which the cycle goes, rad/s.
-    fn creep_rad_s(&self) -> f64;
+    fn approach_speed_rad_s(&self) -> f64;
 
     /// The frames of a period are complete: what they say of the motor's state, for the next target.
-    fn saw(&mut self, readings: &Readings);
+    fn period_complete(&mut self, readings: &Readings);
 
     /// Takes the power off and makes sure of it.
     ///
@@ -91,19 +92,19 @@ pub trait Drive: std::fmt::Debug + Send {
     fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault>;
 }
 
-/// What the motor is to do with a target.
+/// What the motor is asked to do with a target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wish {
-    /// Take on power, step by step, and stay where it is.
+pub enum DriveRequest {
+    /// Go to its powered state, step by step, and stay at the present angle.
     Enable,
-    /// Be there at the next SYNC.
+    /// Reach the target at the next SYNC.
     Follow,
     /// Stop on the quick-stop ramp.
     QuickStop,
-    /// Let go.
-    NoPower,
-    /// Nothing is asked of it: it is moving by itself.
-    Nothing,
+    /// Remove the power.
+    RemovePower,
+    /// Nothing: the motor moves by itself.
+    None,
 }
 
 /// Whether a motor has power.
@@ -115,4 +116,20 @@ pub enum Power {
     Changing,
     /// It has none.
     Off,
+}
+
+/// Supervises a motor that moves by itself, to its home or to the start position.
+pub trait MotionMonitor {
+    /// The motor begins to look for its home. Until it is found, angles have no meaning.
+    fn homing(&mut self);
+
+    /// The motor begins to move from `from` to the start position. After a fault it may come from outside the limits, but may
+    /// not go further out than by `slack_rad`.
+    fn moving_from(&mut self, from: JointAngle, slack_rad: f64);
+
+    /// Supervises one period. Returns what the frames said, and the angle at SYNC.
+    ///
+    /// # Errors
+    /// A limit that is exceeded, a sensor without a measurement, or frames that stay away.
+    fn period(&mut self, link: &mut Link, drive: &mut dyn Drive) -> Result<(Readings, JointAngle), CanFault>;
 }

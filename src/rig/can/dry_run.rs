@@ -26,7 +26,7 @@ impl DryRun {
         sampling(protocol, rig, &mut reasons);
         channels(protocol, rig, &mut reasons);
         torques(protocol, &limits, &mut reasons);
-        if limits.let_pass(0.0).is_err() {
+        if limits.check_target(0.0).is_err() {
             reasons.push(format!("the start position is outside the angles {:?} rad", limits.angle_rad));
         }
         for velocity in &protocol.velocities_rad_s {
@@ -97,7 +97,7 @@ fn walk(
                 "at {velocity} rad/s, {t_s:.3} s after the onset, {what} is {value:.4}, the limit is {limit:?}"
             ))
         };
-        if limits.let_pass(motion.angle_rad).is_err() {
+        if limits.check_target(motion.angle_rad).is_err() {
             return beyond("the angle (rad)", motion.angle_rad, &limits.angle_rad);
         }
         // The steps of the drive's interpolation may be faster than the curve by rounding alone.

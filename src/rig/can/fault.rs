@@ -2,50 +2,14 @@
 
 use serde::Serialize;
 
-use super::bus::Trouble;
-use super::canopen::{NmtState, Object, abort, emergency};
-use crate::rig::{Channel, DeviceFault, Fault, FaultClass};
+use super::canopen::{CanopenError, emergency};
+use super::cia402_state::DriveState;
+use crate::rig::{Channel, DeviceFault, Exceeded, Fault, FaultClass, Quantity};
 
 /// Why a CAN motor was made safe, or was not armed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, thiserror::Error)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum CanFault {
-    /// The adapter, the interface or the server does not answer to the operating system any more.
-    #[error("the CAN adapter is gone or takes no frames; check its cable, then arm again")]
-    BusGone,
-    /// The controller left the bus.
-    #[error(
-        "the CAN controller went bus-off; check termination, bit rate and cable, and bring the bus up again"
-    )]
-    BusOff,
-    /// The controller reports trouble on the bus.
-    #[error(
-        "the CAN bus is in trouble ({trouble:?}, seen {count} times); check termination, bit rate and cable"
-    )]
-    BusTrouble {
-        /// What it reports.
-        trouble: Trouble,
-        /// How often.
-        count: u64,
-    },
-    /// Bytes arrived that are no frame.
-    #[error("{count} frames arrived garbled from the adapter, {tolerated} are tolerated; check its cable")]
-    Garbled {
-        /// How many.
-        count: u64,
-        /// How many the rig file tolerates.
-        tolerated: u64,
-    },
-    /// Too many frames of others.
-    #[error(
-        "{per_s} foreign frames a second on the bus, {tolerated} are tolerated; take other devices off this bus"
-    )]
-    Flood {
-        /// Foreign frames in the last second.
-        per_s: u32,
-        /// How many the rig file tolerates.
-        tolerated: u32,
-    },
     /// The frames that answer a SYNC did not arrive in their period.
     #[error(
         "no answer to SYNC in {in_a_row} periods in a row, {tolerated} are tolerated (missing identifier {id:03X}h); \
@@ -110,43 +74,11 @@ pub enum CanFault {
         /// The counter now.
         now: u32,
     },
-    /// A node's heartbeat stayed away.
-    #[error("no heartbeat of node {node} for {after_ms} ms; check its power and cable")]
-    HeartbeatLost {
-        /// Which node.
-        node: u8,
-        /// Since when.
-        after_ms: u64,
-    },
-    /// A node is not in OPERATIONAL.
-    #[error("node {node} went to {state}; see its error memory, then arm again")]
-    NotOperational {
-        /// Which node.
-        node: u8,
-        /// Where it is.
-        state: NmtState,
-    },
-    /// A node started anew by itself.
-    #[error("node {node} restarted by itself; check its supply, bring the motor home and arm again")]
-    Rebooted {
-        /// Which node.
-        node: u8,
-    },
-    /// A node sent an emergency.
-    #[error("node {node} reports emergency {code:04X}h: {} (error register {register:02X}h)", emergency::words(*code))]
-    Emergency {
-        /// Which node.
-        node: u8,
-        /// Error code.
-        code: u16,
-        /// Error register.
-        register: u8,
-    },
     /// The drive is in its fault state, or any but the one it must be in.
     #[error("the drive left OPERATION ENABLED: it is in {state} (statusword {statusword:04X}h)")]
     NotEnabled {
         /// Its state.
-        state: super::cia402::State,
+        state: DriveState,
         /// The whole statusword.
         statusword: u16,
     },
@@ -210,70 +142,13 @@ pub enum CanFault {
         /// Which node.
         node: u8,
     },
-    /// An SDO was aborted by the device.
-    #[error("node {node} aborts access to object {index:04X}h:{sub:02X} with {code:08X}h: {}", abort::words(*code))]
-    SdoAborted {
-        /// Which node.
-        node: u8,
-        /// The object.
-        index: u16,
-        /// Its entry.
-        sub: u8,
-        /// The abort code.
-        code: u32,
-    },
-    /// An SDO was not answered.
-    #[error(
-        "node {node} does not answer for object {index:04X}h:{sub:02X}; check its power, node id and bit rate"
-    )]
-    SdoSilent {
-        /// Which node.
-        node: u8,
-        /// The object.
-        index: u16,
-        /// Its entry.
-        sub: u8,
-    },
-    /// A device reads back another value than was written.
-    #[error(
-        "node {node} says that object {index:04X}h:{sub:02X} is {read:08X}h after {written:08X}h was written: it does \
-         not take this limit or setting; correct the rig file or the drive's configuration"
-    )]
-    NotTaken {
-        /// Which node.
-        node: u8,
-        /// The object.
-        index: u16,
-        /// Its entry.
-        sub: u8,
-        /// What was written.
-        written: u32,
-        /// What it reads.
-        read: u32,
-    },
-    /// The device is another one than the rig file says.
-    #[error(
-        "node {node} says {index:04X}h:{sub:02X} is {read:08X}h, the rig file expects {expected:08X}h: another device?"
-    )]
-    WrongDevice {
-        /// Which node.
-        node: u8,
-        /// The object that tells.
-        index: u16,
-        /// Its entry.
-        sub: u8,
-        /// What it says.
-        read: u32,
-        /// What the rig file says.
-        expected: u32,
-    },
     /// The drive does not reach a state.
-    #[error("the drive does not reach {wanted}: it stays in {state} (statusword {statusword:04X}h, error code {code:04X}h: {})", emergency::words(*code))]
+    #[error("the drive does not reach {wanted}: it stays in {state} (statusword {statusword:04X}h, error code {code:04X}h: {})", emergency::description(*code))]
     StateNotReached {
         /// Which state.
-        wanted: super::cia402::State,
+        wanted: DriveState,
         /// Where it is.
-        state: super::cia402::State,
+        state: DriveState,
         /// The whole statusword.
         statusword: u16,
         /// 603Fh.
@@ -321,17 +196,23 @@ pub enum CanFault {
     /// It was made safe before and waits to be armed again.
     #[error("the motor was made safe and waits to be armed again")]
     Latched,
+    /// The bus, or a node on it, cannot be used.
+    #[error(transparent)]
+    #[serde(untagged)]
+    Canopen(#[from] CanopenError),
 }
 
 impl CanFault {
     /// Which reaction of the rig file applies.
     pub fn class(&self) -> FaultClass {
         match self {
-            Self::BusGone
-            | Self::BusOff
-            | Self::BusTrouble { .. }
-            | Self::Garbled { .. }
-            | Self::Flood { .. } => FaultClass::Bus,
+            Self::Canopen(
+                CanopenError::BusGone
+                | CanopenError::BusOff
+                | CanopenError::ControllerError { .. }
+                | CanopenError::Garbled { .. }
+                | CanopenError::Flood { .. },
+            ) => FaultClass::Bus,
             Self::MissedCycle { .. } | Self::Overrun { .. } | Self::Duplicated { .. } => FaultClass::Cycle,
             Self::Malformed { .. } | Self::StaleSample { .. } | Self::NotANumber { .. } => FaultClass::Sensor,
             Self::Angle { .. }
@@ -342,14 +223,20 @@ impl CanFault {
         }
     }
 
-    /// Whether the drive can still be spoken to.
+    /// Whether no frame can be sent any more.
     pub(super) fn bus_is_dead(&self) -> bool {
-        matches!(self, Self::BusGone | Self::BusOff)
+        matches!(self, Self::Canopen(CanopenError::BusGone | CanopenError::BusOff))
     }
+}
 
-    /// An SDO that was not answered.
-    pub(super) fn silent(node: u8, object: Object) -> Self {
-        Self::SdoSilent { node, index: object.index, sub: object.sub }
+/// Which fault of the journal a measured quantity beyond its limit is.
+impl From<Exceeded> for CanFault {
+    fn from(Exceeded { quantity, measured, limit }: Exceeded) -> Self {
+        match quantity {
+            Quantity::Angle => Self::Angle { angle_rad: measured, limit_rad: limit },
+            Quantity::Speed => Self::Speed { speed_rad_s: measured, limit_rad_s: limit },
+            Quantity::Torque => Self::Torque { torque_nm: measured, limit_nm: limit },
+        }
     }
 }
 

@@ -6,16 +6,13 @@
 
 use std::time::{Duration, Instant};
 
-use serde::Deserialize;
-
 use super::bus::Frame;
-use super::canopen::{Link, Producer, Strictness, cob};
-use super::drive::{Drive, Power, Wish};
+use super::canopen::{ErrorPolicy, Link, MonitoredNode, cob};
+use super::drive::{Drive, DriveRequest, MotionMonitor, Power};
 use super::fault::CanFault;
-use super::file::{MitMotor, RigFile};
-use super::limits::{Confirmed, HandleLimits};
-use super::lookout::Lookout;
-use super::readings::Readings;
+use super::file::{MitModel, MitMotor, RigFile};
+use super::limits::{HandleLimits, LimitsConfirmed};
+use super::pdo_decoder::Readings;
 use super::sensors::Sensors;
 use super::units::JointAngle;
 
@@ -25,28 +22,8 @@ const ENTER: u8 = 0xFC;
 const LEAVE: u8 = 0xFD;
 const ZERO: u8 = 0xFE;
 /// How long a motor may take to reply to a special frame.
-const REPLY: Duration = Duration::from_millis(100);
-const ATTEMPTS: usize = 5;
-
-/// A model, with the ranges of the manufacturer's table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[allow(missing_docs, reason = "named as the manufacturer names them")]
-pub enum Model {
-    #[serde(rename = "AK10-9")]
-    Ak10_9,
-    #[serde(rename = "AK60-6")]
-    Ak60_6,
-    #[serde(rename = "AK70-10")]
-    Ak70_10,
-    #[serde(rename = "AK80-6")]
-    Ak80_6,
-    #[serde(rename = "AK80-9")]
-    Ak80_9,
-    #[serde(rename = "AK80-80")]
-    Ak80_80,
-    #[serde(rename = "mini-cheetah")]
-    MiniCheetah,
-}
+const MIT_REPLY_TIMEOUT: Duration = Duration::from_millis(100);
+const MIT_ATTEMPTS: usize = 5;
 
 /// Half-widths of the symmetric ranges.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,19 +33,18 @@ struct Ranges {
     torque_nm: f64,
 }
 
-impl Model {
-    fn ranges(self) -> Ranges {
-        let (speed_rad_s, torque_nm) = match self {
-            Self::Ak10_9 => (50.0, 65.0),
-            Self::Ak60_6 => (45.0, 15.0),
-            Self::Ak70_10 => (50.0, 25.0),
-            Self::Ak80_6 => (76.0, 12.0),
-            Self::Ak80_9 => (50.0, 18.0),
-            Self::Ak80_80 => (8.0, 144.0),
-            Self::MiniCheetah => (65.0, 18.0),
-        };
-        Ranges { position_rad: 12.5, speed_rad_s, torque_nm }
-    }
+/// The ranges of a model, from the manufacturer's table.
+fn ranges(model: MitModel) -> Ranges {
+    let (speed_rad_s, torque_nm) = match model {
+        MitModel::Ak10_9 => (50.0, 65.0),
+        MitModel::Ak60_6 => (45.0, 15.0),
+        MitModel::Ak70_10 => (50.0, 25.0),
+        MitModel::Ak80_6 => (76.0, 12.0),
+        MitModel::Ak80_9 => (50.0, 18.0),
+        MitModel::Ak80_80 => (8.0, 144.0),
+        MitModel::MiniCheetah => (65.0, 18.0),
+    };
+    Ranges { position_rad: 12.5, speed_rad_s, torque_nm }
 }
 
 /// A motor in MIT mode.
@@ -83,7 +59,7 @@ pub struct Mit {
     following: bool,
     /// The command that goes out with the next SYNC.
     command: Option<[u8; 8]>,
-    answered: bool,
+    has_replied: bool,
     position_rad: f64,
     error: u8,
 }
@@ -99,7 +75,7 @@ impl Mit {
             in_motor_mode: false,
             following: false,
             command: None,
-            answered: false,
+            has_replied: false,
             position_rad: f64::NAN,
             error: 0,
         }
@@ -107,24 +83,24 @@ impl Mit {
 
     /// A special frame and its reply.
     fn ask(&mut self, link: &mut Link, special: u8) -> Result<(), CanFault> {
-        for _ in 0..ATTEMPTS {
-            self.answered = false;
+        for _ in 0..MIT_ATTEMPTS {
+            self.has_replied = false;
             link.send(&Frame::new(self.motor.id, &special_frame(special)))?;
-            let deadline = Instant::now() + REPLY;
+            let deadline = link.now() + MIT_REPLY_TIMEOUT;
             while let Some(frame) = link.receive(deadline)? {
-                if self.take(&frame)? && self.answered {
+                if self.handle_frame(&frame, link.now())? && self.has_replied {
                     return Ok(());
                 }
             }
         }
-        Err(CanFault::MissedCycle { in_a_row: ATTEMPTS as u32, tolerated: 0, id: self.motor.reply_id })
+        Err(CanFault::MissedCycle { in_a_row: MIT_ATTEMPTS as u32, tolerated: 0, id: self.motor.reply_id })
     }
 
     /// A target no further from the shaft than the torque limit allows: the loop's torque is kp times the distance.
     fn position_command(&self, target_rad: f64) -> [u8; 8] {
         let reach_rad = self.torque_limit_nm / self.motor.kp_nm_per_rad;
         let position = target_rad.clamp(self.position_rad - reach_rad, self.position_rad + reach_rad);
-        let ranges = self.motor.model.ranges();
+        let ranges = ranges(self.motor.model);
         let mut word = to_bits(position, -ranges.position_rad, ranges.position_rad, 16);
         word = word << 12 | to_bits(0.0, -ranges.speed_rad_s, ranges.speed_rad_s, 12);
         word = word << 12 | to_bits(self.motor.kp_nm_per_rad, 0.0, KP_MAX, 12);
@@ -140,28 +116,28 @@ impl Drive for Mit {
         link: &mut Link,
         file: &RigFile,
         limits: &HandleLimits,
-    ) -> Result<Confirmed, CanFault> {
+    ) -> Result<LimitsConfirmed, CanFault> {
         self.torque_limit_nm = (limits.motor_torque_nm / self.motor.gear_ratio).abs();
         self.ask(link, LEAVE)?;
         self.in_motor_mode = false;
         self.following = false;
         self.sensors.prepare(link, file)?;
         // The rig file says that it knows that there is nothing to read back from this motor.
-        Ok(Confirmed::by_reading_back())
+        Ok(LimitsConfirmed::by_reading_back())
     }
 
-    fn producers(&self) -> Vec<Producer> {
-        self.sensors.producers()
+    fn monitored_nodes(&self) -> Vec<MonitoredNode> {
+        self.sensors.monitored_nodes()
     }
 
     fn start(
         &mut self,
         link: &mut Link,
         _limits: &HandleLimits,
-        _lookout: &mut Lookout<'_>,
+        _lookout: &mut dyn MotionMonitor,
     ) -> Result<(), CanFault> {
         self.sensors.start(link)?;
-        link.set_strictness(Strictness::Watching);
+        link.set_error_policy(ErrorPolicy::Fault);
         if self.motor.zero_here && !self.zeroed {
             self.ask(link, ZERO)?;
             self.zeroed = true;
@@ -177,30 +153,30 @@ impl Drive for Mit {
         _link: &mut Link,
         target: JointAngle,
         _shown_nm: f64,
-        wish: Wish,
+        request: DriveRequest,
     ) -> Result<(), CanFault> {
-        self.command = match wish {
-            Wish::Nothing => None,
-            Wish::NoPower => Some(special_frame(LEAVE)),
-            Wish::Enable | Wish::Follow | Wish::QuickStop => {
+        self.command = match request {
+            DriveRequest::None => None,
+            DriveRequest::RemovePower => Some(special_frame(LEAVE)),
+            DriveRequest::Enable | DriveRequest::Follow | DriveRequest::QuickStop => {
                 Some(self.position_command(target.0 * self.motor.gear_ratio))
             }
         };
-        if wish == Wish::NoPower {
+        if request == DriveRequest::RemovePower {
             self.in_motor_mode = false;
         }
         Ok(())
     }
 
     fn send_sync(&mut self, link: &mut Link) -> Result<(), CanFault> {
-        self.answered = false;
+        self.has_replied = false;
         if let Some(command) = self.command.take() {
             link.send(&Frame::new(self.motor.id, &command))?;
         }
-        link.send(&Frame::new(cob::SYNC, &[]))
+        Ok(link.send(&Frame::new(cob::SYNC, &[]))?)
     }
 
-    fn take(&mut self, frame: &Frame) -> Result<bool, CanFault> {
+    fn handle_frame(&mut self, frame: &Frame, _now: Instant) -> Result<bool, CanFault> {
         let data = frame.data();
         if frame.id != self.motor.reply_id || data.first() != Some(&(self.motor.id as u8)) {
             return Ok(false);
@@ -208,24 +184,24 @@ impl Drive for Mit {
         let [_, high, low, _, _, _, rest @ ..] = data else {
             return Err(CanFault::Malformed { id: frame.id, length: data.len() as u8, expected: 8 });
         };
-        let reach = self.motor.model.ranges().position_rad;
+        let reach = ranges(self.motor.model).position_rad;
         self.position_rad = from_bits(u32::from(u16::from_be_bytes([*high, *low])), -reach, reach, 16);
-        self.answered = true;
+        self.has_replied = true;
         if let [_, error, ..] = rest {
             self.error = *error;
         }
         Ok(true)
     }
 
-    fn answered(&self) -> bool {
-        self.answered
+    fn has_replied(&self) -> bool {
+        self.has_replied
     }
 
     fn angle(&self, _readings: &Readings, _sample: usize) -> JointAngle {
         JointAngle(self.position_rad / self.motor.gear_ratio)
     }
 
-    fn check(&self, _readings: &Readings) -> Result<(), CanFault> {
+    fn check(&self, _readings: &Readings, _now: Instant) -> Result<(), CanFault> {
         if self.error != 0 || !self.in_motor_mode {
             return Err(CanFault::MotorError { code: u32::from(self.error) });
         }
@@ -241,15 +217,15 @@ impl Drive for Mit {
     }
 
     /// It goes there as soon as it is told, and its reply comes after that.
-    fn periods_to_target(&self) -> usize {
+    fn target_delay_periods(&self) -> usize {
         1
     }
 
-    fn creep_rad_s(&self) -> f64 {
+    fn approach_speed_rad_s(&self) -> f64 {
         self.motor.go_to_start_rad_s
     }
 
-    fn saw(&mut self, _readings: &Readings) {
+    fn period_complete(&mut self, _readings: &Readings) {
         self.following = self.in_motor_mode;
     }
 
@@ -257,7 +233,7 @@ impl Drive for Mit {
         self.in_motor_mode = false;
         self.following = false;
         self.ask(link, LEAVE).map_err(|_| CanFault::PowerNotConfirmed)?;
-        self.sensors.release(link)
+        Ok(self.sensors.release(link)?)
     }
 }
 
@@ -294,7 +270,7 @@ mod tests {
         let file_motor = MitMotor {
             id: 1,
             reply_id: 0,
-            model: Model::Ak80_9,
+            model: MitModel::Ak80_9,
             gear_ratio: 1.0,
             kp_nm_per_rad: 500.0,
             kd_nm_s_per_rad: 5.0,
@@ -310,7 +286,7 @@ mod tests {
             in_motor_mode: true,
             following: true,
             command: None,
-            answered: false,
+            has_replied: false,
             position_rad: 0.0,
             error: 0,
         };

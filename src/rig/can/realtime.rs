@@ -1,6 +1,4 @@
-//! What the operating system can do for a cycle that must not be late: absolute wake-ups, priority, memory that stays.
-
-use std::time::{Duration, Instant};
+//! What the operating system can grant a cycle that must not be late: priority, a core of its own, memory that stays.
 
 use serde::{Serialize, Serializer};
 
@@ -31,7 +29,7 @@ const PRIORITY: i32 = 49;
 
 /// Asks for everything for the thread that runs the cycle.
 #[cfg(target_os = "linux")]
-pub fn ask() -> Privileges {
+pub fn request() -> Privileges {
     use rustix::mm::{MlockAllFlags, mlockall};
     use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
@@ -57,103 +55,7 @@ pub fn ask() -> Privileges {
 
 /// Other systems have no such calls here.
 #[cfg(not(target_os = "linux"))]
-pub fn ask() -> Privileges {
+pub fn request() -> Privileges {
     let not_here = || Err("only on Linux".to_owned());
     Privileges { realtime_priority: not_here(), memory_locked: not_here(), pinned: not_here() }
-}
-
-/// Wakes up at points in time that lie on a grid, however long the work between took.
-#[derive(Debug)]
-pub struct Metronome {
-    period: Duration,
-    /// The grid's origin on both clocks, and the next point's number.
-    origin: Instant,
-    #[cfg(target_os = "linux")]
-    origin_monotonic: rustix::time::Timespec,
-    next: u64,
-}
-
-impl Metronome {
-    /// A grid that begins one period from now.
-    pub fn new(period: Duration) -> Self {
-        Self {
-            period,
-            origin: Instant::now(),
-            #[cfg(target_os = "linux")]
-            origin_monotonic: rustix::time::clock_gettime(rustix::time::ClockId::Monotonic),
-            next: 1,
-        }
-    }
-
-    /// Time from one point to the next.
-    pub fn period(&self) -> Duration {
-        self.period
-    }
-
-    /// The point that [`Self::wait`] wakes up at.
-    pub fn next(&self) -> Instant {
-        self.origin + self.after_origin()
-    }
-
-    fn after_origin(&self) -> Duration {
-        Duration::from_nanos((self.period.as_nanos() as u64).saturating_mul(self.next))
-    }
-
-    /// Sleeps until the next point; how late it woke up.
-    pub fn wait(&mut self) -> Duration {
-        let due = self.next();
-        self.sleep_until(due);
-        self.next += 1;
-        due.elapsed()
-    }
-
-    #[cfg(target_os = "linux")]
-    fn sleep_until(&self, due: Instant) {
-        use rustix::thread::{ClockId, clock_nanosleep_absolute};
-        use rustix::time::Timespec;
-
-        let after = self.after_origin();
-        let nanoseconds = self.origin_monotonic.tv_nsec + i64::from(after.subsec_nanos());
-        let at = Timespec {
-            tv_sec: self.origin_monotonic.tv_sec + after.as_secs() as i64 + nanoseconds / 1_000_000_000,
-            tv_nsec: nanoseconds % 1_000_000_000,
-        };
-        // A signal may wake it up early; a system that refuses to sleep is left to the deadline check.
-        while Instant::now() < due && clock_nanosleep_absolute(ClockId::Monotonic, &at).is_ok() {}
-    }
-
-    #[cfg(not(target_os = "linux"))]
-    fn sleep_until(&self, due: Instant) {
-        std::thread::sleep(due.saturating_duration_since(Instant::now()));
-    }
-
-    /// Leaves out the points that have passed; how many.
-    pub fn catch_up(&mut self) -> u64 {
-        let passed = (self.origin.elapsed().as_nanos() / self.period.as_nanos().max(1)) as u64;
-        let left_out = (passed + 1).saturating_sub(self.next);
-        self.next += left_out;
-        left_out
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_lie_on_the_grid_whatever_happens_between() {
-        let period = Duration::from_millis(2);
-        let mut metronome = Metronome::new(period);
-        let first = metronome.next();
-        for number in 0..5u32 {
-            assert_eq!(metronome.next(), first + period * number);
-            metronome.wait();
-            assert!(Instant::now() >= first + period * number);
-        }
-        std::thread::sleep(period * 4);
-        let left_out = metronome.catch_up();
-        assert!(left_out >= 3, "{left_out}");
-        assert!(metronome.next() > Instant::now() - period);
-        assert_eq!((metronome.next() - first).as_nanos() % period.as_nanos(), 0);
-    }
 }

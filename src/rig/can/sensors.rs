@@ -1,13 +1,13 @@
 //! CANopen devices that measure beside a motor: identity, heartbeat, TPDOs, and the way to OPERATIONAL.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use super::canopen::{Link, NmtCommand, NmtState, Object, Producer, identify, write_tpdos};
-use super::fault::CanFault;
+use super::canopen::{CanopenError, Link, MonitoredNode, NmtCommand, NmtState, Object};
+use super::device_setup::{identify, write_tpdos};
 use super::file::{RigFile, Sensor};
 
 /// How long nodes may take for NMT commands.
-const NMT_CHANGE: Duration = Duration::from_secs(2);
+const NMT_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// The measuring devices of a rig.
 #[derive(Debug, Clone)]
@@ -26,16 +26,16 @@ impl Sensors {
     }
 
     /// Whose heartbeats are minded.
-    pub fn producers(&self) -> Vec<Producer> {
-        let patience = |ms: u16| Duration::from_millis(u64::from(ms));
+    pub fn monitored_nodes(&self) -> Vec<MonitoredNode> {
+        let timeout = |ms: u16| Duration::from_millis(u64::from(ms));
         self.0
             .iter()
-            .map(|one| Producer { node: one.node, patience: patience(one.heartbeat_wait_ms) })
+            .map(|one| MonitoredNode { node: one.node, timeout: timeout(one.heartbeat_wait_ms) })
             .collect()
     }
 
     /// Identity, heartbeat and TPDOs, in PRE-OPERATIONAL.
-    pub fn prepare(&self, link: &mut Link, file: &RigFile) -> Result<(), CanFault> {
+    pub fn prepare(&self, link: &mut Link, file: &RigFile) -> Result<(), CanopenError> {
         for sensor in &self.0 {
             link.nmt(NmtCommand::EnterPreOperational, sensor.node)?;
             identify(link, sensor.node, &sensor.identity)?;
@@ -46,29 +46,31 @@ impl Sensors {
     }
 
     /// To OPERATIONAL.
-    pub fn start(&self, link: &mut Link) -> Result<(), CanFault> {
-        start_nodes(link, &self.producers())
+    pub fn start(&self, link: &mut Link) -> Result<(), CanopenError> {
+        start_nodes(link, &self.monitored_nodes())
     }
 
     /// Back to PRE-OPERATIONAL: no frames but heartbeats.
-    pub fn release(&self, link: &mut Link) -> Result<(), CanFault> {
+    pub fn release(&self, link: &mut Link) -> Result<(), CanopenError> {
         self.0.iter().try_for_each(|sensor| link.nmt(NmtCommand::EnterPreOperational, sensor.node))
     }
 }
 
 /// Nodes to OPERATIONAL; their heartbeats must say so.
-pub fn start_nodes(link: &mut Link, nodes: &[Producer]) -> Result<(), CanFault> {
-    for producer in nodes {
-        link.nmt(NmtCommand::Start, producer.node)?;
+pub fn start_nodes(link: &mut Link, nodes: &[MonitoredNode]) -> Result<(), CanopenError> {
+    for node in nodes {
+        link.nmt(NmtCommand::Start, node.node)?;
     }
-    let deadline = Instant::now() + NMT_CHANGE;
-    for Producer { node, .. } in nodes {
+    let deadline = link.now() + NMT_TIMEOUT;
+    for MonitoredNode { node, .. } in nodes {
         while link.state(*node) != Some(NmtState::Operational) {
-            let now = Instant::now();
+            let now = link.now();
             if now > deadline {
                 return Err(match link.state(*node) {
-                    Some(state) => CanFault::NotOperational { node: *node, state },
-                    None => CanFault::HeartbeatLost { node: *node, after_ms: NMT_CHANGE.as_millis() as u64 },
+                    Some(state) => CanopenError::NotOperational { node: *node, state },
+                    None => {
+                        CanopenError::HeartbeatLost { node: *node, after_ms: NMT_TIMEOUT.as_millis() as u64 }
+                    }
                 });
             }
             link.receive(now + Duration::from_millis(5))?;

@@ -5,10 +5,11 @@ use std::fmt;
 use serde::Serialize;
 
 use super::canopen::Counters;
-use super::cycle::Tally;
+use super::cycle_stats::CycleStats;
 use super::fault::CanFault;
 use super::file::ValidRigFile;
 use super::realtime::Privileges;
+use crate::timing::Histogram;
 
 /// The bus of a session, summed up.
 #[derive(Debug, Clone, Serialize)]
@@ -58,8 +59,8 @@ pub struct Times {
     pub buckets: Vec<(u64, u64)>,
 }
 
-impl From<&super::histogram::Histogram> for Times {
-    fn from(histogram: &super::histogram::Histogram) -> Self {
+impl From<&Histogram> for Times {
+    fn from(histogram: &Histogram) -> Self {
         Self {
             p50_us: histogram.quantile_us(0.5),
             p99_us: histogram.quantile_us(0.99),
@@ -73,7 +74,7 @@ impl From<&super::histogram::Histogram> for Times {
 impl Summary {
     pub(super) fn new(
         file: &ValidRigFile,
-        tally: &Tally,
+        stats: &CycleStats,
         frames: &Counters,
         realtime: Option<&Privileges>,
         faults: &[CanFault],
@@ -84,13 +85,13 @@ impl Summary {
             bus: file.bus.to_string(),
             period_us: file.period_us,
             realtime: realtime.cloned(),
-            periods: tally.periods,
-            missed_cycles: tally.missed,
-            overruns: tally.overruns,
-            duplicate_frames: tally.duplicates,
-            bus_load: tally.load(f64::from(file.bit_rate.bits_per_s())),
-            lateness: (&tally.lateness).into(),
-            response: (&tally.response).into(),
+            periods: stats.periods,
+            missed_cycles: stats.missed,
+            overruns: stats.overruns,
+            duplicate_frames: stats.duplicates,
+            bus_load: stats.load(f64::from(file.bit_rate.bits_per_s())),
+            lateness: (&stats.lateness).into(),
+            response: (&stats.response).into(),
             frames: *frames,
             faults: faults.iter().map(ToString::to_string).collect(),
         }

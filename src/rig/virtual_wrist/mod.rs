@@ -31,7 +31,7 @@ use wrist_response::WristResponse;
 
 use schemars::{JsonSchema, schema_for};
 
-use super::{Armed, Command, Cue, Fault, Motor, OperatorsWord, Rig, Sample, TrialKey};
+use super::{Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig, Sample, TrialKey};
 use crate::protocol::Limits;
 use crate::random::Stream;
 
@@ -69,7 +69,7 @@ impl VirtualWrist {
 impl Rig for VirtualWrist {
     type Armed = ArmedVirtualWrist;
 
-    fn arm(self, _word: OperatorsWord, _limits: &Limits) -> Result<Self::Armed, (Self, Fault)> {
+    fn arm(self, _word: ArmingConsent, _limits: &Limits) -> Result<Self::Armed, (Self, Fault)> {
         Ok(ArmedVirtualWrist::new(self))
     }
 }

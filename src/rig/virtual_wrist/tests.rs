@@ -14,7 +14,7 @@ fn limits() -> Limits {
 }
 
 fn armed(person: Person, setup: Setup, seed: u64) -> ArmedVirtualWrist {
-    let Ok(armed) = VirtualWrist::new(person, setup, seed, RATE).arm(OperatorsWord::given(), &limits())
+    let Ok(armed) = VirtualWrist::new(person, setup, seed, RATE).arm(ArmingConsent::given(), &limits())
     else {
         panic!("the virtual wrist is always ready")
     };

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use super::*;
 use crate::protocol::Limits;
-use crate::rig::{Armed, Fault, OperatorsWord, Rig};
+use crate::rig::{Armed, ArmingConsent, Fault, Rig};
 
 /// What was done, in order, by everybody.
 type Deeds = Rc<RefCell<Vec<&'static str>>>;
@@ -19,7 +19,7 @@ struct Stray {
 impl Rig for Stray {
     type Armed = Self;
 
-    fn arm(self, _: OperatorsWord, _: &Limits) -> Result<Self, (Self, Fault)> {
+    fn arm(self, _: ArmingConsent, _: &Limits) -> Result<Self, (Self, Fault)> {
         Ok(self)
     }
 }

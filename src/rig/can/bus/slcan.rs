@@ -9,15 +9,17 @@ use std::io::{self, Read, Write};
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
-use super::{BitRate, CanBus, Frame, Received, Trouble};
+use super::can_bus::{CanBus, ControllerError, Received};
+use super::frame::Frame;
+use super::spec::BitRate;
 
 /// USB adapters ignore it; those with a real serial line behind them run at it.
 const BAUD: u32 = 2_000_000;
-const ANSWER: Duration = Duration::from_millis(300);
+const ADAPTER_REPLY_TIMEOUT: Duration = Duration::from_millis(300);
 /// How long the adapter may refuse to take bytes.
-const PATIENCE: Duration = Duration::from_millis(50);
+const SERIAL_WRITE_TIMEOUT: Duration = Duration::from_millis(50);
 /// Room for what came in one read, and a line that is not complete yet.
-const ROOM: usize = 4096;
+const SERIAL_BUFFER_BYTES: usize = 4096;
 
 #[cfg(unix)]
 type Port = serialport::TTYPort;
@@ -36,12 +38,12 @@ pub struct Slcan {
 impl Slcan {
     /// Opens the device and its channel.
     pub fn open(device: &str, bit_rate: BitRate) -> io::Result<Self> {
-        let port = serialport::new(device, BAUD).timeout(PATIENCE).open_native()?;
+        let port = serialport::new(device, BAUD).timeout(SERIAL_WRITE_TIMEOUT).open_native()?;
         let mut adapter = Self {
             port,
             line: Vec::with_capacity(64),
-            read: vec![0; ROOM],
-            waiting: VecDeque::with_capacity(ROOM),
+            read: vec![0; SERIAL_BUFFER_BYTES],
+            waiting: VecDeque::with_capacity(SERIAL_BUFFER_BYTES),
         };
         // Whatever was begun before, then a closed channel: an adapter that was left open refuses the bit rate.
         adapter.write(b"\r\r\rC\r")?;
@@ -62,8 +64,9 @@ impl Slcan {
     /// A command and its answer. Some adapters answer nothing at all; only a BEL is a refusal.
     fn command(&mut self, command: &[u8], what: &str) -> io::Result<()> {
         self.write(command)?;
-        let deadline = Instant::now() + ANSWER;
-        if self.fill(deadline)? && self.waiting.iter().any(|one| *one == Received::Trouble(Trouble::BusError))
+        let deadline = Instant::now() + ADAPTER_REPLY_TIMEOUT;
+        if self.fill(deadline)?
+            && self.waiting.iter().any(|one| *one == Received::ControllerError(ControllerError::BusError))
         {
             let message = format!("the adapter refuses {what}; is it a SLCAN (Lawicel) adapter?");
             return Err(io::Error::other(message));
@@ -74,7 +77,7 @@ impl Slcan {
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         #[cfg(unix)]
-        if !super::ready::writable(self.fd(), Instant::now() + PATIENCE)? {
+        if !super::readiness::writable(self.fd(), Instant::now() + SERIAL_WRITE_TIMEOUT)? {
             return Err(io::ErrorKind::TimedOut.into());
         }
         self.port.write_all(bytes)
@@ -88,7 +91,7 @@ impl Slcan {
 
     #[cfg(unix)]
     fn wait(&mut self, deadline: Instant) -> io::Result<bool> {
-        super::ready::readable(self.fd(), deadline)
+        super::readiness::readable(self.fd(), deadline)
     }
 
     #[cfg(windows)]
@@ -132,7 +135,7 @@ impl Slcan {
             // BEL: the adapter could not transmit what it was given.
             0x07 => {
                 self.line.clear();
-                self.put(Received::Trouble(Trouble::BusError));
+                self.put(Received::ControllerError(ControllerError::BusError));
             }
             // The acknowledgement of a transmitted frame comes without a line of its own from some adapters.
             _ if self.line.len() < 63 => self.line.push(byte),
@@ -144,7 +147,7 @@ impl Slcan {
         if self.waiting.len() == self.waiting.capacity() {
             self.waiting.pop_front();
             self.waiting.pop_front();
-            self.waiting.push_back(Received::Trouble(Trouble::Overrun));
+            self.waiting.push_back(Received::ControllerError(ControllerError::Overrun));
         }
         self.waiting.push_back(received);
     }
@@ -225,12 +228,12 @@ fn flags(digits: &[u8]) -> Option<Received> {
     let flags = nibble(*high)? << 4 | nibble(*low)?;
     let trouble = match flags {
         0 => return None,
-        _ if flags & 0x80 != 0 => Trouble::BusError,
-        _ if flags & 0x20 != 0 => Trouble::Passive,
-        _ if flags & 0x08 != 0 => Trouble::Overrun,
-        _ => Trouble::Warning,
+        _ if flags & 0x80 != 0 => ControllerError::BusError,
+        _ if flags & 0x20 != 0 => ControllerError::Passive,
+        _ if flags & 0x08 != 0 => ControllerError::Overrun,
+        _ => ControllerError::Warning,
     };
-    Some(Received::Trouble(trouble))
+    Some(Received::ControllerError(trouble))
 }
 
 fn nibble(digit: u8) -> Option<u8> {
@@ -279,8 +282,8 @@ mod tests {
             assert_eq!(heard(garbled), Some(Received::Garbled), "{}", String::from_utf8_lossy(garbled));
         }
         assert_eq!(heard(b"T000001230"), Some(Received::Foreign));
-        assert_eq!(heard(b"F80"), Some(Received::Trouble(Trouble::BusError)));
-        assert_eq!(heard(b"F04"), Some(Received::Trouble(Trouble::Warning)));
+        assert_eq!(heard(b"F80"), Some(Received::ControllerError(ControllerError::BusError)));
+        assert_eq!(heard(b"F04"), Some(Received::ControllerError(ControllerError::Warning)));
     }
 
     proptest! {

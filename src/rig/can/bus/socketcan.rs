@@ -6,11 +6,12 @@ use std::time::{Duration, Instant, SystemTime};
 
 use socketcan::{CanSocket, EmbeddedFrame, Frame as _, Socket, SocketOptions, StandardId};
 
-use super::ready::{readable, writable};
-use super::{CanBus, Frame, Received, Trouble};
+use super::can_bus::{CanBus, ControllerError, Received};
+use super::frame::Frame;
+use super::readiness::{readable, writable};
 
 /// How long the interface's transmit queue may be full.
-const PATIENCE: Duration = Duration::from_millis(50);
+const QUEUE_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// A raw CAN socket.
 #[derive(Debug)]
@@ -33,7 +34,7 @@ impl CanBus for SocketCan {
     fn send(&mut self, frame: &Frame) -> io::Result<()> {
         let id = StandardId::new(frame.id).ok_or(io::ErrorKind::InvalidInput)?;
         let frame = socketcan::CanFrame::new(id, frame.data()).ok_or(io::ErrorKind::InvalidInput)?;
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + QUEUE_TIMEOUT;
         loop {
             match self.socket.write_frame(&frame) {
                 Ok(()) => return Ok(()),
@@ -71,7 +72,9 @@ fn received(frame: &socketcan::CanFrame, arrived: SystemTime) -> Received {
         socketcan::CanFrame::Data(data) if data.is_standard() => {
             Received::Frame(Frame::new(data.raw_id() as u16, data.data()), instant(arrived))
         }
-        socketcan::CanFrame::Error(error) => Received::Trouble(trouble(error.raw_id(), error.data())),
+        socketcan::CanFrame::Error(error) => {
+            Received::ControllerError(controller_error(error.raw_id(), error.data()))
+        }
         _ => Received::Foreign,
     }
 }
@@ -84,15 +87,15 @@ fn instant(arrived: SystemTime) -> Instant {
 }
 
 /// linux/can/error.h: the class in the identifier, details of the controller in byte 1.
-fn trouble(class: u32, data: &[u8]) -> Trouble {
+fn controller_error(class: u32, data: &[u8]) -> ControllerError {
     let controller = data.get(1).copied().unwrap_or(0);
     match class {
-        _ if class & 0x40 != 0 => Trouble::BusOff,
-        _ if class & 0x100 != 0 => Trouble::Restarted,
-        _ if class & 0x04 != 0 && controller & 0x30 != 0 => Trouble::Passive,
-        _ if class & 0x04 != 0 && controller & 0x03 != 0 => Trouble::Overrun,
-        _ if class & 0x04 != 0 => Trouble::Warning,
-        _ => Trouble::BusError,
+        _ if class & 0x40 != 0 => ControllerError::BusOff,
+        _ if class & 0x100 != 0 => ControllerError::Restarted,
+        _ if class & 0x04 != 0 && controller & 0x30 != 0 => ControllerError::Passive,
+        _ if class & 0x04 != 0 && controller & 0x03 != 0 => ControllerError::Overrun,
+        _ if class & 0x04 != 0 => ControllerError::Warning,
+        _ => ControllerError::BusError,
     }
 }
 
@@ -102,11 +105,11 @@ mod tests {
 
     #[test]
     fn error_frames_of_the_kernel_are_put_into_words() {
-        assert_eq!(trouble(0x40, &[0; 8]), Trouble::BusOff);
-        assert_eq!(trouble(0x04, &[0, 0x20, 0, 0, 0, 0, 0, 0]), Trouble::Passive);
-        assert_eq!(trouble(0x04, &[0, 0x08, 0, 0, 0, 0, 0, 0]), Trouble::Warning);
-        assert_eq!(trouble(0x04, &[0, 0x01, 0, 0, 0, 0, 0, 0]), Trouble::Overrun);
-        assert_eq!(trouble(0x100, &[0; 8]), Trouble::Restarted);
-        assert_eq!(trouble(0x88, &[0; 8]), Trouble::BusError);
+        assert_eq!(controller_error(0x40, &[0; 8]), ControllerError::BusOff);
+        assert_eq!(controller_error(0x04, &[0, 0x20, 0, 0, 0, 0, 0, 0]), ControllerError::Passive);
+        assert_eq!(controller_error(0x04, &[0, 0x08, 0, 0, 0, 0, 0, 0]), ControllerError::Warning);
+        assert_eq!(controller_error(0x04, &[0, 0x01, 0, 0, 0, 0, 0, 0]), ControllerError::Overrun);
+        assert_eq!(controller_error(0x100, &[0; 8]), ControllerError::Restarted);
+        assert_eq!(controller_error(0x88, &[0; 8]), ControllerError::BusError);
     }
 }

@@ -6,16 +6,17 @@ use std::net::TcpStream;
 use std::os::fd::AsFd;
 use std::time::{Duration, Instant};
 
-use super::{CanBus, Frame, Received, Trouble};
+use super::can_bus::{CanBus, ControllerError, Received};
+use super::frame::Frame;
 
-const PATIENCE: Duration = Duration::from_secs(2);
-const ROOM: usize = 8192;
+const SERVER_TIMEOUT: Duration = Duration::from_secs(2);
+const SERVER_BUFFER_BYTES: usize = 8192;
 
 /// A connection in raw mode.
 #[derive(Debug)]
 pub struct Socketcand {
     stream: TcpStream,
-    buffer: Box<[u8; ROOM]>,
+    buffer: Box<[u8; SERVER_BUFFER_BYTES]>,
     /// What of the buffer is filled and not yet taken apart.
     from: usize,
     to: usize,
@@ -26,8 +27,8 @@ impl Socketcand {
     pub fn open(host: &str, port: u16, channel: &str) -> io::Result<Self> {
         let stream = TcpStream::connect((host, port))?;
         stream.set_nodelay(true)?;
-        stream.set_write_timeout(Some(PATIENCE))?;
-        let mut server = Self { stream, buffer: Box::new([0; ROOM]), from: 0, to: 0 };
+        stream.set_write_timeout(Some(SERVER_TIMEOUT))?;
+        let mut server = Self { stream, buffer: Box::new([0; SERVER_BUFFER_BYTES]), from: 0, to: 0 };
         server.expect("hi", "a greeting")?;
         for command in [format!("< open {channel} >"), "< rawmode >".to_owned()] {
             server.stream.write_all(command.as_bytes())?;
@@ -37,7 +38,7 @@ impl Socketcand {
     }
 
     fn expect(&mut self, word: &str, to_what: &str) -> io::Result<()> {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + SERVER_TIMEOUT;
         loop {
             if let Some((from, to)) = self.command() {
                 let text = String::from_utf8_lossy(&self.buffer[from..to]).trim().to_owned();
@@ -57,7 +58,7 @@ impl Socketcand {
 
     #[cfg(unix)]
     fn wait(&self, deadline: Instant) -> io::Result<bool> {
-        super::ready::readable(self.stream.as_fd(), deadline)
+        super::readiness::readable(self.stream.as_fd(), deadline)
     }
 
     #[cfg(not(unix))]
@@ -82,7 +83,7 @@ impl Socketcand {
             self.to -= self.from;
             self.from = 0;
         }
-        if self.to == ROOM {
+        if self.to == SERVER_BUFFER_BYTES {
             // Nothing the server says is that long: it is not socketcand, or bytes were lost.
             self.to = 0;
         }
@@ -149,19 +150,19 @@ fn parse(text: &[u8], now: Instant) -> Received {
             frame().map_or(Received::Garbled, |frame| Received::Frame(frame, now))
         }
         (Some("frame" | "rtr"), Some(_)) => Received::Foreign,
-        (Some("error"), Some(class)) => Received::Trouble(trouble(class)),
+        (Some("error"), Some(class)) => Received::ControllerError(controller_error(class)),
         (Some("echo" | "ok"), _) => Received::Foreign,
         _ => Received::Garbled,
     }
 }
 
 /// The class of Linux' error frames, linux/can/error.h.
-fn trouble(class: &str) -> Trouble {
+fn controller_error(class: &str) -> ControllerError {
     match u32::from_str_radix(class, 16) {
-        Ok(class) if class & 0x40 != 0 => Trouble::BusOff,
-        Ok(class) if class & 0x100 != 0 => Trouble::Restarted,
-        Ok(class) if class & 0x04 != 0 => Trouble::Passive,
-        _ => Trouble::BusError,
+        Ok(class) if class & 0x40 != 0 => ControllerError::BusOff,
+        Ok(class) if class & 0x100 != 0 => ControllerError::Restarted,
+        Ok(class) if class & 0x04 != 0 => ControllerError::Passive,
+        _ => ControllerError::BusError,
     }
 }
 
@@ -181,7 +182,7 @@ mod tests {
         );
         assert_eq!(frame("frame 00000123 1.0 11"), Received::Foreign);
         assert_eq!(frame("rtr 123 1.0 4"), Received::Foreign);
-        assert_eq!(frame("error 00000040 1.0"), Received::Trouble(Trouble::BusOff));
+        assert_eq!(frame("error 00000040 1.0"), Received::ControllerError(ControllerError::BusOff));
         for garbled in [
             "",
             "frame",

@@ -1,7 +1,7 @@
 //! Emergency messages (EMCY, CiA 301): error code, error register, five bytes of the manufacturer's.
 
 /// The meaning of an emergency error code: CiA 301, and CiA 402 for what concerns drives.
-pub fn words(code: u16) -> &'static str {
+pub fn description(code: u16) -> &'static str {
     let exact = match code {
         0x2310 => "continuous over-current",
         0x2320 => "short circuit or earth leakage",

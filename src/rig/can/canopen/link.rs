@@ -1,20 +1,23 @@
 //! One end of the bus, watched: sends our heartbeat, minds those of others, sorts out what arrives.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::{NmtCommand, NmtState, cob, emergency};
-use crate::rig::can::bus::{CanBus, Frame, Received, Trouble};
-use crate::rig::can::fault::CanFault;
+use super::error::CanopenError;
+use super::nmt::{NmtCommand, NmtState};
+use super::{cob, emergency};
+use crate::rig::can::bus::{CanBus, ControllerError, Frame, Received};
+use crate::timing::Clock;
 
 /// Nodes that can be watched: a motor and a few sensors.
-const MOST_NODES: usize = 4;
+const MAX_NODES: usize = 4;
 
 /// Longer than any period: the program was kept from running.
 const LONG_ABSENCE: Duration = Duration::from_millis(150);
 
 /// Our own heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Beat {
+pub struct OwnHeartbeat {
     /// The node that we are.
     pub node: u8,
     /// How often.
@@ -23,27 +26,27 @@ pub struct Beat {
 
 /// A node whose heartbeat is minded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Producer {
+pub struct MonitoredNode {
     /// Which node.
     pub node: u8,
     /// How long it may be silent.
-    pub patience: Duration,
+    pub timeout: Duration,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Watched {
-    producer: Producer,
+    node: MonitoredNode,
     seen: Instant,
     state: Option<NmtState>,
 }
 
-/// What is a fault at present.
+/// What is done with emergencies, lost heartbeats and errors of the bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Strictness {
-    /// While a device is configured: what it reports is noted.
-    Noting,
-    /// While the motor has power: emergencies, heartbeats and trouble on the bus are faults.
-    Watching,
+pub enum ErrorPolicy {
+    /// They are counted: while a device is configured or stopped.
+    Count,
+    /// They are faults: while the motor has power.
+    Fault,
 }
 
 /// What came by, counted since the bus was opened.
@@ -83,9 +86,10 @@ struct Tolerance {
 #[derive(Debug)]
 pub struct Link {
     bus: Box<dyn CanBus>,
-    beat: Option<(Beat, Instant)>,
-    watched: [Option<Watched>; MOST_NODES],
-    strictness: Strictness,
+    clock: Arc<dyn Clock>,
+    beat: Option<(OwnHeartbeat, Instant)>,
+    watched: [Option<Watched>; MAX_NODES],
+    error_policy: ErrorPolicy,
     tolerance: Tolerance,
     /// Counters when the watch began: what was before is no fault.
     before: Counters,
@@ -100,23 +104,35 @@ pub struct Link {
 
 impl Link {
     /// Over an open bus; nothing is sent yet.
-    pub fn new(bus: Box<dyn CanBus>) -> Self {
+    pub fn new(bus: Box<dyn CanBus>, clock: Arc<dyn Clock>) -> Self {
+        let now = clock.now();
         Self {
+            clock,
             bus,
             beat: None,
-            watched: [None; MOST_NODES],
-            strictness: Strictness::Noting,
+            watched: [None; MAX_NODES],
+            error_policy: ErrorPolicy::Count,
             tolerance: Tolerance { error_frames: 0, garbled: 0, foreign_per_s: u32::MAX },
             before: Counters::default(),
-            foreign_window: (Instant::now(), 0),
+            foreign_window: (now, 0),
             last_emergency: None,
             counters: Counters::default(),
             time_stretch: 1.0,
-            listened: Instant::now(),
+            listened: now,
         }
     }
 
-    /// What came by so far.
+    /// The clock of the bus.
+    pub fn clock(&self) -> &dyn Clock {
+        self.clock.as_ref()
+    }
+
+    /// The present time.
+    pub fn now(&self) -> Instant {
+        self.clock.now()
+    }
+
+    /// Counts of frames and errors so far.
     pub fn counters(&self) -> &Counters {
         &self.counters
     }
@@ -137,24 +153,24 @@ impl Link {
     }
 
     /// Begins to send our heartbeat, or ends it: then every drive that minds it stops by itself.
-    pub fn set_beat(&mut self, beat: Option<Beat>) {
-        self.beat = beat.map(|beat| (beat, Instant::now()));
+    pub fn set_own_heartbeat(&mut self, beat: Option<OwnHeartbeat>) {
+        self.beat = beat.map(|beat| (beat, self.now()));
     }
 
     /// Minds the heartbeats of these nodes from now on.
-    pub fn watch(&mut self, producers: &[Producer]) {
-        self.watched = [None; MOST_NODES];
-        let seen = Instant::now();
-        for (slot, producer) in self.watched.iter_mut().zip(producers) {
-            *slot = Some(Watched { producer: *producer, seen, state: None });
+    pub fn watch(&mut self, monitored_nodes: &[MonitoredNode]) {
+        self.watched = [None; MAX_NODES];
+        let seen = self.now();
+        for (slot, node) in self.watched.iter_mut().zip(monitored_nodes) {
+            *slot = Some(Watched { node: *node, seen, state: None });
         }
     }
 
     /// What is a fault from now on.
-    pub fn set_strictness(&mut self, strictness: Strictness) {
-        self.strictness = strictness;
+    pub fn set_error_policy(&mut self, error_policy: ErrorPolicy) {
+        self.error_policy = error_policy;
         self.before = self.counters;
-        let now = Instant::now();
+        let now = self.now();
         self.foreign_window = (now, self.counters.foreign);
         for watched in self.watched.iter_mut().flatten() {
             watched.seen = now;
@@ -163,7 +179,7 @@ impl Link {
 
     /// What the latest heartbeat of a watched node said.
     pub fn state(&self, node: u8) -> Option<NmtState> {
-        self.watched.iter().flatten().find(|watched| watched.producer.node == node)?.state
+        self.watched.iter().flatten().find(|watched| watched.node.node == node)?.state
     }
 
     /// The latest emergency: node and code.
@@ -174,9 +190,9 @@ impl Link {
     /// Sends a frame.
     ///
     /// # Errors
-    /// [`CanFault::BusGone`]
-    pub fn send(&mut self, frame: &Frame) -> Result<(), CanFault> {
-        self.bus.send(frame).map_err(|_| CanFault::BusGone)?;
+    /// [`CanopenError::BusGone`]
+    pub fn send(&mut self, frame: &Frame) -> Result<(), CanopenError> {
+        self.bus.send(frame).map_err(|_| CanopenError::BusGone)?;
         self.counters.sent += 1;
         Ok(())
     }
@@ -184,8 +200,8 @@ impl Link {
     /// Tells a node, or all (0), to change its state.
     ///
     /// # Errors
-    /// [`CanFault::BusGone`]
-    pub fn nmt(&mut self, command: NmtCommand, node: u8) -> Result<(), CanFault> {
+    /// [`CanopenError::BusGone`]
+    pub fn nmt(&mut self, command: NmtCommand, node: u8) -> Result<(), CanopenError> {
         self.send(&Frame::new(cob::NMT, &[command.specifier(), node]))
     }
 
@@ -193,14 +209,14 @@ impl Link {
     ///
     /// # Errors
     /// While watching: whatever is wrong with nodes and bus.
-    pub fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, CanFault> {
+    pub fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, CanopenError> {
         loop {
-            let now = Instant::now();
+            let now = self.now();
             self.excuse(now);
             self.beat_if_due(now)?;
             self.check_watched(now)?;
             let next = self.beat.map_or(deadline, |(_, due)| due.min(deadline));
-            match self.bus.receive(next).map_err(|_| CanFault::BusGone)? {
+            match self.bus.receive(next).map_err(|_| CanopenError::BusGone)? {
                 Some(received) => {
                     if let Some(frame) = self.sort(received)? {
                         return Ok(Some(frame));
@@ -213,10 +229,10 @@ impl Link {
     }
 
     /// Throws away what arrived while nobody listened; ends after a while on a bus that is never silent.
-    pub fn drain(&mut self) -> Result<(), CanFault> {
-        let end = Instant::now() + Duration::from_millis(100);
-        while Instant::now() < end {
-            match self.bus.receive(Instant::now()).map_err(|_| CanFault::BusGone)? {
+    pub fn drain(&mut self) -> Result<(), CanopenError> {
+        let end = self.now() + Duration::from_millis(100);
+        while self.now() < end {
+            match self.bus.receive(self.clock.now()).map_err(|_| CanopenError::BusGone)? {
                 Some(received) => drop(self.sort(received)?),
                 None => break,
             }
@@ -225,23 +241,23 @@ impl Link {
     }
 
     /// A frame that nobody asked for.
-    pub fn count_foreign(&mut self) -> Result<(), CanFault> {
+    pub fn count_foreign(&mut self) -> Result<(), CanopenError> {
         self.counters.foreign += 1;
-        if self.strictness == Strictness::Noting {
+        if self.error_policy == ErrorPolicy::Count {
             return Ok(());
         }
         let (since, count) = self.foreign_window;
         let (per_s, tolerated) = ((self.counters.foreign - count) as u32, self.tolerance.foreign_per_s);
         if per_s > tolerated {
-            return Err(CanFault::Flood { per_s, tolerated });
+            return Err(CanopenError::Flood { per_s, tolerated });
         }
-        if since.elapsed() >= Duration::from_secs(1) {
-            self.foreign_window = (Instant::now(), self.counters.foreign);
+        if self.now().saturating_duration_since(since) >= Duration::from_secs(1) {
+            self.foreign_window = (self.now(), self.counters.foreign);
         }
         Ok(())
     }
 
-    fn beat_if_due(&mut self, now: Instant) -> Result<(), CanFault> {
+    fn beat_if_due(&mut self, now: Instant) -> Result<(), CanopenError> {
         if let Some((beat, due)) = self.beat
             && now >= due
         {
@@ -265,15 +281,15 @@ impl Link {
         }
     }
 
-    fn check_watched(&self, now: Instant) -> Result<(), CanFault> {
-        if self.strictness == Strictness::Noting {
+    fn check_watched(&self, now: Instant) -> Result<(), CanopenError> {
+        if self.error_policy == ErrorPolicy::Count {
             return Ok(());
         }
-        for Watched { producer, seen, .. } in self.watched.iter().flatten() {
+        for Watched { node, seen, .. } in self.watched.iter().flatten() {
             let silent = now.saturating_duration_since(*seen);
-            if silent > producer.patience {
-                return Err(CanFault::HeartbeatLost {
-                    node: producer.node,
+            if silent > node.timeout {
+                return Err(CanopenError::HeartbeatLost {
+                    node: node.node,
                     after_ms: silent.as_millis() as u64,
                 });
             }
@@ -282,7 +298,7 @@ impl Link {
     }
 
     /// Takes care of what is not for the caller.
-    fn sort(&mut self, received: Received) -> Result<Option<Frame>, CanFault> {
+    fn sort(&mut self, received: Received) -> Result<Option<Frame>, CanopenError> {
         match received {
             Received::Frame(frame, arrived) => {
                 self.counters.received += 1;
@@ -300,24 +316,24 @@ impl Link {
                 self.counters.garbled += 1;
                 let (count, tolerated) =
                     (self.counters.garbled - self.before.garbled, self.tolerance.garbled);
-                if self.strictness == Strictness::Watching && count > tolerated {
-                    return Err(CanFault::Garbled { count, tolerated });
+                if self.error_policy == ErrorPolicy::Fault && count > tolerated {
+                    return Err(CanopenError::Garbled { count, tolerated });
                 }
                 Ok(None)
             }
-            Received::Trouble(trouble) => self.trouble(trouble).map(|()| None),
+            Received::ControllerError(trouble) => self.controller_error(trouble).map(|()| None),
         }
     }
 
     /// Whether a heartbeat or an emergency is that of a watched node.
     fn minds(&self, frame: &Frame) -> bool {
-        self.watched.iter().flatten().any(|watched| u16::from(watched.producer.node) == frame.id & 0x7F)
+        self.watched.iter().flatten().any(|watched| u16::from(watched.node.node) == frame.id & 0x7F)
     }
 
-    fn heartbeat(&mut self, frame: &Frame, arrived: Instant) -> Result<(), CanFault> {
+    fn heartbeat(&mut self, frame: &Frame, arrived: Instant) -> Result<(), CanopenError> {
         let node = (frame.id & 0x7F) as u8;
-        let watching = self.strictness == Strictness::Watching;
-        let Some(watched) = self.watched.iter_mut().flatten().find(|watched| watched.producer.node == node)
+        let watching = self.error_policy == ErrorPolicy::Fault;
+        let Some(watched) = self.watched.iter_mut().flatten().find(|watched| watched.node.node == node)
         else {
             return Ok(());
         };
@@ -326,37 +342,37 @@ impl Link {
         watched.seen = arrived;
         watched.state = Some(state);
         match state {
-            NmtState::BootUp if watching => Err(CanFault::Rebooted { node }),
+            NmtState::BootUp if watching => Err(CanopenError::Rebooted { node }),
             state if watching && state != NmtState::Operational => {
-                Err(CanFault::NotOperational { node, state })
+                Err(CanopenError::NotOperational { node, state })
             }
             _ => Ok(()),
         }
     }
 
-    fn emergency(&mut self, frame: &Frame) -> Result<(), CanFault> {
+    fn emergency(&mut self, frame: &Frame) -> Result<(), CanopenError> {
         let node = (frame.id & 0x7F) as u8;
         let Some((code, register)) = emergency::parse(frame.data()) else { return Ok(()) };
         self.counters.emergencies += 1;
         self.last_emergency = Some((node, code));
         // Code 0 says that an error is gone.
-        if self.strictness == Strictness::Watching && code != 0 {
-            return Err(CanFault::Emergency { node, code, register });
+        if self.error_policy == ErrorPolicy::Fault && code != 0 {
+            return Err(CanopenError::Emergency { node, code, register });
         }
         Ok(())
     }
 
-    fn trouble(&mut self, trouble: Trouble) -> Result<(), CanFault> {
+    fn controller_error(&mut self, trouble: ControllerError) -> Result<(), CanopenError> {
         let counters = &mut self.counters;
         match trouble {
-            Trouble::BusError => counters.bus_errors += 1,
-            Trouble::Warning => counters.warnings += 1,
-            Trouble::Passive => counters.passive += 1,
-            Trouble::BusOff => counters.bus_off += 1,
-            Trouble::Overrun => counters.overruns += 1,
-            Trouble::Restarted => {}
+            ControllerError::BusError => counters.bus_errors += 1,
+            ControllerError::Warning => counters.warnings += 1,
+            ControllerError::Passive => counters.passive += 1,
+            ControllerError::BusOff => counters.bus_off += 1,
+            ControllerError::Overrun => counters.overruns += 1,
+            ControllerError::Restarted => {}
         }
-        if self.strictness == Strictness::Noting {
+        if self.error_policy == ErrorPolicy::Count {
             return Ok(());
         }
         let all = |counters: &Counters| {
@@ -364,11 +380,13 @@ impl Link {
         };
         let count = all(&self.counters) - all(&self.before);
         match trouble {
-            Trouble::BusOff => Err(CanFault::BusOff),
-            Trouble::Restarted => Ok(()),
+            ControllerError::BusOff => Err(CanopenError::BusOff),
+            ControllerError::Restarted => Ok(()),
             // A passive controller may be deaf to errors, an overrun has lost frames: never tolerated.
-            Trouble::Passive | Trouble::Overrun => Err(CanFault::BusTrouble { trouble, count }),
-            _ if count > self.tolerance.error_frames => Err(CanFault::BusTrouble { trouble, count }),
+            ControllerError::Passive | ControllerError::Overrun => {
+                Err(CanopenError::ControllerError { trouble, count })
+            }
+            _ if count > self.tolerance.error_frames => Err(CanopenError::ControllerError { trouble, count }),
             _ => Ok(()),
         }
     }

@@ -55,7 +55,7 @@ impl<'de> Deserialize<'de> for Object {
 /// How a number is laid out in a payload, little-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum DataType {
     /// UNSIGNED8.
     U8,
     /// INTEGER8.
@@ -72,7 +72,7 @@ pub enum Kind {
     F32,
 }
 
-impl Kind {
+impl DataType {
     /// Its length, bytes.
     pub fn bytes(self) -> usize {
         match self {
@@ -173,19 +173,19 @@ mod tests {
     fn numbers_come_back_as_they_were_written() {
         let mut data = [0u8; 4];
         for (kind, value) in [
-            (Kind::I16, -32768.0),
-            (Kind::U16, 65535.0),
-            (Kind::I32, -5.0),
-            (Kind::I8, -3.0),
-            (Kind::F32, 1.5),
+            (DataType::I16, -32768.0),
+            (DataType::U16, 65535.0),
+            (DataType::I32, -5.0),
+            (DataType::I8, -3.0),
+            (DataType::F32, 1.5),
         ] {
             kind.write(value, &mut data);
             assert_eq!(kind.read(&data), Some(value));
         }
-        Kind::F32.write(f64::NAN, &mut data);
-        assert!(Kind::F32.read(&data).unwrap().is_nan());
-        Kind::I16.write(1e9, &mut data);
-        assert_eq!(Kind::I16.read(&data), Some(32767.0), "never beyond its range");
-        assert_eq!(Kind::I32.read(&data[..3]), None);
+        DataType::F32.write(f64::NAN, &mut data);
+        assert!(DataType::F32.read(&data).unwrap().is_nan());
+        DataType::I16.write(1e9, &mut data);
+        assert_eq!(DataType::I16.read(&data), Some(32767.0), "never beyond its range");
+        assert_eq!(DataType::I32.read(&data[..3]), None);
     }
 }

@@ -1,7 +1,8 @@
 //! Process data objects: which objects travel in which frame, written to the device in the order CiA 301 demands.
 
-use super::{Link, Object, Value};
-use crate::rig::can::fault::CanFault;
+use super::error::CanopenError;
+use super::link::Link;
+use super::object::{Object, Value};
 
 /// Bit 31 of the identifier: the PDO does not exist.
 const OFF: u32 = 0x8000_0000;
@@ -9,7 +10,7 @@ const OFF: u32 = 0x8000_0000;
 const EVERY_SYNC: u8 = 1;
 
 /// PDOs of each direction that have an identifier of their own in the pre-defined connection set.
-pub const MOST_PDOS: u8 = 4;
+pub const MAX_PDOS: u8 = 4;
 
 /// Which way a PDO goes, as the device sees it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,7 +60,7 @@ impl Link {
     ///
     /// # Errors
     /// Whatever the device refuses.
-    pub fn configure_pdo(&mut self, node: u8, pdo: &Pdo) -> Result<(), CanFault> {
+    pub fn configure_pdo(&mut self, node: u8, pdo: &Pdo) -> Result<(), CanopenError> {
         let (communication, mapping) = (pdo.communication(), pdo.mapping());
         let at = Object::entry;
         self.write(node, at(communication, 1), OFF | u32::from(pdo.id))?;
@@ -80,14 +81,14 @@ impl Link {
     ///
     /// # Errors
     /// Whatever the device refuses but for the PDO not being there.
-    pub fn switch_off_pdo(&mut self, node: u8, direction: Direction, number: u8) -> Result<(), CanFault> {
+    pub fn switch_off_pdo(&mut self, node: u8, direction: Direction, number: u8) -> Result<(), CanopenError> {
         let pdo = Pdo { direction, number, id: 0, mapped: Vec::new(), deadline_ms: 0 };
         let object = Object::entry(pdo.communication(), 1);
         match self.read(node, object) {
             Ok(id) if id.number() & OFF == 0 => {
                 self.write_and_confirm(node, object, Value::from(id.number() | OFF))
             }
-            Ok(_) | Err(CanFault::SdoAborted { .. }) => Ok(()),
+            Ok(_) | Err(CanopenError::SdoAborted { .. }) => Ok(()),
             Err(fault) => Err(fault),
         }
     }

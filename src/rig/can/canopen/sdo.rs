@@ -1,20 +1,22 @@
 //! The SDO client: expedited and segmented transfers.
 //!
-//! A read that is not answered is asked again; a write is not, for the server may have carried it out. What it did is
+//! A read that is not has_replied is asked again; a write is not, for the server may have carried it out. What it did is
 //! seen by reading back.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use super::{Link, Object, Value, cob};
+use super::cob;
+use super::error::CanopenError;
+use super::link::Link;
+use super::object::{Object, Value};
 use crate::rig::can::bus::Frame;
-use crate::rig::can::fault::CanFault;
 
 /// How long a server may take for an answer.
-const ANSWER: Duration = Duration::from_millis(300);
+const SDO_TIMEOUT: Duration = Duration::from_millis(300);
 /// How often a read is asked.
-const ATTEMPTS: usize = 3;
+const SDO_ATTEMPTS: usize = 3;
 /// More than any object of a drive that is read here.
-const LONGEST: usize = 4096;
+const MAX_OBJECT_BYTES: usize = 4096;
 
 const ABORT: u8 = 0x80;
 const TIMED_OUT: u32 = 0x0504_0000;
@@ -27,9 +29,10 @@ impl Link {
     ///
     /// # Errors
     /// Silence or an abort.
-    pub fn read(&mut self, node: u8, object: Object) -> Result<Value, CanFault> {
+    pub fn read(&mut self, node: u8, object: Object) -> Result<Value, CanopenError> {
         let data = self.read_bytes(node, object)?;
-        let too_long = CanFault::SdoAborted { node, index: object.index, sub: object.sub, code: 0x0607_0012 };
+        let too_long =
+            CanopenError::SdoAborted { node, index: object.index, sub: object.sub, code: 0x0607_0012 };
         Value::from_bytes(&data).ok_or(too_long)
     }
 
@@ -37,11 +40,11 @@ impl Link {
     ///
     /// # Errors
     /// Silence or an abort.
-    pub fn read_bytes(&mut self, node: u8, object: Object) -> Result<Vec<u8>, CanFault> {
+    pub fn read_bytes(&mut self, node: u8, object: Object) -> Result<Vec<u8>, CanopenError> {
         let mut attempt = 1;
         loop {
             match self.upload(node, object) {
-                Err(CanFault::SdoSilent { .. }) if attempt < ATTEMPTS => attempt += 1,
+                Err(CanopenError::SdoSilent { .. }) if attempt < SDO_ATTEMPTS => attempt += 1,
                 outcome => return outcome,
             }
         }
@@ -51,7 +54,7 @@ impl Link {
     ///
     /// # Errors
     /// Silence or an abort.
-    pub fn write(&mut self, node: u8, object: Object, value: impl Into<Value>) -> Result<(), CanFault> {
+    pub fn write(&mut self, node: u8, object: Object, value: impl Into<Value>) -> Result<(), CanopenError> {
         let value = value.into();
         let bytes = value.bytes();
         let mut request = request(0x23 | (4 - bytes.len() as u8) << 2, object);
@@ -67,7 +70,7 @@ impl Link {
     ///
     /// # Errors
     /// Silence or an abort.
-    pub fn write_bytes(&mut self, node: u8, object: Object, data: &[u8]) -> Result<(), CanFault> {
+    pub fn write_bytes(&mut self, node: u8, object: Object, data: &[u8]) -> Result<(), CanopenError> {
         let mut first = request(0x21, object);
         first[4..].copy_from_slice(&(data.len() as u32).to_le_bytes());
         let answer = self.ask(node, object, &first)?;
@@ -93,13 +96,13 @@ impl Link {
     /// Writes, reads back, and compares.
     ///
     /// # Errors
-    /// Silence, an abort, or [`CanFault::NotTaken`].
+    /// Silence, an abort, or [`CanopenError::ValueNotAccepted`].
     pub fn write_and_confirm(
         &mut self,
         node: u8,
         object: Object,
         value: impl Into<Value>,
-    ) -> Result<(), CanFault> {
+    ) -> Result<(), CanopenError> {
         let value = value.into();
         self.write(node, object, value)?;
         let read = self.read(node, object)?;
@@ -108,10 +111,10 @@ impl Link {
             return Ok(());
         }
         let (written, read) = (value.number(), read.number());
-        Err(CanFault::NotTaken { node, index: object.index, sub: object.sub, written, read })
+        Err(CanopenError::ValueNotAccepted { node, index: object.index, sub: object.sub, written, read })
     }
 
-    fn upload(&mut self, node: u8, object: Object) -> Result<Vec<u8>, CanFault> {
+    fn upload(&mut self, node: u8, object: Object) -> Result<Vec<u8>, CanopenError> {
         let first = request(0x40, object);
         let answer = self.ask(node, object, &first)?;
         if answer[0] & 0xE0 != 0x40 || answer[1..4] != first[1..4] {
@@ -136,7 +139,7 @@ impl Link {
             if answer[0] & 1 != 0 {
                 return Ok(data);
             }
-            if data.len() > LONGEST {
+            if data.len() > MAX_OBJECT_BYTES {
                 return Err(self.abort(node, object, OUT_OF_MEMORY));
             }
             toggle ^= 1;
@@ -144,9 +147,9 @@ impl Link {
     }
 
     /// A request and its answer. Other frames that arrive meanwhile are counted and dropped.
-    fn ask(&mut self, node: u8, object: Object, request: &[u8; 8]) -> Result<[u8; 8], CanFault> {
+    fn ask(&mut self, node: u8, object: Object, request: &[u8; 8]) -> Result<[u8; 8], CanopenError> {
         self.send(&Frame::new(cob::SDO_REQUEST + u16::from(node), request))?;
-        let deadline = Instant::now() + ANSWER.mul_f64(self.time_stretch());
+        let deadline = self.now() + SDO_TIMEOUT.mul_f64(self.time_stretch());
         let id = cob::SDO_ANSWER + u16::from(node);
         while let Some(frame) = self.receive(deadline)? {
             if frame.id != id {
@@ -159,19 +162,19 @@ impl Link {
             let about = (u16::from_le_bytes([answer[1], answer[2]]), answer[3]);
             if about == (object.index, object.sub) {
                 let code = u32::from_le_bytes([answer[4], answer[5], answer[6], answer[7]]);
-                return Err(CanFault::SdoAborted { node, index: object.index, sub: object.sub, code });
+                return Err(CanopenError::SdoAborted { node, index: object.index, sub: object.sub, code });
             }
         }
         // The server is told, so that a late answer is not taken for that to the next question.
         self.abort(node, object, TIMED_OUT);
-        Err(CanFault::silent(node, object))
+        Err(CanopenError::no_answer(node, object))
     }
 
-    fn abort(&mut self, node: u8, object: Object, code: u32) -> CanFault {
+    fn abort(&mut self, node: u8, object: Object, code: u32) -> CanopenError {
         let mut frame = request(ABORT, object);
         frame[4..].copy_from_slice(&code.to_le_bytes());
         match self.send(&Frame::new(cob::SDO_REQUEST + u16::from(node), &frame)) {
-            Ok(()) => CanFault::SdoAborted { node, index: object.index, sub: object.sub, code },
+            Ok(()) => CanopenError::SdoAborted { node, index: object.index, sub: object.sub, code },
             Err(fault) => fault,
         }
     }

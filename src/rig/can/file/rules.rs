@@ -1,18 +1,18 @@
 //! What the types of a rig file cannot say: ranges, and what must fit together.
 
-use super::{Carried, Motor, RigFile};
+use super::rig_file::{Carried, Cia402Motor, FORMAT, Motor, RigFile};
 use crate::protocol::Problem;
 use crate::protocol::source::Node;
 use crate::rig::can::budget::{Budget, HIGHEST_LOAD};
 use crate::rig::can::units::BusPeriod;
 
 /// Collects what is wrong, each with its line.
-struct Findings<'a> {
+struct Problems<'a> {
     source: &'a Node,
     problems: Vec<Problem>,
 }
 
-impl Findings<'_> {
+impl Problems<'_> {
     fn add(&mut self, path: &str, expected: impl Into<String>, advice: impl Into<String>) {
         let place = self.source.at(path);
         self.problems.push(Problem {
@@ -33,23 +33,23 @@ impl Findings<'_> {
 
 /// Everything that is wrong with a file whose fields have the right types.
 pub(super) fn problems(file: &RigFile, source: &Node) -> Vec<Problem> {
-    let mut findings = Findings { source, problems: Vec::new() };
-    if file.format != super::FORMAT {
-        findings.add("format", format!("{:?}", super::FORMAT), "use a rig file of this version");
+    let mut problems = Problems { source, problems: Vec::new() };
+    if file.format != FORMAT {
+        problems.add("format", format!("{:?}", FORMAT), "use a rig file of this version");
     }
-    master(file, &mut findings);
-    motor(file, &mut findings);
-    limits(file, &mut findings);
-    signals(file, &mut findings);
-    frames(file, &mut findings);
-    identifiers(file, &mut findings);
+    master(file, &mut problems);
+    motor(file, &mut problems);
+    limits(file, &mut problems);
+    signals(file, &mut problems);
+    frames(file, &mut problems);
+    identifiers(file, &mut problems);
     if let Some(bench) = file.bench {
-        findings.in_range("bench.time_stretch", bench.time_stretch, 1.0, 1000.0);
+        problems.in_range("bench.time_stretch", bench.time_stretch, 1.0, 1000.0);
         if !matches!(file.motor, Motor::Cia402(_)) {
-            findings.add("bench", "a CiA 402 motor, which can be asked whether it is the emulated one", "");
+            problems.add("bench", "a CiA 402 motor, which can be asked whether it is the emulated one", "");
         }
     }
-    findings.problems
+    problems.problems
 }
 
 /// More on the bus than it can carry.
@@ -58,7 +58,7 @@ pub(super) fn overload(file: &RigFile, budget: &Budget, period: BusPeriod, sourc
     if load <= HIGHEST_LOAD {
         return None;
     }
-    let mut findings = Findings { source, problems: Vec::new() };
+    let mut problems = Problems { source, problems: Vec::new() };
     let expected = format!(
         "a load of at most {:.0} %; {} bits a period and the heartbeats take {:.0} % at {} bit/s",
         HIGHEST_LOAD * 100.0,
@@ -66,18 +66,18 @@ pub(super) fn overload(file: &RigFile, budget: &Budget, period: BusPeriod, sourc
         load * 100.0,
         file.bit_rate.bits_per_s()
     );
-    findings.add("period_us", expected, "a longer period with several samples in a frame, or fewer frames");
-    findings.problems.pop()
+    problems.add("period_us", expected, "a longer period with several samples in a frame, or fewer frames");
+    problems.problems.pop()
 }
 
-fn master(file: &RigFile, findings: &mut Findings) {
-    findings.in_range("period_us", f64::from(file.period_us), 100.0, 100_000.0);
-    findings.in_range("master.node", f64::from(file.master.node), 1.0, 127.0);
-    findings.in_range("master.heartbeat_ms", f64::from(file.master.heartbeat_ms), 1.0, 500.0);
+fn master(file: &RigFile, problems: &mut Problems) {
+    problems.in_range("period_us", f64::from(file.period_us), 100.0, 100_000.0);
+    problems.in_range("master.node", f64::from(file.master.node), 1.0, 127.0);
+    problems.in_range("master.heartbeat_ms", f64::from(file.master.heartbeat_ms), 1.0, 500.0);
     let (waits, beat) = (file.master.motor_waits_ms, file.master.heartbeat_ms);
-    findings.in_range("master.motor_waits_ms", f64::from(waits), 1.0, longest_wait_ms(file));
+    problems.in_range("master.motor_waits_ms", f64::from(waits), 1.0, longest_wait_ms(file));
     if waits < beat.saturating_mul(2) {
-        findings.add(
+        problems.add(
             "master.motor_waits_ms",
             format!("at least twice heartbeat_ms, {}", beat.saturating_mul(2)),
             "or a shorter heartbeat_ms",
@@ -85,34 +85,34 @@ fn master(file: &RigFile, findings: &mut Findings) {
     }
 }
 
-fn motor(file: &RigFile, findings: &mut Findings) {
+fn motor(file: &RigFile, problems: &mut Problems) {
     let mut ratio = |value: f64| {
         if value == 0.0 || !(-10_000.0..=10_000.0).contains(&value) {
-            findings.add("motor.gear_ratio", "turns of the motor for one of the handle, not 0", "");
+            problems.add("motor.gear_ratio", "turns of the motor for one of the handle, not 0", "");
         }
     };
     match &file.motor {
         Motor::Cia402(motor) => {
             ratio(motor.gear_ratio);
-            cia402(motor, longest_wait_ms(file), findings);
+            cia402(motor, longest_wait_ms(file), problems);
             if BusPeriod::from_us(file.period_us).is_some_and(|period| period.interpolation().is_none()) {
                 let expected = "1 to 255 times a power of ten, which is how 60C2h is written";
-                findings.add("period_us", expected, "for instance 1000 or 1600");
+                problems.add("period_us", expected, "for instance 1000 or 1600");
             }
         }
         Motor::Cansimple(motor) => {
             ratio(motor.gear_ratio);
             // 4 would be SYNC and EMCY of CANopen, 0 NMT, and those beyond PDOs.
-            findings.in_range("motor.node", f64::from(motor.node), 1.0, 3.0);
-            findings.in_range("motor.go_to_start_rad_s", motor.go_to_start_rad_s, 0.001, 2.0);
-            findings.in_range("motor.torque_constant_nm_per_a", motor.torque_constant_nm_per_a, 1e-4, 100.0);
+            problems.in_range("motor.node", f64::from(motor.node), 1.0, 3.0);
+            problems.in_range("motor.go_to_start_rad_s", motor.go_to_start_rad_s, 0.001, 2.0);
+            problems.in_range("motor.torque_constant_nm_per_a", motor.torque_constant_nm_per_a, 1e-4, 100.0);
             heartbeat(
                 "motor",
                 (motor.heartbeat_ms, motor.heartbeat_wait_ms),
                 longest_wait_ms(file),
-                findings,
+                problems,
             );
-            findings.in_range(
+            problems.in_range(
                 "motor.encoder_ms",
                 f64::from(motor.encoder_ms),
                 1.0,
@@ -121,47 +121,47 @@ fn motor(file: &RigFile, findings: &mut Findings) {
         }
         Motor::Mit(motor) => {
             ratio(motor.gear_ratio);
-            findings.in_range("motor.id", f64::from(motor.id), 1.0, 2047.0);
-            findings.in_range("motor.reply_id", f64::from(motor.reply_id), 0.0, 2047.0);
-            findings.in_range("motor.kp_nm_per_rad", motor.kp_nm_per_rad, 1.0, 500.0);
-            findings.in_range("motor.kd_nm_s_per_rad", motor.kd_nm_s_per_rad, 0.0, 5.0);
-            findings.in_range("motor.go_to_start_rad_s", motor.go_to_start_rad_s, 0.001, 2.0);
+            problems.in_range("motor.id", f64::from(motor.id), 1.0, 2047.0);
+            problems.in_range("motor.reply_id", f64::from(motor.reply_id), 0.0, 2047.0);
+            problems.in_range("motor.kp_nm_per_rad", motor.kp_nm_per_rad, 1.0, 500.0);
+            problems.in_range("motor.kd_nm_s_per_rad", motor.kd_nm_s_per_rad, 0.0, 5.0);
+            problems.in_range("motor.go_to_start_rad_s", motor.go_to_start_rad_s, 0.001, 2.0);
             if !motor.has_no_limits_of_its_own {
                 let advice =
                     "read about MIT mode in docs/how-to/real-motor.md and say so, or use a drive with limits";
-                findings.add("motor.has_no_limits_of_its_own", "true", advice);
+                problems.add("motor.has_no_limits_of_its_own", "true", advice);
             }
         }
     }
     for (at, sensor) in file.sensors.iter().enumerate() {
         let path = format!("sensors[{at}]");
-        findings.in_range(&format!("{path}.node"), f64::from(sensor.node), 1.0, 127.0);
-        heartbeat(&path, (sensor.heartbeat_ms, sensor.heartbeat_wait_ms), longest_wait_ms(file), findings);
+        problems.in_range(&format!("{path}.node"), f64::from(sensor.node), 1.0, 127.0);
+        heartbeat(&path, (sensor.heartbeat_ms, sensor.heartbeat_wait_ms), longest_wait_ms(file), problems);
     }
 }
 
-fn cia402(motor: &super::Cia402Motor, longest_wait_ms: f64, findings: &mut Findings) {
-    findings.in_range("motor.node", f64::from(motor.node), 1.0, 127.0);
-    findings.in_range("motor.counts_per_revolution", f64::from(motor.counts_per_revolution), 100.0, 1e9);
-    findings.in_range("motor.rated_torque_nm", motor.rated_torque_nm, 1e-3, 1e4);
-    heartbeat("motor", (motor.heartbeat_ms, motor.heartbeat_wait_ms), longest_wait_ms, findings);
-    findings.in_range("motor.target_wait_ms", f64::from(motor.target_wait_ms), 0.0, longest_wait_ms);
-    findings.in_range("motor.quick_stop_rad_s2", motor.quick_stop_rad_s2, 0.1, 1e5);
+fn cia402(motor: &Cia402Motor, longest_wait_ms: f64, problems: &mut Problems) {
+    problems.in_range("motor.node", f64::from(motor.node), 1.0, 127.0);
+    problems.in_range("motor.counts_per_revolution", f64::from(motor.counts_per_revolution), 100.0, 1e9);
+    problems.in_range("motor.rated_torque_nm", motor.rated_torque_nm, 1e-3, 1e4);
+    heartbeat("motor", (motor.heartbeat_ms, motor.heartbeat_wait_ms), longest_wait_ms, problems);
+    problems.in_range("motor.target_wait_ms", f64::from(motor.target_wait_ms), 0.0, longest_wait_ms);
+    problems.in_range("motor.quick_stop_rad_s2", motor.quick_stop_rad_s2, 0.1, 1e5);
     let homing = &motor.homing;
     if !(1..=37).contains(&homing.method) {
-        findings.add(
+        problems.add(
             "motor.homing.method",
             "a method of CiA 402, 1 to 37",
             "35 or 37 takes the present position",
         );
     }
-    findings.in_range("motor.homing.fast_rad_s", homing.fast_rad_s, 1e-3, 2.0);
-    findings.in_range("motor.homing.slow_rad_s", homing.slow_rad_s, 1e-3, 2.0);
-    findings.in_range("motor.homing.acceleration_rad_s2", homing.acceleration_rad_s2, 1e-2, 1e3);
-    findings.in_range("motor.homing.offset_rad", homing.offset_rad, -3.2, 3.2);
-    findings.in_range("motor.homing.timeout_s", homing.timeout_s, 0.1, 300.0);
-    findings.in_range("motor.go_to_start.speed_rad_s", motor.go_to_start.speed_rad_s, 1e-3, 2.0);
-    findings.in_range(
+    problems.in_range("motor.homing.fast_rad_s", homing.fast_rad_s, 1e-3, 2.0);
+    problems.in_range("motor.homing.slow_rad_s", homing.slow_rad_s, 1e-3, 2.0);
+    problems.in_range("motor.homing.acceleration_rad_s2", homing.acceleration_rad_s2, 1e-2, 1e3);
+    problems.in_range("motor.homing.offset_rad", homing.offset_rad, -3.2, 3.2);
+    problems.in_range("motor.homing.timeout_s", homing.timeout_s, 0.1, 300.0);
+    problems.in_range("motor.go_to_start.speed_rad_s", motor.go_to_start.speed_rad_s, 1e-3, 2.0);
+    problems.in_range(
         "motor.go_to_start.acceleration_rad_s2",
         motor.go_to_start.acceleration_rad_s2,
         1e-2,
@@ -174,42 +174,42 @@ fn longest_wait_ms(file: &RigFile) -> f64 {
     1000.0 * file.bench.map_or(1.0, |bench| bench.time_stretch)
 }
 
-fn heartbeat(path: &str, (beat_ms, wait_ms): (u16, u16), longest_ms: f64, findings: &mut Findings) {
-    findings.in_range(&format!("{path}.heartbeat_ms"), f64::from(beat_ms), 1.0, 500.0);
+fn heartbeat(path: &str, (beat_ms, wait_ms): (u16, u16), longest_ms: f64, problems: &mut Problems) {
+    problems.in_range(&format!("{path}.heartbeat_ms"), f64::from(beat_ms), 1.0, 500.0);
     if wait_ms < beat_ms.saturating_mul(2) || f64::from(wait_ms) > longest_ms {
         let expected = format!("from twice heartbeat_ms, {}, to {longest_ms}", beat_ms.saturating_mul(2));
-        findings.add(&format!("{path}.heartbeat_wait_ms"), expected, "");
+        problems.add(&format!("{path}.heartbeat_wait_ms"), expected, "");
     }
 }
 
-fn limits(file: &RigFile, findings: &mut Findings) {
+fn limits(file: &RigFile, problems: &mut Problems) {
     let limits = &file.limits;
     let [low, high] = limits.angle_rad;
     if !(low < 0.0 && high > 0.0 && low >= -3.2 && high <= 3.2) {
-        findings.add(
+        problems.add(
             "limits.angle_rad",
             "[lowest, highest] from the start position, which lies between them",
             "",
         );
     }
-    findings.in_range("limits.speed_rad_s", limits.speed_rad_s, 0.01, 100.0);
-    findings.in_range("limits.acceleration_rad_s2", limits.acceleration_rad_s2, 0.1, 1e5);
-    findings.in_range("limits.torque_nm", limits.torque_nm, 0.1, 100.0);
-    findings.in_range("limits.motor_torque_nm", limits.motor_torque_nm, 0.1, 1000.0);
-    findings.in_range("limits.following_error_rad", limits.following_error_rad, 1e-4, 1.0);
-    findings.in_range("limits.following_error_ms", f64::from(limits.following_error_ms), 0.0, 1000.0);
+    problems.in_range("limits.speed_rad_s", limits.speed_rad_s, 0.01, 100.0);
+    problems.in_range("limits.acceleration_rad_s2", limits.acceleration_rad_s2, 0.1, 1e5);
+    problems.in_range("limits.torque_nm", limits.torque_nm, 0.1, 100.0);
+    problems.in_range("limits.motor_torque_nm", limits.motor_torque_nm, 0.1, 1000.0);
+    problems.in_range("limits.following_error_rad", limits.following_error_rad, 1e-4, 1.0);
+    problems.in_range("limits.following_error_ms", f64::from(limits.following_error_ms), 0.0, 1000.0);
 }
 
-fn signals(file: &RigFile, findings: &mut Findings) {
+fn signals(file: &RigFile, problems: &mut Problems) {
     let signals = &file.signals;
-    findings.in_range("signals.torque.samples", signals.torque.samples as f64, 1.0, 8.0);
+    problems.in_range("signals.torque.samples", signals.torque.samples as f64, 1.0, 8.0);
     let scale = |value: f64| value.is_finite() && value != 0.0;
     if !scale(signals.torque.nm_per_count) {
-        findings.add("signals.torque.nm_per_count", "N m for each count, not 0", "");
+        problems.add("signals.torque.nm_per_count", "N m for each count, not 0", "");
     }
     let steps = signals.position_steps.map_or(1, |steps| steps.samples);
     if signals.torque.samples != steps {
-        findings.add(
+        problems.add(
             "signals.torque.samples",
             format!("{steps}, as many as position_steps"),
             "torque and angle must be measured at the same times",
@@ -218,28 +218,28 @@ fn signals(file: &RigFile, findings: &mut Findings) {
     if let Some(display) = file.display
         && (!scale(display.nm_per_count) || !matches!(file.motor, Motor::Cia402(_)))
     {
-        findings.add("display", "an object of a CiA 402 drive, with N m for each count", "");
+        problems.add("display", "an object of a CiA 402 drive, with N m for each count", "");
     }
 }
 
-fn frames(file: &RigFile, findings: &mut Findings) {
+fn frames(file: &RigFile, problems: &mut Problems) {
     for (at, frame) in file.frames.iter().enumerate() {
         let path = format!("frames[{at}]");
         let bytes = file.frame_bytes(frame);
         if !(1..=8).contains(&bytes) {
-            findings.add(
+            problems.add(
                 &format!("{path}.carries"),
                 format!("1 to 8 bytes; this is {bytes}"),
                 "use another frame",
             );
         }
         if frame.identifier().is_none_or(|id| id > 0x7FF) {
-            findings.add(&path, "a node with tpdo 1 to 4, or an id below 2048", "");
+            problems.add(&path, "a node with tpdo 1 to 4, or an id below 2048", "");
         }
         if let Some(node) = frame.node
             && !nodes(file).contains(&node)
         {
-            findings.add(
+            problems.add(
                 &format!("{path}.node"),
                 format!("the motor or a sensor: one of {:?}", nodes(file)),
                 "",
@@ -248,7 +248,7 @@ fn frames(file: &RigFile, findings: &mut Findings) {
         for carried in
             frame.carries.iter().filter(|carried| frame.node.is_some() && !has_object(file, **carried))
         {
-            findings.add(&format!("{path}.carries"), format!("an object for {carried:?} under signals"), "");
+            problems.add(&format!("{path}.carries"), format!("an object for {carried:?} under signals"), "");
         }
     }
     let count =
@@ -266,7 +266,7 @@ fn frames(file: &RigFile, findings: &mut Findings) {
     ] {
         if count(carried) != wanted {
             let expected = format!("{carried:?} in {wanted} of the frames, not in {}", count(carried));
-            findings.add("frames", expected, "every signal of this motor travels once");
+            problems.add("frames", expected, "every signal of this motor travels once");
         }
     }
 }
@@ -291,12 +291,12 @@ fn nodes(file: &RigFile) -> Vec<u8> {
     motor.into_iter().chain(file.sensors.iter().map(|sensor| sensor.node)).collect()
 }
 
-fn identifiers(file: &RigFile, findings: &mut Findings) {
+fn identifiers(file: &RigFile, problems: &mut Problems) {
     let mut used: Vec<u16> = Vec::new();
     for (at, id) in file.frames.iter().enumerate().filter_map(|(at, frame)| Some((at, frame.identifier()?))) {
         if used.contains(&id) || matches!(id, 0x000..=0x0FF | 0x580..=0x67F | 0x700..) {
             let expected = "an identifier of its own outside those of NMT, SYNC, EMCY, SDO and heartbeats";
-            findings.add(&format!("frames[{at}]"), format!("{expected}, not {id:03X}h"), "");
+            problems.add(&format!("frames[{at}]"), format!("{expected}, not {id:03X}h"), "");
         }
         used.push(id);
     }
@@ -304,10 +304,10 @@ fn identifiers(file: &RigFile, findings: &mut Findings) {
     all.push(file.master.node);
     for (at, node) in all.iter().enumerate() {
         if all[..at].contains(node) {
-            findings.add("master.node", format!("node ids that differ; {node} is there twice"), "");
+            problems.add("master.node", format!("node ids that differ; {node} is there twice"), "");
         }
     }
     if all.len() > 4 {
-        findings.add("sensors", "at most two sensors beside the motor", "");
+        problems.add("sensors", "at most two sensors beside the motor", "");
     }
 }

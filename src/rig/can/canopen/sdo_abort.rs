@@ -1,7 +1,7 @@
 //! Abort codes of SDO transfers (CiA 301) in words.
 
 /// What an abort code means.
-pub fn words(code: u32) -> &'static str {
+pub fn description(code: u32) -> &'static str {
     match code {
         0x0503_0000 => "toggle bit not alternated",
         0x0504_0000 => "SDO protocol timed out",

@@ -4,8 +4,9 @@
 use std::time::Duration;
 
 use super::canopen::{Link, NmtCommand};
-use super::cycle::{Cycle, Scrutiny, Tally};
-use super::drive::{Drive, Power, Wish};
+use super::cycle::{CheckLevel, Cycle};
+use super::cycle_stats::CycleStats;
+use super::drive::{Drive, DriveRequest, Power};
 use super::fault::CanFault;
 use super::file::{SafeState, SafeStates};
 use super::units::JointAngle;
@@ -28,18 +29,24 @@ pub fn state_for(fault: &CanFault, states: &SafeStates) -> SafeState {
 }
 
 /// Brings the motor there. When frames stay away, the power goes.
-pub fn reach(state: SafeState, link: &mut Link, drive: &mut dyn Drive, cycle: &mut Cycle, tally: &mut Tally) {
-    let (wish, time) = match state {
-        SafeState::QuickStop => (Wish::QuickStop, QUICK_STOP),
-        SafeState::Hold => (Wish::Follow, HOLD),
-        SafeState::TorqueOff => (Wish::NoPower, QUICK_STOP),
+pub fn reach(
+    state: SafeState,
+    link: &mut Link,
+    drive: &mut dyn Drive,
+    cycle: &mut Cycle,
+    stats: &mut CycleStats,
+) {
+    let (request, time) = match state {
+        SafeState::QuickStop => (DriveRequest::QuickStop, QUICK_STOP),
+        SafeState::Hold => (DriveRequest::Follow, HOLD),
+        SafeState::TorqueOff => (DriveRequest::RemovePower, QUICK_STOP),
     };
     // It stays where it is: a target further on would still be run to.
     let here = drive.angle(cycle.readings(), cycle.samples() - 1);
     let here = if here.0.is_finite() { here } else { JointAngle(cycle.target_rad()) };
-    let end = std::time::Instant::now() + time;
-    while std::time::Instant::now() < end {
-        if cycle.run(link, drive, tally, (here, 0.0, wish), Scrutiny::Stopping).is_err() {
+    let end = link.now() + time;
+    while link.now() < end {
+        if cycle.run(link, drive, stats, (here, 0.0, request), CheckLevel::Stopping).is_err() {
             break;
         }
         if drive.power(cycle.readings()) == Power::Off {
@@ -47,7 +54,7 @@ pub fn reach(state: SafeState, link: &mut Link, drive: &mut dyn Drive, cycle: &m
         }
     }
     // One more frame, whatever became of the others.
-    let _ = drive.send_target(link, here, 0.0, Wish::NoPower);
+    let _ = drive.send_target(link, here, 0.0, DriveRequest::RemovePower);
     let _ = drive.send_sync(link);
 }
 
@@ -58,9 +65,9 @@ pub fn reach(state: SafeState, link: &mut Link, drive: &mut dyn Drive, cycle: &m
 pub fn power_off(link: &mut Link, drive: &mut dyn Drive) -> Result<(), CanFault> {
     let outcome = drive.power_off(link);
     if outcome.is_err() {
-        link.set_beat(None);
-        for producer in drive.producers() {
-            let _ = link.nmt(NmtCommand::Stop, producer.node);
+        link.set_own_heartbeat(None);
+        for node in drive.monitored_nodes() {
+            let _ = link.nmt(NmtCommand::Stop, node.node);
         }
     }
     outcome

@@ -1,12 +1,11 @@
 //! What every CANopen device of a rig is asked and told: who it is, and which TPDOs it sends.
 
-use super::pdo::{Direction, MOST_PDOS, Pdo};
-use super::{Link, Object};
-use crate::rig::can::fault::CanFault;
-use crate::rig::can::file::{Carried, FrameLayout, Identity, RigFile};
+use super::canopen::pdo::{Direction, MAX_PDOS, Pdo};
+use super::canopen::{CanopenError, Link, Object};
+use super::file::{Carried, FrameLayout, Identity, RigFile};
 
 /// Whether the device is the one that the rig file means.
-pub fn identify(link: &mut Link, node: u8, identity: &Identity) -> Result<(), CanFault> {
+pub fn identify(link: &mut Link, node: u8, identity: &Identity) -> Result<(), CanopenError> {
     for (sub, expected) in [(1, identity.vendor), (2, identity.product)] {
         expect(link, node, Object::entry(0x1018, sub), expected)?;
     }
@@ -14,18 +13,18 @@ pub fn identify(link: &mut Link, node: u8, identity: &Identity) -> Result<(), Ca
 }
 
 /// Whether an object reads what it must.
-pub fn expect(link: &mut Link, node: u8, object: Object, expected: u32) -> Result<(), CanFault> {
+pub fn expect(link: &mut Link, node: u8, object: Object, expected: u32) -> Result<(), CanopenError> {
     let read = link.read(node, object)?.number();
     if read == expected {
         return Ok(());
     }
-    Err(CanFault::WrongDevice { node, index: object.index, sub: object.sub, read, expected })
+    Err(CanopenError::WrongDevice { node, index: object.index, sub: object.sub, read, expected })
 }
 
 /// The TPDOs of a node as the rig file has them; the others are switched off.
-pub fn write_tpdos(link: &mut Link, node: u8, file: &RigFile) -> Result<(), CanFault> {
+pub fn write_tpdos(link: &mut Link, node: u8, file: &RigFile) -> Result<(), CanopenError> {
     let own = |frame: &&FrameLayout| frame.node == Some(node);
-    for number in 1..=MOST_PDOS {
+    for number in 1..=MAX_PDOS {
         match file.frames.iter().filter(own).find(|frame| frame.tpdo == Some(number)) {
             None => link.switch_off_pdo(node, Direction::Transmit, number)?,
             Some(frame) => {

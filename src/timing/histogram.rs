@@ -1,13 +1,13 @@
-//! How late the cycle woke up, kept in buckets of growing width, without asking for memory.
+//! A histogram of durations in buckets of growing width, such as the lateness of a loop. It allocates once, when it is made.
 
 use std::time::Duration;
 
-/// Buckets in which each power of two is divided: values are kept to 12 %.
+/// Buckets to each power of two: a duration is kept to 12 %.
 const PARTS: usize = 8;
 const POWERS: usize = 24;
 
 /// A histogram of durations in microseconds, from 0 to some 16 s.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Histogram {
     buckets: Box<[u64; PARTS * POWERS]>,
     count: u64,
@@ -29,17 +29,17 @@ impl Histogram {
         self.longest_us = self.longest_us.max(us);
     }
 
-    /// How many were added.
+    /// Number of durations added.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// The longest, us.
+    /// The longest duration, us.
     pub fn longest_us(&self) -> u64 {
         self.longest_us
     }
 
-    /// The duration that a fraction of them does not exceed, us, to the upper end of its bucket.
+    /// The duration that a fraction (0 to 1) of them does not exceed, us, rounded up to the end of its bucket.
     pub fn quantile_us(&self, fraction: f64) -> u64 {
         let wanted = (fraction * self.count as f64).ceil() as u64;
         let mut seen = 0;
@@ -50,6 +50,12 @@ impl Histogram {
             }
         }
         self.longest_us
+    }
+
+    /// Number of durations longer than `limit`, to the resolution of the buckets: a bucket that contains the limit counts.
+    pub fn longer_than(&self, limit: Duration) -> u64 {
+        let limit_us = limit.as_micros() as u64;
+        self.buckets().filter(|(end_us, _)| *end_us > limit_us).map(|(_, count)| count).sum()
     }
 
     /// The buckets that are not empty: upper end in us, and count.
@@ -101,6 +107,12 @@ mod tests {
         assert!((500..=575).contains(&histogram.quantile_us(0.5)), "{}", histogram.quantile_us(0.5));
         assert!((990..=1000).contains(&histogram.quantile_us(0.99)));
         assert_eq!(Histogram::default().quantile_us(0.5), 0);
+        assert_eq!(histogram.longer_than(Duration::from_micros(1023)), 0);
+        assert_eq!(
+            histogram.longer_than(Duration::from_micros(100)),
+            1000 - 95,
+            "the bucket 96..=103 contains the limit"
+        );
         histogram.add(Duration::from_secs(3600));
         assert_eq!(histogram.longest_us(), 3_600_000_000);
     }

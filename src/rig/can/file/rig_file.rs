@@ -3,8 +3,7 @@
 use serde::Deserialize;
 
 use crate::rig::can::bus::{BitRate, BusSpec};
-use crate::rig::can::canopen::{Kind, Object};
-use crate::rig::can::mit::Model;
+use crate::rig::can::canopen::{DataType, Object};
 use crate::wrist::Lever;
 
 /// Format and version of the rig files that this program reads.
@@ -15,7 +14,7 @@ pub const FORMAT: &str = "ramphold-rig/1";
 #[serde(deny_unknown_fields)]
 pub struct RigFile {
     /// `can`: what kind of rig it is.
-    pub kind: OnCan,
+    pub kind: RigKind,
     /// Format and version: `ramphold-rig/1`.
     pub format: String,
     /// A name for people.
@@ -48,7 +47,7 @@ pub struct RigFile {
     /// What the motor does after a fault.
     pub safe_state: SafeStates,
     /// How much of what goes wrong is let pass.
-    pub tolerate: Tolerate,
+    pub tolerate: Tolerances,
     /// Only for the emulated motor of the test bench.
     #[serde(default)]
     pub bench: Option<Bench>,
@@ -57,7 +56,7 @@ pub struct RigFile {
 /// The only kind of rig that this file describes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum OnCan {
+pub enum RigKind {
     /// A motor on a CAN bus.
     Can,
 }
@@ -199,7 +198,7 @@ pub struct MitMotor {
     /// Identifier it replies with.
     pub reply_id: u16,
     /// The ranges of its fields.
-    pub model: Model,
+    pub model: MitModel,
     /// Turns of the motor's output for one of the handle; negative when they turn opposite ways.
     pub gear_ratio: f64,
     /// Stiffness of its position loop, N m/rad.
@@ -213,6 +212,26 @@ pub struct MitMotor {
     /// To be `true`: in MIT mode a motor has no limits of its own that could be written or read; only this program's
     /// limits and the watchdog that was set with the manufacturer's tool stand between it and the limb.
     pub has_no_limits_of_its_own: bool,
+}
+
+/// A model, with the ranges of the manufacturer's table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[allow(missing_docs, reason = "named as the manufacturer names them")]
+pub enum MitModel {
+    #[serde(rename = "AK10-9")]
+    Ak10_9,
+    #[serde(rename = "AK60-6")]
+    Ak60_6,
+    #[serde(rename = "AK70-10")]
+    Ak70_10,
+    #[serde(rename = "AK80-6")]
+    Ak80_6,
+    #[serde(rename = "AK80-9")]
+    Ak80_9,
+    #[serde(rename = "AK80-80")]
+    Ak80_80,
+    #[serde(rename = "mini-cheetah")]
+    MiniCheetah,
 }
 
 /// A CANopen device that measures.
@@ -291,7 +310,7 @@ pub struct TorqueSignal {
     pub object: Option<Object>,
     /// How one number is laid out.
     #[serde(rename = "type")]
-    pub kind: Kind,
+    pub kind: DataType,
     /// How many torques of the last period it holds, oldest first, the last one at SYNC.
     pub samples: usize,
     /// N m for each count.
@@ -308,7 +327,7 @@ pub struct EmgSignal {
     pub object: Option<Object>,
     /// How the number is laid out.
     #[serde(rename = "type")]
-    pub kind: Kind,
+    pub kind: DataType,
     /// MVC for each count.
     pub mvc_per_count: f64,
     /// The count that says that there is no measurement.
@@ -323,7 +342,7 @@ pub struct CounterSignal {
     pub object: Option<Object>,
     /// How the number is laid out: `u8`, `u16` or `u32`.
     #[serde(rename = "type")]
-    pub kind: Kind,
+    pub kind: DataType,
 }
 
 /// Positions within a period.
@@ -334,7 +353,7 @@ pub struct StepsSignal {
     pub object: Option<Object>,
     /// How one number is laid out.
     #[serde(rename = "type")]
-    pub kind: Kind,
+    pub kind: DataType,
     /// How many, as many as torques.
     pub samples: usize,
 }
@@ -347,7 +366,7 @@ pub struct Display {
     pub object: Object,
     /// How the number is laid out.
     #[serde(rename = "type")]
-    pub kind: Kind,
+    pub kind: DataType,
     /// N m for each count.
     pub nm_per_count: f64,
     /// What is shown for a maximal effort, N m.
@@ -405,7 +424,7 @@ pub enum SafeState {
 /// How much of what goes wrong is let pass before it is a fault. With a person at the handle, nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Tolerate {
+pub struct Tolerances {
     /// Periods in a row whose frames came too late, or in which the program woke up too late.
     pub missed_cycles_in_a_row: u32,
     /// Frames that came twice, in all.
