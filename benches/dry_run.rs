@@ -15,7 +15,7 @@ use ramphold::rig::Fault;
 use ramphold::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use ramphold::schedule;
 use ramphold::session::{
-    AsFastAsItGoes, Event, Machine, Operator, Phase, Progress, Settings, Step, StepConsumer, run_control_loop,
+    Unpaced, Event, Machine, Operator, Phase, Progress, Settings, Step, StepConsumer, run_control_loop,
 };
 
 struct Starter;
@@ -77,7 +77,7 @@ fn main() {
     for _ in 0..5 {
         let mut machine = Machine::new(settings.clone());
         let watch = Watch::start();
-        let Ok(_) = run_control_loop(wrist(), &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut Discard);
+        let Ok(_) = run_control_loop(wrist(), &mut machine, &mut Starter, &mut Unpaced, &mut Discard);
         alone_s = least(alone_s, watch.stop());
         simulated_s = machine.sample() as f64 / rate;
 
@@ -95,7 +95,7 @@ fn main() {
         };
         let mut recorder =
             session.create(&folder.path().join("s"), Disk::default()).expect("it can be written");
-        run_control_loop(wrist(), &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)
+        run_control_loop(wrist(), &mut machine, &mut Starter, &mut Unpaced, &mut recorder)
             .expect("it can be kept");
         kept_s = least(kept_s, watch.stop());
     }

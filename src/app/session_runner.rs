@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use ramphold::console::{ConsoleSetup, Live};
 use ramphold::dataset::{BackgroundRecorder, Recorder};
 use ramphold::rig::Rig;
-use ramphold::session::{AsFastAsItGoes, Clock, Machine, Operator, RealTime, run_control_loop};
+use ramphold::session::{Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
 use super::command_line_operator::CommandLineOperator;
 use super::motor_operator::MotorOperator;
@@ -58,15 +58,15 @@ impl SessionRun<'_> {
         let live = match rig {
             SessionRig::Virtual { wrist, pace: Pace::Unlimited, .. } => work.without_deadlines(*wrist)?,
             SessionRig::Virtual { wrist, pace: Pace::TimesRealTime(speed), .. } => {
-                let mut clock = RealTime::new(speed * rate_hz);
+                let mut pacing = RealTime::new(speed * rate_hz);
                 let operator = |machine: &Machine| CommandLineOperator::new(machine, console);
-                let ended = work.with_deadlines(*wrist, &mut clock, operator);
-                console.message(clock.lateness());
+                let ended = work.with_deadlines(*wrist, &mut pacing, operator);
+                console.message(pacing.lateness());
                 ended?.1
             }
             SessionRig::Can(motor) => {
                 let operator = |_: &Machine| MotorOperator::new(is_confirmed, console);
-                let (motor, live) = work.with_deadlines(*motor, &mut AsFastAsItGoes, operator)?;
+                let (motor, live) = work.with_deadlines(*motor, &mut Unpaced, operator)?;
                 write_bus_summary(&motor.summary(), &folder, console)?;
                 live
             }
@@ -90,12 +90,12 @@ impl Work<'_> {
         if let Some(setup) = self.setup.take() {
             let recorder = BackgroundRecorder::start_waiting(self.recorder, self.machine.progress().clone());
             let (console, options) = (self.console, self.options);
-            return with_console(rig, self.machine, &mut AsFastAsItGoes, recorder, setup, options, console)
+            return with_console(rig, self.machine, &mut Unpaced, recorder, setup, options, console)
                 .map(|(_, live)| Some(live));
         }
         let mut operator = CommandLineOperator::new(self.machine, self.console)?;
         let ended =
-            run_control_loop(rig, self.machine, &mut operator, &mut AsFastAsItGoes, &mut self.recorder);
+            run_control_loop(rig, self.machine, &mut operator, &mut Unpaced, &mut self.recorder);
         operator.finish();
         ended?;
         Ok(None)
@@ -105,19 +105,19 @@ impl Work<'_> {
     fn with_deadlines<R: Rig, O: Operator>(
         self,
         rig: R,
-        clock: &mut impl Clock,
+        pacing: &mut impl Pacing,
         operator: impl FnOnce(&Machine) -> Result<O, Failure>,
     ) -> Result<(R, Option<Live>), Failure> {
         let recorder =
             |recorder, machine: &Machine| BackgroundRecorder::start(recorder, machine.progress().clone());
         if let Some(setup) = self.setup {
             let recorder = recorder(self.recorder, self.machine);
-            return with_console(rig, self.machine, clock, recorder, setup, self.options, self.console)
+            return with_console(rig, self.machine, pacing, recorder, setup, self.options, self.console)
                 .map(|(rig, live)| (rig, Some(live)));
         }
         let mut operator = operator(self.machine)?;
         let mut recorder = recorder(self.recorder, self.machine);
-        let ended = run_control_loop(rig, self.machine, &mut operator, clock, &mut recorder);
+        let ended = run_control_loop(rig, self.machine, &mut operator, pacing, &mut recorder);
         let written = recorder.finish();
         // An error of the disk that ended the session comes first.
         let rig = ended?;
@@ -130,7 +130,7 @@ impl Work<'_> {
 fn with_console<R: Rig>(
     rig: R,
     machine: &mut Machine,
-    clock: &mut impl Clock,
+    pacing: &mut impl Pacing,
     recorder: BackgroundRecorder,
     setup: ConsoleSetup,
     options: &ConsoleOptions,
@@ -143,7 +143,7 @@ fn with_console<R: Rig>(
     }
     live.take_terminal()?;
     let mut consumers = (recorder, feed);
-    let ended = run_control_loop(rig, machine, &mut operator, clock, &mut consumers);
+    let ended = run_control_loop(rig, machine, &mut operator, pacing, &mut consumers);
     let written = consumers.0.finish();
     live.release_terminal();
     // An error of the disk that ended the session comes first.

@@ -15,11 +15,11 @@ use super::journal::JournalEntry;
 use super::recovery::{RecoveredSession, RecoveredState};
 use super::trial_csv_reader;
 use crate::protocol::Limits;
-use crate::rig::{Fault, Motor, Sample};
+use crate::rig::{Fault, LimitMonitor, Motor, Sample};
 use crate::session::rules::{RULES, RuleChange, changes_since};
 use crate::session::{
     Event, Input, Machine, Output, Phase, Reading, RecordTarget, Settings, Source, Step, TransitionDetail,
-    TransitionRecord, Watch,
+    TransitionRecord,
 };
 
 /// No session waits longer than this for its operator, s; a journal that says so is wrong.
@@ -189,7 +189,7 @@ struct Replayer<'a> {
     story: &'a RecoveredSession,
     machine: Machine,
     standing: RecoveredState,
-    watch: Limits,
+    limits: Limits,
     start: usize,
     /// The program lived to end this start of the session.
     ended_well: bool,
@@ -203,13 +203,13 @@ struct Replayer<'a> {
 impl<'a> Replayer<'a> {
     fn new(story: &'a RecoveredSession, standing: RecoveredState, start: usize) -> Self {
         let mut settings = Settings::clone(&story.settings);
-        let watch = std::mem::replace(&mut settings.limits, endless());
+        let limits = std::mem::replace(&mut settings.limits, endless());
         let machine = Machine::with_progress(Arc::new(settings), standing.progress.clone());
         Self {
             story,
             machine,
             standing,
-            watch,
+            limits,
             start,
             ended_well: true,
             rows: None,
@@ -405,11 +405,11 @@ impl<'a> Replayer<'a> {
                 emg_ecr_mvc: ecr[row],
             })
             .collect();
-        let mut watch = Watch::new(self.watch.clone(), self.story.settings.sample_rate_hz);
+        let mut monitor = LimitMonitor::new((&self.limits).into(), self.story.settings.sample_rate_hz);
         let breaks = samples
             .iter()
             .enumerate()
-            .find_map(|(place, sample)| watch.check(sample).err().map(|fault| (place, fault)));
+            .find_map(|(place, sample)| monitor.check_sample(sample).err().map(|fault| (place, fault)));
         Ok(RecordedSamples { samples, next: 1, breaks })
     }
 }

@@ -1,6 +1,8 @@
 //! The limits of angle, torque and speed, compared with every sample.
 
-use super::{Fault, Quantity};
+use super::fault::{Channel, Fault, Quantity};
+use super::sample::Sample;
+use crate::protocol::Limits;
 
 /// Samples over which the speed is taken: one count of the encoder in a single sample would already look fast.
 const SPEED_SAMPLES: usize = 4;
@@ -14,6 +16,12 @@ pub struct MotionLimits {
     pub speed_rad_s: f64,
     /// Highest torque, N m, either sign.
     pub torque_nm: f64,
+}
+
+impl From<&Limits> for MotionLimits {
+    fn from(limits: &Limits) -> Self {
+        Self { angle_rad: limits.angle_rad, speed_rad_s: limits.speed_rad_s, torque_nm: limits.torque_nm }
+    }
 }
 
 /// A measured quantity that exceeds its limit.
@@ -53,7 +61,24 @@ impl LimitMonitor {
         self.samples = 0;
     }
 
-    /// Checks one sample: angle, torque, then speed. An angle that is not a number exceeds its limit.
+    /// Checks a whole sample: every channel must be a finite number, and within its limit.
+    ///
+    /// # Errors
+    /// The first channel that is not a number, or the first quantity that exceeds its limit.
+    pub fn check_sample(&mut self, sample: &Sample) -> Result<(), Fault> {
+        let channels = [
+            (Channel::Angle, sample.theta_m_rad),
+            (Channel::Torque, sample.torque_l_nm),
+            (Channel::EmgFcr, sample.emg_fcr_mvc),
+            (Channel::EmgEcr, sample.emg_ecr_mvc),
+        ];
+        if let Some((channel, _)) = channels.into_iter().find(|(_, value)| !value.is_finite()) {
+            return Err(Fault::NotANumber { channel });
+        }
+        Ok(self.check(sample.theta_m_rad, sample.torque_l_nm)?)
+    }
+
+    /// Checks angle, torque, then speed of a sample. An angle that is not a number exceeds its limit.
     ///
     /// # Errors
     /// The first quantity that exceeds its limit.

@@ -1,12 +1,10 @@
 //! The control loop of a session: reads the rig, steps the session, hands the step to its consumers,
 //! commands the motor.
 
-use std::time::{Duration, Instant};
-
 use super::event::Event;
 use super::io::{Input, Output, Reading, TransitionDetail};
-use super::lateness::Lateness;
 use super::machine::Machine;
+use super::pacing::Pacing;
 use super::phase::Phase;
 use super::step::{Step, StepConsumer};
 use crate::rig::{Armed, Command, Cue, Fault, Motor, ArmingConsent, Rig, Vitals};
@@ -35,67 +33,6 @@ pub trait Operator {
 /// Samples between two reports of the loop's timing.
 const VITALS_EVERY: u64 = 512;
 
-/// Who owns the time: as fast as it goes, or true periods.
-pub trait Clock {
-    /// Waits for the next period.
-    fn wait(&mut self);
-
-    /// How it keeps its time, if it keeps one.
-    fn vitals(&self) -> Option<Vitals> {
-        None
-    }
-}
-
-/// Simulated time: as fast as it goes.
-#[derive(Debug, Default)]
-pub struct AsFastAsItGoes;
-
-impl Clock for AsFastAsItGoes {
-    fn wait(&mut self) {}
-}
-
-/// True time: each period begins at its own moment, however long the one before took.
-#[derive(Debug)]
-pub struct RealTime {
-    period: Duration,
-    next: Option<Instant>,
-    lateness: Lateness,
-}
-
-impl RealTime {
-    /// So many periods a second.
-    pub fn new(rate_hz: f64) -> Self {
-        Self { period: Duration::from_secs_f64(1.0 / rate_hz), next: None, lateness: Lateness::default() }
-    }
-
-    /// How late the periods began.
-    pub fn lateness(&self) -> &Lateness {
-        &self.lateness
-    }
-}
-
-impl Clock for RealTime {
-    fn wait(&mut self) {
-        let now = Instant::now();
-        let next = self.next.map_or(now, |last| last + self.period);
-        if let Some(left) = next.checked_duration_since(now) {
-            std::thread::sleep(left);
-        }
-        self.lateness.add(Instant::now().saturating_duration_since(next));
-        self.next = Some(next);
-    }
-
-    fn vitals(&self) -> Option<Vitals> {
-        Some(Vitals {
-            periods: self.lateness.periods(),
-            late_p99_us: self.lateness.quantile_us(0.99),
-            latest_us: self.lateness.latest().as_micros() as u64,
-            missed: self.lateness.later_than(self.period),
-            ..Vitals::default()
-        })
-    }
-}
-
 /// Runs the session until it is over, and returns the disarmed rig.
 ///
 /// # Errors
@@ -104,7 +41,7 @@ pub fn run_control_loop<R: Rig, C: StepConsumer>(
     mut rig: R,
     machine: &mut Machine,
     operator: &mut impl Operator,
-    clock: &mut impl Clock,
+    pacing: &mut impl Pacing,
     consumer: &mut C,
 ) -> Result<R, C::Error> {
     let mut emg_is_scaled = false;
@@ -125,7 +62,7 @@ pub fn run_control_loop<R: Rig, C: StepConsumer>(
                 if let (false, Some(factors)) = (emg_is_scaled, machine.progress().emg_factors()) {
                     armed.rescale_emg(factors);
                 }
-                let ended = run_armed(&mut armed, command, machine, operator, clock, consumer);
+                let ended = run_armed(&mut armed, command, machine, operator, pacing, consumer);
                 emg_is_scaled = machine.progress().emg_factors().is_some();
                 let rig = armed.disarm();
                 ended?;
@@ -144,7 +81,7 @@ fn run_armed<A: Armed, C: StepConsumer>(
     first_command: Event,
     machine: &mut Machine,
     operator: &mut impl Operator,
-    clock: &mut impl Clock,
+    pacing: &mut impl Pacing,
     consumer: &mut C,
 ) -> Result<(), C::Error> {
     let mut to_rig = SAFE;
@@ -174,12 +111,12 @@ fn run_armed<A: Armed, C: StepConsumer>(
             armed.rescale_emg(factors);
         }
         if machine.sample().is_multiple_of(VITALS_EVERY)
-            && let Some(vitals) = armed.vitals().or_else(|| clock.vitals())
+            && let Some(vitals) = armed.vitals().or_else(|| pacing.vitals())
         {
             operator.vitals(vitals);
         }
         to_rig = output.command;
-        clock.wait();
+        pacing.wait();
     }
 }
 

@@ -10,9 +10,8 @@ use super::rng_streams;
 use super::settings::Settings;
 use super::smoothing::FeedbackFilter;
 use super::transitions::{Effect, Transition};
-use super::watch::Watch;
 use crate::protocol::Sweep;
-use crate::rig::{Channel, Command, Cue, Direction, Fault, Motor, Sample, Upcoming};
+use crate::rig::{Channel, Command, Cue, Direction, Fault, LimitMonitor, Motor, Sample, Upcoming};
 
 /// An effort below this fraction of the nominal MVC is a fallen-off electrode.
 const SILENT_EFFORT_MVC: f64 = 1e-3;
@@ -23,7 +22,7 @@ pub struct Machine {
     settings: Arc<Settings>,
     progress: Progress,
     phase: Phase,
-    watch: Watch,
+    limit_monitor: LimitMonitor,
     feedback: FeedbackFilter,
     /// Steps so far.
     sample: u64,
@@ -59,7 +58,7 @@ impl Machine {
         Self {
             progress,
             phase: Phase::Ready,
-            watch: Watch::new(settings.limits.clone(), settings.sample_rate_hz),
+            limit_monitor: LimitMonitor::new((&settings.limits).into(), settings.sample_rate_hz),
             feedback: FeedbackFilter::new(settings.display_cutoff_hz, settings.sample_rate_hz),
             settings,
             sample: 0,
@@ -144,7 +143,7 @@ impl Machine {
     fn measured(&mut self, reading: &Reading) -> Result<Option<Sample>, Fault> {
         match *reading {
             Reading::Sample(sample) => {
-                self.watch.check(&sample)?;
+                self.limit_monitor.check_sample(&sample)?;
                 self.feedback.update(&sample);
                 Ok(Some(sample))
             }
@@ -348,7 +347,7 @@ impl Machine {
             Phase::Ramp => self.since_onset = 0,
             Phase::Faulted => {
                 // The next sample comes after the rig was armed again, from wherever the motor is then.
-                self.watch.restart();
+                self.limit_monitor.restart();
                 self.feedback.restart();
             }
             _ => {}

@@ -6,8 +6,8 @@
 mod control_loop;
 mod event;
 mod io;
-mod lateness;
 mod machine;
+mod pacing;
 mod phase;
 mod progress;
 mod rng_streams;
@@ -16,19 +16,17 @@ mod settings;
 mod smoothing;
 mod step;
 pub mod transitions;
-mod watch;
 
-pub use control_loop::{AsFastAsItGoes, Clock, Operator, RealTime, run_control_loop};
+pub use control_loop::{Operator, run_control_loop};
 pub use event::{Event, Source};
 pub use io::{Attempt, Input, Output, Reading, RecordTarget, Status, TransitionDetail, TransitionRecord};
-pub use lateness::Lateness;
 pub use machine::Machine;
+pub use pacing::{Pacing, RealTime, Unpaced};
 pub use phase::Phase;
 pub use progress::Progress;
 pub use settings::{PlannedTrial, Settings};
 pub use smoothing::FeedbackFilter;
 pub use step::{Step, StepConsumer};
-pub use watch::Watch;
 
 #[cfg(test)]
 mod tests;

@@ -15,7 +15,7 @@ use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
 use crate::session::{
-    AsFastAsItGoes, Event, Machine, Operator, Phase, Settings, StepConsumer, run_control_loop,
+    Unpaced, Event, Machine, Operator, Phase, Settings, StepConsumer, run_control_loop,
 };
 
 /// Where a simulated session is stored.
@@ -103,7 +103,7 @@ fn run_to_the_end<E>(
     recorder: &mut impl StepConsumer<Error = E>,
 ) -> Result<Result<(), E>, UnitError> {
     let mut operator = Unattended::default();
-    let ended = run_control_loop(wrist, machine, &mut operator, &mut AsFastAsItGoes, recorder);
+    let ended = run_control_loop(wrist, machine, &mut operator, &mut Unpaced, recorder);
     if let Err(error) = ended {
         return Ok(Err(error));
     }

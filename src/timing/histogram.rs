@@ -1,5 +1,6 @@
 //! A histogram of durations in buckets of growing width, such as the lateness of a loop. It allocates once, when it is made.
 
+use std::fmt;
 use std::time::Duration;
 
 /// Buckets to each power of two: a duration is kept to 12 %.
@@ -65,6 +66,14 @@ impl Histogram {
             .enumerate()
             .filter(|(_, count)| **count > 0)
             .map(|(at, count)| (upper_end(at), *count))
+    }
+}
+
+/// The number of durations and the longest, then a line for each bucket that is not empty.
+impl fmt::Display for Histogram {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(out, "lateness of {} periods, latest {} us", self.count, self.longest_us)?;
+        self.buckets().try_for_each(|(end_us, count)| writeln!(out, "  <= {end_us:>8} us {count:>9}"))
     }
 }
 

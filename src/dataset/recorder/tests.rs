@@ -9,7 +9,7 @@ use crate::protocol::{Protocol, ValidProtocol};
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
-use crate::session::{AsFastAsItGoes, Event, Machine, Operator, Settings, run_control_loop};
+use crate::session::{Unpaced, Event, Machine, Operator, Settings, run_control_loop};
 
 /// Two short trials, nothing before them.
 fn protocol() -> ValidProtocol {
@@ -59,7 +59,7 @@ pub fn run(folder: &Path, disk: Disk) -> Result<u64, RecordError> {
     .create(folder, disk)?;
     let wrist = VirtualWrist::new(Person::default(), Setup::default(), 1, settings.sample_rate_hz);
     let mut machine = Machine::new(Arc::new(settings));
-    run_control_loop(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)?;
+    run_control_loop(wrist, &mut machine, &mut Starter, &mut Unpaced, &mut recorder)?;
     assert_eq!(machine.phase(), Phase::Finished);
     Ok(recorder.disk.operations())
 }

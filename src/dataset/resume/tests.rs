@@ -13,7 +13,7 @@ use crate::random::Stream;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::rig::{Armed, Command, Fault, ArmingConsent, Rig, Sample};
 use crate::session::{
-    AsFastAsItGoes, Event, Lateness, Machine, Operator, Phase, RealTime, TransitionDetail, run_control_loop,
+    Unpaced, Event, Machine, Operator, Phase, RealTime, TransitionDetail, run_control_loop,
 };
 
 /// Goes on with the session to its end; how many operations that took.
@@ -24,7 +24,7 @@ fn go_on(folder: &Path, disk: Disk) -> Result<(), ResumeError> {
     let is_finished = session.is_finished();
     let Resumed { mut recorder, mut machine, .. } = session.resume()?;
     if !is_finished {
-        run_control_loop(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)?;
+        run_control_loop(wrist, &mut machine, &mut Starter, &mut Unpaced, &mut recorder)?;
         assert_eq!(machine.phase(), Phase::Finished);
     }
     Ok(())
@@ -113,8 +113,8 @@ fn the_ramp_waits_for_a_slow_disk_and_the_replay_knows_it() {
     run_control_loop(wrist, &mut machine, &mut Starter, &mut clock, &mut recorder).unwrap();
     recorder.finish().unwrap();
     assert_eq!(machine.phase(), Phase::Finished);
-    let lateness: &Lateness = clock.lateness();
-    assert!(lateness.periods() + 2 >= machine.sample(), "{lateness}");
+    let lateness = clock.lateness();
+    assert!(lateness.count() + 2 >= machine.sample(), "{lateness}");
 
     let journal = JournalText::parse(&fs::read(folder.join(JOURNAL)).unwrap());
     let waited = journal.records.iter().filter_map(|placed| match placed.record {
@@ -138,7 +138,7 @@ fn a_disk_that_fails_behind_the_ring_ends_the_session() {
     let wrist = VirtualWrist::new(Person::default(), Setup::default(), session.seed(), rate);
     let Resumed { recorder, mut machine, .. } = session.resume().unwrap();
     let mut recorder = BackgroundRecorder::start(recorder, machine.progress().clone());
-    let error = match run_control_loop(wrist, &mut machine, &mut Starter, &mut AsFastAsItGoes, &mut recorder)
+    let error = match run_control_loop(wrist, &mut machine, &mut Starter, &mut Unpaced, &mut recorder)
     {
         Err(error) => error,
         Ok(_) => recorder.finish().unwrap_err(),
@@ -251,7 +251,7 @@ fn a_session_that_ended_by_a_can_fault_of_an_older_version_resumes_and_replays()
             VirtualWrist::new(Person::default(), Setup::default(), session.seed(), session.sample_rate_hz());
         let rig = Failing { rig: wrist, samples_left, fault: serde_json::from_str(text).unwrap() };
         let Resumed { mut recorder, mut machine, .. } = session.resume().unwrap();
-        run_control_loop(rig, &mut machine, &mut EndsAtAFault, &mut AsFastAsItGoes, &mut recorder).unwrap();
+        run_control_loop(rig, &mut machine, &mut EndsAtAFault, &mut Unpaced, &mut recorder).unwrap();
         drop(recorder);
         let journal = fs::read_to_string(folder.join(JOURNAL)).unwrap();
         assert!(journal.contains(&format!("\"fault\":{text}")), "{journal}");
