@@ -44,6 +44,8 @@ mod sensors;
 mod staleness;
 mod summary;
 pub mod units;
+#[cfg(test)]
+mod virtual_bench;
 
 pub use cia402_state::DriveState;
 pub use connection::{ConnectError, Connection};

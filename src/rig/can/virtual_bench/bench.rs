@@ -1,0 +1,189 @@
+//! Arms a motor on the virtual bus, lets a fault strike, and says what became of the motor.
+
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use super::mit_motor::MitMotor;
+use super::odrive_axis::OdriveAxis;
+use super::servo_drive::ServoDrive;
+use super::transducer::Transducer;
+use super::world::{BenchFault, Device, VirtualBus, World};
+use crate::protocol::ValidProtocol;
+use crate::rig::can::file::ValidRigFile;
+use crate::rig::can::{ArmedCanMotor, CanMotor, Connection, DryRun};
+use crate::rig::{Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig};
+use crate::timing::{Clock, VirtualClock};
+
+/// The kinds of motors that the bench has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Cia402,
+    Cansimple,
+    Mit,
+}
+
+/// A motor on the virtual bus.
+pub struct Bench {
+    pub clock: VirtualClock,
+    pub bus: VirtualBus,
+    pub protocol: ValidProtocol,
+    file: ValidRigFile,
+}
+
+/// What became of a motor that a fault struck.
+pub struct Outcome {
+    /// What the rig reported.
+    pub fault: Fault,
+    /// Time from the strike to the loss of power; `None` if the motor had none by then.
+    pub power_off_after: Option<Duration>,
+    /// The power came back after it was lost.
+    pub power_came_back: bool,
+    /// The motor has power at the end.
+    pub has_power: bool,
+    /// Lowest and highest angle of the handle, rad.
+    pub angles_rad: [f64; 2],
+    /// The faults of the summary.
+    pub recorded: Vec<String>,
+}
+
+impl Bench {
+    /// A bench with the rig file of the kind, as for a person: without stretched time, and nothing is tolerated.
+    pub fn new(kind: Kind) -> Self {
+        Self::with(kind, |_| {})
+    }
+
+    /// A bench with some fields of the rig file changed.
+    pub fn with(kind: Kind, change: impl FnOnce(&mut Value)) -> Self {
+        let (rig, protocol) = match kind {
+            Kind::Cia402 => (
+                include_str!("../../../../fixtures/can/rigs/plain.json"),
+                include_str!("../../../../fixtures/can/rigs/one-trial.json"),
+            ),
+            Kind::Cansimple => (
+                include_str!("../../../../fixtures/can/rigs/odrive.json"),
+                include_str!("../../../../fixtures/can/rigs/slow-trial.json"),
+            ),
+            Kind::Mit => (
+                include_str!("../../../../fixtures/can/rigs/mit.json"),
+                include_str!("../../../../fixtures/can/rigs/slow-trial.json"),
+            ),
+        };
+        let mut rig: Value = serde_json::from_str(rig).unwrap();
+        rig.as_object_mut().unwrap().remove("bench");
+        rig["tolerate"]["missed_cycles_in_a_row"] = json!(0);
+        if kind == Kind::Cia402 {
+            rig["master"]["motor_waits_ms"] = json!(100);
+            rig["motor"]["heartbeat_wait_ms"] = json!(100);
+            rig["motor"]["target_wait_ms"] = json!(0);
+        }
+        change(&mut rig);
+        let file = ValidRigFile::parse(&rig.to_string(), "rig.json").unwrap();
+        let clock = VirtualClock::default();
+        let now = clock.now();
+        let devices: Vec<Box<dyn Device>> = match kind {
+            Kind::Cia402 => vec![Box::new(ServoDrive::new(now, 0.3))],
+            Kind::Cansimple => vec![Box::new(OdriveAxis::new(now)), Box::new(Transducer::new())],
+            Kind::Mit => vec![Box::new(MitMotor::new(now)), Box::new(Transducer::new())],
+        };
+        let world = World::new(clock.clone(), devices);
+        Self {
+            bus: VirtualBus(Arc::new(Mutex::new(world))),
+            protocol: ValidProtocol::parse(protocol, "protocol.json").unwrap(),
+            clock,
+            file,
+        }
+    }
+
+    pub fn motor(&self) -> CanMotor {
+        let dry_run = DryRun::of(&self.protocol, &self.file).unwrap();
+        let clock = Arc::new(self.clock.clone());
+        CanMotor::new(Connection::on(Box::new(self.bus.clone()), clock, self.file.clone()), dry_run)
+    }
+
+    pub fn arm(&self) -> Result<ArmedCanMotor, Fault> {
+        self.motor().arm(ArmingConsent::given(), &self.protocol.limits).map_err(|(_, fault)| fault)
+    }
+
+    pub fn strike(&self, fault: BenchFault) {
+        self.bus.world().strike(fault);
+    }
+
+    /// Angles of the first ramp of the protocol, one for each sample.
+    pub fn ramp(&self) -> impl Iterator<Item = f64> + use<> {
+        let movement = self.protocol.ramp_and_hold(self.protocol.velocities_rad_s[0]).unwrap();
+        let rate_hz = self.protocol.signal.sample_rate_hz;
+        let samples = (movement.duration_s() * rate_hz) as u32;
+        (0..samples).map(move |sample| movement.at(f64::from(sample) / rate_hz).angle_rad)
+    }
+
+    /// The fault strikes while the motor holds still at the start position.
+    pub fn strike_while_held(&self, fault: BenchFault) -> Outcome {
+        let still = std::iter::repeat_n(0.0, 200);
+        self.run(still, 100, |bench| bench.strike(fault))
+    }
+
+    /// The fault strikes in the middle of the ramp.
+    pub fn strike_in_ramp(&self, fault: BenchFault) -> Outcome {
+        let steepest = self.ramp().position(|angle_rad| angle_rad > 0.03).unwrap();
+        self.run(self.ramp().chain(std::iter::repeat_n(0.0, 200)), steepest, |bench| bench.strike(fault))
+    }
+
+    /// Sends the motor along `angles_rad`, and does something before one of the samples. Three seconds of holding still
+    /// follow, for faults that take their time.
+    pub fn run(
+        &self,
+        angles_rad: impl Iterator<Item = f64>,
+        at: usize,
+        disturb: impl FnOnce(&Self),
+    ) -> Outcome {
+        let mut armed = self.arm().expect("nothing is wrong yet");
+        let mut disturb = Some(disturb);
+        let mut struck = self.clock.now();
+        let mut last_rad = 0.0;
+        let more = (3.0 * self.protocol.signal.sample_rate_hz) as usize;
+        let angles = angles_rad.map(Some).chain(std::iter::repeat_n(None, more));
+        let mut found = None;
+        for (sample, angle_rad) in angles.enumerate() {
+            if sample == at {
+                struck = self.clock.now();
+                (disturb.take().expect("once"))(self);
+            }
+            last_rad = angle_rad.unwrap_or(last_rad);
+            if let Err(fault) = armed.exchange(&follow(last_rad)) {
+                found = Some(fault);
+                break;
+            }
+        }
+        let fault = found.expect("the fault is noticed");
+        assert!(armed.exchange(&follow(0.0)).is_err(), "a fault is latched");
+        let motor = armed.disarm();
+        // A motor that was left alone stops by its own watchdog.
+        let quiet = self.clock.now() + Duration::from_secs(2);
+        let mut bus = self.bus.clone();
+        while crate::rig::can::bus::CanBus::receive(&mut bus, quiet).is_ok_and(|received| received.is_some())
+        {
+        }
+        self.outcome(fault, struck, motor.summary().faults)
+    }
+
+    fn outcome(&self, fault: Fault, struck: Instant, recorded: Vec<String>) -> Outcome {
+        let world = self.bus.world();
+        let after: Vec<_> = world.power.iter().filter(|(time, _)| *time >= struck).collect();
+        let off = after.iter().find(|(_, powered)| !powered).map(|(time, _)| *time);
+        Outcome {
+            fault,
+            power_off_after: off.map(|time| time - struck),
+            power_came_back: after.iter().any(|(_, powered)| *powered),
+            has_power: world.power.last().is_some_and(|(_, powered)| *powered),
+            angles_rad: world.angles_rad,
+            recorded,
+        }
+    }
+}
+
+/// The command to be at an angle at the next sample.
+pub fn follow(angle_rad: f64) -> Command {
+    Command { motor: Motor::Follow { angle_rad }, cue: Cue::Moving }
+}

@@ -1,0 +1,24 @@
+//! The virtual-time bench: emulated motors on an in-process bus whose clock moves only when the motor's code waits.
+//!
+//! The code under test is the whole of [`super::CanMotor`]: arming, homing, cycle, checks, safe states. A second of its
+//! time takes well under a millisecond, and each run is the same. That the protocols are spoken as others speak them is
+//! tested with the independent emulators in `fixtures/can`.
+//!
+//! ```text
+//! world            the bus (CanBus), its devices, frame faults, and what the motor did: power, angle
+//! canopen_node     SDO server, NMT and heartbeat that servo_drive and transducer share
+//! servo_drive      a CiA 402 drive
+//! odrive_axis      an ODrive axis (CANSimple)
+//! mit_motor        a motor in MIT mode
+//! transducer       handle torque and EMG of a CANopen sensor
+//! bench            arms a motor, lets a fault strike, says what became of it
+//! ```
+
+mod bench;
+mod canopen_node;
+mod mit_motor;
+mod odrive_axis;
+mod servo_drive;
+mod tests;
+mod transducer;
+mod world;

@@ -1,0 +1,269 @@
+//! The bus and everything on it, in virtual time.
+
+use std::io;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::{Duration, Instant};
+
+use crate::rig::can::bus::{CanBus, ControllerError, Frame, Received};
+use crate::timing::{Clock, VirtualClock};
+
+/// Time from a frame being sent to its arrival.
+const FRAME_TIME: Duration = Duration::from_micros(50);
+
+/// What goes wrong. Frame faults act on every device, the others on the devices that they concern.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BenchFault {
+    /// The motor sends no heartbeat any more.
+    HeartbeatStop,
+    /// The motor reports an error; a fatal one also sends a drive to its fault reaction.
+    Error { code: u16, fatal: bool },
+    /// The motor falls back to PRE-OPERATIONAL.
+    NmtDrop,
+    /// The motor restarts.
+    Reboot,
+    /// The motor loses its supply: no power, no frames.
+    PowerLoss,
+    /// The servo runs away from its target, rad/s.
+    Runaway(f64),
+    /// The shaft jams; a drive may fail to notice.
+    Jam { noticed: bool },
+    /// Statusword and position keep arriving, unchanged.
+    PositionFreeze,
+    /// Somebody pushes on the handle with this torque, N m.
+    Push(f64),
+    /// The torque channel says that it has no measurement.
+    TorqueInvalid,
+    /// Torque and counter stand still.
+    TorqueStale,
+    /// The counter stands still.
+    CounterStale,
+    /// No frame reaches the master.
+    Silent,
+    /// No frame with this identifier reaches the master.
+    Dropped(u16),
+    /// No frame of the master reaches a device.
+    Deaf,
+    /// Frames reach the master late.
+    Delayed(Duration),
+    /// Frames with this identifier arrive twice.
+    Duplicated(u16),
+    /// A bit of the payload of frames with this identifier is flipped.
+    FlippedBit { id: u16, bit: usize },
+    /// Frames with this identifier lack their last byte.
+    Shortened(u16),
+    /// Frames with identifier 010h arrive so often, 1/s.
+    Flood(u32),
+    /// The controller reports an error.
+    Controller(ControllerError),
+    /// Bytes arrive that are no frame.
+    Garbled,
+    /// The adapter is gone.
+    AdapterGone,
+    /// An SDO write of this object is acknowledged and not done.
+    IgnoredWrite(u16),
+    /// This object reads as this value, whatever was written.
+    WrongReading(u16, u8, u32),
+    /// An SDO access to this object is aborted with this code.
+    Aborted(u16, u32),
+    /// An SDO access to this object is not answered.
+    Unanswered(u16),
+    /// The homing of the drive never ends.
+    HomingStuck,
+}
+
+/// Frames on their way to the master, and faults in force.
+#[derive(Debug, Default)]
+pub struct Wire {
+    pub faults: Vec<BenchFault>,
+    /// Sorted by time of arrival.
+    arriving: Vec<(Instant, Received)>,
+}
+
+impl Wire {
+    pub fn has(&self, fault: BenchFault) -> bool {
+        self.faults.contains(&fault)
+    }
+
+    /// A frame from a device to the master.
+    pub fn send(&mut self, now: Instant, id: u16, data: &[u8]) {
+        let (mut at, mut bytes, mut times) = (now + FRAME_TIME, data.to_vec(), 1);
+        for fault in &self.faults {
+            match *fault {
+                BenchFault::Silent => return,
+                BenchFault::Dropped(dropped) if dropped == id => return,
+                BenchFault::Delayed(by) => at += by,
+                BenchFault::Duplicated(doubled) if doubled == id => times = 2,
+                BenchFault::FlippedBit { id: hit, bit } if hit == id => bytes[bit / 8] ^= 1 << (bit % 8),
+                BenchFault::Shortened(hit) if hit == id => drop(bytes.pop()),
+                _ => {}
+            }
+        }
+        for _ in 0..times {
+            self.put(at, Received::Frame(Frame::new(id, &bytes), at));
+        }
+    }
+
+    pub fn put(&mut self, at: Instant, received: Received) {
+        let place = self.arriving.partition_point(|(time, _)| *time <= at);
+        self.arriving.insert(place, (at, received));
+    }
+}
+
+/// Something on the bus.
+pub trait Device: std::fmt::Debug + Send {
+    /// A frame of the master.
+    fn receive(&mut self, frame: &Frame, now: Instant, wire: &mut Wire);
+
+    /// Everything that the device does by itself until `now`.
+    fn advance(&mut self, now: Instant, wire: &mut Wire);
+
+    /// When the device will next do something by itself.
+    fn next_event(&self) -> Option<Instant>;
+
+    /// A fault strikes now. What is in force for long is read from the wire.
+    fn strike(&mut self, _fault: BenchFault, _now: Instant, _wire: &mut Wire) {}
+
+    /// Whether the motor has power, and the angle of the handle, rad; `None` for what is no motor.
+    fn motor(&self) -> Option<(bool, f64)> {
+        None
+    }
+}
+
+/// The devices, the wire between them and the master, and what the motor did.
+#[derive(Debug)]
+pub struct World {
+    pub clock: VirtualClock,
+    pub wire: Wire,
+    pub devices: Vec<Box<dyn Device>>,
+    next_flood: Option<Instant>,
+    /// The fault that strikes when the handle comes below an angle, rad.
+    pub strike_below_rad: Option<(f64, BenchFault)>,
+    /// When the power went on or off.
+    pub power: Vec<(Instant, bool)>,
+    /// Lowest and highest angle of the handle so far, rad.
+    pub angles_rad: [f64; 2],
+    /// Frames sent by the master.
+    pub frames_sent: u64,
+}
+
+impl World {
+    pub fn new(clock: VirtualClock, devices: Vec<Box<dyn Device>>) -> Self {
+        Self {
+            clock,
+            wire: Wire::default(),
+            devices,
+            next_flood: None,
+            strike_below_rad: None,
+            power: Vec::new(),
+            angles_rad: [0.0; 2],
+            frames_sent: 0,
+        }
+    }
+
+    pub fn strike(&mut self, fault: BenchFault) {
+        let now = self.clock.now();
+        self.advance(now);
+        match fault {
+            BenchFault::Controller(error) => self.wire.put(now, Received::ControllerError(error)),
+            BenchFault::Garbled => self.wire.put(now, Received::Garbled),
+            BenchFault::Flood(_) => self.next_flood = Some(now),
+            _ => {}
+        }
+        self.wire.faults.push(fault);
+        for device in &mut self.devices {
+            device.strike(fault, now, &mut self.wire);
+        }
+        self.note();
+    }
+
+    fn note(&mut self) {
+        for (powered, angle_rad) in self.devices.iter().filter_map(|device| device.motor()) {
+            if self.power.last().is_some_and(|(_, last)| *last) != powered {
+                self.power.push((self.clock.now(), powered));
+            }
+            let [low, high] = self.angles_rad;
+            self.angles_rad = [low.min(angle_rad), high.max(angle_rad)];
+        }
+    }
+
+    fn advance(&mut self, now: Instant) {
+        while let Some(due) = self.next_flood.filter(|due| *due <= now) {
+            self.wire.put(due, Received::Frame(Frame::new(0x010, &[0; 8]), due));
+            let per_s = self.wire.faults.iter().find_map(|fault| match fault {
+                BenchFault::Flood(per_s) => Some(*per_s),
+                _ => None,
+            });
+            self.next_flood = per_s.map(|per_s| due + Duration::from_secs(1) / per_s);
+        }
+        for device in &mut self.devices {
+            device.advance(now, &mut self.wire);
+        }
+        self.note();
+        let angle_rad = self.devices.iter().find_map(|device| device.motor()).map(|(_, angle_rad)| angle_rad);
+        if let (Some((below_rad, fault)), Some(angle_rad)) = (self.strike_below_rad, angle_rad)
+            && angle_rad < below_rad
+        {
+            self.strike_below_rad = None;
+            self.strike(fault);
+        }
+    }
+
+    fn next_event(&self) -> Option<Instant> {
+        let devices = self.devices.iter().filter_map(|device| device.next_event());
+        let arriving = self.wire.arriving.first().map(|(time, _)| *time);
+        devices.chain(arriving).chain(self.next_flood).min()
+    }
+}
+
+/// The master's end of the bus.
+#[derive(Debug, Clone)]
+pub struct VirtualBus(pub Arc<Mutex<World>>);
+
+impl VirtualBus {
+    pub fn world(&self) -> MutexGuard<'_, World> {
+        self.0.lock().unwrap()
+    }
+}
+
+impl CanBus for VirtualBus {
+    fn send(&mut self, frame: &Frame) -> io::Result<()> {
+        let mut world = self.world();
+        let world = &mut *world;
+        if world.wire.has(BenchFault::AdapterGone) {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        }
+        let now = world.clock.now();
+        world.advance(now);
+        world.frames_sent += 1;
+        if !world.wire.has(BenchFault::Deaf) {
+            for device in &mut world.devices {
+                device.receive(frame, now, &mut world.wire);
+            }
+        }
+        world.note();
+        Ok(())
+    }
+
+    fn receive(&mut self, deadline: Instant) -> io::Result<Option<Received>> {
+        let mut world = self.world();
+        loop {
+            if world.wire.has(BenchFault::AdapterGone) {
+                return Err(io::ErrorKind::BrokenPipe.into());
+            }
+            let now = world.clock.now();
+            world.advance(now);
+            if world.wire.arriving.first().is_some_and(|(time, _)| *time <= now) {
+                return Ok(Some(world.wire.arriving.remove(0).1));
+            }
+            match world.next_event().filter(|next| *next <= deadline) {
+                Some(next) => world.clock.advance_to(next.max(now)),
+                None => {
+                    world.clock.advance_to(deadline);
+                    let now = world.clock.now();
+                    world.advance(now);
+                    return Ok(None);
+                }
+            }
+        }
+    }
+}
