@@ -1,4 +1,4 @@
-//! A rig's bus, opened, with the motor on it told everything but to move.
+//! The connection to a rig: its open bus, and the adapter of the motor on it. It configures the motor but cannot move it.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -15,7 +15,7 @@ use super::mit::Mit;
 use super::safe_state;
 use crate::timing::{Clock, SystemClock};
 
-/// The bus of a rig, and the motor on it.
+/// An open bus and the motor on it.
 #[derive(Debug)]
 pub struct Connection {
     pub(super) file: ValidRigFile,
@@ -24,7 +24,7 @@ pub struct Connection {
     pub(super) drive: Box<dyn Drive>,
 }
 
-/// Why there is no connection.
+/// Why a rig cannot be connected to.
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
     /// The bus cannot be opened.
@@ -70,7 +70,7 @@ impl Connection {
         &self.file
     }
 
-    /// Identity, limits, watchdogs and frames: written and read back. The motor has no power and gets none.
+    /// Checks the identity of the motor; writes limits, watchdogs and frames, and reads them back. The motor gets no power.
     ///
     /// # Errors
     /// What is refused, not taken, or not has_replied.
@@ -84,7 +84,8 @@ impl Connection {
         self.drive.prepare(&mut self.link, &self.file, limits)
     }
 
-    /// Power off, confirmed; then nobody is watched any more. Without our heartbeat the drive stops by itself.
+    /// Removes the power, confirms it, and ends all monitoring. The program's heartbeat ends too, so the drive's own watchdog acts
+    /// if the power could not be removed.
     ///
     /// # Errors
     /// Why it could not be confirmed.

@@ -1,5 +1,5 @@
-//! One period after the other: target out, SYNC at its time, readings in, everything checked. Nothing here asks for
-//! memory, waits for a lock or touches a file.
+//! The control cycle: each period it sends the target, sends SYNC on time, receives the readings and checks them. It does
+//! not allocate, wait for a lock or access a file.
 
 use std::time::{Duration, Instant};
 
@@ -36,16 +36,16 @@ pub struct Cycle {
     following_error: (f64, Duration),
 }
 
-/// What is held against the readings.
+/// Which checks are made on the readings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CheckLevel {
-    /// Everything: the motor must follow.
+    /// All checks: the motor must follow its target.
     Full,
-    /// It looks for its home: sensors and torque; angles mean nothing yet, and jump when the home is found.
+    /// Sensors and torque: the motor looks for its home, and angles have no meaning until it is found.
     Homing,
-    /// It is being given power: limits and sensors, but it need not follow yet.
+    /// Limits and sensors: the motor is given power and need not follow its target yet.
     Enabling,
-    /// It is being stopped: nothing that would keep from stopping it.
+    /// No checks: nothing may prevent the motor from being stopped.
     Stopping,
 }
 
@@ -106,7 +106,7 @@ impl Cycle {
     /// One period: the target, SYNC at its time, the readings.
     ///
     /// # Errors
-    /// What is wrong; nothing was done about it yet.
+    /// The first fault that was found. The motor is not made safe here.
     pub fn run(
         &mut self,
         link: &mut Link,
@@ -135,7 +135,7 @@ impl Cycle {
         self.check_readings(drive, link.now(), check_level)
     }
 
-    /// A wake-up later than a period has slept through a SYNC.
+    /// A wake-up that is late by a period or more has missed a SYNC.
     fn check_lateness(
         &mut self,
         late: Duration,
@@ -158,7 +158,7 @@ impl Cycle {
         Ok(())
     }
 
-    /// What arrived since the last period was complete belongs to no period.
+    /// Receives frames that arrived after the last period was complete; they belong to no period.
     fn receive_late_frames(
         &mut self,
         link: &mut Link,
@@ -230,7 +230,7 @@ impl Cycle {
         Ok(())
     }
 
-    /// Holds the readings against everything that must be so.
+    /// Checks the readings of the period.
     fn check_readings(
         &mut self,
         drive: &dyn Drive,

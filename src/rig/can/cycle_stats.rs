@@ -9,13 +9,13 @@ pub struct CycleStats {
     pub periods: u64,
     /// Periods whose frames came too late.
     pub missed: u64,
-    /// Points in time that were slept through.
+    /// Wake-ups that were late by a period or more.
     pub overruns: u64,
     /// Frames that came twice.
     pub duplicates: u64,
-    /// How late the program woke up.
+    /// By how much the program woke up late.
     pub lateness: Histogram,
-    /// How long the frames of a period took to come.
+    /// Time from SYNC to the last frame of the period.
     pub response: Histogram,
     /// Bits sent and received in periods, at worst stuffing.
     pub bits: u64,

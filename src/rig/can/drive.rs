@@ -1,4 +1,4 @@
-//! What every kind of motor can do, whatever it speaks.
+//! What every kind of motor can do, whatever protocol it speaks.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use super::units::JointAngle;
 
 /// A motor on the bus.
 pub trait Drive: std::fmt::Debug + Send {
-    /// Who it is, its limits, watchdogs and frames: written, and read back where it can be read. It has no power.
+    /// Checks the identity; writes limits, watchdogs and frames, and reads back what can be read. The motor has no power.
     ///
     /// # Errors
     /// Whatever is refused, not taken or not has_replied; the motor stays without power.
@@ -23,10 +23,10 @@ pub trait Drive: std::fmt::Debug + Send {
         limits: &HandleLimits,
     ) -> Result<LimitsConfirmed, CanFault>;
 
-    /// The nodes whose heartbeats are minded.
+    /// The nodes whose heartbeats are monitored.
     fn monitored_nodes(&self) -> Vec<MonitoredNode>;
 
-    /// Finds the start position and goes there, looked on at all the way; ready to be given power by the cycle.
+    /// Finds the start position and moves there under supervision. Afterwards the cycle can give the motor power.
     ///
     /// # Errors
     /// What went wrong; the motor may have power.
@@ -37,7 +37,7 @@ pub trait Drive: std::fmt::Debug + Send {
         monitor: &mut dyn MotionMonitor,
     ) -> Result<(), CanFault>;
 
-    /// What is sent ahead of SYNC, as soon as it is known.
+    /// Sends, or stores for SYNC, the target of the next period.
     ///
     /// # Errors
     /// The bus is gone.
@@ -49,7 +49,7 @@ pub trait Drive: std::fmt::Debug + Send {
         request: DriveRequest,
     ) -> Result<(), CanFault>;
 
-    /// SYNC, and for motors without it the target.
+    /// Sends SYNC, and before it the target of a motor that does not act on SYNC.
     ///
     /// # Errors
     /// The bus is gone.
@@ -64,28 +64,28 @@ pub trait Drive: std::fmt::Debug + Send {
     /// Whether the motor's own answer in this period has come.
     fn has_replied(&self) -> bool;
 
-    /// Where the handle was at SYNC, and at each of the samples before.
+    /// Angle of the handle at a sample of the period; the last sample is at SYNC.
     fn angle(&self, readings: &Readings, sample: usize) -> JointAngle;
 
-    /// What the motor says of itself: nothing, or a fault. Only while it must be enabled.
+    /// Checks what the motor reports of itself. Valid only while the motor must follow its target.
     ///
     /// # Errors
     /// What it says.
     fn check(&self, readings: &Readings, now: Instant) -> Result<(), CanFault>;
 
-    /// Whether it has power, as far as the latest frames tell.
+    /// Whether the motor has power, according to its latest frames.
     fn power(&self, readings: &Readings) -> Power;
 
-    /// How many periods pass from a command to the motor being there.
+    /// Periods from sending a target to the motor being there.
     fn target_delay_periods(&self) -> usize;
 
     /// Speed of the last stretch to the start position, which the cycle goes, rad/s.
     fn approach_speed_rad_s(&self) -> f64;
 
-    /// The frames of a period are complete: what they say of the motor's state, for the next target.
+    /// Stores the motor's state from the complete frames of a period, for the next target.
     fn period_complete(&mut self, readings: &Readings);
 
-    /// Takes the power off and makes sure of it.
+    /// Removes the power and confirms it.
     ///
     /// # Errors
     /// [`CanFault::PowerNotConfirmed`], or why it cannot be spoken to.

@@ -1,4 +1,4 @@
-//! The CAN motor as a rig: disarmed until every limit was read back, the dry run was passed, and the operator said so.
+//! The CAN motor as a rig. It is armed only with limits read back, a dry run without objections, and the operator's consent.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -37,7 +37,7 @@ pub struct CanMotor {
 }
 
 impl CanMotor {
-    /// The motor behind a connection, for the protocol that was walked through.
+    /// The motor of a connection, for the protocol of the dry run.
     pub fn new(connection: Connection, dry_run: DryRun) -> Self {
         Self {
             connection,
@@ -49,7 +49,7 @@ impl CanMotor {
         }
     }
 
-    /// By how many samples the motor follows a command later than at the next sample.
+    /// Samples from the sample after a command to the motor being at its target.
     pub fn motion_delay_samples(&self) -> u64 {
         let samples = self.connection.file.signals.torque.samples;
         (self.connection.drive.target_delay_periods() * samples).saturating_sub(1) as u64
@@ -65,7 +65,7 @@ impl CanMotor {
         &self.connection.file.name
     }
 
-    /// What happened on the bus so far.
+    /// Counts, times and faults of the bus so far.
     pub fn summary(&self) -> Summary {
         let Connection { file, link, .. } = &self.connection;
         Summary::new(file, &self.stats, link.counters(), self.privileges.as_ref(), &self.faults)
@@ -84,7 +84,7 @@ impl CanMotor {
         }
     }
 
-    /// Powers the motor where it stands and brings it the last stretch to the start position.
+    /// Gives the motor power at its present angle, and moves it slowly to the start position.
     #[allow(clippy::result_large_err, reason = "the rig comes back with its fault, once an arming")]
     fn enable(
         mut self,
@@ -158,12 +158,12 @@ pub struct ArmedCanMotor {
     /// The command for the next period.
     target_rad: f64,
     shown_nm: f64,
-    /// It was made safe; nothing moves it again.
+    /// The motor was made safe and must be armed again before it moves.
     latched: bool,
 }
 
 impl ArmedCanMotor {
-    /// Takes what makes arming lawful: the limits read back, and the operator's word. The dry run is the motor's own.
+    /// Requires the proofs that arming depends on: limits read back, and the operator's consent. `motor` holds the dry run.
     fn new(motor: CanMotor, cycle: Cycle, _confirmed: LimitsConfirmed, _consent: ArmingConsent) -> Self {
         Self {
             motor,
@@ -220,7 +220,8 @@ impl ArmedCanMotor {
         Ok(())
     }
 
-    /// The safe state that the rig file has for a fault; it ends without power and is never left but by arming.
+    /// Brings the motor to the safe state that the rig file gives for the fault. It ends without power, and only arming
+    /// again leaves it.
     fn make_safe(&mut self, fault: CanFault) {
         if self.latched {
             return;

@@ -1,4 +1,4 @@
-//! What the frames of one period say, in the units of the handle.
+//! Decodes the frames of one period into the units of the handle.
 
 use super::bus::Frame;
 use super::canopen::DataType;
@@ -51,7 +51,7 @@ struct Layout {
     parts: [Option<Part>; MAX_FIELDS],
 }
 
-/// Takes the frames of a period apart; knows which are still to come.
+/// Decodes the frames of a period, and knows which are missing.
 #[derive(Debug, Clone)]
 pub struct PdoDecoder {
     layouts: [Option<Layout>; MAX_FRAMES],

@@ -1,5 +1,5 @@
-//! The way to a safe state, and to no power. Nothing in here gives up half-way: what cannot be asked for over the bus is
-//! left to the drive's own watchdog, by falling silent.
+//! Brings the motor to a safe state, and removes its power. No step depends on the one before: if the bus does not carry
+//! a command any more, the program's heartbeat ends, and the drive's own watchdog stops the motor.
 
 use std::time::Duration;
 
@@ -12,12 +12,12 @@ use super::file::{SafeState, SafeStates};
 use super::units::JointAngle;
 use crate::rig::FaultClass;
 
-/// How long a quick stop may take before the power is taken off regardless.
+/// Longest duration of a quick stop. After it, the power is removed whatever the motor does.
 const QUICK_STOP: Duration = Duration::from_millis(500);
-/// How long a motor holds still so that the person can let go.
+/// How long the motor holds its angle so that the subject can let go, before the power is removed.
 const HOLD: Duration = Duration::from_millis(500);
 
-/// What the rig file wants done about a fault.
+/// The safe state that the rig file gives for the class of a fault.
 pub fn state_for(fault: &CanFault, states: &SafeStates) -> SafeState {
     match fault.class() {
         FaultClass::Limit => states.limit,
@@ -28,7 +28,7 @@ pub fn state_for(fault: &CanFault, states: &SafeStates) -> SafeState {
     }
 }
 
-/// Brings the motor there. When frames stay away, the power goes.
+/// Brings the motor to a safe state. If frames stay away, the power is removed at once.
 pub fn reach(
     state: SafeState,
     link: &mut Link,
@@ -41,7 +41,7 @@ pub fn reach(
         SafeState::Hold => (DriveRequest::Follow, HOLD),
         SafeState::TorqueOff => (DriveRequest::RemovePower, QUICK_STOP),
     };
-    // It stays where it is: a target further on would still be run to.
+    // The target is the present angle: the motor would still go on to a later one.
     let here = drive.angle(cycle.readings(), cycle.samples() - 1);
     let here = if here.0.is_finite() { here } else { JointAngle(cycle.target_rad()) };
     let end = link.now() + time;
@@ -53,12 +53,12 @@ pub fn reach(
             return;
         }
     }
-    // One more frame, whatever became of the others.
+    // Sent even if the frames before failed.
     let _ = drive.send_target(link, here, 0.0, DriveRequest::RemovePower);
     let _ = drive.send_sync(link);
 }
 
-/// No power, confirmed; a drive that does not answer is stopped by NMT and by our silence.
+/// Removes the power and confirms it. A drive that does not answer is stopped by NMT, and by the end of the heartbeat.
 ///
 /// # Errors
 /// Why it could not be confirmed.

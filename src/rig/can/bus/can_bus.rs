@@ -13,15 +13,15 @@ use super::frame::Frame;
 pub enum Received {
     /// A data frame, and when it arrived.
     Frame(Frame, Instant),
-    /// A frame that is no affair of ours: 29-bit identifier, or a remote frame.
+    /// A frame that the program does not use: 29-bit identifier, or a remote frame.
     Foreign,
     /// Something that is no frame; a byte was lost between here and the adapter.
     Garbled,
-    /// The controller reports on its own health.
+    /// The controller reports an error.
     ControllerError(ControllerError),
 }
 
-/// What a CAN controller says of itself.
+/// An error that a CAN controller reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ControllerError {

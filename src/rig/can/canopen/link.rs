@@ -1,4 +1,4 @@
-//! One end of the bus, watched: sends our heartbeat, minds those of others, sorts out what arrives.
+//! The master's link to the bus: sends its heartbeat, monitors those of the nodes, and sorts what arrives.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -15,21 +15,21 @@ const MAX_NODES: usize = 4;
 /// Longer than any period: the program was kept from running.
 const LONG_ABSENCE: Duration = Duration::from_millis(150);
 
-/// Our own heartbeat.
+/// The heartbeat of this program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OwnHeartbeat {
-    /// The node that we are.
+    /// Node id of this program.
     pub node: u8,
     /// How often.
     pub period: Duration,
 }
 
-/// A node whose heartbeat is minded.
+/// A node whose heartbeat is monitored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MonitoredNode {
     /// Which node.
     pub node: u8,
-    /// How long it may be silent.
+    /// Longest time between two heartbeats.
     pub timeout: Duration,
 }
 
@@ -82,7 +82,7 @@ struct Tolerance {
     foreign_per_s: u32,
 }
 
-/// The bus as a master sees it.
+/// The link of a CANopen master to its bus.
 #[derive(Debug)]
 pub struct Link {
     bus: Box<dyn CanBus>,
