@@ -13,6 +13,7 @@
 //! | signal | [`signal`] | the low-pass filter, the onset of the ramp, the noise of the hold |
 //! | protocol | [`protocol`] | the protocol file: its fields, its schema, its validation |
 //! | schedule | [`schedule`] | the order of the trials, drawn from a seed |
+//! | time | [`timing`] | the clock, a periodic timer, and a histogram of how late it was |
 //! | rig | [`rig`] | what moves the wrist and measures it: the virtual wrist, or a motor on a CAN bus |
 //! | session | [`session`] | the experiment as a state machine; the control loop around it |
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |

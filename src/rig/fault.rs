@@ -87,10 +87,10 @@ pub enum FaultClass {
 /// A journal keeps all four, so that a reader needs to know neither the device nor the codes of the program that wrote
 /// it. Each distinct fault is kept in memory until the program ends; a `DeviceFault` refers to it and is copied freely.
 #[derive(Clone, Copy)]
-pub struct DeviceFault(&'static Description);
+pub struct DeviceFault(&'static FaultDescription);
 
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
-struct Description {
+struct FaultDescription {
     #[serde(rename = "kind")]
     code: String,
     #[serde(flatten)]
@@ -103,20 +103,25 @@ struct Description {
 }
 
 /// The distinct faults of this process.
-static DESCRIPTIONS: Mutex<Vec<&'static Description>> = Mutex::new(Vec::new());
+static DESCRIPTIONS: Mutex<Vec<&'static FaultDescription>> = Mutex::new(Vec::new());
 
 impl DeviceFault {
     /// A fault with its values by name. Allocates memory when the fault is a new one, so it belongs behind the control
     /// cycle, after the motor was made safe.
     pub fn new(code: &str, class: FaultClass, message: String, values: Map<String, Value>) -> Self {
-        Self::kept(Description { code: code.to_owned(), values, class: Some(class), message: Some(message) })
+        Self::kept(FaultDescription {
+            code: code.to_owned(),
+            values,
+            class: Some(class),
+            message: Some(message),
+        })
     }
 
-    fn kept(description: Description) -> Self {
+    fn kept(description: FaultDescription) -> Self {
         let mut all = DESCRIPTIONS.lock().unwrap_or_else(PoisonError::into_inner);
         let known = all.iter().copied().find(|known| **known == description);
         Self(known.unwrap_or_else(|| {
-            let kept: &'static Description = Box::leak(Box::new(description));
+            let kept: &'static FaultDescription = Box::leak(Box::new(description));
             all.push(kept);
             kept
         }))
@@ -174,7 +179,7 @@ impl Serialize for DeviceFault {
 
 impl<'de> Deserialize<'de> for DeviceFault {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        Description::deserialize(deserializer).map(Self::kept)
+        FaultDescription::deserialize(deserializer).map(Self::kept)
     }
 }
 

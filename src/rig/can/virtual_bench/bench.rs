@@ -5,10 +5,10 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::mit_motor::MitMotor;
-use super::odrive_axis::OdriveAxis;
-use super::servo_drive::ServoDrive;
-use super::transducer::Transducer;
+use super::mit_motor::EmulatedMitMotor;
+use super::odrive_axis::EmulatedOdriveAxis;
+use super::servo_drive::EmulatedServoDrive;
+use super::transducer::EmulatedTransducer;
 use super::world::{BenchFault, Device, VirtualBus, World};
 use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
@@ -83,9 +83,11 @@ impl Bench {
         let clock = VirtualClock::default();
         let now = clock.now();
         let devices: Vec<Box<dyn Device>> = match kind {
-            Kind::Cia402 => vec![Box::new(ServoDrive::new(now, 0.3))],
-            Kind::Cansimple => vec![Box::new(OdriveAxis::new(now)), Box::new(Transducer::new())],
-            Kind::Mit => vec![Box::new(MitMotor::new(now)), Box::new(Transducer::new())],
+            Kind::Cia402 => vec![Box::new(EmulatedServoDrive::new(now, 0.3))],
+            Kind::Cansimple => {
+                vec![Box::new(EmulatedOdriveAxis::new(now)), Box::new(EmulatedTransducer::new())]
+            }
+            Kind::Mit => vec![Box::new(EmulatedMitMotor::new(now)), Box::new(EmulatedTransducer::new())],
         };
         let world = World::new(clock.clone(), devices);
         Self {

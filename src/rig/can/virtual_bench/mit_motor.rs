@@ -5,15 +5,15 @@ use std::time::{Duration, Instant};
 use super::world::{BenchFault, Device, Wire};
 use crate::rig::can::bus::Frame;
 
-const ID: u16 = 1;
-const REPLY_ID: u16 = 17;
+const MIT_ID: u16 = 1;
+const MIT_REPLY_ID: u16 = 17;
 const REACH_RAD: f64 = 12.5;
 /// The watchdog that is set with the manufacturer's tool.
-const WATCHDOG: Duration = Duration::from_millis(1000);
-const STEP: Duration = Duration::from_millis(1);
+const MIT_WATCHDOG: Duration = Duration::from_millis(1000);
+const MIT_STEP: Duration = Duration::from_millis(1);
 
 #[derive(Debug)]
-pub struct MitMotor {
+pub struct EmulatedMitMotor {
     in_motor_mode: bool,
     /// It holds a position: it got a command in motor mode.
     is_commanded: bool,
@@ -24,7 +24,7 @@ pub struct MitMotor {
     is_dead: bool,
 }
 
-impl MitMotor {
+impl EmulatedMitMotor {
     pub fn new(now: Instant) -> Self {
         Self {
             in_motor_mode: false,
@@ -40,13 +40,13 @@ impl MitMotor {
     fn reply(&self, now: Instant, wire: &mut Wire) {
         let bits = ((self.angle_rad + REACH_RAD) / (2.0 * REACH_RAD) * 65535.0).round() as u16;
         let [high, low] = bits.to_be_bytes();
-        wire.send(now, REPLY_ID, &[ID as u8, high, low, 0x7F, 0xF7, 0xFF, 25, self.error]);
+        wire.send(now, MIT_REPLY_ID, &[MIT_ID as u8, high, low, 0x7F, 0xF7, 0xFF, 25, self.error]);
     }
 }
 
-impl Device for MitMotor {
+impl Device for EmulatedMitMotor {
     fn receive(&mut self, frame: &Frame, now: Instant, wire: &mut Wire) {
-        if frame.id != ID || self.is_dead {
+        if frame.id != MIT_ID || self.is_dead {
             return;
         }
         self.fed = now;
@@ -76,13 +76,13 @@ impl Device for MitMotor {
                 self.angle_rad += rad_s * dt;
             }
         }
-        if self.is_commanded && now.saturating_duration_since(self.fed) > WATCHDOG {
+        if self.is_commanded && now.saturating_duration_since(self.fed) > MIT_WATCHDOG {
             self.is_commanded = false;
         }
     }
 
     fn next_event(&self) -> Option<Instant> {
-        self.is_commanded.then(|| self.updated + STEP)
+        self.is_commanded.then(|| self.updated + MIT_STEP)
     }
 
     fn strike(&mut self, fault: BenchFault, _now: Instant, _wire: &mut Wire) {

@@ -7,16 +7,16 @@ use std::time::{Duration, Instant};
 use super::world::{BenchFault, Device, Wire};
 use crate::rig::can::bus::Frame;
 
-const IDLE: u8 = 1;
+const AXIS_IDLE: u8 = 1;
 const CLOSED_LOOP: u8 = 8;
 const WATCHDOG_EXPIRED: u32 = 0x0100_0000;
-const STEP: Duration = Duration::from_millis(1);
+const AXIS_STEP: Duration = Duration::from_millis(1);
 /// Endpoints of `fixtures/can/rigs/odrive.json`.
 const WATCHDOG_TIMEOUT: u16 = 195;
 const ENABLE_WATCHDOG: u16 = 196;
 
 #[derive(Debug)]
-pub struct OdriveAxis {
+pub struct EmulatedOdriveAxis {
     endpoints: HashMap<u16, [u8; 4]>,
     state: u8,
     errors: u32,
@@ -28,11 +28,11 @@ pub struct OdriveAxis {
     is_dead: bool,
 }
 
-impl OdriveAxis {
+impl EmulatedOdriveAxis {
     pub fn new(now: Instant) -> Self {
         Self {
             endpoints: HashMap::new(),
-            state: IDLE,
+            state: AXIS_IDLE,
             errors: 0,
             turns: 0.02,
             next_heartbeat: Some(now),
@@ -48,7 +48,7 @@ impl OdriveAxis {
     }
 }
 
-impl Device for OdriveAxis {
+impl Device for EmulatedOdriveAxis {
     fn receive(&mut self, frame: &Frame, now: Instant, wire: &mut Wire) {
         let data = frame.data();
         if frame.id >> 5 != 1 || self.is_dead {
@@ -67,7 +67,7 @@ impl Device for OdriveAxis {
                 let [a, b, c, d] = self.endpoints.get(&endpoint).copied().unwrap_or_default();
                 wire.send(now, Self::id(0x05), &[0, *low, *high, 0, a, b, c, d]);
             }
-            (0x07, [state, ..]) => self.state = if self.errors == 0 { *state } else { IDLE },
+            (0x07, [state, ..]) => self.state = if self.errors == 0 { *state } else { AXIS_IDLE },
             (0x0C, [a, b, c, d, ..]) if self.state == CLOSED_LOOP => {
                 let jammed = wire.faults.iter().any(|fault| matches!(fault, BenchFault::Jam { .. }));
                 if !jammed {
@@ -95,7 +95,7 @@ impl Device for OdriveAxis {
         let timeout = Duration::from_secs_f32(f32::from_le_bytes(number(WATCHDOG_TIMEOUT)));
         let watched = number(ENABLE_WATCHDOG)[0] == 1;
         if watched && self.state == CLOSED_LOOP && now.saturating_duration_since(self.fed) > timeout {
-            (self.errors, self.state) = (WATCHDOG_EXPIRED, IDLE);
+            (self.errors, self.state) = (WATCHDOG_EXPIRED, AXIS_IDLE);
         }
         while let Some(due) = self.next_heartbeat.filter(|due| *due <= now) {
             let [a, b, c, d] = self.errors.to_le_bytes();
@@ -110,15 +110,15 @@ impl Device for OdriveAxis {
     }
 
     fn next_event(&self) -> Option<Instant> {
-        let next = self.next_estimate.min(self.updated + STEP);
+        let next = self.next_estimate.min(self.updated + AXIS_STEP);
         (!self.is_dead).then(|| self.next_heartbeat.map_or(next, |due| due.min(next)))
     }
 
     fn strike(&mut self, fault: BenchFault, _now: Instant, _wire: &mut Wire) {
         match fault {
             BenchFault::HeartbeatStop => self.next_heartbeat = None,
-            BenchFault::Error { code, .. } => (self.errors, self.state) = (u32::from(code), IDLE),
-            BenchFault::PowerLoss => (self.state, self.is_dead) = (IDLE, true),
+            BenchFault::Error { code, .. } => (self.errors, self.state) = (u32::from(code), AXIS_IDLE),
+            BenchFault::PowerLoss => (self.state, self.is_dead) = (AXIS_IDLE, true),
             _ => {}
         }
     }

@@ -11,10 +11,10 @@ use crate::rig::can::cia402_state::{DriveState, Mode, Statusword};
 const COUNTS_PER_RAD: f64 = 131_072.0 / TAU;
 const RPDO: u16 = 0x200;
 /// How often a drive that moves by itself updates its motion.
-const STEP: Duration = Duration::from_micros(500);
+const SERVO_STEP: Duration = Duration::from_micros(500);
 
 #[derive(Debug)]
-pub struct ServoDrive {
+pub struct EmulatedServoDrive {
     node: CanopenNode,
     state: DriveState,
     controlword: u16,
@@ -39,7 +39,7 @@ pub struct ServoDrive {
     is_dead: bool,
 }
 
-impl ServoDrive {
+impl EmulatedServoDrive {
     /// A drive whose shaft stands at `shaft_rad` from the zero of its encoder.
     pub fn new(now: Instant, shaft_rad: f64) -> Self {
         let mut node = CanopenNode::new(5, 1026);
@@ -268,7 +268,7 @@ impl ServoDrive {
     }
 }
 
-impl Device for ServoDrive {
+impl Device for EmulatedServoDrive {
     fn receive(&mut self, frame: &Frame, now: Instant, wire: &mut Wire) {
         if self.is_dead {
             return;
@@ -305,7 +305,7 @@ impl Device for ServoDrive {
             return None;
         }
         let moving = self.state.has_power() || self.heard.is_some();
-        self.node.next_event().into_iter().chain(moving.then_some(self.updated + STEP)).min()
+        self.node.next_event().into_iter().chain(moving.then_some(self.updated + SERVO_STEP)).min()
     }
 
     fn strike(&mut self, fault: BenchFault, now: Instant, wire: &mut Wire) {

@@ -7,13 +7,13 @@ use super::world::{BenchFault, Device, Wire};
 use crate::rig::can::bus::Frame;
 
 #[derive(Debug)]
-pub struct Transducer {
+pub struct EmulatedTransducer {
     node: CanopenNode,
     periods: u16,
     last_torque_nm: f32,
 }
 
-impl Transducer {
+impl EmulatedTransducer {
     pub fn new() -> Self {
         Self { node: CanopenNode::new(32, 1028), periods: 0, last_torque_nm: 0.0 }
     }
@@ -42,7 +42,7 @@ impl Transducer {
     }
 }
 
-impl Device for Transducer {
+impl Device for EmulatedTransducer {
     fn receive(&mut self, frame: &Frame, now: Instant, wire: &mut Wire) {
         if frame.id == 0x080 {
             self.on_sync(now, wire);
