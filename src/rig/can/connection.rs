@@ -22,6 +22,8 @@ pub struct Connection {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) link: Link,
     pub(super) drive: Box<dyn Drive>,
+    /// Arming asks the operating system for real-time privileges.
+    pub(super) is_real_time: bool,
 }
 
 /// Why a rig cannot be connected to.
@@ -48,10 +50,10 @@ impl Connection {
     pub fn open(file: ValidRigFile) -> Result<Self, ConnectError> {
         let bus = bus::open(&file.bus, file.bit_rate)
             .map_err(|source| ConnectError::Bus { bus: file.bus.to_string(), source })?;
-        Ok(Self::on(bus, Arc::new(SystemClock::default()), file))
+        Ok(Self { is_real_time: true, ..Self::on(bus, Arc::new(SystemClock::default()), file) })
     }
 
-    /// The rig on an open bus. All waiting is done on `clock`.
+    /// The rig on an open bus. All waiting is done on `clock`; the thread gets no real-time privileges.
     pub fn on(bus: Box<dyn CanBus>, clock: Arc<dyn Clock>, file: ValidRigFile) -> Self {
         let drive: Box<dyn Drive> = match &file.motor {
             Motor::Cia402(motor) => Box::new(Cia402::new(motor, &file)),
@@ -62,7 +64,7 @@ impl Connection {
         let tolerate = &file.tolerate;
         link.tolerate(tolerate.error_frames, tolerate.garbled_frames, tolerate.foreign_frames_per_s);
         link.stretch(file.bench.map_or(1.0, |bench| bench.time_stretch));
-        Self { file, clock, link, drive }
+        Self { file, clock, link, drive, is_real_time: false }
     }
 
     /// The rig file.

@@ -92,7 +92,7 @@ impl CanMotor {
         consent: ArmingConsent,
     ) -> Result<ArmedCanMotor, (Self, Fault)> {
         let limits = *self.dry_run.limits();
-        let Connection { file, clock, link, drive } = &mut self.connection;
+        let Connection { file, clock, link, drive, .. } = &mut self.connection;
         let mut homing_monitor = HomingMonitor::new(file, limits, &mut self.stats, Arc::clone(clock));
         if let Err(fault) = drive.start(link, &limits, &mut homing_monitor) {
             return Err(self.failed(fault));
@@ -140,7 +140,9 @@ impl Rig for CanMotor {
         if *kept != asked {
             return Err(self.failed(CanFault::OtherLimits));
         }
-        self.privileges.get_or_insert_with(realtime::request);
+        if self.connection.is_real_time {
+            self.privileges.get_or_insert_with(realtime::request);
+        }
         match self.connection.prepare(&asked) {
             Ok(confirmed) => self.enable(confirmed, consent),
             Err(fault) => Err(self.failed(fault)),

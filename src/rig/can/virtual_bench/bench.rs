@@ -105,7 +105,10 @@ impl Bench {
     }
 
     pub fn arm(&self) -> Result<ArmedCanMotor, Fault> {
-        self.motor().arm(ArmingConsent::given(), &self.protocol.limits).map_err(|(_, fault)| fault)
+        let armed = self.motor().arm(ArmingConsent::given(), &self.protocol.limits);
+        // Before the home was found, angles had no meaning.
+        self.bus.world().angles_rad = [0.0; 2];
+        armed.map_err(|(_, fault)| fault)
     }
 
     pub fn strike(&self, fault: BenchFault) {
@@ -163,10 +166,7 @@ impl Bench {
         let motor = armed.disarm();
         // A motor that was left alone stops by its own watchdog.
         let quiet = self.clock.now() + Duration::from_secs(2);
-        let mut bus = self.bus.clone();
-        while crate::rig::can::bus::CanBus::receive(&mut bus, quiet).is_ok_and(|received| received.is_some())
-        {
-        }
+        self.bus.world().run_until(quiet);
         self.outcome(fault, struck, motor.summary().faults)
     }
 

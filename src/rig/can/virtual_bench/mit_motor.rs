@@ -18,6 +18,8 @@ pub struct EmulatedMitMotor {
     /// It holds a position: it got a command in motor mode.
     is_commanded: bool,
     angle_rad: f64,
+    /// How far the servo has run away, rad.
+    drift_rad: f64,
     error: u8,
     fed: Instant,
     updated: Instant,
@@ -30,6 +32,7 @@ impl EmulatedMitMotor {
             in_motor_mode: false,
             is_commanded: false,
             angle_rad: 0.05,
+            drift_rad: 0.0,
             error: 0,
             fed: now,
             updated: now,
@@ -38,7 +41,8 @@ impl EmulatedMitMotor {
     }
 
     fn reply(&self, now: Instant, wire: &mut Wire) {
-        let bits = ((self.angle_rad + REACH_RAD) / (2.0 * REACH_RAD) * 65535.0).round() as u16;
+        let bits =
+            ((self.angle_rad + self.drift_rad + REACH_RAD) / (2.0 * REACH_RAD) * 65535.0).round() as u16;
         let [high, low] = bits.to_be_bytes();
         wire.send(now, MIT_REPLY_ID, &[MIT_ID as u8, high, low, 0x7F, 0xF7, 0xFF, 25, self.error]);
     }
@@ -56,7 +60,7 @@ impl Device for EmulatedMitMotor {
                 (self.in_motor_mode, self.is_commanded) = (false, false);
             }
             [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFE] => self.angle_rad = 0.0,
-            [high, low, ..] if self.in_motor_mode => {
+            [high, low, ..] if self.in_motor_mode && self.error == 0 => {
                 self.is_commanded = true;
                 let bits = f64::from(u16::from_be_bytes([*high, *low]));
                 if !wire.faults.iter().any(|fault| matches!(fault, BenchFault::Jam { .. })) {
@@ -73,7 +77,7 @@ impl Device for EmulatedMitMotor {
         self.updated = now;
         for fault in &wire.faults {
             if let (BenchFault::Runaway(rad_s), true) = (fault, self.is_commanded) {
-                self.angle_rad += rad_s * dt;
+                self.drift_rad += rad_s * dt;
             }
         }
         if self.is_commanded && now.saturating_duration_since(self.fed) > MIT_WATCHDOG {
@@ -94,6 +98,6 @@ impl Device for EmulatedMitMotor {
     }
 
     fn motor(&self) -> Option<(bool, f64)> {
-        Some((self.is_commanded, self.angle_rad))
+        Some((self.is_commanded, self.angle_rad + self.drift_rad))
     }
 }

@@ -21,6 +21,8 @@ pub struct EmulatedOdriveAxis {
     state: u8,
     errors: u32,
     turns: f64,
+    /// How far the servo has run away, turns.
+    drift: f64,
     next_heartbeat: Option<Instant>,
     next_estimate: Instant,
     fed: Instant,
@@ -35,6 +37,7 @@ impl EmulatedOdriveAxis {
             state: AXIS_IDLE,
             errors: 0,
             turns: 0.02,
+            drift: 0.0,
             next_heartbeat: Some(now),
             next_estimate: now,
             fed: now,
@@ -88,7 +91,7 @@ impl Device for EmulatedOdriveAxis {
         self.updated = now;
         for fault in &wire.faults {
             if let (BenchFault::Runaway(rad_s), CLOSED_LOOP) = (fault, self.state) {
-                self.turns += rad_s / TAU * dt;
+                self.drift += rad_s / TAU * dt;
             }
         }
         let number = |endpoint| self.endpoints.get(&endpoint).copied().unwrap_or_default();
@@ -103,7 +106,7 @@ impl Device for EmulatedOdriveAxis {
             self.next_heartbeat = Some(due + Duration::from_millis(50));
         }
         while self.next_estimate <= now {
-            let [a, b, c, d] = (self.turns as f32).to_le_bytes();
+            let [a, b, c, d] = ((self.turns + self.drift) as f32).to_le_bytes();
             wire.send(self.next_estimate, Self::id(0x09), &[a, b, c, d, 0, 0, 0, 0]);
             self.next_estimate += Duration::from_millis(2);
         }
@@ -124,6 +127,6 @@ impl Device for EmulatedOdriveAxis {
     }
 
     fn motor(&self) -> Option<(bool, f64)> {
-        Some((self.state == CLOSED_LOOP, self.turns * TAU))
+        Some((self.state == CLOSED_LOOP, (self.turns + self.drift) * TAU))
     }
 }

@@ -21,6 +21,9 @@ pub struct EmulatedServoDrive {
     /// Angle of the shaft from the encoder's zero, and the position that is counted from there.
     shaft_rad: f64,
     origin_rad: f64,
+    /// Where the servo should be, and how far it has run away from there.
+    demand_rad: f64,
+    drift_rad: f64,
     speed_rad_s: f64,
     /// Cyclic synchronous position: from here to there within a period after SYNC.
     from_rad: f64,
@@ -48,12 +51,21 @@ impl EmulatedServoDrive {
         node.set(0x6076, 0, 10_000u32.to_le_bytes());
         node.set(0x6060, 0, [0]);
         node.set(0x607A, 0, 0i32.to_le_bytes());
+        // The limits are open until they are written.
+        node.set(0x607D, 1, i32::MIN.to_le_bytes());
+        node.set(0x607D, 2, i32::MAX.to_le_bytes());
+        node.set(0x6072, 0, 5000u16.to_le_bytes());
+        node.set(0x6065, 0, i32::MAX.to_le_bytes());
+        node.set(0x6066, 0, 0u16.to_le_bytes());
+        node.set(0x6080, 0, i32::MAX.to_le_bytes());
         Self {
             node,
             state: DriveState::SwitchOnDisabled,
             controlword: 0,
             shaft_rad,
             origin_rad: 0.0,
+            demand_rad: shaft_rad,
+            drift_rad: 0.0,
             speed_rad_s: 0.0,
             from_rad: shaft_rad,
             to_rad: shaft_rad,
@@ -110,6 +122,7 @@ impl EmulatedServoDrive {
     fn enter(&mut self, state: DriveState) {
         if state == DriveState::OperationEnabled && self.state != state {
             (self.from_rad, self.to_rad, self.speed_rad_s) = (self.shaft_rad, self.shaft_rad, 0.0);
+            (self.demand_rad, self.drift_rad) = (self.shaft_rad, 0.0);
         }
         self.state = state;
     }
@@ -157,33 +170,34 @@ impl EmulatedServoDrive {
     }
 
     /// Moves the shaft on to `now`.
-    fn move_on(&mut self, now: Instant, wire: &mut Wire) {
+    fn move_on(&mut self, now: Instant, wire: &Wire) {
         let dt = now.saturating_duration_since(self.updated).as_secs_f64();
         self.updated = now;
         let jammed = wire.faults.iter().any(|fault| matches!(fault, BenchFault::Jam { .. }));
-        let before_rad = self.shaft_rad;
         match self.state {
             DriveState::OperationEnabled if self.mode() == 8 => {
                 let since_s = now.saturating_duration_since(self.synced).as_secs_f64();
                 let period_s = f64::from(self.node.number(0x60C2, 1))
                     * 10f64.powi(self.node.number(0x60C2, 2) as u8 as i8 as i32);
                 let part = (since_s / period_s).min(1.0);
-                self.speed_rad_s = if part < 1.0 { (self.to_rad - self.from_rad) / period_s } else { 0.0 };
-                self.shaft_rad = self.from_rad + (self.to_rad - self.from_rad) * part;
+                self.speed_rad_s =
+                    if since_s <= 1.01 * period_s { (self.to_rad - self.from_rad) / period_s } else { 0.0 };
+                self.demand_rad = self.from_rad + (self.to_rad - self.from_rad) * part;
             }
             DriveState::OperationEnabled
                 if self.mode() == 1 && !self.reached && self.controlword & 0x10 != 0 =>
             {
                 let target_rad = f64::from(self.node.number(0x607A, 0)) / COUNTS_PER_RAD + self.origin_rad;
                 let step_rad = f64::from(self.node.number(0x6081, 0)) / COUNTS_PER_RAD * dt;
-                let left_rad = target_rad - self.shaft_rad;
-                self.shaft_rad += left_rad.clamp(-step_rad, step_rad);
+                let left_rad = target_rad - self.demand_rad;
+                self.demand_rad += left_rad.clamp(-step_rad, step_rad);
+                self.to_rad = self.demand_rad;
                 self.reached = left_rad.abs() <= step_rad;
             }
             DriveState::QuickStopActive | DriveState::FaultReactionActive => {
                 let slower = f64::from(self.node.number(0x6085, 0)) / COUNTS_PER_RAD * dt;
                 let left = (self.speed_rad_s.abs() - slower).max(0.0);
-                self.shaft_rad += self.speed_rad_s.signum() * 0.5 * (self.speed_rad_s.abs() + left) * dt;
+                self.demand_rad += self.speed_rad_s.signum() * 0.5 * (self.speed_rad_s.abs() + left) * dt;
                 self.speed_rad_s = self.speed_rad_s.signum() * left;
                 if left == 0.0 {
                     let quick_stop = self.state == DriveState::QuickStopActive;
@@ -192,16 +206,17 @@ impl EmulatedServoDrive {
             }
             _ => self.speed_rad_s = 0.0,
         }
-        if jammed {
-            self.shaft_rad = before_rad;
+        if !self.state.has_power() {
+            return;
         }
         for fault in &wire.faults {
-            if let (BenchFault::Runaway(rad_s), true) = (fault, self.state.has_power()) {
-                self.shaft_rad = self.shaft_rad.max(before_rad) + rad_s * dt;
-                (self.from_rad, self.to_rad) = (self.from_rad + rad_s * dt, self.to_rad + rad_s * dt);
+            if let BenchFault::Runaway(rad_s) = fault {
+                self.drift_rad += rad_s * dt;
             }
         }
-        self.supervise(now, wire);
+        if !jammed {
+            self.shaft_rad = self.demand_rad + self.drift_rad;
+        }
     }
 
     /// What the drive watches by itself: the master's heartbeat, and the following error.
@@ -260,9 +275,9 @@ impl EmulatedServoDrive {
             self.obey(u16::from_le_bytes([data[0], data[1]]), wire);
             let counts = i32::from_le_bytes([data[2], data[3], data[4], data[5]]);
             let target_rad = f64::from(counts) / COUNTS_PER_RAD + self.origin_rad;
-            (self.from_rad, self.to_rad) = (self.shaft_rad, target_rad);
+            (self.from_rad, self.to_rad) = (self.demand_rad, target_rad);
         } else {
-            self.from_rad = self.shaft_rad;
+            self.from_rad = self.demand_rad;
         }
         self.synced = now;
     }
@@ -297,6 +312,7 @@ impl Device for EmulatedServoDrive {
             return;
         }
         self.move_on(now, wire);
+        self.supervise(now, wire);
         self.node.advance(now, wire);
     }
 

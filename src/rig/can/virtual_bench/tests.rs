@@ -43,7 +43,7 @@ const HELD: &[(BenchFault, &[&str], u64)] = &[
     (B::FlippedBit { id: 0x185, bit: 11 }, &["drive_limit"], AT_ONCE_MS),
     (B::FlippedBit { id: 0x185, bit: 12 }, &["drive_limit"], AT_ONCE_MS),
     (B::FlippedBit { id: 0x185, bit: 40 }, &["angle"], QUICK_STOP_MS),
-    (B::FlippedBit { id: 0x185, bit: 31 }, &["speed"], QUICK_STOP_MS),
+    (B::FlippedBit { id: 0x185, bit: 27 }, &["speed"], QUICK_STOP_MS),
     (B::Shortened(0x185), &["malformed"], HOLD_MS),
     (B::Flood(2000), &["flood"], 120),
     (B::Controller(ControllerError::BusOff), &["bus_off"], WATCHDOG_MS),
@@ -56,7 +56,7 @@ const HELD: &[(BenchFault, &[&str], u64)] = &[
 ];
 
 const IN_RAMP: &[(BenchFault, &[&str], u64)] = &[
-    (B::Jam { noticed: true }, &["emergency", "following_error", "not_enabled"], QUICK_STOP_MS),
+    (B::Jam { noticed: true }, &["emergency", "following_error", "not_enabled"], 120),
     (B::Jam { noticed: false }, &["following_error"], QUICK_STOP_MS),
     (B::PositionFreeze, &["following_error"], QUICK_STOP_MS),
     (B::Error { code: 0x4310, fatal: false }, &["emergency"], AT_ONCE_MS),

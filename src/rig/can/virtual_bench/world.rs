@@ -208,6 +208,17 @@ impl World {
         }
     }
 
+    /// Lets the devices go on by themselves until `end`; nobody reads their frames.
+    pub fn run_until(&mut self, end: Instant) {
+        while let Some(next) = self.next_event().filter(|next| *next <= end) {
+            self.clock.advance_to(next);
+            let now = self.clock.now();
+            self.advance(now);
+            self.wire.arriving.retain(|(time, _)| *time > now);
+        }
+        self.clock.advance_to(end);
+    }
+
     fn next_event(&self) -> Option<Instant> {
         let devices = self.devices.iter().filter_map(|device| device.next_event());
         let arriving = self.wire.arriving.first().map(|(time, _)| *time);
