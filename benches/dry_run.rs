@@ -15,7 +15,7 @@ use ramphold::rig::Fault;
 use ramphold::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use ramphold::schedule;
 use ramphold::session::{
-    Unpaced, Event, Machine, Operator, Phase, Progress, Settings, Step, StepConsumer, run_control_loop,
+    Event, Machine, Operator, Phase, Progress, Settings, Step, StepConsumer, Unpaced, run_control_loop,
 };
 
 struct Starter;

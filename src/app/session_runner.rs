@@ -94,8 +94,7 @@ impl Work<'_> {
                 .map(|(_, live)| Some(live));
         }
         let mut operator = CommandLineOperator::new(self.machine, self.console)?;
-        let ended =
-            run_control_loop(rig, self.machine, &mut operator, &mut Unpaced, &mut self.recorder);
+        let ended = run_control_loop(rig, self.machine, &mut operator, &mut Unpaced, &mut self.recorder);
         operator.finish();
         ended?;
         Ok(None)

@@ -7,7 +7,7 @@ use super::machine::Machine;
 use super::pacing::Pacing;
 use super::phase::Phase;
 use super::step::{Step, StepConsumer};
-use crate::rig::{Armed, Command, Cue, Fault, Motor, ArmingConsent, Rig, Vitals};
+use crate::rig::{Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig, Vitals};
 
 /// Source of the operator's commands: a console or the command line.
 pub trait Operator {

@@ -14,9 +14,7 @@ use crate::protocol::ValidProtocol;
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
-use crate::session::{
-    Unpaced, Event, Machine, Operator, Phase, Settings, StepConsumer, run_control_loop,
-};
+use crate::session::{Event, Machine, Operator, Phase, Settings, StepConsumer, Unpaced, run_control_loop};
 
 /// Where a simulated session is stored.
 #[derive(Debug, Clone, Copy)]

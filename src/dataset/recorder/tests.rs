@@ -9,7 +9,7 @@ use crate::protocol::{Protocol, ValidProtocol};
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
-use crate::session::{Unpaced, Event, Machine, Operator, Settings, run_control_loop};
+use crate::session::{Event, Machine, Operator, Settings, Unpaced, run_control_loop};
 
 /// Two short trials, nothing before them.
 fn protocol() -> ValidProtocol {

@@ -11,9 +11,9 @@ use crate::dataset::{BackgroundRecorder, Manifest, Status, load, replay};
 use crate::protocol::Limits;
 use crate::random::Stream;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
-use crate::rig::{Armed, Command, Fault, ArmingConsent, Rig, Sample};
+use crate::rig::{Armed, ArmingConsent, Command, Fault, Rig, Sample};
 use crate::session::{
-    Unpaced, Event, Machine, Operator, Phase, RealTime, TransitionDetail, run_control_loop,
+    Event, Machine, Operator, Phase, RealTime, TransitionDetail, Unpaced, run_control_loop,
 };
 
 /// Goes on with the session to its end; how many operations that took.
@@ -138,8 +138,7 @@ fn a_disk_that_fails_behind_the_ring_ends_the_session() {
     let wrist = VirtualWrist::new(Person::default(), Setup::default(), session.seed(), rate);
     let Resumed { recorder, mut machine, .. } = session.resume().unwrap();
     let mut recorder = BackgroundRecorder::start(recorder, machine.progress().clone());
-    let error = match run_control_loop(wrist, &mut machine, &mut Starter, &mut Unpaced, &mut recorder)
-    {
+    let error = match run_control_loop(wrist, &mut machine, &mut Starter, &mut Unpaced, &mut recorder) {
         Err(error) => error,
         Ok(_) => recorder.finish().unwrap_err(),
     };

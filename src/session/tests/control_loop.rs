@@ -86,8 +86,7 @@ fn conducted(fails: bool) -> (Vec<&'static str>, bool) {
     let rig = Stray { deeds: deeds.clone(), samples: 0 };
     let mut machine = Machine::new(Arc::new(settings()));
     let mut pen = Pen { deeds: deeds.clone(), fails };
-    let ended =
-        run_control_loop(rig, &mut machine, &mut Witness(deeds.clone()), &mut Unpaced, &mut pen);
+    let ended = run_control_loop(rig, &mut machine, &mut Witness(deeds.clone()), &mut Unpaced, &mut pen);
     let deeds = deeds.borrow().clone();
     (deeds, ended.is_ok())
 }
