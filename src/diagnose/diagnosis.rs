@@ -8,7 +8,7 @@ use super::cause::{Cause, Evidence};
 use super::mains_hum::Hum;
 use super::preprocessing::Look;
 use super::within_trial::cross_validation::gain_of_cleaning;
-use super::within_trial::forward_selection::Steps;
+use super::within_trial::forward_selection::{AddedCause, Steps};
 use super::within_trial::null_distribution::{Finding, SIGNIFICANT};
 use super::within_trial::residual_terms::{ResidualTerm, residual_term};
 use super::within_trial::score_test::Unseen;
@@ -77,7 +77,7 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
         look.hum.iter().map(|found| hum_cause(prepared, &before, found, seed)).collect();
     let p_hum = causes.first().map_or(1.0, |cause| cause.p_value);
     let within = Steps::taken(prepared, &before, seed, stage);
-    causes.extend(within.causes);
+    causes.extend(within.causes.into_iter().map(added_cause));
     if let Some(ratio) = within.scatter {
         remarks.push(format!(
             "residuals scatter with {ratio:.1} times the variance of the noise, otherwise in each repetition: something on the \
@@ -121,6 +121,20 @@ pub fn diagnose(look: &Look, model: &Model, seed: u64, stage: &dyn Fn(&'static s
 fn cause_shown_in(evidence: EvidenceSource) -> MechanismKind {
     MechanismKind::shown_in(evidence)
         .expect("the catalogue has a mechanism for the hold and one for single trials")
+}
+
+fn added_cause(own: AddedCause) -> Cause {
+    Cause {
+        kind: own.kind,
+        p_value: own.p_value,
+        indistinguishable: own.indistinguishable,
+        evidence: Evidence::Trace {
+            before: Box::new(own.before),
+            after: Box::new(own.after),
+            worth: own.worth,
+            gain: own.gain,
+        },
+    }
 }
 
 fn hum_cause(

@@ -10,10 +10,12 @@
 mod across_trials;
 #[cfg(test)]
 mod added_mechanism;
+mod applicability;
 mod cause;
 mod diagnosis;
 mod mains_hum;
 mod output;
+mod predicted_torque;
 mod preprocessing;
 mod protocol_design;
 mod residual_correlation;

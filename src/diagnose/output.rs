@@ -8,11 +8,12 @@ use super::across_trials::covariate_regression::{Trend, without_effect};
 use super::across_trials::elastic_limit_law::LimitLaw;
 use super::cause::{Cause, Evidence};
 use super::diagnosis::Diagnosis;
+use super::predicted_torque::residuals;
 use super::residual_correlation::residual_by_trial;
-use super::within_trial::cross_validation::residuals;
 use super::within_trial::discrepancy::FORM_ERROR;
 use crate::dataset::Disk;
 use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
+use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::MechanismKind;
 
@@ -177,14 +178,10 @@ fn residual_map(prepared: &Observations, before: &Fit, after: &Fit) -> Value {
     let step = prepared.samples.div_ceil(50);
     let samples: Vec<usize> = (0..prepared.samples).step_by(step).collect();
     let (first, second) = (residuals(prepared, before), residuals(prepared, after));
-    let mut conditions: Vec<usize> = prepared.trials.iter().map(|trial| trial.condition).collect();
-    conditions.sort_unstable();
-    conditions.dedup();
+    let conditions = group_indices(prepared.trials.len(), |trial| prepared.trials[trial].condition);
     let rows: Vec<Value> = conditions
-        .iter()
-        .map(|condition| {
-            let trials: Vec<usize> =
-                (0..prepared.trials.len()).filter(|t| prepared.trials[*t].condition == *condition).collect();
+        .values()
+        .map(|trials| {
             let count = trials.len() as f64;
             let mean =
                 |of: &[Vec<f64>], sample: usize| trials.iter().map(|t| of[*t][sample]).sum::<f64>() / count;

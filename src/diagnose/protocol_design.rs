@@ -6,18 +6,19 @@
 
 use std::slice;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use super::predicted_torque::torques;
 use super::preprocessing::Look;
-use super::within_trial::score_test::torques;
 use crate::dataset::Session;
 use crate::fit::{
-    ExtensionSearch, Fit, Model, Observations, ParameterSpec, PreprocessingError, PreprocessingSettings,
-    StartingValues, Weighting, objective,
+    ExtensionSearch, Fit, K_SRS, Model, Observations, ParameterSpec, PreprocessingError,
+    PreprocessingSettings, StartingValues, Weighting, objective,
 };
 use crate::protocol::{Protocol, Sweep, ValidProtocol};
+use crate::statistics::WeightedRegression;
 use crate::wrist::mechanisms::MechanismKind;
 use crate::wrist::{BASE_PARAMETERS, Kinematics, TrialInput};
 
@@ -268,16 +269,15 @@ fn at_conditions(planned: &Observations, prepared: &Observations, fit: &Fit) -> 
     };
     let coefficients: Vec<Vector3<f64>> = (0..BASE_PARAMETERS.len())
         .map(|parameter| {
-            let (mut square, mut right) = (Matrix3::from_diagonal_element(1e-6), Vector3::zeros());
+            let mut regression = WeightedRegression::new(RIDGE);
             for (trial, own) in prepared.trials.iter().zip(&fit.parameters) {
                 let mut x = design(trial.velocity_rad_s, trial.torque_nm);
-                if parameter < FIRST_OF_THE_MUSCLE {
+                if parameter < K_SRS {
                     (x[1], x[2]) = (0.0, 0.0);
                 }
-                square += x * x.transpose();
-                right += libm::log(own[parameter]) * x;
+                regression.add(&x, 1.0, libm::log(own[parameter]));
             }
-            square.cholesky().map_or_else(Vector3::zeros, |factor| factor.solve(&right))
+            regression.solve().unwrap_or_else(Vector3::zeros)
         })
         .collect();
     let own = |trial: &crate::fit::TrialObservation| {
@@ -288,5 +288,5 @@ fn at_conditions(planned: &Observations, prepared: &Observations, fit: &Fit) -> 
     planned.trials.iter().map(own).collect()
 }
 
-/// Index of k_srs in a trial's parameters; k_dec and x_e come after it.
-const FIRST_OF_THE_MUSCLE: usize = 3;
+/// Penalty on the squared coefficients, so that a factor that does not vary has coefficient zero.
+const RIDGE: f64 = 1e-6;

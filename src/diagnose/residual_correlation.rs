@@ -2,8 +2,9 @@
 
 use serde_json::{Map, Value, json};
 
-use super::within_trial::cross_validation::residuals;
+use super::predicted_torque::residuals;
 use crate::fit::{Fit, Observations};
+use crate::statistics::rank_correlation;
 
 /// What a trial's residual may go with.
 type Covariate = (&'static str, fn(&Observations, usize) -> f64);
@@ -48,34 +49,4 @@ pub fn residual_by_trial(prepared: &Observations, before: &Fit, after: &Fit) -> 
         })
         .collect();
     json!({ "trials": rows, "rank_correlation": correlations })
-}
-
-/// Spearman's rank correlation; `None` where one of the two does not vary.
-fn rank_correlation(a: &[f64], b: &[f64]) -> Option<f64> {
-    let (a, b) = (ranks(a), ranks(b));
-    let middle = (a.len() as f64 - 1.0) / 2.0;
-    let sum = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| (x - middle) * (y - middle)).sum::<f64>();
-    let scale = libm::sqrt(sum(&a, &a) * sum(&b, &b));
-    (scale > 0.0).then(|| sum(&a, &b) / scale)
-}
-
-/// Ranks from zero; equal values share the mean of theirs.
-fn ranks(values: &[f64]) -> Vec<f64> {
-    let below = |value: f64| values.iter().filter(|other| **other < value).count() as f64;
-    let equal = |value: f64| values.iter().filter(|other| **other == value).count() as f64;
-    values.iter().map(|value| below(*value) + (equal(*value) - 1.0) / 2.0).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn ranks_go_together_against_each_other_or_not_at_all() {
-        assert_eq!(rank_correlation(&[1.0, 2.0, 5.0], &[0.1, 10.0, 11.0]), Some(1.0));
-        assert_eq!(rank_correlation(&[1.0, 2.0, 5.0], &[3.0, 2.0, 1.0]), Some(-1.0));
-        assert_eq!(rank_correlation(&[2.0, 2.0, 2.0], &[3.0, 2.0, 1.0]), None);
-        let tied = rank_correlation(&[1.0, 1.0, 2.0], &[1.0, 2.0, 3.0]).unwrap();
-        assert!((tied - 0.866).abs() < 1e-3, "{tied}");
-    }
 }

@@ -4,12 +4,12 @@ use nalgebra::{SMatrix, SVector};
 
 /// Normal equations of a weighted linear regression with `P` coefficients: minimises sum of w (y - x'b)^2 + r b'b over b.
 #[derive(Debug, Clone, PartialEq)]
-pub struct NormalEquations<const P: usize> {
+pub struct WeightedRegression<const P: usize> {
     matrix: SMatrix<f64, P, P>,
     right: SVector<f64, P>,
 }
 
-impl<const P: usize> NormalEquations<P> {
+impl<const P: usize> WeightedRegression<P> {
     /// No observations yet; `ridge` is r, the penalty on the squared coefficients (0 for none).
     pub fn new(ridge: f64) -> Self {
         Self { matrix: SMatrix::from_diagonal_element(ridge), right: SVector::zeros() }

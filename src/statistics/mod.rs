@@ -19,7 +19,7 @@ pub use correlation::rank_correlation;
 pub use distribution::{chi_square_tail, f_tail, t_quantile, t_two_sided, wilson};
 pub use extreme_value::gumbel_tail;
 pub use groups::group_indices;
-pub use least_squares::{NormalEquations, slope_through_origin};
+pub use least_squares::{WeightedRegression, slope_through_origin};
 pub use moments::{Contrast, MeanCovariance, MeanVariance};
 pub use multiple_testing::holm;
 pub use reliability::{Reliability, reliability};

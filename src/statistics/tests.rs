@@ -169,7 +169,7 @@ fn rank_correlation_is_one_minus_one_tied_or_undefined() {
 
 #[test]
 fn weighted_regression_ignores_an_observation_without_weight() {
-    let mut equations = NormalEquations::<2>::new(0.0);
+    let mut equations = WeightedRegression::<2>::new(0.0);
     for (x, weight) in [(0.0, 1.0), (1.0, 2.0), (3.0, 0.5)] {
         equations.add(&nalgebra::Vector2::new(1.0, x), weight, 4.0 - 2.0 * x);
     }
@@ -179,7 +179,7 @@ fn weighted_regression_ignores_an_observation_without_weight() {
     assert_near(found[1], -2.0, 1e-12);
     // Sum of weights 3.5, of weighted x 3.5, of weighted squares 6.5: variance of the slope 3.5 / (3.5 x 6.5 - 3.5^2).
     assert_near(equations.inverse().unwrap()[(1, 1)], 3.5 / 10.5, 1e-12);
-    assert_eq!(NormalEquations::<2>::new(0.0).solve(), None);
+    assert_eq!(WeightedRegression::<2>::new(0.0).solve(), None);
 }
 
 #[test]

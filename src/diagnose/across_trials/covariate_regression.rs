@@ -1,11 +1,11 @@
 //! How the trials' stiffnesses go with the place in the session, the rest before, and the EMG.
 
 use super::stiffness_table::{LEAST_STIFFNESS, Stiffnesses};
-use crate::diagnose::within_trial::null_distribution::gumbel_tail;
-use crate::diagnose::within_trial::score_test::missing;
+use crate::diagnose::applicability::missing;
 use crate::fit::{Fit, K_SRS, Observations};
 use crate::number::{Jet, Number};
 use crate::random::Stream;
+use crate::statistics::{gumbel_tail, slope_through_origin};
 use crate::wrist::Plant;
 use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind, MechanismParameter, ProbeContext};
 
@@ -160,8 +160,7 @@ impl Linear {
 
     /// How far the mechanism's value should go.
     fn step(&self) -> f64 {
-        self.slopes.iter().zip(&self.left).map(|(slope, left)| slope * left).sum::<f64>()
-            / squares(&self.slopes)
+        slope_through_origin(self.slopes.iter().copied().zip(self.left.iter().copied()))
     }
 
     /// Leaving out each trial in turn: its deviation from the other repetitions, with the trend of all others and without.

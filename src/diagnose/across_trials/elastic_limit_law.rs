@@ -1,10 +1,10 @@
 //! How the elastic limit goes with velocity and torque.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use crate::fit::{Fit, Observations, X_E};
-use crate::statistics::MeanVariance;
+use crate::statistics::{MeanVariance, WeightedRegression};
 use crate::wrist::mechanisms::EvidenceSource;
 
 /// Which law the elastic limits follow over the velocities.
@@ -47,7 +47,7 @@ const HALF_INTERVAL: f64 = 1.96;
 const NOT_ZERO: f64 = 2.58;
 
 /// Each trial's elastic limit, rad.
-pub fn limits(fit: &Fit) -> Vec<f64> {
+fn limits(fit: &Fit) -> Vec<f64> {
     fit.parameters.iter().map(|own| own[X_E]).collect()
 }
 
@@ -138,9 +138,10 @@ impl Plane {
 
     fn with(rows: &[Vector3<f64>], noise: &[f64], variance_between: f64) -> Option<Self> {
         let weights = || noise.iter().map(|own| 1.0 / (own + variance_between));
-        let normal: Matrix3<f64> =
-            rows.iter().zip(weights()).map(|(row, weight)| weight * row * row.transpose()).sum();
-        let inverse = normal.try_inverse()?;
+        let mut regression = WeightedRegression::new(0.0);
+        // The shares of the trials do not depend on their limits.
+        rows.iter().zip(weights()).for_each(|(row, weight)| regression.add(row, weight, 0.0));
+        let inverse = regression.inverse()?;
         let shares = rows.iter().zip(weights()).map(|(row, weight)| weight * inverse * row).collect();
         Some(Self { shares, variance_between })
     }

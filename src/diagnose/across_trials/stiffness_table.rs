@@ -5,6 +5,7 @@
 //! ([`super::outliers`])?
 
 use crate::fit::{Fit, K_SRS, Observations};
+use crate::statistics::{group_indices, slope_through_origin};
 
 /// Where a stiffness still has a logarithm, N m/rad.
 pub const LEAST_STIFFNESS: f64 = 1e-9;
@@ -35,10 +36,8 @@ impl Stiffnesses {
 
     /// Degrees of freedom about the conditions' means.
     pub fn freedom(&self) -> f64 {
-        let mut distinct = self.conditions.clone();
-        distinct.sort_unstable();
-        distinct.dedup();
-        (self.trials.len() - distinct.len()) as f64
+        let conditions = group_indices(self.trials.len(), |place| self.conditions[place]);
+        (self.trials.len() - conditions.len()) as f64
     }
 
     /// The trials of the condition of the one in this place, itself among them.
@@ -55,10 +54,7 @@ impl Stiffnesses {
     /// For each trial the one factor of its condition by which `weights` come nearest to `values`.
     pub fn levels(&self, weights: &[f64], values: &[f64]) -> Vec<f64> {
         let level = |place: usize| {
-            let (product, square) = self.repetitions(place).fold((0.0, 0.0), |(product, square), other| {
-                (product + weights[other] * values[other], square + weights[other] * weights[other])
-            });
-            product / square
+            slope_through_origin(self.repetitions(place).map(|other| (weights[other], values[other])))
         };
         (0..values.len()).map(level).collect()
     }

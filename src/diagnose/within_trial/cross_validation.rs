@@ -1,9 +1,10 @@
 //! What an extension gains on data that it was not fitted to.
 
 use super::residual_projection::whiten;
-use super::score_test::torques;
-use crate::fit::{Fit, Model, Observations, Scope, variance_accounted_for};
+use crate::diagnose::predicted_torque::{mean_vaf, residuals};
+use crate::fit::{Fit, Model, Observations, Scope};
 use crate::random::Stream;
+use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
 
 /// A ratio with its 95 % interval.
@@ -87,9 +88,8 @@ const MOST_PARTS: usize = 12;
 /// The part of the session that each trial is left out with: its repetition; several repetitions where there are many, and
 /// every third trial where there is one.
 fn parts(repetitions: &[u32]) -> Vec<i64> {
-    let mut distinct = repetitions.to_vec();
-    distinct.sort_unstable();
-    distinct.dedup();
+    let groups = group_indices(repetitions.len(), |trial| repetitions[trial]);
+    let distinct: Vec<u32> = groups.into_keys().collect();
     let part = |(trial, own): (usize, &u32)| match distinct.as_slice() {
         [_] => trial % 3,
         several => several.binary_search(own).unwrap_or(0) % MOST_PARTS,
@@ -119,16 +119,13 @@ impl Squares {
 
 /// What is left of each trial where the mechanism was fitted to the trials with another key.
 fn held_out_squares(prepared: &Observations, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<Squares> {
-    let mut keys: Vec<i64> = (0..prepared.trials.len()).map(key).collect();
-    keys.sort_unstable();
-    keys.dedup();
-    if !(2..=MOST_PARTS).contains(&keys.len()) {
+    let folds = group_indices(prepared.trials.len(), key);
+    if !(2..=MOST_PARTS).contains(&folds.len()) {
         return None;
     }
     let mut result = Squares { of_trials: vec![0.0; prepared.trials.len()], weighed: 0.0 };
-    for held in keys {
+    for (held, out) in folds {
         let rest: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) != held).collect();
-        let out: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) == held).collect();
         let others = after.on(&prepared.subset(&rest), &rest, &after.model);
         let held_out = prepared.subset(&out);
         let own = after.on(&held_out, &out, &held_model(&others));
@@ -154,22 +151,6 @@ fn held_model(fit: &Fit) -> Model {
         }
     }
     model
-}
-
-/// Measured less predicted, N m, by trial.
-pub fn residuals(prepared: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
-    let predicted = torques(prepared, &fit.kinds, &fit.parameters);
-    let own = |trial: usize| -> Vec<f64> {
-        prepared.trials[trial].measured_nm.iter().zip(&predicted[trial]).map(|(m, p)| m - p).collect()
-    };
-    (0..predicted.len()).map(own).collect()
-}
-
-/// Mean over trials of the variance of the torque accounted for.
-pub fn mean_vaf(prepared: &Observations, fit: &Fit) -> f64 {
-    let residuals = residuals(prepared, fit);
-    let own = |trial: usize| variance_accounted_for(&prepared.trials[trial].measured_nm, &residuals[trial]);
-    (0..residuals.len()).map(own).sum::<f64>() / residuals.len() as f64
 }
 
 /// Root of the ratio of sums, with an interval over trials drawn with replacement.

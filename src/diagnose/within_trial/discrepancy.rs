@@ -2,7 +2,7 @@
 
 use super::candidates::Candidate;
 use super::residual_projection::{Direction, Tangent, whiten};
-use super::score_test::torques;
+use crate::diagnose::predicted_torque::torques;
 use crate::fit::Observations;
 use crate::random::Stream;
 

@@ -1,19 +1,19 @@
 //! Forward steps within the trace, a cause each, until nothing is left over; the first of two is then chosen again.
 
-use super::candidates::{Candidate, Shortlist, candidates, far_behind, not_ruled_out};
+use super::candidates::{Candidate, Shortlist, candidates};
+use super::confusability::{far_behind, not_ruled_out};
 use super::cross_validation::{Gain, gain};
 use super::discrepancy::may_leave;
 use super::null_distribution::{Chance, Finding, SIGNIFICANT, Simulated, screen};
 use super::residual_projection::Tangent;
 use super::score_test::{Probe, Unseen, probes};
-use crate::diagnose::cause::{Cause, Evidence};
 use crate::fit::{Fit, Observations};
 use crate::wrist::mechanisms::MechanismKind;
 
 /// What the steps lead to.
 pub struct Steps {
     /// The causes, in the order in which they were found.
-    pub causes: Vec<Cause>,
+    pub causes: Vec<AddedCause>,
     /// The fit with all of them.
     pub fit: Fit,
     /// The misfit of the model as given, and the probability of such a one where there is none.
@@ -27,6 +27,24 @@ pub struct Steps {
     pub unseen: Vec<Unseen>,
     /// The trials' elastic limits in sessions simulated with `fit`, rad.
     pub simulated_limits: Vec<Vec<f64>>,
+}
+
+/// A mechanism that was added to the model, and the evidence for it.
+pub struct AddedCause {
+    /// The mechanism.
+    pub kind: MechanismKind,
+    /// Probability of a misfit at least as large as before the mechanism was added, if the model were right.
+    pub p_value: f64,
+    /// Mechanisms that the data do not rule out in its place.
+    pub indistinguishable: Vec<MechanismKind>,
+    /// The fit before the mechanism was added.
+    pub before: Fit,
+    /// The fit with the mechanism.
+    pub after: Fit,
+    /// Decrease of the whitened sum of squares by the mechanism (chi-square units).
+    pub worth: f64,
+    /// Improvement on trials left out of the fit.
+    pub gain: Gain,
 }
 
 /// Most mechanisms that are added one after the other. With three or four of them nearly anything can be described that none
@@ -178,17 +196,15 @@ impl Step {
         Self { before: self.before.clone(), own, p_value: self.p_value, gain, shortlist }
     }
 
-    fn cause(self, prepared: &Observations, seed: u64) -> Cause {
-        Cause {
+    fn cause(self, prepared: &Observations, seed: u64) -> AddedCause {
+        AddedCause {
             kind: self.own.kind,
             p_value: self.p_value,
             indistinguishable: not_ruled_out(prepared, &self.shortlist, seed),
-            evidence: Evidence::Trace {
-                before: Box::new(self.before),
-                after: Box::new(self.own.fit),
-                worth: self.own.worth,
-                gain: self.gain,
-            },
+            before: self.before,
+            after: self.own.fit,
+            worth: self.own.worth,
+            gain: self.gain,
         }
     }
 }

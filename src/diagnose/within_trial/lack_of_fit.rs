@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::residual_projection::{Direction, Tangent};
 use crate::fit::Observations;
+use crate::statistics::group_indices;
 
 /// How strongly the residuals go with one, velocity and torque, summed over independent values of the window.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,13 +24,9 @@ pub struct Pattern {
 /// The pattern in whitened residuals. Trials of one noise share their axes; noises are treated one by one and added up.
 pub fn pattern(prepared: &Observations, tangent: &Tangent, residuals: &Direction) -> Pattern {
     let mut result = Pattern { statistic: 0.0, count: 0, squares: 0.0 };
-    let mut groups: Vec<Option<usize>> = prepared.noise_index.clone();
-    groups.sort_unstable();
-    groups.dedup();
-    for group in groups {
-        let trials: Vec<usize> =
-            (0..residuals.len()).filter(|trial| prepared.noise_index[*trial] == group).collect();
-        add(prepared, tangent, residuals, &trials, &mut result);
+    let groups = group_indices(residuals.len(), |trial| prepared.noise_index[trial]);
+    for trials in groups.values() {
+        add(prepared, tangent, residuals, trials, &mut result);
     }
     result
 }

@@ -1,6 +1,7 @@
 //! Misfit within the trials' torque traces: is there any, which mechanisms explain it, and what does adding them gain.
 
 pub mod candidates;
+pub mod confusability;
 pub mod cross_validation;
 pub mod discrepancy;
 pub mod forward_selection;

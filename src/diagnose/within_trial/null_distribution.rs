@@ -5,10 +5,11 @@ use rayon::prelude::*;
 
 use super::lack_of_fit::pattern;
 use super::residual_projection::{Direction, Tangent};
-use super::score_test::{Probe, score, torques};
-use crate::diagnose::across_trials::elastic_limit_law::limits;
-use crate::fit::{Fit, NoiseSampler, Observations, SolverOptions, draw_observations, solve};
+use super::score_test::{Probe, score};
+use crate::diagnose::predicted_torque::torques;
+use crate::fit::{Fit, NoiseSampler, Observations, SolverOptions, X_E, draw_observations, solve};
 use crate::random::Stream;
+use crate::statistics::gumbel_tail;
 
 /// What screening makes of residuals.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,7 +114,7 @@ impl Simulated {
                 let simulated = simulated(prepared, &predicted, &noise, &mut stream);
                 let refitted = refit(&simulated, fit);
                 let residuals = Tangent::new(&simulated, &refitted).residuals();
-                (screen(&simulated, tangent, probes, &residuals), limits(&refitted))
+                (screen(&simulated, tangent, probes, &residuals), elastic_limits(&refitted))
             })
             .unzip();
         Self { findings, limits }
@@ -134,6 +135,11 @@ impl Simulated {
     }
 }
 
+/// The elastic limit of each trial, rad.
+fn elastic_limits(fit: &Fit) -> Vec<f64> {
+    fit.parameters.iter().map(|own| own[X_E]).collect()
+}
+
 /// A refit needs no more than this: it starts where the data came from.
 const REFIT: SolverOptions = SolverOptions { max_iterations: 6, tolerance: 1e-3, max_log_step: 0.7 };
 
@@ -142,19 +148,4 @@ pub fn refit(prepared: &Observations, fit: &Fit) -> Fit {
     let start = &fit.solution.coordinates;
     let solution = solve(prepared, &fit.parameterisation, &fit.kinds, &fit.objective, start, REFIT);
     fit.at_solution(solution)
-}
-
-/// The probability of a value at least as large as `value`, by the Gumbel distribution with the mean and the spread of the
-/// `simulated` maxima; not below a twentieth of what their number resolves.
-pub fn gumbel_tail(simulated: &[f64], value: f64) -> f64 {
-    let count = simulated.len() as f64;
-    let mean = simulated.iter().sum::<f64>() / count;
-    let variance = simulated.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (count - 1.0);
-    const EULER: f64 = 0.577_215_664_901_532_9;
-    let scale = libm::sqrt(6.0 * variance) / std::f64::consts::PI;
-    if scale == 0.0 {
-        return if value > mean { 0.05 / count } else { 1.0 };
-    }
-    let reduced = (value - (mean - EULER * scale)) / scale;
-    (-libm::expm1(-libm::exp(-reduced))).max(0.05 / count).min(1.0)
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::score_test::torques;
+use crate::diagnose::predicted_torque::torques;
 use crate::fit::{Component, Fit, Objective, Observations, Prediction, Transform, predictions};
 
 /// A fit's residuals and tangent space, component by component.

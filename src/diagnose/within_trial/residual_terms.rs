@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::cross_validation::residuals;
+use crate::diagnose::predicted_torque::residuals;
 use crate::fit::{Fit, Observations};
 
 /// A sparse description of the residual torque.

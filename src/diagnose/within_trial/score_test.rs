@@ -3,11 +3,10 @@
 use nalgebra::DVector;
 
 use super::residual_projection::{Direction, Tangent, whiten};
-use crate::fit::{Fit, Observations, predict};
-use crate::wrist::SimulatedTorque;
-use crate::wrist::mechanisms::{
-    CATALOGUE, Covariates, EvidenceSource, MechanismClass, MechanismKind, ProbeContext,
-};
+use crate::diagnose::applicability::missing;
+use crate::diagnose::predicted_torque::torques;
+use crate::fit::{Fit, Observations};
+use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismClass, MechanismKind, ProbeContext};
 
 /// A mechanism looked at with given values.
 #[derive(Debug, Clone)]
@@ -75,21 +74,6 @@ pub fn probes(prepared: &Observations, fit: &Fit, tangent: &Tangent) -> (Vec<Pro
         }
     }
     (found, unseen)
-}
-
-/// What the session lacks for a mechanism to be considered.
-pub fn missing(prepared: &Observations, kind: MechanismKind) -> Option<String> {
-    let covariates: Vec<Covariates> = prepared.trials.iter().map(|trial| trial.input.covariates).collect();
-    kind.needs().iter().find_map(|need| need.unmet(prepared.lever, &covariates)).map(Into::into)
-}
-
-/// Predicted torques of all trials.
-pub fn torques(prepared: &Observations, kinds: &[MechanismKind], parameters: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let trials: Vec<usize> = (0..prepared.trials.len()).collect();
-    let flat: Vec<f64> = parameters.iter().flatten().copied().collect();
-    let mut response = SimulatedTorque::default();
-    predict(prepared, kinds, &[], &trials, &flat, &mut response);
-    response.torque_nm.chunks_exact(prepared.samples).map(<[f64]>::to_vec).collect()
 }
 
 fn probe(
