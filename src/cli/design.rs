@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use ramphold::dataset;
-use ramphold::diagnose::{Proposal, design};
+use ramphold::diagnose::{ProtocolProposal, propose_protocols};
 use ramphold::protocol::ValidProtocol;
 use ramphold::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind};
 
@@ -42,7 +42,7 @@ impl Verb for Design {
         let protocol = self.protocol()?;
         let session = dataset::load(&self.session)?;
         console.message(format_args!("fitting {} causes to each protocol in question ...", causes.len()));
-        let proposals = design(&session, &protocol, &causes)
+        let proposals = propose_protocols(&session, &protocol, &causes)
             .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
         table(console, &proposals)?;
         if let (Some(out), Some(best)) = (&self.out, proposals.first()) {
@@ -101,7 +101,7 @@ fn kind(id: &str) -> Result<MechanismKind, Failure> {
     Ok(kind)
 }
 
-fn table(console: &Console, proposals: &[Proposal]) -> Result<(), Failure> {
+fn table(console: &Console, proposals: &[ProtocolProposal]) -> Result<(), Failure> {
     let mut out = console.results();
     writeln!(out, "power  trials  minutes  change")?;
     for proposal in proposals {

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use ramphold::dataset::{self, Disk, Manifest};
-use ramphold::diagnose::{Cause, Diagnosis, Evidence, Look, Verdict, diagnose, picture};
+use ramphold::diagnose::{Cause, CauseEvidence, Diagnosis, DiagnosisInput, Verdict, diagnose, picture};
 use ramphold::fit::NoiseSource;
 use ramphold::protocol::significant;
 use serde_json::Value;
@@ -42,9 +42,9 @@ impl Verb for Diagnose {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
         let session = dataset::load(&self.session)?;
-        let look = Look::new(&session, view(&self.session, self.window)?, &model)
+        let look = DiagnosisInput::new(&session, view(&self.session, self.window)?, &model)
             .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
-        let prepared = &look.prepared;
+        let prepared = &look.observations;
         if prepared.noise_source != Some(NoiseSource::Holds) {
             console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
         }
@@ -101,12 +101,12 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
     writeln!(
         out,
         "misfit: largest score {:.1} standard errors, pattern {:.1} standard deviations, p = {:.4}; left over p = {:.3}",
-        diagnosis.misfit.largest, diagnosis.misfit.excess, diagnosis.p_value, diagnosis.left_over_p_value
+        diagnosis.misfit.largest, diagnosis.misfit.excess, diagnosis.p_value, diagnosis.remaining_p_value
     )?;
     for (cause, entry) in diagnosis.causes.iter().zip(json["causes"].as_array().into_iter().flatten()) {
         print_cause(&mut out, cause, entry)?;
     }
-    if let Some(law) = &diagnosis.limit_law {
+    if let Some(law) = &diagnosis.elastic_limit_law {
         writeln!(out, "elastic limit: {law}")?;
     }
     if let Some(term) = &diagnosis.residual_term {
@@ -128,8 +128,8 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
             term.largest_in.1
         )?;
     }
-    if !diagnosis.unseen.is_empty() {
-        let ids: Vec<&str> = diagnosis.unseen.iter().map(|unseen| unseen.kind.id()).collect();
+    if !diagnosis.undetectable.is_empty() {
+        let ids: Vec<&str> = diagnosis.undetectable.iter().map(|unseen| unseen.kind.id()).collect();
         writeln!(out, "this session cannot tell about: {} (diagnosis.json says why)", ids.join(", "))?;
     }
     for remark in &diagnosis.remarks {
@@ -154,7 +154,7 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
         writeln!(out, "  {name} = {} (95 %: {} to {})", number("value"), number("low"), number("high"))?;
     }
     match &cause.evidence {
-        Evidence::Trace { gain, .. } => writeln!(
+        CauseEvidence::WithinTrial { gain, .. } => writeln!(
             out,
             "  residual on repetitions left out: {:.3} of what it was ({:.3} to {:.3}); VAF {:.4} -> {:.4}",
             gain.held_out_rmse_ratio.value,
@@ -163,17 +163,17 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
             gain.vaf_before,
             gain.vaf_after
         )?,
-        Evidence::Hold { gain, .. } => writeln!(
+        CauseEvidence::Hold { gain, .. } => writeln!(
             out,
             "  found in the holds and taken out; residual of the ramps: {:.3} of what it was ({:.3} to {:.3})",
             gain.held_out_rmse_ratio.value, gain.held_out_rmse_ratio.low, gain.held_out_rmse_ratio.high
         )?,
-        Evidence::Trend(trend) => writeln!(
+        CauseEvidence::AcrossTrials(trend) => writeln!(
             out,
             "  spread of k_srs about the other repetitions: {:.3} of what it was (t = {:.1})",
             trend.left_out_ratio, trend.t
         )?,
-        Evidence::Outliers(outliers) => {
+        CauseEvidence::Outliers(outliers) => {
             for (own, told) in outliers.iter().zip(entry["trials"].as_array().into_iter().flatten()) {
                 let number = &told["trial"];
                 writeln!(out, "  trial {number}: k_srs {:.2} times that of its repetitions", own.ratio)?;

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use ramphold::dataset::{self, Disk, Manifest};
-use ramphold::diagnose::without_hum;
+use ramphold::diagnose::remove_hum;
 use ramphold::fit::{
     self, ConditionEstimate, Model, Observations, PreprocessingSettings, Results, Weighting,
 };
@@ -186,7 +186,7 @@ fn prepare_and_fit(
 ) -> Result<(Observations, Results, fit::Fit), Failure> {
     let mut session = dataset::load(folder)?;
     if let Some(frequency_hz) = model.hum_hz() {
-        session = without_hum(&session, frequency_hz);
+        session = remove_hum(&session, frequency_hz);
     }
     let view = view(folder, window_s)?;
     let prepared = Observations::new(&session, view)

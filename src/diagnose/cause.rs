@@ -1,52 +1,52 @@
-//! A named cause, and what it rests on.
+//! A cause of misfit that the diagnosis names, and the evidence for it.
 
-use super::across_trials::covariate_regression::Trend;
+use super::across_trials::covariate_regression::CovariateEffect;
 use super::across_trials::outliers::Outlier;
-use super::mains_hum::Hum;
+use super::mains_hum::DetectedHum;
 use super::within_trial::cross_validation::Gain;
 use crate::fit::Fit;
 use crate::wrist::mechanisms::MechanismKind;
 
-/// What a cause rests on.
+/// CauseEvidence for a cause.
 #[derive(Debug, Clone)]
-pub enum Evidence {
-    /// It was added to the model and fitted.
-    Trace {
-        /// The fit before it was added.
+pub enum CauseEvidence {
+    /// The mechanism was added to the model, and the fit improved.
+    WithinTrial {
+        /// The fit without the mechanism.
         before: Box<Fit>,
-        /// The fit with it.
+        /// The fit with the mechanism.
         after: Box<Fit>,
-        /// Loss of the sum of squares, in units of the noise.
-        worth: f64,
-        /// Gain on data held out.
+        /// Decrease of the whitened sum of squares (chi-square units).
+        chi_square_gain: f64,
+        /// Improvement on trials left out of the fit.
         gain: Gain,
     },
-    /// It is in the holds already, and was taken out of the records.
+    /// Hum was found in the holds and subtracted from the records.
     Hold {
-        /// What was found.
-        hum: Hum,
-        /// The fit with it in the records.
+        /// The hum.
+        hum: DetectedHum,
+        /// The fit to the records with hum.
         before: Box<Fit>,
-        /// The same model fitted to the records without it.
+        /// The same model fitted to the records without hum.
         after: Box<Fit>,
-        /// Gain on the ramps.
+        /// Improvement on the ramps.
         gain: Gain,
     },
-    /// The trials' stiffnesses go with it.
-    Trend(Trend),
-    /// Single trials stand apart.
+    /// The trials' stiffnesses depend on the mechanism's covariate.
+    AcrossTrials(CovariateEffect),
+    /// The stiffnesses of single trials differ from those of their repetitions.
     Outliers(Vec<Outlier>),
 }
 
-/// A named cause.
+/// A cause of misfit.
 #[derive(Debug, Clone)]
 pub struct Cause {
-    /// Which mechanism.
+    /// The mechanism.
     pub kind: MechanismKind,
-    /// Probability of evidence as strong where it is absent, over the whole catalogue.
+    /// Probability of evidence at least as strong if no mechanism of the catalogue were present.
     pub p_value: f64,
-    /// Other mechanisms that the data do not rule out in its place.
+    /// Other mechanisms that the data do not rule out in place of this one.
     pub indistinguishable: Vec<MechanismKind>,
-    /// What it rests on.
-    pub evidence: Evidence,
+    /// The evidence.
+    pub evidence: CauseEvidence,
 }

@@ -1,28 +1,28 @@
-//! `diagnosis.json`, and the compact picture for the terminal.
+//! Writes `diagnosis.json` and `model.json`, and draws the residuals for the terminal.
 
 use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::across_trials::covariate_regression::{Trend, without_effect};
-use super::across_trials::elastic_limit_law::LimitLaw;
-use super::cause::{Cause, Evidence};
+use super::across_trials::covariate_regression::{CovariateEffect, without_effect};
+use super::across_trials::elastic_limit_law::ElasticLimitLaw;
+use super::cause::{Cause, CauseEvidence};
 use super::diagnosis::Diagnosis;
 use super::predicted_torque::residuals;
 use super::residual_correlation::residual_by_trial;
-use super::within_trial::discrepancy::FORM_ERROR;
+use super::within_trial::discrepancy::LAW_FORM_ERROR;
 use crate::dataset::Disk;
 use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::MechanismKind;
 
-/// The version of `diagnosis.json` that this program writes.
+/// Format and version of `diagnosis.json`.
 pub const DIAGNOSIS_FORMAT: &str = "ramphold-diagnosis/1";
 
 impl Diagnosis {
-    /// The diagnosis as its file.
-    pub fn to_json(&self, prepared: &Observations) -> Value {
+    /// The contents of `diagnosis.json`.
+    pub fn to_json(&self, observations: &Observations) -> Value {
         json!({
             "format": DIAGNOSIS_FORMAT,
             "version": env!("CARGO_PKG_VERSION"),
@@ -34,40 +34,40 @@ impl Diagnosis {
                 "pattern_excess": self.misfit.excess,
                 "residual_variance_over_noise": self.misfit.scatter,
             },
-            "causes": self.causes.iter().map(|cause| self.cause(prepared, cause)).collect::<Vec<_>>(),
-            "left_over": { "p_value": self.left_over_p_value },
+            "causes": self.causes.iter().map(|cause| self.cause(observations, cause)).collect::<Vec<_>>(),
+            "left_over": { "p_value": self.remaining_p_value },
             "residual_term": self.residual_term,
-            "not_visible": self.unseen.iter().map(|unseen| json!({
-                "mechanism": unseen.kind.id(), "class": unseen.kind.class(), "reason": unseen.reason,
+            "not_visible": self.undetectable.iter().map(|undetectable| json!({
+                "mechanism": undetectable.kind.id(), "class": undetectable.kind.class(), "reason": undetectable.reason,
             })).collect::<Vec<_>>(),
-            "laws": { "elastic_limit": self.limit_law.as_ref().map(LimitLaw::to_json) },
-            "residual_by_trial": residual_by_trial(prepared, &self.before, &self.after),
-            "residual_map": residual_map(prepared, &self.before, &self.after),
+            "laws": { "elastic_limit": self.elastic_limit_law.as_ref().map(ElasticLimitLaw::to_json) },
+            "residual_by_trial": residual_by_trial(observations, &self.before, &self.after),
+            "residual_map": residual_map(observations, &self.before, &self.after),
             "remarks": self.remarks,
         })
     }
 
-    fn cause(&self, prepared: &Observations, cause: &Cause) -> Value {
+    fn cause(&self, observations: &Observations, cause: &Cause) -> Value {
         let mut entry = Map::new();
         entry.insert("mechanism".into(), json!(cause.kind.id()));
         entry.insert("title".into(), json!(cause.kind.title()));
         entry.insert("class".into(), json!(cause.kind.class()));
-        entry.insert("parameters".into(), parameters(self, prepared, cause));
+        entry.insert("parameters".into(), parameters(self, observations, cause));
         entry.insert("p_value".into(), json!(cause.p_value));
         let ids: Vec<&str> = cause.indistinguishable.iter().map(|kind| kind.id()).collect();
         entry.insert("indistinguishable".into(), json!(ids));
         match &cause.evidence {
-            Evidence::Trace { before, after, worth, gain } => {
-                entry.insert("worth_chi_square".into(), json!(worth));
+            CauseEvidence::WithinTrial { before, after, chi_square_gain, gain } => {
+                entry.insert("worth_chi_square".into(), json!(chi_square_gain));
                 entry.insert("gain".into(), json!(gain));
-                entry.insert("parameter_shift".into(), shift(prepared, before, after));
+                entry.insert("parameter_shift".into(), shift(observations, before, after));
             }
-            Evidence::Hold { before, after, gain, .. } => {
+            CauseEvidence::Hold { before, after, gain, .. } => {
                 entry.insert("gain".into(), json!(gain));
-                entry.insert("parameter_shift".into(), shift(prepared, before, after));
+                entry.insert("parameter_shift".into(), shift(observations, before, after));
             }
-            Evidence::Trend(trend) => {
-                let ratio = trend.left_out_ratio;
+            CauseEvidence::AcrossTrials(covariate_effect) => {
+                let ratio = covariate_effect.left_out_ratio;
                 entry.insert(
                     "gain".into(),
                     json!({ "held_out_rmse_ratio": { "value": ratio, "low": null, "high": null },
@@ -75,13 +75,13 @@ impl Diagnosis {
                 );
                 entry.insert(
                     "parameter_shift".into(),
-                    stiffness_shift(prepared, &self.after, trend.kind, trend),
+                    stiffness_shift(observations, &self.after, covariate_effect.kind, covariate_effect),
                 );
             }
-            Evidence::Outliers(outliers) => {
+            CauseEvidence::Outliers(outliers) => {
                 let trials: Vec<Value> = outliers
                     .iter()
-                    .map(|o| json!({ "trial": prepared.trials[o.trial].number, "k_srs_ratio": o.ratio }))
+                    .map(|o| json!({ "trial": observations.trials[o.trial].number, "k_srs_ratio": o.ratio }))
                     .collect();
                 entry.insert("trials".into(), json!(trials));
                 entry.insert("parameter_shift".into(), json!({}));
@@ -91,22 +91,24 @@ impl Diagnosis {
     }
 }
 
-/// Each parameter of a cause with its 95 % interval.
-fn parameters(diagnosis: &Diagnosis, prepared: &Observations, cause: &Cause) -> Value {
+/// Parameters of a cause with their 95 % intervals.
+fn parameters(diagnosis: &Diagnosis, observations: &Observations, cause: &Cause) -> Value {
     let values: Vec<(f64, Option<f64>, bool)> = match &cause.evidence {
-        Evidence::Outliers(outliers) => {
-            let trials: Vec<u32> = outliers.iter().map(|own| prepared.trials[own.trial].number).collect();
+        CauseEvidence::Outliers(outliers) => {
+            let trials: Vec<u32> = outliers.iter().map(|own| observations.trials[own.trial].number).collect();
             return json!({ "trials": { "value": trials } });
         }
-        Evidence::Hold { hum, .. } => {
+        CauseEvidence::Hold { hum, .. } => {
             let [value, low, high] = hum.amplitude_nm;
             return json!({
                 "amplitude_nm": { "value": value, "low": low, "high": high },
                 "frequency_hz": { "value": hum.frequency_hz, "low": hum.frequency_hz, "high": hum.frequency_hz },
             });
         }
-        Evidence::Trend(trend) => trend.values.iter().map(|(value, se)| (*value, *se, false)).collect(),
-        Evidence::Trace { .. } => added_values(&diagnosis.after, prepared, cause.kind),
+        CauseEvidence::AcrossTrials(covariate_effect) => {
+            covariate_effect.values.iter().map(|(value, se)| (*value, *se, false)).collect()
+        }
+        CauseEvidence::WithinTrial { .. } => added_values(&diagnosis.after, observations, cause.kind),
     };
     let entry = |(value, se, logarithmic): &(f64, Option<f64>, bool)| match se {
         Some(se) if *logarithmic => {
@@ -120,21 +122,25 @@ fn parameters(diagnosis: &Diagnosis, prepared: &Observations, cause: &Cause) -> 
     named.map(|(parameter, own)| (parameter.name.to_string(), entry(own))).collect::<Map<_, _>>().into()
 }
 
-/// Values and standard errors of a mechanism's parameters in `fit`, and whether they are fitted as logarithms. That its law may
-/// be another than the catalogue's is part of the error.
-fn added_values(fit: &Fit, prepared: &Observations, kind: MechanismKind) -> Vec<(f64, Option<f64>, bool)> {
+/// Values and standard errors of a mechanism's parameters in `fit`, and whether they are fitted as logarithms. The standard errors
+/// include the possible discrepancy of the mechanism's law.
+fn added_values(
+    fit: &Fit,
+    observations: &Observations,
+    kind: MechanismKind,
+) -> Vec<(f64, Option<f64>, bool)> {
     let mut first = BASE_PARAMETERS.len();
     for own in fit.kinds.iter().take_while(|own| **own != kind) {
         first += own.parameter_count();
     }
-    let se = fit.standard_errors(prepared);
+    let se = fit.standard_errors(observations);
     (first..first + kind.parameter_count())
         .map(|index| {
             let (parameter, value) = (&kind.parameters()[index - first], fit.parameters[0][index]);
             let law = if kind.has_known_form() {
                 0.0
             } else {
-                FORM_ERROR * (value - parameter.absent.unwrap_or(0.0))
+                LAW_FORM_ERROR * (value - parameter.absent.unwrap_or(0.0))
             };
             let se = se.get(index).copied().flatten().map(|se| libm::hypot(se, law));
             (value, se, parameter.low > 0.0)
@@ -142,14 +148,14 @@ fn added_values(fit: &Fit, prepared: &Observations, kind: MechanismKind) -> Vec<
         .collect()
 }
 
-/// Means over trials of the parameters that a reader looks at, without and with the extension.
-fn shift(prepared: &Observations, before: &Fit, after: &Fit) -> Value {
+/// Means over trials of k_srs, k_dec, x_e and x_t without and with the added mechanism.
+fn shift(observations: &Observations, before: &Fit, after: &Fit) -> Value {
     let mean = |fit: &Fit, parameter: usize| {
         fit.parameters.iter().map(|own| own[parameter]).sum::<f64>() / fit.parameters.len() as f64
     };
     let period = |fit: &Fit| {
         let all: Vec<f64> =
-            (0..fit.parameters.len()).filter_map(|trial| fit.x_t_s(prepared, trial)).collect();
+            (0..fit.parameters.len()).filter_map(|trial| fit.x_t_s(observations, trial)).collect();
         (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
     };
     let mut entry = Map::new();
@@ -161,35 +167,41 @@ fn shift(prepared: &Observations, before: &Fit, after: &Fit) -> Value {
     Value::Object(entry)
 }
 
-/// Mean of k_srs as estimated, and with the effect on each trial taken away.
-fn stiffness_shift(prepared: &Observations, fit: &Fit, kind: MechanismKind, trend: &Trend) -> Value {
+/// Mean of k_srs as fitted, and with the effect of the mechanism removed from each trial.
+fn stiffness_shift(
+    observations: &Observations,
+    fit: &Fit,
+    kind: MechanismKind,
+    covariate_effect: &CovariateEffect,
+) -> Value {
     let count = fit.parameters.len() as f64;
-    let values: Vec<f64> = trend.values.iter().map(|(value, _)| *value).collect();
+    let values: Vec<f64> = covariate_effect.values.iter().map(|(value, _)| *value).collect();
     let (mut before, mut after) = (0.0, 0.0);
     for (trial, own) in fit.parameters.iter().enumerate() {
         before += own[K_SRS] / count;
-        after += without_effect(prepared, fit, trial, kind, &values) / count;
+        after += without_effect(observations, fit, trial, kind, &values) / count;
     }
     json!({ "k_srs_nm_per_rad": { "before": before, "after": after } })
 }
 
-/// Mean residual by time for each velocity and torque, with its noise band, before and after the extension.
-fn residual_map(prepared: &Observations, before: &Fit, after: &Fit) -> Value {
-    let step = prepared.samples.div_ceil(50);
-    let samples: Vec<usize> = (0..prepared.samples).step_by(step).collect();
-    let (first, second) = (residuals(prepared, before), residuals(prepared, after));
-    let conditions = group_indices(prepared.trials.len(), |trial| prepared.trials[trial].condition);
+/// Mean residual over time of each condition, with its noise band, before and after the extension.
+fn residual_map(observations: &Observations, before: &Fit, after: &Fit) -> Value {
+    let step = observations.samples.div_ceil(50);
+    let samples: Vec<usize> = (0..observations.samples).step_by(step).collect();
+    let (first, second) = (residuals(observations, before), residuals(observations, after));
+    let conditions = group_indices(observations.trials.len(), |trial| observations.trials[trial].condition);
     let rows: Vec<Value> = conditions
         .values()
         .map(|trials| {
             let count = trials.len() as f64;
             let mean =
                 |of: &[Vec<f64>], sample: usize| trials.iter().map(|t| of[*t][sample]).sum::<f64>() / count;
-            let own = &prepared.trials[trials[0]];
-            let noise = prepared.noise_index[trials[0]].map(|index| &prepared.noise_covariances[index]);
+            let own = &observations.trials[trials[0]];
+            let noise =
+                observations.noise_index[trials[0]].map(|index| &observations.noise_covariances[index]);
             let band = |sample: usize| {
                 let noise = noise?;
-                let places: Vec<usize> = prepared.noise_samples().collect();
+                let places: Vec<usize> = observations.noise_samples().collect();
                 let place = places.iter().position(|place| *place >= sample)?;
                 Some(libm::sqrt(noise.covariance[(place, place)] / count))
             };
@@ -205,12 +217,12 @@ fn residual_map(prepared: &Observations, before: &Fit, after: &Fit) -> Value {
         })
         .collect();
     json!({
-        "time_s": samples.iter().map(|s| *s as f64 * prepared.period_s).collect::<Vec<_>>(),
+        "time_s": samples.iter().map(|s| *s as f64 * observations.period_s).collect::<Vec<_>>(),
         "conditions": rows,
     })
 }
 
-/// The mean residual of each condition over time as a line of blocks, before and after.
+/// Draws the mean residual of each condition over time as a line of block characters, before and after the extension.
 pub fn picture(map: &Value) -> String {
     const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let numbers = |value: &Value| -> Vec<f64> {
@@ -243,8 +255,8 @@ pub fn picture(map: &Value) -> String {
 }
 
 impl Diagnosis {
-    /// The base model with the named mechanisms at their values, which `fit`, `run` and `diagnose` accept.
-    pub fn model(&self, prepared: &Observations) -> Model {
+    /// The base model with the named mechanisms fixed at their values; `fit`, `run` and `diagnose` accept it.
+    pub fn model(&self, observations: &Observations) -> Model {
         let mut model = self.after.model.clone();
         let mut index = BASE_PARAMETERS.len();
         for switched in &mut model.mechanisms {
@@ -255,14 +267,16 @@ impl Diagnosis {
         }
         for cause in &self.causes {
             let values: Vec<f64> = match &cause.evidence {
-                Evidence::Trend(trend) => trend.values.iter().map(|(value, _)| *value).collect(),
-                Evidence::Hold { hum, .. } => vec![hum.amplitude_nm[0], hum.frequency_hz],
+                CauseEvidence::AcrossTrials(covariate_effect) => {
+                    covariate_effect.values.iter().map(|(value, _)| *value).collect()
+                }
+                CauseEvidence::Hold { hum, .. } => vec![hum.amplitude_nm[0], hum.frequency_hz],
                 _ => continue,
             };
             let parameters = values.into_iter().map(ParameterSpec::fixed).collect();
             model.mechanisms.push(AddedMechanism { kind: cause.kind, parameters });
         }
-        debug_assert_eq!(prepared.trials.len(), self.after.parameters.len());
+        debug_assert_eq!(observations.trials.len(), self.after.parameters.len());
         model
     }
 
@@ -272,14 +286,14 @@ impl Diagnosis {
     /// If a file cannot be written.
     pub fn write(
         &self,
-        prepared: &Observations,
+        observations: &Observations,
         json: &Value,
         disk: &Disk,
         folder: &Path,
     ) -> Result<(), WriteError> {
         let text = serde_json::to_string_pretty(json).unwrap_or_default() + "\n";
         let model =
-            self.model(prepared).to_json(Some("base model and the mechanisms that a diagnosis named"));
+            self.model(observations).to_json(Some("base model and the mechanisms that a diagnosis named"));
         write_files(disk, folder, &[("diagnosis.json", &text), ("model.json", &model)])
     }
 }

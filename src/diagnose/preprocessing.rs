@@ -1,36 +1,37 @@
-//! A session as a diagnosis looks at it: through a wide filter, with one motion for trials that move alike, without hum.
+//! Preprocessing for the diagnosis: a wide filter, input averaged over trials that move alike, mains hum removed.
 
-use super::mains_hum::{Hum, hum, without};
+use super::mains_hum::{DetectedHum, detect_hum, remove_hum};
 use crate::dataset::Session;
 use crate::fit::{Model, NoiseSource, Observations, PreprocessingError, PreprocessingSettings};
 use crate::signal::FilterSpec;
 
-/// What is diagnosed.
+/// A session preprocessed for the diagnosis.
 #[derive(Debug, Clone)]
-pub struct Look {
-    /// The session prepared.
-    pub prepared: Observations,
-    /// Hum that was found and that the model does not have, and the session with it.
-    pub hum: Option<(Hum, Box<Observations>)>,
-    /// How many trials the session has that can be used; of many, some are looked at.
-    pub usable: usize,
+pub struct DiagnosisInput {
+    /// The observations, without hum.
+    pub observations: Observations,
+    /// Hum that was found and is not in the model, and the observations that contain it.
+    pub hum: Option<(DetectedHum, Box<Observations>)>,
+    /// Number of usable_trials trials of the session; `observations` may hold only some of them.
+    pub usable_trials: usize,
 }
 
-/// Most trials that are looked at. Every mechanism of the catalogue is fitted to them several times, and causes that this many
-/// do not tell apart are told apart by another protocol rather than by more of the same.
-const MOST_TRIALS: usize = 48;
+/// Largest number of trials that are analysed. Every mechanism of the catalogue is fitted to them several times. Causes that this many
+/// trials do not distinguish need another protocol rather than more of the same trials.
+const MAX_DIAGNOSED_TRIALS: usize = 48;
 
-/// Cut-off of the filter that a diagnosis looks through, Hz, and the part of the sampling rate that it stays below.
+/// Cut-off frequency of the diagnosis filter, Hz.
 ///
-/// Behind the paper's 50 Hz a joint damping or a stretch reflex leaves less than one standard deviation of a session's noise;
-/// up to 300 Hz it leaves eight or more. Residuals are weighed by the measured noise, so its share beyond 50 Hz does no harm.
-const CUTOFF_HZ: f64 = 300.0;
-const PART_OF_RATE: f64 = 0.16;
+/// Through the paper's 50 Hz filter, joint damping or a stretch reflex changes the torque by less than one standard deviation of a
+/// session's noise; through 300 Hz by eight or more. The noise above 50 Hz does no harm: residuals are weighted by the measured noise.
+const DIAGNOSIS_CUTOFF_HZ: f64 = 300.0;
+/// Largest cut-off frequency of the diagnosis filter, as a fraction of the sampling rate.
+const MAX_CUTOFF_FRACTION: f64 = 0.16;
 
-impl Look {
-    /// Looks at `session` in the light of `model`.
+impl DiagnosisInput {
+    /// Preprocesses `session` for a diagnosis under `model`.
     ///
-    /// Where the holds are too short to tell the noise, it is taken from how the repetitions differ.
+    /// Where the holds are too short to measure the noise, it is estimated from the differences between repetitions.
     ///
     /// # Errors
     /// As [`Observations::new`].
@@ -40,13 +41,15 @@ impl Look {
         model: &Model,
     ) -> Result<Self, PreprocessingError> {
         if let Some(frequency_hz) = model.hum_hz() {
-            let (prepared, usable) = prepare(&without(session, frequency_hz), view, model)?;
-            return Ok(Self { prepared, hum: None, usable });
+            let (observations, usable_trials) = prepare(&remove_hum(session, frequency_hz), view, model)?;
+            return Ok(Self { observations, hum: None, usable_trials });
         }
-        let (as_it_is, usable) = prepare(session, view, model)?;
-        let Some(found) = hum(session) else { return Ok(Self { prepared: as_it_is, hum: None, usable }) };
-        let (prepared, usable) = prepare(&without(session, found.frequency_hz), view, model)?;
-        Ok(Self { prepared, hum: Some((found, Box::new(as_it_is))), usable })
+        let (as_it_is, usable_trials) = prepare(session, view, model)?;
+        let Some(found) = detect_hum(session) else {
+            return Ok(Self { observations: as_it_is, hum: None, usable_trials });
+        };
+        let (observations, usable_trials) = prepare(&remove_hum(session, found.frequency_hz), view, model)?;
+        Ok(Self { observations, hum: Some((found, Box::new(as_it_is))), usable_trials })
     }
 }
 
@@ -56,20 +59,27 @@ fn prepare(
     model: &Model,
 ) -> Result<(Observations, usize), PreprocessingError> {
     let FilterSpec::Butterworth { order, cutoff_hz, zero_phase } = view.filter;
-    let wide = CUTOFF_HZ.min(PART_OF_RATE * session.sample_rate_hz).max(cutoff_hz);
+    let wide = DIAGNOSIS_CUTOFF_HZ.min(MAX_CUTOFF_FRACTION * session.sample_rate_hz).max(cutoff_hz);
     let filter = FilterSpec::Butterworth { order, cutoff_hz: wide, zero_phase };
-    let mut prepared = Observations::new(session, PreprocessingSettings { filter, ..view })?;
-    prepared.average_motion();
-    if prepared.noise_source != Some(NoiseSource::Holds) {
-        prepared.take_noise_from_repetitions(model);
+    let mut observations = Observations::new(session, PreprocessingSettings { filter, ..view })?;
+    observations.average_motion();
+    if observations.noise_source != Some(NoiseSource::Holds) {
+        observations.take_noise_from_repetitions(model);
     }
-    let usable = prepared.trials.len();
-    Ok((if usable > MOST_TRIALS { prepared.subset(&some(&prepared)) } else { prepared }, usable))
+    let usable_trials = observations.trials.len();
+    Ok((
+        if usable_trials > MAX_DIAGNOSED_TRIALS {
+            observations.subset(&some(&observations))
+        } else {
+            observations
+        },
+        usable_trials,
+    ))
 }
 
-/// As many trials as are looked at, spread evenly over the conditions and within each over its repetitions.
-fn some(prepared: &Observations) -> Vec<usize> {
-    let count = prepared.trials.len();
-    // Trials come by condition and repetition.
-    (0..MOST_TRIALS).map(|place| (2 * place + 1) * count / (2 * MOST_TRIALS)).collect()
+/// Indices of the trials that are analysed, spread evenly over the conditions and over the repetitions of each.
+fn some(observations: &Observations) -> Vec<usize> {
+    let count = observations.trials.len();
+    // Trials are sorted by condition and repetition.
+    (0..MAX_DIAGNOSED_TRIALS).map(|place| (2 * place + 1) * count / (2 * MAX_DIAGNOSED_TRIALS)).collect()
 }

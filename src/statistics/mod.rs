@@ -23,7 +23,7 @@ pub use least_squares::{WeightedRegression, slope_through_origin};
 pub use moments::{Contrast, MeanCovariance, MeanVariance};
 pub use multiple_testing::holm;
 pub use reliability::{Reliability, reliability};
-pub use repeated_measures_anova::{Effect, FactorLevels, Mauchly, anova};
+pub use repeated_measures_anova::{AnovaEffect, FactorLevels, Mauchly, anova};
 pub use welch::welch;
 
 #[cfg(test)]

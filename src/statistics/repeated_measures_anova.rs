@@ -20,7 +20,7 @@ pub struct FactorLevels {
 
 /// A main effect or the interaction: one line of the analysis-of-variance table.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Effect {
+pub struct AnovaEffect {
     /// Whether the first and the second factor take part; both do in the interaction.
     pub factors: [bool; 2],
     /// F ratio of the effect to its error.
@@ -67,7 +67,7 @@ const ROUNDING_OF_SQUARES: f64 = 1e-24;
 
 /// The effects of both factors and of their interaction. A factor with one level has no effect, and a quantity that is equal in
 /// all cells has none. `None` with fewer than two subjects.
-pub fn anova(moments: &MeanCovariance, levels: FactorLevels) -> Option<Vec<Effect>> {
+pub fn anova(moments: &MeanCovariance, levels: FactorLevels) -> Option<Vec<AnovaEffect>> {
     let covariance = moments.covariance()?;
     let (first, second) = (Contrasts::of(levels.first), Contrasts::of(levels.second));
     let all = [
@@ -128,7 +128,7 @@ fn effect(
     moments: &MeanCovariance,
     spread: &DMatrix<f64>,
     contrasts: &DMatrix<f64>,
-) -> Effect {
+) -> AnovaEffect {
     let subjects = moments.count() as f64;
     let d = contrasts.ncols() as f64;
     let means: DVector<f64> = contrasts.transpose() * moments.mean();
@@ -144,7 +144,7 @@ fn effect(
     // With too few subjects the denominator is negative and epsilon is not defined: no correction then.
     let epsilon_hf = if subjects - 1.0 > d * epsilon_gg { epsilon_hf } else { 1.0 };
     let corrected = |epsilon: f64| f_tail(f, [epsilon * df[0], epsilon * df[1]]);
-    Effect {
+    AnovaEffect {
         factors,
         f,
         df,

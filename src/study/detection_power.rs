@@ -9,7 +9,7 @@ use super::error::UnitError;
 use super::plan::{Study, UnitSource};
 use super::power::{PowerEstimate, ResamplingPlan};
 use super::unit_session::{SessionStorage, simulate_unit, view};
-use crate::diagnose::{Look, diagnose};
+use crate::diagnose::{DiagnosisInput, diagnose};
 use crate::fit::Model;
 use crate::random::Stream;
 use crate::rig::virtual_wrist::MechanismList;
@@ -74,7 +74,7 @@ fn detections_in_unit(
         let mut part = session.clone();
         part.trials.retain(|trial| trial.repetition <= *most);
         let model = Model::paper();
-        let diagnosis = diagnose(&Look::new(&part, view(protocol), &model)?, &model, seed, &|_| ());
+        let diagnosis = diagnose(&DiagnosisInput::new(&part, view(protocol), &model)?, &model, seed, &|_| ());
         let kinds = diagnosis.causes.iter().map(|cause| cause.kind.id());
         Ok(kinds.into_iter().any(|id| mechanisms.kinds.iter().any(|kind| kind.id() == id)))
     };

@@ -1,7 +1,7 @@
 //! The result tables of a study as CSV: one row per test, numbers in full precision.
 
 use crate::fit::QUANTITIES;
-use crate::statistics::{Contrast, Effect, MeanCovariance, anova, holm, reliability};
+use crate::statistics::{AnovaEffect, Contrast, MeanCovariance, anova, holm, reliability};
 
 use super::aggregation::StudySummary;
 use super::condition_grid::ConditionGrid;
@@ -22,7 +22,7 @@ pub struct ResultTable {
 #[derive(Debug, Clone)]
 pub struct ResultTables {
     /// Analysis of variance of each quantity, in the order of [`QUANTITIES`]; empty with fewer than two subjects.
-    pub effects: Vec<Vec<Effect>>,
+    pub effects: Vec<Vec<AnovaEffect>>,
     /// The tables as files.
     pub files: Vec<ResultTable>,
 }
@@ -31,7 +31,7 @@ impl ResultTables {
     /// Computes all tables.
     pub fn of(summary: &StudySummary) -> Self {
         let grid = &summary.grid;
-        let effects: Vec<Vec<Effect>> = summary
+        let effects: Vec<Vec<AnovaEffect>> = summary
             .complete
             .iter()
             .map(|moments| anova(moments, grid.factor_levels()).unwrap_or_default())
@@ -50,7 +50,7 @@ impl ResultTables {
 }
 
 /// Name of an effect in the tables.
-pub fn effect_name(effect: &Effect) -> &'static str {
+pub fn effect_name(effect: &AnovaEffect) -> &'static str {
     match effect.factors {
         [true, false] => "velocity",
         [false, true] => "torque",
@@ -80,7 +80,7 @@ fn means_table(summary: &StudySummary) -> String {
     text
 }
 
-fn anova_table(effects: &[Vec<Effect>], moments: &[MeanCovariance]) -> String {
+fn anova_table(effects: &[Vec<AnovaEffect>], moments: &[MeanCovariance]) -> String {
     let mut text = "quantity,effect,persons,f,df_effect,df_error,p,epsilon_gg,p_gg,epsilon_hf,p_hf,mauchly_w,\
                     mauchly_chi_square,mauchly_df,mauchly_p,partial_eta_squared,generalised_eta_squared,ss,ss_error\n"
         .to_owned();

@@ -1,4 +1,4 @@
-//! How the elastic limit goes with velocity and torque.
+//! Regression of the elastic limit on velocity and torque: is the limit a time or an angle?
 
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -7,75 +7,81 @@ use crate::fit::{Fit, Observations, X_E};
 use crate::statistics::{MeanVariance, WeightedRegression};
 use crate::wrist::mechanisms::EvidenceSource;
 
-/// Which law the elastic limits follow over the velocities.
+/// Form of the dependence of the elastic limit on velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Law {
-    /// x_e = v x_t: the muscle yields after a time.
+pub enum LimitForm {
+    /// x_e = v x_t: the muscle yields after a constant time.
     TimedYield,
-    /// x_e = x_0: it yields at an angle.
+    /// x_e = x_0: the muscle yields at a constant angle.
     FixedAngle,
-    /// x_e = x_0 + v x_t, and neither part is zero.
+    /// x_e = x_0 + v x_t with both parts different from zero.
     Linear,
-    /// The data cannot tell.
+    /// The data do not decide between the forms.
     Undecided,
 }
 
-/// How x_e goes with velocity and torque: values with their standard errors.
+/// Regression x_e = x_0 + v x_t + torque term. Coefficients come with their standard errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LimitLaw {
-    /// The law.
-    pub law: Law,
-    /// x_0 of x_e = x_0 + v x_t, rad.
+pub struct ElasticLimitLaw {
+    /// The form that the coefficients support.
+    pub law: LimitForm,
+    /// x_0 at the mean torque, rad.
     pub x_0_rad: (f64, f64),
     /// x_t, s.
     pub x_t_s: (f64, f64),
-    /// Change with torque, rad/(N m).
+    /// Slope over torque, rad/(N m).
     pub per_torque_rad_per_nm: (f64, f64),
 }
 
-/// Fewest trials with a limit of their own.
-const FEWEST: usize = 9;
+/// Smallest number of trials with a visible elastic limit for the regression.
+const MIN_LIMIT_TRIALS: usize = 9;
 
-/// A part of the limit that is known no better than to this share of the mean limit is not said to be zero. Assumed.
-const KNOWN_TO: f64 = 0.1;
+/// A part of the limit is called zero only if its 95 % interval extends less than this fraction of the mean limit. Assumed.
+const NEGLIGIBLE_FRACTION: f64 = 0.1;
 
-/// Half of a 95 % interval, in standard errors.
-const HALF_INTERVAL: f64 = 1.96;
+/// Half width of a 95 % interval, in standard errors.
+const HALF_INTERVAL_95: f64 = 1.96;
 
-/// A part of the limit is not zero if it is this many standard errors: 99 %, as of a misfit.
-const NOT_ZERO: f64 = 2.58;
+/// A part of the limit is called different from zero beyond this many standard errors (two-sided level 0.01).
+const NONZERO_STANDARD_ERRORS: f64 = 2.58;
 
 /// Each trial's elastic limit, rad.
 fn limits(fit: &Fit) -> Vec<f64> {
     fit.parameters.iter().map(|own| own[X_E]).collect()
 }
 
-/// The law of a fit's elastic limits; `simulated` are those of sessions simulated with that fit as the truth.
+/// Regression of a fit's elastic limits; `simulated` are the limits in sessions simulated with that fit as the truth, rad.
 ///
-/// Weighed least squares on one, velocity and torque. A trial's weight is from its noise, which is how its limit scatters between the
-/// simulated sessions, and from the variance between trials, which is what the limits scatter by beyond that (Paule and Mandel
-/// 1982). Errors that trials have in common, of the inertia or of a velocity's recorded motion, do not show in that scatter: they
-/// are in how the coefficients scatter between the simulated sessions. `None` if velocity or torque does not vary, if too few
-/// limits are seen, or if the model has a law for them.
-pub fn limit_law(prepared: &Observations, fit: &Fit, simulated: &[Vec<f64>]) -> Option<LimitLaw> {
+/// Weighted least squares on a constant, velocity and torque. The variance of a trial is the sum of its noise variance, from the scatter
+/// of its limit between the simulated sessions, and a variance between trials (Paule and Mandel 1982). Errors that trials have in
+/// common, such as those of the inertia or of the averaged input, appear in the scatter of the coefficients between the simulated
+/// sessions, which is part of the standard errors. `None` if velocity or torque does not vary, if too few limits are visible, or if the
+/// model prescribes a law for them.
+pub fn elastic_limit_law(
+    observations: &Observations,
+    fit: &Fit,
+    simulated: &[Vec<f64>],
+) -> Option<ElasticLimitLaw> {
     let trials: Vec<usize> =
-        (0..prepared.trials.len()).filter(|trial| is_seen(prepared, fit, *trial)).collect();
-    if trials.len() < FEWEST || fit.kinds.iter().any(|kind| kind.evidence() == EvidenceSource::LimitLaw) {
+        (0..observations.trials.len()).filter(|trial| is_seen(observations, fit, *trial)).collect();
+    if trials.len() < MIN_LIMIT_TRIALS
+        || fit.kinds.iter().any(|kind| kind.evidence() == EvidenceSource::LimitLaw)
+    {
         return None;
     }
     let own = limits(fit);
     let scatter = |t: &usize| simulated.iter().map(|limits| limits[*t]).collect::<MeanVariance>().variance();
     let noise: Vec<f64> = trials.iter().map(scatter).collect::<Option<_>>()?;
     let mean = |of: &dyn Fn(usize) -> f64| trials.iter().map(|t| of(*t)).sum::<f64>() / trials.len() as f64;
-    let mean_torque = mean(&|trial| prepared.trials[trial].torque_nm);
+    let mean_torque = mean(&|trial| observations.trials[trial].torque_nm);
     let row = |trial: &usize| {
-        let own = &prepared.trials[*trial];
+        let own = &observations.trials[*trial];
         Vector3::new(1.0, own.velocity_rad_s.abs(), own.torque_nm - mean_torque)
     };
     let rows: Vec<Vector3<f64>> = trials.iter().map(row).collect();
     let of_trials = |limits: &[f64]| trials.iter().map(|t| limits[*t]).collect::<Vec<f64>>();
-    let plane = Plane::between(&rows, &noise, &of_trials(&own))?;
+    let plane = LimitRegression::between(&rows, &noise, &of_trials(&own))?;
     let coefficients = plane.coefficients(&of_trials(&own));
     let in_simulated: Vec<Vector3<f64>> =
         simulated.iter().map(|limits| plane.coefficients(&of_trials(limits))).collect();
@@ -86,46 +92,46 @@ pub fn limit_law(prepared: &Observations, fit: &Fit, simulated: &[Vec<f64>]) -> 
         Some((coefficients[index], libm::sqrt(in_common + between_trials)))
     };
     let (x_0, x_t, per_torque) = (value(0)?, value(1)?, value(2)?);
-    // What the mean limit owes to each.
+    // Contributions to the mean limit.
     let limit = mean(&|trial| own[trial]);
-    let velocity = mean(&|trial| prepared.trials[trial].velocity_rad_s.abs());
-    let part = |(value, se): (f64, f64), by: f64| Part::of(by * value / limit, by * se / limit);
+    let velocity = mean(&|trial| observations.trials[trial].velocity_rad_s.abs());
+    let part = |(value, se): (f64, f64), by: f64| LimitPart::of(by * value / limit, by * se / limit);
     let law = match (part(x_0, 1.0), part(x_t, velocity)) {
-        (Part::Zero, Part::Some) => Law::TimedYield,
-        (Part::Some, Part::Zero) => Law::FixedAngle,
-        (Part::Some, Part::Some) => Law::Linear,
-        _ => Law::Undecided,
+        (LimitPart::Zero, LimitPart::Some) => LimitForm::TimedYield,
+        (LimitPart::Some, LimitPart::Zero) => LimitForm::FixedAngle,
+        (LimitPart::Some, LimitPart::Some) => LimitForm::Linear,
+        _ => LimitForm::Undecided,
     };
-    Some(LimitLaw { law, x_0_rad: x_0, x_t_s: x_t, per_torque_rad_per_nm: per_torque })
+    Some(ElasticLimitLaw { law, x_0_rad: x_0, x_t_s: x_t, per_torque_rad_per_nm: per_torque })
 }
 
-/// Whether a trial yields within the window. One that does so at its end or later has a limit that its neighbours told.
-fn is_seen(prepared: &Observations, fit: &Fit, trial: usize) -> bool {
-    let window_s = prepared.samples as f64 * prepared.period_s;
-    let within = |time_s: f64| time_s < SEEN * window_s;
-    !fit.at_bound(trial, X_E) && fit.x_t_s(prepared, trial).is_some_and(within)
+/// Whether a trial yields within the window. Otherwise its limit follows from those of other trials.
+fn is_seen(observations: &Observations, fit: &Fit, trial: usize) -> bool {
+    let window_s = observations.samples as f64 * observations.period_s;
+    let within = |time_s: f64| time_s < LATEST_VISIBLE_YIELD * window_s;
+    !fit.at_bound(trial, X_E) && fit.x_t_s(observations, trial).is_some_and(within)
 }
 
-/// Part of the window after which a yield does not show. Assumed.
-const SEEN: f64 = 0.95;
+/// Latest time of a visible yield, as a fraction of the window. Assumed.
+const LATEST_VISIBLE_YIELD: f64 = 0.95;
 
-/// Weighed least squares.
-struct Plane {
-    /// What each trial's limit counts in each coefficient.
+/// Weighted least squares with a variance between trials.
+struct LimitRegression {
+    /// Weight of each trial's limit in each coefficient.
     shares: Vec<Vector3<f64>>,
     /// Variance between the trials beyond their noise, rad2.
     variance_between: f64,
 }
 
-impl Plane {
-    /// With the variance between trials that makes the weighed residuals as large as expected.
+impl LimitRegression {
+    /// Estimates the variance between trials for which the weighted sum of squares equals its degrees of freedom.
     fn between(rows: &[Vector3<f64>], noise: &[f64], limits: &[f64]) -> Option<Self> {
         let mut low = Self::with(rows, noise, 0.0)?;
         if low.excess(rows, noise, limits) <= 0.0 {
             return Some(low);
         }
         let mut high = limits.iter().copied().collect::<MeanVariance>().variance()?;
-        for _ in 0..BISECTIONS {
+        for _ in 0..VARIANCE_BISECTIONS {
             let middle = Self::with(rows, noise, 0.5 * (low.variance_between + high))?;
             if middle.excess(rows, noise, limits) > 0.0 {
                 low = middle;
@@ -150,7 +156,7 @@ impl Plane {
         self.shares.iter().zip(limits).map(|(share, limit)| share * *limit).sum()
     }
 
-    /// The weighed sum of squares less its degrees of freedom.
+    /// Weighted sum of squares less its degrees of freedom.
     fn excess(&self, rows: &[Vector3<f64>], noise: &[f64], limits: &[f64]) -> f64 {
         let coefficients = self.coefficients(limits);
         let square = |((row, noise), limit): ((&Vector3<f64>, &f64), &f64)| {
@@ -161,25 +167,26 @@ impl Plane {
     }
 }
 
-const BISECTIONS: usize = 30;
+/// Number of bisections of the variance between trials.
+const VARIANCE_BISECTIONS: usize = 30;
 
-/// What is known of a part of the limit.
-enum Part {
-    /// It may well be zero, and not much else.
+/// Whether a part of the limit differs from zero.
+enum LimitPart {
+    /// Consistent with zero, and known to be small.
     Zero,
-    /// It is not zero.
+    /// Different from zero.
     Some,
-    /// It may be zero and may be much.
+    /// Consistent with zero and with a large value.
     Unknown,
 }
 
-impl Part {
-    /// Of a share of the mean limit and its standard error.
+impl LimitPart {
+    /// Classifies a fraction of the mean limit by its standard error `se`.
     fn of(share: f64, se: f64) -> Self {
-        let half = HALF_INTERVAL * se;
-        if share.abs() > NOT_ZERO * se {
+        let half = HALF_INTERVAL_95 * se;
+        if share.abs() > NONZERO_STANDARD_ERRORS * se {
             Self::Some
-        } else if half < KNOWN_TO {
+        } else if half < NEGLIGIBLE_FRACTION {
             Self::Zero
         } else {
             Self::Unknown
@@ -187,11 +194,11 @@ impl Part {
     }
 }
 
-impl LimitLaw {
+impl ElasticLimitLaw {
     /// The law with its values and 95 % intervals.
     pub fn to_json(&self) -> Value {
         let value = |(value, se): (f64, f64)| {
-            let half = HALF_INTERVAL * se;
+            let half = HALF_INTERVAL_95 * se;
             json!({ "value": value, "low": value - half, "high": value + half })
         };
         json!({
@@ -204,23 +211,23 @@ impl LimitLaw {
     }
 }
 
-impl std::fmt::Display for LimitLaw {
-    /// One line for a person.
+impl std::fmt::Display for ElasticLimitLaw {
+    /// One line for the terminal.
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let says = match self.law {
-            Law::TimedYield => "a time: x_e = v x_t",
-            Law::FixedAngle => "an angle: x_e = x_0",
-            Law::Linear => "x_e = x_0 + v x_t",
-            Law::Undecided => "x_e = x_0 + v x_t, too uncertain to tell a time from an angle",
+            LimitForm::TimedYield => "a time: x_e = v x_t",
+            LimitForm::FixedAngle => "an angle: x_e = x_0",
+            LimitForm::Linear => "x_e = x_0 + v x_t",
+            LimitForm::Undecided => "x_e = x_0 + v x_t, too uncertain to tell a time from an angle",
         };
         let (x_0, x_t) = (self.x_0_rad, self.x_t_s);
         write!(
             formatter,
             "{says}; x_t = {:.1} ms (+- {:.1}), x_0 = {:.1} mrad (+- {:.1})",
             1e3 * x_t.0,
-            1e3 * HALF_INTERVAL * x_t.1,
+            1e3 * HALF_INTERVAL_95 * x_t.1,
             1e3 * x_0.0,
-            1e3 * HALF_INTERVAL * x_0.1
+            1e3 * HALF_INTERVAL_95 * x_0.1
         )
     }
 }
@@ -231,7 +238,7 @@ mod tests {
     use crate::random::Stream;
 
     #[test]
-    fn what_trials_differ_by_is_told_from_their_noise() {
+    fn the_variance_between_trials_is_separated_from_their_noise() {
         let row = |trial: u32| Vector3::new(1.0, f64::from(trial % 4), f64::from(trial / 4 % 3) - 1.0);
         let rows: Vec<Vector3<f64>> = (0..36).map(row).collect();
         let noise: Vec<f64> = (0..36).map(|trial| 0.5 + f64::from(trial % 3)).collect();
@@ -242,7 +249,7 @@ mod tests {
                     row.dot(&Vector3::new(3.0, 20.0, -1.0)) + libm::sqrt(noise + between) * stream.normal()
                 };
                 let limits: Vec<f64> = rows.iter().zip(&noise).map(limit).collect();
-                let plane = Plane::between(&rows, &noise, &limits).unwrap();
+                let plane = LimitRegression::between(&rows, &noise, &limits).unwrap();
                 (plane.variance_between, plane.coefficients(&limits)[1])
             };
             let draws: Vec<(f64, f64)> = (0..400).map(|_| draw()).collect();
@@ -255,8 +262,8 @@ mod tests {
 
     #[test]
     fn a_part_is_zero_only_if_it_is_known_to_be_small() {
-        assert!(matches!(Part::of(0.2, 0.05), Part::Some));
-        assert!(matches!(Part::of(0.05, 0.04), Part::Zero));
-        assert!(matches!(Part::of(0.05, 0.08), Part::Unknown));
+        assert!(matches!(LimitPart::of(0.2, 0.05), LimitPart::Some));
+        assert!(matches!(LimitPart::of(0.05, 0.04), LimitPart::Zero));
+        assert!(matches!(LimitPart::of(0.05, 0.08), LimitPart::Unknown));
     }
 }

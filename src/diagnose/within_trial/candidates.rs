@@ -1,4 +1,4 @@
-//! Full refits of the shortlist, and which of them the data cannot tell apart.
+//! Candidate mechanisms: the model extended by each mechanism and fitted in full.
 
 use rayon::prelude::*;
 
@@ -6,24 +6,24 @@ use super::score_test::Probe;
 use crate::fit::{ExtensionSearch, Fit, Model, Observations, ScreenedExtension};
 use crate::wrist::mechanisms::MechanismKind;
 
-/// A mechanism added to a fit, all parameters fitted anew.
+/// A mechanism added to the model, with all parameters refitted.
 #[derive(Debug, Clone)]
 pub struct Candidate {
-    /// Which.
+    /// The mechanism.
     pub kind: MechanismKind,
-    /// The fit with it.
+    /// The fit with the mechanism.
     pub fit: Fit,
-    /// What the sum of squares lost, in units of the noise.
-    pub worth: f64,
+    /// Decrease of the whitened sum of squares, relative to the residual variance of the best candidate (chi-square units).
+    pub chi_square_gain: f64,
 }
 
 impl Candidate {
-    /// The worth less what as many free parameters gain from noise alone.
-    pub fn merit(&self) -> f64 {
-        self.worth - 2.0 * fitted_count(self.kind) as f64
+    /// `chi_square_gain` less 2 per fitted parameter (as Akaike's criterion).
+    pub fn penalised_gain(&self) -> f64 {
+        self.chi_square_gain - 2.0 * fitted_count(self.kind) as f64
     }
 
-    /// The values of its parameters.
+    /// Values of the mechanism's parameters.
     pub fn values(&self) -> &[f64] {
         self.fit.added()
     }
@@ -33,53 +33,55 @@ fn fitted_count(kind: MechanismKind) -> usize {
     kind.parameters().iter().filter(|parameter| parameter.fitted).count()
 }
 
-/// The mechanisms that were fitted, the best first.
+/// The candidates that were fitted.
 #[derive(Debug, Clone)]
-pub struct Shortlist {
-    /// They.
+pub struct RankedCandidates {
+    /// The candidates, the best first.
     pub candidates: Vec<Candidate>,
-    /// Variance of the residuals over what the noise says, at the best of them; at least one.
+    /// Ratio of the residual variance to the noise variance for the best candidate; at least 1.
     pub unit: f64,
 }
 
-impl Shortlist {
-    /// The same with one of its kinds in front.
-    pub fn led_by(mut self, kind: MechanismKind) -> Self {
+impl RankedCandidates {
+    /// The candidates with one mechanism moved to the front.
+    pub fn with_first(mut self, kind: MechanismKind) -> Self {
         self.candidates.sort_by_key(|own| own.kind != kind);
         self
     }
 }
 
-/// A mechanism is fitted to all trials if what it promises on some comes this near to what the best does, in units of the noise, or
-/// as a part of that.
-const PROMISED: f64 = 80.0;
-const PART_PROMISED: f64 = 0.35;
+/// A mechanism is fitted to all trials if the decrease of chi-square predicted from some of the trials is within this distance of the
+/// best mechanism's.
+const PROMISING_DISTANCE: f64 = 80.0;
+/// Alternative to `PROMISING_DISTANCE`, as a fraction of the best mechanism's predicted decrease; the larger distance applies.
+const PROMISING_FRACTION: f64 = 0.35;
 
-/// A mechanism that was fitted roughly is fitted with all care if it comes this near to the best, in units of the noise, or as
-/// a part of what the best is worth: yields that a rough fit leaves in the wrong place cost as much.
-const WITHIN_REACH: f64 = 40.0;
-const PART_OF_BEST: f64 = 0.06;
+/// A roughly fitted mechanism is refined if its decrease of chi-square is within this distance of the best: elastic limits at a wrong
+/// local optimum cost as much.
+const REFINED_DISTANCE: f64 = 40.0;
+/// Alternative to `REFINED_DISTANCE`, as a fraction of the best mechanism's decrease; the larger distance applies.
+const REFINED_FRACTION: f64 = 0.06;
 
-/// It is not if it is worth less than this part of the best, however little that is.
-const LEAST_PART: f64 = 0.25;
+/// Smallest decrease of chi-square, as a fraction of the best mechanism's, with which a mechanism is refined.
+const MIN_REFINED_FRACTION: f64 = 0.25;
 
-/// Every mechanism that was probed, fitted in full; the best with all care. The best first.
+/// Fits the model of `fit` extended by each probed mechanism, and refines the best. `chi_square_gain` is relative to the fit `before`.
 ///
-/// What screening promises tells where to start, not whom to leave out: a model that lacks something large has gone to where
-/// the step to the right mechanism is not straight. So each starts from a guess of its own, and, since what is missing may
-/// also be small, from where `fit` ended. What each is worth counts from the fit `before`.
+/// The score test chooses starting values and excludes no mechanism: the optimum of a model that lacks a large effect can be far from
+/// that of the right model, where a linear approximation fails. Each extension starts from its own starting values and, for small
+/// effects, from the optimum of `fit`.
 pub fn candidates(
-    prepared: &Observations,
+    observations: &Observations,
     before: &Fit,
     fit: &Fit,
     probes: &[Probe],
     freedom: f64,
-) -> Shortlist {
+) -> RankedCandidates {
     let mut kinds: Vec<MechanismKind> = probes.iter().map(|probe| probe.kind).collect();
     kinds.dedup();
     let before = before.cost();
-    let search = ExtensionSearch::new(prepared, fit);
-    let candidate = |fit: Fit, kind| Candidate { kind, worth: 2.0 * (before - fit.cost()), fit };
+    let search = ExtensionSearch::new(observations, fit);
+    let candidate = |fit: Fit, kind| Candidate { kind, chi_square_gain: 2.0 * (before - fit.cost()), fit };
     let mut glances: Vec<(MechanismKind, ScreenedExtension)> = kinds
         .into_par_iter()
         .map(|kind| {
@@ -89,30 +91,29 @@ pub fn candidates(
         })
         .collect();
     let best = glances.iter().map(|(_, glance)| glance.predicted_gain).fold(0.0, f64::max);
-    let within = PROMISED.max(PART_PROMISED * best);
+    let within = PROMISING_DISTANCE.max(PROMISING_FRACTION * best);
     glances.retain(|(_, glance)| glance.predicted_gain > best - within);
     let mut rough: Vec<Candidate> =
         glances.into_par_iter().map(|(kind, glance)| candidate(search.complete(&glance), kind)).collect();
-    rough.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-    let best = rough.first().map_or(0.0, |own| own.worth);
-    let least = (best - WITHIN_REACH.max(PART_OF_BEST * best)).max(LEAST_PART * best);
-    rough.retain(|own| own.worth >= least);
+    rough.sort_by(|a, b| b.chi_square_gain.total_cmp(&a.chi_square_gain));
+    let best = rough.first().map_or(0.0, |own| own.chi_square_gain);
+    let least = (best - REFINED_DISTANCE.max(REFINED_FRACTION * best)).max(MIN_REFINED_FRACTION * best);
+    rough.retain(|own| own.chi_square_gain >= least);
     let mut settled: Vec<Candidate> = rough
         .into_par_iter()
-        .map(|own| candidate(search.restart(own.fit).refined(prepared), own.kind))
+        .map(|own| candidate(search.restart(own.fit).refined(observations), own.kind))
         .collect();
     let best = settled.iter().map(|own| 2.0 * own.fit.cost()).fold(f64::INFINITY, f64::min);
     let unit = (best / freedom).clamp(1.0, f64::MAX);
-    settled.iter_mut().for_each(|own| own.worth /= unit);
-    settled.sort_by(|a, b| b.merit().total_cmp(&a.merit()));
+    settled.iter_mut().for_each(|own| own.chi_square_gain /= unit);
+    settled.sort_by(|a, b| b.penalised_gain().total_cmp(&a.penalised_gain()));
     for own in &settled {
-        tracing::debug!(beside = ?fit.kinds, candidate = own.kind.id(), worth = own.worth, values = ?own.values());
+        tracing::debug!(beside = ?fit.kinds, candidate = own.kind.id(), chi_square_gain = own.chi_square_gain, values = ?own.values());
     }
-    Shortlist { candidates: settled, unit }
+    RankedCandidates { candidates: settled, unit }
 }
 
-/// The model of `fit` with a probe's mechanism, which starts at the values probed: how far it will go, and to which side, is for
-/// the fit to find, since a step to it is seldom straight.
+/// The model of `fit` extended by a probe's mechanism, which starts at the values of the probe.
 fn model_with(fit: &Fit, probe: &Probe) -> Model {
     let mut model = fit.model.clone().with(probe.kind);
     if let Some(added) = model.mechanisms.last_mut() {

@@ -2,53 +2,59 @@
 
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, Shortlist};
-use super::discrepancy::Added;
+use super::candidates::{Candidate, RankedCandidates};
+use super::discrepancy::AddedTorque;
 use super::null_distribution::simulated;
 use crate::fit::{Fit, NoiseSampler, Observations};
 use crate::random::Stream;
 use crate::statistics::MeanVariance;
 use crate::wrist::mechanisms::MechanismKind;
 
-/// How many sessions are simulated from each rival: one win is 5 %.
-const SIMULATIONS: usize = 19;
+/// Number of sessions simulated with each rival as the truth: one that reaches the observed lead means p = 0.05.
+const CONFUSABILITY_SIMULATIONS: usize = 19;
 
-/// After so many of them, a lead that one more would reach with a probability below 0.005 (by Student's t) is taken for out of reach.
-const FIRST_SIMULATIONS: usize = 6;
-const OUT_OF_REACH: f64 = 4.4;
+/// Number of simulated sessions after which the test may stop early.
+const EARLY_STOP_SIMULATIONS: usize = 6;
+/// Standard deviations above the mean of the first simulated leads beyond which the test stops early: Student's t with probability 0.005
+/// of being exceeded by one more session.
+const EARLY_STOP_T: f64 = 4.4;
 
-/// A rival that would have to be this much worse to be ruled out without simulation, in units of the noise or as a part of
-/// what the first is worth.
-const FAR_BEHIND: f64 = 60.0;
-const FAR_BEHIND_PART: f64 = 0.04;
+/// Lead (difference in decrease of chi-square) from which a rival is ruled out without simulation.
+const CLEAR_LEAD: f64 = 60.0;
+/// Alternative to `CLEAR_LEAD`, as a fraction of the first candidate's decrease of chi-square; the larger lead applies.
+const CLEAR_LEAD_FRACTION: f64 = 0.04;
 
-/// By how much that is, of a first that is worth so much.
-pub fn far_behind(worth: f64) -> f64 {
-    FAR_BEHIND.max(FAR_BEHIND_PART * worth)
+/// Lead from which a rival is ruled out without simulation, for a first candidate with the decrease of chi-square `chi_square_gain`.
+pub fn clear_lead(chi_square_gain: f64) -> f64 {
+    CLEAR_LEAD.max(CLEAR_LEAD_FRACTION * chi_square_gain)
 }
 
-/// A lead below this tells nothing: 95 % of chi-square with one degree of freedom.
-const NO_LEAD: f64 = 3.84;
+/// Lead below which a rival is never ruled out: the 95 % quantile of chi-square with one degree of freedom.
+const NEGLIGIBLE_LEAD: f64 = 3.84;
 
 /// The rivals of the first candidate that the data do not rule out.
 ///
-/// For each, sessions are simulated in which the rival is the truth, with a law that is not quite the catalogue's, and both
-/// are fitted to them: if the first candidate wins by as much as it did in one of twenty, the rival may be the truth.
-pub fn not_ruled_out(prepared: &Observations, shortlist: &Shortlist, seed: u64) -> Vec<MechanismKind> {
+/// For each rival, sessions are simulated in which the rival is the truth, with a law that deviates a little from the catalogue's, and
+/// both candidates are fitted. If the first candidate leads by as much as observed in one of twenty sessions, the rival is kept.
+pub fn indistinguishable_candidates(
+    observations: &Observations,
+    shortlist: &RankedCandidates,
+    seed: u64,
+) -> Vec<MechanismKind> {
     let unit = shortlist.unit;
     let Some((first, rivals)) = shortlist.candidates.split_first() else { return Vec::new() };
-    let lead = |rival: &Candidate| first.worth - rival.worth;
-    let noise = NoiseSampler::of(&prepared.noise_covariances);
+    let lead = |rival: &Candidate| first.chi_square_gain - rival.chi_square_gain;
+    let noise = NoiseSampler::of(&observations.noise_covariances);
     let may_be_true = |rival: &&Candidate| {
-        if lead(rival) < NO_LEAD {
+        if lead(rival) < NEGLIGIBLE_LEAD {
             return true;
         }
-        let added = Added::new(prepared, rival);
+        let added = AddedTorque::new(observations, rival);
         is_reached(lead(rival), |number| {
             let name = format!("confusion/{}/{}/{number}", first.kind.id(), rival.kind.id());
             let mut stream = Stream::new(seed, &name);
-            let true_law = added.under_another_law(&mut stream);
-            let simulated = simulated(prepared, &true_law, &noise, &mut stream);
+            let true_law = added.draw_alternative_law(&mut stream);
+            let simulated = simulated(observations, &true_law, &noise, &mut stream);
             let again = |fit: &Fit| fit.extended(&simulated, &fit.model);
             let (a, b) = (again(&first.fit), again(&rival.fit));
             2.0 * (b.cost() - a.cost()) / unit
@@ -56,18 +62,20 @@ pub fn not_ruled_out(prepared: &Observations, shortlist: &Shortlist, seed: u64) 
     };
     rivals
         .iter()
-        .filter(|rival| rival.worth > 0.0 && lead(rival) < far_behind(first.worth))
+        .filter(|rival| rival.chi_square_gain > 0.0 && lead(rival) < clear_lead(first.chi_square_gain))
         .filter(may_be_true)
         .map(|rival| rival.kind)
         .collect()
 }
 
-/// Whether any simulated session reaches a lead; a few tell where it is far out of reach.
+/// Whether any simulated session reaches the lead; stops early if the first sessions are far below it.
 fn is_reached(lead: f64, lead_in: impl Fn(usize) -> f64 + Sync) -> bool {
-    let some: Vec<f64> = (0..FIRST_SIMULATIONS).into_par_iter().map(&lead_in).collect();
+    let some: Vec<f64> = (0..EARLY_STOP_SIMULATIONS).into_par_iter().map(&lead_in).collect();
     let sample: MeanVariance = some.iter().copied().collect();
-    let furthest = sample.mean() + OUT_OF_REACH * libm::sqrt(sample.variance().unwrap_or(0.0));
+    let furthest = sample.mean() + EARLY_STOP_T * libm::sqrt(sample.variance().unwrap_or(0.0));
     some.iter().any(|own| *own >= lead)
         || lead < furthest
-            && (FIRST_SIMULATIONS..SIMULATIONS).into_par_iter().any(|number| lead_in(number) >= lead)
+            && (EARLY_STOP_SIMULATIONS..CONFUSABILITY_SIMULATIONS)
+                .into_par_iter()
+                .any(|number| lead_in(number) >= lead)
 }

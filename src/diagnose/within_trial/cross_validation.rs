@@ -1,4 +1,4 @@
-//! What an extension gains on data that it was not fitted to.
+//! Cross-validation: improvement by an added mechanism on trials that it was not fitted to.
 
 use super::residual_projection::whiten;
 use crate::diagnose::predicted_torque::{mean_vaf, residuals};
@@ -7,50 +7,50 @@ use crate::random::Stream;
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
 
-/// A ratio with its 95 % interval.
+/// A ratio with its 95 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Ratio {
     /// The ratio.
     pub value: f64,
     /// Lower end of the interval.
     pub low: f64,
-    /// Upper end.
+    /// Upper end of the interval.
     pub high: f64,
 }
 
-/// What an extension gains.
+/// Improvement of the fit by an added mechanism.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Gain {
-    /// Root mean square residual with the extension over that without, on repetitions left out.
+    /// Root-mean-square residual with the mechanism relative to that without, on repetitions left out of the fit.
     pub held_out_rmse_ratio: Ratio,
-    /// The same on velocities left out; absent where there is only one.
+    /// Same ratio on velocities left out; `None` with one velocity or too many.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub held_out_velocity_rmse_ratio: Option<Ratio>,
-    /// The same on torques left out.
+    /// Same ratio on torques left out; `None` with one torque or too many.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub held_out_torque_rmse_ratio: Option<Ratio>,
-    /// Mean variance accounted for, without and with.
+    /// Mean variance accounted for (VAF) without the mechanism.
     pub vaf_before: f64,
-    /// With the extension.
+    /// Mean VAF with the mechanism.
     pub vaf_after: f64,
 }
 
-/// The gain of `after`, which adds its last mechanism to `before`, and what the sum of squares of the repetitions left out loses by it,
-/// in units of the noise.
+/// Improvement by the last mechanism of `after`, which extends `before`, and the decrease of the whitened sum of squares on the
+/// repetitions left out (chi-square units).
 ///
-/// The mechanism's values come from the other trials and are held; the wrist's own parameters are free in the trials left
-/// out, with the extension and without, so that what is compared is the mechanism alone. Intervals resample trials.
-pub fn gain(prepared: &Observations, before: &Fit, after: &Fit, seed: u64) -> (Gain, f64) {
-    let without = Squares::of(prepared, before);
-    let part = parts(&prepared.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>());
+/// The mechanism's values are fitted to the other trials and held; the wrist's parameters are free in the trials left out, with and
+/// without the mechanism, so that the comparison concerns the mechanism alone. Confidence intervals resample trials.
+pub fn gain(observations: &Observations, before: &Fit, after: &Fit, seed: u64) -> (Gain, f64) {
+    let without = ResidualSquares::of(observations, before);
+    let part = parts(&observations.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>());
     let keys: [Box<dyn Fn(usize) -> i64>; 3] = [
         Box::new(|trial| part[trial]),
-        Box::new(|trial| (prepared.trials[trial].velocity_rad_s * 1e6) as i64),
-        Box::new(|trial| (prepared.trials[trial].torque_nm * 1e6) as i64),
+        Box::new(|trial| (observations.trials[trial].velocity_rad_s * 1e6) as i64),
+        Box::new(|trial| (observations.trials[trial].torque_nm * 1e6) as i64),
     ];
-    let held_out: Vec<Option<Squares>> =
-        keys.iter().map(|key| held_out_squares(prepared, after, key)).collect();
-    let ratio_of = |(index, with): (usize, &Option<Squares>)| {
+    let held_out: Vec<Option<ResidualSquares>> =
+        keys.iter().map(|key| held_out_squares(observations, after, key)).collect();
+    let ratio_of = |(index, with): (usize, &Option<ResidualSquares>)| {
         let mut stream = Stream::new(seed, &format!("gain/{index}/{}", after.kinds.len()));
         with.as_ref().map(|with| ratio(&with.of_trials, &without.of_trials, &mut stream))
     };
@@ -61,17 +61,17 @@ pub fn gain(prepared: &Observations, before: &Fit, after: &Fit, seed: u64) -> (G
         held_out_rmse_ratio: ratios[0].unwrap_or(unknown),
         held_out_velocity_rmse_ratio: ratios[1],
         held_out_torque_rmse_ratio: ratios[2],
-        vaf_before: mean_vaf(prepared, before),
-        vaf_after: mean_vaf(prepared, after),
+        vaf_before: mean_vaf(observations, before),
+        vaf_after: mean_vaf(observations, after),
     };
     (gain, loss)
 }
 
-/// The gain of taking hum out of the record: `without` it a fit of the same model leaves less. It was found in the holds, so
-/// every ramp is data held out.
-pub fn gain_of_cleaning(with: (&Observations, &Fit), without: (&Observations, &Fit), seed: u64) -> Gain {
+/// Improvement by removing hum from the record: fits of the same model with and without hum. Hum is estimated in the holds, so that
+/// every ramp is data left out.
+pub fn hum_removal_gain(with: (&Observations, &Fit), without: (&Observations, &Fit), seed: u64) -> Gain {
     let (before, after) =
-        (Squares::of(with.0, with.1).of_trials, Squares::of(without.0, without.1).of_trials);
+        (ResidualSquares::of(with.0, with.1).of_trials, ResidualSquares::of(without.0, without.1).of_trials);
     let held_out_rmse_ratio = ratio(&after, &before, &mut Stream::new(seed, "gain/hum"));
     Gain {
         held_out_rmse_ratio,
@@ -82,34 +82,34 @@ pub fn gain_of_cleaning(with: (&Observations, &Fit), without: (&Observations, &F
     }
 }
 
-/// Most parts that are left out in turn: each costs two fits.
-const MOST_PARTS: usize = 12;
+/// Largest number of cross-validation folds; each costs two fits.
+const MAX_FOLDS: usize = 12;
 
-/// The part of the session that each trial is left out with: its repetition; several repetitions where there are many, and
-/// every third trial where there is one.
+/// The fold in which each trial is left out: its repetition, several repetitions where there are many, and every third trial where
+/// there is one repetition.
 fn parts(repetitions: &[u32]) -> Vec<i64> {
     let groups = group_indices(repetitions.len(), |trial| repetitions[trial]);
     let distinct: Vec<u32> = groups.into_keys().collect();
     let part = |(trial, own): (usize, &u32)| match distinct.as_slice() {
         [_] => trial % 3,
-        several => several.binary_search(own).unwrap_or(0) % MOST_PARTS,
+        several => several.binary_search(own).unwrap_or(0) % MAX_FOLDS,
     };
     repetitions.iter().enumerate().map(|own| part(own) as i64).collect()
 }
 
-/// What a fit leaves.
-struct Squares {
-    /// Each trial's mean squared residual, (N m)^2.
+/// Squared residuals of a fit.
+struct ResidualSquares {
+    /// Mean squared residual of each trial, (N m)^2.
     of_trials: Vec<f64>,
-    /// The sum of all squares in units of the noise.
+    /// Whitened sum of squares of all trials (chi-square units).
     weighed: f64,
 }
 
-impl Squares {
-    fn of(prepared: &Observations, fit: &Fit) -> Self {
-        let residuals = residuals(prepared, fit);
+impl ResidualSquares {
+    fn of(observations: &Observations, fit: &Fit) -> Self {
+        let residuals = residuals(observations, fit);
         let mean = |own: &Vec<f64>| own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64;
-        let weighed = |(trial, own): (usize, &Vec<f64>)| whiten(prepared, fit, trial, own).norm_squared();
+        let weighed = |(trial, own): (usize, &Vec<f64>)| whiten(observations, fit, trial, own).norm_squared();
         Self {
             of_trials: residuals.iter().map(mean).collect(),
             weighed: residuals.iter().enumerate().map(weighed).sum(),
@@ -117,19 +117,23 @@ impl Squares {
     }
 }
 
-/// What is left of each trial where the mechanism was fitted to the trials with another key.
-fn held_out_squares(prepared: &Observations, after: &Fit, key: &dyn Fn(usize) -> i64) -> Option<Squares> {
-    let folds = group_indices(prepared.trials.len(), key);
-    if !(2..=MOST_PARTS).contains(&folds.len()) {
+/// Squared residuals of each trial, with the mechanism fitted to the trials with another key; `None` with one key or too many.
+fn held_out_squares(
+    observations: &Observations,
+    after: &Fit,
+    key: &dyn Fn(usize) -> i64,
+) -> Option<ResidualSquares> {
+    let folds = group_indices(observations.trials.len(), key);
+    if !(2..=MAX_FOLDS).contains(&folds.len()) {
         return None;
     }
-    let mut result = Squares { of_trials: vec![0.0; prepared.trials.len()], weighed: 0.0 };
+    let mut result = ResidualSquares { of_trials: vec![0.0; observations.trials.len()], weighed: 0.0 };
     for (held, out) in folds {
-        let rest: Vec<usize> = (0..prepared.trials.len()).filter(|trial| key(*trial) != held).collect();
-        let others = after.on(&prepared.subset(&rest), &rest, &after.model);
-        let held_out = prepared.subset(&out);
+        let rest: Vec<usize> = (0..observations.trials.len()).filter(|trial| key(*trial) != held).collect();
+        let others = after.on(&observations.subset(&rest), &rest, &after.model);
+        let held_out = observations.subset(&out);
         let own = after.on(&held_out, &out, &held_model(&others));
-        let left = Squares::of(&held_out, &own);
+        let left = ResidualSquares::of(&held_out, &own);
         for (trial, square) in out.into_iter().zip(left.of_trials) {
             result.of_trials[trial] = square;
         }
@@ -138,7 +142,7 @@ fn held_out_squares(prepared: &Observations, after: &Fit, key: &dyn Fn(usize) ->
     Some(result)
 }
 
-/// The model of `fit` with its mechanisms held at the values found.
+/// The model of `fit` with its mechanisms fixed at the fitted values.
 fn held_model(fit: &Fit) -> Model {
     let mut model = fit.model.clone();
     let mut index = BASE_PARAMETERS.len();
@@ -153,7 +157,7 @@ fn held_model(fit: &Fit) -> Model {
     model
 }
 
-/// Root of the ratio of sums, with an interval over trials drawn with replacement.
+/// Square root of the ratio of sums, with a bootstrap interval over trials.
 fn ratio(with: &[f64], without: &[f64], stream: &mut Stream) -> Ratio {
     let count = with.len();
     let of = |trials: &[usize]| {
@@ -172,16 +176,16 @@ fn ratio(with: &[f64], without: &[f64], stream: &mut Stream) -> Ratio {
 mod tests {
     use super::*;
 
-    /// Of more than twelve repetitions, and of one, a ratio of 1.000 was once written without having been measured.
+    /// With more than twelve repetitions, and with one, an earlier version reported a ratio of 1.000 that was not computed.
     #[test]
-    fn however_many_repetitions_there_are_each_trial_is_left_out_once_and_most_stay() {
+    fn each_trial_is_left_out_once_and_most_stay_for_any_number_of_repetitions() {
         for count in [1, 2, 3, 12, 13, 46] {
             let repetitions: Vec<u32> = (0..4 * count).map(|trial| trial % count + 1).collect();
             let parts = parts(&repetitions);
             let mut distinct = parts.clone();
             distinct.sort_unstable();
             distinct.dedup();
-            assert!((2..=MOST_PARTS).contains(&distinct.len()), "{count} repetitions: {parts:?}");
+            assert!((2..=MAX_FOLDS).contains(&distinct.len()), "{count} repetitions: {parts:?}");
             let largest = distinct.iter().map(|own| parts.iter().filter(|part| *part == own).count()).max();
             assert!(
                 largest.is_some_and(|largest| 2 * largest <= parts.len()),

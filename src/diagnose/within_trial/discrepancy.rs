@@ -1,72 +1,73 @@
-//! How a mechanism's real law may differ from the catalogue's, and what that would leave over.
+//! Discrepancy between a mechanism's true law and the catalogue's, and the misfit that it would leave.
 
 use super::candidates::Candidate;
-use super::residual_projection::{Direction, Tangent, whiten};
+use super::residual_projection::{ResidualProjection, WhitenedTrials, whiten};
 use crate::diagnose::predicted_torque::torques;
 use crate::fit::Observations;
 use crate::random::Stream;
 
-/// How far a mechanism's real law may be from the catalogue's, as a part of the torque that it adds. Assumed: between laws that
-/// yield, slide or give in another way, it is about that.
-pub const FORM_ERROR: f64 = 0.03;
+/// Standard deviation of the difference between a mechanism's true law and the catalogue's, as a fraction of the torque that the
+/// mechanism adds. Assumed: plausible laws of yielding or friction differ by about that.
+pub const LAW_FORM_ERROR: f64 = 0.03;
 
-/// Of a lag the same, as a part of its delay. Of one delay, lags of first and of second order and a pure one have second
-/// moments of 2, 1.5 (critically damped) and 1 of its square; half of the difference is a shift in time of what they add.
-const SPREAD_ERROR: f64 = 0.25;
+/// Difference between a lag's true law and the catalogue's, as a fraction of the delay. Lags with the same delay have second moments
+/// of 2 (first order), 1.5 (second order, critically damped) and 1 (pure delay) times its square; half of the difference acts as a time
+/// shift of the added torque.
+const LAG_SHAPE_ERROR: f64 = 0.25;
 
-/// What any other law that is a few per cent off leaves, as a part of what the mechanism is worth. Assumed.
-const PART_LEFT: f64 = 0.06;
+/// Misfit that a law wrong by a few per cent leaves, as a fraction of the mechanism's decrease of chi-square. Assumed.
+const DISCREPANCY_FRACTION: f64 = 0.06;
 
-/// How a candidate's law may be another.
-enum Doubt {
-    /// It is a constant that is other than assumed: not at all.
+/// How the true law of a candidate may differ from the catalogue's.
+enum LawUncertainty {
+    /// Not at all: the mechanism is a constant whose value differs from the assumed one.
     None,
-    /// It is a lag: what it adds may come so many samples (sd) earlier or later.
+    /// A lag: the added torque may come earlier or later, by this standard deviation in samples.
     Spread(f64),
-    /// By a smooth factor.
+    /// By a smooth factor on the added torque.
     Form,
 }
 
-impl Doubt {
+impl LawUncertainty {
     fn of(own: &Candidate, period_s: f64) -> Self {
         match own.kind.delay_s(own.values()) {
             _ if own.kind.has_known_form() => Self::None,
-            Some(delay_s) => Self::Spread(SPREAD_ERROR * delay_s / period_s),
+            Some(delay_s) => Self::Spread(LAG_SHAPE_ERROR * delay_s / period_s),
             None => Self::Form,
         }
     }
 }
 
-/// What a candidate predicts, and what its mechanism, the last of its fit, adds to that: a vector a trial each, N m.
-pub struct Added {
+/// Torque that a candidate predicts, and the torque that its mechanism (the last of its fit) adds: one vector per trial, N m.
+pub struct AddedTorque {
     predicted_nm: Vec<Vec<f64>>,
     added_nm: Vec<Vec<f64>>,
-    doubt: Doubt,
+    doubt: LawUncertainty,
 }
 
-impl Added {
-    pub fn new(prepared: &Observations, own: &Candidate) -> Self {
-        let predicted_nm = torques(prepared, &own.fit.kinds, &own.fit.parameters);
+impl AddedTorque {
+    pub fn new(observations: &Observations, own: &Candidate) -> Self {
+        let predicted_nm = torques(observations, &own.fit.kinds, &own.fit.parameters);
         let kinds = &own.fit.kinds[..own.fit.kinds.len() - 1];
         let without = |parameters: &Vec<f64>| parameters[..parameters.len() - own.values().len()].to_vec();
         let parameters: Vec<Vec<f64>> = own.fit.parameters.iter().map(without).collect();
         let difference = |(with, without): (&Vec<f64>, &Vec<f64>)| {
             with.iter().zip(without).map(|(with, without)| with - without).collect()
         };
-        let without = torques(prepared, kinds, &parameters);
+        let without = torques(observations, kinds, &parameters);
         let added_nm = predicted_nm.iter().zip(&without).map(difference).collect();
-        Self { predicted_nm, added_nm, doubt: Doubt::of(own, prepared.period_s) }
+        Self { predicted_nm, added_nm, doubt: LawUncertainty::of(own, observations.period_s) }
     }
 
-    /// The torques under another law, the same in all trials, N m.
-    pub fn under_another_law(&self, stream: &mut Stream) -> Vec<Vec<f64>> {
+    /// Torques under a randomly drawn alternative law, the same for all trials, N m.
+    pub fn draw_alternative_law(&self, stream: &mut Stream) -> Vec<Vec<f64>> {
         let law = match self.doubt {
-            Doubt::None => return self.predicted_nm.clone(),
-            Doubt::Spread(samples) => OtherLaw::Later(samples * stream.normal()),
-            // Each wave has half the variance of the constant.
-            Doubt::Form => {
-                OtherLaw::Factor(std::array::from_fn(|_| FORM_ERROR / libm::sqrt(3.0) * stream.normal()))
-            }
+            LawUncertainty::None => return self.predicted_nm.clone(),
+            LawUncertainty::Spread(samples) => AlternativeLaw::Later(samples * stream.normal()),
+            // Each cosine has half the variance of the constant.
+            LawUncertainty::Form => AlternativeLaw::Factor(std::array::from_fn(|_| {
+                LAW_FORM_ERROR / libm::sqrt(3.0) * stream.normal()
+            })),
         };
         let plus = |(torque, added): (&Vec<f64>, &Vec<f64>)| {
             torque.iter().zip(law.errors_nm(added)).map(|(torque, error)| torque + error).collect()
@@ -75,33 +76,37 @@ impl Added {
     }
 }
 
-/// What would be left of the sum of squares for other mechanisms to describe, were the law of `own` another, in units of the
-/// noise. `tangent` is that of its fit.
-pub fn may_leave(prepared: &Observations, tangent: &Tangent, own: &Candidate) -> f64 {
-    match Doubt::of(own, prepared.period_s) {
-        Doubt::None => 0.0,
-        Doubt::Spread(samples) => {
+/// Sum of squares that other mechanisms could describe if the true law of `own` differs from the catalogue's, in chi-square units.
+/// `tangent` belongs to the fit of `own`.
+pub fn misfit_from_discrepancy(
+    observations: &Observations,
+    tangent: &ResidualProjection,
+    own: &Candidate,
+) -> f64 {
+    match LawUncertainty::of(own, observations.period_s) {
+        LawUncertainty::None => 0.0,
+        LawUncertainty::Spread(samples) => {
             let error = |(trial, added): (usize, &Vec<f64>)| {
-                whiten(prepared, &own.fit, trial, &OtherLaw::Later(samples).errors_nm(added))
+                whiten(observations, &own.fit, trial, &AlternativeLaw::Later(samples).errors_nm(added))
             };
-            let added_nm = Added::new(prepared, own).added_nm;
-            let change: Direction = added_nm.iter().enumerate().map(error).collect();
+            let added_nm = AddedTorque::new(observations, own).added_nm;
+            let change: WhitenedTrials = added_nm.iter().enumerate().map(error).collect();
             tangent.project(&change).iter().map(|own| own.norm_squared()).sum()
         }
-        Doubt::Form => PART_LEFT * own.worth,
+        LawUncertainty::Form => DISCREPANCY_FRACTION * own.chi_square_gain,
     }
 }
 
-/// A law that is not the catalogue's.
-enum OtherLaw {
-    /// A lag that spreads the same delay otherwise: to second order, what it adds comes so many samples later.
+/// A law that differs from the catalogue's.
+enum AlternativeLaw {
+    /// A lag of another shape with the same delay: to second order, the added torque comes this many samples later.
     Later(f64),
-    /// What it adds has a smooth factor: one constant and four waves of time.
+    /// A smooth factor on the added torque: coefficients of one constant and four cosines over the window.
     Factor([f64; 5]),
 }
 
-impl OtherLaw {
-    /// What it adds over the catalogue's `added`.
+impl AlternativeLaw {
+    /// Difference from the catalogue's added torque `added`, N m.
     fn errors_nm(&self, added: &[f64]) -> Vec<f64> {
         (0..added.len()).map(|sample| self.error_nm(added, sample)).collect()
     }
@@ -126,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lag_and_a_pure_delay_of_as_much_differ_by_a_shift_of_what_they_add() {
+    fn a_lag_and_a_pure_delay_differ_by_a_shift_of_the_added_torque() {
         let (period_s, delay_s) = (1e-4, 1e-3);
         let rise = |t: f64| if t < 0.0 { 0.0 } else { 1.0 - libm::cos(t / 0.008) };
         let times: Vec<f64> = (0..400).map(|sample| f64::from(sample) * period_s).collect();
@@ -137,8 +142,8 @@ mod tests {
             state += (rise(*t) - state) * period_s / delay_s;
         }
         let added: Vec<f64> = times.iter().zip(&lagged).map(|(t, lagged)| lagged - rise(*t)).collect();
-        let error = OtherLaw::Later(-0.5 * delay_s / period_s).errors_nm(&added);
-        // Once what the onset has set off is over.
+        let error = AlternativeLaw::Later(-0.5 * delay_s / period_s).errors_nm(&added);
+        // After the transient of the onset.
         let (mut apart, mut left) = (0.0_f64, 0.0_f64);
         for sample in 80..400 {
             let delayed = rise(times[sample] - delay_s);

@@ -1,40 +1,41 @@
-//! What the free parameters can and cannot absorb: the tangent space of a fit, in whitened units.
+//! Projection of whitened residuals and changes onto what the free parameters of a fit cannot absorb: the complement of the tangent
+//! space.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::predicted_torque::torques;
 use crate::fit::{Component, Fit, Objective, Observations, Prediction, Transform, predictions};
 
-/// A fit's residuals and tangent space, component by component.
-pub struct Tangent {
-    parts: Vec<Part>,
-    /// Values a trial in whitened units, and how many of its coordinates are known beforehand: each is one more value.
+/// Residuals and tangent space of a fit, component by component.
+pub struct ResidualProjection {
+    parts: Vec<ProjectedComponent>,
+    /// Number of whitened values of each trial, and how many of them stand for coordinates with a prior.
     rows: Vec<usize>,
     known: Vec<usize>,
-    /// What the encoder's rounding of the angle at rest may do to all trials alike: projected, and of length one.
-    at_rest: Option<Direction>,
+    /// Projected effect, of unit norm, of the encoder's rounding of the angle at rest, which is common to all trials.
+    at_rest: Option<WhitenedTrials>,
 }
 
-/// One component: trials that share parameters, block after block.
-struct Part {
+/// One component: trials that share parameters, block by block.
+struct ProjectedComponent {
     trials: Vec<usize>,
-    blocks: Vec<Block>,
-    /// Orthonormal basis of what the parameters in common can do beyond those of the blocks.
+    blocks: Vec<BlockBasis>,
+    /// Orthonormal basis of the effects of the shared parameters, orthogonal to those of the blocks.
     border: DMatrix<f64>,
-    /// Whitened residuals (measured less predicted), less what the parameters could still do.
+    /// Projected whitened residuals (measured less predicted).
     residual: DVector<f64>,
 }
 
-/// The rows of a block's trials, and an orthonormal basis of what its own parameters can do to them.
-struct Block {
+/// First row of a block, and an orthonormal basis of the effects of the block's parameters on its rows.
+struct BlockBasis {
     first: usize,
     basis: DMatrix<f64>,
 }
 
-impl Part {
-    /// Takes away from `stacked` what the parameters can absorb.
+impl ProjectedComponent {
+    /// Subtracts from `stacked` what the parameters can absorb.
     fn project(&self, stacked: &mut DVector<f64>) {
-        for Block { first, basis } in &self.blocks {
+        for BlockBasis { first, basis } in &self.blocks {
             let mut own = stacked.rows_mut(*first, basis.nrows());
             own -= basis * basis.tr_mul(&own);
         }
@@ -46,24 +47,26 @@ impl Part {
     }
 }
 
-/// A change of the predictions, whitened, one vector a trial. Projected ones lack the part that the free parameters can absorb,
-/// and end with what the change would do to coordinates known beforehand.
-pub type Direction = Vec<DVector<f64>>;
+/// Whitened values, one vector per trial. Projected vectors lack the part that the free parameters can absorb, and end with the values
+/// of the coordinates with a prior.
+pub type WhitenedTrials = Vec<DVector<f64>>;
 
-impl Tangent {
+impl ResidualProjection {
     /// The tangent space of `fit`.
-    pub fn new(prepared: &Observations, fit: &Fit) -> Self {
-        let predictions = predictions(prepared, fit);
-        let count = prepared.trials.len();
+    pub fn new(observations: &Observations, fit: &Fit) -> Self {
+        let predictions = predictions(observations, fit);
+        let count = observations.trials.len();
         let known: Vec<Vec<usize>> = (0..count).map(|trial| known(fit, trial)).collect();
         let rows: Vec<usize> =
-            (0..count).map(|trial| whiten_rows(prepared, fit, trial) + known[trial].len()).collect();
-        let part = |component: &Component| Part::new(prepared, fit, component, &predictions, &rows, &known);
+            (0..count).map(|trial| whiten_rows(observations, fit, trial) + known[trial].len()).collect();
+        let part = |component: &Component| {
+            ProjectedComponent::new(observations, fit, component, &predictions, &rows, &known)
+        };
         let parts = fit.parameterisation.components.iter().map(part).collect();
         let known = known.iter().map(Vec::len).collect();
         let mut tangent = Self { parts, rows, known, at_rest: None };
-        if prepared.angle_step_rad > 0.0 {
-            let direction = tangent.project(&rounding_at_rest(prepared, fit));
+        if observations.angle_step_rad > 0.0 {
+            let direction = tangent.project(&rounding_at_rest(observations, fit));
             let length = libm::sqrt(direction.iter().map(DVector::norm_squared).sum());
             if length > 1e-6 {
                 tangent.at_rest = Some(direction.into_iter().map(|own| own / length).collect());
@@ -73,12 +76,12 @@ impl Tangent {
     }
 
     /// The whitened residuals by trial.
-    pub fn residuals(&self) -> Direction {
+    pub fn residuals(&self) -> WhitenedTrials {
         self.without_rounding(self.by_trial(|part| part.residual.clone()))
     }
 
-    /// Takes away from `change` what the free parameters can absorb.
-    pub fn project(&self, change: &Direction) -> Direction {
+    /// Subtracts from `change` what the free parameters can absorb.
+    pub fn project(&self, change: &WhitenedTrials) -> WhitenedTrials {
         let projected = self.by_trial(|part| {
             let mut stacked = DVector::zeros(part.residual.len());
             let mut first = 0;
@@ -92,7 +95,7 @@ impl Tangent {
         self.without_rounding(projected)
     }
 
-    fn without_rounding(&self, mut values: Direction) -> Direction {
+    fn without_rounding(&self, mut values: WhitenedTrials) -> WhitenedTrials {
         if let Some(at_rest) = &self.at_rest {
             let along: f64 = at_rest.iter().zip(&values).map(|(unit, own)| unit.dot(own)).sum();
             for (own, unit) in values.iter_mut().zip(at_rest) {
@@ -102,17 +105,17 @@ impl Tangent {
         values
     }
 
-    /// Values less parameters: the degrees of freedom of the residuals.
+    /// Degrees of freedom of the residuals: number of values less number of parameters.
     pub fn freedom(&self) -> f64 {
         self.parts.iter().map(|part| part.residual.len() as f64 - part.parameters() as f64).sum()
     }
 
-    /// The whitened values of a trial's torque, without those that stand for what is known beforehand.
+    /// Number of whitened torque values of a trial, without those of coordinates with a prior.
     pub fn torque_values(&self, trial: usize) -> usize {
         self.rows[trial] - self.known[trial]
     }
 
-    fn by_trial(&self, stacked: impl Fn(&Part) -> DVector<f64>) -> Direction {
+    fn by_trial(&self, stacked: impl Fn(&ProjectedComponent) -> DVector<f64>) -> WhitenedTrials {
         let mut result = vec![DVector::zeros(0); self.rows.len()];
         for part in &self.parts {
             let all = stacked(part);
@@ -126,9 +129,9 @@ impl Tangent {
     }
 }
 
-impl Part {
+impl ProjectedComponent {
     fn new(
-        prepared: &Observations,
+        observations: &Observations,
         fit: &Fit,
         component: &Component,
         predictions: &[Prediction],
@@ -149,9 +152,14 @@ impl Part {
             let mut jacobian = DMatrix::zeros(trials.iter().map(|trial| rows[*trial]).sum(), own.len());
             for trial in trials {
                 let Prediction { jacobian: slopes, residual_nm, .. } = &predictions[trial];
-                let white = whiten_matrix(prepared, fit, trial, slopes);
+                let white = whiten_matrix(observations, fit, trial, slopes);
                 let values = white.nrows();
-                part.residual.rows_mut(first, values).copy_from(&whiten(prepared, fit, trial, residual_nm));
+                part.residual.rows_mut(first, values).copy_from(&whiten(
+                    observations,
+                    fit,
+                    trial,
+                    residual_nm,
+                ));
                 for (row, coordinate) in known[trial].iter().enumerate() {
                     let (centre, sd) =
                         fit.parameterisation.coordinates[*coordinate].prior.unwrap_or((0.0, 1.0));
@@ -181,7 +189,7 @@ impl Part {
             let basis = orthonormal(jacobian);
             let mut shared = part.border.rows_mut(begin, basis.nrows());
             shared -= &basis * basis.tr_mul(&shared);
-            part.blocks.push(Block { first: begin, basis });
+            part.blocks.push(BlockBasis { first: begin, basis });
         }
         part.border = orthonormal(part.border);
         let mut residual = std::mem::replace(&mut part.residual, DVector::zeros(0));
@@ -191,37 +199,39 @@ impl Part {
     }
 }
 
-/// When the motor leaves the encoder step that it stood in, s after the onset, and when it is well out of it.
-const LEAVES_S: (f64, f64) = (0.001, 0.004);
+/// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
+const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
 
-/// The change of the predictions if the angle at rest was rounded by one step: the motor comes back to the same place after
-/// each trial, so that the error is the same in all of them and averages out in none.
-fn rounding_at_rest(prepared: &Observations, fit: &Fit) -> Direction {
-    let mut shifted = prepared.clone();
+/// Change of the predictions if the angle at rest is wrong by one encoder step. The motor returns to the same place after each trial, so
+/// that the error is common to all trials and does not average out.
+fn rounding_at_rest(observations: &Observations, fit: &Fit) -> WhitenedTrials {
+    let mut shifted = observations.clone();
     for trial in &mut shifted.trials {
         let onset = trial.input.onset;
         for (sample, knot) in trial.input.motion.iter_mut().enumerate().skip(onset) {
-            let time = (sample - onset) as f64 * prepared.period_s;
-            let part = ((time - LEAVES_S.0) / (LEAVES_S.1 - LEAVES_S.0)).clamp(0.0, 1.0);
+            let time = (sample - onset) as f64 * observations.period_s;
+            let part = ((time - LEAVES_ENCODER_STEP_S.0)
+                / (LEAVES_ENCODER_STEP_S.1 - LEAVES_ENCODER_STEP_S.0))
+                .clamp(0.0, 1.0);
             let phase = std::f64::consts::PI * part;
-            knot.theta += trial.direction * prepared.angle_step_rad * 0.5 * (1.0 - libm::cos(phase));
+            knot.theta += trial.direction * observations.angle_step_rad * 0.5 * (1.0 - libm::cos(phase));
             knot.omega +=
-                trial.direction * prepared.angle_step_rad * 0.5 * libm::sin(phase) * std::f64::consts::PI
-                    / (LEAVES_S.1 - LEAVES_S.0);
+                trial.direction * observations.angle_step_rad * 0.5 * libm::sin(phase) * std::f64::consts::PI
+                    / (LEAVES_ENCODER_STEP_S.1 - LEAVES_ENCODER_STEP_S.0);
         }
     }
-    let before = torques(prepared, &fit.kinds, &fit.parameters);
+    let before = torques(observations, &fit.kinds, &fit.parameters);
     let after = torques(&shifted, &fit.kinds, &fit.parameters);
     (0..before.len())
         .map(|trial| {
             let change: Vec<f64> =
                 after[trial].iter().zip(&before[trial]).map(|(to, from)| to - from).collect();
-            whiten(prepared, fit, trial, &change)
+            whiten(observations, fit, trial, &change)
         })
         .collect()
 }
 
-/// An orthonormal basis of the columns' span; columns that add next to nothing are left out.
+/// An orthonormal basis of the span of the columns; columns that are nearly dependent on others are left out.
 fn orthonormal(mut columns: DMatrix<f64>) -> DMatrix<f64> {
     for mut column in columns.column_iter_mut() {
         let norm = column.norm();
@@ -240,7 +250,7 @@ fn orthonormal(mut columns: DMatrix<f64>) -> DMatrix<f64> {
     basis.columns(0, rank.count()).into_owned()
 }
 
-/// The coordinates of a trial's own block that something is known of beforehand.
+/// The coordinates of a trial's block that have a prior.
 fn known(fit: &Fit, trial: usize) -> Vec<usize> {
     let mut known = Vec::new();
     for link in &fit.parameterisation.transforms[trial] {
@@ -253,24 +263,29 @@ fn known(fit: &Fit, trial: usize) -> Vec<usize> {
     known
 }
 
-fn whiten_rows(prepared: &Observations, fit: &Fit, trial: usize) -> usize {
-    match (&fit.objective, prepared.noise_index[trial]) {
+fn whiten_rows(observations: &Observations, fit: &Fit, trial: usize) -> usize {
+    match (&fit.objective, observations.noise_index[trial]) {
         (Objective::Whitened(whiteners), Some(noise)) => whiteners[noise].nrows(),
-        _ => prepared.samples,
+        _ => observations.samples,
     }
 }
 
-/// A trial's torques in units of its noise.
-pub fn whiten(prepared: &Observations, fit: &Fit, trial: usize, torque_nm: &[f64]) -> DVector<f64> {
+/// Whitens the torques of a trial: N m to standard deviations of the noise.
+pub fn whiten(observations: &Observations, fit: &Fit, trial: usize, torque_nm: &[f64]) -> DVector<f64> {
     let torque = DVector::from_column_slice(torque_nm);
-    match (&fit.objective, prepared.noise_index[trial]) {
+    match (&fit.objective, observations.noise_index[trial]) {
         (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * torque,
         _ => torque,
     }
 }
 
-fn whiten_matrix(prepared: &Observations, fit: &Fit, trial: usize, columns: &DMatrix<f64>) -> DMatrix<f64> {
-    match (&fit.objective, prepared.noise_index[trial]) {
+fn whiten_matrix(
+    observations: &Observations,
+    fit: &Fit,
+    trial: usize,
+    columns: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    match (&fit.objective, observations.noise_index[trial]) {
         (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * columns,
         _ => columns.clone(),
     }

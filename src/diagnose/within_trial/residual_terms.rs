@@ -1,4 +1,5 @@
-//! A description of what no mechanism explains: sparse terms in angle, speed, time and torque. It is no mechanism.
+//! Sparse regression of the remaining residuals on terms in angle, velocity, time and torque. The result is a description, not a
+//! mechanism.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -7,49 +8,49 @@ use crate::fit::{Fit, Observations};
 
 /// A sparse description of the residual torque.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct ResidualTerm {
-    /// What this is, for whoever reads the file.
+pub struct ResidualDescription {
+    /// Note for readers of the file.
     pub note: &'static str,
-    /// The terms and their coefficients: the residual is about their sum, N m.
-    pub terms: Vec<Term>,
-    /// Part of the residual's variance that they describe.
+    /// The terms and their coefficients; their sum approximates the residual, N m.
+    pub terms: Vec<DescriptionTerm>,
+    /// Fraction of the residual's variance that the terms describe.
     pub described: f64,
-    /// The time where the mean residual is largest, s after the onset.
+    /// Time of the largest mean residual, s after the onset.
     pub largest_at_s: f64,
-    /// The condition where the residual is largest: velocity, rad/s, and torque, N m.
+    /// Condition with the largest residual: velocity, rad/s, and torque, N m.
     pub largest_in: (f64, f64),
 }
 
-/// One term.
+/// A term of the description.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Term {
-    /// Such as `theta * omega`.
+pub struct DescriptionTerm {
+    /// Formula, such as `theta * omega`.
     pub term: String,
-    /// Its coefficient, in N m over the term's unit.
+    /// Coefficient, N m per unit of the term.
     pub coefficient: f64,
 }
 
-/// Most terms of a description.
-const MOST_TERMS: usize = 3;
+/// Largest number of terms.
+const MAX_TERMS: usize = 3;
 
-/// A term must describe this part of the variance that is left to be added.
-const WORTH: f64 = 0.03;
+/// Smallest fraction of the remaining variance that a further term must describe.
+const MIN_DESCRIBED_FRACTION: f64 = 0.03;
 
-/// Describes the residuals of `fit`; `None` if there are none to describe.
-pub fn residual_term(prepared: &Observations, fit: &Fit) -> Option<ResidualTerm> {
-    let residuals = residuals(prepared, fit);
-    let samples = prepared.samples;
+/// Describes the residuals of `fit`; `None` if they are zero.
+pub fn residual_term(observations: &Observations, fit: &Fit) -> Option<ResidualDescription> {
+    let residuals = residuals(observations, fit);
+    let samples = observations.samples;
     let total = residuals.len() * samples;
     let own = DVector::from_iterator(total, residuals.iter().flatten().copied());
     let variance = own.norm_squared();
     if variance <= 0.0 {
         return None;
     }
-    let dictionary = dictionary(prepared);
+    let dictionary = dictionary(observations);
     let mut chosen: Vec<usize> = Vec::new();
     let mut left = own.clone();
     let mut coefficients = DVector::zeros(0);
-    while chosen.len() < MOST_TERMS {
+    while chosen.len() < MAX_TERMS {
         let score = |index: &usize| {
             let column = &dictionary[*index].1;
             column.dot(&left).powi(2) / column.norm_squared().max(1e-300)
@@ -57,7 +58,7 @@ pub fn residual_term(prepared: &Observations, fit: &Fit) -> Option<ResidualTerm>
         let best = (0..dictionary.len())
             .filter(|i| !chosen.contains(i))
             .max_by(|a, b| score(a).total_cmp(&score(b)))?;
-        if score(&best) < WORTH * left.norm_squared() {
+        if score(&best) < MIN_DESCRIBED_FRACTION * left.norm_squared() {
             break;
         }
         chosen.push(best);
@@ -70,25 +71,25 @@ pub fn residual_term(prepared: &Observations, fit: &Fit) -> Option<ResidualTerm>
     let largest_at = (0..samples).max_by(|a, b| mean_at(*a).total_cmp(&mean_at(*b)))?;
     let square = |trial: &usize| residuals[*trial].iter().map(|e| e * e).sum::<f64>();
     let worst = (0..residuals.len()).max_by(|a, b| square(a).total_cmp(&square(b)))?;
-    Some(ResidualTerm {
+    Some(ResidualDescription {
         note: "a description of what is left, not a mechanism",
         terms: chosen
             .iter()
             .zip(coefficients.iter())
-            .map(|(index, coefficient)| Term {
+            .map(|(index, coefficient)| DescriptionTerm {
                 term: dictionary[*index].0.clone(),
                 coefficient: *coefficient,
             })
             .collect(),
         described: 1.0 - left.norm_squared() / variance,
-        largest_at_s: largest_at as f64 * prepared.period_s,
-        largest_in: (prepared.trials[worst].velocity_rad_s, prepared.trials[worst].torque_nm),
+        largest_at_s: largest_at as f64 * observations.period_s,
+        largest_in: (observations.trials[worst].velocity_rad_s, observations.trials[worst].torque_nm),
     })
 }
 
-/// The terms that a description may choose from, over all samples of all trials.
-fn dictionary(prepared: &Observations) -> Vec<(String, DVector<f64>)> {
-    let window = prepared.samples as f64 * prepared.period_s;
+/// The candidate terms, evaluated at all samples of all trials.
+fn dictionary(observations: &Observations) -> Vec<(String, DVector<f64>)> {
+    let window = observations.samples as f64 * observations.period_s;
     type Basis = (String, Box<dyn Fn(f64, f64, f64, f64) -> f64>);
     let mut basis: Vec<Basis> = vec![
         ("theta".into(), Box::new(|theta, _, _, _| theta)),
@@ -112,11 +113,11 @@ fn dictionary(prepared: &Observations) -> Vec<(String, DVector<f64>)> {
     basis
         .into_iter()
         .map(|(name, value)| {
-            let column = prepared.trials.iter().flat_map(|trial| {
-                let knots = &trial.input.motion[trial.input.onset..trial.input.onset + prepared.samples];
+            let column = observations.trials.iter().flat_map(|trial| {
+                let knots = &trial.input.motion[trial.input.onset..trial.input.onset + observations.samples];
                 let value = &value;
                 knots.iter().enumerate().map(move |(sample, knot)| {
-                    value(knot.theta, knot.omega, sample as f64 * prepared.period_s, trial.torque_nm)
+                    value(knot.theta, knot.omega, sample as f64 * observations.period_s, trial.torque_nm)
                 })
             });
             let column: Vec<f64> = column.collect();
