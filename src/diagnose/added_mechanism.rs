@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Look, diagnose};
+use super::{DiagnosisInput, diagnose};
 use crate::dataset::{Record, Session, Status, Subject, Trial};
 use crate::fit::{Fit, Model, Observations, PreprocessingSettings, Weighting};
 use crate::random::Stream;
@@ -90,7 +90,7 @@ fn a_fit_with_the_example_mechanism_finds_its_parameters() {
 
 #[test]
 fn a_diagnosis_names_the_example_mechanism() {
-    let look = Look::new(&session(), PreprocessingSettings::default(), &Model::paper()).unwrap();
+    let look = DiagnosisInput::new(&session(), PreprocessingSettings::default(), &Model::paper()).unwrap();
     let diagnosis = diagnose(&look, &Model::paper(), 1, &|_| {});
     let names = diagnosis.causes.iter().flat_map(|cause| {
         std::iter::once(cause.kind).chain(cause.indistinguishable.iter().copied()).map(MechanismKind::id)
