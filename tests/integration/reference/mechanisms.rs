@@ -147,7 +147,7 @@ fn absorbable(base: &SimulatedTorque) -> DMatrix<f64> {
 }
 
 /// The effects of all mechanisms that have parameters, at the first values at which a diagnosis tests them.
-fn effects() -> (SimulatedTorque, Vec<Effect>) {
+fn effects() -> Vec<Effect> {
     let base = torque(&[], &[]);
     let basis = absorbable(&base);
     let highest = base.torque_nm.iter().copied().fold(0.0, f64::max) + TORQUES_NM[2];
@@ -163,7 +163,7 @@ fn effects() -> (SimulatedTorque, Vec<Effect>) {
         Effect { kind, values, change, residual }
     };
     let kinds = CATALOGUE.iter().copied().filter(|kind| kind.parameter_count() > 0);
-    (base.clone(), kinds.map(effect).collect())
+    kinds.map(effect).collect()
 }
 
 /// Unit of a parameter, which ends its name.
@@ -386,7 +386,7 @@ other or like its opposite. All cosines of 0.7 and more are listed.
 fn the_pages_of_the_mechanisms_are_those_of_the_catalogue() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/mechanisms");
     let contents = include_str!("../../../docs/SUMMARY.md");
-    let (_, effects) = effects();
+    let effects = effects();
     for kind in CATALOGUE.iter().copied() {
         let link = format!("(reference/mechanisms/{}.md)", kind.id());
         assert!(contents.contains(&link), "docs/SUMMARY.md must name the page {link}");
