@@ -231,7 +231,7 @@ fn page(kind: MechanismKind, effects: &[Effect]) -> String {
     if let Some(effect) = effects.iter().find(|effect| effect.kind == kind) {
         describe(&mut page, effect, effects);
     }
-    page.push_str("\n[All mechanisms](README.md); [how to read this page](README.md#how-to-read-a-page)\n");
+    page.push_str("\n[All mechanisms](index.md); [how to read this page](index.md#how-to-read-a-page)\n");
     page
 }
 
@@ -395,7 +395,7 @@ fn the_pages_of_the_mechanisms_are_those_of_the_catalogue() {
     for effect in &effects {
         compare(&format!("{folder}/{}.svg", effect.kind.id()), &picture(effect));
     }
-    compare(&format!("{folder}/README.md"), &index(&effects));
+    compare(&format!("{folder}/index.md"), &index(&effects));
 }
 
 fn compare(path: &str, text: &str) {
