@@ -27,7 +27,7 @@ pub struct ConsoleOptions {
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     operator_timeout: f64,
     #[command(flatten)]
-    pub pages: PageOptions,
+    pub(crate) pages: PageOptions,
 }
 
 /// Options of the web pages.

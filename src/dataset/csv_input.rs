@@ -15,7 +15,7 @@ pub(super) struct SessionFolder {
 }
 
 impl SessionFolder {
-    /// Finds the folder, following links, so that what lies in it can be told from what does not.
+    /// Resolves the folder and its links, so that paths outside the folder can be refused.
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
         let at = || Place::file(path.display().to_string());
         let expected = "a session folder with session.json, trials.csv and the records";

@@ -1,4 +1,4 @@
-//! What can be wrong with a session folder, said so that it can be mended.
+//! Errors of a session folder: file, line, what was expected.
 
 use std::fmt;
 use std::io;

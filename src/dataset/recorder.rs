@@ -17,7 +17,7 @@ use crate::session::{
     Phase, Progress, RecordTarget, Settings, Step, StepConsumer, TransitionDetail, TransitionRecord,
 };
 
-/// So many bytes of rows are collected before they are handed to the operating system.
+/// Bytes of rows that are collected before they are written.
 const CHUNK: usize = 16 * 1024;
 
 /// Why a session could not be kept.

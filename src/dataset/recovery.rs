@@ -1,4 +1,4 @@
-//! What a session folder tells of how the session went: enough to go on with it, or to go through it again.
+//! State of a session recovered from its folder, to resume or replay the session.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -16,16 +16,16 @@ use crate::protocol::ValidProtocol;
 use crate::schedule;
 use crate::session::{Phase, Progress, RecordTarget, Settings};
 
-/// A session that was run, as its folder tells it.
+/// A session as recovered from its folder.
 #[derive(Debug)]
 pub(super) struct RecoveredSession {
     pub path: PathBuf,
     pub subject: String,
     pub settings: Arc<Settings>,
     pub journal: JournalText,
-    /// The program that began it.
+    /// Program that started the session.
     pub program: String,
-    /// The rules of the session then.
+    /// Version of the session's rules at that time.
     pub rules: u32,
 }
 
@@ -105,10 +105,10 @@ impl RecoveredSession {
 /// # Errors
 /// If the folder cannot be read.
 pub fn operator_actions(folder: &Path) -> Result<Vec<(usize, AuditEntry)>, DatasetError> {
-    let story = RecoveredSession::read(folder)?;
+    let session = RecoveredSession::read(folder)?;
     let mut start = 1;
     let mut found = Vec::new();
-    for placed in story.journal.records {
+    for placed in session.journal.records {
         match placed.record {
             JournalEntry::Resumed { .. } => start += 1,
             JournalEntry::Console(entry) => found.push((start, entry)),
@@ -136,18 +136,18 @@ fn order(folder: &SessionFolder) -> Result<Vec<schedule::Planned>, DatasetError>
     .collect()
 }
 
-/// Where a session stands after some of its journal.
+/// State of a session after a part of its journal.
 #[derive(Debug, Clone)]
 pub(super) struct RecoveredState {
     pub progress: Progress,
     pub names: RecordNames,
     pub phase: Phase,
-    /// The record that was being written.
+    /// File of the record that was being written.
     pub open: Option<String>,
 }
 
 impl RecoveredState {
-    /// Before anything transition.
+    /// The state before the first transition.
     pub fn new(settings: &Settings) -> Self {
         Self {
             progress: Progress::new(settings),
@@ -157,8 +157,8 @@ impl RecoveredState {
         }
     }
 
-    /// After one more record of the journal.
-    pub fn take(&mut self, record: &JournalEntry) {
+    /// Applies one entry of the journal.
+    pub fn apply(&mut self, record: &JournalEntry) {
         match record {
             JournalEntry::Session { .. } | JournalEntry::Refused { .. } | JournalEntry::Console(_) => {}
             JournalEntry::Transition(transition) => {

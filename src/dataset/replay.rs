@@ -1,5 +1,5 @@
-//! Going through a session again: what the rig gave and the operator said is fed to the state machine, and everything
-//! it answers is compared with the journal.
+//! Replay of a session: the recorded samples and commands go through the state machine again, and its transitions are
+//! compared with the journal.
 //!
 //! Between the records (rests, the way back) no samples are kept. Nothing the session does there depends on them but
 //! faults, and those are in the journal, so a motor that follows stands in for them. The limits are held against every
@@ -22,19 +22,19 @@ use crate::session::{
     TransitionRecord,
 };
 
-/// No session waits longer than this for its operator, s; a journal that says so is wrong.
+/// Longest plausible wait for the operator, s; a longer one in the journal is an error.
 const LONGEST_WAIT_S: f64 = 7.0 * 86_400.0;
 
-/// What came of going through a session again.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Replay {
     /// Steps of the state machine.
     pub steps: u64,
-    /// Events that came out as they are in the journal.
+    /// Events that are the same as in the journal.
     pub events: usize,
     /// How often the session was started: once, and once more for every time it was resumed.
     pub starts: usize,
-    /// Where it first went another way.
+    /// First difference from the record.
     pub difference: Option<Difference>,
     /// The program that recorded it.
     pub program: String,
@@ -42,7 +42,7 @@ pub struct Replay {
     pub rules: u32,
 }
 
-/// Where a replay first goes another way than the record.
+/// First difference between a replay and the record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
     /// Which start of the session, from 1: it was resumed in between.
@@ -53,9 +53,9 @@ pub struct Difference {
     pub phase: Phase,
     /// Number of the trial under way.
     pub trial: Option<u32>,
-    /// What the journal says.
+    /// Entry in the journal.
     pub recorded: String,
-    /// What came out.
+    /// Outcome of the replay.
     pub replayed: String,
 }
 
@@ -75,7 +75,7 @@ impl fmt::Display for Difference {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(out, "sample {}", self.sample)?;
         if self.start > 1 {
-            write!(out, " after the session was resumed for the {}. time", self.start - 1)?;
+            write!(out, " after resume number {}", self.start - 1)?;
         }
         write!(out, ", in state {}", self.phase.name())?;
         if let Some(trial) = self.trial {
@@ -96,29 +96,29 @@ pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
     replay_watched(folder, &mut |_, _| ControlFlow::Continue(()))
 }
 
-/// The same, with somebody who looks on.
+/// As [`replay`], calling `observer` after each step.
 ///
 /// # Errors
 /// As [`replay`].
 pub fn replay_watched(folder: &Path, observer: &mut StepObserver) -> Result<Replay, DatasetError> {
-    let story = RecoveredSession::read(folder)?;
-    story.undamaged()?;
-    let mut standing = RecoveredState::new(&story.settings);
+    let session = RecoveredSession::read(folder)?;
+    session.undamaged()?;
+    let mut state = RecoveredState::new(&session.settings);
     let mut replay = Replay {
         steps: 0,
         events: 0,
         starts: 0,
         difference: None,
-        program: story.program.clone(),
-        rules: story.rules,
+        program: session.program.clone(),
+        rules: session.rules,
     };
-    let records: Vec<&JournalEntry> = story.journal.records.iter().map(|placed| &placed.record).collect();
+    let records: Vec<&JournalEntry> = session.journal.records.iter().map(|placed| &placed.record).collect();
     // The first record describes the session.
     for part in records[1..].split_inclusive(|record| matches!(record, JournalEntry::Resumed { .. })) {
         let resumed = part.last().filter(|record| matches!(record, JournalEntry::Resumed { .. }));
         let lines: Vec<ExpectedStep> = part.iter().filter_map(|record| ExpectedStep::of(record)).collect();
         replay.starts += 1;
-        let mut player = Replayer::new(&story, standing, replay.starts);
+        let mut player = Replayer::new(&session, state, replay.starts);
         player.ended_well = resumed.is_none() && !is_under_way(&lines);
         let played = player.play(&lines, observer)?;
         replay.steps += player.machine.sample();
@@ -130,9 +130,9 @@ pub fn replay_watched(folder: &Path, observer: &mut StepObserver) -> Result<Repl
             replay.difference = Some(difference);
             return Ok(replay);
         }
-        standing = player.standing;
+        state = player.state;
         if let Some(record) = resumed {
-            standing.take(record);
+            state.apply(record);
         }
     }
     Ok(replay)
@@ -175,7 +175,7 @@ impl ExpectedStep {
     }
 }
 
-/// A record that is being played.
+/// Samples of the record that is being replayed.
 #[derive(Debug, Default)]
 struct RecordedSamples {
     samples: Vec<Sample>,
@@ -184,11 +184,11 @@ struct RecordedSamples {
     breaks: Option<(usize, Fault)>,
 }
 
-/// One start of the session, gone through again.
+/// Replays one start of the session.
 struct Replayer<'a> {
-    story: &'a RecoveredSession,
+    session: &'a RecoveredSession,
     machine: Machine,
-    standing: RecoveredState,
+    state: RecoveredState,
     limits: Limits,
     start: usize,
     /// The program lived to end this start of the session.
@@ -196,19 +196,19 @@ struct Replayer<'a> {
     rows: Option<RecordedSamples>,
     angle_rad: f64,
     events: usize,
-    /// The observer has seen enough.
+    /// The observer has ended the replay.
     is_stopped: bool,
 }
 
 impl<'a> Replayer<'a> {
-    fn new(story: &'a RecoveredSession, standing: RecoveredState, start: usize) -> Self {
-        let mut settings = Settings::clone(&story.settings);
-        let limits = std::mem::replace(&mut settings.limits, endless());
-        let machine = Machine::with_progress(Arc::new(settings), standing.progress.clone());
+    fn new(session: &'a RecoveredSession, state: RecoveredState, start: usize) -> Self {
+        let mut settings = Settings::clone(&session.settings);
+        let limits = std::mem::replace(&mut settings.limits, no_limits());
+        let machine = Machine::with_progress(Arc::new(settings), state.progress.clone());
         Self {
-            story,
+            session,
             machine,
-            standing,
+            state,
             limits,
             start,
             ended_well: true,
@@ -219,13 +219,13 @@ impl<'a> Replayer<'a> {
         }
     }
 
-    /// Plays the lines of the journal; the first difference.
+    /// Replays the entries of the journal; returns the first difference.
     fn play(
         &mut self,
         lines: &[ExpectedStep],
         observer: &mut StepObserver,
     ) -> Result<Option<Difference>, DatasetError> {
-        let longest = (LONGEST_WAIT_S * self.story.settings.sample_rate_hz) as u64;
+        let longest = (LONGEST_WAIT_S * self.session.settings.sample_rate_hz) as u64;
         let mut lines = lines;
         loop {
             let step = self.machine.sample();
@@ -294,7 +294,7 @@ impl<'a> Replayer<'a> {
         Difference { start: self.start, sample, phase: self.machine.phase(), trial, recorded, replayed }
     }
 
-    /// What the session was told at this step; `None` if the record is at its end.
+    /// Input of the state machine at this step; `None` at the end of the record.
     fn input(
         &mut self,
         transition: Option<TransitionRecord>,
@@ -344,7 +344,7 @@ impl<'a> Replayer<'a> {
 
     fn row(&mut self) -> Option<Reading> {
         // By the first rules, the sample that ended a record was not in it.
-        let lacks_last = self.story.rules < 2;
+        let lacks_last = self.session.rules < 2;
         let rows = self.rows.as_mut()?;
         let place = rows.next;
         rows.next += 1;
@@ -361,9 +361,9 @@ impl<'a> Replayer<'a> {
             self.angle_rad = angle_rad;
         }
         let Some(transition) = output.transition else { return Ok(None) };
-        let before = self.standing.open.clone();
-        self.standing.take(&JournalEntry::Transition(transition));
-        if self.standing.open == before {
+        let before = self.state.open.clone();
+        self.state.apply(&JournalEntry::Transition(transition));
+        if self.state.open == before {
             return Ok(None);
         }
         if let Some(rows) = self.rows.take()
@@ -373,7 +373,7 @@ impl<'a> Replayer<'a> {
             let replayed = describe(&transition);
             return Ok(Some(self.difference(self.machine.sample() - 1, recorded, replayed)));
         }
-        if let Some(file) = self.standing.open.clone() {
+        if let Some(file) = self.state.open.clone() {
             debug_assert_ne!(output.record, RecordTarget::None);
             self.rows = Some(self.read(&file)?);
         }
@@ -382,9 +382,9 @@ impl<'a> Replayer<'a> {
 
     /// The samples of a record, all but the first, which is the one that it began with.
     fn read(&self, file: &str) -> Result<RecordedSamples, DatasetError> {
-        let folder = super::csv_input::SessionFolder::open(&self.story.path)?;
+        let folder = super::csv_input::SessionFolder::open(&self.session.path)?;
         let part = format!("{file}.part");
-        let file = if self.story.path.join(&part).exists() { &part } else { file };
+        let file = if self.session.path.join(&part).exists() { &part } else { file };
         let text = folder.text(file, None)?;
         let name = folder.name(file);
         // A record that is still being written may end in the middle of a row.
@@ -392,7 +392,7 @@ impl<'a> Replayer<'a> {
         if whole.is_empty() {
             return Ok(RecordedSamples { next: 0, ..RecordedSamples::default() });
         }
-        let record = trial_csv_reader::parse(&name, whole, self.story.settings.sample_rate_hz)?;
+        let record = trial_csv_reader::parse(&name, whole, self.session.settings.sample_rate_hz)?;
         let (Some(fcr), Some(ecr)) = (&record.emg_fcr_mvc, &record.emg_ecr_mvc) else {
             let expected = "the columns emg_fcr_mvc and emg_ecr_mvc".to_owned();
             return Err(DatasetError::Empty { at: Place::file(name), expected });
@@ -405,7 +405,7 @@ impl<'a> Replayer<'a> {
                 emg_ecr_mvc: ecr[row],
             })
             .collect();
-        let mut monitor = LimitMonitor::new((&self.limits).into(), self.story.settings.sample_rate_hz);
+        let mut monitor = LimitMonitor::new((&self.limits).into(), self.session.settings.sample_rate_hz);
         let breaks = samples
             .iter()
             .enumerate()
@@ -419,7 +419,7 @@ fn expected(due: &[ExpectedStep]) -> (Option<TransitionRecord>, Option<Event>) {
     for line in due {
         match line.record {
             StepEntry::Transition(transition) => step.0 = Some(transition),
-            StepEntry::Refused(word) => step.1 = Some(word),
+            StepEntry::Refused(command) => step.1 = Some(command),
         }
     }
     step
@@ -428,7 +428,7 @@ fn expected(due: &[ExpectedStep]) -> (Option<TransitionRecord>, Option<Event>) {
 fn describe_line(record: &StepEntry) -> String {
     match record {
         StepEntry::Transition(transition) => describe_step(Some(*transition), None),
-        StepEntry::Refused(word) => describe_step(None, Some(*word)),
+        StepEntry::Refused(command) => describe_step(None, Some(*command)),
     }
 }
 
@@ -436,8 +436,8 @@ fn describe_step(transition: Option<TransitionRecord>, refused: Option<Event>) -
     match (transition, refused) {
         (None, None) => "nothing".to_owned(),
         (Some(transition), None) => describe(&transition),
-        (None, Some(word)) => format!("{} refused", word.name()),
-        (Some(transition), Some(word)) => format!("{}, {} refused", describe(&transition), word.name()),
+        (None, Some(command)) => format!("{} refused", command.name()),
+        (Some(transition), Some(command)) => format!("{}, {} refused", describe(&transition), command.name()),
     }
 }
 
@@ -450,8 +450,8 @@ fn describe(transition: &TransitionRecord) -> String {
     text
 }
 
-/// Limits that nothing breaks: a replay is told of faults by the journal.
-fn endless() -> Limits {
+/// Limits that no sample exceeds: in a replay, faults come from the journal.
+fn no_limits() -> Limits {
     Limits {
         angle_rad: [f64::MIN, f64::MAX],
         speed_rad_s: f64::MAX,

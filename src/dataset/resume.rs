@@ -1,4 +1,4 @@
-//! Going on with a session after any end: what was being written is settled, the trial under way counts as aborted.
+//! Resuming a session after any end: the open record is completed, and the trial under way is aborted.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -13,16 +13,16 @@ use super::recovery::{RecoveredSession, RecoveredState};
 use super::trial_csv_writer::HEADER;
 use crate::session::{Machine, Phase};
 
-/// Why a session cannot be gone on with.
+/// Reason why a session cannot be resumed.
 #[derive(Debug, thiserror::Error)]
 pub enum ResumeError {
-    /// The folder cannot be read, or is at work.
+    /// The folder cannot be read, or another program uses it.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
     /// The folder cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// Somebody changed the session since it ended.
+    /// Files of the session were changed since it ended.
     #[error(
         "{folder}: {} not as the session left it: {}. Put it back from a copy; to go on with the session as it is \
          now, take {MANIFEST} away",
@@ -36,31 +36,31 @@ pub enum ResumeError {
     },
 }
 
-/// A session that nobody else is at work in, and that can be gone on with.
+/// A session that can be resumed, locked against other programs.
 #[derive(Debug)]
 pub struct Resumable {
-    story: RecoveredSession,
-    standing: RecoveredState,
+    session: RecoveredSession,
+    state: RecoveredState,
     journal: Journal,
     disk: Disk,
     has_manifest: bool,
 }
 
-/// A session at the point where it goes on: disarmed, waiting for the operator's word.
+/// A resumed session: disarmed, waiting for the operator's start.
 #[derive(Debug)]
 pub struct Resumed {
-    /// Keeps what happens from here on.
+    /// Recorder of the resumed session.
     pub recorder: Recorder,
-    /// The session.
+    /// State machine of the session.
     pub machine: Machine,
-    /// The trial that was under way.
+    /// Trial that was under way.
     pub interrupted: Option<Interrupted>,
-    /// The end of the journal that was cut off.
+    /// Damaged end of the journal that was cut off.
     pub torn: Option<Damage>,
 }
 
 impl Resumable {
-    /// Opens the session in `path` and keeps others out of it. Nothing is changed yet.
+    /// Opens and locks the session in `path`. Nothing is changed yet.
     ///
     /// # Errors
     /// If another program is at work in it, its journal is damaged in the middle, or it is no session of this program.
@@ -72,95 +72,94 @@ impl Resumable {
                 return Err(DatasetError::InUse { at: Place::file(path.display().to_string()) }.into());
             }
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
-                // To read the folder tells what is missing in words that fit.
+                // Reading the folder gives the more precise error.
                 RecoveredSession::read(path)?;
                 return Err(RecordError::at(&at)(error).into());
             }
             Err(error) => return Err(RecordError::at(&at)(error).into()),
         };
-        let story = RecoveredSession::read(path)?;
-        story.undamaged()?;
+        let session = RecoveredSession::read(path)?;
+        session.undamaged()?;
         let has_manifest = path.join(MANIFEST).exists();
         if has_manifest {
             check_unchanged(path)?;
         }
-        let mut standing = RecoveredState::new(&story.settings);
-        for placed in &story.journal.records {
-            standing.take(&placed.record);
+        let mut state = RecoveredState::new(&session.settings);
+        for placed in &session.journal.records {
+            state.apply(&placed.record);
         }
-        Ok(Self { story, standing, journal, disk, has_manifest })
+        Ok(Self { session, state, journal, disk, has_manifest })
     }
 
-    /// Who is measured.
+    /// Identifier of the subject.
     pub fn subject(&self) -> &str {
-        &self.story.subject
+        &self.session.subject
     }
 
     /// Seed of the session.
     pub fn seed(&self) -> u64 {
-        self.story.settings.seed
+        self.session.settings.seed
     }
 
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub fn sample_rate_hz(&self) -> f64 {
-        self.story.settings.sample_rate_hz
+        self.session.settings.sample_rate_hz
     }
 
     /// By how many samples the motor of the session follows a command later than at the next sample.
     pub fn motion_delay_samples(&self) -> u64 {
-        self.story.settings.motion_delay_samples
+        self.session.settings.motion_delay_samples
     }
 
     /// Whether every trial is done, so that only the results can be missing.
     pub fn is_finished(&self) -> bool {
-        self.standing.phase == Phase::Finished
+        self.state.phase == Phase::Finished
     }
 
-    /// Whether it was brought to its end, results and all.
+    /// Whether every trial is done and the results are complete.
     pub fn is_complete(&self) -> bool {
         self.is_finished() && self.has_manifest
     }
 
     /// Trials left to do, the one that was under way included.
     pub fn left(&self) -> usize {
-        let under_way = self.standing.progress.current().is_some_and(|trial| !trial.planned.key.practice);
-        self.standing.progress.queue().len() + usize::from(under_way)
+        let under_way = self.state.progress.current().is_some_and(|trial| !trial.planned.key.practice);
+        self.state.progress.queue().len() + usize::from(under_way)
     }
 
-    /// Settles what was being written and notes in the journal that the session goes on.
+    /// Completes the open record and notes in the journal that the session was resumed.
     ///
     /// # Errors
     /// If the folder cannot be written. It can be tried again.
     pub fn resume(self) -> Result<Resumed, RecordError> {
         let is_finished = self.is_finished();
-        let Self { story, mut standing, mut journal, disk, .. } = self;
-        let at = story.path.join(JOURNAL);
-        // First the manifest, which no longer fits once anything else is another.
-        remove_unfinished(&disk, &story.path)?;
-        if let Some(torn) = &story.journal.torn {
+        let Self { session, mut state, mut journal, disk, .. } = self;
+        let at = session.path.join(JOURNAL);
+        // First the manifest, which is invalid once another file has changed.
+        remove_unfinished(&disk, &session.path)?;
+        if let Some(torn) = &session.journal.torn {
             journal.cut(&disk, torn.offset).map_err(RecordError::at(&at))?;
         }
-        let samples = match &standing.open {
-            Some(file) => settle(&disk, &story.path.join(file))?,
+        let samples = match &state.open {
+            Some(file) => complete_record(&disk, &session.path.join(file))?,
             None => 0,
         };
-        let interrupted = standing
+        let interrupted = state
             .progress
             .interrupt(samples)
             .map(|trial| Interrupted { number: trial.number, samples: trial.samples });
-        let machine = Machine::with_progress(story.settings.clone(), standing.progress.clone());
-        let mut recorder = Recorder::new(&story.path, disk, journal, story.settings, standing.names);
+        let machine = Machine::with_progress(session.settings.clone(), state.progress.clone());
+        let mut recorder = Recorder::new(&session.path, disk, journal, session.settings, state.names);
         if is_finished {
-            recorder.write_tables(&standing.progress)?;
+            recorder.write_tables(&state.progress)?;
         } else {
-            recorder.resume(interrupted, &standing.progress)?;
+            recorder.resume(interrupted, &state.progress)?;
         }
-        Ok(Resumed { recorder, machine, interrupted, torn: story.journal.torn })
+        Ok(Resumed { recorder, machine, interrupted, torn: session.journal.torn })
     }
 }
 
-/// Holds what was measured against the manifest. Results can be made anew, and files that were added, such as exports, are
-/// no hindrance.
+/// Compares the measured files with the manifest. Results and added files, such as exports, are not compared.
 fn check_unchanged(folder: &Path) -> Result<(), ResumeError> {
     let changes = Manifest::read(folder)?.changes(folder)?;
     let files: Vec<String> = changes
@@ -174,7 +173,7 @@ fn check_unchanged(folder: &Path) -> Result<(), ResumeError> {
     Err(ResumeError::NotAsItWas { folder: folder.display().to_string(), files })
 }
 
-/// Takes away what [`Disk::write`] had begun, and the manifest, which no longer fits once the session goes on.
+/// Removes unfinished files of [`Disk::write`] and the manifest.
 fn remove_unfinished(disk: &Disk, folder: &Path) -> Result<(), RecordError> {
     for folder in [folder.to_owned(), folder.join("results")] {
         let entries = match fs::read_dir(&folder) {
@@ -199,21 +198,21 @@ fn is_half_written(path: &Path) -> bool {
     [".csv.new", ".json.new", ".html.new"].iter().any(|ending| name.ends_with(ending))
 }
 
-/// Gives the record that was being written its name; the number of samples in it.
-fn settle(disk: &Disk, path: &Path) -> Result<u64, RecordError> {
+/// Completes the record that was being written: keeps its complete rows under its final name. Returns their number.
+fn complete_record(disk: &Disk, path: &Path) -> Result<u64, RecordError> {
     let part = path.with_added_extension("part");
     let read = |path: &Path| match fs::read(path) {
         Ok(bytes) => Ok(Some(bytes)),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error),
     };
-    let settle = || -> io::Result<u64> {
+    let complete = || -> io::Result<u64> {
         let (bytes, has_name) = match (read(&part)?, read(path)?) {
             (Some(bytes), _) => (bytes, false),
             (None, Some(bytes)) => (bytes, true),
             (None, None) => (Vec::new(), false),
         };
-        let (good, samples) = whole_rows(&bytes);
+        let (good, samples) = complete_rows(&bytes);
         if !has_name || good.len() != bytes.len() {
             disk.write(path, &good)?;
         }
@@ -222,18 +221,18 @@ fn settle(disk: &Disk, path: &Path) -> Result<u64, RecordError> {
         }
         Ok(samples)
     };
-    settle().map_err(RecordError::at(path))
+    complete().map_err(RecordError::at(path))
 }
 
-/// The rows that are whole, with their header, and how many they are.
-fn whole_rows(bytes: &[u8]) -> (Vec<u8>, u64) {
+/// The header and the complete rows of a record, and the number of rows.
+fn complete_rows(bytes: &[u8]) -> (Vec<u8>, u64) {
     let mut good = HEADER.to_vec();
     let mut samples = 0;
     if !bytes.starts_with(HEADER) {
         return (good, samples);
     }
     for row in bytes[HEADER.len()..].split_inclusive(|byte| *byte == b'\n') {
-        if !is_whole(row) {
+        if !is_complete_row(row) {
             break;
         }
         good.extend_from_slice(row);
@@ -242,8 +241,8 @@ fn whole_rows(bytes: &[u8]) -> (Vec<u8>, u64) {
     (good, samples)
 }
 
-/// Whether a row ends as it should and has a number in each column. A disk that lost its power may show anything.
-fn is_whole(row: &[u8]) -> bool {
+/// Whether a row ends with a line break and has a finite number in each column.
+fn is_complete_row(row: &[u8]) -> bool {
     let Some(text) = row.strip_suffix(b"\n").and_then(|row| std::str::from_utf8(row).ok()) else {
         return false;
     };

@@ -12,7 +12,7 @@ pub fn empty() -> &'static [u8] {
     TRIALS.as_bytes()
 }
 
-/// Where the record of a trial goes; practice is kept apart, so that nobody analyses it by mistake.
+/// File of a trial's record; practice trials have a folder of their own, so that they are not analysed by mistake.
 pub fn trial_file(attempt: &Attempt) -> String {
     let folder = if attempt.planned.key.practice { "familiarisation" } else { "trials" };
     format!("{folder}/trial-{:03}.csv", attempt.number)

@@ -2,23 +2,23 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What makes the session go from one phase to another.
+/// Event that can take the session from one phase to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Event {
     /// Operator: arm the rig and begin.
     Start,
-    /// Operator: stop after what cannot be interrupted.
+    /// Operator: pause, during a ramp after the trial.
     Pause,
     /// Operator: go on.
     Resume,
     /// Operator: leave out this trial, or the next one.
     Skip,
-    /// Operator: the last trial does not count; run it again.
+    /// Operator: reject the last trial and run it again.
     Repeat,
     /// Operator: end the session now.
     Abort,
-    /// Operator: the cause of the fault is mended; arm the rig again.
+    /// Operator: the fault has been fixed; arm the rig again.
     Rearm,
     /// The offset was measured for its time.
     OffsetMeasured,
@@ -46,15 +46,15 @@ pub enum Event {
     Fault,
 }
 
-/// Who brings an event about.
+/// Origin of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
-    /// The operator's word.
+    /// A command of the operator.
     Operator,
-    /// The time in samples, or the planned movement.
+    /// The time in samples, or the planned movement of the motor.
     Time,
-    /// What the person does.
-    Person,
+    /// The torque or EMG of the subject.
+    Subject,
     /// The rig.
     Rig,
 }
@@ -83,7 +83,7 @@ impl Event {
         Self::Fault,
     ];
 
-    /// The word in tables and files.
+    /// Name in tables and files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Start => "start",
@@ -108,7 +108,7 @@ impl Event {
         }
     }
 
-    /// Who brings it about.
+    /// Origin of the event.
     pub fn source(self) -> Source {
         match self {
             Self::Start
@@ -118,7 +118,9 @@ impl Event {
             | Self::Repeat
             | Self::Abort
             | Self::Rearm => Source::Operator,
-            Self::GateOpened | Self::GateTimedOut | Self::LeftBand | Self::AntagonistActive => Source::Person,
+            Self::GateOpened | Self::GateTimedOut | Self::LeftBand | Self::AntagonistActive => {
+                Source::Subject
+            }
             Self::Fault => Source::Rig,
             _ => Source::Time,
         }
@@ -126,12 +128,12 @@ impl Event {
 }
 
 impl Source {
-    /// The word in tables.
+    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Operator => "operator",
             Self::Time => "time",
-            Self::Person => "person",
+            Self::Subject => "subject",
             Self::Rig => "rig",
         }
     }

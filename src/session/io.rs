@@ -1,4 +1,4 @@
-//! One step of the session: what goes in, what comes out, and what transition, in a form that the journal keeps.
+//! Input and output of the state machine, and the record of a transition as the journal keeps it.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,75 +7,75 @@ use super::phase::Phase;
 use super::settings::PlannedTrial;
 use crate::rig::{Command, Fault, Sample};
 
-/// What the session is told at a sample.
+/// Input of the state machine at one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Input {
-    /// What the rig gave.
+    /// Reading of the rig.
     pub reading: Reading,
-    /// A word of the operator since the last sample; one at a time.
+    /// Command of the operator since the last sample, if there was one.
     pub operator: Option<Event>,
-    /// Everything that transition so far is safely on disk. The ramp waits for it.
+    /// Whether all transitions so far are on disk. The ramp waits for it.
     pub on_disk: bool,
 }
 
-/// What the rig gave at a sample.
+/// Reading of the rig at one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reading {
     /// A sample of all channels.
     Sample(Sample),
-    /// It failed.
+    /// The rig failed.
     Fault(Fault),
-    /// It is disarmed and measures nothing.
+    /// The rig is disarmed and measures nothing.
     Disarmed,
 }
 
-/// What the session wants done, and what it has found out.
+/// Output of the state machine at one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Output {
-    /// What the motor does and the person is shown until the next sample.
+    /// Command for the motor and cue for the subject until the next sample.
     pub command: Command,
     /// The phase after this step.
     pub phase: Phase,
-    /// What transition at this sample, if anything did.
+    /// Transition at this sample, if there was one.
     pub transition: Option<TransitionRecord>,
-    /// A word of the operator that is not possible in this phase.
+    /// Command of the operator that is not possible in this phase.
     pub refused: Option<Event>,
-    /// Where the sample belongs.
+    /// Record that the sample belongs to.
     pub record: RecordTarget,
-    /// For the displays: how much of the gate's time has been held (0 to 1).
+    /// Fraction of the gate's time that the torque has been in the band, 0 to 1.
     pub gate_fraction: f64,
 }
 
-/// To which record a sample belongs.
+/// Record that a sample belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RecordTarget {
-    /// To none.
+    /// No record.
     None,
-    /// To the measurement of the offset.
+    /// The measurement of the torque offset.
     Offset,
-    /// To a maximal effort, counted from 1.
+    /// A maximal effort, numbered from 1.
     Effort(u32),
-    /// To the trial under way.
+    /// The trial under way.
     Trial,
 }
 
-/// One line of the session's story. The lines so far are all that is needed to go on after a crash.
+/// A transition of the state machine. The records so far suffice to resume the session after a crash.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TransitionRecord {
     /// Samples since the session was started or resumed.
     pub sample: u64,
     /// The phase before.
     pub from: Phase,
-    /// What transition.
+    /// The event.
     pub event: Event,
     /// The phase after.
     pub to: Phase,
-    /// What else there is to know.
+    /// Numbers that belong to the transition.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detail: Option<TransitionDetail>,
 }
 
-/// What a [`TransitionRecord`] has to say beside its names.
+/// Numbers that belong to a transition.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TransitionDetail {
@@ -87,7 +87,7 @@ pub enum TransitionDetail {
         peak_torque_nm: f64,
         /// Highest smoothed EMG of the flexor, in the units in force.
         peak_fcr: f64,
-        /// The same of the extensor.
+        /// Highest smoothed EMG of the extensor, in the units in force.
         peak_ecr: f64,
     },
     /// A trial began.
@@ -112,7 +112,7 @@ pub enum TransitionDetail {
     Ended {
         /// Its number.
         number: u32,
-        /// What became of it.
+        /// Status of the trial.
         status: Status,
         /// Samples since it began.
         samples: u64,
@@ -121,7 +121,7 @@ pub enum TransitionDetail {
     Fault(Fault),
     /// A fault in a trial, which ended with it.
     FaultInTrial {
-        /// What went wrong.
+        /// The fault.
         fault: Fault,
         /// Number of the trial.
         number: u32,
@@ -130,17 +130,17 @@ pub enum TransitionDetail {
     },
     /// The rig was armed again after a fault.
     Rearmed {
-        /// Where the motor was then, rad.
+        /// Motor angle at that time, rad.
         angle_rad: f64,
     },
-    /// The last trial was taken back.
+    /// The last trial was rejected by the operator, to be repeated.
     TakenBack {
         /// Its number.
         number: u32,
     },
 }
 
-/// What became of a trial. Only `Ok` trials are analysed; nothing is deleted.
+/// Status of a trial. Only `Ok` trials are analysed; nothing is deleted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
@@ -148,12 +148,12 @@ pub enum Status {
     Ok,
     /// Interrupted by a fault, the operator or the end of the program.
     Aborted,
-    /// The person did not hold the torque as asked.
+    /// The subject did not hold the torque as required.
     Rejected,
 }
 
 impl Status {
-    /// The word in tables.
+    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -163,18 +163,18 @@ impl Status {
     }
 }
 
-/// A trial that has begun, and what became of it.
+/// A trial that has begun, and its status.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Attempt {
     /// Number in its table (practice trials have their own), from 1.
     pub number: u32,
-    /// Which trial of the schedule.
+    /// Trial of the schedule.
     pub planned: PlannedTrial,
     /// Rest since the motor was last home, samples.
     pub rest_samples: u64,
-    /// Where in its record the ramp began, if it did.
+    /// Sample of the record at which the ramp began, if it began.
     pub onset_sample: Option<u64>,
-    /// What became of it, and why; `None` while it is under way.
+    /// Status and the event that ended the trial; `None` while it is under way.
     pub ended: Option<(Status, Event)>,
     /// Samples since it began.
     pub samples: u64,

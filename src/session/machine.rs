@@ -1,4 +1,4 @@
-//! The experiment as a state machine: stepped once a sample, and nothing but its input decides what it does.
+//! The state machine of a session: stepped once a sample; its output depends on its inputs only.
 
 use std::sync::Arc;
 
@@ -13,10 +13,10 @@ use super::transitions::{Effect, Transition};
 use crate::protocol::Sweep;
 use crate::rig::{Channel, Command, Cue, Direction, Fault, LimitMonitor, Motor, Sample, Upcoming};
 
-/// An effort below this fraction of the nominal MVC is a fallen-off electrode.
+/// EMG of an effort, fraction of the nominal MVC, below which the electrode is taken to be off.
 const SILENT_EFFORT_MVC: f64 = 1e-3;
 
-/// The session.
+/// State machine of a session.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Machine {
     settings: Arc<Settings>,
@@ -42,7 +42,7 @@ pub struct Machine {
     offset_sum_nm: f64,
     /// Highest values of the effort under way: torque, FCR, ECR.
     peaks: [f64; 3],
-    /// The way home after a fault: where from, and how.
+    /// Movement to the start position after a fault: start angle in rad, and sweep.
     homing: Option<(f64, Sweep)>,
 }
 
@@ -53,7 +53,7 @@ impl Machine {
         Self::with_progress(settings, progress)
     }
 
-    /// A session of which `progress` is already done; it waits for the operator's word.
+    /// A session that resumes from `progress`; it waits for the operator's start.
     pub fn with_progress(settings: Arc<Settings>, progress: Progress) -> Self {
         Self {
             progress,
@@ -74,17 +74,17 @@ impl Machine {
         }
     }
 
-    /// Where the session is.
+    /// Phase of the session.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// What has been done and what is left.
+    /// Progress of the session.
     pub fn progress(&self) -> &Progress {
         &self.progress
     }
 
-    /// The settings it runs by.
+    /// Settings of the session.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -94,12 +94,13 @@ impl Machine {
         self.sample
     }
 
-    /// The signals as the person sees them.
+    /// Filtered signals that the subject sees.
     pub fn feedback(&self) -> &FeedbackFilter {
         &self.feedback
     }
 
-    /// One sample. At most one thing happens at a sample: a fault before the operator's word, and that before the rest.
+    /// Processes one sample. At most one transition is made: a fault takes precedence over the operator's command, and the
+    /// command over all other events.
     pub fn step(&mut self, input: &Input) -> Output {
         self.count();
         let mut refused = None;
@@ -110,13 +111,13 @@ impl Machine {
                 transition = self.fire(Event::Fault, Some(TransitionDetail::Fault(fault)));
             }
             Ok(sample) => {
-                if let Some(word) = input.operator.filter(|word| word.source() == Source::Operator) {
-                    transition = self.obey(word, sample);
-                    refused = if transition.is_none() { Some(word) } else { None };
+                if let Some(command) = input.operator.filter(|command| command.source() == Source::Operator) {
+                    transition = self.execute(command, sample);
+                    refused = if transition.is_none() { Some(command) } else { None };
                 }
                 if let (None, Some(sample)) = (&transition, sample) {
                     transition = self
-                        .natural(&sample, input.on_disk)
+                        .due_event(&sample, input.on_disk)
                         .and_then(|(event, detail)| self.fire(event, detail));
                 }
             }
@@ -153,22 +154,22 @@ impl Machine {
         }
     }
 
-    fn obey(&mut self, word: Event, sample: Option<Sample>) -> Option<TransitionRecord> {
-        // To arm is the loop's work; that it was done shows in there being a sample.
-        if word == Event::Start {
+    fn execute(&mut self, command: Event, sample: Option<Sample>) -> Option<TransitionRecord> {
+        // The control loop arms the rig; a sample shows that the rig is armed.
+        if command == Event::Start {
             sample?;
         }
         let mut detail = None;
-        if word == Event::Rearm {
+        if command == Event::Rearm {
             let angle_rad = sample?.theta_m_rad;
             self.plan_homing(angle_rad);
             detail = Some(TransitionDetail::Rearmed { angle_rad });
         }
-        self.fire(word, detail)
+        self.fire(command, detail)
     }
 
-    /// What time, movement and person bring about at this sample.
-    fn natural(&mut self, sample: &Sample, on_disk: bool) -> Option<(Event, Option<TransitionDetail>)> {
+    /// Event from the time, the movement or the subject at this sample, if there is one.
+    fn due_event(&mut self, sample: &Sample, on_disk: bool) -> Option<(Event, Option<TransitionDetail>)> {
         match self.phase {
             Phase::Offset => self.measure_offset(sample),
             Phase::MvcEffort => self.measure_effort(),
@@ -223,7 +224,8 @@ impl Machine {
         Some((Event::EffortOver, Some(TransitionDetail::Effort { peak_torque_nm, peak_fcr, peak_ecr })))
     }
 
-    /// The gate of the paper: the difference to the target stays within the band for the gate's time, without a break.
+    /// The torque gate of the paper: opens when the torque has stayed in the band around the target for the gate's time
+    /// without a break.
     fn watch_gate(&mut self) -> Option<Event> {
         self.in_band = if self.is_in_band() { self.in_band + 1 } else { 0 };
         if self.in_band > 0 && self.antagonist_is_active() {
@@ -279,14 +281,14 @@ impl Machine {
 
     fn plan_homing(&mut self, from_rad: f64) {
         let (speed, rise_s) = (self.settings.return_velocity_rad_s.abs(), self.settings.rise_time_s);
-        // A short way does not let the motor reach the full speed.
+        // Over a short distance the motor does not reach full speed.
         let speed = speed.min(0.99 * from_rad.abs() / rise_s);
         self.homing = Sweep::new(from_rad.abs(), -from_rad.signum() * speed, rise_s)
             .ok()
             .map(|sweep| (from_rad, sweep));
     }
 
-    /// Takes the line of the table for an event, if there is one.
+    /// Makes the transition for an event, if the table has one.
     fn fire(&mut self, event: Event, detail: Option<TransitionDetail>) -> Option<TransitionRecord> {
         let line = self.progress.line(self.phase, event)?;
         let transition = TransitionRecord {
@@ -303,7 +305,7 @@ impl Machine {
         Some(transition)
     }
 
-    /// What the journal must know of a transition beside its names.
+    /// Numbers that the journal keeps with a transition.
     fn detail(&self, line: &Transition, detail: Option<TransitionDetail>) -> Option<TransitionDetail> {
         let last = self.progress.attempts().last();
         let (number, samples) = (last.map_or(0, |attempt| attempt.number), self.in_trial);
@@ -346,7 +348,7 @@ impl Machine {
             Phase::Delay => self.delay = self.draw_delay(),
             Phase::Ramp => self.since_onset = 0,
             Phase::Faulted => {
-                // The next sample comes after the rig was armed again, from wherever the motor is then.
+                // The motor may be anywhere when the rig is armed again.
                 self.limit_monitor.restart();
                 self.feedback.restart();
             }
@@ -356,7 +358,7 @@ impl Machine {
             self.at_home = 0;
         }
         if line.effect == Effect::KeepEffort && self.progress.emg_factors().is_some() {
-            // From here on, EMG comes in other units.
+            // From here on the EMG has another unit.
             self.feedback.restart();
         }
     }

@@ -1,7 +1,7 @@
 //! The experiment as a state machine: `(state, input) -> (state, output)`, stepped once a sample.
 //!
-//! It has no clock, file or socket: time is a number of samples, and what it must remember over a crash is told in
-//! [`TransitionRecord`]s that a journal keeps. Which phase may follow which is data, see [`transitions`].
+//! It has no clock, file or socket. Time is counted in samples. The journal keeps each [`TransitionRecord`], from which the
+//! [`Progress`] of the session is recovered after a crash. The allowed transitions are a table, see [`transitions`].
 
 mod control_loop;
 mod event;

@@ -2,21 +2,21 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Where the session is.
+/// Phase of the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
-    /// The rig is disarmed; waits for the operator's word.
+    /// The rig is disarmed; the session waits for the operator's start.
     Ready,
     /// The hand is relaxed; the offset of the torque is measured.
     Offset,
-    /// The person pushes, or pulls, as hard as possible.
+    /// The subject pushes or pulls as hard as possible.
     MvcEffort,
     /// Rest after a maximal effort.
     MvcRest,
     /// Rest before the next trial.
     Rest,
-    /// The target is shown; the gate is shut until the torque has stayed near it for long enough.
+    /// The target is shown; the gate opens when the torque has stayed in the band around it for the gate's time.
     Hold,
     /// The gate is open; the onset is still to come.
     Delay,
@@ -30,11 +30,11 @@ pub enum Phase {
     Homing,
     /// Waits for the operator to go on.
     Paused,
-    /// Something is wrong; the motor is safe and the rig disarmed until the operator's word.
+    /// A fault occurred; the motor is safe and the rig disarmed until the operator rearms it.
     Faulted,
     /// Every trial of the protocol is done.
     Finished,
-    /// The operator ended the session before its time; it can be resumed.
+    /// The operator ended the session before its last trial; it can be resumed.
     Aborted,
 }
 
@@ -58,7 +58,7 @@ impl Phase {
         Self::Aborted,
     ];
 
-    /// The word in tables and files.
+    /// Name in tables and files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ready => "ready",

@@ -1,4 +1,4 @@
-//! What has been done and what is left: changed by happenings alone, so that the journal can build it again.
+//! Progress of a session: trials done and trials left. It changes by transitions only, so that the journal can restore it.
 
 use std::collections::VecDeque;
 
@@ -10,7 +10,7 @@ use super::transitions::{self, Effect, Guard};
 use crate::rig::Direction;
 use crate::schedule;
 
-/// The session's memory.
+/// Progress of a session: attempts so far, trials left, offset and maximal efforts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Progress {
     seed: u64,
@@ -26,14 +26,14 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Nothing is done yet.
+    /// The progress of a session that has not begun.
     pub fn new(settings: &Settings) -> Self {
         Self {
             seed: settings.seed,
             offset_due: settings.offset_samples.is_some(),
             efforts_planned: settings.mvc.as_ref().map_or(0, |mvc| 2 * mvc.efforts),
             queue: settings.plan.iter().copied().collect(),
-            // Room for every trial to be rejected a few times: the loop of a motor must not wait for memory.
+            // Room for several rejections of every trial: the control loop must not allocate.
             attempts: Vec::with_capacity(8 * settings.plan.len() + 64),
             offset_nm: 0.0,
             efforts: 0,
@@ -96,7 +96,7 @@ impl Progress {
         transitions::lines(from, event).find(|line| self.holds(line.guard))
     }
 
-    /// Takes note of what transition.
+    /// Applies a transition.
     pub fn apply(&mut self, transition: &TransitionRecord) {
         let line =
             transitions::lines(transition.from, transition.event).find(|line| line.to == transition.to);
@@ -130,20 +130,19 @@ impl Progress {
         }
     }
 
-    /// A trial that the program did not live to end, with so many samples in its record: it is aborted and put back, as
-    /// by a fault.
+    /// Aborts the trial that was under way when the program ended, with `samples` samples in its record, and puts it back.
     pub fn interrupt(&mut self, samples: u64) -> Option<Attempt> {
         let attempt = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none())?;
         attempt.ended = Some((Status::Aborted, Event::Abort));
         attempt.samples = samples;
-        // The last samples before the end may never have reached the disk, and with them the onset.
+        // The last samples before the crash, and with them the onset, may be missing on the disk.
         attempt.onset_sample = attempt.onset_sample.filter(|onset| *onset < samples);
         let attempt = *attempt;
         self.put_back_later(0);
         Some(attempt)
     }
 
-    /// To which record the samples of a phase belong.
+    /// Record that the samples of a phase belong to.
     pub fn record_target(&self, phase: Phase) -> RecordTarget {
         match phase {
             Phase::Offset => RecordTarget::Offset,
@@ -153,7 +152,7 @@ impl Progress {
         }
     }
 
-    /// The number the next trial gets in its table.
+    /// Number of the next trial in its table.
     pub fn next_number(&self) -> u32 {
         let practice = self.queue.front().is_some_and(|planned| planned.key.practice);
         1 + self.attempts.iter().filter(|attempt| attempt.planned.key.practice == practice).count() as u32
@@ -213,7 +212,7 @@ impl Progress {
         }
     }
 
-    /// Puts the last trial back among those that are left. Practice has served its purpose anyway.
+    /// Puts the last trial back among the trials left, at a random place. Practice trials are not repeated.
     fn put_back_later(&mut self, rejections: u32) {
         let Some(mut planned) = self.last_measured() else { return };
         planned.key.rejections += rejections;
@@ -221,7 +220,7 @@ impl Progress {
         self.queue.insert(schedule::put_back(self.seed, number, self.queue.len()), planned);
     }
 
-    /// The last trial does not count after all: it comes next again, with new random numbers.
+    /// Rejects the last trial and makes it the next one, with new random numbers.
     fn take_back(&mut self) {
         let Some(mut planned) = self.last_measured() else { return };
         if let Some(attempt) = self.attempts.last_mut() {

@@ -1,5 +1,5 @@
-//! The rules by which the session turns samples into decisions, numbered, so that a session recorded by an older version
-//! can be told why it would go another way today.
+//! Version numbers of the rules by which the session decides, so that a replay of an older session can say which rule has
+//! changed.
 
 /// The number of the rules in force. It goes up with every change that can make an old record come out differently.
 pub const RULES: u32 = 2;

@@ -1,4 +1,4 @@
-//! What the machine needs of a protocol, with times in samples.
+//! Settings of the state machine: a protocol with its times in samples.
 
 use crate::protocol::{Gate, Limits, Mvc, RampAndHold, TooShort, ValidProtocol};
 use crate::rig::TrialKey;
@@ -9,7 +9,7 @@ use crate::schedule;
 pub struct Settings {
     /// Seed of every random draw of the session.
     pub seed: u64,
-    /// Samples a second.
+    /// Sample rate, Hz.
     pub sample_rate_hz: f64,
     /// The trials to run, those for practice first.
     pub plan: Vec<PlannedTrial>,
@@ -33,27 +33,26 @@ pub struct Settings {
     pub rise_time_s: f64,
     /// Cut-off of the smoothing of the torque on the display, Hz.
     pub display_cutoff_hz: f64,
-    /// What no measurement may exceed.
+    /// Limits of the measured angle, speed and torque.
     pub limits: Limits,
-    /// By how many samples the motor follows a command later than at the next sample. The onset of a trial is that of
-    /// the motion, not that of the command.
+    /// Delay of the motion after a command, samples beyond the next one. The onset of a trial is that of the motion.
     pub motion_delay_samples: u64,
 }
 
 /// A trial that is to be run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlannedTrial {
-    /// Where in the schedule, and how often it was rejected already.
+    /// Place in the schedule, and number of rejections so far.
     pub key: TrialKey,
     /// Ramp velocity, rad/s.
     pub velocity_rad_s: f64,
     /// Target torque, N m.
     pub torque_nm: f64,
-    /// Which repetition of its condition.
+    /// Repetition index of its condition, from 1.
     pub repetition: u32,
     /// Its place in the schedule, from 0 (first) to 1 (last).
     pub progress: f64,
-    /// What the motor does.
+    /// Movement of the motor.
     pub movement: RampAndHold,
 }
 

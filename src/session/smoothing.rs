@@ -1,13 +1,13 @@
-//! What the person sees: torque and muscle activity, smoothed.
+//! Low-pass filter of the feedback: the torque and EMG that the subject sees.
 
 use std::f64::consts::TAU;
 
 use crate::rig::Sample;
 
-/// Time constant of the EMG bars, s: steady to the eye, and still quick enough for feedback.
+/// Time constant of the EMG bars, s: steady enough to read, fast enough for feedback.
 const EMG_TIME_CONSTANT_S: f64 = 0.1;
 
-/// The smoothed signals.
+/// First-order low-pass filters of torque and rectified EMG, with their present values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FeedbackFilter {
     torque_share: f64,
@@ -22,7 +22,7 @@ pub struct FeedbackFilter {
 }
 
 impl FeedbackFilter {
-    /// Smooths torque below `cutoff_hz`.
+    /// Filters whose torque has the cut-off frequency `cutoff_hz`.
     pub fn new(cutoff_hz: f64, sample_rate_hz: f64) -> Self {
         let share = |time_constant_s: f64| 1.0 - libm::exp(-1.0 / (time_constant_s * sample_rate_hz));
         Self {
@@ -35,13 +35,13 @@ impl FeedbackFilter {
         }
     }
 
-    /// A record begins, which must tell all that its outcome depends on; or the units of EMG have changed, or the rig
-    /// was disarmed in between: begins anew.
+    /// Restarts the filters at the next sample: at the start of a record, whose samples alone must determine its outcome,
+    /// after a change of the EMG's unit, and after the rig was disarmed.
     pub fn restart(&mut self) {
         self.started = false;
     }
 
-    /// Takes a sample in.
+    /// Filters one sample.
     pub fn update(&mut self, sample: &Sample) {
         if !self.started {
             self.started = true;

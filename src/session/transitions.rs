@@ -1,4 +1,4 @@
-//! The transition table: the machine looks here for every step it takes, `ramphold states` prints it, the docs draw it.
+//! The transition table of the state machine. `ramphold states` prints it; the docs draw it.
 
 use super::event::Event;
 use super::phase::Phase;
@@ -7,15 +7,15 @@ use super::phase::Phase;
 /// there is none, the event is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Transition {
-    /// The phase it leaves.
+    /// Phase that the transition leaves.
     pub from: Phase,
-    /// What happens.
+    /// Event that causes the transition.
     pub event: Event,
-    /// What must be so.
+    /// Condition of the transition.
     pub guard: Guard,
     /// The phase it enters; the same one if the phase goes on.
     pub to: Phase,
-    /// What it does to the trials.
+    /// Effect on the trials.
     pub effect: Effect,
 }
 
@@ -61,7 +61,7 @@ pub enum Effect {
     LeaveOutNext,
     /// The last trial is rejected after all, and comes next again.
     TakeBack,
-    /// The operator's wish for a pause is noted.
+    /// The pause requested by the operator is noted.
     NotePause,
 }
 

@@ -1,4 +1,4 @@
-//! A session is broken off at every operation of the disk, and gone on with.
+//! A session is interrupted at every operation of the disk, and resumed.
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -47,28 +47,28 @@ fn counting(folder: &Path) -> BTreeMap<String, (Option<f64>, crate::dataset::Rec
         .collect()
 }
 
-fn assert_as_if_undisturbed(folder: &Path, whole: &Path, told: &str) {
-    assert!(counting(folder) == counting(whole), "{told}: the trials are not the same");
+fn assert_as_if_undisturbed(folder: &Path, whole: &Path, case: &str) {
+    assert!(counting(folder) == counting(whole), "{case}: the trials are not the same");
     let replay = replay(folder).unwrap();
-    assert_eq!(replay.difference, None, "{told}");
-    assert!(replay.events >= 13, "{told}: {} events", replay.events);
+    assert_eq!(replay.difference, None, "{case}");
+    assert!(replay.events >= 13, "{case}: {} events", replay.events);
     let left: Vec<String> = Manifest::take(folder, true)
         .unwrap()
         .files
         .into_keys()
         .filter(|file| file.ends_with(".part") || file.ends_with(".new"))
         .collect();
-    assert_eq!(left, [""; 0], "{told}");
+    assert_eq!(left, [""; 0], "{case}");
 }
 
 #[test]
 fn a_session_broken_off_at_any_operation_ends_as_if_it_had_not_been() {
-    let desk = tempfile::tempdir().unwrap();
-    let whole = desk.path().join("whole");
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let whole = folder_of_sessions.path().join("whole");
     let operations = run(&whole, Disk::default()).unwrap();
     let mut resumed = 0;
     for operation in 0..operations {
-        let folder = desk.path().join(format!("broken-{operation}"));
+        let folder = folder_of_sessions.path().join(format!("broken-{operation}"));
         run(&folder, Disk::failing_from(operation, ErrorKind::StorageFull)).unwrap_err();
         if !folder.exists() {
             assert_eq!(resumed, 0, "the folder is there from then on");
@@ -89,8 +89,8 @@ fn a_session_broken_off_at_any_operation_ends_as_if_it_had_not_been() {
 
 #[test]
 fn a_session_that_is_at_work_is_not_opened_a_second_time() {
-    let desk = tempfile::tempdir().unwrap();
-    let folder = desk.path().join("s");
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let folder = folder_of_sessions.path().join("s");
     run(&folder, Disk::default()).unwrap();
     let first = Resumable::open(&folder, Disk::default()).unwrap();
     let error = Resumable::open(&folder, Disk::default()).unwrap_err();
@@ -101,8 +101,8 @@ fn a_session_that_is_at_work_is_not_opened_a_second_time() {
 
 #[test]
 fn the_ramp_waits_for_a_slow_disk_and_the_replay_knows_it() {
-    let desk = tempfile::tempdir().unwrap();
-    let folder = desk.path().join("s");
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let folder = folder_of_sessions.path().join("s");
     run(&folder, Disk::failing_from(40, ErrorKind::Other)).unwrap_err();
     let session = Resumable::open(&folder, Disk::slow(Duration::from_millis(15))).unwrap();
     let rate = session.sample_rate_hz();
@@ -130,8 +130,8 @@ fn the_ramp_waits_for_a_slow_disk_and_the_replay_knows_it() {
 
 #[test]
 fn a_disk_that_fails_behind_the_ring_ends_the_session() {
-    let desk = tempfile::tempdir().unwrap();
-    let folder = desk.path().join("s");
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let folder = folder_of_sessions.path().join("s");
     run(&folder, Disk::failing_from(40, ErrorKind::Other)).unwrap_err();
     let session = Resumable::open(&folder, Disk::failing_from(25, ErrorKind::StorageFull)).unwrap();
     let rate = session.sample_rate_hz();
@@ -147,17 +147,17 @@ fn a_disk_that_fails_behind_the_ring_ends_the_session() {
 }
 
 #[test]
-fn a_record_cut_anywhere_keeps_its_whole_rows() {
+fn a_record_cut_anywhere_keeps_its_complete_rows() {
     let rows = ["0.0000,0.0000000,2.1,0,0\n", "0.0004,0.0000000,2.2,0,0\n"];
     let all = [HEADER, rows[0].as_bytes(), rows[1].as_bytes()].concat();
     for length in 0..=all.len() {
         let whole = (length >= HEADER.len() + rows[0].len()) as u64 + (length == all.len()) as u64;
-        let (good, samples) = whole_rows(&all[..length]);
+        let (good, samples) = complete_rows(&all[..length]);
         assert_eq!(samples, whole, "cut at {length}");
         assert_eq!(good, all[..HEADER.len() + rows[0].len() * whole as usize]);
     }
     let zeros = [&all[..], &[0; 30][..]].concat();
-    assert_eq!(whole_rows(&zeros).1, 2, "a block of zeros is no row");
+    assert_eq!(complete_rows(&zeros).1, 2, "a block of zeros is no row");
 }
 
 #[test]
@@ -166,13 +166,13 @@ fn a_record_is_settled_under_its_name_whatever_was_there() {
     let path = folder.path().join("trial-001.csv");
     let part = folder.path().join("trial-001.csv.part");
     let disk = Disk::default();
-    assert_eq!(settle(&disk, &path).unwrap(), 0);
+    assert_eq!(complete_record(&disk, &path).unwrap(), 0);
     assert_eq!(fs::read(&path).unwrap(), HEADER);
     fs::write(&part, [HEADER, b"0.0,0.0,2.1,0,0\n0.1,0."].concat()).unwrap();
-    assert_eq!(settle(&disk, &path).unwrap(), 1);
+    assert_eq!(complete_record(&disk, &path).unwrap(), 1);
     assert_eq!(fs::read(&path).unwrap(), [HEADER, b"0.0,0.0,2.1,0,0\n"].concat());
     assert!(!part.exists());
-    assert_eq!(settle(&disk, &path).unwrap(), 1, "settling twice changes nothing");
+    assert_eq!(complete_record(&disk, &path).unwrap(), 1, "settling twice changes nothing");
 }
 
 /// A virtual wrist that fails once, at a given sample.
@@ -241,9 +241,9 @@ fn a_session_that_ended_by_a_can_fault_of_an_older_version_resumes_and_replays()
         (700, r#"{"fault":"can","kind":"following_error","error_rad":0.05321,"limit_rad":0.05}"#),
         (900, r#"{"fault":"can","kind":"renamed_since","in_a_row":1}"#),
     ];
-    let desk = tempfile::tempdir().unwrap();
+    let folder_of_sessions = tempfile::tempdir().unwrap();
     for (at, (samples_left, text)) in faults.into_iter().enumerate() {
-        let folder = desk.path().join(at.to_string());
+        let folder = folder_of_sessions.path().join(at.to_string());
         run(&folder, Disk::failing_from(40, ErrorKind::Other)).unwrap_err();
         let session = Resumable::open(&folder, Disk::default()).unwrap();
         let wrist =
