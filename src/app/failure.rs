@@ -95,7 +95,7 @@ pub enum Failure {
     Rig(#[from] RigFileError),
     /// The CAN motor's file is wrong, or does not go with the protocol.
     #[error(transparent)]
-    CanRig(#[from] can::file::RigFileError),
+    CanRig(#[from] can::file::CanRigFileError),
     /// The CAN bus cannot be opened.
     #[error(transparent)]
     Connect(#[from] can::ConnectError),

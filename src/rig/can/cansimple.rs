@@ -8,16 +8,16 @@ use std::time::{Duration, Instant};
 
 use super::bus::Frame;
 use super::canopen::{CanopenError, ErrorPolicy, Link, MonitoredNode, cob};
-use super::drive::{Drive, DriveRequest, MotionMonitor, Power};
+use super::drive::{Drive, DriveRequest, MotionMonitor, PowerState};
 use super::fault::CanFault;
-use super::file::{CansimpleMotor, RigFile};
+use super::file::{CanRigFile, CansimpleMotor};
 use super::limits::{HandleLimits, LimitsConfirmed};
 use super::pdo_decoder::Readings;
 use super::sensors::Sensors;
 use super::units::JointAngle;
 
 mod command {
-    pub const HEARTBEAT: u16 = 0x01;
+    pub const AXIS_HEARTBEAT: u16 = 0x01;
     pub const RX_SDO: u16 = 0x04;
     pub const TX_SDO: u16 = 0x05;
     pub const SET_AXIS_STATE: u16 = 0x07;
@@ -55,7 +55,7 @@ pub struct Cansimple {
 
 impl Cansimple {
     /// The axis of a rig file; nothing is sent yet.
-    pub fn new(motor: &CansimpleMotor, file: &RigFile) -> Self {
+    pub fn new(motor: &CansimpleMotor, file: &CanRigFile) -> Self {
         Self {
             motor: motor.clone(),
             sensors: Sensors::new(file),
@@ -124,7 +124,7 @@ impl Cansimple {
     fn write_limits(
         &mut self,
         link: &mut Link,
-        file: &RigFile,
+        file: &CanRigFile,
         limits: &HandleLimits,
     ) -> Result<(), CanFault> {
         let endpoints = self.motor.endpoints;
@@ -150,7 +150,7 @@ impl Drive for Cansimple {
     fn prepare(
         &mut self,
         link: &mut Link,
-        file: &RigFile,
+        file: &CanRigFile,
         limits: &HandleLimits,
     ) -> Result<LimitsConfirmed, CanFault> {
         self.send_command(link, command::SET_AXIS_STATE, &u32::from(IDLE).to_le_bytes())?;
@@ -230,7 +230,7 @@ impl Drive for Cansimple {
             return Ok(false);
         }
         match (frame.id & 0x1F, frame.data()) {
-            (command::HEARTBEAT, [a, b, c, d, state, ..]) => {
+            (command::AXIS_HEARTBEAT, [a, b, c, d, state, ..]) => {
                 self.errors = u32::from_le_bytes([*a, *b, *c, *d]);
                 self.state = *state;
                 self.heard = Some(now);
@@ -245,7 +245,7 @@ impl Drive for Cansimple {
                 bytes[..length].copy_from_slice(&value[..length]);
                 self.endpoint = Some((u16::from_le_bytes([*low, *high]), bytes));
             }
-            (command::HEARTBEAT | command::ENCODER_ESTIMATES, data) => {
+            (command::AXIS_HEARTBEAT | command::ENCODER_ESTIMATES, data) => {
                 return Err(CanFault::Malformed { id: frame.id, length: data.len() as u8, expected: 8 });
             }
             _ => {}
@@ -273,11 +273,11 @@ impl Drive for Cansimple {
         Ok(())
     }
 
-    fn power(&self, _readings: &Readings) -> Power {
+    fn power(&self, _readings: &Readings) -> PowerState {
         match (self.state, self.wanted) {
-            (CLOSED_LOOP_CONTROL, CLOSED_LOOP_CONTROL) => Power::Following,
-            (IDLE, _) => Power::Off,
-            _ => Power::Changing,
+            (CLOSED_LOOP_CONTROL, CLOSED_LOOP_CONTROL) => PowerState::Following,
+            (IDLE, _) => PowerState::Off,
+            _ => PowerState::Changing,
         }
     }
 

@@ -9,7 +9,7 @@ use super::cansimple::Cansimple;
 use super::cia402::Cia402;
 use super::drive::Drive;
 use super::fault::CanFault;
-use super::file::{Motor, ValidRigFile};
+use super::file::{MotorSettings, ValidRigFile};
 use super::limits::{HandleLimits, LimitsConfirmed};
 use super::mit::Mit;
 use super::safe_state;
@@ -56,9 +56,9 @@ impl Connection {
     /// The rig on an open bus. All waiting is done on `clock`; the thread gets no real-time privileges.
     pub fn on(bus: Box<dyn CanBus>, clock: Arc<dyn Clock>, file: ValidRigFile) -> Self {
         let drive: Box<dyn Drive> = match &file.motor {
-            Motor::Cia402(motor) => Box::new(Cia402::new(motor, &file)),
-            Motor::Cansimple(motor) => Box::new(Cansimple::new(motor, &file)),
-            Motor::Mit(motor) => Box::new(Mit::new(motor, &file)),
+            MotorSettings::Cia402(motor) => Box::new(Cia402::new(motor, &file)),
+            MotorSettings::Cansimple(motor) => Box::new(Cansimple::new(motor, &file)),
+            MotorSettings::Mit(motor) => Box::new(Mit::new(motor, &file)),
         };
         let mut link = Link::new(bus, Arc::clone(&clock));
         let tolerate = &file.tolerate;

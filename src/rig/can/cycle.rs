@@ -7,7 +7,7 @@ use super::canopen::Link;
 use super::cycle_stats::CycleStats;
 use super::drive::{Drive, DriveRequest};
 use super::fault::CanFault;
-use super::file::{RigFile, Tolerances};
+use super::file::{CanRigFile, Tolerances};
 use super::limits::HandleLimits;
 use super::pdo_decoder::{Decoded, PdoDecoder, Readings};
 use super::staleness::StalenessCheck;
@@ -52,7 +52,7 @@ pub enum CheckLevel {
 impl Cycle {
     /// Before the first period; `at_rad` is where the handle is.
     pub fn new(
-        file: &RigFile,
+        file: &CanRigFile,
         limits: HandleLimits,
         samples: SamplePeriod,
         bits_per_period: u32,

@@ -1,8 +1,8 @@
 //! What every CANopen device of a rig is asked and told: who it is, and which TPDOs it sends.
 
-use super::canopen::pdo::{Direction, MAX_PDOS, Pdo};
+use super::canopen::pdo::{MAX_PDOS, Pdo, PdoDirection};
 use super::canopen::{CanopenError, Link, Object};
-use super::file::{Carried, FrameLayout, Identity, RigFile};
+use super::file::{CanRigFile, Carried, FrameLayout, Identity};
 
 /// Whether the device is the one that the rig file means.
 pub fn identify(link: &mut Link, node: u8, identity: &Identity) -> Result<(), CanopenError> {
@@ -22,14 +22,14 @@ pub fn expect(link: &mut Link, node: u8, object: Object, expected: u32) -> Resul
 }
 
 /// The TPDOs of a node as the rig file has them; the others are switched off.
-pub fn write_tpdos(link: &mut Link, node: u8, file: &RigFile) -> Result<(), CanopenError> {
+pub fn write_tpdos(link: &mut Link, node: u8, file: &CanRigFile) -> Result<(), CanopenError> {
     let own = |frame: &&FrameLayout| frame.node == Some(node);
     for number in 1..=MAX_PDOS {
         match file.frames.iter().filter(own).find(|frame| frame.tpdo == Some(number)) {
-            None => link.switch_off_pdo(node, Direction::Transmit, number)?,
+            None => link.switch_off_pdo(node, PdoDirection::Transmit, number)?,
             Some(frame) => {
                 let pdo = Pdo {
-                    direction: Direction::Transmit,
+                    direction: PdoDirection::Transmit,
                     number,
                     id: frame.identifier().unwrap_or(0),
                     mapped: frame.carries.iter().filter_map(|carried| mapped(file, *carried)).collect(),
@@ -42,7 +42,7 @@ pub fn write_tpdos(link: &mut Link, node: u8, file: &RigFile) -> Result<(), Cano
     Ok(())
 }
 
-fn mapped(file: &RigFile, carried: Carried) -> Option<(Object, usize)> {
+fn mapped(file: &CanRigFile, carried: Carried) -> Option<(Object, usize)> {
     let signals = &file.signals;
     let object = match carried {
         Carried::Statusword => Some(Object::plain(0x6041)),

@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::bus::Frame;
 use super::canopen::{Link, MonitoredNode};
 use super::fault::CanFault;
-use super::file::RigFile;
+use super::file::CanRigFile;
 use super::limits::{HandleLimits, LimitsConfirmed};
 use super::pdo_decoder::Readings;
 use super::units::JointAngle;
@@ -19,7 +19,7 @@ pub trait Drive: std::fmt::Debug + Send {
     fn prepare(
         &mut self,
         link: &mut Link,
-        file: &RigFile,
+        file: &CanRigFile,
         limits: &HandleLimits,
     ) -> Result<LimitsConfirmed, CanFault>;
 
@@ -74,7 +74,7 @@ pub trait Drive: std::fmt::Debug + Send {
     fn check(&self, readings: &Readings, now: Instant) -> Result<(), CanFault>;
 
     /// Whether the motor has power, according to its latest frames.
-    fn power(&self, readings: &Readings) -> Power;
+    fn power(&self, readings: &Readings) -> PowerState;
 
     /// Periods from sending a target to the motor being there.
     fn target_delay_periods(&self) -> usize;
@@ -109,7 +109,7 @@ pub enum DriveRequest {
 
 /// Whether a motor has power.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Power {
+pub enum PowerState {
     /// It follows its target.
     Following,
     /// It has power and stops, or is on the way to following.

@@ -1,6 +1,6 @@
 //! The whole trajectory of every condition, walked through on paper before the motor may move.
 
-use super::file::{RigFileError, ValidRigFile};
+use super::file::{CanRigFileError, ValidRigFile};
 use super::limits::HandleLimits;
 use crate::protocol::ValidProtocol;
 
@@ -20,7 +20,7 @@ impl DryRun {
     ///
     /// # Errors
     /// Everything in which protocol and rig do not go together.
-    pub fn of(protocol: &ValidProtocol, rig: &ValidRigFile) -> Result<Self, RigFileError> {
+    pub fn of(protocol: &ValidProtocol, rig: &ValidRigFile) -> Result<Self, CanRigFileError> {
         let limits = HandleLimits::tighter(&rig.limits, &protocol.limits);
         let mut reasons = Vec::new();
         sampling(protocol, rig, &mut reasons);
@@ -37,7 +37,7 @@ impl DryRun {
         if reasons.is_empty() {
             return Ok(Self { limits });
         }
-        Err(RigFileError::Unsuitable { file: rig.file_name().to_owned(), reasons })
+        Err(CanRigFileError::Unsuitable { file: rig.file_name().to_owned(), reasons })
     }
 }
 

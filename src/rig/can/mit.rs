@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 
 use super::bus::Frame;
 use super::canopen::{ErrorPolicy, Link, MonitoredNode, cob};
-use super::drive::{Drive, DriveRequest, MotionMonitor, Power};
+use super::drive::{Drive, DriveRequest, MotionMonitor, PowerState};
 use super::fault::CanFault;
-use super::file::{MitModel, MitMotor, RigFile};
+use super::file::{CanRigFile, MitModel, MitMotor};
 use super::limits::{HandleLimits, LimitsConfirmed};
 use super::pdo_decoder::Readings;
 use super::sensors::Sensors;
@@ -66,7 +66,7 @@ pub struct Mit {
 
 impl Mit {
     /// The motor of a rig file; nothing is sent yet.
-    pub fn new(motor: &MitMotor, file: &RigFile) -> Self {
+    pub fn new(motor: &MitMotor, file: &CanRigFile) -> Self {
         Self {
             motor: motor.clone(),
             sensors: Sensors::new(file),
@@ -114,7 +114,7 @@ impl Drive for Mit {
     fn prepare(
         &mut self,
         link: &mut Link,
-        file: &RigFile,
+        file: &CanRigFile,
         limits: &HandleLimits,
     ) -> Result<LimitsConfirmed, CanFault> {
         self.torque_limit_nm = (limits.motor_torque_nm / self.motor.gear_ratio).abs();
@@ -208,11 +208,11 @@ impl Drive for Mit {
         Ok(())
     }
 
-    fn power(&self, _readings: &Readings) -> Power {
+    fn power(&self, _readings: &Readings) -> PowerState {
         match (self.in_motor_mode, self.following) {
-            (true, true) => Power::Following,
-            (true, false) => Power::Changing,
-            (false, _) => Power::Off,
+            (true, true) => PowerState::Following,
+            (true, false) => PowerState::Changing,
+            (false, _) => PowerState::Off,
         }
     }
 

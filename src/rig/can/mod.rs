@@ -54,4 +54,4 @@ pub use fault::CanFault;
 pub use limits::{HandleLimits, LimitsConfirmed};
 pub use motor::{ArmedCanMotor, CanMotor};
 pub use realtime::Privileges;
-pub use summary::{Summary, Times};
+pub use summary::{DurationSummary, Summary};

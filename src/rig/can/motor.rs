@@ -7,7 +7,7 @@ use super::canopen::ErrorPolicy;
 use super::connection::Connection;
 use super::cycle::{CheckLevel, Cycle};
 use super::cycle_stats::CycleStats;
-use super::drive::{DriveRequest, Power};
+use super::drive::{DriveRequest, PowerState};
 use super::dry_run::DryRun;
 use super::fault::CanFault;
 use super::file::SafeState;
@@ -197,9 +197,9 @@ impl ArmedCanMotor {
         for _ in 0..most {
             self.period(DriveRequest::Enable, CheckLevel::Enabling)?;
             match self.motor.connection.drive.power(self.cycle.readings()) {
-                Power::Following => following += 1,
-                Power::Off => self.target_rad = self.measured_rad(),
-                Power::Changing => {}
+                PowerState::Following => following += 1,
+                PowerState::Off => self.target_rad = self.measured_rad(),
+                PowerState::Changing => {}
             }
             if following == 3 {
                 return self.approach_start(period_s);

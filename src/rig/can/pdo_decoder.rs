@@ -3,7 +3,7 @@
 use super::bus::Frame;
 use super::canopen::DataType;
 use super::fault::CanFault;
-use super::file::{Carried, EmgSignal, RigFile};
+use super::file::{CanRigFile, Carried, EmgSignal};
 use crate::rig::Channel;
 
 /// The most samples that fit into a frame.
@@ -39,7 +39,7 @@ impl Readings {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Part {
+struct Field {
     carried: Carried,
     offset: usize,
 }
@@ -48,7 +48,7 @@ struct Part {
 struct Layout {
     id: u16,
     bytes: usize,
-    parts: [Option<Part>; MAX_FIELDS],
+    fields: [Option<Field>; MAX_FIELDS],
 }
 
 /// Decodes the frames of a period, and knows which are missing.
@@ -82,16 +82,16 @@ pub enum Decoded {
 
 impl PdoDecoder {
     /// For the frames of a rig file.
-    pub fn new(file: &RigFile) -> Self {
+    pub fn new(file: &CanRigFile) -> Self {
         let mut layouts = [None; MAX_FRAMES];
         for (slot, frame) in layouts.iter_mut().zip(&file.frames) {
-            let mut parts = [None; MAX_FIELDS];
+            let mut fields = [None; MAX_FIELDS];
             let mut offset = 0;
-            for (part, carried) in parts.iter_mut().zip(&frame.carries) {
-                *part = Some(Part { carried: *carried, offset });
+            for (field, carried) in fields.iter_mut().zip(&frame.carries) {
+                *field = Some(Field { carried: *carried, offset });
                 offset += file.bytes(*carried);
             }
-            *slot = frame.identifier().map(|id| Layout { id, bytes: offset, parts });
+            *slot = frame.identifier().map(|id| Layout { id, bytes: offset, fields });
         }
         let signals = &file.signals;
         let count = |invalid: Option<i64>| invalid.map(|count| count as f64);
@@ -162,8 +162,8 @@ impl PdoDecoder {
             return Ok(Decoded::Duplicate);
         }
         self.seen |= 1 << at;
-        for part in layout.parts.iter().flatten() {
-            self.read(part.carried, &data[part.offset.min(data.len())..]);
+        for field in layout.fields.iter().flatten() {
+            self.read(field.carried, &data[field.offset.min(data.len())..]);
         }
         Ok(Decoded::Expected)
     }

@@ -6,16 +6,16 @@ use std::time::Duration;
 use super::canopen::{Link, NmtCommand};
 use super::cycle::{CheckLevel, Cycle};
 use super::cycle_stats::CycleStats;
-use super::drive::{Drive, DriveRequest, Power};
+use super::drive::{Drive, DriveRequest, PowerState};
 use super::fault::CanFault;
 use super::file::{SafeState, SafeStates};
 use super::units::JointAngle;
 use crate::rig::FaultClass;
 
 /// Longest duration of a quick stop. After it, the power is removed whatever the motor does.
-const QUICK_STOP: Duration = Duration::from_millis(500);
+const LONGEST_QUICK_STOP: Duration = Duration::from_millis(500);
 /// How long the motor holds its angle so that the subject can let go, before the power is removed.
-const HOLD: Duration = Duration::from_millis(500);
+const HOLD_DURATION: Duration = Duration::from_millis(500);
 
 /// The safe state that the rig file gives for the class of a fault.
 pub fn state_for(fault: &CanFault, states: &SafeStates) -> SafeState {
@@ -37,9 +37,9 @@ pub fn reach(
     stats: &mut CycleStats,
 ) {
     let (request, time) = match state {
-        SafeState::QuickStop => (DriveRequest::QuickStop, QUICK_STOP),
-        SafeState::Hold => (DriveRequest::Follow, HOLD),
-        SafeState::TorqueOff => (DriveRequest::RemovePower, QUICK_STOP),
+        SafeState::QuickStop => (DriveRequest::QuickStop, LONGEST_QUICK_STOP),
+        SafeState::Hold => (DriveRequest::Follow, HOLD_DURATION),
+        SafeState::TorqueOff => (DriveRequest::RemovePower, LONGEST_QUICK_STOP),
     };
     // The target is the present angle: the motor would still go on to a later one.
     let here = drive.angle(cycle.readings(), cycle.samples() - 1);
@@ -49,7 +49,7 @@ pub fn reach(
         if cycle.run(link, drive, stats, (here, 0.0, request), CheckLevel::Stopping).is_err() {
             break;
         }
-        if drive.power(cycle.readings()) == Power::Off {
+        if drive.power(cycle.readings()) == PowerState::Off {
             return;
         }
     }

@@ -10,7 +10,7 @@ use super::canopen::{NmtState, cob};
 
 /// A node that was found.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Node {
+pub struct ScannedNode {
     /// Its node id.
     pub node: u8,
     /// What its heartbeat said.
@@ -27,7 +27,7 @@ pub struct Node {
     pub serial: Option<u32>,
 }
 
-impl Node {
+impl ScannedNode {
     fn new(node: u8) -> Self {
         Self {
             node,
@@ -61,11 +61,14 @@ const LISTEN: Duration = Duration::from_millis(400);
 ///
 /// # Errors
 /// The bus is gone.
-pub fn scan(bus: &mut dyn CanBus) -> std::io::Result<Vec<Node>> {
+pub fn scan(bus: &mut dyn CanBus) -> std::io::Result<Vec<ScannedNode>> {
     let mut nodes = BTreeMap::new();
     ask(bus, 1..=127, 0x1000, 0, &mut nodes)?;
-    let found: Vec<u8> =
-        nodes.values().filter(|node: &&Node| node.device_type.is_some()).map(|node| node.node).collect();
+    let found: Vec<u8> = nodes
+        .values()
+        .filter(|node: &&ScannedNode| node.device_type.is_some())
+        .map(|node| node.node)
+        .collect();
     for sub in 1..=4 {
         ask(bus, found.iter().copied(), 0x1018, sub, &mut nodes)?;
     }
@@ -77,7 +80,7 @@ fn ask(
     whom: impl Iterator<Item = u8>,
     index: u16,
     sub: u8,
-    nodes: &mut BTreeMap<u8, Node>,
+    nodes: &mut BTreeMap<u8, ScannedNode>,
 ) -> std::io::Result<()> {
     let [low, high] = index.to_le_bytes();
     for node in whom {
@@ -88,7 +91,11 @@ fn ask(
     listen(bus, Instant::now() + LISTEN, nodes)
 }
 
-fn listen(bus: &mut dyn CanBus, deadline: Instant, nodes: &mut BTreeMap<u8, Node>) -> std::io::Result<()> {
+fn listen(
+    bus: &mut dyn CanBus,
+    deadline: Instant,
+    nodes: &mut BTreeMap<u8, ScannedNode>,
+) -> std::io::Result<()> {
     // A bus that is never silent is left after its time, too.
     while Instant::now() < deadline {
         match bus.receive(deadline)? {
@@ -100,18 +107,18 @@ fn listen(bus: &mut dyn CanBus, deadline: Instant, nodes: &mut BTreeMap<u8, Node
     Ok(())
 }
 
-fn note(frame: &Frame, nodes: &mut BTreeMap<u8, Node>) {
+fn note(frame: &Frame, nodes: &mut BTreeMap<u8, ScannedNode>) {
     let id = (frame.id & 0x7F) as u8;
     match (frame.id, frame.data()) {
         (0x701..=0x77F, [state]) => {
-            nodes.entry(id).or_insert_with(|| Node::new(id)).state = Some(NmtState::from_byte(*state));
+            nodes.entry(id).or_insert_with(|| ScannedNode::new(id)).state = Some(NmtState::from_byte(*state));
         }
         (0x581..=0x5FF, [command, low, high, sub, value @ ..])
             if *command & 0xE3 == 0x43 || *command & 0xE3 == 0x42 =>
         {
             let Ok(value) = <[u8; 4]>::try_from(value) else { return };
             let value = Some(u32::from_le_bytes(value));
-            let node = nodes.entry(id).or_insert_with(|| Node::new(id));
+            let node = nodes.entry(id).or_insert_with(|| ScannedNode::new(id));
             match (u16::from_le_bytes([*low, *high]), *sub) {
                 (0x1000, 0) => node.device_type = value,
                 (0x1018, 1) => node.vendor = value,

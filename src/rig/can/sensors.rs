@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::canopen::{CanopenError, Link, MonitoredNode, NmtCommand, NmtState, Object};
 use super::device_setup::{identify, write_tpdos};
-use super::file::{RigFile, Sensor};
+use super::file::{CanRigFile, Sensor};
 
 /// How long nodes may take for NMT commands.
 const NMT_TIMEOUT: Duration = Duration::from_secs(2);
@@ -15,7 +15,7 @@ pub struct Sensors(Vec<Sensor>);
 
 impl Sensors {
     /// Those of a rig file.
-    pub fn new(file: &RigFile) -> Self {
+    pub fn new(file: &CanRigFile) -> Self {
         Self(file.sensors.clone())
     }
 
@@ -35,7 +35,7 @@ impl Sensors {
     }
 
     /// Identity, heartbeat and TPDOs, in PRE-OPERATIONAL.
-    pub fn prepare(&self, link: &mut Link, file: &RigFile) -> Result<(), CanopenError> {
+    pub fn prepare(&self, link: &mut Link, file: &CanRigFile) -> Result<(), CanopenError> {
         for sensor in &self.0 {
             link.nmt(NmtCommand::EnterPreOperational, sensor.node)?;
             identify(link, sensor.node, &sensor.identity)?;

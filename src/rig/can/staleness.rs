@@ -1,7 +1,7 @@
 //! Stale samples: a counter that does not count, or a torque that does not change.
 
 use super::fault::CanFault;
-use super::file::RigFile;
+use super::file::CanRigFile;
 use super::pdo_decoder::{MAX_SAMPLES, Readings};
 
 /// Whether samples go on: the counter by one each period, or at least a torque that changes.
@@ -17,7 +17,7 @@ pub struct StalenessCheck {
 
 impl StalenessCheck {
     /// For the signals of a rig file.
-    pub fn new(file: &RigFile) -> Self {
+    pub fn new(file: &CanRigFile) -> Self {
         let counter_mask = file.signals.counter.map(|counter| match counter.kind.bytes() {
             1 => 0xFF,
             2 => 0xFFFF,

@@ -35,9 +35,9 @@ pub struct Summary {
     /// Load of the bus while armed, 0 to 1, at worst stuffing.
     pub bus_load: f64,
     /// How late the program woke up.
-    pub lateness: Times,
+    pub lateness: DurationSummary,
     /// From SYNC to the last frame that answers it.
-    pub response: Times,
+    pub response: DurationSummary,
     /// Frames and errors.
     pub frames: Counters,
     /// Every fault, in order, in words.
@@ -46,7 +46,7 @@ pub struct Summary {
 
 /// A histogram in short, and whole.
 #[derive(Debug, Clone, Serialize)]
-pub struct Times {
+pub struct DurationSummary {
     /// Median, us.
     pub p50_us: u64,
     /// 99 %, us.
@@ -59,7 +59,7 @@ pub struct Times {
     pub buckets: Vec<(u64, u64)>,
 }
 
-impl From<&Histogram> for Times {
+impl From<&Histogram> for DurationSummary {
     fn from(histogram: &Histogram) -> Self {
         Self {
             p50_us: histogram.quantile_us(0.5),

@@ -27,7 +27,6 @@ const KNOWN_CIRCLES: &[(&str, usize)] = &[
     ("diagnose", 4),
     ("fit", 12),
     ("protocol", 3),
-    ("rig", 19),
     ("schedule", 2),
     ("study", 7),
     ("wrist", 33),

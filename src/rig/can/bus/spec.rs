@@ -96,7 +96,7 @@ impl BitRate {
     const RATES: [u32; 9] = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
 
     /// 1 Mbit/s, the fastest of classic CAN.
-    pub const FASTEST: Self = Self(1_000_000);
+    pub const MAX: Self = Self(1_000_000);
 
     /// One of the rates there are.
     pub fn new(bits_per_s: u32) -> Option<Self> {

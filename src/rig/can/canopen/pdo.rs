@@ -14,7 +14,7 @@ pub const MAX_PDOS: u8 = 4;
 
 /// Which way a PDO goes, as the device sees it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Direction {
+pub enum PdoDirection {
     /// To the device (RPDO).
     Receive,
     /// From the device (TPDO).
@@ -25,7 +25,7 @@ pub enum Direction {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pdo {
     /// Which way.
-    pub direction: Direction,
+    pub direction: PdoDirection,
     /// Its number, from 1.
     pub number: u8,
     /// The identifier it gets.
@@ -44,8 +44,8 @@ impl Pdo {
 
     fn communication(&self) -> u16 {
         let base = match self.direction {
-            Direction::Receive => 0x1400,
-            Direction::Transmit => 0x1800,
+            PdoDirection::Receive => 0x1400,
+            PdoDirection::Transmit => 0x1800,
         };
         base + u16::from(self.number) - 1
     }
@@ -65,7 +65,7 @@ impl Link {
         let at = Object::entry;
         self.write(node, at(communication, 1), OFF | u32::from(pdo.id))?;
         self.write_and_confirm(node, at(communication, 2), EVERY_SYNC)?;
-        if pdo.direction == Direction::Receive && pdo.deadline_ms > 0 {
+        if pdo.direction == PdoDirection::Receive && pdo.deadline_ms > 0 {
             self.write_and_confirm(node, at(communication, 5), pdo.deadline_ms)?;
         }
         self.write_and_confirm(node, at(mapping, 0), 0u8)?;
@@ -81,7 +81,12 @@ impl Link {
     ///
     /// # Errors
     /// Whatever the device refuses but for the PDO not being there.
-    pub fn switch_off_pdo(&mut self, node: u8, direction: Direction, number: u8) -> Result<(), CanopenError> {
+    pub fn switch_off_pdo(
+        &mut self,
+        node: u8,
+        direction: PdoDirection,
+        number: u8,
+    ) -> Result<(), CanopenError> {
         let pdo = Pdo { direction, number, id: 0, mapped: Vec::new(), deadline_ms: 0 };
         let object = Object::entry(pdo.communication(), 1);
         match self.read(node, object) {

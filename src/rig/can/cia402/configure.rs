@@ -1,10 +1,10 @@
 //! Writes limits, watchdogs and frames to the drive and reads every one back.
 
 use super::device::Cia402;
-use crate::rig::can::canopen::pdo::{Direction, MAX_PDOS, Pdo};
+use crate::rig::can::canopen::pdo::{MAX_PDOS, Pdo, PdoDirection};
 use crate::rig::can::canopen::{CanopenError, Link, Object, Value};
 use crate::rig::can::device_setup::{expect, write_tpdos};
-use crate::rig::can::file::RigFile;
+use crate::rig::can::file::CanRigFile;
 use crate::rig::can::limits::HandleLimits;
 use crate::rig::can::units::{Gearing, JointAngle, JointTorque};
 
@@ -23,7 +23,7 @@ impl Cia402 {
     }
 
     /// What stops the motor without this program's help.
-    pub(super) fn write_watchdogs(&self, link: &mut Link, file: &RigFile) -> Result<(), CanopenError> {
+    pub(super) fn write_watchdogs(&self, link: &mut Link, file: &CanRigFile) -> Result<(), CanopenError> {
         let node = self.motor.node;
         let master = file.master;
         let minded = u32::from(master.node) << 16 | u32::from(master.motor_waits_ms);
@@ -86,14 +86,14 @@ impl Cia402 {
     }
 
     /// Interpolation period and frames.
-    pub(super) fn write_frames(&self, link: &mut Link, file: &RigFile) -> Result<(), CanopenError> {
+    pub(super) fn write_frames(&self, link: &mut Link, file: &CanRigFile) -> Result<(), CanopenError> {
         let node = self.motor.node;
         let (value, exponent) = self.interpolation;
         link.write_and_confirm(node, Object::entry(0x60C2, 1), value)?;
         link.write_and_confirm(node, Object::entry(0x60C2, 2), exponent)?;
         let target = self.target_pdo(file);
         for number in 2..=MAX_PDOS {
-            link.switch_off_pdo(node, Direction::Receive, number)?;
+            link.switch_off_pdo(node, PdoDirection::Receive, number)?;
         }
         link.configure_pdo(node, &target)?;
         write_tpdos(link, node, file)
@@ -117,11 +117,11 @@ impl Cia402 {
     }
 
     /// The frame that carries the target.
-    fn target_pdo(&self, file: &RigFile) -> Pdo {
+    fn target_pdo(&self, file: &CanRigFile) -> Pdo {
         let mut mapped = vec![(Object::plain(0x6040), 2), (Object::plain(0x607A), 4)];
         mapped.extend(file.display.map(|display| (display.object, display.kind.bytes())));
         Pdo {
-            direction: Direction::Receive,
+            direction: PdoDirection::Receive,
             number: 1,
             id: self.target_id(),
             mapped,

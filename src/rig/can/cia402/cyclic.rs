@@ -7,9 +7,9 @@ use crate::rig::can::bus::Frame;
 use crate::rig::can::canopen::{DataType, ErrorPolicy, Link, MonitoredNode, NmtCommand, Object, cob};
 use crate::rig::can::cia402_state::{DriveState, Mode, Statusword};
 use crate::rig::can::device_setup::identify;
-use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, Power};
+use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, PowerState};
 use crate::rig::can::fault::CanFault;
-use crate::rig::can::file::RigFile;
+use crate::rig::can::file::CanRigFile;
 use crate::rig::can::limits::{HandleLimits, LimitsConfirmed};
 use crate::rig::can::pdo_decoder::Readings;
 use crate::rig::can::sensors::start_nodes;
@@ -22,7 +22,7 @@ impl Drive for Cia402 {
     fn prepare(
         &mut self,
         link: &mut Link,
-        file: &RigFile,
+        file: &CanRigFile,
         limits: &HandleLimits,
     ) -> Result<LimitsConfirmed, CanFault> {
         let node = self.motor.node;
@@ -123,11 +123,11 @@ impl Drive for Cia402 {
         Ok(())
     }
 
-    fn power(&self, readings: &Readings) -> Power {
+    fn power(&self, readings: &Readings) -> PowerState {
         match Statusword(readings.statusword).state() {
-            DriveState::OperationEnabled => Power::Following,
-            state if state.has_power() => Power::Changing,
-            _ => Power::Off,
+            DriveState::OperationEnabled => PowerState::Following,
+            state if state.has_power() => PowerState::Changing,
+            _ => PowerState::Off,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::rig::can::cia402_state::{Controlword, DriveState, next_controlword};
 use crate::rig::can::drive::DriveRequest;
-use crate::rig::can::file::{Cia402Motor, Display, RigFile};
+use crate::rig::can::file::{CanRigFile, Cia402Motor, Display};
 use crate::rig::can::limits::HandleLimits;
 use crate::rig::can::sensors::Sensors;
 use crate::rig::can::units::{BusPeriod, Gearing};
@@ -27,7 +27,7 @@ pub struct Cia402 {
 
 impl Cia402 {
     /// The drive of a rig file; nothing is sent yet.
-    pub fn new(motor: &Cia402Motor, file: &RigFile) -> Self {
+    pub fn new(motor: &Cia402Motor, file: &CanRigFile) -> Self {
         let period = BusPeriod::from_us(file.period_us).and_then(BusPeriod::interpolation);
         Self {
             gearing: Gearing::new(motor.counts_per_revolution, motor.gear_ratio, motor.rated_torque_nm),

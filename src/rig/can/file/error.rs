@@ -6,7 +6,7 @@ use crate::protocol::{Problem, ProtocolError};
 
 /// Why a rig cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub enum RigFileError {
+pub enum CanRigFileError {
     /// The file cannot be read.
     #[error(
         "{file}: cannot be read: {source}. Give the path of a rig file; docs/how-to/real-motor.md says how to write one. Nothing is armed without it"
@@ -21,7 +21,7 @@ pub enum RigFileError {
     #[error(transparent)]
     NotJson(ProtocolError),
     /// It is JSON, but no rig that can be armed.
-    #[error("{file}: {}", Listed(problems))]
+    #[error("{file}: {}", ProblemLines(problems))]
     Invalid {
         /// The file as it was named.
         file: String,
@@ -38,9 +38,9 @@ pub enum RigFileError {
     },
 }
 
-struct Listed<'a>(&'a [Problem]);
+struct ProblemLines<'a>(&'a [Problem]);
 
-impl fmt::Display for Listed<'_> {
+impl fmt::Display for ProblemLines<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             [_] => write!(formatter, "one thing is wrong")?,

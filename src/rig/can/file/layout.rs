@@ -1,8 +1,8 @@
 //! Sizes and identifiers of the frames of a rig file.
 
-use super::rig_file::{Carried, FrameLayout, Motor, RigFile};
+use super::rig_file::{CanRigFile, Carried, FrameLayout, MotorSettings};
 
-impl RigFile {
+impl CanRigFile {
     /// Bytes of something carried.
     pub fn bytes(&self, carried: Carried) -> usize {
         let signals = &self.signals;
@@ -27,8 +27,8 @@ impl RigFile {
     /// Bytes of the frame with the target.
     pub fn target_bytes(&self) -> usize {
         match self.motor {
-            Motor::Cia402(_) => 6 + self.display.map_or(0, |display| display.kind.bytes()),
-            Motor::Cansimple(_) | Motor::Mit(_) => 8,
+            MotorSettings::Cia402(_) => 6 + self.display.map_or(0, |display| display.kind.bytes()),
+            MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => 8,
         }
     }
 }

@@ -6,6 +6,6 @@ mod rig_file;
 mod rules;
 mod valid;
 
-pub use error::RigFileError;
+pub use error::CanRigFileError;
 pub use rig_file::*;
 pub use valid::ValidRigFile;

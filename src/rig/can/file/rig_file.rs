@@ -7,12 +7,12 @@ use crate::rig::can::canopen::{DataType, Object};
 use crate::wrist::Lever;
 
 /// Format and version of the rig files that this program reads.
-pub const FORMAT: &str = "ramphold-rig/1";
+pub const RIG_FORMAT: &str = "ramphold-rig/1";
 
 /// A rig, as written in a rig file.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct RigFile {
+pub struct CanRigFile {
     /// `can`: what kind of rig it is.
     pub kind: RigKind,
     /// Format and version: `ramphold-rig/1`.
@@ -31,7 +31,7 @@ pub struct RigFile {
     #[serde(deserialize_with = "Option::deserialize")]
     pub lever: Option<Lever>,
     /// The motor.
-    pub motor: Motor,
+    pub motor: MotorSettings,
     /// CANopen devices that measure, beside the motor.
     #[serde(default)]
     pub sensors: Vec<Sensor>,
@@ -50,7 +50,7 @@ pub struct RigFile {
     pub tolerate: Tolerances,
     /// Only for the emulated motor of the test bench.
     #[serde(default)]
-    pub bench: Option<Bench>,
+    pub bench: Option<BenchSettings>,
 }
 
 /// The only kind of rig that this file describes.
@@ -76,7 +76,7 @@ pub struct Master {
 /// The kinds of motors there are.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
-pub enum Motor {
+pub enum MotorSettings {
     /// A CiA 402 drive over CANopen.
     Cia402(Cia402Motor),
     /// An ODrive axis speaking CANSimple.
@@ -442,7 +442,7 @@ pub struct Tolerances {
 /// For the emulated motor, whose time moves with SYNC.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Bench {
+pub struct BenchSettings {
     /// How many times slower than `period_us` the cycle runs.
     pub time_stretch: f64,
 }

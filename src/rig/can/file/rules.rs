@@ -1,6 +1,6 @@
 //! What the types of a rig file cannot say: ranges, and what must fit together.
 
-use super::rig_file::{Carried, Cia402Motor, FORMAT, Motor, RigFile};
+use super::rig_file::{CanRigFile, Carried, Cia402Motor, MotorSettings, RIG_FORMAT};
 use crate::protocol::Problem;
 use crate::protocol::source::Node;
 use crate::rig::can::budget::{Budget, HIGHEST_LOAD};
@@ -32,10 +32,10 @@ impl Problems<'_> {
 }
 
 /// Everything that is wrong with a file whose fields have the right types.
-pub(super) fn problems(file: &RigFile, source: &Node) -> Vec<Problem> {
+pub(super) fn problems(file: &CanRigFile, source: &Node) -> Vec<Problem> {
     let mut problems = Problems { source, problems: Vec::new() };
-    if file.format != FORMAT {
-        problems.add("format", format!("{:?}", FORMAT), "use a rig file of this version");
+    if file.format != RIG_FORMAT {
+        problems.add("format", format!("{:?}", RIG_FORMAT), "use a rig file of this version");
     }
     master(file, &mut problems);
     motor(file, &mut problems);
@@ -45,7 +45,7 @@ pub(super) fn problems(file: &RigFile, source: &Node) -> Vec<Problem> {
     identifiers(file, &mut problems);
     if let Some(bench) = file.bench {
         problems.in_range("bench.time_stretch", bench.time_stretch, 1.0, 1000.0);
-        if !matches!(file.motor, Motor::Cia402(_)) {
+        if !matches!(file.motor, MotorSettings::Cia402(_)) {
             problems.add("bench", "a CiA 402 motor, which can be asked whether it is the emulated one", "");
         }
     }
@@ -53,7 +53,12 @@ pub(super) fn problems(file: &RigFile, source: &Node) -> Vec<Problem> {
 }
 
 /// More on the bus than it can carry.
-pub(super) fn overload(file: &RigFile, budget: &Budget, period: BusPeriod, source: &Node) -> Option<Problem> {
+pub(super) fn overload(
+    file: &CanRigFile,
+    budget: &Budget,
+    period: BusPeriod,
+    source: &Node,
+) -> Option<Problem> {
     let load = budget.load(period, file.bit_rate);
     if load <= HIGHEST_LOAD {
         return None;
@@ -70,7 +75,7 @@ pub(super) fn overload(file: &RigFile, budget: &Budget, period: BusPeriod, sourc
     problems.problems.pop()
 }
 
-fn master(file: &RigFile, problems: &mut Problems) {
+fn master(file: &CanRigFile, problems: &mut Problems) {
     problems.in_range("period_us", f64::from(file.period_us), 100.0, 100_000.0);
     problems.in_range("master.node", f64::from(file.master.node), 1.0, 127.0);
     problems.in_range("master.heartbeat_ms", f64::from(file.master.heartbeat_ms), 1.0, 500.0);
@@ -85,14 +90,14 @@ fn master(file: &RigFile, problems: &mut Problems) {
     }
 }
 
-fn motor(file: &RigFile, problems: &mut Problems) {
+fn motor(file: &CanRigFile, problems: &mut Problems) {
     let mut ratio = |value: f64| {
         if value == 0.0 || !(-10_000.0..=10_000.0).contains(&value) {
             problems.add("motor.gear_ratio", "turns of the motor for one of the handle, not 0", "");
         }
     };
     match &file.motor {
-        Motor::Cia402(motor) => {
+        MotorSettings::Cia402(motor) => {
             ratio(motor.gear_ratio);
             cia402(motor, longest_wait_ms(file), problems);
             if BusPeriod::from_us(file.period_us).is_some_and(|period| period.interpolation().is_none()) {
@@ -100,7 +105,7 @@ fn motor(file: &RigFile, problems: &mut Problems) {
                 problems.add("period_us", expected, "for instance 1000 or 1600");
             }
         }
-        Motor::Cansimple(motor) => {
+        MotorSettings::Cansimple(motor) => {
             ratio(motor.gear_ratio);
             // 4 would be SYNC and EMCY of CANopen, 0 NMT, and those beyond PDOs.
             problems.in_range("motor.node", f64::from(motor.node), 1.0, 3.0);
@@ -119,7 +124,7 @@ fn motor(file: &RigFile, problems: &mut Problems) {
                 f64::from(file.period_us) / 1e3,
             );
         }
-        Motor::Mit(motor) => {
+        MotorSettings::Mit(motor) => {
             ratio(motor.gear_ratio);
             problems.in_range("motor.id", f64::from(motor.id), 1.0, 2047.0);
             problems.in_range("motor.reply_id", f64::from(motor.reply_id), 0.0, 2047.0);
@@ -170,7 +175,7 @@ fn cia402(motor: &Cia402Motor, longest_wait_ms: f64, problems: &mut Problems) {
 }
 
 /// How long anybody may wait for a sign of life, ms. On the bench it is stretched as the cycle is.
-fn longest_wait_ms(file: &RigFile) -> f64 {
+fn longest_wait_ms(file: &CanRigFile) -> f64 {
     1000.0 * file.bench.map_or(1.0, |bench| bench.time_stretch)
 }
 
@@ -182,7 +187,7 @@ fn heartbeat(path: &str, (beat_ms, wait_ms): (u16, u16), longest_ms: f64, proble
     }
 }
 
-fn limits(file: &RigFile, problems: &mut Problems) {
+fn limits(file: &CanRigFile, problems: &mut Problems) {
     let limits = &file.limits;
     let [low, high] = limits.angle_rad;
     if !(low < 0.0 && high > 0.0 && low >= -3.2 && high <= 3.2) {
@@ -200,7 +205,7 @@ fn limits(file: &RigFile, problems: &mut Problems) {
     problems.in_range("limits.following_error_ms", f64::from(limits.following_error_ms), 0.0, 1000.0);
 }
 
-fn signals(file: &RigFile, problems: &mut Problems) {
+fn signals(file: &CanRigFile, problems: &mut Problems) {
     let signals = &file.signals;
     problems.in_range("signals.torque.samples", signals.torque.samples as f64, 1.0, 8.0);
     let scale = |value: f64| value.is_finite() && value != 0.0;
@@ -216,13 +221,13 @@ fn signals(file: &RigFile, problems: &mut Problems) {
         );
     }
     if let Some(display) = file.display
-        && (!scale(display.nm_per_count) || !matches!(file.motor, Motor::Cia402(_)))
+        && (!scale(display.nm_per_count) || !matches!(file.motor, MotorSettings::Cia402(_)))
     {
         problems.add("display", "an object of a CiA 402 drive, with N m for each count", "");
     }
 }
 
-fn frames(file: &RigFile, problems: &mut Problems) {
+fn frames(file: &CanRigFile, problems: &mut Problems) {
     for (at, frame) in file.frames.iter().enumerate() {
         let path = format!("frames[{at}]");
         let bytes = file.frame_bytes(frame);
@@ -253,7 +258,7 @@ fn frames(file: &RigFile, problems: &mut Problems) {
     }
     let count =
         |wanted| file.frames.iter().flat_map(|frame| &frame.carries).filter(|c| **c == wanted).count();
-    let cia402 = usize::from(matches!(file.motor, Motor::Cia402(_)));
+    let cia402 = usize::from(matches!(file.motor, MotorSettings::Cia402(_)));
     let signals = &file.signals;
     for (carried, wanted) in [
         (Carried::Statusword, cia402),
@@ -271,7 +276,7 @@ fn frames(file: &RigFile, problems: &mut Problems) {
     }
 }
 
-fn has_object(file: &RigFile, carried: Carried) -> bool {
+fn has_object(file: &CanRigFile, carried: Carried) -> bool {
     let signals = &file.signals;
     match carried {
         Carried::Statusword | Carried::Position => true,
@@ -283,15 +288,15 @@ fn has_object(file: &RigFile, carried: Carried) -> bool {
     }
 }
 
-fn nodes(file: &RigFile) -> Vec<u8> {
+fn nodes(file: &CanRigFile) -> Vec<u8> {
     let motor = match &file.motor {
-        Motor::Cia402(motor) => Some(motor.node),
-        Motor::Cansimple(_) | Motor::Mit(_) => None,
+        MotorSettings::Cia402(motor) => Some(motor.node),
+        MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => None,
     };
     motor.into_iter().chain(file.sensors.iter().map(|sensor| sensor.node)).collect()
 }
 
-fn identifiers(file: &RigFile, problems: &mut Problems) {
+fn identifiers(file: &CanRigFile, problems: &mut Problems) {
     let mut used: Vec<u16> = Vec::new();
     for (at, id) in file.frames.iter().enumerate().filter_map(|(at, frame)| Some((at, frame.identifier()?))) {
         if used.contains(&id) || matches!(id, 0x000..=0x0FF | 0x580..=0x67F | 0x700..) {

@@ -8,14 +8,14 @@ use crate::protocol::source::Node;
 use crate::rig::can::budget::{Budget, When};
 use crate::rig::can::units::{BusPeriod, SamplePeriod};
 
-use super::error::RigFileError;
-use super::rig_file::{Motor, RigFile};
+use super::error::CanRigFileError;
+use super::rig_file::{CanRigFile, MotorSettings};
 use super::rules;
 
 /// A rig file that passed every check.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ValidRigFile {
-    file: RigFile,
+    file: CanRigFile,
     text: String,
     name: String,
     period: BusPeriod,
@@ -27,10 +27,10 @@ impl ValidRigFile {
     ///
     /// # Errors
     /// Everything that is wrong with it, at once.
-    pub fn read(path: &Path) -> Result<Self, RigFileError> {
+    pub fn read(path: &Path) -> Result<Self, CanRigFileError> {
         let file = path.display().to_string();
         let text = fs::read_to_string(path)
-            .map_err(|source| RigFileError::Unreadable { file: file.clone(), source })?;
+            .map_err(|source| CanRigFileError::Unreadable { file: file.clone(), source })?;
         Self::parse(&text, &file)
     }
 
@@ -38,9 +38,9 @@ impl ValidRigFile {
     ///
     /// # Errors
     /// Everything that is wrong with it, at once.
-    pub fn parse(text: &str, name: &str) -> Result<Self, RigFileError> {
-        let source = Node::parse(text, name).map_err(RigFileError::NotJson)?;
-        let invalid = |problems| RigFileError::Invalid { file: name.to_owned(), problems };
+    pub fn parse(text: &str, name: &str) -> Result<Self, CanRigFileError> {
+        let source = Node::parse(text, name).map_err(CanRigFileError::NotJson)?;
+        let invalid = |problems| CanRigFileError::Invalid { file: name.to_owned(), problems };
         let file = typed(&source).map_err(|problem| invalid(vec![problem]))?;
         let mut problems = rules::problems(&file, &source);
         let (Some(period), true) = (BusPeriod::from_us(file.period_us), problems.is_empty()) else {
@@ -81,14 +81,14 @@ impl ValidRigFile {
 }
 
 impl std::ops::Deref for ValidRigFile {
-    type Target = RigFile;
+    type Target = CanRigFile;
 
-    fn deref(&self) -> &RigFile {
+    fn deref(&self) -> &CanRigFile {
         &self.file
     }
 }
 
-fn typed(source: &Node) -> Result<RigFile, Problem> {
+fn typed(source: &Node) -> Result<CanRigFile, Problem> {
     serde_path_to_error::deserialize(source.value()).map_err(|error| {
         let path = error.path().to_string();
         let place = source.at(&path);
@@ -102,7 +102,7 @@ fn typed(source: &Node) -> Result<RigFile, Problem> {
     })
 }
 
-fn budget(file: &RigFile) -> Budget {
+fn budget(file: &CanRigFile) -> Budget {
     let mut budget = Budget::default();
     let own_heartbeat = u32::from(file.master.heartbeat_ms);
     budget.add("SYNC", 0, When::EachPeriod);
@@ -113,14 +113,14 @@ fn budget(file: &RigFile) -> Budget {
     }
     budget.add("heartbeat of this program", 1, When::EveryMs(own_heartbeat));
     match &file.motor {
-        Motor::Cia402(motor) => {
+        MotorSettings::Cia402(motor) => {
             budget.add("heartbeat of the motor", 1, When::EveryMs(u32::from(motor.heartbeat_ms)));
         }
-        Motor::Cansimple(motor) => {
+        MotorSettings::Cansimple(motor) => {
             budget.add("heartbeat of the motor", 8, When::EveryMs(u32::from(motor.heartbeat_ms)));
             budget.add("position of the motor", 8, When::EveryMs(u32::from(motor.encoder_ms)));
         }
-        Motor::Mit(_) => budget.add("reply of the motor", 8, When::EachPeriod),
+        MotorSettings::Mit(_) => budget.add("reply of the motor", 8, When::EachPeriod),
     }
     for sensor in &file.sensors {
         let name = format!("heartbeat of node {}", sensor.node);

@@ -18,7 +18,7 @@ use crate::timing::{Clock, VirtualClock};
 
 /// The kinds of motors that the bench has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum MotorKind {
     Cia402,
     Cansimple,
     Mit,
@@ -50,22 +50,22 @@ pub struct Outcome {
 
 impl Bench {
     /// A bench with the rig file of the kind, as for a person: without stretched time, and nothing is tolerated.
-    pub fn new(kind: Kind) -> Self {
+    pub fn new(kind: MotorKind) -> Self {
         Self::with(kind, |_| {})
     }
 
     /// A bench with some fields of the rig file changed.
-    pub fn with(kind: Kind, change: impl FnOnce(&mut Value)) -> Self {
+    pub fn with(kind: MotorKind, change: impl FnOnce(&mut Value)) -> Self {
         let (rig, protocol) = match kind {
-            Kind::Cia402 => (
+            MotorKind::Cia402 => (
                 include_str!("../../../../fixtures/can/rigs/plain.json"),
                 include_str!("../../../../fixtures/can/rigs/one-trial.json"),
             ),
-            Kind::Cansimple => (
+            MotorKind::Cansimple => (
                 include_str!("../../../../fixtures/can/rigs/odrive.json"),
                 include_str!("../../../../fixtures/can/rigs/slow-trial.json"),
             ),
-            Kind::Mit => (
+            MotorKind::Mit => (
                 include_str!("../../../../fixtures/can/rigs/mit.json"),
                 include_str!("../../../../fixtures/can/rigs/slow-trial.json"),
             ),
@@ -73,7 +73,7 @@ impl Bench {
         let mut rig: Value = serde_json::from_str(rig).unwrap();
         rig.as_object_mut().unwrap().remove("bench");
         rig["tolerate"]["missed_cycles_in_a_row"] = json!(0);
-        if kind == Kind::Cia402 {
+        if kind == MotorKind::Cia402 {
             rig["master"]["motor_waits_ms"] = json!(100);
             rig["motor"]["heartbeat_wait_ms"] = json!(100);
             rig["motor"]["target_wait_ms"] = json!(0);
@@ -83,11 +83,11 @@ impl Bench {
         let clock = VirtualClock::default();
         let now = clock.now();
         let devices: Vec<Box<dyn Device>> = match kind {
-            Kind::Cia402 => vec![Box::new(EmulatedServoDrive::new(now, 0.3))],
-            Kind::Cansimple => {
+            MotorKind::Cia402 => vec![Box::new(EmulatedServoDrive::new(now, 0.3))],
+            MotorKind::Cansimple => {
                 vec![Box::new(EmulatedOdriveAxis::new(now)), Box::new(EmulatedTransducer::new())]
             }
-            Kind::Mit => vec![Box::new(EmulatedMitMotor::new(now)), Box::new(EmulatedTransducer::new())],
+            MotorKind::Mit => vec![Box::new(EmulatedMitMotor::new(now)), Box::new(EmulatedTransducer::new())],
         };
         let world = World::new(clock.clone(), devices);
         Self {

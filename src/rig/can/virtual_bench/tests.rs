@@ -5,12 +5,12 @@ use std::time::Duration;
 use proptest::prelude::*;
 use serde_json::json;
 
-use super::bench::{Bench, Kind, Outcome, follow};
+use super::bench::{Bench, MotorKind, Outcome, follow};
 use super::world::BenchFault;
 use crate::rig::can::bus::ControllerError;
 use crate::rig::{Armed, ArmingConsent, Command, Cue, FaultClass, Motor, Rig};
 
-/// Times to the loss of power. A cycle is 2 ms; a hold takes half a second; the drive waits 100 ms for a heartbeat.
+/// DurationSummary to the loss of power. A cycle is 2 ms; a hold takes half a second; the drive waits 100 ms for a heartbeat.
 const AT_ONCE_MS: u64 = 20;
 const QUICK_STOP_MS: u64 = 80;
 const HOLD_MS: u64 = 550;
@@ -79,7 +79,7 @@ fn assert_made_safe(what: &str, outcome: &Outcome, codes: &[&str], within_ms: u6
 #[test]
 fn a_fault_while_the_drive_holds_still_removes_the_power_in_its_time() {
     for (fault, codes, within_ms) in HELD.iter().filter(|(_, codes, _)| !codes.is_empty()) {
-        let outcome = Bench::new(Kind::Cia402).strike_while_held(*fault);
+        let outcome = Bench::new(MotorKind::Cia402).strike_while_held(*fault);
         assert_made_safe(&format!("{fault:?}"), &outcome, codes, *within_ms);
     }
 }
@@ -87,7 +87,7 @@ fn a_fault_while_the_drive_holds_still_removes_the_power_in_its_time() {
 #[test]
 fn a_fault_in_the_ramp_removes_the_power_in_its_time() {
     for (fault, codes, within_ms) in IN_RAMP {
-        let outcome = Bench::new(Kind::Cia402).strike_in_ramp(*fault);
+        let outcome = Bench::new(MotorKind::Cia402).strike_in_ramp(*fault);
         assert_made_safe(&format!("{fault:?}"), &outcome, codes, *within_ms);
         let [low, high] = outcome.angles_rad;
         assert!(low >= -0.05 && high <= 0.2, "{fault:?}: the handle was at {low} to {high} rad");
@@ -96,7 +96,7 @@ fn a_fault_in_the_ramp_removes_the_power_in_its_time() {
 
 #[test]
 fn a_ramp_is_followed_and_read_back_two_periods_later() {
-    let bench = Bench::new(Kind::Cia402);
+    let bench = Bench::new(MotorKind::Cia402);
     let mut armed = bench.arm().unwrap();
     let targets: Vec<f64> = bench.ramp().collect();
     let angles: Vec<f64> =
@@ -112,7 +112,7 @@ fn a_ramp_is_followed_and_read_back_two_periods_later() {
 
 #[test]
 fn frames_that_are_late_within_their_period_are_no_fault() {
-    let bench = Bench::new(Kind::Cia402);
+    let bench = Bench::new(MotorKind::Cia402);
     let mut armed = bench.arm().unwrap();
     bench.strike(B::Delayed(Duration::from_millis(1)));
     for _ in 0..200 {
@@ -135,7 +135,7 @@ fn the_adapter_of_an_odrive_axis_makes_the_motor_safe() {
         (B::Dropped(0x1A0), &["missed_cycle"], 1200),
         (B::AdapterGone, &["bus_gone"], 1200),
     ] {
-        let outcome = Bench::new(Kind::Cansimple).strike_while_held(fault);
+        let outcome = Bench::new(MotorKind::Cansimple).strike_while_held(fault);
         assert_made_safe(&format!("{fault:?}"), &outcome, codes, within_ms);
     }
 }
@@ -154,7 +154,7 @@ fn the_adapter_of_a_motor_in_mit_mode_makes_the_motor_safe() {
         (B::Dropped(0x1A0), &["missed_cycle"], 1200),
         (B::AdapterGone, &["bus_gone"], 1200),
     ] {
-        let outcome = Bench::new(Kind::Mit).strike_while_held(fault);
+        let outcome = Bench::new(MotorKind::Mit).strike_while_held(fault);
         assert_made_safe(&format!("{fault:?}"), &outcome, codes, within_ms);
     }
 }
@@ -178,7 +178,7 @@ fn a_drive_that_does_not_take_a_setting_is_not_armed_and_gets_no_power() {
         (B::WrongReading(0x6076, 0, 1), "wrong_device", "6076h:00"),
         (B::HomingStuck, "homing_failed", "homing did not end"),
     ] {
-        let bench = Bench::new(Kind::Cia402);
+        let bench = Bench::new(MotorKind::Cia402);
         bench.strike(fault);
         let refused = bench.arm().unwrap_err();
         assert_eq!(refused.code(), code, "{fault:?}: {refused}");
@@ -198,7 +198,7 @@ fn a_motor_on_its_own_way_to_the_start_is_supervised() {
         (B::Dropped(0x185), "missed_cycle"),
         (B::HeartbeatStop, "heartbeat_lost"),
     ] {
-        let bench = Bench::with(Kind::Cia402, |rig| rig["motor"]["homing"]["offset_rad"] = json!(0.15));
+        let bench = Bench::with(MotorKind::Cia402, |rig| rig["motor"]["homing"]["offset_rad"] = json!(0.15));
         // The handle is at 0.15 rad when its home is found; the fault strikes on its way to 0.
         bench.bus.world().strike_below_rad = Some((0.14, fault));
         let refused = bench.arm().unwrap_err();
@@ -209,7 +209,7 @@ fn a_motor_on_its_own_way_to_the_start_is_supervised() {
 
 #[test]
 fn a_program_that_was_frozen_finds_a_drive_that_stopped_by_itself() {
-    let bench = Bench::new(Kind::Cia402);
+    let bench = Bench::new(MotorKind::Cia402);
     let outcome = bench.run(std::iter::repeat_n(0.0, 200), 100, |bench| {
         bench.clock.advance(Duration::from_millis(700));
     });
@@ -220,7 +220,7 @@ fn a_program_that_was_frozen_finds_a_drive_that_stopped_by_itself() {
 #[test]
 fn a_wake_up_later_than_a_period_is_a_fault_beyond_the_tolerated_number() {
     let outcome = |tolerated: u32| {
-        let bench = Bench::with(Kind::Cia402, |rig| {
+        let bench = Bench::with(MotorKind::Cia402, |rig| {
             rig["tolerate"]["missed_cycles_in_a_row"] = json!(tolerated);
         });
         let mut armed = bench.arm().unwrap();
@@ -234,7 +234,7 @@ fn a_wake_up_later_than_a_period_is_a_fault_beyond_the_tolerated_number() {
 
 #[test]
 fn a_session_that_ends_in_mid_ramp_stops_the_motor_on_the_ramp_and_removes_the_power() {
-    let bench = Bench::new(Kind::Cia402);
+    let bench = Bench::new(MotorKind::Cia402);
     let mut armed = bench.arm().unwrap();
     for angle_rad in bench.ramp().take_while(|angle_rad| *angle_rad < 0.05) {
         armed.exchange(&follow(angle_rad)).unwrap();
@@ -249,7 +249,7 @@ fn a_session_that_ends_in_mid_ramp_stops_the_motor_on_the_ramp_and_removes_the_p
 
 #[test]
 fn a_drive_that_was_restarted_after_a_fault_has_lost_its_origin_and_is_not_armed() {
-    let bench = Bench::new(Kind::Cia402);
+    let bench = Bench::new(MotorKind::Cia402);
     let mut armed = bench.arm().unwrap();
     bench.strike(B::Reboot);
     let fault = (0..100).find_map(|_| armed.exchange(&follow(0.0)).err()).unwrap();
@@ -262,7 +262,7 @@ fn a_drive_that_was_restarted_after_a_fault_has_lost_its_origin_and_is_not_armed
 
 #[test]
 fn a_motor_is_armed_again_after_a_fault_that_is_over() {
-    let bench = Bench::new(Kind::Cia402);
+    let bench = Bench::new(MotorKind::Cia402);
     let mut armed = bench.arm().unwrap();
     bench.strike(B::Error { code: 0x4310, fatal: true });
     while armed.exchange(&follow(0.0)).is_ok() {}
@@ -274,7 +274,7 @@ fn a_motor_is_armed_again_after_a_fault_that_is_over() {
 
 #[test]
 fn a_target_beyond_the_limits_is_never_sent() {
-    let bench = Bench::new(Kind::Cia402);
+    let bench = Bench::new(MotorKind::Cia402);
     let mut armed = bench.arm().unwrap();
     assert_eq!(armed.exchange(&follow(0.21)).unwrap_err().code(), "command_beyond_limit");
     armed.disarm();
@@ -289,7 +289,7 @@ proptest! {
     fn no_fault_at_any_sample_leaves_the_power_on(which in 0..HELD.len(), at in 0usize..400) {
         let (fault, codes, _) = HELD[which];
         prop_assume!(!codes.is_empty());
-        let bench = Bench::new(Kind::Cia402);
+        let bench = Bench::new(MotorKind::Cia402);
         let outcome = bench.run(bench.ramp().chain(std::iter::repeat_n(0.0, 400)), at, |bench| bench.strike(fault));
         prop_assert!(!outcome.has_power && !outcome.power_came_back, "{fault:?} at {at}");
     }
