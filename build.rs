@@ -1,8 +1,8 @@
-//! Tells the program which commit it was built from, where that can be known.
+//! Sets the environment variable RAMPHOLD_COMMIT to the commit that the program is built from, if it is known.
 //!
-//! Only release builds are told: others are made of work in progress. An archive made by git carries the commit in the
-//! file COMMIT (see .gitattributes); elsewhere git is asked; where there is neither, the commit is not known, and
-//! nothing fails.
+//! Only release builds get it, because other builds are made of work in progress. An archive made by git contains the
+//! commit in the file COMMIT (see .gitattributes). Elsewhere git is asked. Without both, the commit is unknown and the
+//! build goes on.
 
 use std::process::Command;
 
@@ -30,7 +30,7 @@ fn main() {
     }
 }
 
-/// What git says; nothing if there is no git, or this is no repository of ours.
+/// The output of a git command; `None` without git, or outside a repository of this project.
 fn git(arguments: &[&str]) -> Option<String> {
     let here = std::env::var("CARGO_MANIFEST_DIR").ok()?;
     let ask = |arguments: &[&str]| {
@@ -38,7 +38,7 @@ fn git(arguments: &[&str]) -> Option<String> {
         let text = String::from_utf8(output.stdout).ok()?.trim().to_owned();
         (output.status.success() && !text.is_empty()).then_some(text)
     };
-    // A copy that lies inside someone else's repository must not take its commit for ours.
+    // A copy inside another repository must not take the commit of that repository.
     let top = std::fs::canonicalize(ask(&["rev-parse", "--show-toplevel"])?).ok()?;
     (top == std::fs::canonicalize(&here).ok()?).then(|| ask(arguments))?
 }

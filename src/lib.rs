@@ -1,21 +1,75 @@
-//! Ramp-and-hold experiments on the human wrist, from the protocol to the cause of a misfit.
+//! Ramp-and-hold experiments on the human wrist: run the protocol, fit the wrist model, find what the model gets wrong.
 //!
-//! A stiff servo motor holds a wrist, the person pushes with a set torque, the motor extends the wrist with a fast
-//! ramp, and the first 40 ms of torque tell how stiff the muscle was and where it yielded
+//! A stiff servo motor holds the wrist of a subject. The subject pushes against it with a target torque. The motor then
+//! extends the wrist with a fast ramp, and the first 40 ms of torque show how stiff the muscle is and where it yields
 //! (de Vlugt et al. 2011, *Short range stiffness elastic limit depends on joint velocity*).
 //!
-//! Data walks one way through the modules, and each knows only those above it:
+//! # The nouns
+//!
+//! - A **protocol** says which ramps at which torques a session has, and under which conditions a ramp may start.
+//! - A **schedule** is the order of the trials, drawn from a seed.
+//! - A **rig** moves the wrist and measures it: a virtual wrist, or a motor on a CAN bus.
+//! - A **session** is the experiment as it runs: a state machine that is stepped once per sample.
+//! - A **dataset** is the folder of a session: journal, trials and signals.
+//! - A **fit** estimates the parameters of the wrist model from the recorded torque.
+//! - A **diagnosis** tests the residuals of a fit and names the **mechanisms** that the model lacks.
+//! - A **study** is many subjects through one protocol.
+//!
+//! # From protocol to diagnosis
+//!
+//! ```
+//! use ramphold::diagnose::{DiagnosisInput, Verdict, diagnose};
+//! use ramphold::fit::{Fit, Model, PreprocessingSettings, Weighting, estimates_without_profiles};
+//! use ramphold::protocol::Protocol;
+//! use ramphold::rig::virtual_wrist::{Person, Setup};
+//! use ramphold::schedule;
+//! use ramphold::study::{SessionStorage, Unit, UnitSource, simulate_unit};
+//!
+//! let protocol = Protocol::parse(include_str!("../protocols/quick.json"), "quick.json")?;
+//! let order = schedule::draw(&protocol, 1, None)?;
+//! assert_eq!(order.len(), 8);
+//!
+//! // The session of a virtual subject, simulated in memory.
+//! let source = UnitSource::Virtual {
+//!     protocol: &protocol,
+//!     setup: &Setup::default(),
+//!     person: Box::new(Person::default()),
+//!     seed: 1,
+//!     order_number: 1,
+//! };
+//! let unit = Unit { index: 0, subject: "V00".into(), session: 1, source };
+//! let session = simulate_unit(&unit, SessionStorage::Memory)?.ok_or("the unit is virtual")?;
+//!
+//! // The fit: one set of parameters for each trial.
+//! let settings = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
+//! let input = DiagnosisInput::new(&session, settings, &Model::paper())?;
+//! let fit = Fit::new(&input.observations, &Model::paper(), Weighting::default());
+//! let estimates = estimates_without_profiles(&input.observations, &fit);
+//! assert!(estimates.iter().all(|trial| trial.vaf > 0.9));
+//!
+//! // The diagnosis. The virtual wrist follows the model here, so no mechanism is missing.
+//! let diagnosis = diagnose(&input, &Model::paper(), 1, &|_stage| ());
+//! assert_eq!(diagnosis.verdict, Verdict::Adequate);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # The modules
+//!
+//! Each module imports only modules above it. `docs/explanation/architecture.md` says which ones, and a test compares it
+//! with the code.
 //!
 //! | noun | module | what it is |
 //! |---|---|---|
+//! | JSON file | [`json_file`] | reads JSON files, with errors that name the file, the line and the field |
+//! | number | [`number`] | numbers with derivatives, and vectors of numbers |
 //! | random numbers | [`random`] | streams of random numbers, one for each purpose, all derived from one seed |
-//! | wrist | [`wrist`] | the wrist model, Eq. 1-7 of the paper, and the mechanisms that may be missing from it |
 //! | signal | [`signal`] | the low-pass filter, the onset of the ramp, the noise of the hold |
+//! | wrist | [`wrist`] | the wrist model, Eq. 1-7 of the paper, and the mechanisms that may be missing from it |
 //! | protocol | [`protocol`] | the protocol file: its fields, its schema, its validation |
 //! | schedule | [`schedule`] | the order of the trials, drawn from a seed |
-//! | time | [`timing`] | the clock, a periodic timer, and a histogram of how late it was |
+//! | timing | [`timing`] | the clock, a periodic timer, and a histogram of how late it was |
 //! | rig | [`rig`] | what moves the wrist and measures it: the virtual wrist, or a motor on a CAN bus |
-//! | session | [`session`] | the experiment as a state machine; the control loop around it |
+//! | session | [`session`] | the experiment as a state machine, and the control loop around it |
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
 //! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |
@@ -27,10 +81,8 @@
 //! | application | [`app`] | what the verbs share: messages, errors, folders, seeds |
 //! | command line | [`cli`] | the command line, one file per verb |
 //!
-//! SI units throughout; a field's name carries its unit. The ramp is positive and so is the resistance to it.
-
-// The program is part of the library, so that its command line can be documented and tested from outside.
-extern crate self as ramphold;
+//! All values are in SI units, and the name of a field contains its unit. The ramp is positive, and a torque that resists
+//! the ramp is positive.
 
 pub mod app;
 pub mod cli;
@@ -39,6 +91,7 @@ pub mod dataset;
 pub mod diagnose;
 pub mod export;
 pub mod fit;
+pub mod json_file;
 pub mod number;
 pub mod protocol;
 pub mod random;

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::rig::Fault;
+use crate::session::{Event, Machine, Operator, Phase, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use ramphold::rig::Fault;
-use ramphold::session::{Event, Machine, Operator, Phase, Status};
 
 use super::signals::stop_on_signals;
 use super::{Console, Failure};

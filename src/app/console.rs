@@ -1,4 +1,4 @@
-//! Where words go: results to standard output, messages to standard error.
+//! Output of the program: results to standard output, messages to standard error.
 
 use std::fmt::Display;
 use std::io::{self, StdoutLock, Write};
@@ -7,14 +7,14 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing::Level;
 
-/// The two streams of the terminal, as loud as the user asked for.
+/// The standard streams, with the verbosity that the user chose.
 #[derive(Debug, Clone, Copy)]
 pub struct Console {
     quiet: bool,
 }
 
 impl Console {
-    /// Sets the loudness for the whole program: `--quiet`, nothing, `-v` or `-vv`.
+    /// Sets the verbosity of the whole program: `--quiet`, default, `-v` or `-vv`.
     pub fn new(quiet: bool, verbose: u8) -> Self {
         let level = match (quiet, verbose) {
             (true, _) => Level::ERROR,
@@ -32,24 +32,24 @@ impl Console {
         Self { quiet }
     }
 
-    /// The same without messages, for work on many sessions at once.
+    /// A copy that prints no messages, for work on many sessions at once.
     pub fn silent(&self) -> Self {
         Self { quiet: true }
     }
 
-    /// Standard output. A reader that went away ends the program in silence, see [`super::Failure`].
+    /// Standard output. A reader that went away ends the program in silence, see [`super::failure::Failure`].
     pub fn results(&self) -> StdoutLock<'static> {
         io::stdout().lock()
     }
 
-    /// A line for the person at the terminal; not with `--quiet`.
+    /// Prints a line on standard error, except with `--quiet`.
     pub fn message(&self, message: impl Display) {
         if !self.quiet {
             to_stderr(&message);
         }
     }
 
-    /// A bar with the time left on standard error; hidden with `--quiet` and where that is no terminal.
+    /// A progress bar with the time left on standard error; hidden with `--quiet` and where that is not a terminal.
     pub fn progress(&self, length: u64, what: &'static str) -> ProgressBar {
         let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(Some(length), target).with_message(what);
@@ -59,17 +59,17 @@ impl Console {
         bar
     }
 
-    /// A line without which the program is of no use; always said.
+    /// Prints a line that the user needs, also with `--quiet`.
     pub fn announce(&self, message: impl Display) {
         to_stderr(&message);
     }
 
-    /// Why the program ends without having done its work; always said.
+    /// Prints an error, also with `--quiet`.
     pub fn error(&self, error: impl Display) {
         to_stderr(&format_args!("error: {error}"));
     }
 
-    /// A sign of life with the time that has passed, for work whose length is not known; hidden as [`Console::progress`] is.
+    /// A spinner with the elapsed time, for work of unknown length; hidden like [`Console::progress`].
     pub fn stages(&self) -> ProgressBar {
         let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let bar = ProgressBar::with_draw_target(None, target);
@@ -80,13 +80,13 @@ impl Console {
         bar
     }
 
-    /// Whether the user asked for silence; progress bars respect it.
+    /// Whether `--quiet` was given; progress bars are then hidden.
     pub fn is_quiet(&self) -> bool {
         self.quiet
     }
 }
 
-/// Nobody may be listening on standard error either, and then there is no one left to tell.
+/// Prints on standard error; an error there is ignored, because there is no other place to report it.
 fn to_stderr(message: &dyn Display) {
     let _ = writeln!(io::stderr().lock(), "{message}");
 }

@@ -4,13 +4,13 @@ use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::console::web::Address;
+use crate::console::{ConsoleSetup, PageAddresses, SessionInfo, TrialFitContext, terminal};
+use crate::dataset::{Trial, Wrist};
+use crate::fit::PreprocessingSettings;
+use crate::protocol::ValidProtocol;
+use crate::wrist::Lever;
 use clap::ValueEnum;
-use ramphold::console::web::Address;
-use ramphold::console::{ConsoleSetup, PageAddresses, SessionInfo, TrialFitContext, terminal};
-use ramphold::dataset::{Trial, Wrist};
-use ramphold::fit::PreprocessingSettings;
-use ramphold::protocol::ValidProtocol;
-use ramphold::wrist::Lever;
 
 use super::{Console, Failure};
 
@@ -26,6 +26,7 @@ pub struct ConsoleOptions {
     /// Pause after the trial when no operator's page has been open for this time, s; 0 never pauses.
     #[arg(long, value_name = "S", default_value_t = 10.0)]
     operator_timeout: f64,
+    /// Options of the web pages.
     #[command(flatten)]
     pub(crate) pages: PageOptions,
 }

@@ -1,20 +1,21 @@
-//! How errors of the layers end the program: message and exit code.
+//! Errors of all layers as the program reports them: message and exit code.
 
 use std::io;
 use std::path::PathBuf;
 
-use ramphold::console::ConsoleError;
-use ramphold::dataset::{DatasetError, RecordError, ResumeError};
-use ramphold::export::ExportError;
-use ramphold::fit::{ModelError, PreprocessingError, WriteError};
-use ramphold::protocol::{ProtocolError, TooShort};
-use ramphold::report::ReportError;
-use ramphold::rig::can;
-use ramphold::rig::virtual_wrist::{PersonError, RigFileError};
-use ramphold::schedule::DrawError;
-use ramphold::study::{StudyError, UnitError};
+use crate::console::ConsoleError;
+use crate::dataset::{DatasetError, RecordError, ResumeError};
+use crate::export::ExportError;
+use crate::fit::{ModelError, PreprocessingError, WriteError};
+use crate::json_file::JsonFileError;
+use crate::protocol::{ProtocolError, TooShort};
+use crate::report::ReportError;
+use crate::rig::can;
+use crate::rig::virtual_wrist::{PersonError, RigFileError};
+use crate::schedule::DrawError;
+use crate::study::{StudyError, UnitError};
 
-/// Why a verb did not do its work. One variant for each layer that can fail.
+/// Why a verb failed. One variant for each layer that can fail.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// The protocol cannot be run.
@@ -31,7 +32,7 @@ pub enum Failure {
     Prepare {
         /// The session's folder.
         session: String,
-        /// Why.
+        /// The reason.
         source: PreprocessingError,
     },
     /// A model file cannot be used.
@@ -39,15 +40,18 @@ pub enum Failure {
     Model {
         /// The file.
         file: String,
-        /// Why.
+        /// The reason.
         source: ModelError,
     },
+    /// A JSON file cannot be used.
+    #[error(transparent)]
+    Json(#[from] JsonFileError),
     /// A file cannot be read.
     #[error("{file}: cannot be read: {source}")]
     Read {
         /// The file.
         file: String,
-        /// Why.
+        /// The reason.
         source: io::Error,
     },
     /// Results could not be written.
@@ -59,12 +63,12 @@ pub enum Failure {
     /// The export could not be made.
     #[error(transparent)]
     Export(#[from] ExportError),
-    /// Some of the sessions could not be fitted; each has been told of.
+    /// Some of the sessions could not be fitted; the error of each has been printed.
     #[error("{failed} of {of} sessions could not be fitted")]
     Some {
-        /// How many failed.
+        /// Sessions that failed.
         failed: usize,
-        /// How many there were.
+        /// All sessions.
         of: usize,
     },
     /// The study cannot be done.
@@ -73,88 +77,88 @@ pub enum Failure {
     /// A session of a simulation could not be run.
     #[error("a session of the simulation: {0}")]
     Unit(UnitError),
-    /// Not everything of a study could be computed; each problem has been told of.
-    #[error("{problems} problems kept persons out of tables; what could be computed is in {}", .folder.display())]
+    /// Parts of a study could not be computed; each problem has been printed.
+    #[error("the study is incomplete: {problems} problems exclude subjects from its tables; the rest is in {}", .folder.display())]
     PartOfStudy {
-        /// How many.
+        /// Their number.
         problems: u64,
         /// The study's folder.
         folder: PathBuf,
     },
-    /// What was asked for makes no sense.
+    /// An option has a value that cannot be used.
     #[error("{0}")]
     Usage(String),
     /// A velocity that the ramp cannot reach.
     #[error(transparent)]
     TooShort(#[from] TooShort),
-    /// The virtual person cannot be made.
+    /// The file of a virtual subject is wrong.
     #[error(transparent)]
     Person(#[from] PersonError),
-    /// The rig cannot be made.
+    /// The file of a virtual rig is wrong.
     #[error(transparent)]
     Rig(#[from] RigFileError),
-    /// The CAN motor's file is wrong, or does not go with the protocol.
+    /// The file of a CAN motor is wrong, or does not fit the protocol.
     #[error(transparent)]
     CanRig(#[from] can::file::CanRigFileError),
     /// The CAN bus cannot be opened.
     #[error(transparent)]
     Connect(#[from] can::ConnectError),
-    /// The motor is not as it must be.
+    /// The motor failed a check.
     #[error("{0}")]
     Motor(can::CanFault),
-    /// The bus could not be listened to.
+    /// The bus could not be read.
     #[error("{bus}: {source}")]
     Bus {
         /// The bus.
         bus: String,
-        /// What the system said.
+        /// The operating system's reason.
         source: io::Error,
     },
-    /// The session cannot be kept.
+    /// The session cannot be recorded.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// The session was ended before its time.
+    /// The session ended before all trials were done.
     #[error(
         "the session ended with {left} trials left to do; everything up to here is in {}. Go on with: ramphold resume {}",
         .folder.display(),
         .folder.display()
     )]
     Ended {
-        /// Its folder.
+        /// The session's folder.
         folder: PathBuf,
-        /// Trials left.
+        /// Number of trials left.
         left: usize,
     },
     /// The console cannot be opened.
     #[error(transparent)]
     Live(#[from] ConsoleError),
-    /// A session cannot be gone on with.
+    /// A session cannot be resumed.
     #[error(transparent)]
     Resume(#[from] ResumeError),
-    /// Nobody said that the motor may move.
-    #[error("nothing was moved: the rig needs the operator's word. Say yes when asked, or give --yes")]
+    /// The operator did not consent that the motor moves.
+    #[error("nothing was moved: the rig needs the operator's consent. Answer yes when asked, or give --yes")]
     NoWord,
-    /// A replay went another way than the record.
-    #[error("{}: does not replay as it was recorded", .session.display())]
+    /// A replay differs from the record.
+    #[error("{}: the replay differs from the record", .session.display())]
     Differs {
         /// The session's folder.
         session: PathBuf,
     },
-    /// Files of a session are not what they were.
-    #[error("{}: {files} files are not as they were when the session ended", .session.display())]
+    /// Files of a session differ from its manifest.
+    #[error("{}: {files} files differ from what they were when the session ended", .session.display())]
     NotAsItWas {
         /// The session's folder.
         session: PathBuf,
-        /// How many.
+        /// Their number.
         files: usize,
     },
-    /// A diagnosis missed what was hidden.
-    #[error("the diagnosis does not name {mechanism}, which was hidden")]
+    /// A diagnosis did not find the hidden mechanism.
+    #[error("the diagnosis does not name the hidden mechanism {mechanism}")]
     NotFound {
-        /// What was hidden.
+        /// The hidden mechanism.
         mechanism: &'static str,
     },
-    /// The system does not let the program listen for Ctrl-C.
+    /// Signal handlers cannot be installed.
     #[error("cannot listen for signals: {0}")]
     Signals(io::Error),
     /// Results could not be printed.
@@ -163,7 +167,7 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// 1: the work failed; 2: what was given to it was bad.
+    /// The exit code: 1 if the work failed, 2 if its input was wrong.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Protocol(_)
@@ -171,6 +175,7 @@ impl Failure {
             | Self::Dataset(_)
             | Self::Prepare { .. }
             | Self::Model { .. }
+            | Self::Json(_)
             | Self::Read { .. }
             | Self::Usage(_)
             | Self::NoWord
@@ -220,7 +225,7 @@ impl Failure {
         }
     }
 
-    /// The reader of the results has read enough (`ramphold schedule ... | head -1`), which is no failure.
+    /// Whether the reader of standard output closed it early (`ramphold schedule ... | head -1`), which is no failure.
     pub fn is_broken_pipe(&self) -> bool {
         matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }

@@ -1,24 +1,36 @@
-//! What the verbs of the command line share. A verb imports from here and from the library, never from another verb.
+//! What the verbs of the command line share. A verb imports from here and from the modules above, never from another verb.
 //!
-//! This module belongs to the program and not to the library: it prints messages, asks the operator and chooses exit codes.
+//! This is the part of the program below the command line: it prints messages, asks the operator and chooses exit codes.
 
+mod analysis;
 mod command_line_operator;
 mod console;
 mod console_options;
+mod diagnosis_file;
 mod failure;
+mod fit_table;
+mod folders;
+mod model_file;
 mod motor_operator;
 mod new_session;
 mod pace;
+mod session_report;
 mod session_results;
 mod session_rig;
 mod session_runner;
 mod signals;
 
+pub use analysis::{fit_session, preprocess_and_fit, preprocessing_settings};
 pub use console::Console;
 pub use console_options::{ConsoleOptions, PageOptions, SessionDescription};
+pub use diagnosis_file::{named_causes, read_diagnosis};
 pub use failure::Failure;
+pub use fit_table::fit_table;
+pub use folders::session_folders;
+pub use model_file::{add_mechanisms_of_model, read_model};
 pub use new_session::{draw_seed, new_folder, subject_number};
 pub use pace::Pace;
+pub use session_report::write_report;
 pub use session_results::finish_session;
 pub use session_rig::{
     SessionRig, StoredVirtualRig, is_can_rig_file, open_seal, ran_on_can_motor, read_stored_virtual_rig,

@@ -4,8 +4,8 @@ use std::io::{self, BufRead, IsTerminal};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use ramphold::rig::Fault;
-use ramphold::session::{Event, Machine, Operator, Phase};
+use crate::rig::Fault;
+use crate::session::{Event, Machine, Operator, Phase};
 
 use super::signals::stop_on_signals;
 use super::{Console, Failure};

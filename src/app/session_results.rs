@@ -2,13 +2,11 @@
 
 use std::path::Path;
 
-use ramphold::dataset::{Disk, Manifest, Resumable};
-use ramphold::fit::{Model, Weighting};
-use ramphold::session::{Machine, Phase, Status};
+use crate::dataset::{Disk, Manifest, Resumable};
+use crate::fit::{Model, Weighting};
+use crate::session::{Machine, Phase, Status};
 
-use super::{Console, Failure, ran_on_can_motor};
-use crate::cli::fit::{fit_session, table};
-use crate::cli::report::write_report;
+use super::{Console, Failure, fit_session, fit_table, ran_on_can_motor, write_report};
 
 /// Prints how many trials have which status; fits the session if every trial is done, and writes results, report and
 /// manifest.
@@ -45,5 +43,5 @@ pub fn finish_session(
     write_report(folder, &folder.join("results"), console)?;
     // The manifest comes last: a session without it is not complete.
     Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
-    table(console, &results)
+    fit_table(console, &results)
 }

@@ -3,12 +3,13 @@
 use std::fs;
 use std::path::Path;
 
-use ramphold::dataset::{Disk, RecordError, Resumable};
-use ramphold::protocol::ValidProtocol;
-use ramphold::rig::can::file::ValidRigFile;
-use ramphold::rig::can::{CanMotor, Connection, DryRun, Summary};
-use ramphold::rig::virtual_wrist::{MechanismList, Person, RigFile, Seal, SealError, Setup, VirtualWrist};
-use ramphold::wrist::Lever;
+use crate::dataset::{Disk, RecordError, Resumable};
+use crate::json_file;
+use crate::protocol::ValidProtocol;
+use crate::rig::can::file::ValidRigFile;
+use crate::rig::can::{CanMotor, Connection, DryRun, Summary};
+use crate::rig::virtual_wrist::{MechanismList, Person, RigFile, Seal, SealError, Setup, VirtualWrist};
+use crate::wrist::Lever;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -125,24 +126,30 @@ pub struct StoredVirtualRig {
     pub seal: Option<Seal>,
 }
 
+/// What the file should be, for messages.
+const RIG_RECORD: &str = "the rig.json of a session with a virtual wrist";
+
+/// The content of the `rig.json` of a virtual session, before rig and subject are checked.
+#[derive(Deserialize)]
+struct RigRecord {
+    #[serde(default)]
+    rig: Value,
+    #[serde(default)]
+    person: Value,
+    hidden: Option<Seal>,
+}
+
 /// Reads the virtual rig from the session's folder.
 ///
 /// # Errors
 /// If `rig.json` cannot be read or describes no virtual rig.
 pub fn read_stored_virtual_rig(session: &Path) -> Result<StoredVirtualRig, Failure> {
     let path = session.join(RIG_FILE);
-    let file = path.display().to_string();
-    let text = fs::read_to_string(&path).map_err(|source| Failure::Read { file: file.clone(), source })?;
-    let not_a_rig = |error: &dyn std::fmt::Display| {
-        Failure::Usage(format!("{file}: {error}; expected the rig of the session"))
-    };
-    let stored: Value = serde_json::from_str(&text).map_err(|error| not_a_rig(&error))?;
-    let part = |name: &str| stored.get(name).map(Value::to_string).unwrap_or_default();
-    let seal = stored.get("hidden").map(Seal::deserialize).transpose().map_err(|error| not_a_rig(&error))?;
+    let stored: RigRecord = json_file::read(&path, RIG_RECORD)?;
     Ok(StoredVirtualRig {
-        rig: RigFile::parse(&part("rig"), &path)?,
-        subject: Person::parse(&part("person"), &path)?,
-        seal,
+        rig: RigFile::parse(&stored.rig.to_string(), &path)?,
+        subject: Person::parse(&stored.person.to_string(), &path)?,
+        seal: stored.hidden,
     })
 }
 

@@ -3,10 +3,10 @@
 use std::io::{self, BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 
-use ramphold::console::{ConsoleSetup, Live};
-use ramphold::dataset::{BackgroundRecorder, Recorder};
-use ramphold::rig::Rig;
-use ramphold::session::{Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
+use crate::console::{ConsoleSetup, Live};
+use crate::dataset::{BackgroundRecorder, Recorder};
+use crate::rig::Rig;
+use crate::session::{Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
 use super::command_line_operator::CommandLineOperator;
 use super::motor_operator::MotorOperator;

@@ -1,25 +1,29 @@
-//! `ramphold check`: everything that is wrong with a protocol, at once.
+//! `ramphold check`: checks a protocol file.
 
 use std::io::Write;
 use std::path::PathBuf;
 
-use ramphold::protocol::{Order, ValidProtocol};
-use ramphold::schedule;
+use crate::app::{Console, Failure};
+use crate::protocol::{Order, ValidProtocol};
+use crate::schedule;
 
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Check a protocol: say everything that is wrong with it, or how long it takes.
+/// Check a protocol file: print every mistake in it, or the number of trials and the expected duration.
+///
+/// Each mistake is printed with its line, its field, the expected value and what to do. Nothing is run and nothing is
+/// written. Exit code 2 if the protocol cannot be run.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  ramphold check protocols/de-vlugt-2011.json")]
-pub struct Check {
+pub struct CheckArgs {
     /// The protocol file.
     protocol: PathBuf,
 }
 
-impl Verb for Check {
+impl Verb for CheckArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let protocol = ValidProtocol::read(&self.protocol)?;
-        // Whether a constrained order exists shows only in the drawing; any seed and any subject will do.
+        // Only drawing shows whether a constrained order exists; any seed and any subject will do.
         schedule::draw(&protocol, 0, Some(1))?;
         let mut out = console.results();
         writeln!(out, "{}: {}, can be run", self.protocol.display(), protocol.name)?;
@@ -46,7 +50,7 @@ fn trials(protocol: &ValidProtocol) -> String {
     };
     let before = match protocol.before.familiarisation_trials {
         0 => String::new(),
-        count => format!("; before them {count} to get familiar"),
+        count => format!("; before them {count} familiarisation trials"),
     };
     format!(
         "{} ({} velocities x {} torques x {} repetitions, {order}){before}",

@@ -1,53 +1,55 @@
-//! `ramphold cohort`: many people, fitted and tabulated.
+//! `ramphold cohort`: a study of many subjects.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ramphold::fit::QUANTITIES;
-use ramphold::study::{
+use crate::app::{Console, Failure, draw_seed, new_folder};
+use crate::fit::QUANTITIES;
+use crate::study::{
     ResultTables, SessionStorage, Study, StudyFolder, StudyPart, StudySummary, effect_name, tables_from_csv,
 };
 use rayon::prelude::*;
 
-use super::{Console, Failure, Verb};
-use crate::app::{draw_seed, new_folder};
+use super::verb::Verb;
 
-/// Run or read many people's sessions, fit them all, and make the study's tables.
+/// Run or read the sessions of many subjects, fit them all, and write the tables of the study.
 ///
-/// STUDY is a study file (see protocols/study.schema.json), or the study.csv of an earlier one, whose tables are then made anew.
+/// STUDY is a study file (`ramphold schema study` prints its schema), or the study.csv of an earlier study, whose tables
+/// are then computed again. The study's folder receives study.csv (one row per subject and condition), study.json, and
+/// the tables of the repeated-measures analysis.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  ramphold cohort protocols/de-vlugt-2011-study.json --seed 1 --out eight\n  \
                         ramphold cohort protocols/de-vlugt-2011-study.json --seed 1 --out eight --resume\n  \
                         ramphold cohort eight/study.csv --out again"
 )]
-pub struct Cohort {
+pub struct CohortArgs {
     /// The study file, or a study.csv.
     study: PathBuf,
-    /// The seed of every random draw; drawn and printed if not given.
+    /// Seed of all random draws [default: drawn and printed].
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// The study's folder, which must not be there yet; a new one under sessions/ if not given.
+    /// The study's folder, which must not exist yet [default: a new folder under sessions/].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Go on in the folder of the same study; what is done and whole is not done again.
+    /// Continue in the folder of the same study; parts that are complete are not computed again.
     #[arg(long, requires = "out")]
     resume: bool,
-    /// Do this part alone, from 0, and make no tables: for a worker of a cluster. Implies --resume.
+    /// Compute this part only, counted from 0, and write no tables: for one worker of a cluster. Implies --resume.
     #[arg(long, value_name = "K", requires = "out", requires = "seed")]
     part: Option<u64>,
-    /// Make the folder and its plan.json, which says how many parts there are, and do nothing. Implies --resume.
+    /// Write the folder and its plan.json, which holds the number of parts, and compute nothing. Implies --resume.
     #[arg(long, requires = "out", requires = "seed", conflicts_with = "part")]
     plan: bool,
-    /// Keep the folder of every virtual session, under sessions/ in the study's folder.
+    /// Keep the folder of each virtual session, under sessions/ in the study's folder.
     #[arg(long)]
     keep: bool,
-    /// Print the result file instead of a table.
+    /// Print study.json instead of a table.
     #[arg(long)]
     json: bool,
 }
 
-impl Verb for Cohort {
+impl Verb for CohortArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         if self.study.extension().is_some_and(|extension| extension == "csv") {
             return self.only_tables(console);
@@ -75,7 +77,7 @@ impl Verb for Cohort {
     }
 }
 
-impl Cohort {
+impl CohortArgs {
     fn stem(&self) -> String {
         self.study.file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }
@@ -90,7 +92,7 @@ impl Cohort {
         self.show(console, &path, &summary, &tables)
     }
 
-    /// Does what is not done yet, as many sessions at once as there are cores.
+    /// Computes the parts that are not complete yet, on all cores.
     fn do_parts(&self, console: &Console, study: &Study, folder: &StudyFolder) -> Result<(), Failure> {
         let pending_parts = folder.pending_parts(study);
         let units: u64 =
@@ -107,11 +109,11 @@ impl Cohort {
         Ok(done?)
     }
 
-    fn storage<'a>(&self, sessions: &'a Path) -> Result<SessionStorage<'a>, ramphold::study::StudyError> {
+    fn storage<'a>(&self, sessions: &'a Path) -> Result<SessionStorage<'a>, crate::study::StudyError> {
         if !self.keep {
             return Ok(SessionStorage::Memory);
         }
-        std::fs::create_dir_all(sessions).map_err(ramphold::study::StudyError::at(sessions))?;
+        std::fs::create_dir_all(sessions).map_err(crate::study::StudyError::at(sessions))?;
         Ok(SessionStorage::Folder(sessions))
     }
 
@@ -134,7 +136,7 @@ impl Cohort {
             let sessions = folder.path().join("sessions");
             part.run(study, self.storage(&sessions)?, || ())?;
         }
-        let contents = part.read(study).map_err(ramphold::study::StudyError::from)?;
+        let contents = part.read(study).map_err(crate::study::StudyError::from)?;
         let units = study.units_of(number);
         let told = serde_json::json!({
             "part": number, "units": units.end - units.start, "failed": contents.failed.len(),
@@ -174,7 +176,7 @@ impl Cohort {
     }
 }
 
-/// F and p of every effect on every quantity, for a person to read.
+/// Prints F and p of every effect on every quantity.
 fn table(console: &Console, summary: &StudySummary, tables: &ResultTables) -> Result<(), Failure> {
     let mut out = console.results();
     let (velocities, torques) = (summary.grid.velocities_rad_s.len(), summary.grid.torques_nm.len());

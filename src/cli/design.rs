@@ -1,47 +1,53 @@
-//! `ramphold design`: the protocol that best separates what a diagnosis could not tell apart.
+//! `ramphold design`: the protocol that best separates mechanisms which a diagnosis could not tell apart.
 
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
-use ramphold::dataset;
-use ramphold::diagnose::{ProtocolProposal, propose_protocols};
-use ramphold::protocol::ValidProtocol;
-use ramphold::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind};
+use crate::app::{Console, Failure, named_causes, read_diagnosis};
+use crate::dataset;
+use crate::diagnose::{ProtocolProposal, propose_protocols};
+use crate::protocol::ValidProtocol;
+use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind};
 
-use super::diagnose::{named, read_diagnosis};
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Propose the protocol that best tells apart the causes which a session's diagnosis left open.
+/// Propose the protocol that best separates the mechanisms which a session's diagnosis could not tell apart.
+///
+/// The verb varies the ramp and the conditions of a protocol, simulates each variant with each mechanism, and prints the
+/// power: the probability that the wrong mechanism is ruled out. The variants are listed from the best to the worst.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold diagnose sessions/S01\n  \
                         ramphold design sessions/S01 --out next.json\n  ramphold check next.json")]
-pub struct Design {
-    /// The session's folder, with its results/diagnosis.json.
+pub struct DesignArgs {
+    /// The session's folder. It needs results/diagnosis.json, unless --between is given.
     session: PathBuf,
-    /// Causes to tell apart, instead of those that the diagnosis left open.
+    /// Ids of the mechanisms to separate [default: the first cause of the diagnosis and what it can be confused with].
     #[arg(long, value_name = "MECHANISM", num_args = 2..)]
     between: Vec<String>,
-    /// The protocol that is varied; the session's own if it has one.
+    /// The protocol that is varied [default: that of the session].
     #[arg(long, value_name = "FILE")]
     protocol: Option<PathBuf>,
-    /// Where the best protocol is written; a file that is there is not overwritten.
+    /// Write the best protocol to this file, which must not exist yet.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
-/// Most causes that a protocol is made for.
-const MOST: usize = 3;
+/// Largest number of mechanisms that a protocol is designed to separate.
+const MAX_MECHANISMS: usize = 3;
 
-impl Verb for Design {
+impl Verb for DesignArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let causes = if self.between.is_empty() { self.left_open()? } else { self.asked_for()? };
         if let Some(out) = self.out.as_ref().filter(|out| out.exists()) {
-            return Err(Failure::Usage(format!("{}: is there already; expected a new file", out.display())));
+            return Err(Failure::Usage(format!(
+                "{}: exists already and is not overwritten; give another --out",
+                out.display()
+            )));
         }
         let protocol = self.protocol()?;
         let session = dataset::load(&self.session)?;
-        console.message(format_args!("fitting {} causes to each protocol in question ...", causes.len()));
+        console.message(format_args!("fitting {} mechanisms to each candidate protocol ...", causes.len()));
         let proposals = propose_protocols(&session, &protocol, &causes)
             .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
         table(console, &proposals)?;
@@ -53,7 +59,7 @@ impl Verb for Design {
     }
 }
 
-impl Design {
+impl DesignArgs {
     fn protocol(&self) -> Result<ValidProtocol, Failure> {
         let own = self.session.join("protocol.json");
         match &self.protocol {
@@ -70,15 +76,15 @@ impl Design {
         self.between.iter().map(|id| kind(id)).collect()
     }
 
-    /// The first cause of the diagnosis that could be another, with what it could be.
+    /// The first cause of the diagnosis that can be confused with others, and those others.
     fn left_open(&self) -> Result<Vec<MechanismKind>, Failure> {
         let diagnosis = read_diagnosis(&self.session)?;
-        if let Some((_, ids)) = named(&diagnosis).find(|(_, ids)| ids.len() > 1) {
-            return ids.into_iter().take(MOST).map(kind).collect();
+        if let Some((_, ids)) = named_causes(&diagnosis).find(|(_, ids)| ids.len() > 1) {
+            return ids.into_iter().take(MAX_MECHANISMS).map(kind).collect();
         }
         let session = self.session.display();
         Err(Failure::Usage(format!(
-            "{session}: its diagnosis left no cause open, so nothing is to be told apart; name mechanisms with --between"
+            "{session}: its diagnosis leaves no cause open; name the mechanisms to separate with --between"
         )))
     }
 }
@@ -94,8 +100,8 @@ fn kind(id: &str) -> Result<MechanismKind, Failure> {
     };
     if !matches!(kind.evidence(), EvidenceSource::Trace | EvidenceSource::LimitLaw) {
         return Err(Failure::Usage(format!(
-            "mechanism \"{id}\": shows between trials or in the hold, not in how a trial goes; designs are made for what \
-             shows within the trials"
+            "mechanism \"{id}\": has no effect within a trial, only across trials or in the hold; expected a mechanism \
+             that acts within a trial"
         )));
     }
     Ok(kind)

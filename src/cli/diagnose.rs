@@ -1,55 +1,59 @@
-//! `ramphold diagnose`: what the model gets wrong, why, and what mending it gains.
+//! `ramphold diagnose`: what the model gets wrong, which mechanism explains it, and what adding it gains.
 
-use std::fs;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use ramphold::dataset::{self, Disk, Manifest};
-use ramphold::diagnose::{Cause, CauseEvidence, Diagnosis, DiagnosisInput, Verdict, diagnose, picture};
-use ramphold::fit::NoiseSource;
-use ramphold::protocol::significant;
+use crate::app::{Console, Failure, preprocessing_settings, read_model, write_report};
+use crate::dataset::{self, Disk, Manifest};
+use crate::diagnose::{Cause, CauseEvidence, Diagnosis, DiagnosisInput, Verdict, diagnose, picture};
+use crate::fit::NoiseSource;
+use crate::protocol::significant;
 use serde_json::Value;
 
-use super::fit::{read_model, view};
-use super::report::write_report;
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Diagnose a session: does the model miss anything, where, why, and what does mending it gain.
+/// Diagnose a session: test whether the model misfits, find the mechanisms that explain the misfit, and how much they gain.
+///
+/// The verb fits the session, tests the residuals against the measured noise, and adds mechanisms of the catalogue as
+/// long as they explain significantly more. It writes diagnosis.json and its figures into the results folder and prints a
+/// summary. The verdict is one of: adequate (no misfit beyond the noise), named (each cause is told apart from every
+/// other candidate), ambiguous (a cause can be another one), unexplained (misfit remains that no mechanism explains).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold diagnose sessions/S01\n  \
                         ramphold diagnose ankle-0 --window 0.180 --out results")]
-pub struct Diagnose {
+pub struct DiagnoseArgs {
     /// The session's folder.
     session: PathBuf,
-    /// The analysed time after the onset, s; the session's protocol says it, else 0.040.
+    /// Analysed time after the onset of the ramp, s [default: that of the session's protocol, else 0.040].
     #[arg(long, value_name = "S")]
     window: Option<f64>,
-    /// Seed of the simulated sessions that findings are compared with.
+    /// Seed of the simulated sessions that give the null distributions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Start from this model instead of the paper's.
+    /// The model file that the diagnosis starts from [default: the model of the paper].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// Where to write, instead of the session's own results folder.
+    /// Folder for the results [default: the session's folder results/].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print the result file instead of the summary.
+    /// Print diagnosis.json instead of the summary.
     #[arg(long)]
     json: bool,
 }
 
-impl Verb for Diagnose {
+impl Verb for DiagnoseArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
         let session = dataset::load(&self.session)?;
-        let look = DiagnosisInput::new(&session, view(&self.session, self.window)?, &model)
-            .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
-        let prepared = &look.observations;
+        let input =
+            DiagnosisInput::new(&session, preprocessing_settings(&self.session, self.window)?, &model)
+                .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
+        let prepared = &input.observations;
         if prepared.noise_source != Some(NoiseSource::Holds) {
             console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
         }
         let stages = console.stages();
-        let diagnosis = diagnose(&look, &model, self.seed, &|stage| stages.set_message(stage));
+        let diagnosis = diagnose(&input, &model, self.seed, &|stage| stages.set_message(stage));
         stages.finish_and_clear();
         let json = diagnosis.to_json(prepared);
         let folder = self.out.clone().unwrap_or_else(|| self.session.join("results"));
@@ -64,29 +68,6 @@ impl Verb for Diagnose {
         }
         summary(console, &diagnosis, &json)
     }
-}
-
-/// The diagnosis that a session has.
-pub fn read_diagnosis(session: &Path) -> Result<Value, Failure> {
-    let path = session.join("results").join("diagnosis.json");
-    if !path.exists() {
-        let session = session.display();
-        return Err(Failure::Usage(format!(
-            "{session}: has no diagnosis yet; get it with: ramphold diagnose {session}"
-        )));
-    }
-    let file = path.display().to_string();
-    let text = fs::read_to_string(&path).map_err(|source| Failure::Read { file: file.clone(), source })?;
-    serde_json::from_str(&text)
-        .map_err(|error| Failure::Usage(format!("{file}: {error}; expected the file of a diagnosis")))
-}
-
-/// For each cause of a diagnosis its entry, and the ids of all that it could be: the first is the one named.
-pub fn named(diagnosis: &Value) -> impl Iterator<Item = (&Value, Vec<&str>)> {
-    diagnosis["causes"].as_array().into_iter().flatten().map(|cause| {
-        let rivals = cause["indistinguishable"].as_array().into_iter().flatten().filter_map(Value::as_str);
-        (cause, cause["mechanism"].as_str().into_iter().chain(rivals).collect())
-    })
 }
 
 fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(), Failure> {

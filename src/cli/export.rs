@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
-use ramphold::export::{self, Participant, Rows};
+use crate::app::{Console, Failure, session_folders};
+use crate::export::{self, Participant, Rows};
 
-use super::fit::session_folders;
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Write sessions as a BIDS dataset or as one Parquet table.
+/// Export sessions as a BIDS dataset or as one Parquet table.
+///
+/// One of --bids and --parquet is required. The sessions are not changed.
 #[derive(Debug, clap::Args)]
 #[command(
     group(clap::ArgGroup::new("format").required(true).args(["bids", "parquet"])),
@@ -16,25 +18,25 @@ use super::{Console, Failure, Verb};
                   ramphold export sessions --parquet samples.parquet\n  \
                   ramphold export sessions --parquet trials.parquet --trials"
 )]
-pub struct Export {
+pub struct ExportArgs {
     /// Session folders, or folders of session folders.
     #[arg(required = true, value_name = "SESSION")]
     sessions: Vec<PathBuf>,
-    /// Make a BIDS dataset in this folder, which must be new or empty.
+    /// Write a BIDS dataset into this folder, which must be new or empty.
     #[arg(long, value_name = "DIR")]
     bids: Option<PathBuf>,
-    /// Name of the person in BIDS file names, letters and digits only; the session's subject if not given.
+    /// Label of the subject in BIDS file names, letters and digits only [default: the session's subject].
     #[arg(long, value_name = "LABEL", requires = "bids")]
     participant: Option<String>,
-    /// Write a table to this file, which must be new: one row a sample.
+    /// Write a Parquet table with one row per sample to this file, which must not exist yet.
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
-    /// One row a trial, with its fit, instead.
+    /// Write one row per trial, with its fit, instead of one per sample.
     #[arg(long, requires = "parquet")]
     trials: bool,
 }
 
-impl Verb for Export {
+impl Verb for ExportArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let folders = session_folders(&self.sessions)?;
         if let Some(file) = &self.parquet {
@@ -45,7 +47,7 @@ impl Verb for Export {
         if let Some(target) = &self.bids {
             if self.participant.is_some() && folders.len() > 1 {
                 return Err(Failure::Usage(format!(
-                    "--participant names the person of one session, and there are {}",
+                    "--participant labels the subject of one session, but {} sessions are given",
                     folders.len()
                 )));
             }

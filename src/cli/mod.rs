@@ -1,15 +1,16 @@
-//! The command line: a file per verb.
+//! The command line: one file per verb.
 //!
-//! To add a verb, write `src/cli/<verb>.rs` with a `clap::Args` struct (its doc comment is the verb's help) that
-//! implements [`Verb`], and name it in the list below. Results go to standard output, messages to standard error.
+//! To add a verb, write `src/cli/<verb>.rs` with a `clap::Args` struct that implements `Verb` (its doc comment is the
+//! verb's help), declare the file here, and add it to the list in `command_line`. Results go to standard output,
+//! messages to standard error. A verb imports no other verb; what several verbs need is in [`app`](crate::app).
 
 mod check;
 mod cohort;
+mod command_line;
 mod design;
 mod diagnose;
 mod export;
-pub(crate) mod fit;
-mod model;
+mod fit;
 mod power;
 mod replay;
 pub(crate) mod report;
@@ -20,120 +21,8 @@ mod run;
 mod schedule;
 mod schema;
 mod states;
+mod verb;
 mod verify;
 mod watch;
 
-use std::process::ExitCode;
-
-use clap::{Parser, Subcommand};
-
-use crate::app::{Console, Failure};
-
-/// What a verb does when it is called.
-pub trait Verb {
-    /// Does the work; what it found out goes to [`Console::results`].
-    fn run(self, console: &Console) -> Result<(), Failure>;
-}
-
-/// The verbs and the structs of their arguments; clap spells `RigCheck` as `rig-check`.
-macro_rules! verbs {
-    ($($name:ident($arguments:ty),)*) => {
-        #[derive(Debug, Subcommand)]
-        enum Verbs {
-            $($name($arguments),)*
-        }
-
-        impl Verb for Verbs {
-            fn run(self, console: &Console) -> Result<(), Failure> {
-                match self {
-                    $(Self::$name(verb) => verb.run(console),)*
-                }
-            }
-        }
-    };
-}
-
-verbs! {
-    Rig(rig::Rig),
-    Run(run::Run),
-    Resume(resume::Resume),
-    Replay(replay::Replay),
-    Watch(watch::Watch),
-    Verify(verify::Verify),
-    Check(check::Check),
-    Fit(fit::Fit),
-    Cohort(cohort::Cohort),
-    Power(power::Power),
-    Report(report::Report),
-    Export(export::Export),
-    Diagnose(diagnose::Diagnose),
-    Reveal(reveal::Reveal),
-    Design(design::Design),
-    Schedule(schedule::Schedule),
-    States(states::States),
-    Schema(schema::Schema),
-}
-
-/// Ramp-and-hold experiments on the human wrist: run the protocol, fit the model, find what the model gets wrong.
-#[derive(Debug, Parser)]
-#[command(name = "ramphold", version, arg_required_else_help = true, after_help = EXIT_CODES)]
-struct CommandLine {
-    #[command(subcommand)]
-    verb: Verbs,
-    /// Say nothing but results and errors.
-    #[arg(long, global = true, conflicts_with = "verbose")]
-    quiet: bool,
-    /// Say more; -vv says most.
-    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
-    verbose: u8,
-}
-
-const EXIT_CODES: &str =
-    "Exit codes: 0 done; 1 the work failed or was only partly possible; 2 bad input or usage.";
-
-/// Reads the arguments, runs the verb, says what went wrong.
-pub fn main() -> ExitCode {
-    let command_line = CommandLine::parse();
-    let console = Console::new(command_line.quiet, command_line.verbose);
-    match command_line.verb.run(&console) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            if !failure.is_broken_pipe() {
-                console.error(&failure);
-            }
-            ExitCode::from(failure.exit_code())
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use clap::CommandFactory;
-
-    #[test]
-    fn the_command_line_is_well_formed() {
-        CommandLine::command().debug_assert();
-    }
-
-    #[test]
-    fn every_verb_says_what_it_does_and_shows_an_example() {
-        for verb in CommandLine::command().get_subcommands() {
-            let name = verb.get_name();
-            assert!(verb.get_about().is_some(), "{name} has no help");
-            let after = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
-            assert!(after.contains("ramphold "), "{name} --help shows no example");
-        }
-    }
-
-    /// `scripts/reference` writes the page.
-    #[test]
-    fn the_reference_of_the_command_line_is_that_of_the_program() {
-        let options = clap_markdown::MarkdownOptions::new()
-            .title("Command line".to_owned())
-            .show_footer(false)
-            .show_table_of_contents(true);
-        let page = clap_markdown::help_markdown_command_custom(&CommandLine::command(), &options);
-        expect_test::expect_file!["../../docs/reference/command-line.md"].assert_eq(&page);
-    }
-}
+pub use command_line::{CommandLine, main};

@@ -1,28 +1,28 @@
-//! `ramphold power`: how many persons and repetitions an effect takes.
+//! `ramphold power`: how many subjects and repetitions it takes to find an effect.
 
 use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use ramphold::dataset::Disk;
-use ramphold::fit::{QUANTITIES, write_files};
-use ramphold::report::{PowerCurve, power_figure};
-use ramphold::rig::virtual_wrist::MechanismList;
-use ramphold::statistics::wilson;
-use ramphold::study::detection_power::{Detections, detection_power, detections};
-use ramphold::study::power::{
+use crate::app::{Console, Failure, draw_seed, new_folder};
+use crate::dataset::Disk;
+use crate::fit::{QUANTITIES, write_files};
+use crate::report::{PowerCurve, power_figure};
+use crate::rig::virtual_wrist::MechanismList;
+use crate::statistics::wilson;
+use crate::study::detection_power::{Detections, detection_power, detections};
+use crate::study::power::{
     LimitConclusion, ParameterShift, PoolMeans, PowerEstimate, ResamplingPlan, SoughtEffect,
     TrueElasticLimit, limit_conclusions, power,
 };
-use ramphold::study::{Study, StudyError};
+use crate::study::{Study, StudyError};
 
-use super::{Console, Failure, Verb};
-use crate::app::{draw_seed, new_folder};
+use super::verb::Verb;
 
-/// Tell how often studies of so many persons would find an effect: power curves by simulation.
+/// Compute power curves by simulation: the probability that a study of N subjects finds an effect.
 ///
-/// A pool of the study's virtual persons is simulated and fitted in full, once; studies are drawn from it with replacement, and
-/// each is put to the test that the real one would be put to.
+/// A pool of the study's virtual subjects is simulated and fitted once. Studies are drawn from the pool with replacement,
+/// and each is analysed with the test that a real study would use. The verb writes power.csv, pool.csv and power.svg.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  ramphold power protocols/de-vlugt-2011-study.json --difference k_srs=-0.15 --seed 1\n  \
@@ -30,55 +30,55 @@ use crate::app::{draw_seed, new_folder};
                         ramphold power protocols/de-vlugt-2011-study.json --limit angle --persons 8"
 )]
 #[command(group = clap::ArgGroup::new("sought").required(true).multiple(false))]
-pub struct Power {
-    /// The study file; its persons must be virtual.
+pub struct PowerArgs {
+    /// The study file; its subjects must be virtual.
     study: PathBuf,
-    /// Two groups of persons differ: a fraction of k_h, k_srs, k_dec or x_e, or seconds of x_t.
+    /// Effect: two groups of subjects differ in a parameter, by a fraction of k_h, k_srs, k_dec or x_e, or by seconds of x_t.
     #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true, group = "sought")]
     difference: Option<ParameterShift>,
-    /// The same persons change between two sessions, by as much.
+    /// Effect: the same subjects change in a parameter between two sessions, by a fraction or by seconds as above.
     #[arg(long, value_name = "PARAMETER=BY", allow_hyphen_values = true, group = "sought")]
     change: Option<ParameterShift>,
-    /// What a study says of the elastic limit (constant time, constant angle), where it is in truth one of them.
+    /// Effect: the law of the elastic limit. Counts what studies conclude when the limit is in truth a constant time or angle.
     #[arg(long, value_enum, group = "sought")]
     limit: Option<TrueLimit>,
-    /// A mechanism of the catalogue at work in the rig, with all its parameters, such as
-    /// torque_drift:slope_nm_per_s=1,start_s=0.005. Every session is diagnosed, which takes long: begin with --pool 8.
+    /// Effect: a mechanism of the catalogue in the virtual rig, with all its parameters, such as
+    /// torque_drift:slope_nm_per_s=1,start_s=0.005. Each session is diagnosed, which takes long: start with --pool 8.
     #[arg(long, value_name = "ID:PARAMETER=VALUE,...", group = "sought", value_parser = mechanism)]
     mechanism: Option<MechanismList>,
-    /// Numbers of persons, in each group.
+    /// Numbers of subjects in each group.
     #[arg(long, value_delimiter = ',', default_value = "3,4,5,6,8,10,12,16,20,24,32,40")]
     persons: Vec<u32>,
-    /// Numbers of repetitions, at most the protocol's.
+    /// Numbers of repetitions, at most that of the protocol.
     #[arg(long, value_delimiter = ',', default_value = "1,2,3")]
     repetitions: Vec<u32>,
-    /// Studies drawn for each number of persons and repetitions.
+    /// Number of studies drawn for each combination of subjects and repetitions.
     #[arg(long, default_value_t = 2000)]
     studies: u32,
-    /// Persons simulated, in each group.
+    /// Number of subjects simulated in each group.
     #[arg(long, default_value_t = 60)]
     pool: u32,
-    /// Level of the tests.
+    /// Significance level of the tests.
     #[arg(long, default_value_t = 0.05)]
     alpha: f64,
-    /// The seed of every random draw; drawn and printed if not given.
+    /// Seed of all random draws [default: drawn and printed].
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Where to write, a new folder; one under sessions/ if not given.
+    /// Folder for the results [default: a new folder under sessions/].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
-/// What the elastic limit is in truth.
+/// The true law of the elastic limit.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum TrueLimit {
-    /// As the study's average person has it: in the paper's, a time.
+    /// That of the study's average subject: a constant time, as in the paper.
     Time,
-    /// An angle: that of the average person at the lowest velocity.
+    /// A constant angle: that of the average subject at the lowest velocity.
     Angle,
 }
 
-impl Verb for Power {
+impl Verb for PowerArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let seed = self.seed.unwrap_or_else(draw_seed);
         let study = Study::open(&self.study, seed)?;
@@ -89,7 +89,7 @@ impl Verb for Power {
             .unwrap_or_else(|| new_folder(&Path::new("sessions").join(format!("power-{seed}"))));
         if folder.join("power.csv").exists() {
             return Err(Failure::Usage(format!(
-                "{}: holds the results of an earlier one, which are not overwritten; give another --out",
+                "{}: contains the results of an earlier run, which are not overwritten; give another --out",
                 folder.display()
             )));
         }
@@ -112,21 +112,21 @@ impl Verb for Power {
                 let named = detections(&study, &mechanisms, &resampling, tick).map_err(Failure::Unit)?;
                 let ids: Vec<&str> = mechanisms.kinds.iter().map(|kind| kind.id()).collect();
                 let values: Vec<String> = mechanisms.parameters.iter().map(f64::to_string).collect();
-                let what = What {
+                let labels = EffectLabels {
                     kind: "mechanism",
                     parameter: ids.join("+"),
                     by: values.join(" "),
                     quantity: "share of sessions that name it",
                 };
-                let mut told = curves(&what, &resampling, &detection_power(&study, &named, &resampling));
-                told.files.push(("pool.csv", named_table(&named)));
-                told
+                let mut output = curves(&labels, &resampling, &detection_power(&study, &named, &resampling));
+                output.files.push(("pool.csv", named_table(&named)));
+                output
             }
             (Some(sought), _) => {
                 let (found, arms) = power(&study, sought, &resampling, tick).map_err(Failure::Unit)?;
-                let mut told = curves(&What::of(sought), &resampling, &found);
-                told.files.push(("pool.csv", pool_table(&arms)));
-                told
+                let mut output = curves(&EffectLabels::of(sought), &resampling, &found);
+                output.files.push(("pool.csv", pool_table(&arms)));
+                output
             }
             (None, limit) => {
                 let limit = if matches!(limit, Some(TrueLimit::Angle)) {
@@ -142,19 +142,19 @@ impl Verb for Power {
         let files: Vec<(&str, &str)> =
             result.files.iter().map(|(name, text)| (*name, text.as_str())).collect();
         write_files(&Disk::default(), &folder, &files)?;
-        write!(console.results(), "{}", result.words)?;
+        write!(console.results(), "{}", result.text)?;
         console.message(format_args!("{}", folder.display()));
         Ok(())
     }
 }
 
-/// Files, and what a person is told.
-struct Told {
+/// The files to write and the text to print.
+struct PowerOutput {
     files: Vec<(&'static str, String)>,
-    words: String,
+    text: String,
 }
 
-impl Power {
+impl PowerArgs {
     fn resampling(&self, study: &Study) -> Result<ResamplingPlan, Failure> {
         let refuse = |message: String| Err(Failure::Usage(message));
         let Some(protocol) = study.protocol() else {
@@ -162,7 +162,7 @@ impl Power {
                 file: self.study.clone(),
                 field: "persons.kind".into(),
                 found: "measured".into(),
-                expected: "virtual: power is found by simulation. Give the measured spread to virtual persons",
+                expected: "virtual: power is computed by simulation. Give the measured spread to virtual subjects",
             }
             .into());
         };
@@ -176,7 +176,7 @@ impl Power {
             return refuse(format!("--persons {bad}: expected 2 to 10000"));
         }
         if !(2..=1_000_000).contains(&self.pool) {
-            return refuse(format!("--pool {}: expected 2 to 1000000 persons", self.pool));
+            return refuse(format!("--pool {}: expected 2 to 1000000 subjects", self.pool));
         }
         if !(1..=1_000_000).contains(&self.studies) {
             return refuse(format!("--studies {}: expected 1 to 1000000", self.studies));
@@ -199,15 +199,15 @@ impl Power {
     }
 }
 
-/// What is sought, in words.
-struct What {
+/// Labels of the effect in tables and figures.
+struct EffectLabels {
     kind: &'static str,
     parameter: String,
     by: String,
     quantity: &'static str,
 }
 
-impl What {
+impl EffectLabels {
     fn of(sought: SoughtEffect) -> Self {
         let (kind, shift) = match sought {
             SoughtEffect::Difference(shift) => ("difference", shift),
@@ -224,13 +224,13 @@ impl What {
     }
 }
 
-/// Power by persons and repetitions.
-fn curves(what: &What, resampling: &ResamplingPlan, found: &[PowerEstimate]) -> Told {
-    let What { kind, parameter, by, quantity } = what;
+/// The power curves, by subjects and repetitions.
+fn curves(labels: &EffectLabels, resampling: &ResamplingPlan, found: &[PowerEstimate]) -> PowerOutput {
+    let EffectLabels { kind, parameter, by, quantity } = labels;
     let mut csv =
         "sought,parameter,by,quantity,repetitions,persons,studies,found,power,low,high,mean_effect\n"
             .to_owned();
-    let mut words = format!("{kind} of {parameter}={by}, seen in {quantity}, at p < {}\n", resampling.alpha);
+    let mut text = format!("{kind} of {parameter}={by}, seen in {quantity}, at p < {}\n", resampling.alpha);
     let mut curves = Vec::new();
     for repetitions in &resampling.repetitions {
         let own: Vec<&PowerEstimate> =
@@ -245,13 +245,13 @@ fn curves(what: &What, resampling: &ResamplingPlan, found: &[PowerEstimate]) -> 
         }
         let enough = own.iter().find(|found| found.power().0 >= 0.8).map(|found| found.subjects);
         let needed = match (enough, own.last()) {
-            (Some(persons), _) => format!("{persons} persons"),
+            (Some(persons), _) => format!("{persons} subjects"),
             (None, Some(last)) => {
-                format!("more than {} persons ({:.2} there)", last.subjects, last.power().0)
+                format!("more than {} subjects (power {:.2} with these)", last.subjects, last.power().0)
             }
             (None, None) => String::new(),
         };
-        let _ = writeln!(words, "{repetitions} repetitions: power 0.8 takes {needed}");
+        let _ = writeln!(text, "{repetitions} repetitions: power 0.8 takes {needed}");
         let point = |found: &&PowerEstimate| {
             let (share, low, high) = found.power();
             (f64::from(found.subjects), share, low, high)
@@ -260,7 +260,7 @@ fn curves(what: &What, resampling: &ResamplingPlan, found: &[PowerEstimate]) -> 
         curves.push(PowerCurve { label, points: own.iter().map(point).collect() });
     }
     let caption = format!(
-        "Shares of {} studies drawn from {} virtual persons (in each group), with 95 % intervals; grey: power 0.8.",
+        "Shares of {} studies drawn from {} virtual subjects in each group, with 95 % intervals. Grey line: power 0.8.",
         resampling.studies, resampling.pool
     );
     let figure = power_figure(
@@ -268,10 +268,10 @@ fn curves(what: &What, resampling: &ResamplingPlan, found: &[PowerEstimate]) -> 
         &caption,
         &curves,
     );
-    Told { files: vec![("power.csv", csv), ("power.svg", figure)], words }
+    PowerOutput { files: vec![("power.csv", csv), ("power.svg", figure)], text }
 }
 
-/// Which sessions named the mechanism.
+/// The table of the sessions whose diagnosis named the mechanism.
 fn named_table(named: &[Detections]) -> String {
     let mut csv = "repetitions,person,named\n".to_owned();
     for own in named {
@@ -282,7 +282,7 @@ fn named_table(named: &[Detections]) -> String {
     csv
 }
 
-/// A mechanism with its parameters, as it is written on the command line.
+/// Parses a mechanism with its parameters from the command line.
 fn mechanism(text: &str) -> Result<MechanismList, String> {
     let (id, parameters) = text.split_once(':').unwrap_or((text, ""));
     let mut values = serde_json::Map::new();
@@ -296,7 +296,7 @@ fn mechanism(text: &str) -> Result<MechanismList, String> {
     serde_json::from_value(written).map_err(|error| error.to_string())
 }
 
-/// The persons that studies were drawn from.
+/// The table of the subjects that studies were drawn from.
 fn pool_table(arms: &[PoolMeans]) -> String {
     let mut csv = "repetitions,person,first,second\n".to_owned();
     let cell = |value: &Option<f64>| value.map_or(String::new(), |value| value.to_string());
@@ -308,16 +308,17 @@ fn pool_table(arms: &[PoolMeans]) -> String {
     csv
 }
 
-/// What studies say of the elastic limit.
-fn verdict_table(resampling: &ResamplingPlan, said: &[(u32, [u32; 4])]) -> Told {
+/// The table of what studies conclude about the elastic limit.
+fn verdict_table(resampling: &ResamplingPlan, said: &[(u32, [u32; 4])]) -> PowerOutput {
     let mut csv = "persons,studies,verdict,count,share,low,high\n".to_owned();
-    let mut words = "what studies say of the elastic limit (share of studies)\npersons".to_owned();
+    let mut text =
+        "conclusions of the studies about the elastic limit (share of studies)\nsubjects".to_owned();
     for verdict in LimitConclusion::ALL {
-        let _ = write!(words, " {:>10}", verdict.name());
+        let _ = write!(text, " {:>10}", verdict.name());
     }
-    words.push('\n');
+    text.push('\n');
     for (persons, counts) in said {
-        let _ = write!(words, "{persons:>7}");
+        let _ = write!(text, "{persons:>8}");
         let of: u32 = counts.iter().sum();
         for (verdict, count) in LimitConclusion::ALL.iter().zip(counts) {
             let share = f64::from(*count) / f64::from(of.max(1));
@@ -328,9 +329,9 @@ fn verdict_table(resampling: &ResamplingPlan, said: &[(u32, [u32; 4])]) -> Told 
                 resampling.studies,
                 verdict.name()
             );
-            let _ = write!(words, " {share:>10.3}");
+            let _ = write!(text, " {share:>10.3}");
         }
-        words.push('\n');
+        text.push('\n');
     }
-    Told { files: vec![("power.csv", csv)], words }
+    PowerOutput { files: vec![("power.csv", csv)], text }
 }

@@ -1,22 +1,25 @@
-//! `ramphold replay`: goes through a recorded session again.
+//! `ramphold replay`: repeats a recorded session in the state machine.
 
 use std::io::Write;
 use std::path::PathBuf;
 
-use ramphold::dataset;
+use crate::app::{Console, Failure};
+use crate::dataset;
 
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Feed a session's records to the state machine again and compare everything it decides.
+/// Replay a recorded session through the state machine and compare each of its decisions with the record.
+///
+/// Prints the number of samples and events that agree, or the first difference. Exit code 1 if there is a difference.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  ramphold replay sessions/quick-V00-7")]
-pub struct Replay {
+pub struct ReplayArgs {
     /// The session's folder.
     #[arg(value_name = "SESSION")]
     session: PathBuf,
 }
 
-impl Verb for Replay {
+impl Verb for ReplayArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let replay = dataset::replay(&self.session)?;
         let mut out = console.results();
@@ -29,11 +32,11 @@ impl Verb for Replay {
             return Ok(());
         };
         writeln!(out, "first difference at {difference}")?;
-        writeln!(out, "{} events before it came out as recorded", replay.events)?;
+        writeln!(out, "{} events before it agree with the record", replay.events)?;
         if replay.is_from_the_future() {
             writeln!(
                 out,
-                "recorded by {} under rules {}, which this program does not know yet",
+                "recorded by {} under rules {}, which are newer than this program",
                 replay.program, replay.rules
             )?;
         }

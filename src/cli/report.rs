@@ -1,27 +1,25 @@
 //! `ramphold report`: pictures and tables of sessions for a person.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use ramphold::dataset::Disk;
-use ramphold::report;
+use crate::app::{Console, Failure, session_folders, write_report};
 
-use super::fit::session_folders;
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Write a session's report: one page that opens anywhere, and its figures.
+/// Write the report of sessions: one HTML page that needs no network, and its figures as SVG.
 ///
-/// It shows what there is: the session, its fit (`ramphold fit`) and its diagnosis (`ramphold diagnose`), and says what is
-/// missing.
+/// The report shows the session, its fit (`ramphold fit`) and its diagnosis (`ramphold diagnose`), and lists what is
+/// missing. It is written to results/report.html in the session's folder; its path is printed.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  ramphold report sessions/S01")]
-pub struct Report {
+pub struct ReportArgs {
     /// Session folders, or folders of session folders.
     #[arg(required = true, value_name = "SESSION")]
     sessions: Vec<PathBuf>,
 }
 
-impl Verb for Report {
+impl Verb for ReportArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         for session in session_folders(&self.sessions)? {
             let page = write_report(&session, &session.join("results"), console)?;
@@ -29,13 +27,4 @@ impl Verb for Report {
         }
         Ok(())
     }
-}
-
-/// Writes the report beside the results and says what it lacks.
-pub fn write_report(session: &Path, results: &Path, console: &Console) -> Result<PathBuf, Failure> {
-    let written = report::write(session, results, &Disk::default())?;
-    for missing in &written.missing {
-        console.message(missing);
-    }
-    Ok(written.page)
 }

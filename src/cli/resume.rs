@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
-use ramphold::dataset::{self, Disk, Resumable, Resumed};
-use ramphold::protocol::ValidProtocol;
-
-use super::{Console, Failure, Verb};
 use crate::app::{
-    ConsoleOptions, Pace, SessionDescription, SessionRig, SessionRun, confirm_motion, finish_session,
+    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, confirm_motion,
+    finish_session,
 };
+use crate::dataset::{self, Disk, Resumable, Resumed};
+use crate::protocol::ValidProtocol;
+
+use super::verb::Verb;
 
 /// Resume a session that was stopped, killed or ended by a fault.
 #[derive(Debug, clap::Args)]
@@ -16,7 +17,7 @@ use crate::app::{
     after_help = "Examples:\n  ramphold resume sessions/quick-V00-7\n  ramphold resume sessions/quick-V00-7 --yes\n\n\
                         The trial that was under way is kept with status aborted and is run again later."
 )]
-pub struct Resume {
+pub struct ResumeArgs {
     /// The session's folder.
     #[arg(value_name = "SESSION")]
     session: PathBuf,
@@ -36,7 +37,7 @@ pub struct Resume {
     console: ConsoleOptions,
 }
 
-impl Verb for Resume {
+impl Verb for ResumeArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let has_console = self.console.check()?;
         let pace = Pace::new(self.real_time, self.speed)?;

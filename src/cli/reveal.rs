@@ -1,24 +1,24 @@
-//! `ramphold reveal`: what `run --hide` hid, and what the diagnosis made of it.
+//! `ramphold reveal`: which mechanism `run --hide` added, and whether the diagnosis found it.
 
 use std::io::Write;
 use std::path::PathBuf;
 
-use ramphold::protocol::significant;
-use ramphold::rig::virtual_wrist::RigFile;
+use crate::app::{
+    Console, Failure, StoredVirtualRig, named_causes, open_seal, read_diagnosis, read_stored_virtual_rig,
+};
+use crate::protocol::significant;
+use crate::rig::virtual_wrist::RigFile;
 
-use super::diagnose::{named, read_diagnosis};
+use super::verb::Verb;
 
-use super::{Console, Failure, Verb};
-use crate::app::{StoredVirtualRig, open_seal, read_stored_virtual_rig};
-
-/// Tell what `run --hide` hid in a session, and whether its diagnosis found it.
+/// Print the mechanism that `run --hide` added to a session, and whether the diagnosis of the session found it.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  ramphold run protocols/de-vlugt-2011.json --hide 7 --out sessions/riddle\n  \
                         ramphold diagnose sessions/riddle\n  ramphold reveal sessions/riddle --seed 7\n\n\
                         Exit code 1 if the diagnosis missed it."
 )]
-pub struct Reveal {
+pub struct RevealArgs {
     /// The session's folder.
     session: PathBuf,
     /// The seed that was given to `run --hide`.
@@ -26,7 +26,7 @@ pub struct Reveal {
     seed: u64,
 }
 
-impl Verb for Reveal {
+impl Verb for RevealArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let StoredVirtualRig { rig: RigFile::Virtual(setup), seal, .. } =
             read_stored_virtual_rig(&self.session)?;
@@ -40,7 +40,7 @@ impl Verb for Reveal {
         let diagnosis = read_diagnosis(&self.session)?;
         writeln!(out, "verdict: {}", diagnosis["verdict"].as_str().unwrap_or("not said"))?;
         let mut found = false;
-        for (cause, set) in named(&diagnosis) {
+        for (cause, set) in named_causes(&diagnosis) {
             let is_it = set.contains(&kind.id());
             found |= is_it;
             writeln!(out, "named: {}{}", set.join(" or "), if is_it { ", which is right" } else { "" })?;

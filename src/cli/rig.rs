@@ -1,36 +1,37 @@
-//! `ramphold rig`: looking at the motor and its bus without moving anything.
+//! `ramphold rig`: checks a motor and its CAN bus without moving anything.
 
 use std::io::Write;
 use std::path::PathBuf;
 
-use ramphold::protocol::ValidProtocol;
-use ramphold::rig::can::budget::When;
-use ramphold::rig::can::bus::{self, BitRate, BusSpec};
-use ramphold::rig::can::file::ValidRigFile;
-use ramphold::rig::can::scan::scan;
-use ramphold::rig::can::{Connection, DryRun, HandleLimits};
+use crate::app::{Console, Failure};
+use crate::protocol::ValidProtocol;
+use crate::rig::can::budget::When;
+use crate::rig::can::bus::{self, BitRate, BusSpec};
+use crate::rig::can::file::ValidRigFile;
+use crate::rig::can::scan::scan;
+use crate::rig::can::{Connection, DryRun, HandleLimits};
 
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Look at a motor on a CAN bus; nothing moves.
+/// Check a motor on a CAN bus, or list the nodes of a bus. Nothing moves.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold rig check rig.json --protocol protocols/quick.json\n  \
                         ramphold rig scan socketcan:can0")]
-pub struct Rig {
+pub struct RigArgs {
     #[command(subcommand)]
     what: What,
 }
 
 #[derive(Debug, clap::Subcommand)]
 enum What {
-    /// Check a rig file, the budget of its bus and, on the bus, what the motor says; with a protocol, whether it can run.
+    /// Check a rig file, the load of its bus, and the motor itself; with --protocol also whether the protocol can run.
     Check {
         /// The rig file.
         file: PathBuf,
-        /// The protocol that is to run.
+        /// A protocol whose movements are checked against the limits of the rig.
         #[arg(long, value_name = "FILE")]
         protocol: Option<PathBuf>,
-        /// Only the files; nothing is sent.
+        /// Check the files only, and send nothing on the bus.
         #[arg(long)]
         offline: bool,
     },
@@ -38,7 +39,7 @@ enum What {
     Scan {
         /// The bus: socketcan:INTERFACE, slcan:DEVICE or socketcand:HOST:PORT:NAME.
         bus: BusSpec,
-        /// Its bit rate, bit/s; a serial adapter is set to it.
+        /// Bit rate of the bus, bit/s; a serial adapter is set to it.
         #[arg(long, default_value = "1000000", value_parser = bit_rate)]
         bit_rate: BitRate,
     },
@@ -48,10 +49,10 @@ fn bit_rate(text: &str) -> Result<BitRate, String> {
     text.parse()
         .ok()
         .and_then(BitRate::new)
-        .ok_or_else(|| "expected a usual bit rate, such as 500000 or 1000000".to_owned())
+        .ok_or_else(|| "expected a standard bit rate in bit/s, such as 500000 or 1000000".to_owned())
 }
 
-impl Verb for Rig {
+impl Verb for RigArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         match self.what {
             What::Check { file, protocol, offline } => {
@@ -107,7 +108,10 @@ fn ask_motor(rig: ValidRigFile, limits: &HandleLimits, console: &Console) -> Res
     confirmed.map_err(Failure::Motor)?;
     released.map_err(Failure::Motor)?;
     let mut out = console.results();
-    writeln!(out, "  motor: identity right; limits, watchdogs and frames written and read back; no power")?;
+    writeln!(
+        out,
+        "  motor: identity as expected; limits, watchdogs and frames written and read back; power off"
+    )?;
     Ok(())
 }
 

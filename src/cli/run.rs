@@ -3,27 +3,26 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ramphold::dataset::{Disk, NewSession, RecordError};
-use ramphold::protocol::ValidProtocol;
-use ramphold::rig::can::file::ValidRigFile;
-use ramphold::rig::can::{CanMotor, Connection, DryRun};
-use ramphold::rig::virtual_wrist::{Person, RigFile, Seal, VirtualWrist, draw_hidden_effect};
-use ramphold::schedule;
-use ramphold::session::{Machine, Settings};
-use ramphold::wrist::Lever;
-
-use super::model::add_model;
-use super::{Console, Failure, Verb};
 use crate::app::{
-    ConsoleOptions, Pace, SessionDescription, SessionRig, SessionRun, draw_seed, is_can_rig_file, new_folder,
-    subject_number, with_hidden_effect,
+    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun,
+    add_mechanisms_of_model, draw_seed, is_can_rig_file, new_folder, subject_number, with_hidden_effect,
 };
+use crate::dataset::{Disk, NewSession, RecordError};
+use crate::protocol::ValidProtocol;
+use crate::rig::can::file::ValidRigFile;
+use crate::rig::can::{CanMotor, Connection, DryRun};
+use crate::rig::virtual_wrist::{Person, RigFile, Seal, VirtualWrist, draw_hidden_effect};
+use crate::schedule;
+use crate::session::{Machine, Settings};
+use crate::wrist::Lever;
+
+use super::verb::Verb;
 
 /// Run a session of a protocol and write its folder.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold run protocols/quick.json --seed 1\n  \
                         ramphold run protocols/de-vlugt-2011.json --subject S03 --out sessions/s03")]
-pub struct Run {
+pub struct RunArgs {
     /// The protocol file.
     protocol: PathBuf,
     /// Seed of all random numbers [default: a new seed, which is printed].
@@ -59,7 +58,7 @@ pub struct Run {
     console: ConsoleOptions,
 }
 
-impl Verb for Run {
+impl Verb for RunArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let protocol = ValidProtocol::read(&self.protocol)?;
         self.console.check()?;
@@ -75,7 +74,7 @@ impl Verb for Run {
 struct Plan<'a> {
     seed: u64,
     subject: &'a str,
-    order: Vec<schedule::Planned>,
+    order: Vec<schedule::ScheduledTrial>,
     settings: Settings,
     rig: SessionRig,
     /// Description of the rig for the session's folder.
@@ -83,7 +82,7 @@ struct Plan<'a> {
     lever: Option<Lever>,
 }
 
-impl Run {
+impl RunArgs {
     fn run_on_virtual_wrist(
         &self,
         protocol: &ValidProtocol,
@@ -94,7 +93,7 @@ impl Run {
         let mut rig = self.rig.as_deref().map(RigFile::read).transpose()?.unwrap_or_default();
         if let Some(model) = &self.model {
             let RigFile::Virtual(setup) = &mut rig;
-            add_model(model, &subject, setup)?;
+            add_mechanisms_of_model(model, &subject, setup)?;
         }
         let seed = self.seed.unwrap_or_else(draw_seed);
         let order = schedule::draw(protocol, seed, subject_number(&subject.id))?;

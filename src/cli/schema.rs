@@ -1,44 +1,45 @@
-//! `ramphold schema`: the JSON schemas of the files that people write.
+//! `ramphold schema`: the JSON schemas of the input files.
 
 use std::io::Write;
 
-use ramphold::protocol;
-use ramphold::rig::virtual_wrist;
-use ramphold::study;
+use crate::app::{Console, Failure};
+use crate::protocol;
+use crate::rig::virtual_wrist;
+use crate::study;
 
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Print the JSON schema of protocol files, of virtual persons, of rigs or of studies.
+/// Print the JSON schema of protocols, virtual subjects, virtual rigs or studies.
 ///
-/// The files protocols/*.schema.json are this output. An editor that knows them completes field names and marks mistakes
-/// while a file is written.
+/// The files protocols/*.schema.json contain this output. An editor that reads them completes field names and marks
+/// mistakes.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold schema > protocol.schema.json\n  ramphold schema person")]
-pub struct Schema {
-    /// Which kind of file.
-    #[arg(value_enum, default_value_t = Kind::Protocol)]
-    kind: Kind,
+pub struct SchemaArgs {
+    /// The kind of file.
+    #[arg(value_enum, default_value_t = SchemaKind::Protocol)]
+    kind: SchemaKind,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum Kind {
-    /// What is run.
+enum SchemaKind {
+    /// A protocol, for `run`.
     Protocol,
-    /// A virtual person, for `run --subject`.
+    /// A virtual subject, for `run --subject`.
     Person,
-    /// A rig, for `run --rig`.
+    /// A virtual rig, for `run --rig`.
     Rig,
     /// A study, for `cohort`.
     Study,
 }
 
-impl Verb for Schema {
+impl Verb for SchemaArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let text = match self.kind {
-            Kind::Protocol => protocol::schema_text(),
-            Kind::Person => virtual_wrist::person_schema_text(),
-            Kind::Rig => virtual_wrist::rig_schema_text(),
-            Kind::Study => study::schema_text(),
+            SchemaKind::Protocol => protocol::schema_text(),
+            SchemaKind::Person => virtual_wrist::person_schema_text(),
+            SchemaKind::Rig => virtual_wrist::rig_schema_text(),
+            SchemaKind::Study => study::schema_text(),
         };
         Ok(console.results().write_all(text.as_bytes())?)
     }

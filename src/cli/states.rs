@@ -2,23 +2,24 @@
 
 use std::io::Write;
 
-use ramphold::session::transitions;
+use crate::app::{Console, Failure};
+use crate::session::transitions;
 
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Print the transition table of a session: which phase follows which, and why.
+/// Print the transition table of the session's state machine: phases, events, guards and effects.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold states\n  ramphold states --dot | dot -Tsvg > states.svg")]
-pub struct States {
-    /// As a graph in the language of Graphviz.
+pub struct StatesArgs {
+    /// Print a graph in the language of Graphviz.
     #[arg(long, conflicts_with = "mermaid")]
     dot: bool,
-    /// As a Mermaid state diagram, without faults and aborts.
+    /// Print a Mermaid state diagram, without faults and aborts.
     #[arg(long)]
     mermaid: bool,
 }
 
-impl Verb for States {
+impl Verb for StatesArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let text = match (self.dot, self.mermaid) {
             (true, _) => transitions::dot(),

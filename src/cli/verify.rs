@@ -1,22 +1,25 @@
-//! `ramphold verify`: whether a session is still what it was when it ended.
+//! `ramphold verify`: compares a session with its manifest.
 
 use std::io::Write;
 use std::path::PathBuf;
 
-use ramphold::dataset::Manifest;
+use crate::app::{Console, Failure};
+use crate::dataset::Manifest;
 
-use super::{Console, Failure, Verb};
+use super::verb::Verb;
 
-/// Name every file of a session that was changed, is missing or was added since the session ended.
+/// Compare the files of a session with its manifest; list each file that was changed, removed or added.
+///
+/// The manifest holds the SHA-256 of each file at the end of the session. Exit code 1 if a file differs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  ramphold verify sessions/quick-V00-7")]
-pub struct Verify {
+pub struct VerifyArgs {
     /// The session's folder.
     #[arg(value_name = "SESSION")]
     session: PathBuf,
 }
 
-impl Verb for Verify {
+impl Verb for VerifyArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let manifest = Manifest::read(&self.session)?;
         let changes = manifest.changes(&self.session)?;
@@ -29,7 +32,7 @@ impl Verb for Verify {
         }
         writeln!(
             out,
-            "{} files as they were; subject {}, seed {}, {}, commit {}, platform {}",
+            "{} files unchanged; subject {}, seed {}, {}, commit {}, platform {}",
             manifest.files.len(),
             manifest.subject,
             manifest.seed,

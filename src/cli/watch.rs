@@ -4,18 +4,20 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use ramphold::console::player::Playback;
+use crate::app::{Console, Failure, PageOptions, stop_on_signals};
+use crate::console::player::Playback;
 
-use super::{Console, Failure, Verb};
-use crate::app::{PageOptions, stop_on_signals};
+use super::verb::Verb;
 
 /// Time between two checks for Ctrl-C.
 const STOP_POLL: Duration = Duration::from_millis(100);
 
-/// Play a recorded session in the operator's and the subject's page, with a choice of speed and time, until Ctrl-C.
+/// Play a recorded session in the operator's and the subject's page, until Ctrl-C.
+///
+/// The operator's page has controls for speed and time. The addresses of both pages are printed.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  ramphold watch sessions/quick-V00-7")]
-pub struct Watch {
+pub struct WatchArgs {
     /// The session's folder.
     #[arg(value_name = "SESSION")]
     session: PathBuf,
@@ -23,7 +25,7 @@ pub struct Watch {
     pages: PageOptions,
 }
 
-impl Verb for Watch {
+impl Verb for WatchArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let address = self.pages.address()?;
         let stop = stop_on_signals()?;

@@ -24,7 +24,7 @@ use crate::protocol::ValidProtocol;
 use crate::session::{Progress, Settings};
 
 /// Time between two snapshots.
-const SNAPSHOT_PERIOD: Duration = Duration::from_millis(5);
+const PLAYBACK_SNAPSHOT_PERIOD: Duration = Duration::from_millis(5);
 /// Time between two checks for a request while the recording is paused.
 const PAUSED_POLL: Duration = Duration::from_millis(10);
 /// Time between two snapshots while the recording is paused.
@@ -280,8 +280,8 @@ impl Player {
             }
             let due = Duration::from_secs_f64((t_s - there_s).max(0.0) / speed);
             let ahead = due.saturating_sub(then.elapsed());
-            self.publish_if_due(requested, SNAPSHOT_PERIOD);
-            if ahead < SNAPSHOT_PERIOD / 2 {
+            self.publish_if_due(requested, PLAYBACK_SNAPSHOT_PERIOD);
+            if ahead < PLAYBACK_SNAPSHOT_PERIOD / 2 {
                 return ControlFlow::Continue(());
             }
             thread::sleep(ahead.min(PAUSED_POLL));

@@ -22,7 +22,7 @@ pub struct NewSession<'a> {
     /// The protocol.
     pub protocol: &'a ValidProtocol,
     /// The order drawn.
-    pub order: &'a [schedule::Planned],
+    pub order: &'a [schedule::ScheduledTrial],
     /// Seed of every random draw.
     pub seed: u64,
     /// Who is measured.

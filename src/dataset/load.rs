@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 use super::csv_input::{CsvTable, SessionFolder};
 use super::error::{DatasetError, Place};
 use super::{FORMAT, Record, Session, Status, Subject, Trial, trial_csv_reader};
+use crate::json_file;
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
@@ -84,19 +85,12 @@ fn read_description(folder: &SessionFolder) -> Result<Description, DatasetError>
 }
 
 pub(super) fn parse_json<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, DatasetError> {
-    let mut deserializer = serde_json::Deserializer::from_str(text);
-    let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
-        let path = error.path().to_string();
-        json_error(name, (path != ".").then_some(path), error.inner())
-    })?;
-    deserializer.end().map_err(|error| json_error(name, None, &error))?;
-    Ok(value)
-}
-
-fn json_error(name: &str, path: Option<String>, error: &serde_json::Error) -> DatasetError {
-    let column = path.map(|path| format!("field {path}").into());
-    let place = Place { file: name.into(), line: Some(error.line() as u64), column };
-    DatasetError::Json { at: place, message: error.to_string() }
+    json_file::parse(text, Path::new(name), "a session description").map_err(|error| {
+        let (path, message) = error.field_and_message();
+        let column = (path != ".").then(|| format!("field {path}").into());
+        let place = Place { file: name.into(), line: Some(error.line() as u64), column };
+        DatasetError::Json { at: place, message }
+    })
 }
 
 fn check_values(name: &str, about: &Description) -> Result<(), DatasetError> {

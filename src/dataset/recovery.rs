@@ -119,7 +119,7 @@ pub fn operator_actions(folder: &Path) -> Result<Vec<(usize, AuditEntry)>, Datas
 }
 
 /// The order that was drawn when the session began.
-fn order(folder: &SessionFolder) -> Result<Vec<schedule::Planned>, DatasetError> {
+fn order(folder: &SessionFolder) -> Result<Vec<schedule::ScheduledTrial>, DatasetError> {
     let text = folder.text("schedule.csv", None)?;
     let rows = csv::Reader::from_reader(text.as_bytes()).into_deserialize();
     rows.map(|row| {

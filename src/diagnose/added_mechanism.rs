@@ -13,16 +13,16 @@ const PERIOD_S: f64 = 4e-4;
 const LEVER: Lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
 const SUBJECT: [f64; 6] = [0.005, 1.2, 300.0, 20.0, 13.0, 0.04];
 const TRUTH: [f64; 2] = [60.0, 0.05];
-const HOLD: usize = 1250;
+const HOLD_SAMPLES: usize = 1250;
 const RAMP: usize = 150;
 
 fn trial(number: u32, velocity_rad_s: f64, repetition: u32, stream: &mut Stream) -> Trial {
     let sweep = crate::protocol::Sweep::new(0.14, velocity_rad_s, 0.018).unwrap();
-    let angle = |sample: usize| sweep.at((sample as f64 - HOLD as f64).max(0.0) * PERIOD_S).angle_rad;
-    let theta_m_rad: Vec<f64> = (0..HOLD + RAMP).map(angle).collect();
+    let angle = |sample: usize| sweep.at((sample as f64 - HOLD_SAMPLES as f64).max(0.0) * PERIOD_S).angle_rad;
+    let theta_m_rad: Vec<f64> = (0..HOLD_SAMPLES + RAMP).map(angle).collect();
     let input = TrialInput {
         motion: wrist::motor_motion(&theta_m_rad, PERIOD_S),
-        onset: HOLD,
+        onset: HOLD_SAMPLES,
         covariates: Default::default(),
     };
     let settings = SimulationSettings {
@@ -39,7 +39,8 @@ fn trial(number: u32, velocity_rad_s: f64, repetition: u32, stream: &mut Stream)
     };
     let parameters: Vec<f64> = SUBJECT.into_iter().chain(TRUTH).collect();
     let ramp = wrist::trace(&settings, &input, &parameters);
-    let changes = std::iter::repeat_n(0.0, HOLD).chain(ramp.iter().map(|sample| sample.torques.measured));
+    let changes =
+        std::iter::repeat_n(0.0, HOLD_SAMPLES).chain(ramp.iter().map(|sample| sample.torques.measured));
     Trial {
         number,
         file: format!("trials/trial-{number:03}.csv"),
@@ -51,7 +52,7 @@ fn trial(number: u32, velocity_rad_s: f64, repetition: u32, stream: &mut Stream)
         status: Status::Ok,
         extra: BTreeMap::new(),
         record: Record {
-            start_s: -(HOLD as f64) * PERIOD_S,
+            start_s: -(HOLD_SAMPLES as f64) * PERIOD_S,
             torque_l_nm: changes.map(|change| 1.5 + change + 0.01 * stream.normal()).collect(),
             theta_m_rad,
             emg_fcr_mvc: None,

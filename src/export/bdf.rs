@@ -1,10 +1,10 @@
-//! Biosemi's 24-bit BDF, the variant of EDF that holds a record without loss.
+//! Writes 24-bit BDF of Biosemi, the variant of EDF that stores a record without loss.
 //!
 //! A channel's range is 8 times a power of ten over 8,000,000 steps either way, so that a step is a power of ten: decimals
 //! as this program records them are kept to the last digit.
 
-/// Steps either way; 2^23 = 8,388,608 would fit.
-const STEPS: f64 = 8_000_000.0;
+/// Number of steps on each side of zero; 2^23 = 8,388,608 is the most that fits.
+const STEPS_PER_SIDE: f64 = 8_000_000.0;
 
 /// The largest power of ten that a range may have; its text has at most 8 characters.
 const LARGEST_POWER: i32 = 5;
@@ -12,7 +12,7 @@ const SMALLEST_POWER: i32 = -4;
 
 /// One channel of a recording.
 #[derive(Debug, Clone)]
-pub struct Channel<'a> {
+pub struct BdfChannel<'a> {
     /// At most 16 ASCII characters.
     pub label: &'static str,
     /// At most 8 ASCII characters.
@@ -21,7 +21,7 @@ pub struct Channel<'a> {
     pub values: &'a [f64],
 }
 
-impl Channel<'_> {
+impl BdfChannel<'_> {
     /// Its range: 8 times a power of ten; `Err` with the value that no range holds.
     fn range(&self) -> Result<f64, f64> {
         let most = self.values.iter().fold(0.0, |most, value| f64::max(most, value.abs()));
@@ -30,14 +30,14 @@ impl Channel<'_> {
     }
 }
 
-/// The greatest value that a channel can hold.
-pub const LIMIT: f64 = 8e5;
+/// The largest value that a channel can store.
+pub const LARGEST_VALUE: f64 = 8e5;
 
 /// The bytes of a recording.
 ///
 /// # Errors
-/// Place of the channel, and its value that does not fit.
-pub fn recording(subject: &str, rate_hz: f64, channels: &[Channel]) -> Result<Vec<u8>, (usize, f64)> {
+/// Index of the channel, and its value that is out of range.
+pub fn recording(subject: &str, rate_hz: f64, channels: &[BdfChannel]) -> Result<Vec<u8>, (usize, f64)> {
     let samples = channels.first().map_or(0, |channel| channel.values.len());
     let (records, each) = records(samples, rate_hz, channels.len());
     let ranges: Vec<f64> = channels
@@ -66,15 +66,15 @@ pub fn recording(subject: &str, rate_hz: f64, channels: &[Channel]) -> Result<Ve
     field(8, &|place| channels[place].unit.into());
     field(8, &|place| number(-ranges[place]));
     field(8, &|place| number(ranges[place]));
-    field(8, &|_| format!("-{STEPS}"));
-    field(8, &|_| STEPS.to_string());
+    field(8, &|_| format!("-{STEPS_PER_SIDE}"));
+    field(8, &|_| STEPS_PER_SIDE.to_string());
     field(80, &|_| String::new());
     field(8, &|_| each.to_string());
     field(32, &|_| String::new());
     for record in 0..records {
         for (channel, range) in channels.iter().zip(&ranges) {
             for value in &channel.values[record * each..(record + 1) * each] {
-                let steps = libm::round(value / range * STEPS) as i32;
+                let steps = libm::round(value / range * STEPS_PER_SIDE) as i32;
                 bytes.extend_from_slice(&steps.to_le_bytes()[..3]);
             }
         }
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn a_range_is_the_least_that_holds_all_values() {
-        let range = |values: &[f64]| Channel { label: "a", unit: "rad", values }.range();
+        let range = |values: &[f64]| BdfChannel { label: "a", unit: "rad", values }.range();
         assert_eq!(
             [range(&[0.14]), range(&[0.8]), range(&[-0.81]), range(&[12.0])],
             [Ok(0.8), Ok(0.8), Ok(8.0), Ok(80.0)]
@@ -135,7 +135,8 @@ mod tests {
     fn headers_and_samples_are_where_the_standard_says() {
         let values = [0.1, -0.2];
         let bytes =
-            recording("S01", 1000.0, &[Channel { label: "theta_m", unit: "rad", values: &values }]).unwrap();
+            recording("S01", 1000.0, &[BdfChannel { label: "theta_m", unit: "rad", values: &values }])
+                .unwrap();
         assert_eq!(bytes.len(), 512 + 2 * 3);
         assert_eq!(&bytes[..8], b"\xffBIOSEMI");
         assert_eq!(&bytes[512..515], &1_000_000i32.to_le_bytes()[..3]);

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::bdf::{self, Channel};
+use super::bdf::{self, BdfChannel};
 use super::error::ExportError;
 use super::sidecars::{self, TASK};
 use crate::dataset::{self, Session, Trial};
 
-/// A session to export, and what the person is called in file names.
+/// A session to export, with the label of its subject.
 #[derive(Debug, Clone)]
 pub struct Participant {
     /// The session's folder.
@@ -20,20 +20,20 @@ pub struct Participant {
     pub label: Option<String>,
 }
 
-/// One session, loaded, with its place in the dataset.
+/// A session that was read, with its position in the dataset.
 struct Entry {
     folder: PathBuf,
     session: Session,
     label: String,
-    /// Which session of this person, where there are several.
+    /// Session number, from 1, if the subject has several sessions.
     number: Option<usize>,
 }
 
 /// Writes a dataset of `participants` into `target`, which must be new or empty.
 ///
 /// # Errors
-/// If a session cannot be read, a subject is not fit for file names, or the target holds something or cannot be written.
-/// What can be known beforehand is checked before anything is written.
+/// If a session cannot be read, the identifier of a subject cannot be part of a file name, or the target is not empty or
+/// cannot be written. All checks are done before anything is written.
 pub fn write(participants: &[Participant], target: &Path) -> Result<(), ExportError> {
     if target.exists() && fs::read_dir(target).map_err(ExportError::at(target))?.next().is_some() {
         return Err(ExportError::NotEmpty(target.into()));
@@ -46,7 +46,7 @@ pub fn write(participants: &[Participant], target: &Path) -> Result<(), ExportEr
     let people: BTreeSet<&str> = entries.iter().map(|entry| entry.label.as_str()).collect();
     let rows: String = people.iter().map(|label| format!("sub-{label}\n")).collect();
     put(&target.join("participants.tsv"), &format!("participant_id\n{rows}"))?;
-    let meaning = serde_json::json!({ "participant_id": { "Description": "The person measured" } });
+    let meaning = serde_json::json!({ "participant_id": { "Description": "Identifier of the subject" } });
     put_json(&target.join("participants.json"), &meaning)?;
     put_json(&target.join("derivatives/ramphold/dataset_description.json"), &sidecars::derivatives())?;
     entries.iter().try_for_each(|entry| entry.write(target))
@@ -116,15 +116,15 @@ impl Entry {
         let muscles = [("emg_fcr", &record.emg_fcr_mvc), ("emg_ecr", &record.emg_ecr_mvc)];
         let measured = muscles.iter().filter_map(|(label, values)| Some((*label, "MVC", values.as_ref()?)));
         let moved = [("theta_m", "rad", &record.theta_m_rad), ("torque_l", "N.m", &record.torque_l_nm)];
-        let channels: Vec<Channel> =
-            measured.chain(moved).map(|(label, unit, values)| Channel { label, unit, values }).collect();
+        let channels: Vec<BdfChannel> =
+            measured.chain(moved).map(|(label, unit, values)| BdfChannel { label, unit, values }).collect();
         let path = name("emg.bdf");
         let bytes = bdf::recording(&self.label, self.session.sample_rate_hz, &channels).map_err(
             |(place, value)| ExportError::OutOfRange {
                 path: path.clone(),
                 channel: channels[place].label,
                 value,
-                limit: bdf::LIMIT,
+                limit: bdf::LARGEST_VALUE,
             },
         )?;
         fs::write(&path, bytes).map_err(ExportError::at(&path))?;
@@ -156,7 +156,7 @@ fn put_json(path: &Path, value: &Value) -> Result<(), ExportError> {
     put(path, &format!("{value:#}\n"))
 }
 
-/// Copies a folder, without what is not wanted and without links, which might lead anywhere.
+/// Copies a folder, without unwanted files and without symbolic links, which could point outside it.
 fn copy(from: &Path, to: &Path, wanted: &dyn Fn(&Path) -> bool) -> Result<(), ExportError> {
     fs::create_dir_all(to).map_err(ExportError::at(to))?;
     for entry in fs::read_dir(from).map_err(ExportError::at(from))? {

@@ -5,17 +5,17 @@ use std::path::PathBuf;
 
 use crate::dataset::DatasetError;
 
-/// An export that could not be made.
+/// Why an export failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// A session cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
-    /// The target is there and holds something.
-    #[error("{}: is not empty; an export never mixes with what is there. Choose a new folder, or empty this one", .0.display())]
+    /// The target folder is not empty.
+    #[error("{}: is not empty, and an export does not add to existing files; give a new or empty folder", .0.display())]
     NotEmpty(PathBuf),
-    /// The target is there.
-    #[error("{}: is there already; an export never overwrites anything. Choose another name", .0.display())]
+    /// The target file exists.
+    #[error("{}: exists already and is not overwritten; give another name", .0.display())]
     Exists(PathBuf),
     /// The subject's identifier cannot be a part of a BIDS file name.
     #[error(
@@ -28,21 +28,21 @@ pub enum ExportError {
         session: PathBuf,
         /// The identifier.
         id: String,
-        /// One that would do.
+        /// An identifier that can be used instead.
         suggestion: String,
     },
     /// No trial has any samples.
     #[error("{}: no trial has samples; there is nothing to export", .0.display())]
     Nothing(PathBuf),
     /// A result table that cannot be read.
-    #[error("{}: cannot be read as a table: {message}. Make it again with: ramphold fit", path.display())]
+    #[error("{}: cannot be read as a table: {message}. Write it again with: ramphold fit", path.display())]
     Table {
         /// The file.
         path: PathBuf,
         /// What is wrong.
         message: String,
     },
-    /// A value that the format has no room for.
+    /// A value outside the range of the format.
     #[error("{}: {channel} reaches {value}; the format holds values up to {limit}", path.display())]
     OutOfRange {
         /// The file that was to be written.
@@ -51,10 +51,10 @@ pub enum ExportError {
         channel: &'static str,
         /// The value.
         value: f64,
-        /// The greatest it can hold.
+        /// The largest value of the format.
         limit: f64,
     },
-    /// The program was built without this part.
+    /// The program was built without the feature that the option needs.
     #[error(
         "{option}: this program was built without the feature {feature}; build it with: \
          cargo build --release --features {feature}"
@@ -65,7 +65,7 @@ pub enum ExportError {
         /// The cargo feature.
         feature: &'static str,
     },
-    /// The Parquet writer refuses.
+    /// The Parquet writer failed.
     #[error("{}: cannot be written: {message}", path.display())]
     Parquet {
         /// The file.
@@ -90,7 +90,7 @@ impl ExportError {
         move |source| Self::File { path, source }
     }
 
-    /// Whether what was given is at fault, rather than the work.
+    /// Whether the input is wrong, so that the exit code is 2.
     pub fn is_bad_input(&self) -> bool {
         !matches!(self, Self::File { .. } | Self::Parquet { .. })
     }

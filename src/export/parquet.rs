@@ -1,4 +1,4 @@
-//! Tidy Parquet tables: a row a sample, or a row a trial.
+//! Tidy Parquet tables with one row per sample or one row per trial.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -16,19 +16,19 @@ use super::error::ExportError;
 use super::rows::Rows;
 use crate::dataset::{self, Session, Trial};
 
-/// A column.
+/// A column of the table.
 enum Column {
     Text(Vec<Option<String>>),
     Count(Vec<i32>),
     Number(Vec<Option<f64>>),
 }
 
-type Columns = Vec<(String, Column)>;
+type ParquetColumns = Vec<(String, Column)>;
 
 /// Writes the table of the sessions in `folders` to a new file.
 ///
 /// # Errors
-/// If a session or its `fit.csv` cannot be read, or the file is there already or cannot be written.
+/// If a session or its `fit.csv` cannot be read, or the file exists already or cannot be written.
 pub fn write(folders: &[PathBuf], file: &Path, rows: Rows) -> Result<(), ExportError> {
     if file.exists() {
         return Err(ExportError::Exists(file.into()));
@@ -37,7 +37,7 @@ pub fn write(folders: &[PathBuf], file: &Path, rows: Rows) -> Result<(), ExportE
         .iter()
         .map(|folder| Ok((folder.clone(), dataset::load(folder)?)))
         .collect::<Result<_, ExportError>>()?;
-    let groups: Vec<Columns> = match rows {
+    let groups: Vec<ParquetColumns> = match rows {
         // A group of rows a session: readers can pass over the sessions that they do not want.
         Rows::Samples => sessions.iter().map(|(folder, session)| samples(&name(folder), session)).collect(),
         Rows::Trials => vec![trials(&sessions)?],
@@ -56,12 +56,12 @@ fn name(folder: &Path) -> String {
         .map_or_else(|| folder.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// What tells trials apart, in front of both tables.
+/// The first columns of both tables, which identify the trial.
 fn keys<'a>(
     session_name: &str,
     session: &Session,
     trials: impl Iterator<Item = &'a Trial> + Clone,
-) -> Columns {
+) -> ParquetColumns {
     let text = |of: &dyn Fn(&Trial) -> Option<String>| Column::Text(trials.clone().map(of).collect());
     let number =
         |of: &dyn Fn(&Trial) -> f64| Column::Number(trials.clone().map(|trial| Some(of(trial))).collect());
@@ -77,7 +77,7 @@ fn keys<'a>(
     ]
 }
 
-fn samples(session_name: &str, session: &Session) -> Columns {
+fn samples(session_name: &str, session: &Session) -> ParquetColumns {
     let each =
         session.trials.iter().flat_map(|trial| (0..trial.record.theta_m_rad.len()).map(move |i| (trial, i)));
     let number = |of: &dyn Fn(&Trial, usize) -> Option<f64>| {
@@ -97,8 +97,8 @@ fn samples(session_name: &str, session: &Session) -> Columns {
 }
 
 /// All trials of all sessions: the keys, the onset, further columns of the sessions' tables, and those of their fits.
-fn trials(sessions: &[(PathBuf, Session)]) -> Result<Columns, ExportError> {
-    let mut columns: Columns = Vec::new();
+fn trials(sessions: &[(PathBuf, Session)]) -> Result<ParquetColumns, ExportError> {
+    let mut columns: ParquetColumns = Vec::new();
     let mut more: Vec<BTreeMap<String, String>> = Vec::new();
     let mut onsets = Vec::new();
     for (folder, session) in sessions {
@@ -134,7 +134,7 @@ fn trials(sessions: &[(PathBuf, Session)]) -> Result<Columns, ExportError> {
     Ok(columns)
 }
 
-fn append(columns: &mut Columns, more: Columns) {
+fn append(columns: &mut ParquetColumns, more: ParquetColumns) {
     for ((_, column), (_, more)) in columns.iter_mut().zip(more) {
         match (column, more) {
             (Column::Text(own), Column::Text(more)) => own.extend(more),
@@ -162,7 +162,7 @@ fn fits(path: &Path) -> Result<BTreeMap<u32, BTreeMap<String, String>>, ExportEr
     Ok(fits)
 }
 
-fn write_groups(file: File, groups: &[Columns]) -> Result<(), ParquetError> {
+fn write_groups(file: File, groups: &[ParquetColumns]) -> Result<(), ParquetError> {
     let fields = groups.first().into_iter().flatten().map(|(name, column)| {
         let builder = match column {
             Column::Text(_) => Type::primitive_type_builder(name, Physical::BYTE_ARRAY)

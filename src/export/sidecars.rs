@@ -1,4 +1,4 @@
-//! The JSON and TSV files that tell what a BIDS recording holds.
+//! The JSON and TSV files that describe a BIDS recording.
 
 use serde_json::{Value, json};
 
@@ -117,9 +117,9 @@ pub fn events_meaning() -> Value {
         "trial_type": { "Description": "ramp: the motor begins to extend the wrist" },
         "velocity_rad_s": { "Description": "Ramp velocity", "Units": "rad/s" },
         "torque_nm": { "Description": "Target torque", "Units": "N.m" },
-        "repetition": { "Description": "Which repetition of its condition" },
+        "repetition": { "Description": "Repetition index of its condition, from 1" },
         "trial": { "Description": "Number of the trial in the session" },
-        "status": { "Description": "What became of the trial", "Levels": {
+        "status": { "Description": "Outcome of the trial", "Levels": {
             "ok": "complete", "rejected": "a rule of the protocol was broken", "aborted": "ended before its time" } },
     })
 }

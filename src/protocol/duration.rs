@@ -1,24 +1,24 @@
-//! How long a session takes.
+//! The duration of a session.
 
 use super::{Protocol, RampAndHold};
 
-/// How long a person needs to come into the band once the target is shown, s: the reaction to what they see and the
-/// approach. Assumed; the paper says only that its whole experiment took 45 minutes.
+/// Time that a subject needs to reach the band after the target is shown, s: reaction and approach. Assumed; the paper
+/// says only that its whole experiment took 45 minutes.
 const APPROACH_S: f64 = 2.0;
 
 /// Duration of a session without pauses and rejected trials, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Duration {
-    /// If every gate opens as soon as it can.
+    /// If every gate opens at the first possible moment.
     pub shortest_s: f64,
-    /// If the person needs 2 s to come into the band.
+    /// If the subject needs 2 s to reach the band.
     pub expected_s: f64,
     /// If every gate opens at the last moment before its timeout.
     pub longest_s: f64,
 }
 
 impl Duration {
-    /// Of a protocol whose every condition has its movement.
+    /// The duration of a protocol whose conditions all have a movement.
     pub(super) fn of(protocol: &Protocol) -> Self {
         let conditions = protocol.velocities_rad_s.len() * protocol.torques_nm.len();
         let trials = (conditions * protocol.repetitions as usize) as f64;
@@ -44,7 +44,7 @@ impl Duration {
     }
 }
 
-/// Offset and maximal contraction; each effort is made in both directions.
+/// Time before the trials, s: torque offset, and maximal contractions in both directions.
 fn before_s(protocol: &Protocol) -> f64 {
     let offset_s = protocol.before.offset_s.unwrap_or(0.0);
     let mvc_s = protocol

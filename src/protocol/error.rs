@@ -1,8 +1,8 @@
-//! What can be wrong with a protocol file, in words that say what to do.
+//! Errors of a protocol file: what is wrong, where, what was expected and what to do.
 
 use std::fmt;
 
-/// Why a protocol file is not a protocol.
+/// Why a protocol file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ProtocolError {
     /// The file cannot be read.
@@ -10,15 +10,15 @@ pub enum ProtocolError {
         "{file}: cannot be read: {source}. Give the path of a protocol file, such as protocols/quick.json"
     )]
     Unreadable {
-        /// The file as it was named.
+        /// The name of the file as it was given.
         file: String,
-        /// What the system said.
+        /// The operating system's reason.
         source: std::io::Error,
     },
     /// The file is not UTF-8 text.
     #[error("{file}: line {line}: not UTF-8 text. Save the file as UTF-8")]
     NotText {
-        /// The file as it was named.
+        /// The name of the file as it was given.
         file: String,
         /// Line of the first byte that is not text.
         line: usize,
@@ -26,35 +26,35 @@ pub enum ProtocolError {
     /// The text is not JSON.
     #[error("{file}: line {line}, column {column}: not JSON: {reason}. {advice}")]
     NotJson {
-        /// The file as it was named.
+        /// The name of the file as it was given.
         file: String,
-        /// Where reading stopped.
+        /// Position of the error.
         line: usize,
-        /// Where reading stopped.
+        /// Position of the error.
         column: usize,
-        /// What the reader said.
+        /// The parser's reason.
         reason: String,
         /// What to do.
         advice: &'static str,
     },
-    /// It is JSON, but no protocol that can be run.
-    #[error("{file}: {}", Listed(problems))]
+    /// The file is JSON, but not a protocol that can be run.
+    #[error("{file}: {}", ProblemList(problems))]
     Invalid {
-        /// The file as it was named.
+        /// The name of the file as it was given.
         file: String,
-        /// Everything that is wrong, in the order of the file.
+        /// All mistakes, in the order of the file.
         problems: Vec<Problem>,
     },
 }
 
-/// One thing that is wrong with a protocol.
+/// One mistake in a protocol file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Problem {
-    /// Where in the JSON, such as `velocities_rad_s[2]`; empty for the whole document.
+    /// Path of the field, such as `velocities_rad_s[2]`; empty for the whole document.
     pub path: String,
     /// Line of the file, from 1.
     pub line: usize,
-    /// What stands there, as JSON; `None` if nothing does.
+    /// The value as JSON; `None` if it is missing.
     pub value: Option<String>,
     /// What was expected.
     pub expected: String,
@@ -77,9 +77,9 @@ impl fmt::Display for Problem {
     }
 }
 
-struct Listed<'a>(&'a [Problem]);
+struct ProblemList<'a>(&'a [Problem]);
 
-impl fmt::Display for Listed<'_> {
+impl fmt::Display for ProblemList<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             [_] => write!(f, "one thing is wrong")?,

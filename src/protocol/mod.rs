@@ -1,7 +1,6 @@
-//! What the experimenter writes: velocities, torques, the gate, the ramp, the limits.
+//! The protocol file: velocities, torques, gate, ramp, limits.
 //!
-//! A protocol is a JSON file. [`Protocol::parse`] lets it in only as a [`ValidProtocol`], or says everything that is
-//! wrong with it at once:
+//! A protocol is a JSON file. [`Protocol::parse`] returns a [`ValidProtocol`] or an error that lists all mistakes:
 //!
 //! ```
 //! use ramphold::protocol::Protocol;

@@ -1,18 +1,18 @@
-//! What the schema cannot say: how the fields of a protocol must fit together.
+//! Rules that the schema cannot express: how the fields of a protocol must fit together.
 //!
 //! The rules read the document rather than the typed protocol, so that a mistake in one place does not hide those in
-//! another. They pass over what is missing or already known to be wrong.
+//! another. They skip values that are missing or already known to be wrong.
 
+mod context;
 mod limits;
 mod order;
-
-use std::collections::HashSet;
 
 use super::Problem;
 use super::source::{Content, Node};
 use super::units::significant;
+use context::Rules;
 
-/// Adds everything that does not fit together in `document`.
+/// Adds to `problems` every value of `document` that does not fit with the others.
 pub(super) fn add_problems(document: &Node, problems: &mut Vec<Problem>) {
     let known = problems.iter().map(|problem| problem.path.clone()).collect();
     let mut rules = Rules { document, known, problems };
@@ -25,38 +25,7 @@ pub(super) fn add_problems(document: &Node, problems: &mut Vec<Problem>) {
     order::check(&mut rules);
 }
 
-struct Rules<'a> {
-    document: &'a Node,
-    /// Paths whose value is already known to be wrong.
-    known: HashSet<String>,
-    problems: &'a mut Vec<Problem>,
-}
-
 impl Rules<'_> {
-    /// The number at `path`, if one is there that may be reasoned with.
-    fn number(&self, path: &str) -> Option<f64> {
-        self.document.at(path).filter(|_| !self.known.contains(path))?.number()
-    }
-
-    /// The paths and numbers of a list.
-    fn numbers(&self, list: &str) -> Vec<(String, f64)> {
-        let paths = (0..self.length(list)).map(|index| format!("{list}[{index}]"));
-        paths.filter_map(|path| self.number(&path).map(|number| (path, number))).collect()
-    }
-
-    fn length(&self, list: &str) -> usize {
-        match self.document.at(list).map(|node| &node.content) {
-            Some(Content::Array(items)) => items.len(),
-            _ => 0,
-        }
-    }
-
-    fn add(&mut self, path: &str, expected: String, advice: String) {
-        let Some(node) = self.document.at(path) else { return };
-        let value = Some(node.to_string());
-        self.problems.push(Problem { path: path.to_owned(), line: node.line, value, expected, advice });
-    }
-
     fn conditions_differ_from_each_other_and_from_zero(&mut self, list: &str, least: f64, unit: &str) {
         let numbers = self.numbers(list);
         for (index, (path, number)) in numbers.iter().enumerate() {
@@ -80,7 +49,7 @@ impl Rules<'_> {
             self.add(
                 "gate.timeout_s",
                 expected,
-                "give the person some seconds to find the target".to_owned(),
+                "give the subject some seconds to find the target".to_owned(),
             );
         }
         if let [(_, low), (path, high)] = &self.numbers("gate.delay_s")[..]

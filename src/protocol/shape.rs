@@ -199,7 +199,7 @@ fn description(schema: &Value) -> &str {
     schema["description"].as_str().unwrap_or("see ramphold schema")
 }
 
-/// What belongs in a place, in words: "a number from 0.001 to 1: How far the motor turns, rad."
+/// The expected value of a field, as text: "a number from 0.001 to 1: Amplitude: the angle by which the motor turns, rad."
 fn expectation(schema: &Value) -> String {
     if let Some(only) = schema.get("const") {
         return format!("{only}: {}", description(schema));
@@ -225,7 +225,7 @@ fn expectation(schema: &Value) -> String {
     format!("{}: {}", words.collect::<Vec<_>>().join(" or "), description(schema))
 }
 
-/// The name that was probably meant.
+/// The known name that is most similar to `name`, if one is similar enough.
 fn closest<'a>(name: &str, names: &'a [String]) -> Option<&'a str> {
     let likeness = |known: &str| strsim::jaro_winkler(&name.to_lowercase(), known);
     let best = names.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b)))?;

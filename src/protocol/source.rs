@@ -1,4 +1,4 @@
-//! A JSON text with the line of every value, so that a problem can be found in the file.
+//! Parses JSON and keeps the line of every value, so that messages can name it.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use serde_json::value::RawValue;
 
 use super::ProtocolError;
 
-/// A JSON value and where it stands.
+/// A JSON value with its line.
 #[derive(Debug, Clone)]
 pub(crate) struct Node {
     /// Line of its first character, from 1.
@@ -110,7 +110,7 @@ impl Node {
     }
 }
 
-/// For messages: scalars as they are, the rest by what it is.
+/// Text for messages: scalars and short lists as JSON, other values by their type and size.
 impl fmt::Display for Node {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.content {
@@ -147,7 +147,7 @@ impl<'de: 'a, 'a> Deserialize<'de> for Members<'a> {
     }
 }
 
-/// What the JSON reader said, without the position that is said elsewhere.
+/// The parser's message without the position, which is reported separately.
 fn reason(error: &serde_json::Error) -> String {
     let text = error.to_string();
     text.split(" at line ").next().unwrap_or(&text).to_owned()
@@ -162,7 +162,7 @@ fn advice(text: &str, error: &serde_json::Error) -> &'static str {
     } else if reason.contains("number out of range") {
         "Write a number that can be measured"
     } else if reason.contains("trailing comma") {
-        "Take away the comma before the closing bracket"
+        "Remove the comma before the closing bracket"
     } else if error.is_eof() {
         "The file ends too early; close what is open"
     } else {

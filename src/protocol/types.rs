@@ -15,7 +15,7 @@ pub struct Protocol {
     /// Format and version: `ramphold-protocol/1`.
     #[schemars(extend("const" = FORMAT))]
     pub format: String,
-    /// A name for people.
+    /// Name of the protocol, as shown in reports.
     #[schemars(length(min = 1))]
     pub name: String,
     /// Ramp velocities, rad/s; positive extends the wrist.
@@ -24,7 +24,7 @@ pub struct Protocol {
     /// Target torques, N m; positive resists extension.
     #[schemars(length(min = 1), inner(range(min = -20, max = 20)))]
     pub torques_nm: Vec<f64>,
-    /// How often each combination of velocity and torque is run.
+    /// Number of repetitions of each combination of velocity and torque.
     #[schemars(range(min = 1, max = 1000))]
     pub repetitions: u32,
     /// How the order of the trials is drawn.
@@ -36,7 +36,7 @@ pub struct Protocol {
     pub rest_s: f64,
     /// The movement.
     pub ramp: Ramp,
-    /// What comes before the trials.
+    /// Optional phases before the trials.
     #[serde(default)]
     pub before: Before,
     /// Sampling and filtering.
@@ -44,7 +44,7 @@ pub struct Protocol {
     /// The analysed window after the onset, s.
     #[schemars(range(min = 0.005, max = 0.5))]
     pub window_s: f64,
-    /// What no trajectory may exceed.
+    /// Limits that no trajectory may exceed.
     pub limits: Limits,
 }
 
@@ -52,9 +52,9 @@ pub struct Protocol {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Order {
-    /// All trials in one random order (the paper's).
+    /// All trials in one random order, as in the paper.
     Shuffled,
-    /// Each repetition is a block in random order of its own.
+    /// Each repetition is a block with its own random order.
     Blocked,
     /// Random, with at most `max_run` trials in a row of the same torque, and of the same velocity.
     Constrained {
@@ -66,7 +66,7 @@ pub enum Order {
     Williams,
     /// Exactly this list, in this order.
     Fixed {
-        /// One entry a trial.
+        /// One entry for each trial.
         #[schemars(length(min = 1))]
         trials: Vec<Condition>,
     },
@@ -91,10 +91,10 @@ pub struct Gate {
     /// Half-width of the band as a fraction of the target torque.
     #[schemars(range(min = 0.001, max = 0.5))]
     pub band_fraction: f64,
-    /// How long the torque must stay inside without a break, s.
+    /// Time for which the torque must stay in the band without interruption, s.
     #[schemars(range(min = 0.01, max = 60))]
     pub duration_s: f64,
-    /// When to give up a trial, s after the target was shown.
+    /// Time after the target is shown at which a trial whose gate has not opened is rejected, s.
     #[schemars(range(min = 0.1, max = 600))]
     pub timeout_s: f64,
     /// Random delay between the gate and the onset, s: uniform between the two numbers.
@@ -111,16 +111,16 @@ pub struct Gate {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ramp {
-    /// How far the motor turns, rad.
+    /// Amplitude: the angle by which the motor turns, rad.
     #[schemars(range(min = 0.001, max = 1.5))]
     pub amplitude_rad: f64,
     /// Time in which the speed rises to the ramp velocity, and falls at the end, s (raised cosine).
     #[schemars(range(min = 0.001, max = 1))]
     pub rise_time_s: f64,
-    /// How long the end angle is held, s.
+    /// Time for which the end angle is held, s.
     #[schemars(range(min = 0, max = 60))]
     pub hold_s: f64,
-    /// Speed of the way back, rad/s.
+    /// Speed of the return to the start position, rad/s.
     #[schemars(range(min = 0.01, max = 20))]
     pub return_velocity_rad_s: f64,
 }
@@ -146,7 +146,7 @@ pub struct Before {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mvc {
-    /// How often the person pushes, and how often they pull.
+    /// Number of efforts in each direction.
     #[schemars(range(min = 1, max = 20))]
     pub efforts: u32,
     /// Duration of each effort, s.
@@ -161,14 +161,14 @@ pub struct Mvc {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Signal {
-    /// Samples a second.
+    /// Sample rate, samples per second.
     #[schemars(range(min = 100, max = 100_000))]
     pub sample_rate_hz: f64,
     /// The low-pass filter of the analysis.
     pub filter: FilterSpec,
 }
 
-/// What no trajectory and no measurement may exceed; beyond it is a fault.
+/// Limits of every trajectory and measurement; a value outside them is a fault.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {

@@ -1,4 +1,4 @@
-//! A protocol that was parsed is a protocol that is valid.
+//! Parsing of protocols: a parsed protocol is a valid protocol.
 
 use std::fs;
 use std::ops::Deref;
@@ -9,7 +9,7 @@ use super::{Duration, Problem, Protocol, ProtocolError, RampAndHold, TooShort, r
 
 /// A [`Protocol`] that passed every check, and the text it was read from.
 ///
-/// It can be read like a protocol and not be changed; there is no way to one but through the checks.
+/// It can be read like a [`Protocol`] but not changed. It is only made by the checks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ValidProtocol {
     protocol: Protocol,
@@ -22,7 +22,7 @@ impl Protocol {
         ValidProtocol::parse(text, file)
     }
 
-    /// Checks a protocol that was made by a program; its text is the protocol as indented JSON.
+    /// Checks a protocol that a program made; its text becomes the protocol as indented JSON.
     pub fn validate(self) -> Result<ValidProtocol, ProtocolError> {
         // A number that JSON does not have (NaN, infinity) becomes null and is found as such.
         let value = serde_json::json!(self);
@@ -64,17 +64,17 @@ impl ValidProtocol {
         &self.text
     }
 
-    /// The movement of a trial at a velocity; for the velocities of the protocol there always is one.
+    /// The movement of a trial at a velocity. It exists for every velocity of the protocol.
     pub fn ramp_and_hold(&self, velocity_rad_s: f64) -> Result<RampAndHold, TooShort> {
         RampAndHold::new(&self.protocol.ramp, velocity_rad_s)
     }
 
-    /// How many trials will be recorded and analysed, if none is rejected.
+    /// Number of trials that are recorded and analysed if none is rejected.
     pub fn trial_count(&self) -> usize {
         self.velocities_rad_s.len() * self.torques_nm.len() * self.repetitions as usize
     }
 
-    /// How long the session takes.
+    /// Expected duration of the session.
     pub fn duration(&self) -> Duration {
         Duration::of(self)
     }
@@ -88,7 +88,7 @@ impl Deref for ValidProtocol {
     }
 }
 
-/// The typed protocol. What the schema and the rules let through and the types do not is a problem like any other.
+/// Converts to the typed protocol. A value that passes schema and rules but not the types is reported as a problem.
 fn typed(source: &Node) -> Result<Protocol, Problem> {
     let mut value = source.value();
     if let Some(members) = value.as_object_mut() {

@@ -1,5 +1,5 @@
-//! Charts as SVG. The drawing is our own because its colours must be CSS variables, so that the same figure follows the
-//! reader's light or dark page, prints, and stands alone as a file; charting libraries write colours into every shape.
+//! Charts as SVG. They are drawn here because their colours must be CSS variables: the same figure then follows a light or
+//! dark page, prints, and works as a separate file. Charting libraries write fixed colours into every shape.
 
 use std::fmt::Write;
 
@@ -16,28 +16,28 @@ const BOTTOM: f64 = 44.0;
 const TITLE: f64 = 24.0;
 const LEGEND_LINE: f64 = 17.0;
 
-/// How many colours there are beside ink (0): Okabe and Ito's, 1 to 7.
+/// Number of colours besides the text colour (0): those of Okabe and Ito, 1 to 7.
 pub const COLOURS: usize = 7;
 
-/// How a line is drawn, so that colour is not the only difference.
+/// Line style, so that colour is not the only difference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stroke {
-    /// Without a break.
+    /// Solid.
     Solid,
-    /// With breaks.
+    /// Dashed.
     Dashed,
-    /// Thin, for what is measured.
+    /// Thin, for measured values.
     Thin,
 }
 
-/// What is drawn into a chart, from back to front.
+/// An element of a chart; elements are drawn from back to front.
 #[derive(Debug, Clone)]
 pub enum Mark {
-    /// A shaded stretch of the x axis.
+    /// A shaded interval of the x axis.
     Window(f64, f64),
-    /// A shaded stretch of the y axis: values from elsewhere to compare with.
+    /// A shaded interval of the y axis: reference values.
     Reference(f64, f64),
-    /// A dotted vertical line with a word.
+    /// A dotted vertical line with a label.
     At(f64, String),
     /// A shaded band: x, lower and upper.
     Band(usize, Vec<(f64, f64, f64)>),
@@ -51,7 +51,7 @@ pub enum Mark {
     Bars(usize, Vec<(f64, f64, f64)>),
 }
 
-/// The sign of a legend's entry.
+/// The symbol of an entry of a legend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sign {
     /// A line.
@@ -71,16 +71,16 @@ pub struct Chart {
     pub x: Axis,
     /// Vertical axis.
     pub y: Axis,
-    /// What is in it.
+    /// Its elements.
     pub marks: Vec<Mark>,
-    /// Colour, sign and words of its legend.
+    /// Colour, symbol and text of the entries of its legend.
     pub legend: Vec<(usize, Sign, String)>,
 }
 
-/// A finished drawing.
+/// A drawn chart.
 #[derive(Debug, Clone)]
 pub struct Panel {
-    /// What it shows, in words, for those who cannot see it.
+    /// Text alternative for screen readers.
     pub label: String,
     /// SVG inside a view box of [`WIDTH`] by [`HEIGHT`].
     pub svg: String,
@@ -132,7 +132,7 @@ impl Chart {
     }
 }
 
-/// The place where the marks go.
+/// The area in which the elements are drawn.
 struct Plot<'a> {
     chart: &'a Chart,
     top: f64,

@@ -1,4 +1,4 @@
-//! What follows from a fitted trial: when elastic torque overtakes inertial torque, strain, work.
+//! Quantities derived from a fitted trial: the time at which elastic torque exceeds inertial torque, strain, work.
 
 use crate::wrist::TraceSample;
 
@@ -10,9 +10,9 @@ const STRETCH_NM: f64 = 17.0;
 /// Half the length L_0 of a sarcomere at the neutral wrist, nm (section 4.1, from Friden and Lieber 2002: 2.8 um).
 const HALF_SARCOMERE_NM: f64 = 1400.0;
 
-/// Time at which the elastic torque overtakes the inertial one for good within the window, s; `None` if it does not.
+/// Time from which the elastic torque exceeds the inertial torque until the end of the window, s; `None` if it does not.
 ///
-/// The search begins at the peak of the inertial torque: before it both are near zero and may cross at random.
+/// The search starts at the peak of the inertial torque: before it both are near zero and may cross at random.
 pub fn overtaking_s(instants: &[TraceSample], window_s: f64) -> Option<f64> {
     let window = &instants[..instants.iter().take_while(|instant| instant.time_s <= window_s).count()];
     let ahead = |instant: &TraceSample| instant.elastic_nm - instant.inertial_nm;
@@ -27,22 +27,22 @@ pub fn stretch_nm(rotation_rad: f64) -> f64 {
     rotation_rad * STRETCH_NM / ROTATION_RAD
 }
 
-/// The same as a part of L_0.
+/// Strain of a half-sarcomere at a wrist rotation, as a fraction of L_0.
 pub fn strain(rotation_rad: f64) -> f64 {
     stretch_nm(rotation_rad) / HALF_SARCOMERE_NM
 }
 
 /// The elastic work of a trial within the window, J.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Work {
-    /// Taken up: the area under elastic torque against joint angle (the paper's Fig. 6).
+pub struct ElasticWork {
+    /// ElasticWork done on the muscle: the area under elastic torque against joint angle (the paper's Fig. 6).
     pub taken_up_j: f64,
-    /// Of it, what short range stiffness gives back when unloaded: T^2 / (2 k_srs).
+    /// Recoverable part, which short-range stiffness returns when unloaded: T^2 / (2 k_srs).
     pub given_back_j: f64,
 }
 
-impl Work {
-    /// Up to the end of the window.
+impl ElasticWork {
+    /// ElasticWork from the onset to the end of the window.
     pub fn of(instants: &[TraceSample], window_s: f64, short_range_stiffness: f64) -> Option<Self> {
         let window = &instants[..instants.iter().take_while(|instant| instant.time_s <= window_s).count()];
         let last = window.last()?;
@@ -61,7 +61,7 @@ impl Work {
     }
 }
 
-/// Mean and standard deviation of the values that there are; no deviation of fewer than two.
+/// Mean and standard deviation of the values that exist; no standard deviation for fewer than two.
 pub fn mean_sd(values: impl IntoIterator<Item = Option<f64>>) -> Option<(f64, Option<f64>)> {
     let values: Vec<f64> = values.into_iter().flatten().filter(|value| value.is_finite()).collect();
     let count = values.len() as f64;
@@ -108,9 +108,9 @@ mod tests {
 
     #[test]
     fn a_spring_dissipates_nothing_and_a_yielding_one_what_lies_above_its_unloading_line() {
-        let spring = Work::of(&instants(|t| (t, 20.0 * t, 0.0)), 0.04, 20.0).unwrap();
+        let spring = ElasticWork::of(&instants(|t| (t, 20.0 * t, 0.0)), 0.04, 20.0).unwrap();
         assert!(spring.dissipated_j().abs() < 1e-12 && (spring.taken_up_j - 0.016).abs() < 1e-9);
-        let plastic = Work::of(&instants(|t| (t, 20.0 * t.min(0.02), 0.0)), 0.04, 20.0).unwrap();
+        let plastic = ElasticWork::of(&instants(|t| (t, 20.0 * t.min(0.02), 0.0)), 0.04, 20.0).unwrap();
         assert!((plastic.dissipated_j() - 0.4 * 0.02).abs() < 1e-9, "{plastic:?}");
     }
 

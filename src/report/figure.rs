@@ -8,18 +8,18 @@ use super::scale::escape;
 /// Colours for light, dark and paper. The page and each figure's file hold it.
 pub const STYLE: &str = include_str!("figure.css");
 
-/// Panels that belong together.
+/// A figure of one or more panels.
 #[derive(Debug, Clone)]
 pub struct Figure {
     /// Name of its file, and of its place in the page.
     pub id: String,
-    /// What it shows.
+    /// Its title.
     pub title: String,
-    /// What to see in it, and where numbers come from.
+    /// Its caption.
     pub caption: String,
     /// Its panels.
     pub panels: Vec<Panel>,
-    /// How many panels beside each other in its file; the page has as many as fit.
+    /// Number of columns in its file; the page shows as many as fit.
     pub columns: usize,
 }
 

@@ -1,50 +1,53 @@
-//! `fit.json` read back, so that a report needs no second fit.
+//! Reads `fit.json`, so that a report needs no second fit.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::error::ReportError;
 use crate::fit::{FIT_FORMAT, Model, QUANTITIES};
+use crate::json_file::JsonFileError;
 use crate::signal::FilterSpec;
 use crate::wrist::BASE_PARAMETERS;
 
-/// What `fit.json` holds, as far as the report shows it.
+/// The content of `fit.json` that the report shows.
 #[derive(Debug, Clone, Deserialize)]
 pub struct Fitted {
-    /// Format and version; [`FIT_FORMAT`].
+    /// Format and version, [`FIT_FORMAT`].
     pub format: String,
     /// Version of the program that fitted.
     pub version: String,
-    /// How the records were looked at.
-    pub settings: Settings,
-    /// The model file.
+    /// The settings of the preprocessing.
+    pub settings: FitSettings,
+    /// The model, as in a model file.
     pub model: Value,
     /// Values of the mechanisms' parameters that all trials share.
     pub mechanism_values: Option<BTreeMap<String, f64>>,
-    /// By trial.
-    pub trials: Vec<TrialFit>,
-    /// By condition.
+    /// The trials.
+    pub trials: Vec<FittedTrial>,
+    /// The conditions.
     pub conditions: Vec<ConditionFit>,
 }
 
-/// How the fit looked at the records.
+/// The settings of preprocessing and weighting.
 #[derive(Debug, Clone, Deserialize)]
-pub struct Settings {
-    /// The window, s.
+pub struct FitSettings {
+    /// The analysed window after the onset, s.
     pub window_s: f64,
-    /// The filter; `None` where the rig had filtered.
+    /// The filter; `None` if the rig had filtered the torque already.
     pub filter: Option<FilterSpec>,
-    /// How residuals were weighed.
+    /// The weighting of the residuals.
     pub weighting: String,
 }
 
-/// Values by name; absent where the fit has none.
+/// Values by name; `None` where the fit has none.
 pub type Values = BTreeMap<String, Option<f64>>;
 
-/// One trial.
+/// The fit of one trial.
 #[derive(Debug, Clone, Deserialize)]
-pub struct TrialFit {
+pub struct FittedTrial {
     /// Its number.
     pub trial: u32,
     /// Label of its condition.
@@ -53,20 +56,20 @@ pub struct TrialFit {
     pub velocity_rad_s: f64,
     /// Target torque, N m.
     pub torque_nm: f64,
-    /// The quantities.
+    /// The fitted quantities.
     pub values: Values,
-    /// Eq. 9, relative.
+    /// Relative standard errors of Eq. 9.
     pub sem_eq9_relative: Values,
-    /// Standard error from the measured noise, relative.
+    /// Relative standard errors from the measured noise.
     pub se_relative: Values,
-    /// Whether the optimisation came to its end.
+    /// Whether the optimisation converged.
     pub converged: bool,
-    /// Remarks for a person.
+    /// Remarks about the fit.
     #[serde(default)]
     pub remarks: Vec<String>,
 }
 
-/// One condition.
+/// The mean fit of one condition.
 #[derive(Debug, Clone, Deserialize)]
 pub struct ConditionFit {
     /// Its label.
@@ -75,7 +78,7 @@ pub struct ConditionFit {
     pub velocity_rad_s: f64,
     /// Target torque, N m.
     pub torque_nm: f64,
-    /// How many repetitions.
+    /// Number of repetitions.
     pub repetitions: usize,
     /// Means.
     pub mean: Values,
@@ -84,19 +87,23 @@ pub struct ConditionFit {
 }
 
 impl Fitted {
-    /// Line, field and what is wrong, if `text` is no `fit.json` of this version.
-    pub fn parse(text: &str) -> Result<Self, (usize, String, String)> {
-        let mut deserializer = serde_json::Deserializer::from_str(text);
-        let fitted: Self = serde_path_to_error::deserialize(&mut deserializer)
-            .map_err(|error| (error.inner().line(), error.path().to_string(), error.inner().to_string()))?;
-        if fitted.format != FIT_FORMAT {
-            return Err((1, "format".into(), format!("{:?} is not known", fitted.format)));
+    /// Checks that the file has the format that this program writes.
+    pub fn check_format(&self, path: &Path) -> Result<(), ReportError> {
+        if self.format == FIT_FORMAT {
+            return Ok(());
         }
-        Ok(fitted)
+        let source = JsonFileError::Value {
+            file: path.to_owned(),
+            line: 1,
+            field: "format".into(),
+            message: format!("{:?} is not known", self.format),
+            expected: FIT_FORMAT,
+        };
+        Err(ReportError::Content { source, verb: "fit" })
     }
 
-    /// All parameters of a trial in the order of its model; `None` if the file does not hold them all.
-    pub fn parameters(&self, trial: &TrialFit) -> Option<(Model, Vec<f64>)> {
+    /// The model and all parameters of a trial in the model's order; `None` if the file lacks one.
+    pub fn parameters(&self, trial: &FittedTrial) -> Option<(Model, Vec<f64>)> {
         let model = Model::parse(&self.model.to_string()).ok()?;
         let shared = self.mechanism_values.as_ref();
         let value = |name: &String| match trial.values.get(name) {
@@ -108,29 +115,29 @@ impl Fitted {
     }
 }
 
-/// How a quantity is shown.
+/// The presentation of a quantity.
 #[derive(Debug, Clone, Copy)]
 pub struct Shown {
     /// Its name in results.
     pub name: &'static str,
-    /// Its sign.
+    /// Its symbol.
     pub sign: &'static str,
     /// Its meaning.
     pub meaning: &'static str,
     /// Unit in which it is shown.
     pub unit: &'static str,
-    /// From SI to that unit.
+    /// Factor from the SI unit to the shown unit.
     pub factor: f64,
-    /// What the paper states, in that unit: lower and upper end.
+    /// Range that the paper states, in the shown unit.
     pub paper: Option<(f64, f64)>,
-    /// The same in words.
+    /// The paper's value as text.
     pub paper_says: &'static str,
 }
 
 /// The quantities, in the order of [`QUANTITIES`]; the paper's values are those of its sections 3.1 to 3.3.
 pub const SHOWN: [Shown; 9] = [
-    shown(0, "I_j", "inertia of hand and handle part", "g m²", 1e3, None, "no figure"),
-    shown(1, "b_h", "damping between hand and handle", "N m s/rad", 1.0, None, "no figure"),
+    shown(0, "I_j", "inertia of hand and handle part", "g m²", 1e3, None, "not stated"),
+    shown(1, "b_h", "damping between hand and handle", "N m s/rad", 1.0, None, "not stated"),
     shown(
         2,
         "k_h",
@@ -151,7 +158,7 @@ pub const SHOWN: [Shown; 9] = [
         "rises with velocity and torque",
     ),
     shown(5, "x_e", "elastic limit", "mrad", 1e3, Some((25.0, 65.0)), "25 to 65, with velocity"),
-    shown(6, "k_after", "stiffness beyond the elastic limit", "N m/rad", 1.0, None, "no figure"),
+    shown(6, "k_after", "stiffness beyond the elastic limit", "N m/rad", 1.0, None, "not stated"),
     shown(7, "x_t", "time to the elastic limit", "ms", 1e3, Some((28.7, 30.3)), "29.5 ± 0.8"),
     shown(8, "VAF", "variance of the torque accounted for", "", 1.0, Some((0.993, 0.995)), "0.994 ± 0.001"),
 ];
@@ -169,18 +176,18 @@ const fn shown(
 }
 
 impl Shown {
-    /// Its sign with its unit, for an axis or a heading.
+    /// Its symbol with its unit, for an axis or a heading.
     pub fn with_unit(&self) -> String {
         if self.unit.is_empty() { self.sign.into() } else { format!("{} ({})", self.sign, self.unit) }
     }
 }
 
-/// The six of them that are estimated.
+/// The six estimated quantities.
 pub fn estimated() -> &'static [Shown] {
     &SHOWN[..BASE_PARAMETERS.len()]
 }
 
-/// A condition in words.
+/// The label of a condition.
 pub fn condition_name(label: Option<&String>, velocity_rad_s: f64, torque_nm: f64) -> String {
     match label {
         Some(label) => label.clone(),

@@ -1,17 +1,17 @@
-//! What the journal tells a reader: how long the gates took to open, how long the session was, which faults there were.
+//! Reads the journal for the report: gate times, duration, incidents.
 
 use serde_json::Value;
 
 /// The times of a session, from its journal.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Times {
-    /// Number of a measured trial and how long its gate took to open, s.
+pub struct SessionTimes {
+    /// Number of each measured trial and the time until its gate opened, s.
     pub gates: Vec<(u32, f64)>,
-    /// From the first word to the last, s, pauses between two starts of the program not counted.
+    /// Time from the first to the last record, s, without the time between two starts of the program.
     pub duration_s: f64,
-    /// How often the program was started again.
+    /// Number of times the session was resumed.
     pub resumed: usize,
-    /// Events that are not of the ordinary course, with their time, s.
+    /// Faults and other incidents, with their time, s.
     pub incidents: Vec<(f64, String)>,
     /// Lines that could not be read.
     pub unread_lines: usize,
@@ -20,9 +20,9 @@ pub struct Times {
 /// Length and checksum that stand before each line's JSON.
 const HEAD: usize = 8 + 1 + 16 + 1;
 
-/// Reads the journal's lines; one that was cut off by a crash is counted and passed over.
-pub fn times(text: &str, sample_rate_hz: f64) -> Times {
-    let mut times = Times::default();
+/// Reads the journal's lines; a line that a crash cut off is counted and skipped.
+pub fn times(text: &str, sample_rate_hz: f64) -> SessionTimes {
+    let mut times = SessionTimes::default();
     let (mut before_s, mut last_s) = (0.0, 0.0_f64);
     let mut trial: Option<(u32, f64)> = None;
     for line in text.lines() {

@@ -1,7 +1,7 @@
-//! Pictures and tables for a person: `report.html`, one file that opens anywhere, and its figures as SVG.
+//! The report of a session: `report.html`, one file that needs no network, and its figures as SVG.
 //!
-//! Everything comes from the session's folder and its results: a report needs no second fit, and what is missing is
-//! said in it. It holds nothing of the clock or the machine, so the same session gives the same bytes.
+//! All content comes from the session's folder and its results. A report needs no second fit, and it lists what is
+//! missing. It contains neither time nor machine, so that the same session gives the same bytes.
 
 mod chart;
 mod derived;
@@ -9,8 +9,8 @@ mod error;
 mod figure;
 mod figures;
 mod fitted;
+mod input;
 mod journal;
-mod material;
 mod page;
 mod scale;
 mod sections;
@@ -23,22 +23,22 @@ pub use error::ReportError;
 pub use figures::{EffectCurve, PowerCurve, mechanism as mechanism_figure, power as power_figure};
 
 use crate::dataset::Disk;
-use material::Material;
+use input::ReportInput;
 
-/// Name of the page in a results folder.
+/// File name of the page in a results folder.
 pub const REPORT: &str = "report.html";
 
-/// Name of the folder of figures beside it.
+/// Name of the folder of figures in a results folder.
 pub const FIGURES: &str = "figures";
 
-/// What was written.
+/// The files that were written.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Written {
+pub struct WrittenReport {
     /// The page.
     pub page: PathBuf,
-    /// How many figures.
+    /// Number of figures.
     pub figures: usize,
-    /// What the report lacks, and why.
+    /// What the report lacks, and the reasons.
     pub missing: Vec<String>,
 }
 
@@ -46,16 +46,16 @@ pub struct Written {
 ///
 /// # Errors
 /// If the session, or a result file that is there, cannot be read, or the report cannot be written.
-pub fn write(folder: &Path, results: &Path, disk: &Disk) -> Result<Written, ReportError> {
-    let material = Material::read(folder, results)?;
+pub fn write(folder: &Path, results: &Path, disk: &Disk) -> Result<WrittenReport, ReportError> {
+    let input = ReportInput::read(folder, results)?;
     let sections = [
-        sections::glance(&material),
-        sections::trials(&material),
-        sections::parameters(&material),
-        sections::balance(&material),
-        sections::stiffness(&material),
-        sections::diagnosis(&material),
-        sections::uncertainty(&material),
+        sections::overview(&input),
+        sections::trials(&input),
+        sections::parameters(&input),
+        sections::balance(&input),
+        sections::stiffness(&input),
+        sections::diagnosis(&input),
+        sections::uncertainty(&input),
     ];
     let figures_folder = results.join(FIGURES);
     let at = |path: &Path| {
@@ -70,6 +70,6 @@ pub fn write(folder: &Path, results: &Path, disk: &Disk) -> Result<Written, Repo
         figures += 1;
     }
     let page = results.join(REPORT);
-    disk.write(&page, page::html(&material, &sections).as_bytes()).map_err(at(&page))?;
-    Ok(Written { page, figures, missing: material.missing })
+    disk.write(&page, page::html(&input, &sections).as_bytes()).map_err(at(&page))?;
+    Ok(WrittenReport { page, figures, missing: input.missing })
 }

@@ -1,25 +1,24 @@
-//! The page: one file with its style and its script, which asks nothing of any network.
+//! The HTML page: one file with its style and script, which needs no network.
 
 use super::figure;
-use super::material::Material;
+use super::input::ReportInput;
 use super::scale::escape;
-use super::sections::Section;
+use super::sections::ReportSection;
 use crate::dataset::PROGRAM;
 
-const STYLE: &str = include_str!("page.css");
+const PAGE_STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// The sections as a page.
-pub fn html(material: &Material, sections: &[Section]) -> String {
-    let subject = escape(&material.session.subject.id);
-    let protocol =
-        material.protocol.as_ref().map_or(String::new(), |own| format!(" · {}", escape(&own.name)));
+/// Combines the sections into the page.
+pub fn html(input: &ReportInput, sections: &[ReportSection]) -> String {
+    let subject = escape(&input.session.subject.id);
+    let protocol = input.protocol.as_ref().map_or(String::new(), |own| format!(" · {}", escape(&own.name)));
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\
          <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><meta name=\"color-scheme\" content=\"light dark\">\
          <meta name=\"generator\" content=\"{PROGRAM}\"><title>{subject}: ramp-and-hold report</title>\
-         <style>\n{}{STYLE}</style></head><body><header><h1>{subject}{protocol}</h1>\
+         <style>\n{}{PAGE_STYLE}</style></head><body><header><h1>{subject}{protocol}</h1>\
          <nav aria-label=\"sections\">",
         figure::STYLE
     );
@@ -42,7 +41,7 @@ pub fn html(material: &Material, sections: &[Section]) -> String {
     )
 }
 
-/// A heading without what stands in brackets or after a colon.
+/// A heading without the part in brackets or after a colon.
 fn short(heading: &str) -> String {
     escape(heading.split([':', '(']).next().unwrap_or(heading).trim())
 }

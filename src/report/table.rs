@@ -1,4 +1,4 @@
-//! Tables that a person can read and a spreadsheet can take.
+//! Tables as HTML, which can also be copied into a spreadsheet.
 
 use std::fmt::Write;
 
@@ -7,9 +7,9 @@ use super::scale::{escape, significant, with_spread};
 /// A cell.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
-    /// Words.
+    /// Text.
     Text(String),
-    /// A number, as it is to be shown.
+    /// A number as it is shown.
     Number(String),
     /// Mean and standard deviation: one cell here, two when copied.
     Spread(Option<f64>, Option<f64>),
@@ -17,8 +17,8 @@ pub enum Cell {
 
 /// A table.
 #[derive(Debug, Clone)]
-pub struct Table {
-    /// What it holds.
+pub struct HtmlTable {
+    /// Its caption.
     pub caption: String,
     /// Headings.
     pub head: Vec<String>,
@@ -32,7 +32,7 @@ impl Cell {
         Self::Text(text.into())
     }
 
-    /// A number with so many significant digits; a dash where there is none.
+    /// A number with a number of significant digits; a dash if there is no number.
     pub fn number(value: Option<f64>, digits: i32) -> Self {
         Self::Number(value.map_or("–".into(), |value| significant(value, digits)))
     }
@@ -53,7 +53,7 @@ impl Cell {
     }
 }
 
-impl Table {
+impl HtmlTable {
     /// As a part of the page, with a button that copies it.
     pub fn html(&self) -> String {
         let spread =
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn mean_and_deviation_are_one_cell_to_read_and_two_to_copy() {
-        let table = Table {
+        let table = HtmlTable {
             caption: "<values>".into(),
             head: vec!["condition".into(), "x_e (mrad)".into()],
             rows: vec![vec![Cell::text("a\tb"), Cell::Spread(Some(15.512), Some(0.98))]],

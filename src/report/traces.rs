@@ -1,15 +1,15 @@
-//! A trial as it is drawn: what was recorded, and what the fitted wrist did.
+//! Traces of a trial for its figure: recorded and fitted.
 
 use rayon::prelude::*;
 
-use super::fitted::{Fitted, TrialFit};
+use super::fitted::{Fitted, FittedTrial};
 use crate::dataset::{Session, Status};
 use crate::fit::{Observations, PreprocessingSettings, TrialObservation};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
 use crate::wrist::{self, SimulatedTorque, SimulationSettings, TraceSample, simulate, substeps};
 
-/// A trial with what was measured and what was fitted. Torques and angles are changes from the hold, turned so that the
+/// The measured and fitted traces of a trial. Torques and angles are changes from the hold, turned so that the
 /// ramp is positive, as in section 2.4 of the paper.
 #[derive(Debug, Clone)]
 pub struct Trace {
@@ -21,7 +21,7 @@ pub struct Trace {
     pub velocity_rad_s: f64,
     /// Target torque, N m.
     pub torque_nm: f64,
-    /// Which repetition.
+    /// Repetition index, from 1.
     pub repetition: u32,
     /// The whole record, thinned: time from the onset in s, motor angle in rad, filtered torque in N m, both as recorded.
     pub whole: Vec<(f64, f64, f64)>,
@@ -29,18 +29,18 @@ pub struct Trace {
     pub near: Vec<(f64, f64, f64)>,
     /// Time and fitted torque, filtered, from the onset on; empty without a fit.
     pub fitted_nm: Vec<(f64, f64)>,
-    /// The wrist as fitted, from the onset on; empty without a fit.
+    /// The states of the fitted wrist from the onset on; empty without a fit.
     pub instants: Vec<TraceSample>,
-    /// Measured less fitted torque in the window, N m; empty without a fit.
+    /// Measured minus fitted torque in the window, N m; empty without a fit.
     pub residual_nm: Vec<f64>,
-    /// What the fit says.
-    pub fit: Option<TrialFit>,
+    /// The fit of the trial.
+    pub fit: Option<FittedTrial>,
 }
 
-/// How many points of the whole record are drawn.
+/// Number of points of the whole record that are drawn.
 const WHOLE_POINTS: usize = 360;
 
-/// How much of the record is drawn before and after the onset, s.
+/// Part of the record that is drawn before and after the onset, s.
 const WHOLE_S: (f64, f64) = (0.6, 0.5);
 
 /// The traces of all trials that can be analysed, by condition and repetition.

@@ -1,7 +1,7 @@
-//! Random orders without long runs of one torque or one velocity; every order that keeps the rule is equally likely.
+//! Random orders without long runs of one torque or one velocity; every order that satisfies the constraint is equally likely.
 //!
-//! Shuffling until the rule holds would be uniform and, for short runs, take for ever: of the paper's 36 trials, one
-//! shuffle in 10^11 has no two neighbours alike. So candidates come from two better proposals in turn, each of which
+//! Shuffling until the constraint holds would be uniform, but for short runs it takes too long: of the paper's 36 trials,
+//! one shuffle in 10^11 has no two equal neighbours. So candidates come from two better proposals in turn, each of which
 //! proposes every valid order with the same probability:
 //!
 //! 1. A uniform sequence of torques without long runs ([`RunLimited`]), then for each torque its velocities in random
@@ -15,17 +15,19 @@
 
 use std::collections::HashMap;
 
-use super::DrawError;
 use crate::random::Stream;
 
-/// How often the two proposals are tried before giving up; with 36 trials a matter of seconds.
+use super::error::DrawError;
+
+/// Number of draws from both proposals before the constraint is given up; with 36 trials they take a few seconds.
 const DRAWS: u32 = 300_000;
 
-/// Beyond so many states the exact sequences would take too much memory, and plain shuffles must do.
+/// Largest number of states for which sequences are drawn exactly; above it, memory would be too large and plain
+/// shuffles are drawn instead.
 const MOST_STATES: f64 = 200_000.0;
 
 /// Which trials to order, and how.
-pub(super) struct Design {
+pub(super) struct ConstrainedDesign {
     pub velocities: usize,
     pub torques: usize,
     pub repetitions: usize,
@@ -33,8 +35,8 @@ pub(super) struct Design {
 }
 
 /// Draws an order; a condition's index counts its torques within its velocity.
-pub(super) fn draw(design: &Design, stream: &mut Stream) -> Result<Vec<usize>, DrawError> {
-    let Design { velocities, torques, repetitions, max_run } = *design;
+pub(super) fn draw(design: &ConstrainedDesign, stream: &mut Stream) -> Result<Vec<usize>, DrawError> {
+    let ConstrainedDesign { velocities, torques, repetitions, max_run } = *design;
     let mut of_torque = RunLimited::new(torques, velocities * repetitions, max_run);
     let mut of_velocity = RunLimited::new(velocities, torques * repetitions, max_run);
     for _ in 0..DRAWS {
@@ -74,7 +76,7 @@ impl Labels {
         self.velocity.iter().zip(&self.torque).map(|(velocity, torque)| velocity * torques + torque).collect()
     }
 
-    fn are_valid(&self, design: &Design) -> bool {
+    fn are_valid(&self, design: &ConstrainedDesign) -> bool {
         let mut counts = vec![0; design.velocities * design.torques];
         for condition in self.conditions(design.torques) {
             counts[condition] += 1;
@@ -118,12 +120,12 @@ struct RunLimited {
     each: usize,
     max_run: u32,
     /// `None` if there are too many states to keep: then sequences are shuffled and may be invalid.
-    chances: Option<HashMap<State, f64>>,
+    chances: Option<HashMap<RemainingLabels, f64>>,
 }
 
 /// What is left to place: the chance of success depends on nothing else, as the labels are exchangeable.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
-struct State {
+struct RemainingLabels {
     /// How many are left of the label placed last, and how many of it stand in a row.
     last: usize,
     run: u32,
@@ -152,7 +154,11 @@ impl RunLimited {
         sequence
     }
 
-    fn sample_exactly(&self, chances: &mut HashMap<State, f64>, stream: &mut Stream) -> Option<Vec<usize>> {
+    fn sample_exactly(
+        &self,
+        chances: &mut HashMap<RemainingLabels, f64>,
+        stream: &mut Stream,
+    ) -> Option<Vec<usize>> {
         let mut left = vec![self.each; self.labels];
         let mut sequence: Vec<usize> = Vec::with_capacity(self.labels * self.each);
         let mut run = 0;
@@ -173,18 +179,24 @@ impl RunLimited {
     }
 
     /// How many of a label are left, times the chance of success if one of them is placed.
-    fn weight(&self, left: &[usize], label: usize, run: u32, chances: &mut HashMap<State, f64>) -> f64 {
+    fn weight(
+        &self,
+        left: &[usize],
+        label: usize,
+        run: u32,
+        chances: &mut HashMap<RemainingLabels, f64>,
+    ) -> f64 {
         if left[label] == 0 || run > self.max_run {
             return 0.0;
         }
         let mut others: Vec<usize> =
             left.iter().enumerate().filter(|(other, _)| *other != label).map(|(_, count)| *count).collect();
         others.sort_unstable();
-        left[label] as f64 * self.chance(State { last: left[label] - 1, run, others }, chances)
+        left[label] as f64 * self.chance(RemainingLabels { last: left[label] - 1, run, others }, chances)
     }
 
     /// The chance that a shuffle of what is left keeps the rule.
-    fn chance(&self, state: State, chances: &mut HashMap<State, f64>) -> f64 {
+    fn chance(&self, state: RemainingLabels, chances: &mut HashMap<RemainingLabels, f64>) -> f64 {
         let total = state.last + state.others.iter().sum::<usize>();
         if total == 0 {
             return 1.0;
@@ -226,7 +238,7 @@ mod tests {
 
     #[test]
     fn the_paper_s_design_can_do_without_any_neighbours_alike() {
-        let design = Design { velocities: 4, torques: 3, repetitions: 3, max_run: 1 };
+        let design = ConstrainedDesign { velocities: 4, torques: 3, repetitions: 3, max_run: 1 };
         let order = draw(&design, &mut Stream::new(1, "order")).unwrap();
         let torques: Vec<usize> = order.iter().map(|condition| condition % 3).collect();
         let velocities: Vec<usize> = order.iter().map(|condition| condition / 3).collect();
@@ -237,7 +249,7 @@ mod tests {
     fn sequences_are_drawn_with_the_chance_of_a_shuffle_to_be_valid() {
         // aabb: 6 shuffles, of which abab and baba have no neighbours alike, and abba and baab besides have runs of 2.
         let limited = |max_run| RunLimited::new(2, 2, max_run);
-        let start = State { last: 0, run: 0, others: vec![2, 2] };
+        let start = RemainingLabels { last: 0, run: 0, others: vec![2, 2] };
         for (max_run, expected) in [(1, 2.0 / 6.0), (2, 1.0)] {
             let chance = limited(max_run).chance(start.clone(), &mut HashMap::new());
             assert!((chance - expected).abs() < 1e-15, "runs of {max_run}: {chance}");
@@ -247,7 +259,7 @@ mod tests {
     #[test]
     fn an_impossible_rule_is_an_error() {
         // After (v1, t1) only (v2, t2) differs in both, and after that only (v1, t1) again.
-        let design = Design { velocities: 2, torques: 2, repetitions: 1, max_run: 1 };
+        let design = ConstrainedDesign { velocities: 2, torques: 2, repetitions: 1, max_run: 1 };
         let error = draw(&design, &mut Stream::new(1, "order")).unwrap_err();
         assert_eq!(error, DrawError::RunsTooShort { max_run: 1, trials: 4, draws: DRAWS });
     }

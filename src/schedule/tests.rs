@@ -5,7 +5,10 @@ use std::collections::HashMap;
 use proptest::prelude::*;
 use serde_json::json;
 
+use super::drawing::conditions;
 use super::*;
+use crate::protocol::{Condition, Protocol, ValidProtocol};
+use crate::random::Stream;
 
 fn protocol(
     velocities: &[f64],
@@ -27,9 +30,9 @@ fn paper(order: serde_json::Value) -> ValidProtocol {
 }
 
 /// The order as indices of conditions.
-fn indices(protocol: &ValidProtocol, order: &[Planned]) -> Vec<usize> {
+fn indices(protocol: &ValidProtocol, order: &[ScheduledTrial]) -> Vec<usize> {
     let conditions = conditions(protocol);
-    let is = |planned: &Planned| {
+    let is = |planned: &ScheduledTrial| {
         let condition = Condition { velocity_rad_s: planned.velocity_rad_s, torque_nm: planned.torque_nm };
         conditions.iter().position(|other| *other == condition).unwrap()
     };
@@ -209,8 +212,11 @@ fn williams_asks_for_the_subject_s_number() {
 #[test]
 fn schedule_csv_has_the_columns_of_the_session_format() {
     let mut bytes = Vec::new();
-    write_csv(&[Planned { position: 1, velocity_rad_s: 1.95, torque_nm: 2.0, repetition: 3 }], &mut bytes)
-        .unwrap();
+    write_csv(
+        &[ScheduledTrial { position: 1, velocity_rad_s: 1.95, torque_nm: 2.0, repetition: 3 }],
+        &mut bytes,
+    )
+    .unwrap();
     assert_eq!(
         String::from_utf8(bytes).unwrap(),
         "position,velocity_rad_s,torque_nm,repetition\n1,1.95,2.0,3\n"

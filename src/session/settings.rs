@@ -61,7 +61,11 @@ impl Settings {
     ///
     /// # Errors
     /// If the order has a velocity that the protocol's amplitude does not suffice for.
-    pub fn new(protocol: &ValidProtocol, seed: u64, order: &[schedule::Planned]) -> Result<Self, TooShort> {
+    pub fn new(
+        protocol: &ValidProtocol,
+        seed: u64,
+        order: &[schedule::ScheduledTrial],
+    ) -> Result<Self, TooShort> {
         let plan = plan(protocol, seed, order)?;
         let rate = protocol.signal.sample_rate_hz;
         let samples = |seconds: f64| (seconds * rate).round() as u64;
@@ -95,7 +99,7 @@ impl Settings {
 fn plan(
     protocol: &ValidProtocol,
     seed: u64,
-    order: &[schedule::Planned],
+    order: &[schedule::ScheduledTrial],
 ) -> Result<Vec<PlannedTrial>, TooShort> {
     let last = order.len().saturating_sub(1).max(1) as f64;
     let mut plan = Vec::with_capacity(order.len() + protocol.before.familiarisation_trials as usize);

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::dataset::{DatasetError, RecordError};
 use crate::fit::PreprocessingError;
+use crate::json_file::JsonFileError;
 use crate::protocol::{ProtocolError, TooShort};
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{PersonError, RigFileError};
@@ -13,26 +14,9 @@ use crate::schedule::DrawError;
 /// Why a study cannot be carried out.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    /// The study file cannot be read.
-    #[error("{}: cannot be read ({source}); expected the JSON file of a study", .file.display())]
-    Unreadable {
-        /// The file.
-        file: PathBuf,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// The study file is not JSON, or one of its fields is unknown, missing or of the wrong type.
-    #[error("{}, line {line}, field {field}: {message}; see protocols/study.schema.json", .file.display())]
-    Json {
-        /// The file.
-        file: PathBuf,
-        /// Line in the file, from 1.
-        line: usize,
-        /// Path of the field.
-        field: String,
-        /// The parser's message.
-        message: String,
-    },
+    /// The file cannot be read, is not JSON, or has a field that is unknown, missing or of the wrong type.
+    #[error(transparent)]
+    Json(#[from] JsonFileError),
     /// A field of the study file has a value outside its range.
     #[error("{}, field {field}: {found}; expected {expected}", .file.display())]
     Value {

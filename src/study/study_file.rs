@@ -1,6 +1,5 @@
 //! The study file: `ramphold-study/1`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use schemars::{JsonSchema, schema_for};
@@ -9,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::error::StudyError;
 use super::population::SubjectSpread;
 use crate::fit::Weighting;
+use crate::json_file;
 
 /// Format and version of study files.
 pub const STUDY_FORMAT: &str = "ramphold-study/1";
@@ -103,6 +103,9 @@ pub struct MeasuredSessions {
     pub repeated: bool,
 }
 
+/// What the file should be, for messages.
+const STUDY_FILE: &str = "the file of a study (see ramphold schema study)";
+
 /// The JSON schema of study files, as text.
 pub fn schema_text() -> String {
     format!("{:#}\n", schema_for!(StudyFile).to_value())
@@ -111,23 +114,13 @@ pub fn schema_text() -> String {
 impl StudyFile {
     /// Reads a study file. Returns the study and the text of the file.
     pub fn read(file: &Path) -> Result<(Self, String), StudyError> {
-        let text = fs::read_to_string(file)
-            .map_err(|source| StudyError::Unreadable { file: file.to_owned(), source })?;
+        let text = json_file::read_text(file, STUDY_FILE)?;
         Ok((Self::parse(&text, file)?, text))
     }
 
     /// Parses and checks the `text` of a study file; `file` is named in error messages.
     pub fn parse(text: &str, file: &Path) -> Result<Self, StudyError> {
-        let wrong = |field: String, error: &serde_json::Error| StudyError::Json {
-            file: file.to_owned(),
-            line: error.line(),
-            field,
-            message: error.to_string(),
-        };
-        let mut deserializer = serde_json::Deserializer::from_str(text);
-        let study: Self = serde_path_to_error::deserialize(&mut deserializer)
-            .map_err(|error| wrong(error.path().to_string(), error.inner()))?;
-        deserializer.end().map_err(|error| wrong(".".to_owned(), &error))?;
+        let study: Self = json_file::parse(text, file, STUDY_FILE)?;
         study.check(file)?;
         Ok(study)
     }

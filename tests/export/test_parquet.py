@@ -44,7 +44,7 @@ def test_a_row_a_trial_holds_its_fit(session, measured, tmp_path):
 def test_a_file_that_is_there_is_not_overwritten(session, tmp_path):
     (tmp_path / "mine.parquet").write_text("mine")
     result = ramphold("export", session, "--parquet", tmp_path / "mine.parquet")
-    assert result.returncode == 2 and "is there already" in result.stderr
+    assert result.returncode == 2 and "exists already" in result.stderr
     assert (tmp_path / "mine.parquet").read_text() == "mine"
 
 

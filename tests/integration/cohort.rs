@@ -177,7 +177,7 @@ fn measured_sessions_are_fitted_and_one_that_is_broken_is_told_of() {
     workspace.refuse(
         1,
         &["cohort", "study.json", "--seed", "1", "--out", "broken"],
-        &["S03, session 1: ", "trial-002.csv, line 2, column t_s", "1 problems kept persons out"],
+        &["S03, session 1: ", "trial-002.csv, line 2, column t_s", "1 problems exclude subjects"],
     );
     let broken = fs::read_to_string(workspace.path("broken/study.csv")).unwrap();
     assert_eq!(

@@ -205,5 +205,5 @@ fn the_proposed_protocol_passes_the_check_and_promises_more_than_the_one_before(
     assert!(best >= before, "{table}");
     let (_, there) =
         workspace.call(2, &["design", "s", "--between", between[0], between[1], "--out", "next.json"]);
-    assert!(there.contains("is there already"), "{there}");
+    assert!(there.contains("exists already"), "{there}");
 }

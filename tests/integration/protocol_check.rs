@@ -273,7 +273,7 @@ fn check_prints_trials_and_duration() {
     // A movement takes 0.069 s at full speed on average, 0.02 s of stopping, 0.5 s of hold and 0.3 s of return. So
     // 38 trials of 2 + 0.5 s of gate, 0.889 s of movement and 5 s of rest, after 2 s of offset and 132 s of MVC.
     let expected = "protocols/de-vlugt-2011.json: de Vlugt et al. 2011, can be run
-  trials: 36 (4 velocities x 3 torques x 3 repetitions, shuffled); before them 2 to get familiar
+  trials: 36 (4 velocities x 3 torques x 3 repetitions, shuffled); before them 2 familiarisation trials
   expected duration: 7 min 33 s (6 min 17 s if every gate opens at once, 24 min 58 s if each takes its timeout)
 ";
     let printed = output_of(&mut ramphold(&["check", "protocols/de-vlugt-2011.json"]), 0);

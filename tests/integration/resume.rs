@@ -88,7 +88,7 @@ fn nothing_moves_and_nothing_changes_without_the_operators_word() {
     let session = workspace.killed_session();
     let before = files(&session);
     let (_, said) = workspace.call(2, &["resume", "s"]);
-    assert!(said.contains("the rig needs the operator's word") && said.contains("--yes"), "{said}");
+    assert!(said.contains("the rig needs the operator's consent") && said.contains("--yes"), "{said}");
     assert!(files(&session) == before);
 }
 
@@ -139,14 +139,14 @@ fn verify_names_every_file_that_was_changed_taken_away_or_added() {
     let workspace = Workspace::with_short_protocol();
     let session = workspace.complete_session();
     let (said, _) = workspace.call(0, &["verify", "s"]);
-    assert!(said.contains("files as they were; subject V00, seed 7"), "{said}");
+    assert!(said.contains("files unchanged; subject V00, seed 7"), "{said}");
     fs::write(session.join("trials/trial-003.csv"), "").unwrap();
     fs::remove_file(session.join("rig.json")).unwrap();
     fs::create_dir(session.join("notes")).unwrap();
     fs::write(session.join("notes/a.txt"), "hello").unwrap();
     let (said, why) = workspace.call(1, &["verify", "s"]);
     assert_eq!(said, "added    notes/a.txt\nmissing  rig.json\nchanged  trials/trial-003.csv\n");
-    assert!(why.contains("3 files are not as they were"), "{why}");
+    assert!(why.contains("3 files differ from what they were"), "{why}");
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! The model file: reading a fit model from JSON and writing it.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::specification::{Model, ParameterSpec, Scope};
+use crate::json_file;
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::CATALOGUE;
 
@@ -98,12 +100,11 @@ impl Model {
     /// # Errors
     /// If the file is not JSON, has an unknown field, names an unknown parameter or mechanism, or has a value outside its bounds.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
-        let mut deserializer = serde_json::Deserializer::from_str(text);
-        let file: ModelFile = serde_path_to_error::deserialize(&mut deserializer)
-            .map_err(|e| ModelError::Form { path: e.path().to_string(), message: e.inner().to_string() })?;
-        deserializer
-            .end()
-            .map_err(|error| ModelError::Form { path: ".".to_owned(), message: error.to_string() })?;
+        let file: ModelFile =
+            json_file::parse(text, Path::new("model"), "a model file").map_err(|error| {
+                let (path, message) = error.field_and_message();
+                ModelError::Form { path, message }
+            })?;
         if file.format != MODEL_FORMAT {
             return Err(ModelError::Format { found: file.format });
         }

@@ -1,6 +1,6 @@
-//! No condition may break a limit anywhere on its trajectory, and its ramp must last as long as the analysed window.
+//! Rules on limits: no trajectory may exceed a limit, and each ramp must last as long as the analysed window.
 
-use super::Rules;
+use super::context::Rules;
 use crate::protocol::Sweep;
 use crate::protocol::units::significant;
 

@@ -1,10 +1,10 @@
-//! The order asked for must be one of the trials that the protocol has.
+//! Rules on the order: it must contain the trials that the protocol has.
 
-use super::Rules;
+use super::context::Rules;
 use crate::protocol::source::{Content, Node};
 
-/// As many as a patient person could do in a day, and then some.
-const MOST_TRIALS: f64 = 10_000.0;
+/// Largest number of trials of a protocol, more than a subject can do in a day. Assumed.
+const MAX_PROTOCOL_TRIALS: f64 = 10_000.0;
 
 pub(super) fn check(rules: &mut Rules) {
     let (velocities, torques) = (rules.numbers("velocities_rad_s"), rules.numbers("torques_nm"));
@@ -12,8 +12,8 @@ pub(super) fn check(rules: &mut Rules) {
         velocities.len() == rules.length("velocities_rad_s") && torques.len() == rules.length("torques_nm");
     let Some(repetitions) = rules.number("repetitions").filter(|_| complete) else { return };
     let trials = (velocities.len() * torques.len()) as f64 * repetitions;
-    if trials > MOST_TRIALS {
-        let expected = format!("at most {MOST_TRIALS} trials in all; these are {trials}");
+    if trials > MAX_PROTOCOL_TRIALS {
+        let expected = format!("at most {MAX_PROTOCOL_TRIALS} trials in all; these are {trials}");
         return rules.add("repetitions", expected, "lower it".to_owned());
     }
     let kind = rules.document.at("order.kind").map(Node::value);
@@ -29,7 +29,7 @@ pub(super) fn check(rules: &mut Rules) {
     }
 }
 
-/// With one torque, all trials are one run.
+/// With one level only, all trials are one run.
 fn runs_can_be_broken(rules: &mut Rules, what: &str, levels: usize, trials: f64) {
     if levels == 1 && rules.number("order.max_run").is_some_and(|max_run| max_run < trials) {
         let expected =

@@ -1,27 +1,27 @@
 //! The figures of the report.
 
 mod balance;
-mod glance;
 mod mechanism;
 mod parameters;
 mod power;
 mod residuals;
+mod session;
 mod stiffness;
 mod trial;
 
 pub use balance::balance;
-pub use glance::{gates, lateness, order};
 pub use mechanism::{EffectCurve, mechanism};
 pub use parameters::parameters;
 pub use power::{PowerCurve, power};
 pub use residuals::{ResidualMap, residual_map};
+pub use session::{gates, lateness, order};
 pub use stiffness::stiffness;
 pub use trial::trial;
 
 use super::chart::COLOURS;
 use super::traces::Trace;
 
-/// The distinct values, in order.
+/// The distinct values in ascending order.
 pub fn distinct(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);
@@ -29,12 +29,12 @@ pub fn distinct(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-/// The colour of the value at a place in a list.
+/// The colour of the value at an index of a list.
 fn colour(place: usize) -> usize {
     1 + place % COLOURS
 }
 
-/// The traces of each condition together; they come sorted by it.
+/// The traces grouped by condition; the input is sorted by condition.
 pub fn by_condition(traces: &[Trace]) -> Vec<&[Trace]> {
     let same = |a: &Trace, b: &Trace| match (&a.label, &b.label) {
         (Some(a), Some(b)) => a == b,

@@ -1,20 +1,20 @@
-//! Power against the number of persons.
+//! Power curves.
 
 use super::colour;
 use crate::report::chart::{Chart, Mark, Sign, Stroke};
 use crate::report::figure::Figure;
 use crate::report::scale::Axis;
 
-/// A curve: how often studies of a size find an effect.
+/// A power curve: the share of studies that find an effect, by the number of subjects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PowerCurve {
-    /// What tells it from the others.
+    /// Its label in the legend.
     pub label: String,
-    /// Persons, share, and the ends of its interval.
+    /// Number of subjects, share, and the ends of its 95 % interval.
     pub points: Vec<(f64, f64, f64, f64)>,
 }
 
-/// The curves as an SVG file.
+/// Draws the curves as an SVG file.
 pub fn power(title: &str, caption: &str, curves: &[PowerCurve]) -> String {
     let mut marks = vec![Mark::Reference(0.795, 0.805)];
     let mut legend = Vec::new();
@@ -33,7 +33,7 @@ pub fn power(title: &str, caption: &str, curves: &[PowerCurve]) -> String {
     }
     let persons = curves.iter().flat_map(|curve| &curve.points).map(|point| point.0);
     let chart = Chart {
-        title: "share of studies that find it".into(),
+        title: "share of studies that find the effect".into(),
         x: Axis::around("persons", persons.chain([0.0])),
         y: Axis::new("power", 0.0, 1.0),
         marks,

@@ -1,4 +1,4 @@
-//! The residual map: what the model leaves over, time by condition.
+//! The residual map: residuals by time and condition.
 
 use std::fmt::Write;
 
@@ -15,7 +15,7 @@ use crate::report::traces::Trace;
 /// Mean residuals by condition.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ResidualMap {
-    /// Times from the onset, s.
+    /// SessionTimes from the onset, s.
     pub time_s: Vec<f64>,
     /// Names of the conditions.
     pub names: Vec<String>,
@@ -50,14 +50,14 @@ impl ResidualMap {
         let numbers =
             |value: &Value| -> Option<Vec<f64>> { value.as_array()?.iter().map(Value::as_f64).collect() };
         let mut map = Self {
-            time_s: numbers(&block["time_s"]).ok_or("time_s is no list of numbers")?,
+            time_s: numbers(&block["time_s"]).ok_or("time_s is not a list of numbers")?,
             ..Self::default()
         };
-        let conditions = block["conditions"].as_array().ok_or("conditions is no list")?;
+        let conditions = block["conditions"].as_array().ok_or("conditions is not a list")?;
         for (index, condition) in conditions.iter().enumerate() {
             let row = |name: &str| -> Result<Vec<f64>, String> {
                 let row = numbers(&condition[name])
-                    .ok_or_else(|| format!("conditions[{index}].{name} is no list of numbers"))?;
+                    .ok_or_else(|| format!("conditions[{index}].{name} is not a list of numbers"))?;
                 let (found, expected) = (row.len(), map.time_s.len());
                 (found == expected).then_some(row).ok_or_else(|| {
                     format!("conditions[{index}].{name} has {found} values, time_s has {expected}")

@@ -19,7 +19,7 @@ pub fn trial(trace: &Trace, window_s: f64) -> Figure {
     let mirrored =
         if trace.velocity_rad_s < 0.0 { " C and D are mirrored, so that the ramp is positive." } else { "" };
     let fitted = match (trace.instants.is_empty(), vaf) {
-        (true, _) => "There is no fit to show beside it.".to_owned(),
+        (true, _) => "There is no fit to compare with.".to_owned(),
         (_, Some(vaf)) => format!("Variance accounted for: {vaf:.5}."),
         _ => String::new(),
     };
@@ -27,7 +27,7 @@ pub fn trial(trace: &Trace, window_s: f64) -> Figure {
         id: format!("trial-{:03}", trace.number),
         title: format!("Trial {}: {name}, repetition {}", trace.number, trace.repetition),
         caption: format!(
-            "A, B: motor angle and filtered torque as recorded; the shade marks the {} ms that are analysed. C, D: the same \
+            "A, B: motor angle and filtered torque as recorded; the shaded area is the analysed window of {} ms. C, D: the same \
              stretch as a change from the hold, with what the fitted wrist does.{mirrored} {fitted}{remarks}",
             milliseconds(window_s)
         ),

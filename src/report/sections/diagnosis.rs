@@ -1,20 +1,20 @@
-//! What the model gets wrong, and why.
+//! The diagnosis: what the model gets wrong, and which mechanisms explain it.
 
 use serde_json::Value;
 
-use super::Section;
+use super::ReportSection;
 use crate::report::figures::{ResidualMap, residual_map};
-use crate::report::material::Material;
+use crate::report::input::ReportInput;
 use crate::report::scale::{escape, significant};
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Cell, HtmlTable};
 use crate::wrist::mechanisms::CATALOGUE;
 
-/// The diagnosis; what the file does not say is said.
-pub fn diagnosis(material: &Material) -> Section {
-    let mut section = Section::new("diagnosis", "Diagnosis: what the model gets wrong");
-    let Some(file) = &material.diagnosis else {
-        section.absent("There is no diagnosis yet. Get it with: ramphold diagnose SESSION");
-        if let Some(figure) = residual_map(&ResidualMap::of_fit(&material.traces)) {
+/// The section; it also lists what is missing in the file.
+pub fn diagnosis(input: &ReportInput) -> ReportSection {
+    let mut section = ReportSection::new("diagnosis", "Diagnosis: what the model gets wrong");
+    let Some(file) = &input.diagnosis else {
+        section.absent("There is no diagnosis yet. Run: ramphold diagnose SESSION");
+        if let Some(figure) = residual_map(&ResidualMap::of_fit(&input.traces)) {
             section.figure(figure);
         }
         return section;
@@ -26,25 +26,25 @@ pub fn diagnosis(material: &Material) -> Section {
         Ok(map) => map,
         Err(problem) => {
             file.absent.push(format!("residual_map ({problem}); the map below is of the fit alone"));
-            ResidualMap::of_fit(&material.traces)
+            ResidualMap::of_fit(&input.traces)
         }
     };
     if let Some(figure) = residual_map(&map) {
         section.figure(figure);
     }
     if let Some(law) = file.root.pointer("/laws/elastic_limit/says").and_then(Value::as_str) {
-        section.say(&format!("Elastic limit: {law}."));
+        section.paragraph(&format!("Elastic limit: {law}."));
     }
     for remark in file.root["remarks"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-        section.say(&format!("AuditEntry: {remark}."));
+        section.paragraph(&format!("Note: {remark}."));
     }
     if !file.absent.is_empty() {
-        section.absent(&format!("diagnosis.json does not say: {}.", file.absent.join("; ")));
+        section.absent(&format!("Missing in diagnosis.json: {}.", file.absent.join("; ")));
     }
     section
 }
 
-/// The file, and what was looked for in it in vain.
+/// The file, and the fields that are missing in it.
 struct File<'a> {
     root: &'a Value,
     absent: Vec<String>,
@@ -77,14 +77,18 @@ impl<'a> File<'a> {
     }
 }
 
-fn verdict(section: &mut Section, file: &mut File) {
+fn verdict(section: &mut ReportSection, file: &mut File) {
     let verdict = file.text("/verdict");
     let meaning = match verdict {
-        "adequate" => "The model leaves nothing over beyond the measured noise.",
-        "named" => "Every cause below was told apart from every other candidate.",
-        "ambiguous" => "There is a misfit, and some cause could not be told apart from another candidate.",
-        "unexplained" => "A misfit remains that no candidate explains; what was found is listed still.",
-        _ => "A verdict that this program does not know.",
+        "adequate" => "The residuals do not exceed the measured noise.",
+        "named" => "Each cause below is distinguished from every other candidate.",
+        "ambiguous" => {
+            "The model misfits, and at least one cause cannot be distinguished from another candidate."
+        }
+        "unexplained" => {
+            "A misfit remains that no candidate explains; the causes that were found are listed."
+        }
+        _ => "This version of the program does not know this verdict.",
     };
     let [statistic, p_value, left_over] =
         ["/misfit/statistic", "/misfit/p_value", "/left_over/p_value"].map(|path| file.number(path));
@@ -107,7 +111,7 @@ fn verdict(section: &mut Section, file: &mut File) {
     }
 }
 
-fn causes(section: &mut Section, file: &mut File) {
+fn causes(section: &mut ReportSection, file: &mut File) {
     let Some(causes) = file.root["causes"].as_array() else {
         file.absent.push("causes".into());
         return;
@@ -121,7 +125,7 @@ fn causes(section: &mut Section, file: &mut File) {
         shifts.extend(shift(file, &at, mechanism));
     }
     if named.is_empty() {
-        section.say("No cause is named.");
+        section.paragraph("The diagnosis names no cause.");
         return;
     }
     let head = [
@@ -129,18 +133,21 @@ fn causes(section: &mut Section, file: &mut File) {
         "class",
         "size [95 % interval]",
         "p",
-        "not told apart from",
+        "not distinguished from",
         "held-out error, after / before",
         "VAF before",
         "VAF after",
     ];
     let caption = "Causes, by gain".to_owned();
-    section.html += &Table { caption, head: head.map(String::from).to_vec(), rows: named }.html();
+    section.html += &HtmlTable { caption, head: head.map(String::from).to_vec(), rows: named }.html();
     if !shifts.is_empty() {
         let head = ["cause", "parameter", "before", "after", "change (%)"].map(String::from).to_vec();
-        section.html +=
-            &Table { caption: "What the causes had done to the parameters".into(), head, rows: shifts }
-                .html();
+        section.html += &HtmlTable {
+            caption: "Change of the parameters when the causes are added".into(),
+            head,
+            rows: shifts,
+        }
+        .html();
     }
 }
 

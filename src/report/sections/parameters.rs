@@ -1,19 +1,19 @@
-//! What was estimated, what follows from it, and how well it is known.
+//! The estimated parameters, derived quantities, and standard errors.
 
-use super::Section;
-use crate::report::derived::{Work, mean_sd, overtaking_s, strain, stretch_nm};
+use super::ReportSection;
+use crate::report::derived::{ElasticWork, mean_sd, overtaking_s, strain, stretch_nm};
 use crate::report::figures::{self, by_condition};
 use crate::report::fitted::{ConditionFit, Fitted, SHOWN, Values, condition_name, estimated};
-use crate::report::material::Material;
-use crate::report::table::{Cell, Table};
+use crate::report::input::ReportInput;
+use crate::report::table::{Cell, HtmlTable};
 use crate::report::traces::Trace;
 
-const NO_FIT: &str = "There is no fit yet. Get it with: ramphold fit SESSION";
+const NO_FIT: &str = "There is no fit yet. Run: ramphold fit SESSION";
 
-/// Fig. 5 and its table.
-pub fn parameters(material: &Material) -> Section {
-    let mut section = Section::new("parameters", "Parameters (Fig. 5 of the paper)");
-    let Some(fitted) = &material.fitted else {
+/// The section with Fig. 5: parameters by condition, and their tables.
+pub fn parameters(input: &ReportInput) -> ReportSection {
+    let mut section = ReportSection::new("parameters", "Parameters (Fig. 5 of the paper)");
+    let Some(fitted) = &input.fitted else {
         section.absent(NO_FIT);
         return section;
     };
@@ -23,7 +23,7 @@ pub fn parameters(material: &Material) -> Section {
     let lost: Vec<String> =
         fitted.trials.iter().filter(|trial| !trial.converged).map(|trial| trial.trial.to_string()).collect();
     if !lost.is_empty() {
-        section.absent(&format!("The optimisation did not come to its end in trials {}.", lost.join(", ")));
+        section.absent(&format!("The optimisation did not converge in trials {}.", lost.join(", ")));
     }
     section
 }
@@ -32,7 +32,7 @@ fn value(values: &Values, name: &str) -> Option<f64> {
     values.get(name).copied().flatten()
 }
 
-fn against_paper(fitted: &Fitted) -> Table {
+fn against_paper(fitted: &Fitted) -> HtmlTable {
     let row = |shown: &crate::report::fitted::Shown| {
         let means = fitted.conditions.iter().filter_map(|condition| value(&condition.mean, shown.name));
         let means = figures::distinct(means.map(|mean| mean * shown.factor));
@@ -49,8 +49,8 @@ fn against_paper(fitted: &Fitted) -> Table {
             Cell::text(shown.paper_says),
         ]
     };
-    Table {
-        caption: "This session beside the paper".into(),
+    HtmlTable {
+        caption: "This session and the paper".into(),
         head: ["quantity", "all trials", "lowest condition", "highest condition", "the paper"]
             .map(String::from)
             .to_vec(),
@@ -58,7 +58,7 @@ fn against_paper(fitted: &Fitted) -> Table {
     }
 }
 
-fn by_condition_table(fitted: &Fitted) -> Table {
+fn by_condition_table(fitted: &Fitted) -> HtmlTable {
     let mut head = vec!["condition".to_owned(), "n".to_owned()];
     head.extend(SHOWN.iter().map(|shown| shown.with_unit()));
     let row = |condition: &ConditionFit| {
@@ -69,7 +69,7 @@ fn by_condition_table(fitted: &Fitted) -> Table {
         }));
         row
     };
-    Table {
+    HtmlTable {
         caption: "By condition: mean ± SD over repetitions".into(),
         head,
         rows: fitted.conditions.iter().map(row).collect(),
@@ -80,11 +80,11 @@ fn name(condition: &ConditionFit) -> String {
     condition_name(condition.condition.as_ref(), condition.velocity_rad_s, condition.torque_nm)
 }
 
-/// Fig. 6, the moment of overtaking, and work.
-pub fn balance(material: &Material) -> Section {
-    let mut section = Section::new("balance", "Inertia and elasticity (Fig. 6 of the paper)");
-    let window_s = material.window_s();
-    let Some(figure) = figures::balance(&material.traces, window_s) else {
+/// The section with Fig. 6: inertial and elastic torque, and elastic work.
+pub fn balance(input: &ReportInput) -> ReportSection {
+    let mut section = ReportSection::new("balance", "Inertia and elasticity (Fig. 6 of the paper)");
+    let window_s = input.window_s();
+    let Some(figure) = figures::balance(&input.traces, window_s) else {
         section.absent(NO_FIT);
         return section;
     };
@@ -92,35 +92,36 @@ pub fn balance(material: &Material) -> Section {
     let k_srs = |trace: &Trace| trace.fit.as_ref().and_then(|fit| value(&fit.values, "k_srs_nm_per_rad"));
     let row = |own: &[Trace]| {
         let overtaking = mean_sd(own.iter().map(|trace| overtaking_s(&trace.instants, window_s)));
-        let work: Vec<Option<Work>> =
-            own.iter().map(|trace| Work::of(&trace.instants, window_s, k_srs(trace)?)).collect();
-        let cell = |of: fn(&Work) -> f64| spread(mean_sd(work.iter().map(|work| work.as_ref().map(of))), 1e3);
+        let work: Vec<Option<ElasticWork>> =
+            own.iter().map(|trace| ElasticWork::of(&trace.instants, window_s, k_srs(trace)?)).collect();
+        let cell =
+            |of: fn(&ElasticWork) -> f64| spread(mean_sd(work.iter().map(|work| work.as_ref().map(of))), 1e3);
         vec![
             Cell::text(condition_name(own[0].label.as_ref(), own[0].velocity_rad_s, own[0].torque_nm)),
             spread(overtaking, 1e3),
             cell(|work| work.taken_up_j),
             cell(|work| work.given_back_j),
-            cell(Work::dissipated_j),
+            cell(ElasticWork::dissipated_j),
         ]
     };
-    let table = Table {
+    let table = HtmlTable {
         caption:
-            "When elastic torque overtakes inertial torque (the paper: 23 ms), and elastic work in the window"
+            "Time at which elastic torque exceeds inertial torque (paper: 23 ms), and elastic work in the window"
                 .into(),
         head: [
             "condition",
-            "overtakes at (ms)",
-            "work taken up (mJ)",
-            "would be given back (mJ)",
+            "elastic torque exceeds inertial torque at (ms)",
+            "elastic work (mJ)",
+            "recoverable (mJ)",
             "dissipated (mJ)",
         ]
         .map(String::from)
         .to_vec(),
-        rows: by_condition(&material.traces).into_iter().map(row).collect(),
+        rows: by_condition(&input.traces).into_iter().map(row).collect(),
     };
     section.html += &table.html();
-    section.say(
-        "Work taken up is the area under elastic torque against joint angle. Given back is what the short range stiffness \
+    section.paragraph(
+        "ElasticWork taken up is the area under elastic torque against joint angle. Given back is what the short range stiffness \
          would return if the joint were unloaded at the end of the window, T²/(2 k_srs); the difference is dissipated by the \
          yield. A dash: elastic torque does not overtake within the window.",
     );
@@ -131,10 +132,10 @@ fn spread(mean_sd: Option<(f64, Option<f64>)>, factor: f64) -> Cell {
     Cell::Spread(mean_sd.map(|(mean, _)| mean * factor), mean_sd.and_then(|(_, sd)| sd).map(|sd| sd * factor))
 }
 
-/// Fig. 3 and the conversion to strain.
-pub fn stiffness(material: &Material) -> Section {
-    let mut section = Section::new("stiffness", "Stiffness and strain (Fig. 3 of the paper)");
-    let Some(fitted) = &material.fitted else {
+/// The section with Fig. 3: stiffness by angle, and the elastic limit as strain.
+pub fn stiffness(input: &ReportInput) -> ReportSection {
+    let mut section = ReportSection::new("stiffness", "Stiffness and strain (Fig. 3 of the paper)");
+    let Some(fitted) = &input.fitted else {
         section.absent(NO_FIT);
         return section;
     };
@@ -163,7 +164,7 @@ pub fn stiffness(material: &Material) -> Section {
             spread(mean_sd(own.iter().map(speed)), 100.0),
         ]
     };
-    let table = Table {
+    let table = HtmlTable {
         caption: "Elastic limit as strain (the paper: 0.5 to 1.2 % L₀, 17 to 40 % L₀/s)".into(),
         head: ["condition", "x_e (mrad)", "per half-sarcomere (nm)", "strain (% L₀)", "strain rate (% L₀/s)"]
             .map(String::from)
@@ -171,7 +172,7 @@ pub fn stiffness(material: &Material) -> Section {
         rows: fitted.conditions.iter().map(row).collect(),
     };
     section.html += &table.html();
-    section.say(
+    section.paragraph(
         "Converted as in section 4.1 of the paper: 0.066 rad of wrist rotation stretch each half-sarcomere of the wrist \
          flexors by 17 ± 4 nm, and L₀ is 2.8 µm. It holds for the wrist; for another joint the columns beyond x_e mean \
          nothing.",
@@ -179,15 +180,15 @@ pub fn stiffness(material: &Material) -> Section {
     section
 }
 
-/// Eq. 9 beside what the measured noise says.
-pub fn uncertainty(material: &Material) -> Section {
-    let mut section = Section::new("uncertainty", "How well the parameters are known");
-    let Some(fitted) = &material.fitted else {
+/// The section on standard errors: those of Eq. 9 and those from the measured noise.
+pub fn uncertainty(input: &ReportInput) -> ReportSection {
+    let mut section = ReportSection::new("uncertainty", "Uncertainty of the parameters");
+    let Some(fitted) = &input.fitted else {
         section.absent(NO_FIT);
         return section;
     };
     let row = |shown: &crate::report::fitted::Shown| {
-        let of = |values: fn(&crate::report::fitted::TrialFit) -> &Values| {
+        let of = |values: fn(&crate::report::fitted::FittedTrial) -> &Values| {
             let own = fitted.trials.iter().filter_map(|trial| value(values(trial), shown.name));
             let own = figures::distinct(own.map(|part| part * 100.0));
             (own.get(own.len() / 2).copied(), own.last().copied())
@@ -206,7 +207,7 @@ pub fn uncertainty(material: &Material) -> Section {
             Cell::Number(format!("{known} of {}", fitted.trials.len())),
         ]
     };
-    let table = Table {
+    let table = HtmlTable {
         caption: "Relative standard errors over all trials (%)".into(),
         head: [
             "parameter",
@@ -222,7 +223,7 @@ pub fn uncertainty(material: &Material) -> Section {
         rows: estimated().iter().map(row).collect(),
     };
     section.html += &table.html();
-    section.say(
+    section.paragraph(
         "Eq. 9 of the paper counts every sample of the window as independent, and the filter leaves only some five of them \
          so; the standard errors beside it come from the covariance of the noise in each trial's own hold. A parameter \
          that ended at its bound, or that the data do not determine, has none.",

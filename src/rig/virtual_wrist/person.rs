@@ -1,12 +1,12 @@
 //! The virtual person: what the muscle is like, how it is held steady, how it reacts.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::mechanism_list::MechanismList;
+use crate::json_file::{self, JsonFileError};
 use crate::random::Stream;
 
 /// Format and version of the files of virtual persons.
@@ -227,29 +227,15 @@ impl Default for Person {
     }
 }
 
+/// What the file should be, for messages.
+const VIRTUAL_SUBJECT: &str = "the file of a virtual subject (see ramphold schema person)";
+
 /// Why a file does not describe a virtual person.
 #[derive(Debug, thiserror::Error)]
 pub enum PersonError {
-    /// The file cannot be read.
-    #[error("{}: cannot be read ({source}); expected the JSON file of a virtual person", .file.display())]
-    Unreadable {
-        /// The file.
-        file: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
-    /// It is not JSON, or a field is not known, missing or of another kind.
-    #[error("{}, line {line}, field {field}: {message}; see the schema of virtual persons", .file.display())]
-    Json {
-        /// The file.
-        file: PathBuf,
-        /// Line in it.
-        line: usize,
-        /// Path of the field.
-        field: String,
-        /// The parser's words.
-        message: String,
-    },
+    /// The file cannot be read, is not JSON, or has a field that is unknown, missing or of the wrong type.
+    #[error(transparent)]
+    Json(#[from] JsonFileError),
     /// A value that no person has.
     #[error("{}, field {field}: {found}; expected {expected}", .file.display())]
     Value {
@@ -267,25 +253,12 @@ pub enum PersonError {
 impl Person {
     /// Reads the file of a virtual person.
     pub fn read(file: &Path) -> Result<Self, PersonError> {
-        let text = fs::read_to_string(file)
-            .map_err(|source| PersonError::Unreadable { file: file.to_owned(), source })?;
-        Self::parse(&text, file)
+        Self::parse(&json_file::read_text(file, VIRTUAL_SUBJECT)?, file)
     }
 
-    /// The person that `text` describes; `file` is its name for messages.
+    /// Parses and checks the text of the file of a virtual subject; `file` is its name for messages.
     pub fn parse(text: &str, file: &Path) -> Result<Self, PersonError> {
-        let mut deserializer = serde_json::Deserializer::from_str(text);
-        let person: Self = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
-            let field = error.path().to_string();
-            let inner = error.inner();
-            PersonError::Json { file: file.to_owned(), line: inner.line(), field, message: inner.to_string() }
-        })?;
-        deserializer.end().map_err(|error| PersonError::Json {
-            file: file.to_owned(),
-            line: error.line(),
-            field: ".".to_owned(),
-            message: error.to_string(),
-        })?;
+        let person: Self = json_file::parse(text, file, VIRTUAL_SUBJECT)?;
         person.check(file)?;
         Ok(person)
     }

@@ -1,12 +1,12 @@
 //! The virtual rig: servo, lever and sensors.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::mechanism_list::MechanismList;
+use crate::json_file::{self, JsonFileError};
 use crate::wrist::Lever;
 
 /// The virtual rig. Values that no source gives are marked as assumed.
@@ -70,25 +70,15 @@ impl Default for RigFile {
     }
 }
 
+/// What the file should be, for messages.
+const VIRTUAL_RIG: &str = "the file of a virtual rig (see ramphold schema rig)";
+
 /// Why a file does not describe a rig.
 #[derive(Debug, thiserror::Error)]
 pub enum RigFileError {
-    /// The file cannot be read.
-    #[error("{}: cannot be read ({source}); expected the JSON file of a rig", .file.display())]
-    Unreadable {
-        /// The file.
-        file: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
-    /// It is not JSON, or a field is not known, missing or of another kind.
-    #[error("{}: {message}; see the schema of rigs", .file.display())]
-    Json {
-        /// The file.
-        file: PathBuf,
-        /// The parser's words.
-        message: String,
-    },
+    /// The file cannot be read, is not JSON, or has a field that is unknown, missing or of the wrong type.
+    #[error(transparent)]
+    Json(#[from] JsonFileError),
     /// A value that no rig has.
     #[error("{}, field {field}: {found}; expected {expected}", .file.display())]
     Value {
@@ -106,15 +96,12 @@ pub enum RigFileError {
 impl RigFile {
     /// Reads the file of a rig.
     pub fn read(file: &Path) -> Result<Self, RigFileError> {
-        let text = fs::read_to_string(file)
-            .map_err(|source| RigFileError::Unreadable { file: file.to_owned(), source })?;
-        Self::parse(&text, file)
+        Self::parse(&json_file::read_text(file, VIRTUAL_RIG)?, file)
     }
 
-    /// The rig that `text` describes; `file` is its name for messages.
+    /// Parses and checks the text of the file of a virtual rig; `file` is its name for messages.
     pub fn parse(text: &str, file: &Path) -> Result<Self, RigFileError> {
-        let rig: Self = serde_json::from_str(text)
-            .map_err(|error| RigFileError::Json { file: file.to_owned(), message: error.to_string() })?;
+        let rig: Self = json_file::parse(text, file, VIRTUAL_RIG)?;
         let Self::Virtual(setup) = &rig;
         setup.check(file)?;
         Ok(rig)

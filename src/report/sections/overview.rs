@@ -1,52 +1,52 @@
-//! The session at a glance.
+//! Overview of the session.
 
-use super::Section;
+use super::ReportSection;
 use crate::dataset::Status;
 use crate::report::figures;
-use crate::report::material::Material;
+use crate::report::input::ReportInput;
 use crate::report::scale::{escape, milliseconds, significant};
-use crate::report::table::{Cell, Table};
+use crate::report::table::{Cell, HtmlTable};
 
-/// Who, what, how long, what was lost and why.
-pub fn glance(material: &Material) -> Section {
-    let mut section = Section::new("session", "The session at a glance");
-    section.html += &facts(material);
-    if !material.missing.is_empty() {
+/// The section: subject, protocol, duration, missing results, rejected trials and their reasons.
+pub fn overview(input: &ReportInput) -> ReportSection {
+    let mut section = ReportSection::new("session", "Overview of the session");
+    section.html += &facts(input);
+    if !input.missing.is_empty() {
         section.html += "<div class=\"missing\"><b>Not in this report</b><ul>";
-        for missing in &material.missing {
+        for missing in &input.missing {
             section.html += &format!("<li>{}</li>", escape(missing));
         }
         section.html += "</ul></div>";
     }
-    let lost = lost(material);
-    if lost.rows.is_empty() {
-        section.say("No trial was rejected or aborted.");
+    let discarded = discarded_trials(input);
+    if discarded.rows.is_empty() {
+        section.paragraph("No trial was rejected or aborted.");
     } else {
-        section.html += &lost.html();
+        section.html += &discarded.html();
     }
     section.html += "<div class=\"pair\">";
-    if !material.session.trials.is_empty() {
-        section.figure(figures::order(&material.session));
+    if !input.session.trials.is_empty() {
+        section.figure(figures::order(&input.session));
     }
-    match &material.times {
+    match &input.times {
         Some(times) if !times.gates.is_empty() => {
-            let needed_s = material.protocol.as_ref().map(|protocol| protocol.gate.duration_s);
+            let needed_s = input.protocol.as_ref().map(|protocol| protocol.gate.duration_s);
             section.figure(figures::gates(&times.gates, needed_s));
         }
-        _ => section.absent("The session has no journal that tells when gates opened."),
+        _ => section.absent("The session has no journal, so gate times are not known."),
     }
-    if let Some(lateness) = &material.lateness {
+    if let Some(lateness) = &input.lateness {
         section.figure(figures::lateness(lateness));
     }
     section.html += "</div>";
     section
 }
 
-fn facts(material: &Material) -> String {
-    let session = &material.session;
+fn facts(input: &ReportInput) -> String {
+    let session = &input.session;
     let count = |status: Status| session.trials.iter().filter(|trial| trial.status == status).count();
     let mut facts = vec![("Subject", session.subject.id.clone())];
-    match &material.protocol {
+    match &input.protocol {
         Some(protocol) => {
             facts.push(("Protocol", protocol.name.clone()));
             let design = format!(
@@ -66,7 +66,7 @@ fn facts(material: &Material) -> String {
         count(Status::Aborted)
     );
     facts.push(("Trials", trials));
-    if let Some(times) = &material.times {
+    if let Some(times) = &input.times {
         facts.push(("Duration", minutes(times.duration_s)));
         let gates = figures::distinct(times.gates.iter().map(|(_, time_s)| *time_s));
         if let (Some(shortest), Some(longest)) = (gates.first(), gates.last()) {
@@ -78,7 +78,7 @@ fn facts(material: &Material) -> String {
             ));
         }
         if times.resumed > 0 {
-            facts.push(("Started again", format!("{} times", times.resumed)));
+            facts.push(("Resumed", format!("{} times", times.resumed)));
         }
         for (time_s, what) in &times.incidents {
             facts.push(("Incident", format!("{what} at {}", minutes(*time_s))));
@@ -97,13 +97,13 @@ fn facts(material: &Material) -> String {
             )
         }),
     ));
-    if let Some(fitted) = &material.fitted {
+    if let Some(fitted) = &input.fitted {
         let weighting = fitted.settings.weighting.replace('_', " ");
         let window = milliseconds(fitted.settings.window_s);
         facts
             .push(("Fit", format!("window {window} ms, weighting: {weighting}, version {}", fitted.version)));
     }
-    if let Some(lateness) = &material.lateness {
+    if let Some(lateness) = &input.lateness {
         facts.push((
             "Lateness",
             format!("99 % within {} µs, at most {} µs", lateness.p99_us, lateness.longest_us),
@@ -113,7 +113,7 @@ fn facts(material: &Material) -> String {
     format!("<dl>{}</dl>", rows.collect::<String>())
 }
 
-fn lost(material: &Material) -> Table {
+fn discarded_trials(input: &ReportInput) -> HtmlTable {
     let row = |trial: &crate::dataset::Trial| {
         let reason =
             trial.extra.get("reason").map_or("not recorded".into(), |reason| reason.replace('_', " "));
@@ -125,10 +125,10 @@ fn lost(material: &Material) -> Table {
             Cell::text(reason),
         ]
     };
-    Table {
+    HtmlTable {
         caption: "Trials that were not kept".into(),
         head: ["trial", "velocity (rad/s)", "torque (N m)", "status", "reason"].map(String::from).to_vec(),
-        rows: material.session.trials.iter().filter(|trial| trial.status != Status::Ok).map(row).collect(),
+        rows: input.session.trials.iter().filter(|trial| trial.status != Status::Ok).map(row).collect(),
     }
 }
 

@@ -1,55 +1,56 @@
-//! Everything that a report is made of, read from a session's folder; what is not there is noted.
+//! The input of a report, read from a session's folder.
 
 use std::fs;
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::error::ReportError;
 use super::fitted::Fitted;
-use super::journal::{Times, times};
+use super::journal::{SessionTimes, times};
 use super::traces::{Trace, traces};
 use crate::dataset::{self, JOURNAL, Session};
 use crate::fit::FIT_FORMAT;
+use crate::json_file;
 use crate::protocol::ValidProtocol;
 
-/// The material of a report.
+/// The input of a report: a session and its results.
 #[derive(Debug)]
-pub struct Material {
+pub struct ReportInput {
     /// The session.
     pub session: Session,
     /// Its protocol.
     pub protocol: Option<ValidProtocol>,
-    /// How long things took.
-    pub times: Option<Times>,
-    /// How late the cycle of a real rig woke up, and how often.
-    pub lateness: Option<Lateness>,
+    /// Gate times, duration and incidents, from the journal.
+    pub times: Option<SessionTimes>,
+    /// Lateness of the control cycle of a motor.
+    pub lateness: Option<LatenessSummary>,
     /// The fit.
     pub fitted: Option<Fitted>,
-    /// Trials with what was measured and fitted.
+    /// The measured and fitted traces of the trials.
     pub traces: Vec<Trace>,
-    /// `diagnosis.json` as it is.
+    /// The content of `diagnosis.json`.
     pub diagnosis: Option<Value>,
-    /// What is missing from this report, why, and how to get it.
+    /// What is missing from this report, the reasons, and how to get it.
     pub missing: Vec<String>,
 }
 
-/// How late the cycle of a real rig woke up.
+/// Lateness of the control cycle of a motor: delay between the scheduled and the actual start.
 #[derive(Debug, Clone, Deserialize)]
-pub struct Lateness {
+pub struct LatenessSummary {
     /// Median, us.
     pub p50_us: u64,
-    /// 99 %, us.
+    /// 99th percentile, us.
     pub p99_us: u64,
-    /// Longest, us.
+    /// Maximum, us.
     pub longest_us: u64,
-    /// Upper end in us and count of each bucket that is not empty.
+    /// Upper end, us, and count of each bucket that is not empty.
     pub buckets: Vec<(u64, u64)>,
 }
 
-impl Material {
+impl ReportInput {
     /// Reads the session in `folder` and its results in `results`.
     ///
     /// # Errors
@@ -63,10 +64,10 @@ impl Material {
         let fitted = fitted(&results.join("fit.json"))?;
         let diagnosis = diagnosis(&results.join("diagnosis.json"))?;
         if fitted.is_none() {
-            missing.push("There is no fit yet, so no parameters and no fitted torque. Get it with: ramphold fit SESSION".into());
+            missing.push("There is no fit yet, so there are no parameters and no fitted torque. Run: ramphold fit SESSION".into());
         }
         if diagnosis.is_none() {
-            missing.push("There is no diagnosis yet. Get it with: ramphold diagnose SESSION".into());
+            missing.push("There is no diagnosis yet. Run: ramphold diagnose SESSION".into());
         }
         let traces = traces(&session, fitted.as_ref(), protocol.as_ref(), &mut missing);
         Ok(Self { session, protocol, times, lateness, fitted, traces, diagnosis, missing })
@@ -99,40 +100,30 @@ fn protocol(folder: &Path, missing: &mut Vec<String>) -> Option<ValidProtocol> {
         .ok()
 }
 
-fn lateness(folder: &Path, missing: &mut Vec<String>) -> Result<Option<Lateness>, ReportError> {
+fn lateness(folder: &Path, missing: &mut Vec<String>) -> Result<Option<LatenessSummary>, ReportError> {
     #[derive(Deserialize)]
     struct Bus {
-        lateness: Lateness,
+        lateness: LatenessSummary,
     }
-    let Some(text) = text(&folder.join("bus.json"))? else { return Ok(None) };
-    let bus: Result<Bus, _> = serde_json::from_str(&text);
+    let path = folder.join("bus.json");
+    let Some(text) = text(&path)? else { return Ok(None) };
+    let bus: Result<Bus, _> = json_file::parse(&text, &path, "the summary of a CAN session");
     Ok(bus
         .map(|bus| bus.lateness)
-        .map_err(|error| missing.push(format!("bus.json holds no lateness that can be read: {error}")))
+        .map_err(|error| missing.push(format!("The lateness cannot be read: {error}")))
         .ok())
 }
 
 fn fitted(path: &Path) -> Result<Option<Fitted>, ReportError> {
     let Some(text) = text(path)? else { return Ok(None) };
-    let form = |(line, field, message): (usize, String, String)| ReportError::Form {
-        path: PathBuf::from(path),
-        line,
-        field,
-        message,
-        expected: FIT_FORMAT,
-        verb: "fit",
-    };
-    Fitted::parse(&text).map(Some).map_err(form)
+    let fitted: Fitted = json_file::parse(&text, path, FIT_FORMAT)
+        .map_err(|source| ReportError::Content { source, verb: "fit" })?;
+    fitted.check_format(path)?;
+    Ok(Some(fitted))
 }
 
 fn diagnosis(path: &Path) -> Result<Option<Value>, ReportError> {
     let Some(text) = text(path)? else { return Ok(None) };
-    serde_json::from_str(&text).map(Some).map_err(|error| ReportError::Form {
-        path: PathBuf::from(path),
-        line: error.line(),
-        field: ".".into(),
-        message: error.to_string(),
-        expected: "ramphold-diagnosis/1",
-        verb: "diagnose",
-    })
+    let diagnosis = json_file::parse(&text, path, "ramphold-diagnosis/1");
+    diagnosis.map(Some).map_err(|source| ReportError::Content { source, verb: "diagnose" })
 }

@@ -1,23 +1,24 @@
-//! The course of the session: order, gates, lateness.
+//! Figures of the session: order of the trials, gate times, lateness.
 
 use super::{colour, distinct};
 use crate::dataset::{Session, Status, Trial};
 use crate::report::chart::{Chart, Mark, Sign};
 use crate::report::figure::Figure;
-use crate::report::material::Lateness;
+use crate::report::input::LatenessSummary;
 use crate::report::scale::Axis;
 
-/// The trials in the order they were run; what was not kept is crossed out.
+/// Draws the velocity and torque of the trials in the order in which they were run; rejected trials are crosses.
 pub fn order(session: &Session) -> Figure {
     let torques = distinct(session.trials.iter().map(|trial| trial.torque_nm));
-    let place = |trial: &Trial| session.trials.iter().position(|own| own.number == trial.number).unwrap_or(0);
+    let position =
+        |trial: &Trial| session.trials.iter().position(|own| own.number == trial.number).unwrap_or(0);
     let (mut marks, mut legend) = (Vec::new(), Vec::new());
     for (index, torque) in torques.iter().enumerate() {
         let own =
             session.trials.iter().filter(|trial| trial.torque_nm == *torque && trial.status == Status::Ok);
-        // Single points: a line between them would say nothing.
+        // Single points: a line between trials has no meaning.
         marks.extend(own.map(|trial| {
-            Mark::Points(colour(index), vec![(place(trial) as f64 + 1.0, trial.velocity_rad_s, None)])
+            Mark::Points(colour(index), vec![(position(trial) as f64 + 1.0, trial.velocity_rad_s, None)])
         }));
         legend.push((colour(index), Sign::Point, format!("{torque} N m")));
     }
@@ -25,15 +26,15 @@ pub fn order(session: &Session) -> Figure {
         .trials
         .iter()
         .filter(|trial| trial.status != Status::Ok)
-        .map(|trial| (place(trial) as f64 + 1.0, trial.velocity_rad_s))
+        .map(|trial| (position(trial) as f64 + 1.0, trial.velocity_rad_s))
         .collect();
     if !lost.is_empty() {
         marks.push(Mark::Crosses(0, lost));
         legend.push((0, Sign::Cross, "rejected or aborted".into()));
     }
     let panel = Chart {
-        title: "trials as they were run".into(),
-        x: Axis::new("place in the order", 0.0, session.trials.len() as f64 + 1.0),
+        title: "trials in the order in which they were run".into(),
+        x: Axis::new("position in the session", 0.0, session.trials.len() as f64 + 1.0),
         y: Axis::around("velocity (rad/s)", session.trials.iter().map(|trial| trial.velocity_rad_s)),
         marks,
         legend,
@@ -41,13 +42,13 @@ pub fn order(session: &Session) -> Figure {
     Figure {
         id: "session-order".into(),
         title: "Order of the trials".into(),
-        caption: "Velocity by place in the order, colour and shape by target torque.".into(),
+        caption: "Velocity by position in the session. Colour and shape: target torque.".into(),
         panels: vec![panel.panel()],
         columns: 1,
     }
 }
 
-/// How long each gate took to open.
+/// Draws the time from target to open gate of each trial.
 pub fn gates(gates: &[(u32, f64)], needed_s: Option<f64>) -> Figure {
     let bars = gates.iter().map(|(trial, time_s)| {
         let x = f64::from(*trial);
@@ -69,21 +70,21 @@ pub fn gates(gates: &[(u32, f64)], needed_s: Option<f64>) -> Figure {
     Figure {
         id: "session-gates".into(),
         title: "Gate times".into(),
-        caption: "How long the person took to bring the torque to the target and keep it there; grey: the time that the \
-                  gate itself asks for."
+        caption: "Time that the subject took to bring the torque to the target and hold it there. Grey line: the hold time \
+                  that the gate requires."
             .into(),
         panels: vec![panel.panel()],
         columns: 1,
     }
 }
 
-/// An axis for bars: it begins at zero.
+/// An axis for bars, which starts at zero.
 fn from_zero(label: &str, values: impl IntoIterator<Item = f64>) -> Axis {
     Axis { low: 0.0, ..Axis::around(label, values.into_iter().chain([0.0])) }
 }
 
-/// How late the cycle woke up, on logarithmic axes.
-pub fn lateness(lateness: &Lateness) -> Figure {
+/// Draws the histogram of the lateness of the control cycle, on logarithmic axes.
+pub fn lateness(lateness: &LatenessSummary) -> Figure {
     let bars: Vec<(f64, f64, f64)> = lateness
         .buckets
         .iter()
@@ -103,7 +104,7 @@ pub fn lateness(lateness: &Lateness) -> Figure {
         id: "session-lateness".into(),
         title: "Lateness".into(),
         caption: format!(
-            "How late the program woke up: half the cycles within {} µs, 99 % within {} µs, the latest {} µs.",
+            "Delay between the scheduled and the actual start of a cycle: median {} µs, 99th percentile {} µs, maximum {} µs.",
             lateness.p50_us, lateness.p99_us, lateness.longest_us
         ),
         panels: vec![panel.panel()],

@@ -1,17 +1,25 @@
-//! What a model file means to a virtual wrist: its mechanisms, at fixed values.
+//! Model files: read for a fit, or as the mechanisms of a virtual wrist.
 
 use std::path::Path;
 
-use ramphold::fit::{AddedMechanism, Model, ModelError, ParameterSpec, Scope};
-use ramphold::rig::virtual_wrist::{MechanismList, Person, Setup};
-use ramphold::wrist::BASE_PARAMETERS;
-use ramphold::wrist::mechanisms::MechanismKind;
+use crate::fit::{AddedMechanism, Model, ModelError, ParameterSpec, Scope};
+use crate::rig::virtual_wrist::{MechanismList, Person, Setup};
+use crate::wrist::BASE_PARAMETERS;
+use crate::wrist::mechanisms::MechanismKind;
 
-use super::Failure;
-use super::fit::read_model;
+use super::failure::Failure;
 
-/// Switches the mechanisms of the model in `file` on in the rig.
-pub fn add_model(file: &Path, person: &Person, setup: &mut Setup) -> Result<(), Failure> {
+/// The model in `file`; without a file, the model of the paper.
+pub fn read_model(file: Option<&Path>) -> Result<Model, Failure> {
+    let Some(path) = file else { return Ok(Model::paper()) };
+    let file = path.display().to_string();
+    let text =
+        std::fs::read_to_string(path).map_err(|source| Failure::Read { file: file.clone(), source })?;
+    Model::parse(&text).map_err(|source| Failure::Model { file, source })
+}
+
+/// Adds the mechanisms of the model in `file` to a virtual wrist, at the values that the file gives.
+pub fn add_mechanisms_of_model(file: &Path, person: &Person, setup: &mut Setup) -> Result<(), Failure> {
     let model = read_model(Some(file))?;
     let added = mechanisms(&model)
         .and_then(|added| only_once(&added, person, setup).map(|()| added))

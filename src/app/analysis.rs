@@ -1,0 +1,66 @@
+//! Preprocessing and fit of a session in its folder.
+
+use std::path::Path;
+
+use crate::dataset;
+use crate::diagnose::remove_hum;
+use crate::fit::{Fit, Model, Observations, PreprocessingSettings, Results, Weighting};
+use crate::protocol::ValidProtocol;
+
+use super::failure::Failure;
+
+/// Reads, preprocesses and fits a session, for a caller that needs the results alone; see [`preprocess_and_fit`].
+pub fn fit_session(
+    folder: &Path,
+    model: &Model,
+    window_s: Option<f64>,
+    weighting: Weighting,
+) -> Result<Results, Failure> {
+    preprocess_and_fit(folder, model, window_s, weighting).map(|(_, results, _)| results)
+}
+
+/// Reads, preprocesses and fits a session: the observations, the results as they are written, and the fit itself.
+///
+/// `window_s` is the analysed time after the onset, s; without it the session's protocol decides, and without a protocol
+/// it is the 0.040 s of the paper.
+pub fn preprocess_and_fit(
+    folder: &Path,
+    model: &Model,
+    window_s: Option<f64>,
+    weighting: Weighting,
+) -> Result<(Observations, Results, Fit), Failure> {
+    let mut session = dataset::load(folder)?;
+    if let Some(frequency_hz) = model.hum_hz() {
+        session = remove_hum(&session, frequency_hz);
+    }
+    let settings = preprocessing_settings(folder, window_s)?;
+    let observations = Observations::new(&session, settings)
+        .map_err(|source| Failure::Prepare { session: folder.display().to_string(), source })?;
+    let fit = Fit::new(&observations, model, weighting);
+    let results = Results::new(&session.subject.id, &observations, &fit, settings, weighting);
+    Ok((observations, results, fit))
+}
+
+/// The filter and the analysed window of a session: those of its protocol, or of the paper where it has none.
+///
+/// `window_s` replaces the window.
+pub fn preprocessing_settings(
+    folder: &Path,
+    window_s: Option<f64>,
+) -> Result<PreprocessingSettings, Failure> {
+    let file = folder.join("protocol.json");
+    let mut settings = PreprocessingSettings::default();
+    if file.exists() {
+        let protocol = ValidProtocol::read(&file)?;
+        settings = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
+    }
+    if let Some(window_s) = window_s {
+        if !(window_s > 0.0 && window_s <= 10.0) {
+            return Err(Failure::Usage(format!(
+                "--window {window_s}: expected seconds, more than 0 and at most 10"
+            )));
+        }
+        settings.window_s = window_s;
+    }
+    Ok(settings)
+}

@@ -1,0 +1,29 @@
+//! The diagnosis in a session's folder.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::json_file;
+
+use super::failure::Failure;
+
+/// Reads `results/diagnosis.json` of a session.
+pub fn read_diagnosis(session: &Path) -> Result<Value, Failure> {
+    let path = session.join("results").join("diagnosis.json");
+    if !path.exists() {
+        let session = session.display();
+        return Err(Failure::Usage(format!(
+            "{session}: has no diagnosis yet; get it with: ramphold diagnose {session}"
+        )));
+    }
+    Ok(json_file::read(&path, "the file of a diagnosis")?)
+}
+
+/// The causes of a diagnosis: for each its entry, and the ids of the mechanisms that it can be, the best first.
+pub fn named_causes(diagnosis: &Value) -> impl Iterator<Item = (&Value, Vec<&str>)> {
+    diagnosis["causes"].as_array().into_iter().flatten().map(|cause| {
+        let rivals = cause["indistinguishable"].as_array().into_iter().flatten().filter_map(Value::as_str);
+        (cause, cause["mechanism"].as_str().into_iter().chain(rivals).collect())
+    })
+}

@@ -1,0 +1,107 @@
+//! The table of a fit on standard output.
+
+use std::io::Write;
+
+use crate::fit::{ConditionEstimate, Results};
+
+use super::console::Console;
+use super::failure::Failure;
+
+/// The columns of the table after velocity and torque: symbol, unit, factor to it, digits.
+const TABLE_COLUMNS: [(&str, &str, f64, usize); 8] = [
+    ("I_j", "g m2", 1e3, 2),
+    ("b_h", "N m s/rad", 1.0, 2),
+    ("k_h", "N m/rad", 1.0, 0),
+    ("k_srs", "N m/rad", 1.0, 1),
+    ("k_dec", "N m/rad", 1.0, 1),
+    ("x_e", "mrad", 1e3, 1),
+    ("k_after", "N m/rad", 1.0, 1),
+    ("x_t", "ms", 1e3, 1),
+];
+
+/// Prints the table of parameters by condition: mean and standard deviation over repetitions, with remarks.
+pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
+    let mut out = console.results();
+    let repetitions = results.conditions.iter().map(|c| c.repetitions).max().unwrap_or(0);
+    writeln!(
+        out,
+        "{}: {} trials, {} conditions; mean +- SD over up to {repetitions} repetitions",
+        results.subject,
+        results.estimates.len(),
+        results.conditions.len()
+    )?;
+    let rows: Vec<Vec<String>> = head().into_iter().chain(results.conditions.iter().map(row)).collect();
+    let widest = |column: usize| rows.iter().map(|row| row[column].len()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..rows[0].len()).map(widest).collect();
+    for row in &rows {
+        let cells: Vec<String> =
+            row.iter().zip(&widths).map(|(cell, width)| format!("{cell:>width$}")).collect();
+        writeln!(out, "{}", cells.join("  ").trim_end())?;
+    }
+    let failed: Vec<String> =
+        results.estimates.iter().filter(|e| !e.converged).map(|e| e.trial.to_string()).collect();
+    if !failed.is_empty() {
+        writeln!(out, "not converged: trials {} (fit.json says why)", failed.join(", "))?;
+    }
+    match results.json["noise_source"].as_str() {
+        Some("repetitions") => writeln!(
+            out,
+            "no hold long enough to measure the noise in: all samples count alike; standard errors from how repetitions differ"
+        )?,
+        None => writeln!(
+            out,
+            "neither holds nor repetitions to measure the noise in: no standard errors but those of Eq. 9"
+        )?,
+        Some(_) => {}
+    }
+    let falling =
+        results.conditions.iter().filter(|c| c.mean[6].is_some_and(|k_after| k_after < 0.0)).count();
+    if falling > 0 {
+        writeln!(
+            out,
+            "k_after is below zero in {falling} of {} conditions: there the torque falls beyond the elastic limit, which no \
+             stiffness explains (relaxation or a reflex in the window; `ramphold diagnose` looks for it)",
+            results.conditions.len()
+        )?;
+    }
+    let undetermined = results.estimates.iter().filter(|e| e.se[5].is_none_or(|se| se > 0.5)).count();
+    if undetermined > 0 {
+        writeln!(
+            out,
+            "x_e is not determined (standard error over 50 %, or none) in {undetermined} of {} trials",
+            results.estimates.len()
+        )?;
+    }
+    Ok(())
+}
+
+/// Symbols and units.
+fn head() -> [Vec<String>; 2] {
+    let line = |first: [&str; 2],
+                of: fn(&(&'static str, &'static str, f64, usize)) -> &'static str,
+                last: [&str; 2]| {
+        first.into_iter().chain(TABLE_COLUMNS.iter().map(of)).chain(last).map(str::to_owned).collect()
+    };
+    [
+        line(["velocity", "torque"], |column| column.0, ["VAF", ""]),
+        line(["rad/s", "N m"], |column| column.1, ["", ""]),
+    ]
+}
+
+fn row(condition: &ConditionEstimate) -> Vec<String> {
+    let mut cells = vec![format!("{:.2}", condition.velocity_rad_s), format!("{:.2}", condition.torque_nm)];
+    for (quantity, (_, _, factor, digits)) in TABLE_COLUMNS.into_iter().enumerate() {
+        cells.push(spread(condition, quantity, factor, digits));
+    }
+    cells.push(condition.mean[8].map_or("-".into(), |vaf| format!("{vaf:.4}")));
+    cells.push(condition.condition.clone().unwrap_or_default());
+    cells
+}
+
+fn spread(condition: &ConditionEstimate, quantity: usize, factor: f64, digits: usize) -> String {
+    match (condition.mean[quantity], condition.sd[quantity]) {
+        (Some(mean), Some(sd)) => format!("{:.digits$} +- {:.digits$}", mean * factor, sd * factor),
+        (Some(mean), None) => format!("{:.digits$}", mean * factor),
+        (None, _) => "-".into(),
+    }
+}

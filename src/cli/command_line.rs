@@ -1,0 +1,116 @@
+//! The program's command line: the verbs, and the exit code.
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::app::{Console, Failure};
+
+use super::verb::Verb;
+use super::{
+    check, cohort, design, diagnose, export, fit, power, replay, report, resume, reveal, rig, run, schedule,
+    schema, states, verify, watch,
+};
+
+/// The verbs and the structs of their arguments; clap spells `RigCheck` as `rig-check`.
+macro_rules! verbs {
+    ($($name:ident($arguments:ty),)*) => {
+        #[derive(Debug, Subcommand)]
+        enum Verbs {
+            $($name($arguments),)*
+        }
+
+        impl Verb for Verbs {
+            fn run(self, console: &Console) -> Result<(), Failure> {
+                match self {
+                    $(Self::$name(verb) => verb.run(console),)*
+                }
+            }
+        }
+    };
+}
+
+verbs! {
+    Rig(rig::RigArgs),
+    Run(run::RunArgs),
+    Resume(resume::ResumeArgs),
+    Replay(replay::ReplayArgs),
+    Watch(watch::WatchArgs),
+    Verify(verify::VerifyArgs),
+    Check(check::CheckArgs),
+    Fit(fit::FitArgs),
+    Cohort(cohort::CohortArgs),
+    Power(power::PowerArgs),
+    Report(report::ReportArgs),
+    Export(export::ExportArgs),
+    Diagnose(diagnose::DiagnoseArgs),
+    Reveal(reveal::RevealArgs),
+    Design(design::DesignArgs),
+    Schedule(schedule::ScheduleArgs),
+    States(states::StatesArgs),
+    Schema(schema::SchemaArgs),
+}
+
+/// Ramp-and-hold experiments on the human wrist: run the protocol, fit the model, find what the model gets wrong.
+#[derive(Debug, Parser)]
+#[command(name = "ramphold", version, arg_required_else_help = true, after_help = EXIT_CODES)]
+pub struct CommandLine {
+    #[command(subcommand)]
+    verb: Verbs,
+    /// Print results and errors only.
+    #[arg(long, global = true, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Print more messages; -vv prints most.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+const EXIT_CODES: &str =
+    "Exit codes: 0 done; 1 the work failed or was only partly possible; 2 wrong input or usage.";
+
+/// Reads the arguments, runs the verb and prints why it failed, if it did.
+pub fn main() -> ExitCode {
+    let command_line = CommandLine::parse();
+    let console = Console::new(command_line.quiet, command_line.verbose);
+    match command_line.verb.run(&console) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            if !failure.is_broken_pipe() {
+                console.error(&failure);
+            }
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        CommandLine::command().debug_assert();
+    }
+
+    #[test]
+    fn every_verb_says_what_it_does_and_shows_an_example() {
+        for verb in CommandLine::command().get_subcommands() {
+            let name = verb.get_name();
+            assert!(verb.get_about().is_some(), "{name} has no help");
+            let after = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(after.contains("ramphold "), "{name} --help shows no example");
+        }
+    }
+
+    /// `scripts/reference` writes the page.
+    #[test]
+    fn the_reference_of_the_command_line_is_that_of_the_program() {
+        let options = clap_markdown::MarkdownOptions::new()
+            .title("Command line".to_owned())
+            .show_footer(false)
+            .show_table_of_contents(true);
+        let page = clap_markdown::help_markdown_command_custom(&CommandLine::command(), &options);
+        expect_test::expect_file!["../../docs/reference/command-line.md"].assert_eq(&page);
+    }
+}
