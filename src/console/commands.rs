@@ -24,10 +24,10 @@ pub fn needs_confirmation(command: Event) -> bool {
 
 /// Sends the operator's commands to the control loop and writes them into the journal.
 #[derive(Debug, Clone)]
-pub struct CommandSender(Arc<Shared>);
+pub struct CommandSender(Arc<SharedCommands>);
 
 #[derive(Debug)]
-struct Shared {
+struct SharedCommands {
     commands: Mutex<Producer<Event>>,
     pause_after_trial: AtomicBool,
     journal: AuditSender,
@@ -69,7 +69,7 @@ impl CommandSender {
         let (commands, received) = RingBuffer::new(COMMAND_CAPACITY);
         let (notices, notices_received) = mpsc::channel();
         let vitals = SharedVitals { bus_load: AtomicU64::new(f64::NAN.to_bits()), ..SharedVitals::default() };
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(SharedCommands {
             commands: Mutex::new(commands),
             pause_after_trial: AtomicBool::new(false),
             journal,
@@ -127,7 +127,7 @@ impl CommandSender {
 /// The control loop's end: receives the operator's commands.
 #[derive(Debug)]
 pub struct CommandReceiver {
-    shared: Arc<Shared>,
+    shared: Arc<SharedCommands>,
     commands: Consumer<Event>,
     stop: Arc<AtomicBool>,
     starts_at_once: bool,

@@ -1,4 +1,4 @@
-//! History of the session for the operator: trials with status and fit, means by condition, the log.
+//! SessionHistory of the session for the operator: trials with status and fit, means by condition, the log.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -19,7 +19,7 @@ const LOG_LINES: usize = 200;
 
 /// Log and system status; trials come from the progress of the session.
 #[derive(Debug, Default)]
-pub struct History {
+pub struct SessionHistory {
     log: VecDeque<LogLine>,
     status: SystemStatus,
 }
@@ -114,7 +114,7 @@ impl LogEntry {
     }
 }
 
-impl History {
+impl SessionHistory {
     /// Adds a line.
     pub fn add(&mut self, t_s: f64, entry: LogEntry) {
         self.log.push_back(LogLine { t_s, entry });

@@ -19,7 +19,7 @@ use super::step_feed::{SampleCounter, StepFeed, TimedStep};
 use super::terminal::Terminal;
 use super::thread_priority::lower_thread_priority;
 use super::view_model::ViewModel;
-use super::web::{Address, Content, PageAddresses, Server};
+use super::web::{Address, PageAddresses, PageContent, Server};
 use super::welcome::{SessionInfo, welcome_messages};
 use crate::dataset::{ActionOrigin, AuditSender, LONGEST_NOTE, OperatorAction, Trial, Wrist};
 use crate::session::{Machine, Source};
@@ -93,7 +93,7 @@ impl Live {
         let presence = Presence::new(setup.missed_after);
         let controls = Arc::new(SessionControls { commands: commands.clone(), presence: presence.clone() });
         let latencies = DisplayLatencies::default();
-        let content = Content {
+        let content = PageContent {
             welcome: welcome_messages(&setup.info, &settings, setup.wrist, None),
             views: views.clone(),
             controls: controls.clone(),

@@ -16,7 +16,7 @@ use super::snapshot::PlaybackState;
 use super::step_feed::TimedStep;
 use super::thread_priority::lower_thread_priority;
 use super::view_model::{ViewModel, Views};
-use super::web::{Address, Content, PageAddresses, Server};
+use super::web::{Address, PageAddresses, PageContent, Server};
 use super::welcome::{SessionInfo, welcome_messages};
 use crate::dataset::{self, ActionOrigin, AuditEntry, OperatorAction, Wrist, replay_watched};
 use crate::fit::PreprocessingSettings;
@@ -159,7 +159,7 @@ impl Playback {
         let playback = views.snapshot().borrow().playback;
         let requested = PlaybackRequest { speed: 1.0, plays: false, seek: None, over: false };
         let controls = PlaybackControls(Arc::new(Mutex::new(requested)));
-        let content = Content {
+        let content = PageContent {
             welcome: welcome_messages(&recording.info, &recording.settings, recording.wrist, playback),
             views,
             controls: Arc::new(controls.clone()),

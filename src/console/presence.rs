@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 /// Counts the operators' pages that are open. Clones share the count.
 #[derive(Debug, Clone)]
 pub struct Presence {
-    state: Arc<Mutex<State>>,
+    state: Arc<Mutex<PresenceState>>,
     timeout: Option<Duration>,
 }
 
 #[derive(Debug, Default)]
-struct State {
+struct PresenceState {
     pages: usize,
     /// Time since which no page has been open, after there was one.
     absent_since: Option<Instant>,
@@ -26,7 +26,7 @@ impl Presence {
     /// Counts a page that was opened.
     pub fn opened(&self) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        *state = State { pages: state.pages + 1, absent_since: None };
+        *state = PresenceState { pages: state.pages + 1, absent_since: None };
     }
 
     /// Counts a page that was closed.

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::watch;
 
 use super::fitter::{Fitter, TrialFitOutcome};
-use super::history::{History, LogEntry, SystemStatus};
+use super::history::{LogEntry, SessionHistory, SystemStatus};
 use super::snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot};
 use super::step_feed::TimedStep;
 use super::strip_chart::{Bin, StripChart};
@@ -64,7 +64,7 @@ pub struct ViewModel {
     has_gap: bool,
     /// Whether only recorded samples are drawn: a replay makes up the others.
     draws_records_only: bool,
-    history: History,
+    history: SessionHistory,
     history_changed: bool,
     /// Time before the start of the session that is being played, s.
     before_s: f64,
@@ -97,7 +97,7 @@ impl ViewModel {
             last_sample: 0,
             has_gap: false,
             draws_records_only: playback.is_some(),
-            history: History::default(),
+            history: SessionHistory::default(),
             history_changed: true,
             before_s: 0.0,
             strip_chart,
@@ -129,7 +129,7 @@ impl ViewModel {
     /// Goes back to the beginning of the recording and empties the history.
     pub fn rewind(&mut self, progress: Progress) {
         self.restart(progress, 0.0);
-        self.history = History::default();
+        self.history = SessionHistory::default();
         self.strip_chart.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 

@@ -30,11 +30,11 @@ pub struct BackgroundRecorder {
     /// The loop has no deadlines: it waits for the disk instead of failing.
     waits_for_disk: bool,
     actions: AuditSender,
-    shared: Arc<Shared>,
+    shared: Arc<SharedWriterState>,
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+struct SharedWriterState {
     /// Number of journal entries on disk.
     entries_on_disk: AtomicU64,
     /// No more steps will come.
@@ -60,7 +60,7 @@ impl BackgroundRecorder {
     pub fn start(recorder: Recorder, progress: Progress) -> Self {
         let (ring, steps) = RingBuffer::new(RING_CAPACITY);
         let (actions, received) = mpsc::channel();
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(SharedWriterState::default());
         let thread = thread::spawn({
             let shared = shared.clone();
             move || {
@@ -123,7 +123,7 @@ impl BackgroundRecorder {
     }
 }
 
-struct FailedUnlessOver<'a>(&'a Shared);
+struct FailedUnlessOver<'a>(&'a SharedWriterState);
 
 impl Drop for FailedUnlessOver<'_> {
     fn drop(&mut self) {
@@ -138,7 +138,7 @@ fn write(
     mut progress: Progress,
     mut steps: Consumer<Step>,
     actions: &mpsc::Receiver<AuditEntry>,
-    shared: &Shared,
+    shared: &SharedWriterState,
 ) -> Result<(), RecordError> {
     loop {
         // Read before the ring is emptied, so that the last steps are still written.

@@ -83,7 +83,7 @@ pub enum DatasetError {
         at: Place,
     },
     /// `session.json` is not JSON, or not of the shape the format asks for.
-    #[error("{at}: {message}; expected a session description of format {format}", format = super::FORMAT)]
+    #[error("{at}: {message}; expected a session description of format {format}", format = super::SESSION_FORMAT)]
     Json {
         /// File, line and the path of the field.
         at: Place,

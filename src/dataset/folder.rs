@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use super::disk::Disk;
 use super::journal::{JOURNAL_FORMAT, Journal, JournalEntry};
 use super::recorder::{RecordError, RecordNames, Recorder};
-use super::{FORMAT, Subject};
+use super::{SESSION_FORMAT, Subject};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
 use crate::session::Settings;
@@ -119,7 +119,7 @@ impl NewSession<'_> {
 
     fn description(&self, sample_rate_hz: f64) -> Description {
         Description {
-            format: FORMAT.to_owned(),
+            format: SESSION_FORMAT.to_owned(),
             subject: Subject { id: self.subject.to_owned() },
             sample_rate_hz,
             rig: RigDescription { lever: self.lever },

@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 use super::csv_input::{CsvTable, SessionFolder};
 use super::error::{DatasetError, Place};
-use super::{FORMAT, Record, Session, Status, Subject, Trial, trial_csv_reader};
+use super::{Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
 use crate::json_file;
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
@@ -48,22 +48,22 @@ struct Version {
 
 /// `session.json`; further fields are allowed and belong to whoever wrote them.
 #[derive(Deserialize)]
-struct Description {
+struct ParsedDescription {
     subject: Subject,
     sample_rate_hz: f64,
-    rig: RigDescription,
+    rig: ParsedRigDescription,
     // `null` says that nothing was filtered; not to say anything is not the same.
     #[serde(deserialize_with = "Option::deserialize")]
     recorded_filter: Option<FilterSpec>,
 }
 
 #[derive(Deserialize)]
-struct RigDescription {
+struct ParsedRigDescription {
     #[serde(deserialize_with = "Option::deserialize")]
     lever: Option<Lever>,
 }
 
-fn read_description(folder: &SessionFolder) -> Result<Description, DatasetError> {
+fn read_description(folder: &SessionFolder) -> Result<ParsedDescription, DatasetError> {
     let name = folder.name("session.json");
     let text = folder.text("session.json", None)?;
     if text.trim().is_empty() {
@@ -72,14 +72,14 @@ fn read_description(folder: &SessionFolder) -> Result<Description, DatasetError>
     }
     // The version comes before everything else: of an unknown one, no field can be judged.
     let version: Version = parse_json(&name, &text)?;
-    if version.format != FORMAT {
+    if version.format != SESSION_FORMAT {
         return Err(DatasetError::UnknownFormat {
             at: Place::field(name, "format"),
             found: version.format,
-            expected: FORMAT,
+            expected: SESSION_FORMAT,
         });
     }
-    let about: Description = parse_json(&name, &text)?;
+    let about: ParsedDescription = parse_json(&name, &text)?;
     check_values(&name, &about)?;
     Ok(about)
 }
@@ -93,7 +93,7 @@ pub(super) fn parse_json<T: DeserializeOwned>(name: &str, text: &str) -> Result<
     })
 }
 
-fn check_values(name: &str, about: &Description) -> Result<(), DatasetError> {
+fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetError> {
     let field = |field: &str, found: f64, good: bool, expected: &str| {
         if good {
             return Ok(());

@@ -18,7 +18,7 @@ use super::recorder::RecordError;
 pub const MANIFEST: &str = "manifest.json";
 
 /// Format and version of the manifest.
-const FORMAT: &str = "ramphold-manifest/1";
+const MANIFEST_FORMAT: &str = "ramphold-manifest/1";
 
 /// What a session folder holds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -74,7 +74,7 @@ impl Manifest {
         let files = stock(folder)?;
         let sum = |file: &str| files.get(file).map(|kept| kept.sha256.clone());
         Ok(Self {
-            format: FORMAT.to_owned(),
+            format: MANIFEST_FORMAT.to_owned(),
             program: PROGRAM.to_owned(),
             git_commit: option_env!("RAMPHOLD_COMMIT").map(str::to_owned),
             platform: if is_virtual {
@@ -106,9 +106,13 @@ impl Manifest {
         }
         let text = opened.text(MANIFEST, None)?;
         let manifest: Self = parse_json(&name, &text)?;
-        if manifest.format != FORMAT {
+        if manifest.format != MANIFEST_FORMAT {
             let at = Place::field(name, "format");
-            return Err(DatasetError::UnknownFormat { at, found: manifest.format, expected: FORMAT });
+            return Err(DatasetError::UnknownFormat {
+                at,
+                found: manifest.format,
+                expected: MANIFEST_FORMAT,
+            });
         }
         Ok(manifest)
     }

@@ -40,7 +40,7 @@ use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
 /// The version of the session format that this program reads and writes.
-pub const FORMAT: &str = "ramphold-session/1";
+pub const SESSION_FORMAT: &str = "ramphold-session/1";
 
 /// A measured session, loaded and checked.
 #[derive(Debug, Clone)]

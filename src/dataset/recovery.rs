@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::FORMAT;
+use super::SESSION_FORMAT;
 use super::audit::AuditEntry;
 use super::csv_input::SessionFolder;
 use super::error::{DatasetError, Place};
@@ -62,9 +62,9 @@ impl RecoveredSession {
             });
         }
         let about: Description = parse_json(&folder.name("session.json"), &text)?;
-        if about.format != FORMAT {
+        if about.format != SESSION_FORMAT {
             let at = Place::field(folder.name("session.json"), "format");
-            return Err(DatasetError::UnknownFormat { at, found: about.format, expected: FORMAT });
+            return Err(DatasetError::UnknownFormat { at, found: about.format, expected: SESSION_FORMAT });
         }
         let (seed, program, rules, delay) = (*seed, program.clone(), *rules, *motion_delay_samples);
         let protocol = folder.text("protocol.json", None)?;

@@ -282,7 +282,7 @@ fn a_rate_that_disagrees_is_refused_however_small_the_difference() {
 #[test]
 fn times_printed_with_few_digits_are_accepted() {
     let folder = sound();
-    write(&folder, "session.json", &description(FORMAT, "3000"));
+    write(&folder, "session.json", &description(SESSION_FORMAT, "3000"));
     for trial in ["trials/trial-001.csv", "trials/trial-002.csv"] {
         write(&folder, trial, &record(1200, |sample| sample as f64 / 3000.0));
     }

@@ -8,12 +8,12 @@ mod limits;
 mod order;
 
 use super::Problem;
-use super::source::{Content, Node};
+use super::source::{JsonContent, JsonNode};
 use super::units::significant;
 use context::Rules;
 
 /// Adds to `problems` every value of `document` that does not fit with the others.
-pub(super) fn add_problems(document: &Node, problems: &mut Vec<Problem>) {
+pub(super) fn add_problems(document: &JsonNode, problems: &mut Vec<Problem>) {
     let known = problems.iter().map(|problem| problem.path.clone()).collect();
     let mut rules = Rules { document, known, problems };
     rules.conditions_differ_from_each_other_and_from_zero("velocities_rad_s", 0.01, "rad/s");
@@ -62,7 +62,7 @@ impl Rules<'_> {
 
     fn antagonist_is_measured_against_its_maximum(&mut self) {
         let has_mvc =
-            self.document.at("before.mvc").is_some_and(|mvc| matches!(mvc.content, Content::Object(_)));
+            self.document.at("before.mvc").is_some_and(|mvc| matches!(mvc.content, JsonContent::Object(_)));
         if self.number("gate.antagonist_limit_mvc").is_some() && !has_mvc {
             let expected = "null as long as before.mvc is not measured: EMG has no scale then".to_owned();
             let advice = "add \"mvc\" to \"before\", or write null here".to_owned();

@@ -5,11 +5,11 @@
 use serde_json::Value;
 
 use super::schema::SCHEMA;
-use super::source::{Content, Node};
+use super::source::{JsonContent, JsonNode};
 use super::{Problem, units};
 
 /// Everything in which the document differs from the schema.
-pub(super) fn problems(document: &Node) -> Vec<Problem> {
+pub(super) fn problems(document: &JsonNode) -> Vec<Problem> {
     let mut walk = Walk { problems: Vec::new() };
     walk.value(document, &SCHEMA, "");
     walk.problems
@@ -20,15 +20,17 @@ struct Walk {
 }
 
 impl Walk {
-    fn value(&mut self, node: &Node, schema: &Value, path: &str) {
+    fn value(&mut self, node: &JsonNode, schema: &Value, path: &str) {
         let schema = &resolved(schema);
         if let Some(variants) = schema["oneOf"].as_array() {
             return self.tagged(node, schema, variants, path);
         }
         if !has_type(node, schema) {
             let advice = match &node.content {
-                Content::Scalar(Value::String(_)) if is_numeric(schema) => "write a number, without quotes",
-                Content::Scalar(Value::Number(_)) if is_numeric(schema) => {
+                JsonContent::Scalar(Value::String(_)) if is_numeric(schema) => {
+                    "write a number, without quotes"
+                }
+                JsonContent::Scalar(Value::Number(_)) if is_numeric(schema) => {
                     "write a whole number, without a point"
                 }
                 _ if is_numeric(schema) => "write a number",
@@ -37,18 +39,18 @@ impl Walk {
             return self.add(path, node, expectation(schema), advice.to_owned());
         }
         match &node.content {
-            Content::Object(members) => self.object(node, members, schema, path),
-            Content::Array(items) => self.array(node, items, schema, path),
-            Content::Scalar(value) => self.scalar(node, value, schema, path),
+            JsonContent::Object(members) => self.object(node, members, schema, path),
+            JsonContent::Array(items) => self.array(node, items, schema, path),
+            JsonContent::Scalar(value) => self.scalar(node, value, schema, path),
         }
     }
 
     /// An enum: an object whose `kind` says which fields it has.
-    fn tagged(&mut self, node: &Node, schema: &Value, variants: &[Value], path: &str) {
+    fn tagged(&mut self, node: &JsonNode, schema: &Value, variants: &[Value], path: &str) {
         let kind_of = |variant: &Value| variant["properties"]["kind"]["const"].as_str().map(str::to_owned);
         let kinds: Vec<String> = variants.iter().filter_map(kind_of).collect();
         let expected = format!("\"kind\" as one of {}: {}", kinds.join(", "), description(schema));
-        if !matches!(node.content, Content::Object(_)) {
+        if !matches!(node.content, JsonContent::Object(_)) {
             let advice = format!("write an object such as {{ \"kind\": \"{}\" }}", kinds.join("\" or \""));
             return self.add(path, node, format!("an object with {expected}"), advice);
         }
@@ -69,7 +71,7 @@ impl Walk {
         }
     }
 
-    fn object(&mut self, node: &Node, members: &[(String, Node)], schema: &Value, path: &str) {
+    fn object(&mut self, node: &JsonNode, members: &[(String, JsonNode)], schema: &Value, path: &str) {
         let Some(properties) = schema["properties"].as_object() else { return };
         let names: Vec<String> = properties.keys().cloned().collect();
         for (index, (name, member)) in members.iter().enumerate() {
@@ -98,7 +100,7 @@ impl Walk {
         }
     }
 
-    fn array(&mut self, node: &Node, items: &[Node], schema: &Value, path: &str) {
+    fn array(&mut self, node: &JsonNode, items: &[JsonNode], schema: &Value, path: &str) {
         let (least, most) = (schema["minItems"].as_u64(), schema["maxItems"].as_u64());
         let count = items.len() as u64;
         if least.is_some_and(|least| count < least) || most.is_some_and(|most| count > most) {
@@ -117,7 +119,7 @@ impl Walk {
         }
     }
 
-    fn scalar(&mut self, node: &Node, value: &Value, schema: &Value, path: &str) {
+    fn scalar(&mut self, node: &JsonNode, value: &Value, schema: &Value, path: &str) {
         if let Some(only) = schema.get("const").filter(|only| *only != value) {
             let advice = format!("write {only}; this version reads no other");
             return self.add(path, node, expectation(schema), advice);
@@ -137,12 +139,12 @@ impl Walk {
         }
     }
 
-    fn add(&mut self, path: &str, node: &Node, expected: String, advice: String) {
+    fn add(&mut self, path: &str, node: &JsonNode, expected: String, advice: String) {
         let value = Some(node.to_string());
         self.problems.push(Problem { path: path.to_owned(), line: node.line, value, expected, advice });
     }
 
-    fn missing(&mut self, path: &str, parent: &Node, expected: String, name: &str) {
+    fn missing(&mut self, path: &str, parent: &JsonNode, expected: String, name: &str) {
         let advice = format!("add \"{name}\"");
         self.problems.push(Problem {
             path: path.to_owned(),
@@ -179,14 +181,14 @@ fn types(schema: &Value) -> Vec<&str> {
     }
 }
 
-fn has_type(node: &Node, schema: &Value) -> bool {
+fn has_type(node: &JsonNode, schema: &Value) -> bool {
     types(schema).iter().any(|wanted| match (&node.content, *wanted) {
-        (Content::Object(_), "object") | (Content::Array(_), "array") => true,
-        (Content::Scalar(value), "integer") => value.is_u64() || value.is_i64(),
-        (Content::Scalar(value), "number") => value.is_number(),
-        (Content::Scalar(value), "string") => value.is_string(),
-        (Content::Scalar(value), "boolean") => value.is_boolean(),
-        (Content::Scalar(value), "null") => value.is_null(),
+        (JsonContent::Object(_), "object") | (JsonContent::Array(_), "array") => true,
+        (JsonContent::Scalar(value), "integer") => value.is_u64() || value.is_i64(),
+        (JsonContent::Scalar(value), "number") => value.is_number(),
+        (JsonContent::Scalar(value), "string") => value.is_string(),
+        (JsonContent::Scalar(value), "boolean") => value.is_boolean(),
+        (JsonContent::Scalar(value), "null") => value.is_null(),
         _ => false,
     })
 }

@@ -10,22 +10,22 @@ use super::ProtocolError;
 
 /// A JSON value with its line.
 #[derive(Debug, Clone)]
-pub(crate) struct Node {
+pub(crate) struct JsonNode {
     /// Line of its first character, from 1.
     pub line: usize,
-    pub content: Content,
+    pub content: JsonContent,
 }
 
 #[derive(Debug, Clone)]
-pub(crate) enum Content {
+pub(crate) enum JsonContent {
     /// Keys in the order of the file; a key that is written twice is there twice.
-    Object(Vec<(String, Node)>),
-    Array(Vec<Node>),
+    Object(Vec<(String, JsonNode)>),
+    Array(Vec<JsonNode>),
     /// A number, a string, true, false or null.
     Scalar(Value),
 }
 
-impl Node {
+impl JsonNode {
     /// Reads a JSON text.
     pub fn parse(text: &str, file: &str) -> Result<Self, ProtocolError> {
         // The first pass also bounds the depth, so that the second may recurse.
@@ -49,23 +49,23 @@ impl Node {
             Some(b'{') => {
                 let Members(members) = serde_json::from_str(part)?;
                 let read = |(key, value): (String, &RawValue)| Ok((key, Self::read(text, value.get())?));
-                Content::Object(members.into_iter().map(read).collect::<Result<_, serde_json::Error>>()?)
+                JsonContent::Object(members.into_iter().map(read).collect::<Result<_, serde_json::Error>>()?)
             }
             Some(b'[') => {
                 let items: Vec<&RawValue> = serde_json::from_str(part)?;
-                Content::Array(
+                JsonContent::Array(
                     items.into_iter().map(|item| Self::read(text, item.get())).collect::<Result<_, _>>()?,
                 )
             }
-            _ => Content::Scalar(serde_json::from_str(part)?),
+            _ => JsonContent::Scalar(serde_json::from_str(part)?),
         };
         Ok(Self { line, content })
     }
 
     /// The member called `key`; the last one if there are several.
-    pub fn member(&self, key: &str) -> Option<&Node> {
+    pub fn member(&self, key: &str) -> Option<&JsonNode> {
         match &self.content {
-            Content::Object(members) => {
+            JsonContent::Object(members) => {
                 members.iter().rev().find(|(name, _)| name == key).map(|(_, node)| node)
             }
             _ => None,
@@ -73,15 +73,15 @@ impl Node {
     }
 
     /// The item at `index`.
-    pub fn item(&self, index: usize) -> Option<&Node> {
+    pub fn item(&self, index: usize) -> Option<&JsonNode> {
         match &self.content {
-            Content::Array(items) => items.get(index),
+            JsonContent::Array(items) => items.get(index),
             _ => None,
         }
     }
 
     /// The value at a path such as `order.trials[2].torque_nm`; itself for the empty path.
-    pub fn at(&self, path: &str) -> Option<&Node> {
+    pub fn at(&self, path: &str) -> Option<&JsonNode> {
         path.split(['.', '[']).filter(|step| !step.is_empty()).try_fold(self, |node, step| {
             match step.strip_suffix(']') {
                 Some(index) => node.item(index.parse().ok()?),
@@ -93,7 +93,7 @@ impl Node {
     /// As a number.
     pub fn number(&self) -> Option<f64> {
         match &self.content {
-            Content::Scalar(value) => value.as_f64(),
+            JsonContent::Scalar(value) => value.as_f64(),
             _ => None,
         }
     }
@@ -101,24 +101,24 @@ impl Node {
     /// As a plain JSON value.
     pub fn value(&self) -> Value {
         match &self.content {
-            Content::Object(members) => {
+            JsonContent::Object(members) => {
                 members.iter().map(|(key, node)| (key.clone(), node.value())).collect()
             }
-            Content::Array(items) => items.iter().map(Node::value).collect(),
-            Content::Scalar(value) => value.clone(),
+            JsonContent::Array(items) => items.iter().map(JsonNode::value).collect(),
+            JsonContent::Scalar(value) => value.clone(),
         }
     }
 }
 
 /// Text for messages: scalars and short lists as JSON, other values by their type and size.
-impl fmt::Display for Node {
+impl fmt::Display for JsonNode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.content {
-            Content::Object(_) => write!(f, "an object"),
-            Content::Array(items) if items.is_empty() => write!(f, "an empty list"),
-            Content::Array(items) if items.len() <= 4 => write!(f, "{}", self.value()),
-            Content::Array(items) => write!(f, "a list of {}", items.len()),
-            Content::Scalar(value) => write!(f, "{value}"),
+            JsonContent::Object(_) => write!(f, "an object"),
+            JsonContent::Array(items) if items.is_empty() => write!(f, "an empty list"),
+            JsonContent::Array(items) if items.len() <= 4 => write!(f, "{}", self.value()),
+            JsonContent::Array(items) => write!(f, "a list of {}", items.len()),
+            JsonContent::Scalar(value) => write!(f, "{value}"),
         }
     }
 }

@@ -6,14 +6,14 @@ use serde::{Deserialize, Serialize};
 use crate::signal::FilterSpec;
 
 /// Format and version of the protocol files that this program reads.
-pub const FORMAT: &str = "ramphold-protocol/1";
+pub const PROTOCOL_FORMAT: &str = "ramphold-protocol/1";
 
 /// A ramp-and-hold experiment, as written in a protocol file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Protocol {
     /// Format and version: `ramphold-protocol/1`.
-    #[schemars(extend("const" = FORMAT))]
+    #[schemars(extend("const" = PROTOCOL_FORMAT))]
     pub format: String,
     /// Name of the protocol, as shown in reports.
     #[schemars(length(min = 1))]

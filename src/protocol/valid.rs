@@ -4,7 +4,7 @@ use std::fs;
 use std::ops::Deref;
 use std::path::Path;
 
-use super::source::Node;
+use super::source::JsonNode;
 use super::{Duration, Problem, Protocol, ProtocolError, RampAndHold, TooShort, rules, shape};
 
 /// A [`Protocol`] that passed every check, and the text it was read from.
@@ -46,7 +46,7 @@ impl ValidProtocol {
 
     /// Reads a protocol from its JSON `text`; `file` is the name for messages.
     pub fn parse(text: &str, file: &str) -> Result<Self, ProtocolError> {
-        let source = Node::parse(text, file)?;
+        let source = JsonNode::parse(text, file)?;
         let mut problems = shape::problems(&source);
         rules::add_problems(&source, &mut problems);
         if problems.is_empty() {
@@ -89,7 +89,7 @@ impl Deref for ValidProtocol {
 }
 
 /// Converts to the typed protocol. A value that passes schema and rules but not the types is reported as a problem.
-fn typed(source: &Node) -> Result<Protocol, Problem> {
+fn typed(source: &JsonNode) -> Result<Protocol, Problem> {
     let mut value = source.value();
     if let Some(members) = value.as_object_mut() {
         members.remove("$schema");
@@ -99,7 +99,7 @@ fn typed(source: &Node) -> Result<Protocol, Problem> {
         let place = source.at(&path);
         Problem {
             line: place.map_or(1, |node| node.line),
-            value: place.map(Node::to_string),
+            value: place.map(JsonNode::to_string),
             expected: error.inner().to_string(),
             advice: "compare with protocols/quick.json".to_owned(),
             path,

@@ -9,7 +9,7 @@ use super::super::display_latency::DisplayLatencies;
 use super::super::view_model::Views;
 
 /// What pages show and do.
-pub struct Content {
+pub struct PageContent {
     /// First messages for the operator's and the subject's page.
     pub welcome: [Value; 2],
     /// Snapshots, history and strip charts.

@@ -16,5 +16,5 @@ mod tls;
 
 pub use access_control::{Role, Tokens};
 pub use address::Address;
-pub use content::Content;
+pub use content::PageContent;
 pub use server::{PageAddresses, Server};

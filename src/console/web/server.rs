@@ -11,7 +11,7 @@ use super::super::error::ConsoleError;
 use super::super::thread_priority::lower_thread_priority;
 use super::access_control::{AccessControl, Role, Tokens};
 use super::address::Address;
-use super::content::Content;
+use super::content::PageContent;
 use super::{accept, socket};
 
 /// Addresses of the two pages. Whoever knows an address has its role.
@@ -39,7 +39,7 @@ impl Server {
     ///
     /// # Errors
     /// If the address is not this machine's own and there is no certificate, if it is taken, or if a file cannot be read.
-    pub fn start(address: &Address, content: Content) -> Result<Self, ConsoleError> {
+    pub fn start(address: &Address, content: PageContent) -> Result<Self, ConsoleError> {
         address.check()?;
         let listen = address.listen;
         let tls = address.acceptor()?;

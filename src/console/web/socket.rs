@@ -23,7 +23,7 @@ use super::super::controls::Request as OperatorRequest;
 use super::super::snapshot::Snapshot;
 use super::access_control::{AccessControl, Role};
 use super::assets;
-use super::content::Content;
+use super::content::PageContent;
 use super::limits::{
     CLOSING_TIME, LONGEST_MESSAGE, PAGE_TIMEOUT, PAGES_PER_ROLE, REQUEST_TIMEOUT, RateLimiter,
     UNACKNOWLEDGED_SNAPSHOTS,
@@ -56,14 +56,18 @@ const SECURITY_HEADERS: [(header::HeaderName, &str); 7] = [
 #[derive(Clone)]
 struct Site {
     access: Arc<AccessControl>,
-    content: Arc<Content>,
+    content: Arc<PageContent>,
     stopped: watch::Receiver<bool>,
     /// Number of open pages of the operator and of the subject.
     pages: Arc<[AtomicUsize; 2]>,
 }
 
 /// The routes of the pages.
-pub fn router(access: Arc<AccessControl>, content: Arc<Content>, stopped: watch::Receiver<bool>) -> Router {
+pub fn router(
+    access: Arc<AccessControl>,
+    content: Arc<PageContent>,
+    stopped: watch::Receiver<bool>,
+) -> Router {
     let site = Site { access, content, stopped, pages: Arc::default() };
     Router::new()
         .route("/{role}/{token}/", get(page))
@@ -190,7 +194,7 @@ type CloseReason = (u16, &'static str);
 /// Connection to one page.
 struct PageConnection {
     role: Role,
-    content: Arc<Content>,
+    content: Arc<PageContent>,
     /// Number of the last snapshot sent, and of the last one acknowledged.
     sent: u64,
     seen: u64,
@@ -203,7 +207,7 @@ struct PageConnection {
 }
 
 impl PageConnection {
-    fn new(role: Role, content: Arc<Content>) -> Self {
+    fn new(role: Role, content: Arc<PageContent>) -> Self {
         let now = Instant::now();
         Self {
             role,

@@ -3,11 +3,11 @@
 use std::collections::HashSet;
 
 use crate::protocol::Problem;
-use crate::protocol::source::{Content, Node};
+use crate::protocol::source::{JsonContent, JsonNode};
 
 /// The document that is checked, and the problems found so far.
 pub(super) struct Rules<'a> {
-    pub(super) document: &'a Node,
+    pub(super) document: &'a JsonNode,
     /// Paths whose value is already known to be wrong.
     pub(super) known: HashSet<String>,
     pub(super) problems: &'a mut Vec<Problem>,
@@ -28,7 +28,7 @@ impl Rules<'_> {
     /// The length of a list; 0 if it is missing.
     pub(super) fn length(&self, list: &str) -> usize {
         match self.document.at(list).map(|node| &node.content) {
-            Some(Content::Array(items)) => items.len(),
+            Some(JsonContent::Array(items)) => items.len(),
             _ => 0,
         }
     }

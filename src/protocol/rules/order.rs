@@ -1,7 +1,7 @@
 //! Rules on the order: it must contain the trials that the protocol has.
 
 use super::context::Rules;
-use crate::protocol::source::{Content, Node};
+use crate::protocol::source::{JsonContent, JsonNode};
 
 /// Largest number of trials of a protocol, more than a subject can do in a day. Assumed.
 const MAX_PROTOCOL_TRIALS: f64 = 10_000.0;
@@ -16,7 +16,7 @@ pub(super) fn check(rules: &mut Rules) {
         let expected = format!("at most {MAX_PROTOCOL_TRIALS} trials in all; these are {trials}");
         return rules.add("repetitions", expected, "lower it".to_owned());
     }
-    let kind = rules.document.at("order.kind").map(Node::value);
+    let kind = rules.document.at("order.kind").map(JsonNode::value);
     match kind.as_ref().and_then(|kind| kind.as_str()) {
         Some("constrained") => {
             runs_can_be_broken(rules, "torque", torques.len(), trials);
@@ -39,7 +39,7 @@ fn runs_can_be_broken(rules: &mut Rules, what: &str, levels: usize, trials: f64)
 }
 
 fn each_condition_is_listed(rules: &mut Rules, velocities: &[f64], torques: &[f64], repetitions: f64) {
-    let Some(Content::Array(trials)) = rules.document.at("order.trials").map(|node| node.content.clone())
+    let Some(JsonContent::Array(trials)) = rules.document.at("order.trials").map(|node| node.content.clone())
     else {
         return;
     };

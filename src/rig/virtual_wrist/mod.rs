@@ -18,13 +18,13 @@ mod wrist_response;
 
 pub use hidden_effect::draw_hidden_effect;
 pub use mechanism_list::{MechanismList, MechanismListError};
-pub use person::{FORMAT as PERSON_FORMAT, Person, PersonError, Surface};
+pub use person::{PERSON_FORMAT, Person, PersonError, Surface};
 pub use seal::{Seal, SealError};
 pub use setup::{RigFile, RigFileError, Setup};
 pub use typical_effect::TypicalEffect;
 
 use emg::Emg;
-use sensors::Sensors;
+use sensors::VirtualSensors;
 use servo::Servo;
 use voluntary::VoluntaryTorque;
 use wrist_response::WristResponse;
@@ -81,7 +81,7 @@ pub struct ArmedVirtualWrist {
     wrist: WristResponse,
     voluntary: VoluntaryTorque,
     emg: Emg,
-    sensors: Sensors,
+    sensors: VirtualSensors,
     trial: Option<TrialKey>,
     moving: bool,
     /// Samples since the rig was armed.
@@ -97,7 +97,7 @@ impl ArmedVirtualWrist {
             wrist: WristResponse::new(&rig.person, &rig.setup, rate),
             voluntary: VoluntaryTorque::new(&rig.person, rate, stream("subject/rest")),
             emg: Emg::new(&rig.person, rate, stream("emg/rest")),
-            sensors: Sensors::new(&rig.setup, &rig.person, rate, stream("noise/rest")),
+            sensors: VirtualSensors::new(&rig.setup, &rig.person, rate, stream("noise/rest")),
             rig,
             trial: None,
             moving: false,

@@ -10,7 +10,7 @@ use crate::json_file::{self, JsonFileError};
 use crate::random::Stream;
 
 /// Format and version of the files of virtual persons.
-pub const FORMAT: &str = "ramphold-person/1";
+pub const PERSON_FORMAT: &str = "ramphold-person/1";
 
 /// A virtual person. Unless a field says where its default is from, it is assumed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -210,7 +210,7 @@ impl Default for Muscles {
 impl Default for Person {
     fn default() -> Self {
         Self {
-            format: FORMAT.to_owned(),
+            format: PERSON_FORMAT.to_owned(),
             id: "V00".to_owned(),
             joint_inertia_kg_m2: defaults::joint_inertia(),
             interface_damping_nm_s_per_rad: defaults::interface_damping(),
@@ -323,8 +323,8 @@ impl Person {
         let refuse = |field, found: String, expected| {
             Err(PersonError::Value { file: file.to_owned(), field, found, expected })
         };
-        if self.format != FORMAT {
-            return refuse("format", self.format.clone(), FORMAT);
+        if self.format != PERSON_FORMAT {
+            return refuse("format", self.format.clone(), PERSON_FORMAT);
         }
         if self.id.is_empty() || self.id.chars().any(char::is_control) {
             return refuse("id", self.id.clone(), "a name");

@@ -11,7 +11,7 @@ use crate::rig::Sample;
 
 /// The sensors of a virtual rig.
 #[derive(Debug, Clone)]
-pub struct Sensors {
+pub struct VirtualSensors {
     setup: Setup,
     disturbances: MechanismList,
     stream: Stream,
@@ -21,7 +21,7 @@ pub struct Sensors {
     torque: Delay,
 }
 
-impl Sensors {
+impl VirtualSensors {
     /// The sensors of a rig.
     pub fn new(setup: &Setup, person: &Person, sample_rate_hz: f64, stream: Stream) -> Self {
         let switched = person.mechanisms.and(&setup.mechanisms);
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn the_sensors_show_steps_of_their_size_and_noise_of_their_size() {
         let setup = Setup::default();
-        let mut sensors = Sensors::new(&setup, &Person::default(), 2500.0, Stream::new(1, "noise"));
+        let mut sensors = VirtualSensors::new(&setup, &Person::default(), 2500.0, Stream::new(1, "noise"));
         let samples: Vec<Sample> = (0..20_000).map(|_| sensors.measure(0.1, 1.5, [0.2, 0.02], 0.0)).collect();
         let counts = samples[0].theta_m_rad / (TAU / 131_072.0);
         assert!((counts - counts.round()).abs() < 1e-6 && (samples[0].theta_m_rad - 0.1).abs() < 3e-5);

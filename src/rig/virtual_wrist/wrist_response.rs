@@ -40,13 +40,13 @@ pub struct WristResponse {
     channels: ChannelErrors<f64>,
     gauge_offset_nm: f64,
     period_s: f64,
-    trial: Option<Trial>,
+    trial: Option<TrialBeforeRamp>,
     moving: Option<Moving>,
 }
 
 /// What is known of the trial before its ramp.
 #[derive(Debug, Clone, Copy)]
-struct Trial {
+struct TrialBeforeRamp {
     parameters: [f64; 6],
     covariates: Covariates,
     velocity_rad_s: f64,
@@ -109,7 +109,7 @@ impl WristResponse {
             deviations.stiffness_decrement * spread.stiffness_decrement,
         );
         let x_e = value(person.elastic_limit_rad, deviations.elastic_limit * spread.elastic_limit);
-        self.trial = Some(Trial {
+        self.trial = Some(TrialBeforeRamp {
             parameters: [
                 person.joint_inertia_kg_m2,
                 person.interface_damping_nm_s_per_rad,

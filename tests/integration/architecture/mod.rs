@@ -20,62 +20,6 @@ const MAP: &str = "docs/explanation/architecture.md";
 /// How the header of that table begins.
 const HEADER: &str = "| Module |";
 
-/// Files in circles that are still allowed in each top-level module. May only shrink.
-const KNOWN_CIRCLES: &[(&str, usize)] = &[];
-/// Types that are still defined twice. May only shrink.
-const KNOWN_TYPES: &[&str] = &[
-    "Bench",
-    "Block",
-    "Content",
-    "Description",
-    "Direction",
-    "Drawn",
-    "Effect",
-    "Guard",
-    "History",
-    "Model",
-    "Motor",
-    "Node",
-    "NormalEquations",
-    "Part",
-    "Port",
-    "Recorder",
-    "RigDescription",
-    "RigFile",
-    "RigFileError",
-    "Seen",
-    "Sensors",
-    "Shared",
-    "State",
-    "Step",
-    "Trial",
-    "Voluntary",
-];
-/// Constants that still have two values. May only shrink.
-const KNOWN_CONSTANTS: &[&str] = &[
-    "ATTEMPTS",
-    "A_MOMENT",
-    "ELSEWHERE",
-    "FORMAT",
-    "HEARTBEAT",
-    "IDLE",
-    "KEPT",
-    "LIMIT",
-    "LOOKS",
-    "MOST_PARTS",
-    "NOT_TOLD_APART",
-    "OUT_OF_REACH",
-    "PATIENCE",
-    "PICTURE",
-    "PLACES",
-    "ROOM",
-    "ROUNDS",
-    "SIGNIFICANT",
-    "SIMULATIONS",
-    "STEPS",
-    "WORTH",
-];
-
 static SOURCES: LazyLock<BTreeMap<FileName, String>> = LazyLock::new(|| {
     let mut sources = BTreeMap::new();
     read_folder(&root().join("src"), "", &mut sources);
@@ -108,6 +52,16 @@ fn map() -> Vec<Row> {
 
 fn file_graph(imports: &Imports) -> Graph {
     imports.files.iter().map(|(file, targets)| (file.clone(), targets.keys().cloned().collect())).collect()
+}
+
+/// The source files without those that are compiled for tests alone.
+fn program_sources() -> BTreeMap<FileName, String> {
+    let is_program = |file: &FileName| IMPORTS.files.contains_key(file);
+    SOURCES
+        .iter()
+        .filter(|(file, _)| is_program(file))
+        .map(|(file, text)| (file.clone(), text.clone()))
+        .collect()
 }
 
 /// The graph of the imports between top-level modules.
@@ -156,19 +110,8 @@ fn every_module_imports_only_modules_above_it_on_the_map_and_on_the_front_page()
 
 #[test]
 fn no_file_imports_itself_through_others() {
-    let mut in_circles: BTreeMap<String, usize> = BTreeMap::new();
     let found = circles(&file_graph(&IMPORTS));
-    for file in found.iter().flatten() {
-        *in_circles.entry(imports::top_level_module(file)).or_default() += 1;
-    }
-    for (module, files) in in_circles {
-        let known = KNOWN_CIRCLES.iter().find(|(name, _)| *name == module).map_or(0, |(_, files)| *files);
-        assert!(
-            files <= known,
-            "{files} files of {module} import themselves through others: {}",
-            shown(&found)
-        );
-    }
+    assert!(found.is_empty(), "files import themselves through others: {}", shown(&found));
 }
 
 /// The circles, each with the imports that close it.
@@ -241,14 +184,12 @@ fn dependencies(manifest: &str) -> Vec<String> {
 
 #[test]
 fn no_type_name_stands_for_two_types() {
-    let mut found = names::types_defined_twice(&SOURCES).expect("the crate can be parsed");
-    found.retain(|name, _| !KNOWN_TYPES.contains(&name.as_str()));
+    let found = names::types_defined_twice(&program_sources()).expect("the crate can be parsed");
     assert!(found.is_empty(), "types of one name: {found:#?}");
 }
 
 #[test]
 fn no_constant_name_stands_for_two_values() {
-    let mut found = names::constants_with_two_values(&SOURCES).expect("the crate can be parsed");
-    found.retain(|name, _| !KNOWN_CONSTANTS.contains(&name.as_str()));
+    let found = names::constants_with_two_values(&program_sources()).expect("the crate can be parsed");
     assert!(found.is_empty(), "constants of one name and different values: {found:#?}");
 }

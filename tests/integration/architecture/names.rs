@@ -22,12 +22,15 @@ struct Collector {
     constants: BTreeMap<String, Definitions>,
 }
 
-/// Names of types that are defined more than once, each with the files that define it. Traits and aliases count.
+/// Names of types that more than one file defines, each with these files. Traits and aliases count.
 pub fn types_defined_twice(
     sources: &BTreeMap<FileName, String>,
 ) -> Result<BTreeMap<String, Vec<FileName>>, String> {
     let types = collect(sources)?.types.into_iter();
-    Ok(types.filter(|(_, found)| found.files.len() > 1).map(|(name, found)| (name, found.files)).collect())
+    Ok(types
+        .filter(|(_, found)| found.files.iter().collect::<BTreeSet<_>>().len() > 1)
+        .map(|(name, found)| (name, found.files))
+        .collect())
 }
 
 /// Names of constants that are defined with more than one value, each with the files that define it.

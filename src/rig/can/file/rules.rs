@@ -2,13 +2,13 @@
 
 use super::rig_file::{CanRigFile, Carried, Cia402Motor, MotorSettings, RIG_FORMAT};
 use crate::protocol::Problem;
-use crate::protocol::source::Node;
+use crate::protocol::source::JsonNode;
 use crate::rig::can::budget::{Budget, HIGHEST_LOAD};
 use crate::rig::can::units::BusPeriod;
 
 /// Collects what is wrong, each with its line.
 struct Problems<'a> {
-    source: &'a Node,
+    source: &'a JsonNode,
     problems: Vec<Problem>,
 }
 
@@ -32,7 +32,7 @@ impl Problems<'_> {
 }
 
 /// Everything that is wrong with a file whose fields have the right types.
-pub(super) fn problems(file: &CanRigFile, source: &Node) -> Vec<Problem> {
+pub(super) fn problems(file: &CanRigFile, source: &JsonNode) -> Vec<Problem> {
     let mut problems = Problems { source, problems: Vec::new() };
     if file.format != RIG_FORMAT {
         problems.add("format", format!("{:?}", RIG_FORMAT), "use a rig file of this version");
@@ -57,7 +57,7 @@ pub(super) fn overload(
     file: &CanRigFile,
     budget: &Budget,
     period: BusPeriod,
-    source: &Node,
+    source: &JsonNode,
 ) -> Option<Problem> {
     let load = budget.load(period, file.bit_rate);
     if load <= HIGHEST_LOAD {

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::protocol::Problem;
-use crate::protocol::source::Node;
+use crate::protocol::source::JsonNode;
 use crate::rig::can::budget::{Budget, When};
 use crate::rig::can::units::{BusPeriod, SamplePeriod};
 
@@ -39,7 +39,7 @@ impl ValidRigFile {
     /// # Errors
     /// Everything that is wrong with it, at once.
     pub fn parse(text: &str, name: &str) -> Result<Self, CanRigFileError> {
-        let source = Node::parse(text, name).map_err(CanRigFileError::NotJson)?;
+        let source = JsonNode::parse(text, name).map_err(CanRigFileError::NotJson)?;
         let invalid = |problems| CanRigFileError::Invalid { file: name.to_owned(), problems };
         let file = typed(&source).map_err(|problem| invalid(vec![problem]))?;
         let mut problems = rules::problems(&file, &source);
@@ -88,7 +88,7 @@ impl std::ops::Deref for ValidRigFile {
     }
 }
 
-fn typed(source: &Node) -> Result<CanRigFile, Problem> {
+fn typed(source: &JsonNode) -> Result<CanRigFile, Problem> {
     serde_path_to_error::deserialize(source.value()).map_err(|error| {
         let path = error.path().to_string();
         let place = source.at(&path);
