@@ -201,7 +201,7 @@ fn the_proposed_protocol_passes_the_check_and_promises_more_than_the_one_before(
     workspace.call(0, &["check", "next.json"]);
     let power = |line: &str| line.split_whitespace().next().unwrap().parse::<f64>().unwrap();
     let best = power(table.lines().nth(1).unwrap());
-    let before = power(table.lines().find(|line| line.ends_with("as it was")).unwrap());
+    let before = power(table.lines().find(|line| line.ends_with("unchanged")).unwrap());
     assert!(best >= before, "{table}");
     let (_, there) =
         workspace.call(2, &["design", "s", "--between", between[0], between[1], "--out", "next.json"]);
