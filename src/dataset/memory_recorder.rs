@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::sync::Arc;
 
+use super::record_splitter::RecordSplitter;
 use super::tables::{self, amplitude_rad, rest_s};
 use super::trial_csv_writer::TrialCsvWriter;
 use super::{Record, Session, Subject, Trial};
@@ -19,13 +20,13 @@ pub struct MemoryRecorder {
     settings: Arc<Settings>,
     /// The record of each attempt; `None` for practice and for a record that was taken.
     records: Vec<Option<Record>>,
-    is_open: bool,
+    splitter: RecordSplitter,
 }
 
 impl MemoryRecorder {
     /// A recorder without trials.
     pub fn new(settings: Arc<Settings>) -> Self {
-        Self { settings, records: Vec::new(), is_open: false }
+        Self { settings, records: Vec::new(), splitter: RecordSplitter::new() }
     }
 
     /// Takes the last trial out of the recorder; `None` while it is under way, and for practice.
@@ -116,13 +117,11 @@ impl StepConsumer for MemoryRecorder {
     type Error = Infallible;
 
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), Infallible> {
-        let continues = self.is_open && step.record == RecordTarget::Trial;
-        if let (true, Some(sample)) = (self.is_open, &step.measured) {
-            // The sample that ends a record belongs to it, as in a folder.
+        let split = self.splitter.split(step.record);
+        if let (RecordTarget::Trial, Some(sample)) = (split.open, &step.measured) {
             self.keep(sample);
         }
-        self.is_open = step.record == RecordTarget::Trial;
-        if self.is_open && !continues {
+        if split.begins == Some(RecordTarget::Trial) {
             self.begin(progress);
             if let Some(sample) = &step.measured {
                 self.keep(sample);

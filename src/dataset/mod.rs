@@ -10,6 +10,7 @@ mod journal;
 mod load;
 mod manifest;
 mod memory_recorder;
+mod record_splitter;
 mod recorder;
 mod recovery;
 mod replay;

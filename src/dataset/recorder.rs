@@ -9,6 +9,7 @@ use std::sync::Arc;
 use super::audit::AuditEntry;
 use super::disk::Disk;
 use super::journal::{Interrupted, Journal, JournalEntry};
+use super::record_splitter::RecordSplitter;
 use super::tables;
 use super::trial_csv_writer::{HEADER, TrialCsvWriter};
 use crate::protocol::TooShort;
@@ -80,13 +81,13 @@ pub struct Recorder {
     rows: TrialCsvWriter,
     settings: Arc<Settings>,
     names: RecordNames,
+    splitter: RecordSplitter,
     open: Option<OpenRecord>,
 }
 
 /// A record that is being written.
 #[derive(Debug)]
 struct OpenRecord {
-    target: RecordTarget,
     /// Path in the session folder that it gets when it is complete.
     file: String,
     handle: File,
@@ -104,7 +105,16 @@ impl Recorder {
         names: RecordNames,
     ) -> Self {
         let rows = TrialCsvWriter::new(settings.sample_rate_hz);
-        Self { folder: folder.to_owned(), disk, journal, rows, settings, names, open: None }
+        Self {
+            folder: folder.to_owned(),
+            disk,
+            journal,
+            rows,
+            settings,
+            names,
+            splitter: RecordSplitter::new(),
+            open: None,
+        }
     }
 
     /// Notes in the journal that the session was resumed.
@@ -137,7 +147,7 @@ impl Recorder {
         let handle = self.disk.create(&path).map_err(RecordError::at(&path))?;
         let mut buffer = Vec::with_capacity(2 * CHUNK);
         buffer.extend_from_slice(HEADER);
-        self.open = Some(OpenRecord { target, file, handle, buffer, samples: 0 });
+        self.open = Some(OpenRecord { file, handle, buffer, samples: 0 });
         Ok(())
     }
 
@@ -184,14 +194,11 @@ impl StepConsumer for Recorder {
 
     /// Records a step. It is on disk when this returns.
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), RecordError> {
-        let open = self.open.as_ref().map_or(RecordTarget::None, |open| open.target);
-        let ends = open != RecordTarget::None && open != step.record;
-        let continues = open != RecordTarget::None && open == step.record;
-        // The sample that ends a record belongs to it: a replay needs it to find the same end.
-        if let (true, Some(sample)) = (ends || continues, &step.measured) {
+        let split = self.splitter.split(step.record);
+        if let Some(sample) = &step.measured {
             self.keep(sample)?;
         }
-        if ends {
+        if split.ends {
             self.finish()?;
         }
         if step.is_journaled() {
@@ -204,8 +211,8 @@ impl StepConsumer for Recorder {
         if let Some(command) = step.refused {
             self.append(&JournalEntry::Refused { sample: step.sample, command })?;
         }
-        if step.record != RecordTarget::None && !continues {
-            self.begin(step.record, progress)?;
+        if let Some(target) = split.begins {
+            self.begin(target, progress)?;
             if let Some(sample) = &step.measured {
                 self.keep(sample)?;
             }

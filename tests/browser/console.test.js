@@ -7,11 +7,11 @@ import { after, before, describe, test } from "node:test";
 import { chromium } from "playwright-core";
 
 import { start } from "./program.js";
-import { browser, desk } from "./sessions.js";
+import { browser, temporaryFolder } from "./sessions.js";
 
 const root = new URL("../..", import.meta.url).pathname;
 const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
-const folder = desk();
+const folder = temporaryFolder();
 const SCREENS = [[1280, 800], [1920, 1080], [390, 844]];
 let chrome;
 
@@ -51,8 +51,8 @@ const ready = async (page) => {
   await phase(page, "ready");
 };
 const phase = (page, wanted) => page.locator("#phase", { hasText: new RegExp(`^${wanted}$`) }).waitFor();
-const button = (page, word) => page.locator(`#desk [data-word=${word}]`);
-const yes = (page) => page.locator("#sure button[value=yes]").click();
+const button = (page, word) => page.locator(`#controls [data-command=${word}]`);
+const yes = (page) => page.locator("#confirm button[value=yes]").click();
 const outcomes = (page) => page.locator("#trial-rows tr td.words").allTextContents();
 const label = (page, wanted) => page.locator(`#display[aria-label*="${wanted}"]`).waitFor();
 
@@ -70,7 +70,7 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   await label(subject.page, "waiting");
   await button(page, "start").click();
   // What moves the motor asks first, and no is no.
-  await page.locator("#sure button[value=no]").click();
+  await page.locator("#confirm button[value=no]").click();
   await phase(page, "ready");
   await button(page, "start").click();
   await yes(page);
@@ -80,7 +80,7 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   await label(subject.page, "rest");
   await button(page, "pause_after_trial").click();
   await phase(page, "paused");
-  await label(subject.page, "a break");
+  await label(subject.page, "the session is paused");
   const before = await page.locator("#trial-rows tr.ok").count();
   await button(page, "repeat").click();
   await yes(page);

@@ -6,9 +6,9 @@ import { after, before, describe, test } from "node:test";
 import { pathToFileURL } from "node:url";
 import { chromium } from "playwright-core";
 
-import { browser, desk, sessions } from "./sessions.js";
+import { browser, temporaryFolder, sessions } from "./sessions.js";
 
-const pages = sessions(desk());
+const pages = sessions(temporaryFolder());
 let chrome;
 
 before(async () => {

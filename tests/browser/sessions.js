@@ -14,7 +14,7 @@ export function program() {
 }
 
 /// A folder that goes away at the end of the process.
-export function desk() {
+export function temporaryFolder() {
   const folder = mkdtempSync(join(tmpdir(), "ramphold-browser-"));
   process.on("exit", () => rmSync(folder, { recursive: true, force: true }));
   return folder;

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 
-use ramphold::dataset::{self, Status};
+use ramphold::dataset::{self, OperatorAction, Status, Wrist};
+use ramphold::session::Event;
 use serde_json::{Value, json};
 
 use crate::workspace::{Workspace, files, wait_for};
@@ -66,7 +67,7 @@ fn a_killed_session_goes_on_where_it_was_and_keeps_what_it_had() {
     let session = workspace.killed_session();
     let first = fs::read(session.join("trials/trial-001.csv")).unwrap();
     let (_, said) = workspace.call(0, &["resume", "s", "--yes"]);
-    assert!(said.contains("trial 2 was under way") && said.contains("marked as aborted"), "{said}");
+    assert!(said.contains("trial 2 was under way") && said.contains("kept with status aborted"), "{said}");
     assert_eq!(fs::read(session.join("trials/trial-001.csv")).unwrap(), first);
     let mut found = statuses(&session);
     assert_eq!(found[..2], [Status::Ok, Status::Aborted]);
@@ -112,7 +113,7 @@ fn a_torn_end_of_the_journal_is_cut_off_and_told() {
     let torn = [&whole[..], b"00000057 01f5"].concat();
     fs::write(&journal, &torn).unwrap();
     let (_, said) = workspace.call(0, &["resume", "s", "--yes"]);
-    assert!(said.contains(&format!("torn at byte {}: 13 bytes cut off", whole.len())), "{said}");
+    assert!(said.contains(&format!("from byte {}: 13 bytes were cut off", whole.len())), "{said}");
     assert!(fs::read(&journal).unwrap().starts_with(&whole));
 }
 
@@ -243,21 +244,69 @@ fn a_replay_names_the_first_sample_and_state_that_differ() {
     assert!(!said.contains("since rules"), "{said}");
 }
 
-#[test]
-fn a_session_of_an_older_version_replays_or_is_told_which_rule_changed() {
-    let workspace = Workspace::with_short_protocol();
-    let old = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/session-rules-1");
-    let copy = workspace.path("old");
-    for (path, bytes) in files(&old) {
+/// A copy of the recorded session in `fixtures/`, which the test may change.
+fn copy_of_fixture(workspace: &Workspace, fixture: &str) -> PathBuf {
+    let copy = workspace.path(fixture);
+    for (path, bytes) in files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture)) {
         let to = copy.join(path);
         fs::create_dir_all(to.parent().unwrap()).unwrap();
         fs::write(to, bytes).unwrap();
     }
-    let (said, _) = workspace.call(0, &["replay", "old"]);
+    copy
+}
+
+/// Both sessions were recorded before the journal's entries had their present names in the program.
+#[test]
+fn an_older_journal_with_notes_pauses_and_refused_commands_is_read_and_replayed() {
+    let workspace = Workspace::with_short_protocol();
+    let copy = copy_of_fixture(&workspace, "session-with-notes");
+    let (said, _) = workspace.call(0, &["replay", "session-with-notes"]);
+    assert!(said.contains("15 events") && said.contains("no difference"), "{said}");
+    let actions: Vec<_> =
+        dataset::operator_actions(&copy).unwrap().into_iter().map(|(_, entry)| entry.action).collect();
+    let note = |text: &str, clock: Option<&str>| OperatorAction::Noted {
+        text: text.to_owned(),
+        clock: clock.map(str::to_owned),
+    };
+    let command = |command| OperatorAction::Commanded { command };
+    assert_eq!(
+        actions,
+        [
+            OperatorAction::Opened { wrist: Wrist::Right },
+            OperatorAction::Joined,
+            note("electrodes checked", Some("2026-01-05T09:00:00+01:00")),
+            command(Event::Resume),
+            command(Event::Start),
+            command(Event::Pause),
+            note("handle adjusted", None),
+            command(Event::Resume),
+        ]
+    );
+}
+
+#[test]
+fn an_older_session_that_was_killed_in_a_trial_is_resumed_to_its_end_and_replayed() {
+    let workspace = Workspace::with_short_protocol();
+    let copy = copy_of_fixture(&workspace, "session-interrupted");
+    let (said, _) = workspace.call(0, &["replay", "session-interrupted"]);
+    assert!(said.contains("no difference"), "{said}");
+    workspace.call(0, &["resume", "session-interrupted", "--yes"]);
+    let statuses: Vec<Status> =
+        dataset::load(&copy).unwrap().trials.iter().map(|trial| trial.status).collect();
+    assert_eq!(statuses, [Status::Ok, Status::Aborted, Status::Ok]);
+    let (said, _) = workspace.call(0, &["replay", "session-interrupted"]);
+    assert!(said.contains("2 starts: no difference"), "{said}");
+}
+
+#[test]
+fn a_session_of_an_older_version_replays_or_is_told_which_rule_changed() {
+    let workspace = Workspace::with_short_protocol();
+    let copy = copy_of_fixture(&workspace, "session-rules-1");
+    let (said, _) = workspace.call(0, &["replay", "session-rules-1"]);
     assert!(said.contains("no difference"), "{said}");
     let onset_s = dataset::load(&copy).unwrap().trials[0].onset_s.unwrap();
     tamper(&copy, (onset_s * 1000.0) as usize - 200);
-    let (said, _) = workspace.call(1, &["replay", "old"]);
+    let (said, _) = workspace.call(1, &["replay", "session-rules-1"]);
     assert!(
         said.contains("recorded by ramphold 0.1.0 under rules 1; since rules 2: the smoothing"),
         "{said}"

@@ -1,7 +1,7 @@
-// The operator's charts: strips of the last seconds, and a trial's torque beside the model's.
+// The operator's charts: strip charts of the last seconds, and measured and predicted torque of a trial.
 import { surface } from "./link.js";
 
-/// Time that a strip shows, s.
+/// Duration shown in a strip chart, s.
 const SPAN_S = 20;
 /// Room for the numbers on the left.
 const MARGIN = 46;
@@ -9,7 +9,7 @@ const MARGIN = 46;
 const style = getComputedStyle(document.documentElement);
 const colour = (name) => style.getPropertyValue(`--${name}`).trim();
 
-/// A round step that divides a range into about so many parts.
+/// A round step that divides a range into about `parts` parts.
 function step(range, parts) {
   const rough = range / parts;
   const power = 10 ** Math.floor(Math.log10(rough));
@@ -53,7 +53,7 @@ export class Strips {
 
   add(bins) {
     for (const bin of bins) {
-      // The recording was wound back.
+      // The recording went back in time.
       if (this.bins.length && bin.t_s < this.bins.at(-1).t_s) this.bins = [];
       this.bins.push(bin);
     }
@@ -102,7 +102,7 @@ export class Strips {
     this.line(view, seen, end, (bin) => bin.torque_nm, colour("ink"));
   }
 
-  /// From the lowest to the highest value of each bin, and on to the next.
+  /// Draws a line from the lowest to the highest value of each bin, and on to the next bin.
   line(view, seen, end, extremes, ink) {
     const { pen, y } = view;
     pen.strokeStyle = ink;
@@ -122,7 +122,7 @@ export class Strips {
   }
 }
 
-/// A trial's window: measured, and the model's.
+/// Measured and predicted torque in the window of a trial.
 export function drawCurve(canvas, fit) {
   if (!fit?.measured_nm) return surface(canvas);
   const all = [...fit.measured_nm, ...fit.predicted_nm];
@@ -147,5 +147,5 @@ export function drawCurve(canvas, fit) {
   pen.fillText("model", width - 4, 7 + 14);
 }
 
-// The colours change with the screen's light.
+// The colours follow the light or dark mode of the screen.
 export const onColours = (redraw) => matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);

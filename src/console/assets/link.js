@@ -1,5 +1,5 @@
-// The line to the program: pictures come in, what the operator asks for goes out. A page that comes back, or whose line
-// was cut, gets the present state at once.
+// The connection to the program: snapshots come in, the operator's requests go out. After a reload or a lost connection the
+// page gets the present state at once.
 const LONGEST_WAIT_MS = 2000;
 
 export function connect(take, state) {
@@ -19,7 +19,8 @@ export function connect(take, state) {
     socket.addEventListener("message", ({ data }) => {
       const message = JSON.parse(data);
       if (message === null) return;
-      // Whoever does not answer is sent no more: a slow page misses pictures instead of getting old ones.
+      // Acknowledges the snapshot. Without acknowledgements the program sends no more, so that a slow page misses snapshots
+      // instead of getting old ones.
       if (message.kind === "now") send({ seen: message.n });
       take(message);
     });
@@ -34,7 +35,7 @@ export function connect(take, state) {
   return send;
 }
 
-/// Fits a canvas to its place on the screen and gives what to draw with, in CSS pixels.
+/// Fits a canvas to its size on the screen; returns its drawing context, in CSS pixels.
 export function surface(canvas) {
   const { clientWidth: width, clientHeight: height } = canvas;
   const scale = window.devicePixelRatio || 1;

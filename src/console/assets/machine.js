@@ -1,5 +1,5 @@
-// The state machine, drawn from the program's own table: phases in the order a session meets them, the ways forward on the
-// right, the ways back on the left.
+// The state machine, drawn from the program's own table: phases in the order of a session, forward transitions on the
+// right, backward transitions on the left.
 const SVG = "http://www.w3.org/2000/svg";
 const [WIDE, TALL, GAP, MIDDLE, VIEW] = [98, 19, 5, 150, 320];
 
@@ -52,7 +52,7 @@ export class Machine {
     this.svg.setAttribute("aria-label", `phase ${phase}; from here: ${this.next(phase)}`);
   }
 
-  /// What leads on from a phase, without the operator and without faults.
+  /// Transitions from a phase that need no operator and no fault.
   next(phase) {
     const own = this.transitions.filter((way) => way.from === phase && !["operator", "rig"].includes(way.by));
     return [...new Set(own.map((way) => `${way.event} → ${way.to}`))].join(", ");

@@ -1,6 +1,6 @@
-// The operator's page: what is so right now, what has happened, and the desk.
+// The operator's page: state of the session, history, controls.
 import { Strips, drawCurve, onColours } from "./charts.js";
-import { Desk } from "./desk.js";
+import { Controls } from "./controls.js";
 import { connect } from "./link.js";
 import { Machine } from "./machine.js";
 
@@ -10,15 +10,15 @@ const canvases = { torque: by("torque"), angle: by("angle"), emg: by("emg") };
 let hello = null;
 let machine = null;
 let now = null;
-let story = null;
+let sessionHistory = null;
 let isOver = false;
 let phases = [null, null];
 
-const desk = new Desk((message) => send(message));
+const controls = new Controls((message) => send(message));
 const send = connect(take, (state) => {
   isOver ||= state === "over";
   const words = { open: "connected", lost: "no connection", over: "session over" };
-  desk.connected(state === "open");
+  controls.connected(state === "open");
   by("line").textContent = words[isOver ? "over" : state];
   by("line").className = `badge ${isOver ? "" : state === "open" ? "good" : "bad"}`;
 });
@@ -32,9 +32,9 @@ function take(message) {
     by("facts").textContent = `${hello.rig}, ${hello.wrist} wrist, seed ${hello.seed}, ${hello.folder}`;
     machine = new Machine(by("states"), hello.phases, hello.transitions);
     phases = [null, null];
-    desk.open(hello);
+    controls.open(hello);
   } else if (message.kind === "story") {
-    story = message;
+    sessionHistory = message;
     tell();
   } else {
     now = message;
@@ -68,12 +68,12 @@ function draw() {
   const rest = now.rest_left_s === null ? "" : `, ${Math.ceil(now.rest_left_s)} s left`;
   const { trial } = now;
   const under = trial && !trial.status ? `${trial.practice ? "practice" : "trial"} ${trial.number}` : "";
-  text("trial", `${under}${rest}${now.pause_asked ? " · pause comes" : ""}`);
+  text("trial", `${under}${rest}${now.pause_asked ? " · pause requested" : ""}`);
   text("progress", `${now.done} of ${now.total} done`);
   text("clock", `${now.t_s.toFixed(1)} s`);
   by("gate").value = now.gate;
   strips.draw(canvases, now, hello);
-  desk.show(now);
+  controls.show(now);
 }
 
 const cells = (row, values) => {
@@ -93,7 +93,7 @@ function tell() {
 function tellTrials() {
   const rows = by("trial-rows");
   const made = document.createElement("tbody");
-  for (const trial of story.trials) {
+  for (const trial of sessionHistory.trials) {
     const row = made.insertRow();
     const outcome = trial.status ?? "under way";
     row.className = trial.status ?? "now";
@@ -103,8 +103,8 @@ function tellTrials() {
       fixed(fit.k_srs_nm_per_rad, 1), fixed(fit.x_e_rad, 1, 1e3), fixed(fit.vaf, 4)]);
     row.cells[3].className = "words";
   }
-  const left = story.queue.length;
-  story.queue.forEach((trial, place) => {
+  const left = sessionHistory.queue.length;
+  sessionHistory.queue.forEach((trial, place) => {
     const row = made.insertRow();
     row.className = "next";
     const again = trial.rejections ? ", again" : "";
@@ -113,8 +113,8 @@ function tellTrials() {
   });
   const place = rows.parentElement.parentElement;
   rows.replaceChildren(...made.rows);
-  // The latest trial stays in sight, unless the operator looks elsewhere.
-  const latest = rows.rows[Math.max(0, story.trials.length - 1)];
+  // Keeps the latest trial in view, unless the operator has scrolled away.
+  const latest = rows.rows[Math.max(0, sessionHistory.trials.length - 1)];
   if (latest && !place.matches(":hover,:focus")) place.scrollTop = latest.offsetTop - place.clientHeight / 2;
 }
 
@@ -122,7 +122,7 @@ const name = (trial) => `${trial.practice ? "p" : ""}${trial.number}`;
 
 function tellConditions() {
   const made = document.createElement("tbody");
-  for (const { velocity_rad_s: velocity, torque_nm: torque, repetitions, mean, sd } of story.conditions) {
+  for (const { velocity_rad_s: velocity, torque_nm: torque, repetitions, mean, sd } of sessionHistory.conditions) {
     const spread = (key, places, factor) => {
       const value = fixed(mean[key], places, factor);
       return value && fixed(sd[key], places, factor) ? `${value} ± ${fixed(sd[key], places, factor)}` : value;
@@ -144,10 +144,10 @@ const VALUES = [
   ["k_h", "k_h_nm_per_rad", 0, 1, "N m/rad"],
 ];
 
-/// A value with its standard error, where the data tell one.
+/// A value with its standard error, if there is one.
 function estimated(fit, [term, key, places, factor, unit]) {
   const [value, se] = [fit.values[key], fit.se[key]];
-  // An error as large as the value says that the trial alone does not tell it.
+  // A standard error as large as the value: the trial alone does not determine it.
   const error = !Number.isFinite(se) ? "" : se < 1 ? ` ± ${fixed(se * value, places, factor)}` : " ± ?";
   return [term, `${fixed(value, places, factor)}${error} ${unit}`];
 }
@@ -165,20 +165,20 @@ function list(id, rows) {
 }
 
 function tellFit() {
-  const fit = story.last_fit;
+  const fit = sessionHistory.last_fit;
   const condition = fit?.values ? `: ${fit.velocity_rad_s} rad/s, ${fit.torque_nm} N m` : "";
   text("fit-of", fit ? `trial ${fit.trial}${condition}` : "no trial yet");
-  by("curve").setAttribute("aria-label", fit?.values ? `measured torque of trial ${fit.trial} and the model's, VAF ${fixed(fit.values.vaf, 4)}` : "no fit yet");
+  by("curve").setAttribute("aria-label", fit?.values ? `measured torque of trial ${fit.trial} and the torque predicted by the model, VAF ${fixed(fit.values.vaf, 4)}` : "no fit yet");
   list("values", fit?.values ? VALUES.map((own) => estimated(fit, own)) : []);
   text("remarks", fit ? fit.reason ?? fit.remarks.join("; ") : "");
-  // When all that stands beside it has its place.
+  // After the layout of the elements beside it.
   drawCurve(by("curve"), fit);
 }
 
 function tellLog() {
   const place = by("lines").parentElement;
   const atEnd = place.scrollTop + place.clientHeight > place.scrollHeight - 30;
-  by("lines").replaceChildren(...story.log.map((line) => {
+  by("lines").replaceChildren(...sessionHistory.log.map((line) => {
     const row = document.createElement("li");
     const [time, what] = [document.createElement("time"), document.createElement("span")];
     row.className = line.kind;
@@ -191,30 +191,30 @@ function tellLog() {
 }
 
 function tellGauges() {
-  const gauges = story.gauges;
+  const gauges = sessionHistory.gauges;
   const rows = [];
   if (gauges.periods) {
-    rows.push(["late, 99 %", `${gauges.late_p99_us} µs`], ["at most", `${gauges.latest_us} µs`], ["missed", String(gauges.missed)]);
+    rows.push(["lateness, 99th percentile", `${gauges.late_p99_us} µs`], ["lateness, maximum", `${gauges.latest_us} µs`], ["missed periods", String(gauges.missed)]);
   }
   if (gauges.bus_load !== null) {
     rows.push(["bus load", `${(100 * gauges.bus_load).toFixed(0)} %`], ["bus errors", String(gauges.bus_errors), gauges.bus_errors > 0]);
   }
   if (gauges.disk_free_bytes !== null) {
     const free = gauges.disk_free_bytes / 1e9;
-    rows.push(["disk left", `${free.toFixed(free < 10 ? 1 : 0)} GB`, free < 1]);
+    rows.push(["free disk space", `${free.toFixed(free < 10 ? 1 : 0)} GB`, free < 1]);
   }
-  if (gauges.screen) rows.push(["torque to screen, 99 %", `${gauges.screen.p99_ms.toFixed(0)} ms`]);
-  if (now?.left_out) rows.push(["not drawn", `${now.left_out} samples`]);
-  const alarms = story.log.filter((line) => line.kind === "alarm");
+  if (gauges.screen) rows.push(["torque to screen, 99th percentile", `${gauges.screen.p99_ms.toFixed(0)} ms`]);
+  if (now?.left_out) rows.push(["samples not shown", String(now.left_out)]);
+  const alarms = sessionHistory.log.filter((line) => line.kind === "alarm");
   rows.push(["alarms", String(alarms.length), alarms.length > 0]);
   list("gauges", rows);
 }
 
 addEventListener("resize", () => {
   redraw();
-  if (story) drawCurve(by("curve"), story.last_fit);
+  if (sessionHistory) drawCurve(by("curve"), sessionHistory.last_fit);
 });
 onColours(() => {
   redraw();
-  if (story) drawCurve(by("curve"), story.last_fit);
+  if (sessionHistory) drawCurve(by("curve"), sessionHistory.last_fit);
 });

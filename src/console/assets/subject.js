@@ -1,4 +1,4 @@
-// What the person sees: the torque as a bar against its target, the two muscles beside it, and nothing to read.
+// The subject's display: the torque as a bar against its target, the EMG of the two muscles beside it, no text.
 import { connect, surface } from "./link.js";
 
 const COLOURS = {
@@ -11,7 +11,7 @@ const COLOURS = {
   fcr: "#ff9d57",
   ecr: "#6cc3ff",
 };
-/// Where on the bar the target is, as a fraction of its length; the rest is room to overshoot.
+/// Place of the target on the bar, as a fraction of its length.
 const TARGET_AT = 0.78;
 
 const canvas = document.getElementById("display");
@@ -62,19 +62,19 @@ function draw() {
 function words(cue) {
   const said = {
     wait: "waiting",
-    relax: "let go of the handle's pull: relax",
+    relax: "relax the hand",
     effort: "push as hard as possible",
     target: "bring the bar into the band and keep it there",
-    stay: "the bar was held: stay",
+    stay: "hold the torque",
     moving: "the motor is moving",
-    pause: "a break",
+    pause: "the session is paused",
     done: "all trials are done",
   };
   return cue === "rest" ? `rest; ${now.done} of ${now.total} trials done` : said[cue];
 }
 
-/// The task: everything is mirrored for the left wrist. The bar grows from the side of the wrist, the way that flexion
-/// goes, and for extension the other way.
+/// Draws the task. The drawing is mirrored for the left wrist. The bar grows in the direction of flexion, and in the other
+/// direction for extension.
 function drawTask({ pen, width, height, unit }, cue) {
   const side = 0.055 * width;
   const inner = 0.035 * width;
@@ -96,7 +96,7 @@ function drawTask({ pen, width, height, unit }, cue) {
   if (asksTarget) {
     const [low, high] = [1 - now.band_fraction, 1 + now.band_fraction].map((part) => x(part * TARGET_AT));
     const [above, below] = [top - 0.16 * height, top + thick + 0.16 * height];
-    // The time held so far fills the band from below.
+    // The fraction of the gate's time fills the band from below.
     pen.globalAlpha = 0.35;
     box(pen, low, above, high, top, COLOURS.trough);
     box(pen, low, top + thick, high, below, COLOURS.trough);
@@ -109,13 +109,13 @@ function drawTask({ pen, width, height, unit }, cue) {
     pen.strokeRect(Math.min(low, high), above, Math.abs(high - low), below - above);
     if (cue !== "target" || now.gate >= 1) tick(pen, (low + high) / 2, above - 0.08 * height, 0.06 * unit, COLOURS.held);
   }
-  // Where nothing is pushed.
+  // Zero torque.
   pen.fillStyle = COLOURS.soft;
   pen.fillRect(x(0) - 2, top - 0.03 * height, 4, thick + 0.06 * height);
   if (cue === "target" && now.gate < 1) arrow(pen, x(0.28), x(0.5), 0.2 * height, 0.07 * unit);
   if (cue === "effort") arrow(pen, x(0.2), x(0.8), 0.22 * height, 0.13 * unit);
 
-  // The flexor on the side to which flexion goes.
+  // The flexor is on the side of flexion.
   const [left, right] = flexesLeft ? ["fcr", "ecr"] : ["ecr", "fcr"];
   const emg = { fcr: now.emg_mvc[0], ecr: now.emg_mvc[1] };
   muscle(pen, edge, side, height, emg[left], COLOURS[left]);
@@ -127,7 +127,7 @@ function box(pen, x0, y0, x1, y1, colour) {
   pen.fillRect(Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0));
 }
 
-/// A muscle's activity: a fraction of its maximum, which is the top.
+/// EMG of a muscle as a fraction of its maximum, which is the top.
 function muscle(pen, left, wide, height, part, colour) {
   const [top, tall] = [0.14 * height, 0.72 * height];
   box(pen, left, top, left + wide, top + tall, COLOURS.trough);
@@ -191,7 +191,7 @@ function drawRest(view) {
   if (now.rest_left_s !== null) pen.fillText(String(Math.ceil(left)), x, y + 0.012 * unit);
 }
 
-/// Let go: the hand hangs, a line without a wave.
+/// Symbol of relaxing: a flat line.
 function drawRelax(view) {
   const [x, y, radius] = ring(view, 1, COLOURS.edge);
   const { pen, unit } = view;
@@ -225,7 +225,7 @@ function drawWait({ pen, width, height, unit }) {
   }
 }
 
-/// One mark a trial; those that count are full.
+/// One mark for each trial; those of status ok are filled.
 function drawProgress({ pen, width, height, unit }) {
   if (!now.total) return;
   const long = 0.7 * width;
