@@ -111,6 +111,24 @@ mod tests {
             .show_footer(false)
             .show_table_of_contents(true);
         let page = clap_markdown::help_markdown_command_custom(&CommandLine::command(), &options);
+        let page = with_examples_as_code(&page);
         expect_test::expect_file!["../../docs/reference/command-line.md"].assert_eq(&page);
+    }
+
+    /// The page with the indented examples of the help as blocks of code.
+    fn with_examples_as_code(page: &str) -> String {
+        let is_example = |line: &str| line.starts_with("  ramphold ");
+        let mut text = String::new();
+        let mut in_code = false;
+        for line in page.lines() {
+            if is_example(line) && !in_code {
+                text.push('\n');
+            }
+            in_code = is_example(line);
+            text.push_str(if in_code { "  " } else { "" });
+            text.push_str(line);
+            text.push('\n');
+        }
+        text
     }
 }
