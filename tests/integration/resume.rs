@@ -155,7 +155,7 @@ fn a_session_that_is_complete_is_left_as_it_is() {
     let workspace = Workspace::with_short_protocol();
     let before = files(&workspace.complete_session());
     let (_, said) = workspace.call(0, &["resume", "s", "--yes"]);
-    assert!(said.contains("every trial is done and the results are there"), "{said}");
+    assert!(said.contains("every trial is done and the results are complete"), "{said}");
     assert!(files(&workspace.path("s")) == before);
 }
 
