@@ -1,4 +1,4 @@
-//! Every random draw of the program comes from here: a ChaCha stream named after its use.
+//! Random numbers: every draw of the program comes from a ChaCha stream that is named after its use.
 //!
 //! A stream's key is the SHA-256 of the seed and the stream's name, so that one more draw in one place never shifts the
 //! draws of another, and the same seed gives the same numbers on every platform.
@@ -40,7 +40,7 @@ impl Stream {
     /// # Panics
     /// If `bound` is zero.
     pub fn below(&mut self, bound: u64) -> u64 {
-        assert!(bound > 0, "no number is below 0");
+        assert!(bound > 0, "the bound must be above 0");
         let threshold = bound.wrapping_neg() % bound;
         loop {
             let product = u128::from(self.bits()) * u128::from(bound);

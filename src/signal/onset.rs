@@ -1,9 +1,9 @@
-//! When the ramp began, where the session does not say.
+//! Detection of the ramp's onset in recordings that do not state it.
 
-/// Index of the last sample at rest before the motor moved: the angle is followed back from where it has gone a tenth of
-/// its way to where it last stood within the noise of the rest before.
+/// Index of the last sample at rest before the ramp: the search goes back from the sample at a tenth of the whole movement to the last
+/// sample within the noise of the rest before.
 ///
-/// `None` if the record shows no movement that stands out of the noise.
+/// `None` if the record has fewer than 40 samples or no movement beyond its noise.
 pub fn onset(theta_rad: &[f64]) -> Option<usize> {
     let count = theta_rad.len();
     if count < 40 {
@@ -20,7 +20,7 @@ pub fn onset(theta_rad: &[f64]) -> Option<usize> {
         return None;
     }
     let moved = theta_rad.iter().position(|x| (x - level) / way > 0.1)?;
-    // The rest just before the movement, rather than that at the start: a person may have drifted in between.
+    // The rest just before the movement, not at the start of the record: the angle may have drifted.
     let near = &theta_rad[moved.saturating_sub(count / 10).min(moved / 2)..=moved / 2 + moved / 4];
     let level = mean(near);
     let spread = near.iter().map(|x| (x - level).abs()).fold(0.0, f64::max);

@@ -1,24 +1,24 @@
-//! A sinusoid of known frequency in a noisy record: how large it is, and what it is at any time.
+//! Estimation of a sinusoid of known frequency in a noisy record.
 
 use nalgebra::{Matrix4, Vector4};
 
-/// A sinusoid, as its two quadratures.
+/// A sinusoid with its sine and cosine amplitudes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sinusoid {
     /// Frequency, Hz.
     pub hz: f64,
-    /// Factor of the sine.
+    /// Amplitude of the sine.
     pub sine: f64,
-    /// Factor of the cosine.
+    /// Amplitude of the cosine.
     pub cosine: f64,
 }
 
 impl Sinusoid {
     /// The sinusoid of frequency `hz` in `values`, beside a level and a slope, by least squares under a Hann window, which
-    /// keeps what is slow from leaking in. Time is zero at the last value. `None` where the record is too short to tell.
+    /// reduces leakage from slow changes. Time is zero at the last value. `None` if the record is shorter than four periods.
     pub fn fitted(values: &[f64], period_s: f64, hz: f64) -> Option<Self> {
         let count = values.len();
-        if (count as f64) * period_s * hz < LEAST_PERIODS {
+        if (count as f64) * period_s * hz < MIN_PERIODS {
             return None;
         }
         let (mut square, mut right) = (Matrix4::zeros(), Vector4::zeros());
@@ -34,20 +34,20 @@ impl Sinusoid {
         Some(Self { hz, sine: solved[2], cosine: solved[3] })
     }
 
-    /// Its square amplitude.
+    /// Square of the amplitude.
     pub fn power(&self) -> f64 {
         self.sine * self.sine + self.cosine * self.cosine
     }
 
-    /// Its value at a time, s.
+    /// Value at a time, s.
     pub fn at(&self, time_s: f64) -> f64 {
         let phase = std::f64::consts::TAU * self.hz * time_s;
         self.sine * libm::sin(phase) + self.cosine * libm::cos(phase)
     }
 }
 
-/// Fewer periods do not tell a sinusoid from a slope.
-const LEAST_PERIODS: f64 = 4.0;
+/// Smallest number of periods in which a sinusoid can be distinguished from a slope.
+const MIN_PERIODS: f64 = 4.0;
 
 #[cfg(test)]
 mod tests {
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_of_few_periods_tells_nothing() {
+    fn a_record_of_few_periods_is_refused() {
         assert_eq!(Sinusoid::fitted(&[0.0; 100], 1.0 / 2500.0, 50.0), None);
     }
 }

@@ -1,4 +1,4 @@
-//! One batch of trials, side by side in the lanes of a vector, through the model from start to end.
+//! Simulation of one batch of trials, one trial per lane of a vector.
 
 use super::history::History;
 use super::integrate::{CorrectedInput, HermiteSegment, Integrator, MotorInput, RecordedInput};
@@ -11,25 +11,25 @@ use super::sparse_coefficient::DerivativeStructure;
 use crate::number::{Jet, Lanes, Number, Plain};
 use crate::signal::SectionState;
 
-/// As many trials as there are lanes, and the slice of the derivatives that fits a jet.
+/// A batch of trials, one per lane, and the part of the derivatives that one pass computes.
 pub(super) struct Batch<'a> {
-    /// What is asked.
+    /// The settings of the simulation.
     pub settings: &'a SimulationSettings<'a>,
-    /// The trials, at most one a lane.
+    /// The trials, at most one per lane.
     pub trials: &'a [&'a TrialInput],
-    /// Their parameters.
+    /// The parameter vectors of the trials, one after the other.
     pub parameters: &'a [f64],
     /// Index of the first trial in the response.
     pub first: usize,
-    /// Which of the wanted derivatives this pass computes.
+    /// Range in [`SimulationSettings::derivatives`] that this pass computes.
     pub wanted: std::ops::Range<usize>,
 }
 
-/// Which of a number's derivatives is the one wanted in each place.
+/// Index of the number's derivative that belongs to each wanted derivative.
 type Slots = [usize; MAX_DERIVATIVES];
 
 impl Batch<'_> {
-    /// In the base model the derivative with respect to each parameter has a place of its own.
+    /// In the base model, derivative number i belongs to parameter number i.
     fn own_slots(&self) -> Slots {
         let mut slots = self.slots_in_order();
         for (slot, wanted) in slots.iter_mut().zip(&self.settings.derivatives[self.wanted.clone()]) {
@@ -38,22 +38,22 @@ impl Batch<'_> {
         slots
     }
 
-    /// With mechanisms there are more parameters than places: those wanted have them, in order.
+    /// With mechanisms, the wanted derivatives take the indices from 0 on, in order.
     fn slots_in_order(&self) -> Slots {
         std::array::from_fn(|place| place)
     }
 }
 
-/// Most derivatives that one pass computes.
+/// Largest number of derivatives that one pass computes.
 pub(super) const MAX_DERIVATIVES: usize = 9;
 
-/// Most lanes of any vector.
+/// Largest number of lanes of a vector.
 const MAX_LANES: usize = 16;
 
-/// Most sections of a filter (order 8, or an odd order below it).
+/// Largest number of sections of a filter (order 8).
 const MAX_SECTIONS: usize = 4;
 
-/// Runs the batch over the number type that has room for its derivatives.
+/// Simulates the batch with the smallest number type that has the derivatives of this pass.
 #[inline(always)]
 pub(super) fn run<P: Plain>(batch: &Batch, response: &mut SimulatedTorque) {
     match (batch.settings.kinds.is_empty(), batch.wanted.len()) {
@@ -66,7 +66,7 @@ pub(super) fn run<P: Plain>(batch: &Batch, response: &mut SimulatedTorque) {
     }
 }
 
-/// The parameters of the lanes' trials; those wanted carry a derivative, in the place that `slots` says.
+/// The parameters of the trials, one trial per lane; a wanted parameter has its derivative at the index in `slots`.
 #[inline(always)]
 fn seeded<P: Plain, T: Number<Plain = P>>(batch: &Batch, slots: &Slots) -> Vec<T> {
     let count = batch.settings.parameter_count();
@@ -168,7 +168,7 @@ impl<T: Number> Run<T> {
         }
     }
 
-    /// Records the present sample and moves to the next.
+    /// Stores the torque of the present sample and integrates to the next.
     #[inline(always)]
     fn step<C: DerivativeStructure<T>, X: Extension<T>, D: MotorInput<T>>(
         &mut self,
@@ -205,7 +205,7 @@ impl<T: Number> Run<T> {
     }
 }
 
-/// Writes the lanes' torques, and what derivatives they carry, at `sample`.
+/// Stores the torque and its derivatives at `sample`, for every trial.
 #[inline(always)]
 fn store<T: Number>(batch: &Batch, slots: &Slots, response: &mut SimulatedTorque, sample: usize, torque: T) {
     let (samples, wanted) = (batch.settings.samples, batch.settings.derivatives.len());
@@ -227,14 +227,14 @@ fn store<T: Number>(batch: &Batch, slots: &Slots, response: &mut SimulatedTorque
     }
 }
 
-/// The recorded motion of each lane, `sample` samples after the start of the simulation.
+/// The recorded motion of every trial, `sample` samples after the start of the simulation.
 #[inline(always)]
 fn recorded<P: Plain>(batch: &Batch, sample: usize) -> Kinematics<P> {
     let mut lanes = [Kinematics::default(); MAX_LANES];
     let mut lane = 0;
     while lane < P::LANES {
         let trial = batch.trials[lane.min(batch.trials.len() - 1)];
-        // The step after the last sample is taken in place: nothing looks at where it leads.
+        // The integration beyond the last sample repeats the last motion; its result is not used.
         let index =
             (trial.onset + sample).saturating_sub(batch.settings.lead_samples).min(trial.motion.len() - 1);
         lanes[lane] = trial.motion[index];
@@ -243,7 +243,7 @@ fn recorded<P: Plain>(batch: &Batch, sample: usize) -> Kinematics<P> {
     gather(&lanes)
 }
 
-/// The motor's motion from the start of the simulation on, with what the channels did to the record undone.
+/// The motor's motion from the start of the simulation on: the record, corrected for the errors of its channel.
 #[inline(always)]
 pub(super) fn motion<P: Plain, T: Number<Plain = P>>(
     batch: &Batch,

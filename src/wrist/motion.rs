@@ -1,30 +1,30 @@
-//! From the recorded angle to the motor's motion: speeds at the samples, and what the angle channel may have done.
+//! The motor's motion from the recorded angle: smoothing, velocity, and correction of errors of the angle channel.
 
 use super::interpolation::hermite;
 use super::mechanics::Kinematics;
 use super::mechanisms::ChannelErrors;
 use crate::number::{Lanes, Number};
 
-/// How a recorded angle is smoothed.
+/// How a recorded angle is smoothed by local cubics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Smoothing {
-    /// Time to either side of a sample, s.
+    /// Half-width of the stretch that a cubic is fitted to, s.
     pub half_s: f64,
-    /// What was left over is smoothed as well and added (Tukey's twicing): rises as fast as the stretch stay as they are.
+    /// Whether the residual is smoothed as well and added (Tukey's twicing), which preserves changes as short as the stretch.
     pub twice: bool,
 }
 
 impl Smoothing {
-    /// Of one record: the steps of an encoder lie beyond, the rise of a ramp and the paper's filter well within.
+    /// For a single record: it removes the steps of an encoder and preserves the rise of a ramp.
     pub const ONE_RECORD: Self = Self { half_s: 0.0012, twice: false };
 
-    /// Samples to either side that the result at a sample rests on.
+    /// Number of samples on either side that a smoothed sample depends on.
     pub fn reach(self, period_s: f64) -> usize {
         let half = (libm::round(self.half_s / period_s) as usize).max(2);
         if self.twice { 2 * half } else { half }
     }
 
-    /// Angle and speed at every sample.
+    /// Smoothed angle and velocity at every sample.
     ///
     /// # Panics
     /// If there are fewer than five samples.
@@ -41,7 +41,7 @@ impl Smoothing {
     }
 }
 
-/// Angle and speed at every sample of one record, s.
+/// Angle and velocity at every sample of a single record.
 ///
 /// # Panics
 /// If there are fewer than five samples.
@@ -49,7 +49,7 @@ pub fn motor_motion(theta_rad: &[f64], period_s: f64) -> Vec<Kinematics<f64>> {
     Smoothing::ONE_RECORD.motion(theta_rad, period_s)
 }
 
-/// Value and slope of the cubic fitted to the samples about each sample (Savitzky and Golay 1964), over a shorter stretch
+/// Value and slope of the cubic fitted to the samples around each sample (Savitzky and Golay 1964), with a shorter stretch
 /// near the ends.
 fn cubics(theta_rad: &[f64], period_s: f64, half_s: f64) -> Vec<Kinematics<f64>> {
     let count = theta_rad.len();
@@ -67,8 +67,8 @@ fn cubics(theta_rad: &[f64], period_s: f64, half_s: f64) -> Vec<Kinematics<f64>>
     (0..count).map(at).collect()
 }
 
-/// Value and slope in the middle of the cubic fitted to an odd number of samples. About the middle the even powers settle
-/// the value, the odd ones the slope.
+/// Value and slope in the middle of the cubic fitted to an odd number of samples. Around the middle the even powers determine
+/// the value and the odd powers the slope.
 fn cubic_at(around: &[f64], period_s: f64) -> Kinematics<f64> {
     let half = (around.len() / 2) as i32;
     let (mut s2, mut s4, mut s6) = (0.0, 0.0, 0.0);
@@ -91,8 +91,8 @@ fn cubic_at(around: &[f64], period_s: f64) -> Kinematics<f64> {
     }
 }
 
-/// The motor's motion behind records whose channels are not faithful: undoes the gain, shifts the time, and follows a
-/// recorded command. `records` are the lanes' records, `starts` where in them the result begins.
+/// The motor's motion behind records with errors of the channel: removes the gain, shifts the time, and simulates the servo that
+/// follows a recorded command. `records` holds one record per lane, `starts` the index at which the result begins.
 #[inline(always)]
 pub(super) fn corrected_motion<T: Number>(
     records: &[&[Kinematics<f64>]; 16],
@@ -145,13 +145,13 @@ fn at_shifted<T: Number>(
     let u = T::lift(T::Plain::load(&whole)) - shift;
     let [before, start, end, after] = around.map(|knots| gather::<T>(&knots));
     let theta = hermite(u, start.theta, end.theta, start.omega.scale(period_s), end.omega.scale(period_s));
-    // Not the slope of that curve: what is left of the encoder's steps in two angles would weigh on their difference.
+    // The velocity is interpolated itself: the slope of the angle would amplify the encoder's steps that remain in it.
     let change = |from: Kinematics<T>, to: Kinematics<T>| (to.omega - from.omega).scale(0.5);
     let omega = hermite(u, start.omega, end.omega, change(before, end), change(start, after));
     Kinematics { theta: theta / gain, omega: omega / gain }
 }
 
-/// One knot a lane, side by side.
+/// The motion of every trial at one sample, one trial per lane.
 #[inline(always)]
 pub(super) fn gather<T: Number>(lanes: &[Kinematics<f64>; 16]) -> Kinematics<T> {
     let (mut theta, mut omega) = ([0.0; 16], [0.0; 16]);
@@ -164,8 +164,8 @@ pub(super) fn gather<T: Number>(lanes: &[Kinematics<f64>; 16]) -> Kinematics<T> 
     Kinematics { theta: T::lift(T::Plain::load(&theta)), omega: T::lift(T::Plain::load(&omega)) }
 }
 
-/// How a servo with two equal real poles at `bandwidth_hz` follows a command; the command is taken as straight between
-/// samples, for which the response is exact.
+/// Response of a servo with two equal real poles at `bandwidth_hz` to a command. It is exact for a command that is linear between
+/// samples.
 #[inline(always)]
 pub fn servo_response<T: Number>(
     command: &[Kinematics<T>],

@@ -1,4 +1,4 @@
-//! Whole trials through the model, several at once, with derivatives.
+//! Simulation of whole trials, several at once, with derivatives.
 
 use super::batch::{self, Batch, MAX_DERIVATIVES};
 #[cfg(target_arch = "x86_64")]
@@ -9,8 +9,8 @@ use crate::number::Plain;
 /// Simulates `trials`; `parameters` holds a vector of [`SimulationSettings::parameter_count`] for each, one after the other.
 ///
 /// # Panics
-/// If `parameters` has another length, or a trial's motion does not reach `samples` beyond its onset. Before the first of its
-/// knots the motor stands still.
+/// If `parameters` has another length, or a trial's motion does not reach `samples` beyond its onset. Before the first
+/// recorded sample the motor stands still.
 pub fn simulate(
     settings: &SimulationSettings,
     trials: &[&TrialInput],
@@ -18,7 +18,7 @@ pub fn simulate(
     response: &mut SimulatedTorque,
 ) {
     let count = settings.parameter_count();
-    assert_eq!(parameters.len(), count * trials.len(), "one parameter vector a trial");
+    assert_eq!(parameters.len(), count * trials.len(), "one parameter vector per trial");
     for trial in trials {
         assert!(trial.motion.len() >= trial.onset + settings.samples, "motion too short");
     }

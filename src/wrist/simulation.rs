@@ -5,18 +5,18 @@ use super::mechanisms::{Covariates, MechanismKind};
 use super::plant::{BASE_PARAMETERS, Lever};
 use crate::signal::Section;
 
-/// What the model needs to know of a trial.
+/// A trial as the model needs it: the motion of the motor and the covariates.
 #[derive(Debug, Clone)]
 pub struct TrialInput {
     /// The recorded motor angle as a change from the hold, with speeds, at every sample from well before the onset.
     pub motion: Vec<Kinematics<f64>>,
     /// Index of the onset in `motion`.
     pub onset: usize,
-    /// What else is known of it.
+    /// What is known of the trial besides its motion.
     pub covariates: Covariates,
 }
 
-/// Trials to simulate alike.
+/// Settings of a simulation, common to its trials.
 #[derive(Debug, Clone, Copy)]
 pub struct SimulationSettings<'a> {
     /// The lever; `None` for a rigid one.
@@ -25,17 +25,17 @@ pub struct SimulationSettings<'a> {
     pub kinds: &'a [MechanismKind],
     /// Time between samples, s.
     pub period_s: f64,
-    /// How many samples from the onset on are wanted.
+    /// Number of samples to simulate from the onset on.
     pub samples: usize,
-    /// How many samples before the onset the simulation starts.
+    /// Number of samples before the onset at which the simulation starts.
     pub lead_samples: usize,
-    /// How many samples, the onset's the last, make the level that is taken off the prediction; none if zero.
+    /// Number of samples, the last at the onset, whose mean is subtracted from the prediction; 0 subtracts nothing.
     pub baseline_samples: usize,
-    /// Runge-Kutta steps a sample.
+    /// Runge-Kutta steps per sample.
     pub substeps: usize,
-    /// The filter that the predicted torque goes through.
+    /// Sections of the filter for the predicted torque.
     pub filter: &'a [Section],
-    /// Which parameters derivatives are wanted for.
+    /// Indices of the parameters to differentiate by.
     pub derivatives: &'a [usize],
     /// Which vector instructions to use.
     pub width: VectorWidth,
@@ -48,7 +48,7 @@ impl SimulationSettings<'_> {
     }
 }
 
-/// How many trials go through the model at once. The results have the same bits whichever it is.
+/// Number of trials that are simulated at once. The results have the same bits with every width.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VectorWidth {
     /// One at a time, on any processor.
@@ -62,7 +62,7 @@ pub enum VectorWidth {
 }
 
 impl VectorWidth {
-    /// The widths that this processor can do, the fastest first.
+    /// The widths that this processor supports, the fastest first.
     pub fn available() -> Vec<Self> {
         #[cfg(target_arch = "x86_64")]
         {
@@ -80,23 +80,23 @@ impl VectorWidth {
         vec![Self::One]
     }
 
-    /// The fastest that this processor can do.
+    /// The fastest width that this processor supports.
     pub fn fastest() -> Self {
         static FASTEST: std::sync::OnceLock<VectorWidth> = std::sync::OnceLock::new();
         *FASTEST.get_or_init(|| Self::available()[0])
     }
 }
 
-/// Predicted torques and their derivatives.
+/// Simulated torques and their derivatives.
 #[derive(Debug, Clone, Default)]
 pub struct SimulatedTorque {
-    /// Measured torque as predicted, N m: trial by trial, sample by sample from the onset on.
+    /// Predicted measured torque, N m: trial by trial, sample by sample from the onset on.
     pub torque_nm: Vec<f64>,
     /// Its derivatives: trial by trial, sample by sample, in the order of [`SimulationSettings::derivatives`].
     pub slopes: Vec<f64>,
 }
 
-/// Whether the processor has all that the widest vectors are compiled for.
+/// Whether the processor has all instructions that the widest vectors are compiled for.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn has_avx_512() -> bool {
     is_x86_feature_detected!("avx512f")
