@@ -76,7 +76,8 @@ fn table(page: &mut String, schema: &Value) {
     page.push_str("\n| field | form | default | meaning |\n|---|---|---|---|\n");
     for (name, field) in members(schema, "properties") {
         let default = match field.get("default") {
-            Some(value) => format!("`{value}`"),
+            // Spaces let the browser break long values.
+            Some(value) => format!("`{}`", value.to_string().replace(',', ", ").replace(':', ": ")),
             None if required.contains(&name) => "required".to_owned(),
             None => "none".to_owned(),
         };
