@@ -128,7 +128,7 @@ fn a_diagnosis_is_shown_and_what_it_does_not_say_is_said() {
     for part in ["channel_skew", "0.000810 [0.000750, 0.000880]", "after the extension", "k_srs_nm_per_rad"] {
         assert!(page.contains(part), "{part}");
     }
-    assert!(!page.contains("does not say"));
+    assert!(!page.contains("Missing in diagnosis.json"));
 
     let mut partial = diagnosis();
     partial["causes"][0]["indistinguishable"] = json!(["lever_stiffness", "torque_gain"]);
@@ -141,8 +141,8 @@ fn a_diagnosis_is_shown_and_what_it_does_not_say_is_said() {
     let page = workspace.page();
     for part in [
         "lever_stiffness, torque_gain",
-        "diagnosis.json does not say: misfit.statistic; misfit.p_value; causes.0.gain.held_out_rmse_ratio.value",
-        "residual_map (conditions[0].mean_nm is no list of numbers); the map below is of the fit alone",
+        "Missing in diagnosis.json: misfit.statistic; misfit.p_value; causes.0.gain.held_out_rmse_ratio.value",
+        "residual_map (conditions[0].mean_nm is not a list of numbers); the map below is of the fit alone",
         "&lt;b&gt;",
     ] {
         assert!(page.contains(part), "{part}");
@@ -150,7 +150,7 @@ fn a_diagnosis_is_shown_and_what_it_does_not_say_is_said() {
 
     fs::write(&file, "[]").unwrap();
     workspace.call(0, &["report", "s"]);
-    assert!(workspace.page().contains("does not say: verdict;"));
+    assert!(workspace.page().contains("Missing in diagnosis.json: verdict;"));
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn the_lateness_of_a_real_rig_is_drawn_where_there_is_one() {
     let lateness = json!({ "p50_us": 25, "p99_us": 53, "p999_us": 148, "longest_us": 826, "buckets": [[32, 900], [64, 90]] });
     fs::write(workspace.path("s/bus.json"), json!({ "lateness": lateness }).to_string()).unwrap();
     workspace.call(0, &["report", "s"]);
-    assert!(workspace.page().contains("99 % within 53 µs, the latest 826 µs"));
+    assert!(workspace.page().contains("99th percentile 53 µs, maximum 826 µs"));
     assert!(workspace.path("s/results/figures/session-lateness.svg").exists());
 }
 
