@@ -12,7 +12,9 @@ use super::predicted_torque::residuals;
 use super::residual_correlation::residual_by_trial;
 use super::within_trial::discrepancy::LAW_FORM_ERROR;
 use crate::dataset::Disk;
-use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
+use crate::fit::{
+    AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, mechanism_ranges, write_files,
+};
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::MechanismKind;
@@ -129,14 +131,13 @@ fn added_values(
     observations: &Observations,
     kind: MechanismKind,
 ) -> Vec<(f64, Option<f64>, bool)> {
-    let mut first = BASE_PARAMETERS.len();
-    for own in fit.kinds.iter().take_while(|own| **own != kind) {
-        first += own.parameter_count();
-    }
+    let place = fit.kinds.iter().position(|own| *own == kind).expect("a mechanism of the fit");
+    let range = mechanism_ranges(&fit.kinds)[place].clone();
     let se = fit.standard_errors(observations);
-    (first..first + kind.parameter_count())
+    range
+        .clone()
         .map(|index| {
-            let (parameter, value) = (&kind.parameters()[index - first], fit.parameters[0][index]);
+            let (parameter, value) = (&kind.parameters()[index - range.start], fit.parameters[0][index]);
             let law = if kind.has_known_form() {
                 0.0
             } else {
@@ -258,11 +259,10 @@ impl Diagnosis {
     /// The base model with the named mechanisms fixed at their values; `fit`, `run` and `diagnose` accept it.
     pub fn model(&self, observations: &Observations) -> Model {
         let mut model = self.after.model.clone();
-        let mut index = BASE_PARAMETERS.len();
-        for switched in &mut model.mechanisms {
-            for treatment in &mut switched.parameters {
-                *treatment = ParameterSpec::fixed(self.after.parameters[0][index]);
-                index += 1;
+        let ranges = model.mechanism_ranges();
+        for (added, range) in model.mechanisms.iter_mut().zip(ranges) {
+            for (spec, value) in added.parameters.iter_mut().zip(&self.after.parameters[0][range]) {
+                *spec = ParameterSpec::fixed(*value);
             }
         }
         for cause in &self.causes {

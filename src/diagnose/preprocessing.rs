@@ -64,7 +64,7 @@ fn prepare(
     let mut observations = Observations::new(session, PreprocessingSettings { filter, ..view })?;
     observations.average_motion();
     if observations.noise_source != Some(NoiseSource::Holds) {
-        observations.take_noise_from_repetitions(model);
+        observations.estimate_noise_from_residuals(model);
     }
     let usable_trials = observations.trials.len();
     Ok((

@@ -14,8 +14,8 @@ use super::predicted_torque::torques;
 use super::preprocessing::DiagnosisInput;
 use crate::dataset::Session;
 use crate::fit::{
-    ExtensionSearch, Fit, K_SRS, Model, Observations, ParameterSpec, PreprocessingError,
-    PreprocessingSettings, StartingValues, Weighting, objective,
+    ExtensionSearch, Fit, K_SRS, Model, Objective, Observations, ParameterSpec, PreprocessingError,
+    PreprocessingSettings, StartingValues, Weighting,
 };
 use crate::protocol::{Protocol, Sweep, ValidProtocol};
 use crate::statistics::WeightedRegression;
@@ -203,14 +203,15 @@ fn distance(observations: &Observations, protocol: &ValidProtocol, truth: &Fit, 
         trial.measured_nm = torque;
     }
     let starts = at_conditions(&planned, observations, other);
-    let guess = StartingValues::at(&planned, &starts);
+    let guess = StartingValues::from_parameters(&planned, &starts);
     let mut model = other.model.clone();
     let added = &other.parameters[0][BASE_PARAMETERS.len()..];
     let treatments = model.mechanisms.iter_mut().flat_map(|switched| &mut switched.parameters);
     for (treatment, value) in treatments.zip(added) {
         *treatment = ParameterSpec { value: Some(*value), ..treatment.clone() };
     }
-    let (weights, covariances) = objective(&planned, Weighting::MeasuredNoise, Some(&guess.median_values()));
+    let (weights, covariances) =
+        Objective::new(&planned, Weighting::MeasuredNoise, Some(&guess.median_values()));
     2.0 * Fit::from_starting_values(&planned, &model, weights, covariances, &guess).cost()
 }
 

@@ -51,7 +51,7 @@ pub use parameters::component::{Component, Position};
 pub use parameters::coordinate::{Coordinate, Transform};
 pub use parameters::parameterisation::Parameterisation;
 pub use parameters::starting_values::StartingValues;
-pub use residuals::objective::{Objective, Weighting, objective};
+pub use residuals::objective::{Objective, Weighting};
 pub use residuals::prediction::predict;
 pub use search::extension_search::{ExtensionSearch, ScreenedExtension};
 pub use search::starting_value_search::StartingValueSearch;

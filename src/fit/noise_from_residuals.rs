@@ -11,11 +11,6 @@ use crate::signal::NoiseCovariance;
 const ABSORBED_FRACTION: f64 = 0.05;
 
 impl Observations {
-    /// Estimates the noise covariance from residuals.
-    pub fn take_noise_from_repetitions(&mut self, model: &Model) {
-        self.estimate_noise_from_residuals(model);
-    }
-
     /// Estimates the noise covariance from the deviations of residuals from their mean over the repetitions of a condition, after an
     /// unweighted fit of `model`; nothing changes if there are no repetitions.
     ///

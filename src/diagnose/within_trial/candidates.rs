@@ -25,7 +25,7 @@ impl Candidate {
 
     /// Values of the mechanism's parameters.
     pub fn values(&self) -> &[f64] {
-        self.fit.added()
+        self.fit.last_mechanism_parameters()
     }
 }
 

@@ -44,7 +44,7 @@ pub fn indistinguishable_candidates(
     let unit = shortlist.unit;
     let Some((first, rivals)) = shortlist.candidates.split_first() else { return Vec::new() };
     let lead = |rival: &Candidate| first.chi_square_gain - rival.chi_square_gain;
-    let noise = NoiseSampler::of(&observations.noise_covariances);
+    let noise = NoiseSampler::new(&observations.noise_covariances);
     let may_be_true = |rival: &&Candidate| {
         if lead(rival) < NEGLIGIBLE_LEAD {
             return true;

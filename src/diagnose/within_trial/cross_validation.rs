@@ -1,11 +1,9 @@
 //! Cross-validation: improvement by an added mechanism on trials that it was not fitted to.
 
-use super::residual_projection::whiten;
 use crate::diagnose::predicted_torque::{mean_vaf, residuals};
 use crate::fit::{Fit, Model, Observations, Scope};
 use crate::random::Stream;
 use crate::statistics::group_indices;
-use crate::wrist::BASE_PARAMETERS;
 
 /// A ratio with its 95 % confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -109,7 +107,9 @@ impl ResidualSquares {
     fn of(observations: &Observations, fit: &Fit) -> Self {
         let residuals = residuals(observations, fit);
         let mean = |own: &Vec<f64>| own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64;
-        let weighed = |(trial, own): (usize, &Vec<f64>)| whiten(observations, fit, trial, own).norm_squared();
+        let weighed = |(trial, own): (usize, &Vec<f64>)| {
+            fit.objective.whiten(observations.noise_index[trial], own).norm_squared()
+        };
         Self {
             of_trials: residuals.iter().map(mean).collect(),
             weighed: residuals.iter().enumerate().map(weighed).sum(),
@@ -130,9 +130,9 @@ fn held_out_squares(
     let mut result = ResidualSquares { of_trials: vec![0.0; observations.trials.len()], weighed: 0.0 };
     for (held, out) in folds {
         let rest: Vec<usize> = (0..observations.trials.len()).filter(|trial| key(*trial) != held).collect();
-        let others = after.on(&observations.subset(&rest), &rest, &after.model);
+        let others = after.extended_on_subset(&observations.subset(&rest), &rest, &after.model);
         let held_out = observations.subset(&out);
-        let own = after.on(&held_out, &out, &held_model(&others));
+        let own = after.extended_on_subset(&held_out, &out, &held_model(&others));
         let left = ResidualSquares::of(&held_out, &own);
         for (trial, square) in out.into_iter().zip(left.of_trials) {
             result.of_trials[trial] = square;
@@ -145,13 +145,12 @@ fn held_out_squares(
 /// The model of `fit` with its mechanisms fixed at the fitted values.
 fn held_model(fit: &Fit) -> Model {
     let mut model = fit.model.clone();
-    let mut index = BASE_PARAMETERS.len();
-    for switched in &mut model.mechanisms {
-        for treatment in &mut switched.parameters {
-            treatment.scope = Scope::Fixed;
-            treatment.value = Some(fit.parameters[0][index]);
-            treatment.law.clear();
-            index += 1;
+    let ranges = model.mechanism_ranges();
+    for (added, range) in model.mechanisms.iter_mut().zip(ranges) {
+        for (spec, value) in added.parameters.iter_mut().zip(&fit.parameters[0][range]) {
+            spec.scope = Scope::Fixed;
+            spec.value = Some(*value);
+            spec.law.clear();
         }
     }
     model

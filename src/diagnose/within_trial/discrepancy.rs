@@ -1,7 +1,7 @@
 //! Discrepancy between a mechanism's true law and the catalogue's, and the misfit that it would leave.
 
 use super::candidates::Candidate;
-use super::residual_projection::{ResidualProjection, WhitenedTrials, whiten};
+use super::residual_projection::{ResidualProjection, WhitenedTrials};
 use crate::diagnose::predicted_torque::torques;
 use crate::fit::Observations;
 use crate::random::Stream;
@@ -87,7 +87,9 @@ pub fn misfit_from_discrepancy(
         LawUncertainty::None => 0.0,
         LawUncertainty::Spread(samples) => {
             let error = |(trial, added): (usize, &Vec<f64>)| {
-                whiten(observations, &own.fit, trial, &AlternativeLaw::Later(samples).errors_nm(added))
+                own.fit
+                    .objective
+                    .whiten(observations.noise_index[trial], &AlternativeLaw::Later(samples).errors_nm(added))
             };
             let added_nm = AddedTorque::new(observations, own).added_nm;
             let change: WhitenedTrials = added_nm.iter().enumerate().map(error).collect();

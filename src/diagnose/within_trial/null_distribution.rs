@@ -113,7 +113,7 @@ impl NullDistribution {
         seed: u64,
     ) -> Self {
         let predicted = torques(observations, &fit.kinds, &fit.parameters);
-        let noise = NoiseSampler::of(&observations.noise_covariances);
+        let noise = NoiseSampler::new(&observations.noise_covariances);
         let (findings, limits) = (0..NULL_SIMULATIONS)
             .into_par_iter()
             .map(|number| {

@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::predicted_torque::torques;
-use crate::fit::{Component, Fit, Objective, Observations, Prediction, Transform, predictions};
+use crate::fit::{Component, Fit, Observations, Position, Prediction, Transform, predictions};
 
 /// Residuals and tangent space of a fit, component by component.
 pub struct ResidualProjection {
@@ -57,8 +57,12 @@ impl ResidualProjection {
         let predictions = predictions(observations, fit);
         let count = observations.trials.len();
         let known: Vec<Vec<usize>> = (0..count).map(|trial| known(fit, trial)).collect();
-        let rows: Vec<usize> =
-            (0..count).map(|trial| whiten_rows(observations, fit, trial) + known[trial].len()).collect();
+        let rows: Vec<usize> = (0..count)
+            .map(|trial| {
+                fit.objective.whitened_count(observations.noise_index[trial], observations.samples)
+                    + known[trial].len()
+            })
+            .collect();
         let part = |component: &Component| {
             ProjectedComponent::new(observations, fit, component, &predictions, &rows, &known)
         };
@@ -152,14 +156,11 @@ impl ProjectedComponent {
             let mut jacobian = DMatrix::zeros(trials.iter().map(|trial| rows[*trial]).sum(), own.len());
             for trial in trials {
                 let Prediction { jacobian: slopes, residual_nm, .. } = &predictions[trial];
-                let white = whiten_matrix(observations, fit, trial, slopes);
+                let white = fit.objective.whiten_columns(observations.noise_index[trial], slopes);
                 let values = white.nrows();
-                part.residual.rows_mut(first, values).copy_from(&whiten(
-                    observations,
-                    fit,
-                    trial,
-                    residual_nm,
-                ));
+                part.residual
+                    .rows_mut(first, values)
+                    .copy_from(&fit.objective.whiten(observations.noise_index[trial], residual_nm));
                 for (row, coordinate) in known[trial].iter().enumerate() {
                     let (centre, sd) =
                         fit.parameterisation.coordinates[*coordinate].prior.unwrap_or((0.0, 1.0));
@@ -173,13 +174,16 @@ impl ProjectedComponent {
                     let value = fit.parameters[trial][*parameter];
                     fit.parameterisation.slopes(trial, *parameter, value, |coordinate, slope| {
                         let change = white.column(row) * slope;
-                        if let Some(place) = own.iter().position(|own| *own == coordinate) {
-                            let mut column = jacobian.view_mut((first - begin, place), (values, 1));
-                            column += change;
-                        } else if let Some(place) = component.border.iter().position(|own| *own == coordinate)
-                        {
-                            let mut column = part.border.view_mut((first, place), (values, 1));
-                            column += change;
+                        match component.position(block, coordinate) {
+                            Some(Position::Block(place)) => {
+                                let mut column = jacobian.view_mut((first - begin, place), (values, 1));
+                                column += change;
+                            }
+                            Some(Position::Border(place)) => {
+                                let mut column = part.border.view_mut((first, place), (values, 1));
+                                column += change;
+                            }
+                            None => {}
                         }
                     });
                 }
@@ -226,7 +230,7 @@ fn rounding_at_rest(observations: &Observations, fit: &Fit) -> WhitenedTrials {
         .map(|trial| {
             let change: Vec<f64> =
                 after[trial].iter().zip(&before[trial]).map(|(to, from)| to - from).collect();
-            whiten(observations, fit, trial, &change)
+            fit.objective.whiten(observations.noise_index[trial], &change)
         })
         .collect()
 }
@@ -261,32 +265,4 @@ fn known(fit: &Fit, trial: usize) -> Vec<usize> {
         }
     }
     known
-}
-
-fn whiten_rows(observations: &Observations, fit: &Fit, trial: usize) -> usize {
-    match (&fit.objective, observations.noise_index[trial]) {
-        (Objective::Whitened(whiteners), Some(noise)) => whiteners[noise].nrows(),
-        _ => observations.samples,
-    }
-}
-
-/// Whitens the torques of a trial: N m to standard deviations of the noise.
-pub fn whiten(observations: &Observations, fit: &Fit, trial: usize, torque_nm: &[f64]) -> DVector<f64> {
-    let torque = DVector::from_column_slice(torque_nm);
-    match (&fit.objective, observations.noise_index[trial]) {
-        (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * torque,
-        _ => torque,
-    }
-}
-
-fn whiten_matrix(
-    observations: &Observations,
-    fit: &Fit,
-    trial: usize,
-    columns: &DMatrix<f64>,
-) -> DMatrix<f64> {
-    match (&fit.objective, observations.noise_index[trial]) {
-        (Objective::Whitened(whiteners), Some(noise)) => &whiteners[noise] * columns,
-        _ => columns.clone(),
-    }
 }

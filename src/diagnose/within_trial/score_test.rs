@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use super::residual_projection::{ResidualProjection, WhitenedTrials, whiten};
+use super::residual_projection::{ResidualProjection, WhitenedTrials};
 use crate::diagnose::applicability::missing;
 use crate::diagnose::predicted_torque::torques;
 use crate::fit::{Fit, Observations};
@@ -98,7 +98,7 @@ fn probe(
     let change: WhitenedTrials = (0..base.len())
         .map(|trial| {
             let by: Vec<f64> = changed[trial].iter().zip(&base[trial]).map(|(to, from)| to - from).collect();
-            whiten(observations, fit, trial, &by)
+            fit.objective.whiten(observations.noise_index[trial], &by)
         })
         .collect();
     let direction = tangent.project(&change);

@@ -98,11 +98,6 @@ impl Fit {
         }
     }
 
-    /// Parameters of the last mechanism of the model.
-    pub fn added(&self) -> &[f64] {
-        self.last_mechanism_parameters()
-    }
-
     /// Result of the optimisation of the component that a trial belongs to.
     pub fn outcome(&self, trial: usize) -> ComponentOutcome {
         let component =

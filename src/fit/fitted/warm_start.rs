@@ -24,11 +24,6 @@ impl Fit {
         self.restricted_to(trials).extended(subset, model)
     }
 
-    /// Fits `model` to the trials `trials` of this fit, from its optimum.
-    pub fn on(&self, subset: &Observations, trials: &[usize], model: &Model) -> Self {
-        self.extended_on_subset(subset, trials, model)
-    }
-
     /// This fit with the mechanism `kind` removed from its model; the other parameters stay nearly where they are.
     ///
     /// # Panics

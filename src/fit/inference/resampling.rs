@@ -25,11 +25,6 @@ impl NoiseSampler {
         };
         Self { factors: covariances.iter().map(factor).collect() }
     }
-
-    /// A sampler for `covariances`.
-    pub fn of(covariances: &[NoiseCovariance]) -> Self {
-        Self::new(covariances)
-    }
 }
 
 /// A simulated session: the measured torque is `predicted`, N m by trial and sample, plus noise from `noise` on the noise samples.

@@ -62,11 +62,6 @@ impl StartingValues {
         Self::new(observations, parameters.iter().map(base).collect())
     }
 
-    /// Starting values from the parameter vectors of a fit.
-    pub fn at(observations: &Observations, parameters: &[Vec<f64>]) -> Self {
-        Self::from_parameters(observations, parameters)
-    }
-
     /// Starting values if the search finds none: the same for all trials.
     pub(in crate::fit) fn default_for(observations: &Observations) -> Self {
         Self::new(observations, vec![DEFAULT_PARAMETERS; observations.trials.len()])

@@ -80,12 +80,3 @@ impl Objective {
         self.whitening_matrix(noise_index).map_or(samples, DMatrix::nrows)
     }
 }
-
-/// The objective for `weighting`, and the covariances of the residuals.
-pub fn objective(
-    observations: &Observations,
-    weighting: Weighting,
-    point: Option<&[f64; 6]>,
-) -> (Objective, Vec<NoiseCovariance>) {
-    Objective::new(observations, weighting, point)
-}
