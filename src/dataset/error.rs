@@ -224,7 +224,7 @@ pub enum DatasetError {
     },
     /// Records are missing from the middle of the journal.
     #[error(
-        "{at}: damaged at byte {offset} ({length} bytes): {reason}; expected an unbroken journal, what transition in the \
+        "{at}: damaged at byte {offset} ({length} bytes): {reason}; expected an unbroken journal, what happened in the \
          session cannot be told for certain. The trials in trials.csv can still be fitted"
     )]
     Damaged {

@@ -46,7 +46,7 @@ pub enum JournalEntry {
         motion_delay_samples: u64,
     },
     /// A transition of the state machine.
-    #[serde(rename = "transition")]
+    #[serde(rename = "happened")]
     Transition(TransitionRecord),
     /// A command of the operator that was not possible in its phase.
     Refused {

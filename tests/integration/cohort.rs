@@ -246,7 +246,11 @@ fn one_person_is_too_few_for_statistics_and_has_means() {
 fn a_study_file_that_is_wrong_is_refused_before_anything_is_written() {
     let workspace = Workspace::with_study(2);
     workspace.write("bad.json", &json!({ "format": "ramphold-study/1", "name": "bad" }));
-    workspace.refuse(2, &["cohort", "bad.json", "--out", "out"], &["bad.json, line 1", "persons"]);
+    workspace.refuse(
+        2,
+        &["cohort", "bad.json", "--out", "out"],
+        &["bad.json, line 4", "missing field `persons`"],
+    );
     workspace.refuse(2, &["cohort", "none.json", "--out", "out"], &["none.json", "cannot be read"]);
     workspace.refuse(2, &["power", "study.json", "--difference", "k_srs"], &["expected one of"]);
     workspace.refuse(

@@ -188,7 +188,7 @@ fn a_design_asks_for_what_it_needs() {
     let (_, unknown) = workspace.call(2, &["design", "s", "--between", "ghost", "fatigue"]);
     assert!(unknown.contains("\"ghost\": unknown; expected one of joint_damping"), "{unknown}");
     let (_, between) = workspace.call(2, &["design", "s", "--between", "torque_lag", "fatigue"]);
-    assert!(between.contains("\"fatigue\": shows between trials"), "{between}");
+    assert!(between.contains("\"fatigue\": has no effect within a trial"), "{between}");
 }
 
 #[test]

@@ -143,7 +143,10 @@ fn a_type_that_is_wrong_is_said_with_what_belongs_there() {
     assert_problem(|p| p["before"]["mvc"] = json!(3), &["before.mvc is 3", "an object or null"]);
     assert_problem(|p| p["format"] = json!("ramphold-protocol/2"), &["reads no other"]);
     let missing = |p: &mut Value| drop(p["ramp"].as_object_mut().unwrap().remove("hold_s"));
-    assert_problem(missing, &["ramp.hold_s is missing", "How long the end angle is held", "add \"hold_s\""]);
+    assert_problem(
+        missing,
+        &["ramp.hold_s is missing", "Time for which the end angle is held", "add \"hold_s\""],
+    );
 }
 
 #[test]
@@ -246,7 +249,7 @@ fn what_is_not_json_is_said_with_line_column_and_what_to_do() {
         ("", "line 1, column 0", "The file is empty"),
         ("{\n  \"rest_s\": 1e999\n}", "line 2, column", "number out of range"),
         ("{\n  \"rest_s\": NaN\n}", "line 2, column", "no NaN"),
-        ("{\n  \"rest_s\": 5,\n}", "line 3, column 1", "Take away the comma"),
+        ("{\n  \"rest_s\": 5,\n}", "line 3, column 1", "Remove the comma"),
         ("{\n  \"rest_s\": 5\n", "line 3, column 0", "ends too early"),
         ("\u{feff}{}", "line 1, column 1", "byte order mark"),
         ("{ // comment\n}", "line 1, column", "JSON knows no comments"),

@@ -106,13 +106,7 @@ impl EmulatedServoDrive {
         assert_eq!(Statusword(bits).state(), self.state);
         let mode = match self.mode() {
             6 => 0x400 | if self.homed { 0x1000 } else { 0 },
-            1 => {
-                if self.reached {
-                    0x400
-                } else {
-                    0
-                }
-            }
+            1 if self.reached => 0x400,
             8 if self.state == DriveState::OperationEnabled => 0x1000,
             _ => 0,
         };
