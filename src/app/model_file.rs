@@ -35,7 +35,7 @@ fn mechanisms(model: &Model) -> Result<MechanismList, ModelError> {
             return Err(ModelError::Value {
                 path: format!("parameters.{name}"),
                 message:
-                    "is fixed, but what a virtual wrist is like stands in the file of the person; expected \
+                    "is fixed, but the parameters of a virtual wrist stand in the subject file; expected \
                           mechanisms only (see --subject)"
                         .to_owned(),
             });
@@ -68,7 +68,7 @@ fn only_once(added: &MechanismList, person: &Person, setup: &Setup) -> Result<()
         Some(index) => Err(ModelError::Value {
             path: format!("mechanisms[{index}].mechanism"),
             message: format!(
-                "\"{}\" is already in the file of the person or the rig; expected it in one of them",
+                "\"{}\" is already in the subject file or the rig file; expected it in one of them",
                 added.kinds[index].id()
             ),
         }),

@@ -16,7 +16,7 @@ use super::verb::Verb;
 ///
 /// The verb fits the session, tests the residuals against the measured noise, and adds mechanisms of the catalogue as
 /// long as they explain significantly more. It writes diagnosis.json and its figures into the results folder and prints a
-/// summary. The verdict is one of: adequate (no misfit beyond the noise), named (each cause is told apart from every
+/// summary. The verdict is one of: adequate (no misfit beyond the noise), named (each cause is distinguished from every
 /// other candidate), ambiguous (a cause can be another one), unexplained (misfit remains that no mechanism explains).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold diagnose sessions/S01\n  \
@@ -74,14 +74,14 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
     let mut out = console.results();
     let says = match diagnosis.verdict {
         Verdict::Adequate => "adequate: no misfit beyond the measured noise",
-        Verdict::Named => "named: every cause is told apart from every other candidate",
+        Verdict::Named => "named: every cause is distinguished from every other candidate",
         Verdict::Ambiguous => "ambiguous: some cause could be another",
         Verdict::Unexplained => "unexplained: misfit remains that no mechanism of the catalogue explains",
     };
     writeln!(out, "verdict: {says}")?;
     writeln!(
         out,
-        "misfit: largest score {:.1} standard errors, pattern {:.1} standard deviations, p = {:.4}; left over p = {:.3}",
+        "misfit: largest score {:.1} standard errors, pattern {:.1} standard deviations, p = {:.4}; after the extension p = {:.3}",
         diagnosis.misfit.largest, diagnosis.misfit.excess, diagnosis.p_value, diagnosis.remaining_p_value
     )?;
     for (cause, entry) in diagnosis.causes.iter().zip(json["causes"].as_array().into_iter().flatten()) {
@@ -94,9 +94,9 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
         let terms: Vec<String> =
             term.terms.iter().map(|t| format!("{:.3e} * ({})", t.coefficient, t.term)).collect();
         let about = match terms.as_slice() {
-            [] => "no sum of simple terms describes what is left".to_string(),
+            [] => "no sum of simple terms describes the residual".to_string(),
             _ => format!(
-                "what is left is about {} (N m): a description of {:.0} % of it, not a mechanism",
+                "the residual is about {} (N m): a description of {:.0} % of it, not a mechanism",
                 terms.join(" + "),
                 100.0 * term.described
             ),

@@ -38,7 +38,7 @@ impl Verb for RevealArgs {
             writeln!(out, "  {} = {}: {}", parameter.name, significant(*value), parameter.meaning)?;
         }
         let diagnosis = read_diagnosis(&self.session)?;
-        writeln!(out, "verdict: {}", diagnosis["verdict"].as_str().unwrap_or("not said"))?;
+        writeln!(out, "verdict: {}", diagnosis["verdict"].as_str().unwrap_or("not stated"))?;
         let mut found = false;
         for (cause, set) in named_causes(&diagnosis) {
             let is_it = set.contains(&kind.id());

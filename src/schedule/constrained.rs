@@ -123,7 +123,7 @@ struct RunLimited {
     chances: Option<HashMap<RemainingLabels, f64>>,
 }
 
-/// What is left to place: the chance of success depends on nothing else, as the labels are exchangeable.
+/// The trials still to place: the chance of success depends on nothing else, as the labels are exchangeable.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 struct RemainingLabels {
     /// How many are left of the label placed last, and how many of it stand in a row.
@@ -195,7 +195,7 @@ impl RunLimited {
         left[label] as f64 * self.chance(RemainingLabels { last: left[label] - 1, run, others }, chances)
     }
 
-    /// The chance that a shuffle of what is left keeps the rule.
+    /// The chance that a shuffle of the remaining trials keeps the rule.
     fn chance(&self, state: RemainingLabels, chances: &mut HashMap<RemainingLabels, f64>) -> f64 {
         let total = state.last + state.others.iter().sum::<usize>();
         if total == 0 {

@@ -19,7 +19,7 @@ pub struct Transition {
     pub effect: Effect,
 }
 
-/// A condition on what has been done and what is left.
+/// A condition on the trials done and the trials left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Guard {
     /// Nothing in particular.
@@ -66,7 +66,7 @@ pub enum Effect {
 }
 
 impl Guard {
-    /// In words.
+    /// Text of the printed table.
     pub fn text(self) -> &'static str {
         match self {
             Self::Always => "",
@@ -81,7 +81,7 @@ impl Guard {
 }
 
 impl Effect {
-    /// In words.
+    /// Text of the printed table.
     pub fn text(self) -> &'static str {
         match self {
             Self::None => "",

@@ -41,7 +41,7 @@ pub fn simulate(
         #[cfg(target_arch = "x86_64")]
         VectorWidth::Eight => {
             assert!(has_avx_512(), "this processor has no AVX-512");
-            // What is left over and fills no more than half a vector goes through one of half the width.
+            // The last trials, if they fill at most half a vector, are simulated in a vector of half the width.
             let rest = count % 8;
             let whole = if rest <= 4 { count - rest } else { count };
             given.each_group::<crate::number::Eight>(0..whole, response, |batch, response| {

@@ -242,7 +242,7 @@ impl PageConnection {
         let _ = timeout(CLOSING_TIME / 2, closing).await;
     }
 
-    /// Serves the page until either side closes; returns the reason for the page, if it can be told.
+    /// Serves the page until either side closes; returns the reason for the page, where one is known.
     async fn serve(
         &mut self,
         socket: &mut WebSocket,

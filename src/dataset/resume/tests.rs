@@ -30,8 +30,8 @@ fn go_on(folder: &Path, disk: Disk) -> Result<(), ResumeError> {
     Ok(())
 }
 
-/// The trials that count, by their place in the schedule. The first sample of a record was measured before the person
-/// was told of the trial and depends on what came before; it is left out.
+/// The trials that count, by their place in the schedule. The first sample of a record was measured before the subject
+/// saw the trial and depends on the sample before; the comparison leaves it out.
 fn counting(folder: &Path) -> BTreeMap<String, (Option<f64>, crate::dataset::Record)> {
     let trials = load(folder).unwrap().trials.into_iter().filter(|trial| trial.status == Status::Ok);
     trials

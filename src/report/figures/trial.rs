@@ -110,7 +110,7 @@ fn torques(trace: &Trace, window_s: f64) -> crate::report::chart::Panel {
         marks.push(Mark::Line(1, Stroke::Thin, rest));
         legend.push((2, Sign::Line(Stroke::Dashed), "fitted".into()));
         legend.push((3, Sign::Line(Stroke::Thin), "Th, unfiltered".into()));
-        legend.push((1, Sign::Line(Stroke::Thin), "left over".into()));
+        legend.push((1, Sign::Line(Stroke::Thin), "residual".into()));
     }
     let values = measured.iter().chain(&fitted).chain(&hand).map(|p| p.1);
     Chart {

@@ -64,7 +64,7 @@ impl<'a> File<'a> {
             Some(text) => text,
             None => {
                 self.absent.push(path.trim_start_matches('/').replace('/', "."));
-                "not said"
+                "not stated"
             }
         }
     }
@@ -94,7 +94,7 @@ fn verdict(section: &mut ReportSection, file: &mut File) {
         ["/misfit/statistic", "/misfit/p_value", "/left_over/p_value"].map(|path| file.number(path));
     let show = |value: Option<f64>| value.map_or("–".into(), |value| significant(value, 2));
     section.html += &format!(
-        "<p class=\"verdict\"><b>{}</b> {}</p><dl><dt>Misfit</dt><dd>statistic {}, p = {}</dd><dt>Left over after the \
+        "<p class=\"verdict\"><b>{}</b> {}</p><dl><dt>Misfit</dt><dd>statistic {}, p = {}</dd><dt>Misfit after the \
          extension</dt><dd>p = {}</dd></dl>",
         escape(verdict),
         meaning,
@@ -105,7 +105,7 @@ fn verdict(section: &mut ReportSection, file: &mut File) {
     if let Some(rest) = file.root.get("residual_term").filter(|rest| !rest.is_null()) {
         let text = serde_json::to_string_pretty(rest).unwrap_or_default();
         section.html += &format!(
-            "<p>What is left over is described by a term that stands for no mechanism:</p><pre>{}</pre>",
+            "<p>The remaining residual is described by a term that stands for no mechanism:</p><pre>{}</pre>",
             escape(&text)
         );
     }
@@ -183,7 +183,7 @@ fn cause(file: &mut File, at: &str, mechanism: &str) -> Vec<Cell> {
             .join(", "),
         None => {
             file.absent.push(format!("{}.indistinguishable", at.trim_start_matches('/').replace('/', ".")));
-            "not said".into()
+            "not stated".into()
         }
     };
     vec![

@@ -92,7 +92,7 @@ pub struct Spread {
     pub cocontraction: f64,
 }
 
-/// How the person holds a torque.
+/// How the subject holds a torque.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "Voluntary")]

@@ -26,7 +26,7 @@ impl VirtualSensors {
     pub fn new(setup: &Setup, person: &Person, sample_rate_hz: f64, stream: Stream) -> Self {
         let switched = person.mechanisms.and(&setup.mechanisms);
         let channels = channels(&switched);
-        // Which of the two channels is late is all that can be told.
+        // The records show only which of the two channels is late.
         let torque_delay = channels.torque_delay_s * sample_rate_hz;
         Self {
             count_rad: TAU / setup.encoder_counts_per_revolution,

@@ -26,7 +26,7 @@ fn upcoming(velocity_rad_s: f64, position: u32) -> Upcoming {
     Upcoming { key, velocity_rad_s, progress: 0.0, rest_s: 5.0 }
 }
 
-/// Shows the target until the person has settled, then ramps; the samples of both.
+/// Shows the target until the subject has settled, then ramps; the samples of both.
 fn trial(wrist: &mut ArmedVirtualWrist, target_nm: f64, trial: Upcoming) -> (Vec<Sample>, Vec<Sample>) {
     let mut shown_nm = 0.0;
     let mut hold = Vec::new();

@@ -1,4 +1,4 @@
-//! The loop around the machine: the motor is made safe before anybody is told why.
+//! The loop around the machine: the motor is made safe before the operator reads why.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -56,7 +56,7 @@ impl Operator for Witness {
     fn command_refused(&mut self, _: Event, _: Phase) {}
     fn arming_failed(&mut self, _: Fault) {}
     fn fault_occurred(&mut self, _: Fault) {
-        self.0.borrow_mut().push("operator told");
+        self.0.borrow_mut().push("operator informed");
     }
 }
 
@@ -95,7 +95,7 @@ fn conducted(fails: bool) -> (Vec<&'static str>, bool) {
 fn a_fault_that_the_session_finds_stops_the_motor_first_and_is_told_second() {
     let (deeds, ended_well) = conducted(false);
     assert!(ended_well);
-    assert_eq!(deeds, ["motor made safe", "operator told", "written down", "power off"]);
+    assert_eq!(deeds, ["motor made safe", "operator informed", "written down", "power off"]);
 }
 
 #[test]

@@ -114,14 +114,14 @@ impl Bench {
         self.give(Reading::Sample(self.sample()), None)
     }
 
-    /// So many samples.
+    /// Feeds the given number of samples.
     fn ticks(&mut self, samples: usize) {
         for _ in 0..samples {
             self.tick();
         }
     }
 
-    /// One sample with a word of the operator.
+    /// Feeds one sample with a command of the operator.
     fn say(&mut self, word: Event) -> Output {
         self.give(Reading::Sample(self.sample()), Some(word))
     }

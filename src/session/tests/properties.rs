@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::rig::Fault;
 
-/// A stretch of samples that are alike, begun by a word or ended by a fault.
+/// A stretch of samples that are alike, begun by a command or ended by a fault.
 #[derive(Debug, Clone)]
 struct Stretch {
     samples: usize,
