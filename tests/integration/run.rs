@@ -293,7 +293,7 @@ fn a_model_that_a_virtual_wrist_cannot_have_is_refused() {
         (r#"{"format": "ramphold-model/1", "mechanisms": [{"mechanism": "ghost"}]}"#, "ghost"),
         (
             r#"{"format": "ramphold-model/1", "mechanisms": [{"mechanism": "fatigue", "parameters": {"fraction": 0.2}}]}"#,
-            "already in the file",
+            "already in the subject file",
         ),
         (
             r#"{"format": "ramphold-model/1", "mechanisms": [{"mechanism": "torque_gain", "parameters":
