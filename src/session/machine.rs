@@ -9,6 +9,7 @@ use super::progress::Progress;
 use super::rng_streams;
 use super::settings::Settings;
 use super::smoothing::FeedbackFilter;
+use super::torque_gate::TorqueGate;
 use super::transitions::{Effect, Transition};
 use crate::protocol::Sweep;
 use crate::rig::{Channel, Command, Cue, Direction, Fault, LimitMonitor, Motor, Sample, Upcoming};
@@ -34,8 +35,7 @@ pub struct Machine {
     in_trial: u64,
     /// Samples since the onset.
     since_onset: u64,
-    /// Samples in the band without a break.
-    in_band: u64,
+    gate: TorqueGate,
     /// Delay drawn for this trial, samples.
     delay: u64,
     /// Sum of the torque while the offset is measured.
@@ -60,13 +60,13 @@ impl Machine {
             phase: Phase::Ready,
             limit_monitor: LimitMonitor::new((&settings.limits).into(), settings.sample_rate_hz),
             feedback: FeedbackFilter::new(settings.display_cutoff_hz, settings.sample_rate_hz),
+            gate: TorqueGate::new(settings.gate.clone(), settings.gate_samples),
             settings,
             sample: 0,
             in_phase: 0,
             at_home: 0,
             in_trial: 0,
             since_onset: 0,
-            in_band: 0,
             delay: 0,
             offset_sum_nm: 0.0,
             peaks: [0.0; 3],
@@ -129,7 +129,7 @@ impl Machine {
             transition,
             refused,
             record: self.progress.record_target(self.phase),
-            gate_fraction: self.in_band as f64 / self.settings.gate_samples as f64,
+            gate_fraction: self.gate.fraction(),
         }
     }
 
@@ -224,13 +224,13 @@ impl Machine {
         Some((Event::EffortOver, Some(TransitionDetail::Effort { peak_torque_nm, peak_fcr, peak_ecr })))
     }
 
-    /// The torque gate of the paper: opens when the torque has stayed in the band around the target for the gate's time
-    /// without a break.
+    /// Whether the torque gate opens, or the trial is rejected before it does.
     fn watch_gate(&mut self) -> Option<Event> {
-        self.in_band = if self.is_in_band() { self.in_band + 1 } else { 0 };
-        if self.in_band > 0 && self.antagonist_is_active() {
+        let in_band = self.is_in_band();
+        self.gate.add(in_band);
+        if self.gate.is_counting() && self.antagonist_is_active() {
             Some(Event::AntagonistActive)
-        } else if self.in_band >= self.settings.gate_samples {
+        } else if self.gate.is_open() {
             Some(Event::GateOpened)
         } else if self.in_phase >= self.settings.timeout_samples {
             Some(Event::GateTimedOut)
@@ -256,12 +256,11 @@ impl Machine {
 
     fn is_in_band(&self) -> bool {
         let Some(trial) = self.progress.current() else { return false };
-        let target_nm = trial.planned.torque_nm;
-        (self.shown_nm() - target_nm).abs() < self.settings.gate.band_fraction * target_nm.abs()
+        self.gate.contains(self.shown_nm(), trial.planned.torque_nm)
     }
 
     fn antagonist_is_active(&self) -> bool {
-        self.settings.gate.antagonist_limit_mvc.is_some_and(|limit| self.feedback.ecr_mvc > limit)
+        self.gate.antagonist_is_active(self.feedback.ecr_mvc)
     }
 
     fn shown_nm(&self) -> f64 {
@@ -342,7 +341,7 @@ impl Machine {
             }
             Phase::Hold => {
                 self.in_trial = 0;
-                self.in_band = 0;
+                self.gate.restart();
                 self.feedback.restart();
             }
             Phase::Delay => self.delay = self.draw_delay(),

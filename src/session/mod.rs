@@ -15,6 +15,7 @@ pub mod rules;
 mod settings;
 mod smoothing;
 mod step;
+mod torque_gate;
 pub mod transitions;
 
 pub use control_loop::{Operator, run_control_loop};

@@ -3,6 +3,7 @@
 mod configure;
 mod cyclic;
 mod device;
+mod homing;
 mod power;
 
 pub use device::Cia402;

@@ -1,4 +1,5 @@
-//! The power drive state machine, walked over SDO while no cycle runs: fault reset, homing, the way to the start.
+//! The power drive state machine of CiA 402, changed over SDO while no cycle runs: fault reset, states, modes, the movement to the
+//! start position.
 
 use std::time::Duration;
 
@@ -16,11 +17,8 @@ const ASK_EVERY: Duration = Duration::from_millis(5);
 /// How near to the start position is there, rad at the handle: a count of a coarse encoder, or the slack of a gear.
 const AT_START_RAD: f64 = 0.005;
 
-/// Periods until a statusword is sure to answer the controlword before.
-const LET_BITS_SETTLE: u64 = 3;
-
-/// Homing methods that take the present position for home.
-const METHODS_AT_PRESENT_POSITION: [i8; 2] = [35, 37];
+/// Periods after a controlword until the statusword is sure to answer it.
+pub(super) const LET_BITS_SETTLE: u64 = 3;
 
 impl Cia402 {
     /// The statusword, asked for.
@@ -87,7 +85,7 @@ impl Cia402 {
         }
     }
 
-    fn not_reached(&self, link: &mut Link, wanted: DriveState, status: Statusword) -> CanFault {
+    pub(super) fn not_reached(&self, link: &mut Link, wanted: DriveState, status: Statusword) -> CanFault {
         let code = link.read(self.motor.node, Object::plain(0x603F)).map_or(0, |code| code.number() as u16);
         CanFault::StateNotReached { wanted, state: status.state(), statusword: status.0, code }
     }
@@ -116,43 +114,6 @@ impl Cia402 {
             }
             self.pause(link)?;
         }
-    }
-
-    /// Finds the start position. A method that takes the present position is used once: after a fault the motor may
-    /// stand anywhere.
-    pub(super) fn home(
-        &mut self,
-        link: &mut Link,
-        drive_keeps_limits: bool,
-        monitor: &mut dyn MotionMonitor,
-    ) -> Result<(), CanFault> {
-        let homing = self.motor.homing;
-        if self.homed && METHODS_AT_PRESENT_POSITION.contains(&homing.method) {
-            return if drive_keeps_limits { Ok(()) } else { Err(CanFault::OriginLost) };
-        }
-        self.homed = false;
-        self.set_mode(link, Mode::Homing)?;
-        self.go_to_state(link, DriveState::OperationEnabled)?;
-        self.control(link, Controlword::ENABLE_AND_GO)?;
-        monitor.homing();
-        let deadline = link.now() + Duration::from_secs_f64(homing.timeout_s);
-        // Until the first periods are over, the bits may be those of before.
-        for period in 0u64.. {
-            let (readings, _) = monitor.period(link, self)?;
-            let status = Statusword(readings.statusword);
-            if status.state() != DriveState::OperationEnabled {
-                return Err(self.not_reached(link, DriveState::OperationEnabled, status));
-            }
-            if status.mode_bit_13() || link.now() > deadline {
-                self.control(link, Controlword::SHUTDOWN)?;
-                return Err(CanFault::HomingFailed { timeout_s: homing.timeout_s, statusword: status.0 });
-            }
-            if period >= LET_BITS_SETTLE && status.mode_bit_12() && status.target_reached() {
-                break;
-            }
-        }
-        self.homed = true;
-        self.go_to_state(link, DriveState::ReadyToSwitchOn)
     }
 
     /// To the start position on the drive's own profile.
