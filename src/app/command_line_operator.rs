@@ -4,11 +4,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::rig::Fault;
-use crate::session::{Event, Machine, Operator, Phase, Status};
+use crate::session::{Event, Machine, MotionDeviation, Operator, Phase, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::signals::stop_on_signals;
-use super::{Console, Failure};
+use super::Console;
 
 /// Samples between two updates of the progress bar.
 const PROGRESS_PERIOD_SAMPLES: u64 = 1024;
@@ -21,16 +20,15 @@ pub struct CommandLineOperator {
 }
 
 impl CommandLineOperator {
-    /// Listens to SIGINT and SIGTERM; shows a progress bar if standard error is a terminal.
-    pub fn new(machine: &Machine, console: &Console) -> Result<Self, Failure> {
-        let stop = stop_on_signals()?;
+    /// Ends the session when `stop` is set; shows a progress bar if standard error is a terminal.
+    pub fn new(stop: Arc<AtomicBool>, machine: &Machine, console: &Console) -> Self {
         let target =
             if console.is_quiet() { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let planned = machine.progress().queue().len() as u64;
         let bar = ProgressBar::with_draw_target(Some(planned), target);
         let style = ProgressStyle::with_template("{bar:30} trial {pos} of {len}, {eta} left: {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Ok(Self { stop, bar, console: *console })
+        Self { stop, bar, console: *console }
     }
 
     /// Removes the progress bar.
@@ -67,11 +65,16 @@ impl Operator for CommandLineOperator {
     }
 
     fn arming_failed(&mut self, fault: Fault) {
-        self.console.error(format_args!("the rig could not be armed: {fault}"));
+        self.console.error(fault.told_when_not_armed());
         self.stop.store(true, Ordering::Relaxed);
     }
 
     fn fault_occurred(&mut self, fault: Fault) {
-        self.console.error(format_args!("fault, the motor is safe: {fault}"));
+        self.console.error(fault.told_when_armed());
+    }
+
+    // The motor of a virtual wrist harms nobody while this is written.
+    fn motion_deviated(&mut self, deviation: &MotionDeviation) {
+        self.console.message(format_args!("the trial is rejected and will be run again: {deviation}"));
     }
 }

@@ -28,6 +28,8 @@ impl Console {
             .without_time()
             .with_target(false)
             .with_ansi(false)
+            // They would be told by a macro that panics when the terminal is gone.
+            .log_internal_errors(false)
             .init();
         Self { quiet }
     }

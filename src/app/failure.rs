@@ -106,6 +106,9 @@ pub enum Failure {
     /// The motor failed a check.
     #[error("{0}")]
     Motor(can::CanFault),
+    /// A session with a motor cannot be resumed with the start position that it has.
+    #[error(transparent)]
+    Origin(#[from] can::OriginError),
     /// The bus could not be read.
     #[error("{bus}: {source}")]
     Bus {
@@ -219,7 +222,8 @@ impl Failure {
             | Self::Ended { .. }
             | Self::NotFound { .. }
             | Self::Signals(_) => 1,
-            Self::Connect(_) | Self::Motor(_) | Self::Bus { .. } => 1,
+            Self::Origin(can::OriginError::WordNeeded { .. } | can::OriginError::HandleElsewhere { .. }) => 2,
+            Self::Connect(_) | Self::Motor(_) | Self::Origin(_) | Self::Bus { .. } => 1,
             Self::Output(_) if self.is_broken_pipe() => 0,
             Self::Output(_) => 1,
         }

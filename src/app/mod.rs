@@ -3,6 +3,7 @@
 //! This is the part of the program below the command line: it prints messages, asks the operator and chooses exit codes.
 
 mod analysis;
+mod background_messages;
 mod command_line_operator;
 mod console;
 mod console_options;
@@ -14,6 +15,7 @@ mod model_file;
 mod motor_operator;
 mod new_session;
 mod pace;
+mod question;
 mod session_report;
 mod session_results;
 mod session_rig;

@@ -1,43 +1,58 @@
 //! The operator beside a motor, without a console: confirms arming at the terminal, ends the session on Ctrl-C.
 
-use std::io::{self, BufRead, IsTerminal};
+use std::io::{self, IsTerminal};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::rig::Fault;
-use crate::session::{Event, Machine, Operator, Phase};
+use crate::session::{Event, Machine, MotionDeviation, Operator, Phase};
 
-use super::signals::stop_on_signals;
-use super::{Console, Failure};
+use super::Console;
+use super::background_messages::BackgroundMessages;
+use super::question::ask;
+
+/// Told before the present place of the handle becomes the start position.
+pub const SETS_ORIGIN_HERE: &str =
+    "The present place of the handle becomes the start position (0 rad) of all movements and limits.";
 
 /// Asks at the terminal before the motor is armed.
 pub struct MotorOperator {
     stop: Arc<AtomicBool>,
     /// Arming was confirmed on the command line (`--yes`).
     is_confirmed: bool,
-    console: Console,
+    /// The first arming takes the present place of the handle for the start position.
+    sets_origin_here: bool,
+    messages: BackgroundMessages,
 }
 
 impl MotorOperator {
-    /// Listens to SIGINT and SIGTERM. With `is_confirmed` the first arming needs no answer.
-    pub fn new(is_confirmed: bool, console: &Console) -> Result<Self, Failure> {
-        Ok(Self { stop: stop_on_signals()?, is_confirmed, console: *console })
+    /// Ends the session when `stop` is set. With `is_confirmed` the first arming needs no answer.
+    pub fn new(stop: Arc<AtomicBool>, is_confirmed: bool, sets_origin_here: bool, console: &Console) -> Self {
+        Self { stop, is_confirmed, sets_origin_here, messages: BackgroundMessages::start(*console) }
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     fn answers_yes(&self, question: &str) -> bool {
-        if !io::stdin().is_terminal() {
-            return false;
+        io::stdin().is_terminal()
+            && ask(&format!("{question} Type yes: "), &self.stop).is_some_and(|answer| answer == "yes")
+    }
+
+    fn consents_to_start(&self) -> bool {
+        if self.sets_origin_here {
+            self.messages.note(SETS_ORIGIN_HERE.to_owned());
+            self.messages.flush();
         }
-        self.console.message(format_args!("{question} Type yes:"));
-        let mut answer = String::new();
-        io::stdin().lock().read_line(&mut answer).is_ok() && answer.trim() == "yes"
+        self.is_confirmed || self.answers_yes("The motor will be given power. Is everyone clear of it?")
     }
 }
 
 impl Operator for MotorOperator {
     // Called at every sample: must not block, write or allocate.
     fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
-        if self.stop.load(Ordering::Relaxed) {
+        if self.is_stopped() {
             return Some(Event::Abort);
         }
         // The operator confirmed the homing after a fault; at the start position the session goes on.
@@ -45,39 +60,41 @@ impl Operator for MotorOperator {
     }
 
     fn wait_for_command(&mut self, machine: &Machine) -> Event {
-        if self.stop.load(Ordering::Relaxed) {
-            return Event::Abort;
-        }
+        self.messages.flush();
+        let consents = !self.is_stopped()
+            && match machine.phase() {
+                Phase::Ready => self.consents_to_start(),
+                // `--yes` confirms one arming; after a fault somebody must look at the motor.
+                Phase::Faulted => {
+                    !self.is_confirmed
+                        && self.answers_yes(
+                            "Has the fault been fixed? The motor will move to the start position.",
+                        )
+                }
+                _ => false,
+            };
         match machine.phase() {
-            Phase::Ready
-                if self.is_confirmed
-                    || self.answers_yes("The motor will be given power. Is everyone clear of it?") =>
-            {
-                Event::Start
-            }
-            // `--yes` confirms one arming; after a fault somebody must look at the motor.
-            Phase::Faulted
-                if !self.is_confirmed
-                    && self.answers_yes(
-                        "Has the fault been fixed? The motor will move to the start position.",
-                    ) =>
-            {
-                Event::Rearm
-            }
-            _ => Event::Abort,
+            // Ctrl-C at the question is an answer, too.
+            _ if !consents || self.is_stopped() => Event::Abort,
+            Phase::Faulted => Event::Rearm,
+            _ => Event::Start,
         }
     }
 
     fn command_refused(&mut self, command: Event, phase: Phase) {
-        self.console.message(format_args!("{} is not possible in phase {}", command.name(), phase.name()));
+        self.messages.note(format!("{} is not possible in phase {}", command.name(), phase.name()));
     }
 
     fn arming_failed(&mut self, fault: Fault) {
-        self.console.error(format_args!("the motor was not armed: {fault}"));
+        self.messages.error(fault.told_when_not_armed());
         self.stop.store(true, Ordering::Relaxed);
     }
 
     fn fault_occurred(&mut self, fault: Fault) {
-        self.console.error(format_args!("fault, the motor was made safe: {fault}"));
+        self.messages.error(fault.told_when_armed());
+    }
+
+    fn motion_deviated(&mut self, deviation: &MotionDeviation) {
+        self.messages.note(format!("the trial is rejected and will be run again: {deviation}"));
     }
 }

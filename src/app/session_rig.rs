@@ -1,18 +1,21 @@
 //! The rig of a session: from its rig file, or as the session's folder keeps it.
 
 use std::fs;
+use std::io::{self, IsTerminal};
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 use crate::dataset::{Disk, RecordError, Resumable};
 use crate::json_file;
 use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
-use crate::rig::can::{CanMotor, Connection, DryRun, Summary};
+use crate::rig::can::{CanMotor, Connection, DryRun, OriginError, ResumedOrigin, Summary};
 use crate::rig::virtual_wrist::{MechanismList, Person, RigFile, Seal, SealError, Setup, VirtualWrist};
 use crate::wrist::Lever;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::question::ask;
 use super::{Console, Failure, Pace};
 
 /// Name of the rig file in the session's folder.
@@ -34,7 +37,8 @@ pub enum SessionRig {
 }
 
 impl SessionRig {
-    /// The rig of a session that is to be resumed, from the session's folder. `hide` is the seed of its hidden effect.
+    /// The rig of a session that is to be resumed, from the session's folder. `hide` is the seed of its hidden effect;
+    /// `home_here` is the operator's word that the handle of a motor stands at the start position.
     ///
     /// # Errors
     /// If the rig file cannot be used, or is not the one that the session began with.
@@ -43,9 +47,15 @@ impl SessionRig {
         session: &Resumable,
         pace: Pace,
         hide: Option<u64>,
+        home_here: bool,
+        console: &Console,
     ) -> Result<Self, Failure> {
         if ran_on_can_motor(folder) {
-            return Self::can_motor_of_session(folder, session);
+            return Self::can_motor_of_session(folder, session, home_here, console);
+        }
+        if home_here {
+            let why = "the session ran on the virtual wrist, which needs no homing";
+            return Err(Failure::Usage(format!("--home-here: {why}")));
         }
         let StoredVirtualRig { rig: RigFile::Virtual(setup), subject, seal } =
             read_stored_virtual_rig(folder)?;
@@ -56,11 +66,16 @@ impl SessionRig {
         Ok(Self::Virtual { wrist: Box::new(wrist), lever, pace })
     }
 
-    fn can_motor_of_session(folder: &Path, session: &Resumable) -> Result<Self, Failure> {
+    fn can_motor_of_session(
+        folder: &Path,
+        session: &Resumable,
+        home_here: bool,
+        console: &Console,
+    ) -> Result<Self, Failure> {
         let rig = ValidRigFile::read(&folder.join(RIG_FILE))?;
         let protocol = ValidProtocol::read(&folder.join("protocol.json"))?;
         let dry_run = DryRun::of(&protocol, &rig)?;
-        let motor = CanMotor::new(Connection::open(rig)?, dry_run);
+        let mut motor = CanMotor::new(Connection::open(rig)?, dry_run);
         if motor.motion_delay_samples() != session.motion_delay_samples() {
             return Err(Failure::Usage(format!(
                 "{}: is not the rig that the session began with: its motor follows {} samples late, that one {}; \
@@ -69,6 +84,15 @@ impl SessionRig {
                 motor.motion_delay_samples(),
                 session.motion_delay_samples()
             )));
+        }
+        match resume_origin(&mut motor, session.was_armed(), home_here)? {
+            ResumedOrigin::FoundByMotor => {}
+            ResumedOrigin::Kept { angle_rad } => console.message(format_args!(
+                "the motor still has the start position of the session; the handle is {angle_rad:.4} rad from it"
+            )),
+            ResumedOrigin::SetAnew { .. } => console.message(
+                "the start position is set anew, where the handle stands when the motor is armed; the journal keeps that",
+            ),
         }
         Ok(Self::Can(Box::new(motor)))
     }
@@ -94,6 +118,27 @@ impl SessionRig {
         matches!(self, Self::Virtual { pace: Pace::Unlimited, .. })
     }
 }
+
+/// Decides how a resumed session gets its start position; asks at the terminal where the operator's word is needed.
+fn resume_origin(
+    motor: &mut CanMotor,
+    was_armed: bool,
+    home_here: bool,
+) -> Result<ResumedOrigin, OriginError> {
+    let needed = match motor.resume_origin(was_armed, home_here) {
+        Err(needed @ OriginError::WordNeeded { .. }) if io::stdin().is_terminal() => needed,
+        decided => return decided,
+    };
+    let question =
+        format!("{needed}.\nIf the handle stands at the start position now, type \"{AT_START}\": ");
+    match ask(&question, &AtomicBool::new(false)) {
+        Some(answer) if answer == AT_START => motor.resume_origin(was_armed, true),
+        _ => Err(needed),
+    }
+}
+
+/// Answer by which the operator says that the handle stands at the start position.
+const AT_START: &str = "at the start position";
 
 /// Whether a rig file describes a motor on a CAN bus. The rest of the file is not checked here.
 pub fn is_can_rig_file(file: &Path) -> bool {

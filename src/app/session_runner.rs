@@ -2,6 +2,8 @@
 
 use std::io::{self, BufRead, IsTerminal, Write};
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use crate::console::{ConsoleSetup, Live};
 use crate::dataset::{BackgroundRecorder, Recorder};
@@ -9,7 +11,7 @@ use crate::rig::Rig;
 use crate::session::{Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
 use super::command_line_operator::CommandLineOperator;
-use super::motor_operator::MotorOperator;
+use super::motor_operator::{MotorOperator, SETS_ORIGIN_HERE};
 use super::session_rig::write_bus_summary;
 use super::signals::stop_on_signals;
 use super::{Console, ConsoleOptions, Failure, Pace, SessionRig, finish_session};
@@ -54,18 +56,25 @@ impl SessionRun<'_> {
     fn run_to_the_end(self, console: &Console) -> Result<(Machine, Option<Live>), Failure> {
         let Self { folder, rig, mut machine, recorder, setup, options, is_confirmed } = self;
         let rate_hz = machine.settings().sample_rate_hz;
-        let work = Work { machine: &mut machine, recorder, setup, options, console };
+        let stop = stop_on_signals()?;
+        let work = Work { machine: &mut machine, recorder, setup, options, console, stop: stop.clone() };
         let live = match rig {
             SessionRig::Virtual { wrist, pace: Pace::Unlimited, .. } => work.without_deadlines(*wrist)?,
             SessionRig::Virtual { wrist, pace: Pace::TimesRealTime(speed), .. } => {
                 let mut pacing = RealTime::new(speed * rate_hz);
-                let operator = |machine: &Machine| CommandLineOperator::new(machine, console);
+                let operator = |machine: &Machine| CommandLineOperator::new(stop, machine, console);
                 let ended = work.with_deadlines(*wrist, &mut pacing, operator);
                 console.message(pacing.lateness());
                 ended?.1
             }
-            SessionRig::Can(motor) => {
-                let operator = |_: &Machine| MotorOperator::new(is_confirmed, console);
+            SessionRig::Can(mut motor) => {
+                motor.stop_on(stop.clone());
+                let sets_origin_here = motor.sets_origin_here();
+                if sets_origin_here && work.setup.is_some() {
+                    console.announce(SETS_ORIGIN_HERE);
+                }
+                let operator =
+                    |_: &Machine| MotorOperator::new(stop, is_confirmed, sets_origin_here, console);
                 let (motor, live) = work.with_deadlines(*motor, &mut Unpaced, operator)?;
                 write_bus_summary(&motor.summary(), &folder, console)?;
                 live
@@ -82,6 +91,8 @@ struct Work<'a> {
     setup: Option<ConsoleSetup>,
     options: &'a ConsoleOptions,
     console: &'a Console,
+    /// Set by signals and by the operator: the session ends at once.
+    stop: Arc<AtomicBool>,
 }
 
 impl Work<'_> {
@@ -90,10 +101,19 @@ impl Work<'_> {
         if let Some(setup) = self.setup.take() {
             let recorder = BackgroundRecorder::start_waiting(self.recorder, self.machine.progress().clone());
             let (console, options) = (self.console, self.options);
-            return with_console(rig, self.machine, &mut Unpaced, recorder, setup, options, console)
-                .map(|(_, live)| Some(live));
+            return with_console(
+                rig,
+                self.machine,
+                &mut Unpaced,
+                recorder,
+                setup,
+                options,
+                console,
+                self.stop,
+            )
+            .map(|(_, live)| Some(live));
         }
-        let mut operator = CommandLineOperator::new(self.machine, self.console)?;
+        let mut operator = CommandLineOperator::new(self.stop, self.machine, self.console);
         let ended = run_control_loop(rig, self.machine, &mut operator, &mut Unpaced, &mut self.recorder);
         operator.finish();
         ended?;
@@ -105,16 +125,25 @@ impl Work<'_> {
         self,
         rig: R,
         pacing: &mut impl Pacing,
-        operator: impl FnOnce(&Machine) -> Result<O, Failure>,
+        operator: impl FnOnce(&Machine) -> O,
     ) -> Result<(R, Option<Live>), Failure> {
         let recorder =
             |recorder, machine: &Machine| BackgroundRecorder::start(recorder, machine.progress().clone());
         if let Some(setup) = self.setup {
             let recorder = recorder(self.recorder, self.machine);
-            return with_console(rig, self.machine, pacing, recorder, setup, self.options, self.console)
-                .map(|(rig, live)| (rig, Some(live)));
+            return with_console(
+                rig,
+                self.machine,
+                pacing,
+                recorder,
+                setup,
+                self.options,
+                self.console,
+                self.stop,
+            )
+            .map(|(rig, live)| (rig, Some(live)));
         }
-        let mut operator = operator(self.machine)?;
+        let mut operator = operator(self.machine);
         let mut recorder = recorder(self.recorder, self.machine);
         let ended = run_control_loop(rig, self.machine, &mut operator, pacing, &mut recorder);
         let written = recorder.finish();
@@ -126,6 +155,7 @@ impl Work<'_> {
 }
 
 /// Runs a session with its console until it is over. The console stays open for the closing message.
+#[allow(clippy::too_many_arguments, reason = "the parts of a session, named where they are made")]
 fn with_console<R: Rig>(
     rig: R,
     machine: &mut Machine,
@@ -134,8 +164,8 @@ fn with_console<R: Rig>(
     setup: ConsoleSetup,
     options: &ConsoleOptions,
     console: &Console,
+    stop: Arc<AtomicBool>,
 ) -> Result<(R, Live), Failure> {
-    let stop = stop_on_signals()?;
     let (mut live, feed, mut operator) = Live::open(setup, machine, recorder.actions(), stop)?;
     if let Some(pages) = live.pages() {
         options.pages.announce(&pages, console);

@@ -21,9 +21,13 @@ pub struct ResumeArgs {
     /// The session's folder.
     #[arg(value_name = "SESSION")]
     session: PathBuf,
-    /// Confirm that the motor may move, instead of being asked.
+    /// Confirm that the motor may move, instead of being asked. It does not say where the handle is.
     #[arg(long)]
     yes: bool,
+    /// The handle of the motor stands at the start position: take its present place for it. Needed only for a motor that takes
+    /// the present place for its start position and cannot show that it still has that of the session.
+    #[arg(long)]
+    home_here: bool,
     /// Seed that was given to `run --hide`, if the session has a hidden effect.
     #[arg(long, value_name = "SEED")]
     hide: Option<u64>,
@@ -54,7 +58,14 @@ impl Verb for ResumeArgs {
         // The rig is checked before anything in the folder is changed.
         let rig = match session.is_finished() {
             true => None,
-            false => Some(SessionRig::of_session(&self.session, &session, pace, self.hide)?),
+            false => Some(SessionRig::of_session(
+                &self.session,
+                &session,
+                pace,
+                self.hide,
+                self.home_here,
+                console,
+            )?),
         };
         if let (Some(SessionRig::Virtual { .. }), false) = (&rig, has_console) {
             confirm_motion(self.yes, &format!("subject {subject}: {left} trials left to do"))?;

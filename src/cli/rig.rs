@@ -2,16 +2,20 @@
 
 use std::io::Write;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use crate::app::{Console, Failure};
 use crate::protocol::ValidProtocol;
 use crate::rig::can::budget::When;
 use crate::rig::can::bus::{self, BitRate, BusSpec};
-use crate::rig::can::file::ValidRigFile;
+use crate::rig::can::file::{MotorSettings, ValidRigFile};
 use crate::rig::can::scan::scan;
 use crate::rig::can::{Connection, DryRun, HandleLimits};
 
 use super::verb::Verb;
+
+/// How long a question of a scan may wait for the adapter; nothing moves, so nothing depends on it.
+const SCAN_SEND_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// Check a motor on a CAN bus, or list the nodes of a bus. Nothing moves.
 #[derive(Debug, clap::Args)]
@@ -98,16 +102,31 @@ fn print_budget(rig: &ValidRigFile, console: &Console) -> Result<(), Failure> {
     }
     let load = rig.budget().load(rig.period(), rig.bit_rate);
     writeln!(out, "  bus: {} bits a period, load {:.0} %", rig.budget().bits_per_period(), load * 100.0)?;
+    if let MotorSettings::Mit(motor) = &rig.motor {
+        writeln!(out, "  angle: in steps of {:.3} mrad at the handle", motor.angle_step_rad() * 1e3)?;
+    }
     Ok(())
 }
 
 fn ask_motor(rig: ValidRigFile, limits: &HandleLimits, console: &Console) -> Result<(), Failure> {
     let mut connection = Connection::open(rig)?;
     let confirmed = connection.prepare(limits);
+    let findings = connection.findings().to_vec();
     let released = connection.release();
+    let (needed, optional): (Vec<_>, Vec<_>) =
+        findings.into_iter().partition(|finding| finding.fault().is_some());
+    let mut out = console.results();
+    for (title, list) in [
+        ("the drive lacks, refuses or contradicts, and is not armed before this is mended:", &needed),
+        ("the drive lacks these, and may be armed without them:", &optional),
+    ] {
+        if !list.is_empty() {
+            writeln!(out, "  {title}")?;
+            list.iter().try_for_each(|finding| writeln!(out, "    {finding}"))?;
+        }
+    }
     confirmed.map_err(Failure::Motor)?;
     released.map_err(Failure::Motor)?;
-    let mut out = console.results();
     writeln!(
         out,
         "  motor: identity as expected; limits, watchdogs and frames written and read back; power off"
@@ -117,7 +136,7 @@ fn ask_motor(rig: ValidRigFile, limits: &HandleLimits, console: &Console) -> Res
 
 fn print_nodes(spec: &BusSpec, bit_rate: BitRate, console: &Console) -> Result<(), Failure> {
     let gone = |source| Failure::Bus { bus: spec.to_string(), source };
-    let mut bus = bus::open(spec, bit_rate).map_err(gone)?;
+    let mut bus = bus::open(spec, bit_rate, SCAN_SEND_TIMEOUT).map_err(gone)?;
     let nodes = scan(bus.as_mut()).map_err(gone)?;
     let mut out = console.results();
     writeln!(out, "node,state,profile,vendor,product,revision,serial")?;

@@ -4,12 +4,12 @@ use std::io::Write;
 
 use crate::app::{Console, Failure};
 use crate::protocol;
-use crate::rig::virtual_wrist;
+use crate::rig::{self, virtual_wrist};
 use crate::study;
 
 use super::verb::Verb;
 
-/// Print the JSON schema of protocols, virtual subjects, virtual rigs or studies.
+/// Print the JSON schema of protocols, virtual subjects, rigs or studies.
 ///
 /// The files protocols/*.schema.json contain this output. An editor that reads them completes field names and marks
 /// mistakes.
@@ -27,7 +27,7 @@ enum SchemaKind {
     Protocol,
     /// A virtual subject, for `run --subject`.
     Person,
-    /// A virtual rig, for `run --rig`.
+    /// A rig, virtual or on a CAN bus, for `run --rig`.
     Rig,
     /// A study, for `cohort`.
     Study,
@@ -38,7 +38,7 @@ impl Verb for SchemaArgs {
         let text = match self.kind {
             SchemaKind::Protocol => protocol::schema_text(),
             SchemaKind::Person => virtual_wrist::person_schema_text(),
-            SchemaKind::Rig => virtual_wrist::rig_schema_text(),
+            SchemaKind::Rig => rig::schema_text(),
             SchemaKind::Study => study::schema_text(),
         };
         Ok(console.results().write_all(text.as_bytes())?)

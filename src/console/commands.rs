@@ -10,7 +10,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::step_feed::SampleCounter;
 use crate::dataset::{ActionOrigin, AuditEntry, AuditSender, OperatorAction};
 use crate::rig::{Fault, Vitals};
-use crate::session::{Event, Machine, Operator, Phase};
+use crate::session::{Event, Machine, MotionDeviation, Operator, Phase};
 
 /// Number of commands that can wait for the control loop.
 const COMMAND_CAPACITY: usize = 64;
@@ -34,6 +34,8 @@ struct SharedCommands {
     notices: Mutex<mpsc::Sender<OperatorNotice>>,
     counter: SampleCounter,
     vitals: SharedVitals,
+    /// Ends the session at once.
+    stop: Arc<AtomicBool>,
 }
 
 /// A notice for the operator to read.
@@ -76,6 +78,7 @@ impl CommandSender {
             notices: Mutex::new(notices),
             counter,
             vitals,
+            stop: stop.clone(),
         });
         let receiver = CommandReceiver { shared: shared.clone(), commands: received, stop, starts_at_once };
         (Self(shared), receiver, notices_received)
@@ -84,6 +87,10 @@ impl CommandSender {
     /// Sends a command. The session decides whether it is possible.
     pub fn send(&self, command: Event, origin: ActionOrigin) {
         self.record(OperatorAction::Commanded { command }, origin);
+        if command == Event::Abort {
+            // Heard even while the motor is being armed, when no command is taken from the queue.
+            self.0.stop.store(true, Ordering::Relaxed);
+        }
         // If the control loop has not yet taken the last 64 commands, this one is only journaled.
         let _ = self.0.commands.lock().unwrap_or_else(PoisonError::into_inner).push(command);
     }
@@ -187,12 +194,18 @@ impl Operator for CommandReceiver {
     fn command_refused(&mut self, _: Event, _: Phase) {}
 
     fn arming_failed(&mut self, fault: Fault) {
-        let notice = OperatorNotice::Alarm(format!("the rig could not be armed: {fault}"));
+        let notice = OperatorNotice::Alarm(fault.told_when_not_armed());
         CommandSender(self.shared.clone()).notify(notice);
     }
 
     fn fault_occurred(&mut self, fault: Fault) {
-        let notice = OperatorNotice::Alarm(format!("fault, the motor is safe: {fault}"));
+        let notice = OperatorNotice::Alarm(fault.told_when_armed());
+        CommandSender(self.shared.clone()).notify(notice);
+    }
+
+    fn motion_deviated(&mut self, deviation: &MotionDeviation) {
+        let notice =
+            OperatorNotice::Alarm(format!("the trial is rejected and will be run again: {deviation}"));
         CommandSender(self.shared.clone()).notify(notice);
     }
 

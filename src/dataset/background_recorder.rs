@@ -11,6 +11,7 @@ use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
 use super::audit::AuditEntry;
 use super::recorder::{RecordError, Recorder};
+use crate::rig::Origin;
 use crate::session::{Progress, Step, StepConsumer};
 
 /// Number of steps that the ring holds: 26 s at 2.5 kHz.
@@ -30,6 +31,7 @@ pub struct BackgroundRecorder {
     /// The loop has no deadlines: it waits for the disk instead of failing.
     waits_for_disk: bool,
     actions: AuditSender,
+    origins: mpsc::Sender<(Origin, u64)>,
     shared: Arc<SharedWriterState>,
 }
 
@@ -60,13 +62,14 @@ impl BackgroundRecorder {
     pub fn start(recorder: Recorder, progress: Progress) -> Self {
         let (ring, steps) = RingBuffer::new(RING_CAPACITY);
         let (actions, received) = mpsc::channel();
+        let (origins, noted) = mpsc::channel();
         let shared = Arc::new(SharedWriterState::default());
         let thread = thread::spawn({
             let shared = shared.clone();
             move || {
                 // Also set when the thread panics.
                 let _failed = FailedUnlessOver(&shared);
-                write(recorder, progress, steps, &received, &shared)
+                write(recorder, progress, steps, (&received, &noted), &shared)
             }
         });
         Self {
@@ -75,6 +78,7 @@ impl BackgroundRecorder {
             entries_sent: 0,
             waits_for_disk: false,
             actions: AuditSender(actions),
+            origins,
             shared,
         }
     }
@@ -137,12 +141,17 @@ fn write(
     mut recorder: Recorder,
     mut progress: Progress,
     mut steps: Consumer<Step>,
-    actions: &mpsc::Receiver<AuditEntry>,
+    (actions, origins): (&mpsc::Receiver<AuditEntry>, &mpsc::Receiver<(Origin, u64)>),
     shared: &SharedWriterState,
 ) -> Result<(), RecordError> {
     loop {
         // Read before the ring is emptied, so that the last steps are still written.
         let over = shared.over.load(Ordering::Acquire);
+        // An origin is noted before the first step with the rig that has it.
+        while let Ok((origin, sample)) = origins.try_recv() {
+            recorder.note_origin(origin, sample)?;
+            shared.entries_on_disk.fetch_add(1, Ordering::Release);
+        }
         match steps.pop() {
             Ok(step) => {
                 if let Some(transition) = &step.transition {
@@ -167,6 +176,13 @@ impl StepConsumer for BackgroundRecorder {
 
     fn is_on_disk(&self) -> bool {
         self.shared.entries_on_disk.load(Ordering::Acquire) == self.entries_sent
+    }
+
+    fn note_origin(&mut self, origin: Origin, sample: u64) -> Result<(), RecordError> {
+        self.origins.send((origin, sample)).map_err(|_| RecordError::WriterGone)?;
+        self.entries_sent += 1;
+        self.wake();
+        Ok(())
     }
 
     fn consume(&mut self, step: &Step, _: &Progress) -> Result<(), RecordError> {

@@ -14,6 +14,7 @@ use sha2::{Digest, Sha256};
 
 use super::audit::AuditEntry;
 use super::disk::Disk;
+use crate::rig::Origin;
 use crate::session::{Event, TransitionRecord};
 
 pub use read::{Damage, JournalLine, JournalText};
@@ -55,6 +56,13 @@ pub enum JournalEntry {
         /// The command.
         #[serde(rename = "word")]
         command: Event,
+    },
+    /// The rig was armed, and knew its start position in this way.
+    Origin {
+        /// Samples since the session was started or resumed.
+        sample: u64,
+        /// How the start position was known.
+        origin: Origin,
     },
     /// An action of an operator at a console.
     Console(AuditEntry),

@@ -13,7 +13,7 @@ use super::record_splitter::RecordSplitter;
 use super::tables;
 use super::trial_csv_writer::{HEADER, TrialCsvWriter};
 use crate::protocol::TooShort;
-use crate::rig::Sample;
+use crate::rig::{Origin, Sample};
 use crate::session::{
     Phase, Progress, RecordTarget, Settings, Step, StepConsumer, TransitionDetail, TransitionRecord,
 };
@@ -191,6 +191,11 @@ impl Recorder {
 
 impl StepConsumer for Recorder {
     type Error = RecordError;
+
+    /// Writes into the journal how the rig knew its start position. It is on disk when this returns.
+    fn note_origin(&mut self, origin: Origin, sample: u64) -> Result<(), RecordError> {
+        self.append(&JournalEntry::Origin { sample, origin })
+    }
 
     /// Records a step. It is on disk when this returns.
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), RecordError> {

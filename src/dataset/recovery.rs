@@ -13,6 +13,7 @@ use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalText};
 use super::load::parse_json;
 use super::recorder::RecordNames;
 use crate::protocol::ValidProtocol;
+use crate::rig::Origin;
 use crate::schedule;
 use crate::session::{Phase, Progress, RecordTarget, Settings};
 
@@ -144,6 +145,10 @@ pub(super) struct RecoveredState {
     pub phase: Phase,
     /// File of the record that was being written.
     pub open: Option<String>,
+    /// How the rig knew its start position when it was armed last.
+    pub origin: Option<Origin>,
+    /// Whether the rig was ever armed.
+    pub was_armed: bool,
 }
 
 impl RecoveredState {
@@ -154,6 +159,8 @@ impl RecoveredState {
             names: RecordNames::default(),
             phase: Phase::Ready,
             open: None,
+            origin: None,
+            was_armed: false,
         }
     }
 
@@ -161,10 +168,12 @@ impl RecoveredState {
     pub fn apply(&mut self, record: &JournalEntry) {
         match record {
             JournalEntry::Session { .. } | JournalEntry::Refused { .. } | JournalEntry::Console(_) => {}
+            JournalEntry::Origin { origin, .. } => self.origin = Some(*origin),
             JournalEntry::Transition(transition) => {
                 let before = self.progress.record_target(self.phase);
                 self.progress.apply(transition);
                 self.phase = transition.to;
+                self.was_armed |= self.phase.is_armed();
                 let now = self.progress.record_target(self.phase);
                 if now == RecordTarget::None {
                     self.open = None;

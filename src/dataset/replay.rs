@@ -170,7 +170,10 @@ impl ExpectedStep {
             JournalEntry::Refused { sample, command } => {
                 Some(Self { sample: sample.saturating_sub(1), record: StepEntry::Refused(*command) })
             }
-            JournalEntry::Session { .. } | JournalEntry::Resumed { .. } | JournalEntry::Console(_) => None,
+            JournalEntry::Session { .. }
+            | JournalEntry::Resumed { .. }
+            | JournalEntry::Console(_)
+            | JournalEntry::Origin { .. } => None,
         }
     }
 }
@@ -322,7 +325,14 @@ impl<'a> Replayer<'a> {
             }
             Reading::Sample(Sample { theta_m_rad: self.angle_rad, ..Sample::default() })
         };
-        Some(Input { reading, operator, on_disk: self.was_on_disk(transition, next) })
+        let punctuality = match transition.and_then(|it| it.detail) {
+            Some(
+                TransitionDetail::Ended { punctuality, .. }
+                | TransitionDetail::FaultInTrial { punctuality, .. },
+            ) => punctuality,
+            _ => None,
+        };
+        Some(Input { reading, operator, on_disk: self.was_on_disk(transition, next), punctuality })
     }
 
     /// Whether the disk was done. What the journal tells is only that a ramp waited for it.
@@ -459,3 +469,6 @@ fn no_limits() -> Limits {
         torque_nm: f64::MAX,
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -111,6 +111,11 @@ impl Resumable {
         self.session.settings.motion_delay_samples
     }
 
+    /// Whether the rig was armed in the session, so that its start position is known to somebody.
+    pub fn was_armed(&self) -> bool {
+        self.state.was_armed || self.state.origin.is_some()
+    }
+
     /// Whether every trial is done, so that only the results can be missing.
     pub fn is_finished(&self) -> bool {
         self.state.phase == Phase::Finished

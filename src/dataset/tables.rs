@@ -1,11 +1,15 @@
 //! The tables of a session: `trials.csv`, and beside it what came before the trials.
 
 use super::trial_csv_writer::TrialCsvWriter;
+use crate::rig::Punctuality;
 use crate::session::{Attempt, PlannedTrial, Progress, Settings};
 
 /// The columns of `trials.csv`; the first seven are what every session has.
 const TRIALS: &str = "trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status,\
                       reason,position,amplitude_rad,rest_s,torque_offset_nm\n";
+
+/// Further columns where the rig was tied to a clock.
+const PUNCTUALITY: &str = ",lost_periods,longest_gap_us,latest_us";
 
 /// `trials.csv` of a session without trials.
 pub fn empty() -> &'static [u8] {
@@ -25,9 +29,19 @@ pub fn of_session(
     rows: &TrialCsvWriter,
 ) -> Vec<(&'static str, Vec<u8>)> {
     let table = |practice: bool| {
+        let attempts =
+            || progress.attempts().iter().filter(|attempt| attempt.planned.key.practice == practice);
+        let has_clock = attempts().any(|attempt| attempt.punctuality.is_some());
         let mut text = TRIALS.to_owned();
-        for attempt in progress.attempts().iter().filter(|attempt| attempt.planned.key.practice == practice) {
+        if has_clock {
+            text.insert_str(TRIALS.len() - 1, PUNCTUALITY);
+        }
+        for attempt in attempts() {
             push_row(&mut text, attempt, progress, settings, rows);
+            if has_clock && attempt.ended.is_some() {
+                text.pop();
+                text += &punctuality_cells(attempt);
+            }
         }
         text.into_bytes()
     };
@@ -36,6 +50,16 @@ pub fn of_session(
         tables.push(("familiarisation.csv", table(true)));
     }
     tables
+}
+
+/// The cells under [`PUNCTUALITY`]; empty for a trial of which it is not known.
+fn punctuality_cells(attempt: &Attempt) -> String {
+    attempt.punctuality.map_or(
+        ",,,\n".to_owned(),
+        |Punctuality { lost_periods, longest_gap_us, latest_us }| {
+            format!(",{lost_periods},{longest_gap_us},{latest_us}\n")
+        },
+    )
 }
 
 fn push_row(

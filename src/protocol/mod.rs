@@ -19,7 +19,7 @@ mod duration;
 mod error;
 mod rules;
 mod schema;
-mod shape;
+pub(crate) mod shape;
 pub(crate) mod source;
 mod trajectory;
 mod types;

@@ -184,7 +184,13 @@ mod tests {
     use super::*;
 
     fn ramp_and_hold(velocity_rad_s: f64) -> RampAndHold {
-        let ramp = Ramp { amplitude_rad: 0.14, rise_time_s: 0.02, hold_s: 0.2, return_velocity_rad_s: 0.5 };
+        let ramp = Ramp {
+            amplitude_rad: 0.14,
+            rise_time_s: 0.02,
+            hold_s: 0.2,
+            return_velocity_rad_s: 0.5,
+            velocity_tolerance: 0.1,
+        };
         RampAndHold::new(&ramp, velocity_rad_s).unwrap()
     }
 

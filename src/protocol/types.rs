@@ -123,6 +123,17 @@ pub struct Ramp {
     /// Speed of the return to the start position, rad/s.
     #[schemars(range(min = 0.01, max = 20))]
     pub return_velocity_rad_s: f64,
+    /// Largest difference between the measured and the asked velocity of a ramp, as a fraction of the asked one. A trial
+    /// whose ramp differs by more is rejected and run again.
+    #[serde(default = "default_velocity_tolerance")]
+    #[schemars(range(min = 0.001, max = 0.5))]
+    pub velocity_tolerance: f64,
+}
+
+/// Half of the way from the paper's fastest velocity to the next, 3.25 to 2.6 rad/s: beyond it, a ramp would be nearer to
+/// another condition than to its own.
+fn default_velocity_tolerance() -> f64 {
+    0.1
 }
 
 /// Optional phases before the trials.

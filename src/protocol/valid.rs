@@ -4,8 +4,10 @@ use std::fs;
 use std::ops::Deref;
 use std::path::Path;
 
+use super::schema::SCHEMA;
+use super::shape::Shape;
 use super::source::JsonNode;
-use super::{Duration, Problem, Protocol, ProtocolError, RampAndHold, TooShort, rules, shape};
+use super::{Duration, Problem, Protocol, ProtocolError, RampAndHold, TooShort, rules};
 
 /// A [`Protocol`] that passed every check, and the text it was read from.
 ///
@@ -47,7 +49,13 @@ impl ValidProtocol {
     /// Reads a protocol from its JSON `text`; `file` is the name for messages.
     pub fn parse(text: &str, file: &str) -> Result<Self, ProtocolError> {
         let source = JsonNode::parse(text, file)?;
-        let mut problems = shape::problems(&source);
+        let shape = Shape {
+            schema: &SCHEMA,
+            example: "protocols/quick.json",
+            format_error: |_, _| None,
+            format_example: |_| None,
+        };
+        let mut problems = shape.walk(&source).problems;
         rules::add_problems(&source, &mut problems);
         if problems.is_empty() {
             match typed(&source) {

@@ -50,6 +50,25 @@ pub fn times(text: &str, sample_rate_hz: f64) -> SessionTimes {
         {
             times.gates.push((number, last_s - began_s));
         }
+        if record["origin"] == "set_here" {
+            let text = "the present place of the handle became the start position";
+            times.incidents.push((before_s + last_s, format!("origin set: {text}")));
+        }
+        let velocity = &detail["ended"]["deviation"]["velocity"];
+        if event == "motion_deviated" {
+            let why = match (velocity["measured_rad_s"].as_f64(), velocity["asked_rad_s"].as_f64()) {
+                (Some(measured), Some(asked)) => {
+                    format!("{measured:.3} rad/s where {asked:.3} rad/s were asked for")
+                }
+                _ => format!(
+                    "periods were lost: {}",
+                    detail["ended"]["deviation"]["lost_periods"]["lost_periods"]
+                ),
+            };
+            times
+                .incidents
+                .push((before_s + last_s, format!("trial {} rejected: {why}", detail["ended"]["number"])));
+        }
         let unusual = ["pause", "resume", "abort", "fault", "acknowledge", "skip"];
         if unusual.iter().any(|word| event.contains(word)) || !detail["fault"].is_null() {
             let fault = &detail["fault"];
@@ -71,6 +90,20 @@ mod tests {
 
     fn line(json: &str) -> String {
         format!("{:026}{json}\n", 0)
+    }
+
+    #[test]
+    fn an_origin_set_anew_and_a_ramp_that_was_not_as_asked_are_incidents() {
+        let text = line(r#"{"record":"resumed"}"#)
+            + &line(r#"{"record":"origin","sample":50,"origin":"set_here"}"#)
+            + &line(r#"{"record":"origin","sample":60,"origin":"kept"}"#)
+            + &line(
+                r#"{"record":"happened","sample":90,"from":"ramp_hold","event":"motion_deviated","to":"return","detail":{"ended":{"number":7,"status":"rejected","samples":1,"deviation":{"velocity":{"measured_rad_s":2.62,"standard_error_rad_s":0.01,"asked_rad_s":3.25,"tolerance":0.05}}}}}"#,
+            );
+        let incidents = times(&text, 100.0).incidents;
+        let [(set_s, set), (slow_s, slow)] = &incidents[..] else { panic!("{incidents:?}") };
+        assert!(*set_s == 0.5 && set.contains("became the start position"), "{set}");
+        assert!(*slow_s == 0.9 && slow.contains("trial 7 rejected: 2.620 rad/s where 3.250"), "{slow}");
     }
 
     #[test]

@@ -24,8 +24,10 @@ pub enum Fault {
         /// Which quantity.
         quantity: Quantity,
         /// The measured value, in the unit of the quantity.
+        #[serde(deserialize_with = "number_or_nan")]
         measured: f64,
         /// The limit, in the unit of the quantity.
+        #[serde(deserialize_with = "number_or_nan")]
         limit: f64,
     },
     /// The period ended without a sample.
@@ -55,6 +57,39 @@ impl Fault {
         }
     }
 
+    /// Whether it could not be confirmed, after the fault, that the motor has no power.
+    pub fn power_may_be_on(&self) -> bool {
+        matches!(self, Self::Device(fault) if fault.values().contains_key(POWER_NOT_CONFIRMED))
+    }
+
+    /// The same fault, after which it could not be confirmed that the motor has no power.
+    pub fn with_power_not_confirmed(self) -> Self {
+        match self {
+            Self::Device(fault) => Self::Device(fault.with_value(POWER_NOT_CONFIRMED, Value::Bool(true))),
+            other => other,
+        }
+    }
+
+    /// What the operator is told when the fault ends an armed session.
+    pub fn told_when_armed(&self) -> String {
+        match self {
+            _ if self.power_may_be_on() => {
+                format!("fault, THE MOTOR MAY STILL HAVE POWER: {EMERGENCY_STOP}. {self}")
+            }
+            Self::Device(_) => format!("fault, the motor was made safe: {self}"),
+            // Found by the session, which stops the motor and then takes its power.
+            _ => format!("fault, the motor is being made safe: {self}"),
+        }
+    }
+
+    /// What the operator is told when the fault prevents arming.
+    pub fn told_when_not_armed(&self) -> String {
+        if self.power_may_be_on() {
+            return format!("the motor was not armed, and MAY STILL HAVE POWER: {EMERGENCY_STOP}. {self}");
+        }
+        format!("the motor was not armed: {self}")
+    }
+
     /// The class of the fault; `None` for a fault of a device in a journal that does not give the class.
     pub fn class(&self) -> Option<FaultClass> {
         match self {
@@ -65,6 +100,10 @@ impl Fault {
         }
     }
 }
+
+/// The value of a fault that says that the power may still be on.
+const POWER_NOT_CONFIRMED: &str = "power_not_confirmed";
+const EMERGENCY_STOP: &str = "press the emergency stop";
 
 /// Faults that call for the same reaction of the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,13 +141,26 @@ struct FaultDescription {
     message: Option<String>,
 }
 
+/// What a journal says instead of a number that is not finite.
+const NOT_FINITE: &str = "not a finite number";
+
+/// A number of a journal; one that was not finite when it was written is no number.
+fn number_or_nan<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
 /// The distinct faults of this process.
 static DESCRIPTIONS: Mutex<Vec<&'static FaultDescription>> = Mutex::new(Vec::new());
 
 impl DeviceFault {
     /// A fault with its values by name. Allocates memory when the fault is a new one, so it belongs behind the control
     /// cycle, after the motor was made safe.
-    pub fn new(code: &str, class: FaultClass, message: String, values: Map<String, Value>) -> Self {
+    ///
+    /// JSON has no number for what is not finite and would keep `null`, which says nothing: such a value is kept as text.
+    pub fn new(code: &str, class: FaultClass, message: String, mut values: Map<String, Value>) -> Self {
+        for value in values.values_mut().filter(|value| value.is_null()) {
+            *value = Value::from(NOT_FINITE);
+        }
         Self::kept(FaultDescription {
             code: code.to_owned(),
             values,
@@ -125,6 +177,14 @@ impl DeviceFault {
             all.push(kept);
             kept
         }))
+    }
+
+    /// The same fault with one more value.
+    fn with_value(self, name: &str, value: Value) -> Self {
+        let FaultDescription { code, values, class, message } = self.0;
+        let mut values = values.clone();
+        values.insert(name.to_owned(), value);
+        Self::kept(FaultDescription { code: code.clone(), values, class: *class, message: message.clone() })
     }
 
     /// The name of the fault for programs, in snake case.
@@ -209,6 +269,16 @@ pub enum Quantity {
     Torque,
 }
 
+impl Quantity {
+    /// The channel that it is measured on.
+    pub fn channel(self) -> Channel {
+        match self {
+            Self::Angle | Self::Speed => Channel::Angle,
+            Self::Torque => Channel::Torque,
+        }
+    }
+}
+
 impl fmt::Display for Channel {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(match self {
@@ -253,6 +323,20 @@ mod tests {
         let fault: Fault = serde_json::from_str(text).unwrap();
         assert_eq!(fault.to_string(), "the motor reported the fault missed_cycle (in_a_row 2, id 389)");
         assert_eq!((fault.code(), fault.class()), ("missed_cycle", None));
+    }
+
+    #[test]
+    fn fault_with_a_number_that_is_not_finite_is_readable() {
+        let values = Map::from_iter([("angle_rad".to_owned(), Value::from(f64::NAN))]);
+        let fault =
+            Fault::Device(DeviceFault::new("angle", FaultClass::Limit, "far away".to_owned(), values));
+        let text = serde_json::to_string(&fault).unwrap();
+        assert!(!text.contains("null"), "{text}");
+        assert_eq!(serde_json::from_str::<Fault>(&text).unwrap(), fault);
+        // As an earlier build wrote it.
+        let kept = r#"{"fault":"limit","quantity":"angle","measured":null,"limit":0.2}"#;
+        let fault: Fault = serde_json::from_str(kept).unwrap();
+        assert!(matches!(fault, Fault::Limit { measured, limit: 0.2, .. } if measured.is_nan()), "{fault}");
     }
 
     #[test]

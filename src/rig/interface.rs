@@ -33,6 +33,50 @@ pub struct Vitals {
     pub bus_errors: u64,
 }
 
+/// How punctual the periods of a rig were over a stretch of time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+pub struct Punctuality {
+    /// Periods in which the motor did not get its target: points of the grid that were slept through, and periods whose
+    /// frames came after their deadline.
+    pub lost_periods: u64,
+    /// Longest time between the targets of two successive periods, us.
+    pub longest_gap_us: u64,
+    /// Latest begin of a period, us after its point of the grid.
+    pub latest_us: u64,
+}
+
+impl Punctuality {
+    /// Adds a later stretch of time: lost periods are summed up, the longest and the latest are kept.
+    pub fn add(&mut self, later: Self) {
+        self.lost_periods += later.lost_periods;
+        self.longest_gap_us = self.longest_gap_us.max(later.longest_gap_us);
+        self.latest_us = self.latest_us.max(later.latest_us);
+    }
+}
+
+/// How a rig knows where its start position is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Origin {
+    /// The motor found it by itself, by a switch, an index or an absolute encoder: it is the same place every time.
+    Found,
+    /// The present place of the handle was taken for the start position when the rig was armed.
+    SetHere,
+    /// The motor still has the origin of an earlier arming.
+    Kept,
+}
+
+impl Origin {
+    /// Of a motor that takes the present place for its start position, or finds it; `is_kept` says that it has one already.
+    pub(crate) fn at_arming(takes_present_place: bool, is_kept: bool) -> Self {
+        match (takes_present_place, is_kept) {
+            (false, _) => Self::Found,
+            (true, false) => Self::SetHere,
+            (true, true) => Self::Kept,
+        }
+    }
+}
+
 /// A rig that cannot move.
 pub trait Rig: Sized {
     /// The same rig, able to move.
@@ -58,6 +102,17 @@ pub trait Armed: Sized {
 
     /// How its loop and its bus fare; `None` if it has neither, and somebody else keeps the time. Asked for now and then.
     fn vitals(&self) -> Option<Vitals> {
+        None
+    }
+
+    /// How punctual the periods were since this was asked last; `None` if nothing is tied to a clock. Asked after each
+    /// [`Armed::exchange`], so it must not block or allocate.
+    fn take_punctuality(&mut self) -> Option<Punctuality> {
+        None
+    }
+
+    /// How the rig knew its start position when it was armed; `None` if it always does.
+    fn origin(&self) -> Option<Origin> {
         None
     }
 

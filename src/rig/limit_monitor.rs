@@ -37,7 +37,10 @@ pub struct Exceeded {
 
 impl From<Exceeded> for Fault {
     fn from(Exceeded { quantity, measured, limit }: Exceeded) -> Self {
-        Self::Limit { quantity, measured, limit }
+        if measured.is_finite() {
+            return Self::Limit { quantity, measured, limit };
+        }
+        Self::NotANumber { channel: quantity.channel() }
     }
 }
 
@@ -46,19 +49,41 @@ impl From<Exceeded> for Fault {
 pub struct LimitMonitor {
     limits: MotionLimits,
     sample_rate_hz: f64,
-    angles_rad: [f64; SPEED_SAMPLES],
-    samples: u64,
+    /// The latest angles, each with the number of its sample.
+    angles: [(u64, f64); SPEED_SAMPLES],
+    /// Angles since the monitor began.
+    seen: usize,
+    /// Number of the next sample.
+    sample: u64,
+    /// The latest sample, which a rig gives again when it has no new one.
+    last: Option<Sample>,
+    /// How often it was given again.
+    given_again: usize,
 }
 
 impl LimitMonitor {
     /// A monitor before its first sample.
     pub fn new(limits: MotionLimits, sample_rate_hz: f64) -> Self {
-        Self { limits, sample_rate_hz, angles_rad: [0.0; SPEED_SAMPLES], samples: 0 }
+        Self {
+            limits,
+            sample_rate_hz,
+            angles: [(0, 0.0); SPEED_SAMPLES],
+            seen: 0,
+            sample: 0,
+            last: None,
+            given_again: 0,
+        }
     }
 
     /// Forgets the angles so far: after a gap in the samples, the speed is derived anew.
     pub fn restart(&mut self) {
-        self.samples = 0;
+        self.seen = 0;
+        self.last = None;
+    }
+
+    /// Passes over samples without readings: the handle goes on meanwhile.
+    pub fn skip(&mut self, samples: u64) {
+        self.sample += samples;
     }
 
     /// Checks a whole sample: every channel must be a finite number, and within its limit.
@@ -75,6 +100,13 @@ impl LimitMonitor {
         if let Some((channel, _)) = channels.into_iter().find(|(_, value)| !value.is_finite()) {
             return Err(Fault::NotANumber { channel });
         }
+        let is_given_again = self.last.replace(*sample) == Some(*sample);
+        self.given_again = if is_given_again { self.given_again + 1 } else { 0 };
+        // What the handle did meanwhile is seen with the next one. After some more of them it is at rest.
+        if (1..=SPEED_SAMPLES).contains(&self.given_again) {
+            self.skip(1);
+            return Ok(());
+        }
         Ok(self.check(sample.theta_m_rad, sample.torque_l_nm)?)
     }
 
@@ -83,12 +115,29 @@ impl LimitMonitor {
     /// # Errors
     /// The first quantity that exceeds its limit.
     pub fn check(&mut self, angle_rad: f64, torque_nm: f64) -> Result<(), Exceeded> {
-        let [lowest, highest] = self.limits.angle_rad;
-        if !(lowest..=highest).contains(&angle_rad) {
-            let limit = if angle_rad < lowest { lowest } else { highest };
-            return Err(Exceeded { quantity: Quantity::Angle, measured: angle_rad, limit });
-        }
+        self.check_angle(angle_rad)?;
         self.check_torque(torque_nm)?;
+        self.check_speed(angle_rad)
+    }
+
+    /// Checks the angle alone. One that is not a number exceeds its limit.
+    ///
+    /// # Errors
+    /// The angle, if it exceeds its limit.
+    pub fn check_angle(&self, angle_rad: f64) -> Result<(), Exceeded> {
+        let [lowest, highest] = self.limits.angle_rad;
+        if (lowest..=highest).contains(&angle_rad) {
+            return Ok(());
+        }
+        let limit = if angle_rad < lowest { lowest } else { highest };
+        Err(Exceeded { quantity: Quantity::Angle, measured: angle_rad, limit })
+    }
+
+    /// Derives the speed from this angle and those before, and checks it alone.
+    ///
+    /// # Errors
+    /// The speed, if it exceeds its limit.
+    pub fn check_speed(&mut self, angle_rad: f64) -> Result<(), Exceeded> {
         match self.speed(angle_rad) {
             Some(speed_rad_s) if speed_rad_s.abs() > self.limits.speed_rad_s => Err(Exceeded {
                 quantity: Quantity::Speed,
@@ -113,11 +162,13 @@ impl LimitMonitor {
 
     /// The speed over the last samples, rad/s; `None` for the first samples.
     fn speed(&mut self, angle_rad: f64) -> Option<f64> {
-        let slot = (self.samples % SPEED_SAMPLES as u64) as usize;
-        let before_rad = std::mem::replace(&mut self.angles_rad[slot], angle_rad);
-        self.samples += 1;
+        let slot = self.seen % SPEED_SAMPLES;
+        let (before, before_rad) = std::mem::replace(&mut self.angles[slot], (self.sample, angle_rad));
+        let periods = (self.sample - before) as f64;
+        self.seen += 1;
+        self.sample += 1;
         let turned_rad = angle_rad - before_rad;
-        (self.samples > SPEED_SAMPLES as u64).then(|| turned_rad * self.sample_rate_hz / SPEED_SAMPLES as f64)
+        (self.seen > SPEED_SAMPLES).then(|| turned_rad * self.sample_rate_hz / periods)
     }
 }
 
@@ -138,6 +189,17 @@ mod tests {
             assert_eq!(monitor.check(0.0, 0.0), Ok(()));
         }
         assert_eq!(quantity(monitor.check(0.1, 0.0)), Some((Quantity::Speed, 4.0)));
+    }
+
+    #[test]
+    fn a_sample_that_is_given_again_is_not_taken_for_a_standstill() {
+        let mut monitor = LimitMonitor::new(LIMITS, 1e3);
+        // 3.5 rad/s, and every fifth sample is lost.
+        for number in 0..40 {
+            let given = if number % 5 == 4 { number - 1 } else { number };
+            let sample = Sample { theta_m_rad: f64::from(given) * 3.5e-3, ..Sample::default() };
+            assert_eq!(monitor.check_sample(&sample), Ok(()), "sample {number}");
+        }
     }
 
     #[test]

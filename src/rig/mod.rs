@@ -10,10 +10,12 @@ mod fault;
 mod interface;
 mod limit_monitor;
 mod sample;
+mod schema;
 pub mod virtual_wrist;
 
 pub use command::{Command, Cue, Direction, Motor, TrialKey, Upcoming};
 pub use fault::{Channel, DeviceFault, Fault, FaultClass, Quantity};
-pub use interface::{Armed, ArmingConsent, Rig, Vitals};
+pub use interface::{Armed, ArmingConsent, Origin, Punctuality, Rig, Vitals};
 pub use limit_monitor::{Exceeded, LimitMonitor, MotionLimits};
 pub use sample::{Sample, resolution};
+pub use schema::schema_text;

@@ -4,6 +4,7 @@
 use super::event::Event;
 use super::io::{Input, Output, Reading, TransitionDetail};
 use super::machine::Machine;
+use super::motion::MotionDeviation;
 use super::pacing::Pacing;
 use super::phase::Phase;
 use super::step::{Step, StepConsumer};
@@ -17,14 +18,18 @@ pub trait Operator {
     /// Waits for a command while the rig is disarmed.
     fn wait_for_command(&mut self, machine: &Machine) -> Event;
 
-    /// Tells the operator that a command is not possible in this phase.
+    /// Tells the operator that a command is not possible in this phase. The motor may have power: must not block.
     fn command_refused(&mut self, command: Event, phase: Phase);
 
     /// Tells the operator that the rig could not be armed.
     fn arming_failed(&mut self, fault: Fault);
 
-    /// Tells the operator that a fault stopped the session. The motor is safe.
+    /// Tells the operator that a fault stopped the session. The rig is disarmed.
     fn fault_occurred(&mut self, fault: Fault);
+
+    /// Tells the operator that a trial was rejected because its motion was not as asked. The motor has power: must not
+    /// block.
+    fn motion_deviated(&mut self, _deviation: &MotionDeviation) {}
 
     /// Receives the timing and the bus load of the loop every few hundred samples. Must not block.
     fn vitals(&mut self, _vitals: Vitals) {}
@@ -36,7 +41,7 @@ const VITALS_EVERY: u64 = 512;
 /// Runs the session until it is over, and returns the disarmed rig.
 ///
 /// # Errors
-/// The consumer's error, after the motor was made safe and the rig disarmed.
+/// The consumer's error, after the rig was disarmed.
 pub fn run_control_loop<R: Rig, C: StepConsumer>(
     mut rig: R,
     machine: &mut Machine,
@@ -48,7 +53,12 @@ pub fn run_control_loop<R: Rig, C: StepConsumer>(
     while !machine.phase().is_final() {
         let command = operator.wait_for_command(machine);
         if !matches!(command, Event::Start | Event::Rearm) {
-            let input = Input { reading: Reading::Disarmed, operator: Some(command), on_disk: true };
+            let input = Input {
+                reading: Reading::Disarmed,
+                operator: Some(command),
+                on_disk: true,
+                punctuality: None,
+            };
             let output = machine.step(&input);
             report(&input, &output, machine, operator, consumer)?;
             continue;
@@ -64,8 +74,10 @@ pub fn run_control_loop<R: Rig, C: StepConsumer>(
                 }
                 let ended = run_armed(&mut armed, command, machine, operator, pacing, consumer);
                 emg_is_scaled = machine.progress().emg_factors().is_some();
+                // Nobody is told anything, and nothing is written down, before the motor has no power: both may block.
                 let rig = armed.disarm();
-                ended?;
+                let (input, output) = ended?;
+                report(&input, &output, machine, operator, consumer)?;
                 rig
             }
         };
@@ -75,7 +87,8 @@ pub fn run_control_loop<R: Rig, C: StepConsumer>(
 
 const SAFE: Command = Command { motor: Motor::Safe, cue: Cue::Rest };
 
-/// Runs the session while the rig is armed. The motor is safe when this returns, whatever ended it.
+/// Runs the session while the rig is armed. The motor is safe when this returns, whatever ended it. Returns the step that
+/// ended it, which nobody has been told yet.
 fn run_armed<A: Armed, C: StepConsumer>(
     armed: &mut A,
     first_command: Event,
@@ -83,7 +96,11 @@ fn run_armed<A: Armed, C: StepConsumer>(
     operator: &mut impl Operator,
     pacing: &mut impl Pacing,
     consumer: &mut C,
-) -> Result<(), C::Error> {
+) -> Result<(Input, Output), C::Error> {
+    if let Some(origin) = armed.origin() {
+        // Before the first movement of the session, so that whoever resumes it knows.
+        make_safe_on_error(consumer.note_origin(origin, machine.sample()), armed)?;
+    }
     let mut to_rig = SAFE;
     let mut first_command = Some(first_command);
     loop {
@@ -93,20 +110,19 @@ fn run_armed<A: Armed, C: StepConsumer>(
         };
         let operators_command = first_command.take().or_else(|| operator.poll_command(machine));
         let scaled_before = machine.progress().emg_factors().is_some();
-        let input = Input { reading, operator: operators_command, on_disk: consumer.is_on_disk() };
+        let input = Input {
+            reading,
+            operator: operators_command,
+            on_disk: consumer.is_on_disk(),
+            punctuality: armed.take_punctuality(),
+        };
         let output = machine.step(&input);
-        let is_over = !output.phase.is_armed();
-        if is_over {
-            // The motor is stopped before a fault is reported or written down.
+        if !output.phase.is_armed() {
+            // What stopped the session is in the output; a fault of stopping is the rig's to record.
             let _ = armed.exchange(&SAFE);
+            return Ok((input, output));
         }
-        let kept = report(&input, &output, machine, operator, consumer);
-        if kept.is_err() && !is_over {
-            let _ = armed.exchange(&SAFE);
-        }
-        if is_over || kept.is_err() {
-            return kept;
-        }
+        make_safe_on_error(report(&input, &output, machine, operator, consumer), armed)?;
         if let (false, Some(factors)) = (scaled_before, machine.progress().emg_factors()) {
             armed.rescale_emg(factors);
         }
@@ -120,7 +136,16 @@ fn run_armed<A: Armed, C: StepConsumer>(
     }
 }
 
-/// Tells the operator about faults and refused commands, and hands the step to the consumers.
+/// Makes the motor safe if what was done could not be kept.
+fn make_safe_on_error<A: Armed, E>(kept: Result<(), E>, armed: &mut A) -> Result<(), E> {
+    if kept.is_err() {
+        // The error that ends the session is the one to report.
+        let _ = armed.exchange(&SAFE);
+    }
+    kept
+}
+
+/// Tells the operator about faults, rejected motions and refused commands, and hands the step to the consumers.
 fn report<C: StepConsumer>(
     input: &Input,
     output: &Output,
@@ -128,10 +153,14 @@ fn report<C: StepConsumer>(
     operator: &mut impl Operator,
     consumer: &mut C,
 ) -> Result<(), C::Error> {
-    if let Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) =
-        output.transition.and_then(|it| it.detail)
-    {
-        operator.fault_occurred(fault);
+    match output.transition.and_then(|it| it.detail) {
+        Some(TransitionDetail::Fault(fault) | TransitionDetail::FaultInTrial { fault, .. }) => {
+            operator.fault_occurred(fault);
+        }
+        Some(TransitionDetail::Ended { deviation: Some(deviation), .. }) => {
+            operator.motion_deviated(&deviation)
+        }
+        _ => {}
     }
     if let Some(command) = output.refused {
         operator.command_refused(command, output.phase);

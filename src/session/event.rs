@@ -40,6 +40,8 @@ pub enum Event {
     RampOver,
     /// The hold after the ramp took its time.
     HoldOver,
+    /// The motion of the ramp and its hold was not as asked.
+    MotionDeviated,
     /// The motor is back at the start position.
     Home,
     /// The rig failed, or a limit was broken.
@@ -61,7 +63,7 @@ pub enum Source {
 
 impl Event {
     /// All events.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::Start,
         Self::Pause,
         Self::Resume,
@@ -79,6 +81,7 @@ impl Event {
         Self::Onset,
         Self::RampOver,
         Self::HoldOver,
+        Self::MotionDeviated,
         Self::Home,
         Self::Fault,
     ];
@@ -103,6 +106,7 @@ impl Event {
             Self::Onset => "onset",
             Self::RampOver => "ramp_over",
             Self::HoldOver => "hold_over",
+            Self::MotionDeviated => "motion_deviated",
             Self::Home => "home",
             Self::Fault => "fault",
         }
@@ -121,7 +125,7 @@ impl Event {
             Self::GateOpened | Self::GateTimedOut | Self::LeftBand | Self::AntagonistActive => {
                 Source::Subject
             }
-            Self::Fault => Source::Rig,
+            Self::MotionDeviated | Self::Fault => Source::Rig,
             _ => Source::Time,
         }
     }

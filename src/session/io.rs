@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::event::Event;
+use super::motion::MotionDeviation;
 use super::phase::Phase;
 use super::settings::PlannedTrial;
-use crate::rig::{Command, Fault, Sample};
+use crate::rig::{Command, Fault, Punctuality, Sample};
 
 /// Input of the state machine at one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +17,8 @@ pub struct Input {
     pub operator: Option<Event>,
     /// Whether all transitions so far are on disk. The ramp waits for it.
     pub on_disk: bool,
+    /// How punctual the periods of the rig were since the last sample, if the rig is tied to a clock.
+    pub punctuality: Option<Punctuality>,
 }
 
 /// Reading of the rig at one sample.
@@ -116,6 +119,13 @@ pub enum TransitionDetail {
         status: Status,
         /// Samples since it began.
         samples: u64,
+        /// Why its motion was not as asked, if it was rejected for that.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        deviation: Option<MotionDeviation>,
+        /// How punctual its periods were; lost periods are those since the onset if there was one. `None` for a rig that is
+        /// not tied to a clock, and in journals of earlier versions.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        punctuality: Option<Punctuality>,
     },
     /// A fault.
     Fault(Fault),
@@ -127,6 +137,9 @@ pub enum TransitionDetail {
         number: u32,
         /// Samples since it began.
         samples: u64,
+        /// How punctual its periods were, as in `Ended`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        punctuality: Option<Punctuality>,
     },
     /// The rig was armed again after a fault.
     Rearmed {
@@ -148,7 +161,7 @@ pub enum Status {
     Ok,
     /// Interrupted by a fault, the operator or the end of the program.
     Aborted,
-    /// The subject did not hold the torque as required.
+    /// The subject did not hold the torque as required, or the motion was not as asked.
     Rejected,
 }
 
@@ -178,4 +191,6 @@ pub struct Attempt {
     pub ended: Option<(Status, Event)>,
     /// Samples since it began.
     pub samples: u64,
+    /// How punctual its periods were, if the rig is tied to a clock.
+    pub punctuality: Option<Punctuality>,
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::event::{Event, Source};
 use super::io::{Input, Output, Reading, Status, TransitionDetail, TransitionRecord};
+use super::motion::{MotionDeviation, RampVelocity};
 use super::phase::Phase;
 use super::progress::Progress;
 use super::rng_streams;
@@ -12,7 +13,9 @@ use super::smoothing::FeedbackFilter;
 use super::torque_gate::TorqueGate;
 use super::transitions::{Effect, Transition};
 use crate::protocol::Sweep;
-use crate::rig::{Channel, Command, Cue, Direction, Fault, LimitMonitor, Motor, Sample, Upcoming};
+use crate::rig::{
+    Channel, Command, Cue, Direction, Fault, LimitMonitor, Motor, Punctuality, Sample, Upcoming,
+};
 
 /// EMG of an effort, fraction of the nominal MVC, below which the electrode is taken to be off.
 const SILENT_EFFORT_MVC: f64 = 1e-3;
@@ -36,14 +39,19 @@ pub struct Machine {
     /// Samples since the onset.
     since_onset: u64,
     gate: TorqueGate,
+    /// How punctual the periods of the trial were, lost periods since the onset.
+    punctuality: Option<Punctuality>,
+    /// Velocity of the ramp.
+    ramp_velocity: RampVelocity,
     /// Delay drawn for this trial, samples.
     delay: u64,
     /// Sum of the torque while the offset is measured.
     offset_sum_nm: f64,
     /// Highest values of the effort under way: torque, FCR, ECR.
     peaks: [f64; 3],
-    /// Movement to the start position after a fault: start angle in rad, and sweep.
-    homing: Option<(f64, Sweep)>,
+    /// After a fault, the time that a return to the start position takes from where the motor was. The rig, which goes there
+    /// by itself when it is armed, stays there.
+    homing: Option<Sweep>,
 }
 
 impl Machine {
@@ -67,6 +75,8 @@ impl Machine {
             at_home: 0,
             in_trial: 0,
             since_onset: 0,
+            punctuality: None,
+            ramp_velocity: RampVelocity::default(),
             delay: 0,
             offset_sum_nm: 0.0,
             peaks: [0.0; 3],
@@ -103,6 +113,9 @@ impl Machine {
     /// command over all other events.
     pub fn step(&mut self, input: &Input) -> Output {
         self.count();
+        if let Some(punctuality) = input.punctuality.filter(|_| self.phase.in_trial()) {
+            self.punctuality.get_or_insert_default().add(punctuality);
+        }
         let mut refused = None;
         let mut transition = None;
         match self.measured(&input.reading) {
@@ -146,11 +159,35 @@ impl Machine {
             Reading::Sample(sample) => {
                 self.limit_monitor.check_sample(&sample)?;
                 self.feedback.update(&sample);
+                self.measure_ramp(&sample);
                 Ok(Some(sample))
             }
             Reading::Fault(fault) => Err(fault),
             Reading::Disarmed if self.phase.is_armed() => Err(Fault::NoSample),
             Reading::Disarmed => Ok(None),
+        }
+    }
+
+    /// Takes the sample for the velocity of the ramp, at the time at which the motor carries out what was asked.
+    fn measure_ramp(&mut self, sample: &Sample) {
+        if !matches!(self.phase, Phase::Ramp | Phase::RampHold) {
+            return;
+        }
+        let Some(trial) = self.progress.current() else { return };
+        let samples = self.since_onset as f64 - self.settings.motion_delay_samples as f64;
+        let rate_hz = self.settings.sample_rate_hz;
+        self.ramp_velocity.add(&trial.planned, rate_hz, samples / rate_hz, sample.theta_m_rad);
+    }
+
+    /// Why the motion of a motor in the ramp was not as asked, if it was not.
+    fn motion_deviation(&self) -> Option<MotionDeviation> {
+        match self.punctuality {
+            Some(Punctuality { lost_periods, .. }) if lost_periods > 0 => {
+                Some(MotionDeviation::LostPeriods { lost_periods })
+            }
+            Some(_) => self.ramp_velocity.deviation(self.settings.velocity_tolerance),
+            // A rig without a clock is a simulation; what its servo does to the ramp is what it is there to show.
+            None => None,
         }
     }
 
@@ -184,7 +221,7 @@ impl Machine {
                 self.follow_movement().map(|event| (event, None))
             }
             Phase::Homing => {
-                let duration_s = self.homing.as_ref().map_or(0.0, |(_, sweep)| sweep.duration_s());
+                let duration_s = self.homing.as_ref().map_or(0.0, Sweep::duration_s);
                 (self.seconds(self.in_phase) >= duration_s).then_some((Event::Home, None))
             }
             Phase::Ready | Phase::Paused | Phase::Faulted | Phase::Finished | Phase::Aborted => None,
@@ -272,7 +309,9 @@ impl Machine {
         let t_s = self.seconds(self.since_onset);
         let (event, due_s) = match self.phase {
             Phase::Ramp => (Event::RampOver, movement.ramp().duration_s()),
-            Phase::RampHold => (Event::HoldOver, movement.start_of_return_s()),
+            Phase::RampHold if t_s < movement.start_of_return_s() => return None,
+            Phase::RampHold if self.motion_deviation().is_some() => return Some(Event::MotionDeviated),
+            Phase::RampHold => return Some(Event::HoldOver),
             _ => (Event::Home, movement.duration_s()),
         };
         (t_s >= due_s).then_some(event)
@@ -282,9 +321,7 @@ impl Machine {
         let (speed, rise_s) = (self.settings.return_velocity_rad_s.abs(), self.settings.rise_time_s);
         // Over a short distance the motor does not reach full speed.
         let speed = speed.min(0.99 * from_rad.abs() / rise_s);
-        self.homing = Sweep::new(from_rad.abs(), -from_rad.signum() * speed, rise_s)
-            .ok()
-            .map(|sweep| (from_rad, sweep));
+        self.homing = Sweep::new(from_rad.abs(), -from_rad.signum() * speed, rise_s).ok();
     }
 
     /// Makes the transition for an event, if the table has one.
@@ -308,7 +345,10 @@ impl Machine {
     fn detail(&self, line: &Transition, detail: Option<TransitionDetail>) -> Option<TransitionDetail> {
         let last = self.progress.attempts().last();
         let (number, samples) = (last.map_or(0, |attempt| attempt.number), self.in_trial);
-        let ended = |status| Some(TransitionDetail::Ended { number, status, samples });
+        let punctuality = self.punctuality;
+        let deviation = self.motion_deviation().filter(|_| line.event == Event::MotionDeviated);
+        let ended =
+            |status| Some(TransitionDetail::Ended { number, status, samples, deviation, punctuality });
         match (line.effect, detail) {
             (Effect::Begin, _) => self.progress.queue().next().map(|planned| TransitionDetail::Began {
                 number: self.progress.next_number(),
@@ -319,7 +359,7 @@ impl Machine {
             (Effect::Ok, _) => ended(Status::Ok),
             (Effect::Reject, _) => ended(Status::Rejected),
             (Effect::Abort, Some(TransitionDetail::Fault(fault))) => {
-                Some(TransitionDetail::FaultInTrial { fault, number, samples })
+                Some(TransitionDetail::FaultInTrial { fault, number, samples, punctuality })
             }
             (Effect::Abort | Effect::LeaveOut, _) => ended(Status::Aborted),
             (Effect::TakeBack, _) => Some(TransitionDetail::TakenBack { number }),
@@ -341,11 +381,18 @@ impl Machine {
             }
             Phase::Hold => {
                 self.in_trial = 0;
+                self.punctuality = None;
                 self.gate.restart();
                 self.feedback.restart();
             }
             Phase::Delay => self.delay = self.draw_delay(),
-            Phase::Ramp => self.since_onset = 0,
+            Phase::Ramp => {
+                self.since_onset = 0;
+                self.ramp_velocity = RampVelocity::default();
+                if let Some(punctuality) = &mut self.punctuality {
+                    punctuality.lost_periods = 0;
+                }
+            }
             Phase::Faulted => {
                 // The motor may be anywhere when the rig is armed again.
                 self.limit_monitor.restart();
@@ -380,9 +427,6 @@ impl Machine {
                     attempt.planned.movement.at(self.seconds(self.since_onset + 1)).angle_rad
                 })
             }
-            Phase::Homing => self.homing.as_ref().map_or(0.0, |(from_rad, sweep)| {
-                from_rad + sweep.at(self.seconds(self.in_phase + 1)).angle_rad
-            }),
             _ => 0.0,
         };
         Motor::Follow { angle_rad }

@@ -188,6 +188,7 @@ impl Progress {
             onset_sample: None,
             ended: None,
             samples: 0,
+            punctuality: None,
         });
     }
 
@@ -200,15 +201,17 @@ impl Progress {
     }
 
     fn end(&mut self, status: Status, transition: &TransitionRecord) {
-        let samples = match transition.detail {
+        let (samples, punctuality) = match transition.detail {
             Some(
-                TransitionDetail::Ended { samples, .. } | TransitionDetail::FaultInTrial { samples, .. },
-            ) => samples,
-            _ => 0,
+                TransitionDetail::Ended { samples, punctuality, .. }
+                | TransitionDetail::FaultInTrial { samples, punctuality, .. },
+            ) => (samples, punctuality),
+            _ => (0, None),
         };
         if let Some(attempt) = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none()) {
             attempt.ended = Some((status, transition.event));
             attempt.samples = samples;
+            attempt.punctuality = punctuality;
         }
     }
 

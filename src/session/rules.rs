@@ -2,7 +2,7 @@
 //! changed.
 
 /// The number of the rules in force. It goes up with every change that can make an old record come out differently.
-pub const RULES: u32 = 2;
+pub const RULES: u32 = 3;
 
 /// A change of the rules.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,11 +14,17 @@ pub struct RuleChange {
 }
 
 /// Every change, the oldest first.
-pub const CHANGES: &[RuleChange] = &[RuleChange {
-    rules: 2,
-    text: "the smoothing of torque and EMG begins anew with every trial, effort and offset, and a record keeps the sample \
-           that ended it",
-}];
+pub const CHANGES: &[RuleChange] = &[
+    RuleChange {
+        rules: 2,
+        text: "the smoothing of torque and EMG begins anew with every trial, effort and offset, and a record keeps the \
+               sample that ended it",
+    },
+    RuleChange {
+        rules: 3,
+        text: "a trial whose ramp lost periods, or whose measured velocity is not the asked one, is rejected",
+    },
+];
 
 /// What has changed since the rules of a record.
 pub fn changes_since(rules: u32) -> impl Iterator<Item = &'static RuleChange> {

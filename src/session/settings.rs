@@ -31,6 +31,8 @@ pub struct Settings {
     pub return_velocity_rad_s: f64,
     /// Rise time of the speed, s.
     pub rise_time_s: f64,
+    /// Largest difference between the measured and the asked ramp velocity, fraction of the asked one.
+    pub velocity_tolerance: f64,
     /// Cut-off of the smoothing of the torque on the display, Hz.
     pub display_cutoff_hz: f64,
     /// Limits of the measured angle, speed and torque.
@@ -83,6 +85,7 @@ impl Settings {
             mvc: protocol.before.mvc.clone(),
             return_velocity_rad_s: protocol.ramp.return_velocity_rad_s,
             rise_time_s: protocol.ramp.rise_time_s,
+            velocity_tolerance: protocol.ramp.velocity_tolerance,
             display_cutoff_hz: cutoff_hz,
             limits: protocol.limits.clone(),
             motion_delay_samples: 0,

@@ -7,7 +7,7 @@ use super::io::{Input, Output, Reading, RecordTarget, TransitionRecord};
 use super::machine::Machine;
 use super::phase::Phase;
 use super::progress::Progress;
-use crate::rig::{Cue, Sample};
+use crate::rig::{Cue, Origin, Sample};
 
 /// One step of the session: what was measured, decided and shown at one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,6 +79,12 @@ pub trait StepConsumer {
         true
     }
 
+    /// Takes note of how the rig knew its start position when it was armed, `sample` samples after the session was started
+    /// or resumed. The ramp waits until it is on disk. With a real-time rig this must not block.
+    fn note_origin(&mut self, _origin: Origin, _sample: u64) -> Result<(), Self::Error> {
+        Ok(())
+    }
+
     /// Takes one step; `progress` is the session's progress after it. With a real-time rig this must not block.
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), Self::Error>;
 }
@@ -89,6 +95,12 @@ impl<A: StepConsumer, B: StepConsumer<Error = Infallible>> StepConsumer for (A, 
 
     fn is_on_disk(&self) -> bool {
         self.0.is_on_disk()
+    }
+
+    fn note_origin(&mut self, origin: Origin, sample: u64) -> Result<(), A::Error> {
+        self.0.note_origin(origin, sample)?;
+        let Ok(()) = self.1.note_origin(origin, sample);
+        Ok(())
     }
 
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), A::Error> {

@@ -158,6 +158,7 @@ pub const TRANSITIONS: &[Transition] = {
         row(Ramp, On::Abort, If::Always, Aborted, Do::Abort),
         row(Ramp, On::Fault, If::Always, Faulted, Do::Abort),
         row(RampHold, On::HoldOver, If::Always, Return, Do::Ok),
+        row(RampHold, On::MotionDeviated, If::Always, Return, Do::Reject),
         row(RampHold, On::Pause, If::Always, RampHold, Do::NotePause),
         row(RampHold, On::Abort, If::Always, Aborted, Do::Abort),
         row(RampHold, On::Fault, If::Always, Faulted, Do::Abort),

@@ -38,6 +38,7 @@ impl Clock for SystemClock {
 
     #[cfg(target_os = "linux")]
     fn sleep_until(&self, due: Instant) {
+        use rustix::io::Errno;
         use rustix::thread::{ClockId, clock_nanosleep_absolute};
         use rustix::time::Timespec;
 
@@ -48,8 +49,14 @@ impl Clock for SystemClock {
             tv_sec: kernel.tv_sec + after.as_secs() as i64 + nanoseconds / 1_000_000_000,
             tv_nsec: nanoseconds % 1_000_000_000,
         };
-        // A signal may end the sleep early; if the system refuses to sleep, the caller's deadline check notices.
-        while Instant::now() < due && clock_nanosleep_absolute(ClockId::Monotonic, &at).is_ok() {}
+        // A signal ends the sleep early, and the rest is slept: a period that is too short makes the motor too fast. If the
+        // system refuses to sleep, the caller's deadline check notices.
+        while Instant::now() < due {
+            match clock_nanosleep_absolute(ClockId::Monotonic, &at) {
+                Ok(()) | Err(Errno::INTR) => {}
+                Err(_) => break,
+            }
+        }
     }
 
     #[cfg(not(target_os = "linux"))]

@@ -12,7 +12,7 @@ use crate::schedule;
 use crate::session::{Event, Machine, Operator, Settings, Unpaced, run_control_loop};
 
 /// Two short trials, nothing before them.
-fn protocol() -> ValidProtocol {
+pub fn protocol() -> ValidProtocol {
     let text = include_str!("../../../protocols/quick.json");
     let mut protocol: Protocol = Protocol::clone(&Protocol::parse(text, "quick.json").unwrap());
     protocol.velocities_rad_s = vec![3.25];

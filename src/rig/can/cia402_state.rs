@@ -55,7 +55,7 @@ impl Statusword {
         self.0 & 0x0800 != 0
     }
 
-    /// Bit 12: home found; set-point acknowledged; the drive follows the command.
+    /// Bit 12: home found; the drive follows the command.
     pub fn mode_bit_12(self) -> bool {
         self.0 & 0x1000 != 0
     }
@@ -81,7 +81,7 @@ impl Controlword {
     pub const SWITCH_ON: Self = Self(0x07);
     /// To OPERATION ENABLED.
     pub const ENABLE: Self = Self(0x0F);
-    /// Enabled, with bit 4: start homing; new set-point.
+    /// Enabled, with bit 4: start homing.
     pub const ENABLE_AND_GO: Self = Self(0x1F);
     /// Fault reset, on its rising edge.
     pub const FAULT_RESET: Self = Self(0x80);
@@ -90,8 +90,6 @@ impl Controlword {
 /// Modes of operation, 6060h.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// Profile position.
-    ProfilePosition = 1,
     /// Homing.
     Homing = 6,
     /// Cyclic synchronous position.

@@ -6,9 +6,15 @@ use super::bus::Frame;
 use super::canopen::{Link, MonitoredNode};
 use super::fault::CanFault;
 use super::file::CanRigFile;
+use super::finding::ObjectFinding;
 use super::limits::{HandleLimits, LimitsConfirmed};
 use super::pdo_decoder::Readings;
+use super::target_motion::Profile;
 use super::units::JointAngle;
+use crate::rig::Origin;
+
+/// Step of a 16-bit angle over 25 rad, the coarsest that a motor without a gear reports, rad.
+const COARSEST_RESOLUTION_RAD: f64 = 4e-4;
 
 /// A motor on the bus.
 pub trait Drive: std::fmt::Debug + Send {
@@ -23,10 +29,15 @@ pub trait Drive: std::fmt::Debug + Send {
         limits: &HandleLimits,
     ) -> Result<LimitsConfirmed, CanFault>;
 
+    /// Objects that were missing or refused at the last `prepare`; a motor without an object dictionary has none.
+    fn findings(&self) -> &[ObjectFinding] {
+        &[]
+    }
+
     /// The nodes whose heartbeats are monitored.
     fn monitored_nodes(&self) -> Vec<MonitoredNode>;
 
-    /// Finds the start position and moves there under supervision. Afterwards the cycle can give the motor power.
+    /// Finds the start position under supervision. Afterwards the cycle can give the motor power.
     ///
     /// # Errors
     /// What went wrong; the motor may have power.
@@ -79,17 +90,68 @@ pub trait Drive: std::fmt::Debug + Send {
     /// Periods from sending a target to the motor being there.
     fn target_delay_periods(&self) -> usize;
 
-    /// Speed of the last stretch to the start position, which the cycle goes, rad/s.
-    fn approach_speed_rad_s(&self) -> f64;
+    /// Speed and acceleration of the way to the start position that the cycle goes.
+    fn approach(&self) -> Profile;
+
+    /// Deceleration of the drive's own quick-stop ramp, rad/s2 at the handle; `None` for a motor that is stopped by targets
+    /// that come to rest.
+    fn stops_by_itself(&self) -> Option<f64> {
+        None
+    }
+
+    /// Identifier of the motor's own answer in each period, if it is no frame of the rig file.
+    fn reply_id(&self) -> Option<u16> {
+        None
+    }
+
+    /// The angle at SYNC has passed every check: what the motor is told may rest on it.
+    fn trust(&mut self, _angle: JointAngle) {}
+
+    /// Step of the measured angle, rad at the handle.
+    fn angle_resolution_rad(&self) -> f64 {
+        COARSEST_RESOLUTION_RAD
+    }
 
     /// Stores the motor's state from the complete frames of a period, for the next target.
     fn period_complete(&mut self, readings: &Readings);
+
+    /// Whether arming takes the present place of the handle for the start position, unless the motor already has an origin
+    /// from this session.
+    fn takes_present_position(&self) -> bool;
+
+    /// Asks a motor that an earlier process armed whether it still has the origin of that arming, and where the handle is.
+    /// The motor has no power; nothing is changed in it.
+    ///
+    /// # Errors
+    /// The motor does not answer, or is another one.
+    fn ask_origin(
+        &mut self,
+        link: &mut Link,
+        file: &CanRigFile,
+        limits: &HandleLimits,
+    ) -> Result<OriginReport, CanFault>;
+
+    /// The origin of an earlier process still holds: [`Drive::start`] goes by it, and fails if the motor loses it before.
+    /// To be called after [`Drive::ask_origin`] has said so.
+    fn adopt_origin(&mut self, limits: &HandleLimits);
+
+    /// How the start position was known when the motor was armed last.
+    fn origin(&self) -> Origin;
 
     /// Removes the power and confirms it.
     ///
     /// # Errors
     /// [`CanFault::PowerNotConfirmed`], or why it cannot be spoken to.
     fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault>;
+}
+
+/// What a motor says of the origin that an earlier process gave it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OriginReport {
+    /// Whether it still has that origin; `None` if the motor cannot show it.
+    pub is_kept: Option<bool>,
+    /// The handle's angle from the origin that the motor has now, whichever that is; `None` if it was not told.
+    pub angle: Option<JointAngle>,
 }
 
 /// What the motor is asked to do with a target.
@@ -103,7 +165,7 @@ pub enum DriveRequest {
     QuickStop,
     /// Remove the power.
     RemovePower,
-    /// Nothing: the motor moves by itself.
+    /// Nothing: the motor moves by itself, or has no power and is only looked at. It reports all the same.
     None,
 }
 
@@ -118,14 +180,10 @@ pub enum PowerState {
     Off,
 }
 
-/// Supervises a motor that moves by itself, to its home or to the start position.
+/// Supervises a motor that moves without targets: to its home, or in the small motions that prove it.
 pub trait MotionMonitor {
-    /// The motor begins to look for its home. Until it is found, angles have no meaning.
-    fn homing(&mut self);
-
-    /// The motor begins to move from `from` to the start position. After a fault it may come from outside the limits, but may
-    /// not go further out than by `slack_rad`.
-    fn moving_from(&mut self, from: JointAngle, slack_rad: f64);
+    /// The motor begins to move. What was seen before does not count, and angles are not compared with the limits.
+    fn begin(&mut self);
 
     /// Supervises one period. Returns what the frames said, and the angle at SYNC.
     ///

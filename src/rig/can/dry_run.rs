@@ -1,8 +1,11 @@
 //! The whole trajectory of every condition, walked through on paper before the motor may move.
 
-use super::file::{CanRigFileError, ValidRigFile};
+use super::file::{CanRigFileError, MotorSettings, ValidRigFile};
 use super::limits::HandleLimits;
-use crate::protocol::ValidProtocol;
+use crate::protocol::{RampAndHold, ValidProtocol};
+
+/// Periods from a fault to the motor braking: it is read at the end of one, and the command acts at the end of the next.
+const PERIODS_UNTIL_TOLD: f64 = 2.0;
 
 /// Proof that a protocol's every movement stays inside the limits of a rig, and that its bus can carry it.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +29,7 @@ impl DryRun {
         sampling(protocol, rig, &mut reasons);
         channels(protocol, rig, &mut reasons);
         torques(protocol, &limits, &mut reasons);
+        resolution(protocol, rig, &mut reasons);
         if limits.check_target(0.0).is_err() {
             reasons.push(format!("the start position is outside the angles {:?} rad", limits.angle_rad));
         }
@@ -78,6 +82,24 @@ fn torques(protocol: &ValidProtocol, limits: &HandleLimits, reasons: &mut Vec<St
     }
 }
 
+/// Steps of the angle in the amplitude of the ramp. With this many the angle, and with it a fitted stiffness, is off by a
+/// quarter of a percent at most.
+const STEPS_IN_RAMP: f64 = 200.0;
+
+/// Whether a motor that tells its angle in few bits can tell a ramp.
+fn resolution(protocol: &ValidProtocol, rig: &ValidRigFile, reasons: &mut Vec<String>) {
+    let MotorSettings::Mit(motor) = &rig.motor else { return };
+    let (step_rad, amplitude_rad) = (motor.angle_step_rad(), protocol.ramp.amplitude_rad.abs());
+    if step_rad * STEPS_IN_RAMP > amplitude_rad {
+        reasons.push(format!(
+            "the motor tells its angle in steps of {:.3} mrad at the handle, and the ramp of {amplitude_rad} rad needs steps of \
+             {:.3} mrad or less; use a larger ramp, a firmware with a smaller P_MAX, or a gear between motor and handle",
+            step_rad * 1e3,
+            amplitude_rad / STEPS_IN_RAMP * 1e3
+        ));
+    }
+}
+
 /// One condition, from the onset until the motor is back.
 fn walk(
     protocol: &ValidProtocol,
@@ -113,5 +135,41 @@ fn walk(
         }
         before_rad = motion.angle_rad;
     }
+    stops(rig, velocity, &movement)
+}
+
+/// Whether the motor can be stopped within the rig's angles from everywhere on the way.
+fn stops(rig: &ValidRigFile, velocity: f64, movement: &RampAndHold) -> Result<(), String> {
+    let period_s = rig.period().seconds();
+    let periods = (movement.duration_s() / period_s).ceil() as u64 + 1;
+    for period in 0..=periods {
+        let t_s = period as f64 * period_s;
+        let motion = movement.at(t_s);
+        let end_rad = stopped_rad(rig, motion.angle_rad, motion.velocity_rad_s);
+        let [low_rad, high_rad] = rig.limits.angle_rad;
+        if !(low_rad..=high_rad).contains(&end_rad) {
+            let fields = match &rig.motor {
+                MotorSettings::Cia402(_) => "motor.quick_stop_rad_s2",
+                MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => "limits.acceleration_rad_s2",
+            };
+            return Err(format!(
+                "at {velocity} rad/s, {t_s:.3} s after the onset, a quick stop ends at {end_rad:.4} rad, beyond limits.angle_rad \
+                 {:?} of the rig; raise {fields}, or run slower ramps",
+                rig.limits.angle_rad
+            ));
+        }
+    }
     Ok(())
+}
+
+/// Where the handle comes to rest when a quick stop is asked for at `angle_rad`: it goes on at its velocity until the motor
+/// is told, then brakes.
+fn stopped_rad(rig: &ValidRigFile, angle_rad: f64, velocity_rad_s: f64) -> f64 {
+    let deceleration_rad_s2 = match &rig.motor {
+        MotorSettings::Cia402(motor) => motor.quick_stop_rad_s2,
+        MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => rig.limits.acceleration_rad_s2,
+    };
+    let until_told_s = PERIODS_UNTIL_TOLD * rig.period().seconds();
+    let braking_rad = velocity_rad_s * velocity_rad_s.abs() / (2.0 * deceleration_rad_s2);
+    angle_rad + velocity_rad_s * until_told_s + braking_rad
 }

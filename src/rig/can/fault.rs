@@ -1,9 +1,12 @@
 //! What can go wrong with a motor on a CAN bus, each with a name, what was seen, and what to do.
 
+use std::mem::{Discriminant, discriminant};
+
 use serde::Serialize;
 
-use super::canopen::{CanopenError, emergency};
-use super::cia402_state::DriveState;
+use super::canopen::{CanopenError, Object, emergency};
+use super::cia402_objects::{object_use, remedy};
+use super::cia402_state::{DriveState, Statusword};
 use crate::rig::{Channel, DeviceFault, Exceeded, Fault, FaultClass, Quantity};
 
 /// Why a CAN motor was made safe, or was not armed.
@@ -22,6 +25,19 @@ pub enum CanFault {
         tolerated: u32,
         /// The identifier that is missing.
         id: u16,
+    },
+    /// Periods without answer while the motor moves: if it missed their targets, it would jump to the next.
+    #[error(
+        "no answer to SYNC (missing identifier {id:03X}h) while the target moved by {step_rad:.4} rad: a motor that missed \
+         its targets would jump by more than the following error of {limit_rad} rad; check cable and load of the bus"
+    )]
+    MissedInMotion {
+        /// The identifier that is missing.
+        id: u16,
+        /// From the last target that was answered to the next one, rad.
+        step_rad: f64,
+        /// The following error that is allowed, rad.
+        limit_rad: f64,
     },
     /// The program did not wake up in time for the next SYNC.
     #[error(
@@ -65,14 +81,25 @@ pub enum CanFault {
         channel: Channel,
     },
     /// The sample counter did not go on by what it must.
-    #[error(
-        "the sample counter went from {before} to {now}: samples are stale, lost or out of order; check the sensor"
-    )]
+    #[error("{}; check the sensor", counter_text(*before, *now))]
     StaleSample {
         /// The counter before.
         before: u32,
         /// The counter now.
         now: u32,
+    },
+    /// The torque did not change, though the samples came.
+    #[error(
+        "the torque at the handle was {torque_nm} N m to the last digit in {periods} periods, {tolerated} are tolerated: the \
+         sensor or its amplifier has stopped; check its cable and supply"
+    )]
+    FrozenTorque {
+        /// The torque, N m.
+        torque_nm: f64,
+        /// In how many periods.
+        periods: u32,
+        /// How many the rig file tolerates.
+        tolerated: u32,
     },
     /// The drive is in its fault state, or any but the one it must be in.
     #[error("the drive left OPERATION ENABLED: it is in {state} (statusword {statusword:04X}h)")]
@@ -82,13 +109,66 @@ pub enum CanFault {
         /// The whole statusword.
         statusword: u16,
     },
-    /// The drive says that it reached one of its own limits.
-    #[error(
-        "the drive holds the motion back at one of its limits (statusword {statusword:04X}h); look at 607Dh, 6072h and 6080h"
-    )]
+    /// The drive says that it reached one of its own limits, or that the motor is too far from its target.
+    #[error("the drive holds the motion back {} (statusword {statusword:04X}h)", held_back_by(*statusword))]
     DriveLimit {
         /// The statusword.
         statusword: u16,
+    },
+    /// The drive says that it does not follow its target.
+    #[error(
+        "the drive does not follow the target (statusword {statusword:04X}h: bit 12 is not set); look whether it is in \
+         cyclic synchronous position mode (6061h is 8), and whether its firmware sets bit 12 in this mode"
+    )]
+    TargetIgnored {
+        /// The statusword.
+        statusword: u16,
+    },
+    /// A drive lacks an object that is needed.
+    #[error("node {node} has no object {index:04X}h:{sub:02X}, which is needed: {}; {}; ramphold rig check lists all", without(*index, *sub), remedy(*index))]
+    ObjectMissing {
+        /// Which node.
+        node: u8,
+        /// The object.
+        index: u16,
+        /// Its entry.
+        sub: u8,
+    },
+    /// A unit or scale of the drive is not that of the rig file.
+    #[error("node {node} says that object {index:04X}h:{sub:02X} is {read:08X}h, and {expected:08X}h is expected: {}", remedy(*index))]
+    WrongUnit {
+        /// Which node.
+        node: u8,
+        /// The object.
+        index: u16,
+        /// Its entry.
+        sub: u8,
+        /// What it reads.
+        read: u32,
+        /// What the rig file counts on.
+        expected: u32,
+    },
+    /// The motor moves faster than it was told.
+    #[error(
+        "the handle turns at {measured_rad_s:.3} rad/s where {asked_rad_s} rad/s were asked for: the drive and the rig file do \
+         not mean the same unit (counts_per_revolution, gear_ratio; 608Fh, 6091h, 60A9h), or something else moves the handle"
+    )]
+    FasterThanAsked {
+        /// How fast it is.
+        measured_rad_s: f64,
+        /// How fast it should be at most.
+        asked_rad_s: f64,
+    },
+    /// The motor did not move as far as it was told.
+    #[error(
+        "the handle moved by {moved_rad:.5} rad where {asked_rad:.5} rad were asked for: the drive and the rig file do not mean \
+         the same unit (counts_per_revolution, gear_ratio; 607Eh, 608Fh, 6091h), or something holds the handle"
+    )]
+    MovedOtherwise {
+        /// How far it moved, in the direction that was asked for.
+        moved_rad: f64,
+        /// How far it should have moved.
+        asked_rad: f64,
     },
     /// The drive or the program sees the motor too far from where it should be.
     #[error(
@@ -136,6 +216,29 @@ pub enum CanFault {
         /// Highest allowed.
         high_rad: f64,
     },
+    /// A target that steps further, or changes its speed more, than the limits allow.
+    #[error(
+        "a target asks for {speed_rad_s:.3} rad/s and {acceleration_rad_s2:.0} rad/s2, the limits are {most_rad_s} rad/s and \
+         {most_rad_s2} rad/s2; it was not sent. Please report this as a bug"
+    )]
+    CommandTooFast {
+        /// Speed of the step, rad/s.
+        speed_rad_s: f64,
+        /// Change of the speed in the period, rad/s2.
+        acceleration_rad_s2: f64,
+        /// Highest speed allowed, rad/s.
+        most_rad_s: f64,
+        /// Highest acceleration allowed, rad/s2.
+        most_rad_s2: f64,
+    },
+    /// A target was to be sent in a state in which none may be.
+    #[error(
+        "a target was to be sent while the motor was {state}; it was not sent. Please report this as a bug"
+    )]
+    TargetNotAllowed {
+        /// The state of the motor.
+        state: &'static str,
+    },
     /// The rig file stretches time, and the motor is not the emulated one.
     #[error("node {node} is not the emulated motor of the test bench: take \"bench\" out of the rig file")]
     NotTheBench {
@@ -177,6 +280,153 @@ pub enum CanFault {
         /// How far it is off.
         off_rad: f64,
     },
+    /// A position that no shaft within the speed limit can have reached since the last one.
+    #[error(
+        "the motor reports a position {jump_rad:.4} rad from the last one, where {limit_rad:.4} rad are possible; it was not \
+         used. Check the encoder and its cable"
+    )]
+    PositionJump {
+        /// How far from the last believed position, rad at the handle.
+        jump_rad: f64,
+        /// How far the speed limit lets it be, rad at the handle.
+        limit_rad: f64,
+    },
+    /// A number at, or beyond, the end of its field in MIT mode.
+    #[error(
+        "the motor's {field} is at the end of its field ({limit}), where it says nothing; compare ranges in the rig file with \
+         those of the motor's firmware"
+    )]
+    FieldSaturated {
+        /// Which field.
+        field: &'static str,
+        /// The end of its range, in the field's unit.
+        limit: f64,
+    },
+    /// The limits lie beyond what the motor's fields can say.
+    #[error(
+        "the limits need a {what} of {needed:.3} at the motor, its field ends at {range}; use tighter limits, or another gear"
+    )]
+    BeyondMotorRange {
+        /// Which field.
+        what: &'static str,
+        /// What the limits need, in the field's unit.
+        needed: f64,
+        /// The end of its range.
+        range: f64,
+    },
+    /// The speed that the motor reports is not that of its position.
+    #[error(
+        "the motor reports a speed of {reported_rad_s:.3} rad/s while its position turns at {measured_rad_s:.3} rad/s; compare \
+         ranges in the rig file with those of the motor's firmware"
+    )]
+    SpeedDisagrees {
+        /// What it reports, rad/s at the motor.
+        reported_rad_s: f64,
+        /// Slope of its position, rad/s at the motor.
+        measured_rad_s: f64,
+    },
+    /// The small motion before arming shows that the ranges of the rig file are not those of the motor.
+    #[error(
+        "in the small motion before arming the {what} is {measured:.4} where the ranges of the rig file make it {expected:.4}: \
+         motor.ranges are not those of the motor's firmware; look them up with the manufacturer's tool"
+    )]
+    WrongScale {
+        /// What was compared.
+        what: &'static str,
+        /// What the motor reports.
+        measured: f64,
+        /// What it should report.
+        expected: f64,
+    },
+    /// The small motion before arming has no room.
+    #[error(
+        "the small motion that proves the motor needs {needed_rad:.4} rad, there are {room_rad:.4} rad to the angle limit; \
+         bring the handle nearer to the middle of its range"
+    )]
+    NoRoomForProof {
+        /// What it needs, rad at the handle.
+        needed_rad: f64,
+        /// What there is, rad at the handle.
+        room_rad: f64,
+    },
+    /// The handle moves although the motor has no power.
+    #[error(
+        "the handle does not come to rest before the small motion that proves the motor; let go of it, then arm again"
+    )]
+    HandleNotAtRest,
+    /// The shaft did not move in the small motion before arming.
+    #[error(
+        "in the small motion that proves the motor the handle moved by {moved_rad:.5} rad, {needed_rad:.5} are needed; let go of \
+         the handle and free it. A motor whose friction is stronger than this motion cannot be proved, and is not armed"
+    )]
+    NotMovedForProof {
+        /// How far, rad at the handle.
+        moved_rad: f64,
+        /// How far it must, rad at the handle.
+        needed_rad: f64,
+    },
+    /// The motor's own watchdog was not seen to act.
+    #[error(
+        "the motor was left without a command for {silent_ms} ms and did not let go: its own watchdog is off, or longer than \
+         motor_waits_ms ({motor_waits_ms}). Without it nothing stops the motor when the program dies. Set it with the \
+         manufacturer's tool (MIT: CAN timeout), then arm again"
+    )]
+    WatchdogNotSeen {
+        /// What the rig file says, ms.
+        motor_waits_ms: u64,
+        /// How long the program was silent, ms.
+        silent_ms: u64,
+    },
+    /// The motor's firmware or hardware is not the one of the rig file.
+    #[error(
+        "the ODrive's {what} is {}.{}.{}, the rig file's endpoints are those of {}.{}.{}; take the numbers from the \
+         flat_endpoints.json of its own firmware", read[0], read[1], read[2], expected[0], expected[1], expected[2]
+    )]
+    WrongVersion {
+        /// Firmware or hardware.
+        what: &'static str,
+        /// What the motor says.
+        read: [u8; 3],
+        /// What the rig file says.
+        expected: [u8; 3],
+    },
+    /// The motor does not tell its version, which the rig file gives.
+    #[error(
+        "the ODrive does not tell its version (Get_Version), which the rig file gives; is its firmware older than 0.6?"
+    )]
+    VersionUnknown,
+    /// An endpoint is not the one that the rig file means.
+    #[error(
+        "endpoint {endpoint} is not {name}: it reads {read} where {expected} is right. The endpoints are those of another \
+         firmware; take the numbers from the flat_endpoints.json of this one. No limit was written to it"
+    )]
+    WrongEndpoint {
+        /// Its number.
+        endpoint: u16,
+        /// What it is called.
+        name: &'static str,
+        /// What it reads.
+        read: f32,
+        /// What it must read.
+        expected: f32,
+    },
+    /// The torque constant of the motor is not that of the rig file.
+    #[error(
+        "the ODrive's torque constant is {read} N m/A, the rig file's is {expected}: with the wrong one every torque limit is \
+         wrong. Measure it, and correct the one that is wrong"
+    )]
+    WrongTorqueConstant {
+        /// What the motor says, N m/A.
+        read: f64,
+        /// What the rig file says, N m/A.
+        expected: f64,
+    },
+    /// The rig file does not say where the torque constant is read.
+    #[error(
+        "the ODrive's torque constant cannot be compared with the rig file's, so its torque has no limit that is sure: add \
+         motor.endpoints.torque_constant (axis0.config.motor.torque_constant in flat_endpoints.json)"
+    )]
+    TorqueConstantUnknown,
     /// A motor without CANopen reports an error or disarmed itself.
     #[error("the motor reports error {code:08X}h and has let go; see its manual")]
     MotorError {
@@ -213,14 +463,31 @@ impl CanFault {
                 | CanopenError::Garbled { .. }
                 | CanopenError::Flood { .. },
             ) => FaultClass::Bus,
-            Self::MissedCycle { .. } | Self::Overrun { .. } | Self::Duplicated { .. } => FaultClass::Cycle,
-            Self::Malformed { .. } | Self::StaleSample { .. } | Self::NotANumber { .. } => FaultClass::Sensor,
+            Self::MissedCycle { .. }
+            | Self::MissedInMotion { .. }
+            | Self::Overrun { .. }
+            | Self::Duplicated { .. } => FaultClass::Cycle,
+            Self::Malformed { .. }
+            | Self::StaleSample { .. }
+            | Self::FrozenTorque { .. }
+            | Self::NotANumber { .. } => FaultClass::Sensor,
             Self::Angle { .. }
             | Self::Speed { .. }
             | Self::Torque { .. }
-            | Self::CommandBeyondLimit { .. } => FaultClass::Limit,
+            | Self::CommandBeyondLimit { .. }
+            | Self::CommandTooFast { .. }
+            | Self::TargetNotAllowed { .. } => FaultClass::Limit,
             _ => FaultClass::Drive,
         }
+    }
+
+    /// Which fault it is, whatever its numbers.
+    pub(super) fn kind(&self) -> FaultKind {
+        let of_bus = match self {
+            Self::Canopen(error) => Some(discriminant(error)),
+            _ => None,
+        };
+        FaultKind(discriminant(self), of_bus)
     }
 
     /// Whether no frame can be sent any more.
@@ -229,10 +496,36 @@ impl CanFault {
     }
 }
 
+/// A fault without its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct FaultKind(Discriminant<CanFault>, Option<Discriminant<CanopenError>>);
+/// What a sample counter did instead of going on by one.
+fn counter_text(before: u32, now: u32) -> String {
+    if before == now {
+        return format!(
+            "the sample counter went from {before} to {now}: it stands, and the same sample came again"
+        );
+    }
+    format!("the sample counter went from {before} to {now}: samples were lost or came out of order")
+}
+
+/// What a statusword with bit 11 or 13 says.
+fn held_back_by(statusword: u16) -> &'static str {
+    if Statusword(statusword).internal_limit() {
+        return "at one of its limits: bit 11 is set; look at 607Dh, 6072h and 6080h";
+    }
+    "for it sees a following error: bit 13 is set; is something in the motor's way? See 6065h and 6066h"
+}
+
+fn without(index: u16, sub: u8) -> &'static str {
+    object_use(Object { index, sub }).map_or("the program relies on it", |row| row.without)
+}
+
 /// Which fault of the journal a measured quantity beyond its limit is.
 impl From<Exceeded> for CanFault {
     fn from(Exceeded { quantity, measured, limit }: Exceeded) -> Self {
         match quantity {
+            _ if !measured.is_finite() => Self::NotANumber { channel: quantity.channel() },
             Quantity::Angle => Self::Angle { angle_rad: measured, limit_rad: limit },
             Quantity::Speed => Self::Speed { speed_rad_s: measured, limit_rad_s: limit },
             Quantity::Torque => Self::Torque { torque_nm: measured, limit_nm: limit },
@@ -250,5 +543,25 @@ impl From<CanFault> for Fault {
         let code =
             values.remove("kind").and_then(|code| code.as_str().map(str::to_owned)).unwrap_or_default();
         Self::Device(DeviceFault::new(&code, fault.class(), fault.to_string(), values))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fault_with_a_number_that_is_not_finite_can_be_read_from_a_journal() {
+        for fault in [
+            CanFault::Angle { angle_rad: f64::NAN, limit_rad: 0.2 },
+            CanFault::PositionJump { jump_rad: f64::INFINITY, limit_rad: 0.1 },
+        ] {
+            let fault = Fault::from(fault);
+            let text = serde_json::to_string(&fault).unwrap();
+            assert!(!text.contains("null"), "{text}");
+            assert_eq!(serde_json::from_str::<Fault>(&text).unwrap(), fault);
+        }
+        let exceeded = Exceeded { quantity: Quantity::Angle, measured: f64::NAN, limit: 0.2 };
+        assert_eq!(CanFault::from(exceeded), CanFault::NotANumber { channel: Channel::Angle });
     }
 }

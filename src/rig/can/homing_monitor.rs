@@ -1,16 +1,16 @@
-//! Supervision while a drive moves by itself, to its home or to the start position: SYNC goes on, and the readings of every
+//! Supervision while a drive moves by itself, to its home: SYNC goes on, and the readings of every
 //! period are compared with the limits, as in the cycle.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use super::canopen::Link;
-use super::cycle::{CheckLevel, Cycle};
+use super::cycle::{Cycle, PeriodCommand};
 use super::cycle_stats::CycleStats;
 use super::drive::{Drive, DriveRequest, MotionMonitor};
 use super::fault::CanFault;
 use super::file::ValidRigFile;
 use super::limits::HandleLimits;
+use super::motor_state::MotorState;
 use super::pdo_decoder::Readings;
 use super::units::JointAngle;
 use crate::timing::Clock;
@@ -23,7 +23,6 @@ pub struct HomingMonitor<'a> {
     stats: &'a mut CycleStats,
     clock: Arc<dyn Clock>,
     cycle: Cycle,
-    check_level: CheckLevel,
 }
 
 impl<'a> HomingMonitor<'a> {
@@ -34,38 +33,26 @@ impl<'a> HomingMonitor<'a> {
         stats: &'a mut CycleStats,
         clock: Arc<dyn Clock>,
     ) -> Self {
-        let cycle = new_cycle(file, limits, clock.now());
-        Self { file, limits, stats, clock, cycle, check_level: CheckLevel::Homing }
+        let cycle = Cycle::new(file, limits, 0.0, clock.now());
+        Self { file, limits, stats, clock, cycle }
     }
 }
 
 impl MotionMonitor for HomingMonitor<'_> {
-    fn homing(&mut self) {
-        (self.cycle, self.check_level) =
-            (new_cycle(self.file, self.limits, self.clock.now()), CheckLevel::Homing);
-    }
-
-    fn moving_from(&mut self, JointAngle(here_rad): JointAngle, slack_rad: f64) {
-        let [low_rad, high_rad] = self.limits.angle_rad;
-        let mut limits = self.limits;
-        if here_rad < low_rad {
-            limits.angle_rad[0] = here_rad - slack_rad;
-        }
-        if here_rad > high_rad {
-            limits.angle_rad[1] = here_rad + slack_rad;
-        }
-        (self.cycle, self.check_level) =
-            (new_cycle(self.file, limits, self.clock.now()), CheckLevel::Enabling);
+    fn begin(&mut self) {
+        self.cycle = Cycle::new(self.file, self.limits, 0.0, self.clock.now());
     }
 
     fn period(&mut self, link: &mut Link, drive: &mut dyn Drive) -> Result<(Readings, JointAngle), CanFault> {
-        let nothing = (JointAngle(0.0), 0.0, DriveRequest::None);
-        self.cycle.run(link, drive, self.stats, nothing, self.check_level)?;
+        let nothing = PeriodCommand { target_rad: 0.0, shown_nm: 0.0, request: DriveRequest::None };
+        // A period without frames tells nothing; too many of them are a fault.
+        loop {
+            self.cycle.run(link, drive, self.stats, nothing, MotorState::Homing)?;
+            if self.cycle.has_new_readings() {
+                break;
+            }
+        }
         let readings = *self.cycle.readings();
         Ok((readings, drive.angle(&readings, self.cycle.samples() - 1)))
     }
-}
-
-fn new_cycle(file: &ValidRigFile, limits: HandleLimits, now: Instant) -> Cycle {
-    Cycle::new(file, limits, file.sample_period(), file.budget().bits_per_period(), 0.0, now)
 }

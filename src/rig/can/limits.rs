@@ -2,8 +2,9 @@
 
 use super::fault::CanFault;
 use super::file::RigLimits;
+use super::units::JointAngle;
 use crate::protocol::Limits;
-use crate::rig::MotionLimits;
+use crate::rig::{Channel, MotionLimits};
 
 /// What the handle may never exceed, in this session.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,6 +69,21 @@ impl HandleLimits {
         MotionLimits { angle_rad: self.angle_rad, speed_rad_s: self.speed_rad_s, torque_nm: self.torque_nm }
     }
 
+    /// Whether the handle is within the limits. NaN is nowhere.
+    ///
+    /// # Errors
+    /// [`CanFault::Angle`]
+    pub fn check_place(&self, angle: JointAngle) -> Result<(), CanFault> {
+        let (JointAngle(angle_rad), [low_rad, high_rad]) = (angle, self.angle_rad);
+        if !angle_rad.is_finite() {
+            return Err(CanFault::NotANumber { channel: Channel::Angle });
+        }
+        if (low_rad..=high_rad).contains(&angle_rad) {
+            return Ok(());
+        }
+        Err(CanFault::Angle { angle_rad, limit_rad: if angle_rad < low_rad { low_rad } else { high_rad } })
+    }
+
     /// Whether the motor may be sent to an angle. NaN is nowhere.
     pub fn check_target(&self, angle_rad: f64) -> Result<(), CanFault> {
         let [low_rad, high_rad] = self.angle_rad;
@@ -78,25 +94,30 @@ impl HandleLimits {
     }
 }
 
+/// Limits for tests.
+#[cfg(test)]
+pub const EXAMPLE_LIMITS: HandleLimits = HandleLimits {
+    angle_rad: [-0.05, 0.2],
+    speed_rad_s: 4.0,
+    acceleration_rad_s2: 400.0,
+    torque_nm: 20.0,
+    motor_torque_nm: 30.0,
+    following_error_rad: 0.05,
+    following_error_ms: 10,
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const LIMITS: HandleLimits = HandleLimits {
-        angle_rad: [-0.05, 0.2],
-        speed_rad_s: 4.0,
-        acceleration_rad_s2: 400.0,
-        torque_nm: 20.0,
-        motor_torque_nm: 30.0,
-        following_error_rad: 0.05,
-        following_error_ms: 10,
-    };
-
     #[test]
     fn a_target_beyond_the_limits_or_not_a_number_is_refused() {
-        assert!(LIMITS.check_target(0.2).is_ok());
+        assert!(EXAMPLE_LIMITS.check_target(0.2).is_ok());
         for angle_rad in [0.2001, -0.0501, f64::NAN, f64::INFINITY] {
-            assert!(matches!(LIMITS.check_target(angle_rad), Err(CanFault::CommandBeyondLimit { .. })));
+            assert!(matches!(
+                EXAMPLE_LIMITS.check_target(angle_rad),
+                Err(CanFault::CommandBeyondLimit { .. })
+            ));
         }
     }
 }

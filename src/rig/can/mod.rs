@@ -9,9 +9,13 @@
 //! safe_state         the way to a safe state and to no power
 //! homing_monitor     supervision while the drive moves by itself
 //! cycle              target, SYNC, readings, checks; once a period
+//! motor_state        the table of states: targets that may be sent, checks that run, what a fault leads to
+//! target_guard, target_motion    the last check of every target; how targets come to rest
 //! cia402, cansimple, mit     adapters: what each kind of motor is asked and answers
+//! motion_proof       whether the motor moves as far and as fast as it is told
 //! drive              trait Drive: what every motor can do
 //! pdo_decoder, staleness, limits, sensors, device_setup
+//! finding            objects of a drive that are missing or refuse, from the table cia402_objects
 //! fault              CanFault, which wraps the errors of the layers below
 //! file               the rig file, read and checked
 //! canopen            NMT, SDO, PDO, heartbeats, emergencies; CanopenError
@@ -23,6 +27,7 @@ pub mod bus;
 pub mod canopen;
 mod cansimple;
 mod cia402;
+pub mod cia402_objects;
 mod cia402_state;
 mod connection;
 mod cycle;
@@ -32,17 +37,24 @@ mod drive;
 mod dry_run;
 mod fault;
 pub mod file;
+mod finding;
 mod homing_monitor;
 mod limits;
 mod mit;
+mod motion_proof;
 mod motor;
+mod motor_state;
+mod origin;
 mod pdo_decoder;
+mod position_check;
 mod realtime;
 mod safe_state;
 pub mod scan;
 mod sensors;
 mod staleness;
 mod summary;
+mod target_guard;
+mod target_motion;
 pub mod units;
 #[cfg(test)]
 mod virtual_bench;
@@ -51,7 +63,10 @@ pub use cia402_state::DriveState;
 pub use connection::{ConnectError, Connection};
 pub use dry_run::DryRun;
 pub use fault::CanFault;
+pub use finding::{ObjectFinding, ObjectProblem};
 pub use limits::{HandleLimits, LimitsConfirmed};
 pub use motor::{ArmedCanMotor, CanMotor};
+pub use motor_state::{AllowedTargets, Check, MotorState, OnFault, STATES, StateRule};
+pub use origin::{OriginError, ResumedOrigin};
 pub use realtime::Privileges;
 pub use summary::{DurationSummary, Summary};

@@ -51,13 +51,31 @@ struct Layout {
     fields: [Option<Field>; MAX_FIELDS],
 }
 
+impl Layout {
+    fn is_of_motor(&self) -> bool {
+        let of_motor = |field: &Field| matches!(field.carried, Carried::Statusword | Carried::Position);
+        self.fields.iter().flatten().any(of_motor)
+    }
+}
+
 /// Decodes the frames of a period, and knows which are missing.
 #[derive(Debug, Clone)]
 pub struct PdoDecoder {
     layouts: [Option<Layout>; MAX_FRAMES],
     scales: Scales,
     seen: u8,
+    /// How many frames of periods that were given up may still arrive, for each layout.
+    owed: [u8; MAX_FRAMES],
     readings: Readings,
+}
+
+/// Whose frames a period needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wanted {
+    /// Those of the motor and of every sensor.
+    All,
+    /// Those with the motor's state and position: enough to stop it.
+    OfMotor,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -106,7 +124,7 @@ impl PdoDecoder {
             emg: [emg(signals.emg_fcr), emg(signals.emg_ecr)],
             counter: signals.counter.map(|counter| counter.kind),
         };
-        Self { layouts, scales, seen: 0, readings: Readings::default() }
+        Self { layouts, scales, seen: 0, owed: [0; MAX_FRAMES], readings: Readings::default() }
     }
 
     /// A new period begins: everything is still to come.
@@ -114,17 +132,49 @@ impl PdoDecoder {
         self.seen = 0;
     }
 
-    /// Whether everything has come.
-    pub fn complete(&self) -> bool {
-        self.first_missing().is_none()
-    }
-
-    /// The identifier of a frame that has not come.
-    pub fn first_missing(&self) -> Option<u16> {
+    /// The identifier of a wanted frame that has not come.
+    pub fn first_missing(&self, wanted: Wanted) -> Option<u16> {
         self.layouts
             .iter()
             .enumerate()
-            .find_map(|(at, layout)| layout.filter(|_| self.seen & 1 << at == 0).map(|layout| layout.id))
+            .filter(|(at, _)| self.seen & 1 << at == 0)
+            .find_map(|(_, layout)| layout.filter(|layout| wanted == Wanted::All || layout.is_of_motor()))
+            .map(|layout| layout.id)
+    }
+
+    /// Whether a frame has not come in this period.
+    pub fn is_missing(&self, id: u16) -> bool {
+        self.place(id).is_some_and(|at| self.seen & 1 << at == 0)
+    }
+
+    /// Gives the period up: frames that have not come may still arrive, late.
+    pub fn give_up(&mut self) {
+        for (at, owed) in self.owed.iter_mut().enumerate() {
+            *owed = owed.saturating_add(u8::from(self.seen & 1 << at == 0));
+        }
+    }
+
+    /// Whether a frame that is too much is one of a period that was given up; each is owed once.
+    pub fn take_owed(&mut self, id: u16) -> bool {
+        let Some(owed) = self.place(id).map(|at| &mut self.owed[at]).filter(|owed| **owed > 0) else {
+            return false;
+        };
+        *owed -= 1;
+        true
+    }
+
+    /// Whether the torque of this period has come.
+    pub fn has_torque(&self) -> bool {
+        let carries =
+            |layout: &Layout| layout.fields.iter().flatten().any(|field| field.carried == Carried::Torque);
+        self.layouts
+            .iter()
+            .enumerate()
+            .any(|(at, layout)| self.seen & 1 << at != 0 && layout.as_ref().is_some_and(carries))
+    }
+
+    fn place(&self, id: u16) -> Option<usize> {
+        self.layouts.iter().position(|layout| layout.is_some_and(|layout| layout.id == id))
     }
 
     /// Whether a frame is one of this rig's.
@@ -158,7 +208,8 @@ impl PdoDecoder {
             let (length, expected) = (data.len() as u8, layout.bytes as u8);
             return Err(CanFault::Malformed { id: frame.id, length, expected });
         }
-        if self.seen & 1 << at != 0 {
+        // Where a frame is owed, the one before was late, and this one is that of the period.
+        if self.seen & 1 << at != 0 && !self.take_owed(frame.id) {
             return Ok(Decoded::Duplicate);
         }
         self.seen |= 1 << at;
@@ -232,7 +283,7 @@ mod tests {
     fn a_period_is_complete_with_each_frame_once() {
         let mut decoder = PdoDecoder::new(&rig("plain"));
         decoder.begin();
-        assert_eq!(decoder.first_missing(), Some(0x185));
+        assert_eq!(decoder.first_missing(Wanted::All), Some(0x185));
         let status = Frame::new(0x185, &[0x37, 0x16, 1, 0, 0, 0, 100, 0]);
         assert_eq!(decoder.decode(&status), Ok(Decoded::Expected));
         assert_eq!(decoder.decode(&status), Ok(Decoded::Duplicate));
@@ -242,10 +293,28 @@ mod tests {
             Err(CanFault::Malformed { length: 5, expected: 6, .. })
         ));
         assert_eq!(decoder.decode(&Frame::new(0x285, &[7, 0, 0, 0, 0, 0])), Ok(Decoded::Expected));
-        assert!(decoder.complete());
+        assert_eq!(decoder.first_missing(Wanted::All), None);
         let readings = decoder.readings();
         assert_eq!((readings.statusword, readings.position, readings.counter), (0x1637, 1, 7));
         decoder.begin();
-        assert!(!decoder.complete());
+        assert_eq!(decoder.first_missing(Wanted::OfMotor), Some(0x185));
+        decoder.decode(&status).unwrap();
+        assert_eq!(decoder.first_missing(Wanted::OfMotor), None);
+        assert_eq!(decoder.first_missing(Wanted::All), Some(0x285));
+        assert!(decoder.has_torque());
+    }
+
+    #[test]
+    fn a_frame_of_a_period_that_was_given_up_is_late_once_and_no_duplicate() {
+        let mut decoder = PdoDecoder::new(&rig("plain"));
+        let status = Frame::new(0x185, &[0x37, 0x16, 1, 0, 0, 0, 100, 0]);
+        decoder.begin();
+        decoder.give_up();
+        assert!(decoder.take_owed(0x185) && !decoder.take_owed(0x185));
+        decoder.give_up();
+        decoder.begin();
+        assert_eq!(decoder.decode(&status), Ok(Decoded::Expected), "late, or this one's: nobody knows yet");
+        assert_eq!(decoder.decode(&status), Ok(Decoded::Expected), "this one's");
+        assert_eq!(decoder.decode(&status), Ok(Decoded::Duplicate));
     }
 }

@@ -1,21 +1,22 @@
-//! Brings the motor to a safe state, and removes its power. No step depends on the one before: if the bus does not carry
-//! a command any more, the program's heartbeat ends, and the drive's own watchdog stops the motor.
+//! Brings the motor to a safe state, and removes its power. A reaction that itself meets a fault gives way to the next
+//! stronger one: hold, quick stop, no power. If the bus does not carry a command any more, the program's heartbeat ends, and the
+//! drive's own watchdog stops the motor.
 
 use std::time::Duration;
 
 use super::canopen::{Link, NmtCommand};
-use super::cycle::{CheckLevel, Cycle};
+use super::cycle::{Cycle, PeriodCommand};
 use super::cycle_stats::CycleStats;
 use super::drive::{Drive, DriveRequest, PowerState};
 use super::fault::CanFault;
 use super::file::{SafeState, SafeStates};
-use super::units::JointAngle;
+use super::motor_state::MotorState;
 use crate::rig::FaultClass;
 
-/// Longest duration of a quick stop. After it, the power is removed whatever the motor does.
-const LONGEST_QUICK_STOP: Duration = Duration::from_millis(500);
 /// How long the motor holds its angle so that the subject can let go, before the power is removed.
 const HOLD_DURATION: Duration = Duration::from_millis(500);
+/// Periods that a motor may take to begin a quick stop and to report its end, beside the time of the ramp.
+const QUICK_STOP_PERIODS: u32 = 5;
 
 /// The safe state that the rig file gives for the class of a fault.
 pub fn state_for(fault: &CanFault, states: &SafeStates) -> SafeState {
@@ -28,34 +29,125 @@ pub fn state_for(fault: &CanFault, states: &SafeStates) -> SafeState {
     }
 }
 
-/// Brings the motor to a safe state. If frames stay away, the power is removed at once.
+/// Brings the motor to rest and removes its power. Returns the faults that were met on the way.
 pub fn reach(
     state: SafeState,
     link: &mut Link,
     drive: &mut dyn Drive,
     cycle: &mut Cycle,
     stats: &mut CycleStats,
-) {
-    let (request, time) = match state {
-        SafeState::QuickStop => (DriveRequest::QuickStop, LONGEST_QUICK_STOP),
-        SafeState::Hold => (DriveRequest::Follow, HOLD_DURATION),
-        SafeState::TorqueOff => (DriveRequest::RemovePower, LONGEST_QUICK_STOP),
-    };
-    // The target is the present angle: the motor would still go on to a later one.
-    let here = drive.angle(cycle.readings(), cycle.samples() - 1);
-    let here = if here.0.is_finite() { here } else { JointAngle(cycle.target_rad()) };
-    let end = link.now() + time;
-    while link.now() < end {
-        if cycle.run(link, drive, stats, (here, 0.0, request), CheckLevel::Stopping).is_err() {
-            break;
+) -> Vec<CanFault> {
+    let mut stop = Stop { link, drive, cycle, stats };
+    let mut met = Vec::new();
+    let mut state = state;
+    // A motor that heard nothing for so long has stopped by itself; it must not be given power again.
+    if stop.cycle.is_given_up_by_motor(stop.link.now()) {
+        state = SafeState::TorqueOff;
+    }
+    if state == SafeState::Hold
+        && let Err(fault) = stop.hold()
+    {
+        stop.cycle.excuse(&fault);
+        state = if fault.bus_is_dead() { SafeState::TorqueOff } else { SafeState::QuickStop };
+        met.push(fault);
+    }
+    if state == SafeState::QuickStop
+        && let Err(fault) = stop.brake()
+    {
+        met.push(fault);
+    }
+    stop.remove_power();
+    met
+}
+
+/// What a reaction to a fault works on.
+struct Stop<'a> {
+    link: &'a mut Link,
+    drive: &'a mut dyn Drive,
+    cycle: &'a mut Cycle,
+    stats: &'a mut CycleStats,
+}
+
+impl Stop<'_> {
+    /// The target comes to rest from the motion that it had, then stays: the measured angle moves nothing.
+    fn hold(&mut self) -> Result<(), CanFault> {
+        let end = self.link.now() + HOLD_DURATION;
+        let deceleration = self.deceleration_rad_s2();
+        let mut target = self.cycle.target_motion();
+        while self.link.now() < end || !target.is_at_rest() {
+            target.decelerate(deceleration, self.cycle.period_s());
+            self.period(target.angle_rad, DriveRequest::Follow, MotorState::Holding)?;
+            if self.cycle.take_standstill() {
+                target = self.cycle.target_motion();
+            }
+            if self.is_off() {
+                break;
+            }
         }
-        if drive.power(cycle.readings()) == PowerState::Off {
+        Ok(())
+    }
+
+    /// The motor brakes: on its own ramp, or by targets that come to rest.
+    fn brake(&mut self) -> Result<(), CanFault> {
+        let own_ramp = self.drive.stops_by_itself();
+        let deceleration = own_ramp.unwrap_or_else(|| self.deceleration_rad_s2());
+        // It cannot be faster than its limit for long: beyond it, the power is removed.
+        let ramp_s = self.cycle.limits().speed_rad_s / deceleration;
+        let pending = QUICK_STOP_PERIODS + self.drive.target_delay_periods() as u32;
+        let periods = (ramp_s / self.cycle.period_s()).ceil() as u32 + pending;
+        let mut target = self.cycle.target_motion();
+        let mut at_rest_for = 0;
+        for _ in 0..periods {
+            let request = if own_ramp.is_some() {
+                DriveRequest::QuickStop
+            } else {
+                target.decelerate(deceleration, self.cycle.period_s());
+                at_rest_for = if target.is_at_rest() { at_rest_for + 1 } else { 0 };
+                DriveRequest::Follow
+            };
+            self.period(target.angle_rad, request, MotorState::QuickStopping)?;
+            if self.cycle.take_standstill() {
+                target = self.cycle.target_motion();
+            }
+            if self.is_off() || at_rest_for > pending {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// As gently as the drive's own ramp, as hard as the room to the angle limit needs, and within the acceleration limit.
+    fn deceleration_rad_s2(&self) -> f64 {
+        let motion = self.cycle.target_motion();
+        let limits = self.cycle.limits();
+        let [low_rad, high_rad] = limits.angle_rad;
+        let end_rad = if motion.speed_rad_s < 0.0 { low_rad } else { high_rad };
+        // The step of the period under way is gone already.
+        let step_rad = motion.speed_rad_s.abs() * self.cycle.period_s();
+        let room_rad = ((end_rad - motion.angle_rad).abs() - step_rad).max(f64::MIN_POSITIVE);
+        let needed = motion.speed_rad_s.powi(2) / (2.0 * room_rad);
+        let gentle = self.drive.stops_by_itself().unwrap_or(limits.acceleration_rad_s2);
+        gentle.max(needed).min(limits.acceleration_rad_s2)
+    }
+
+    fn remove_power(&mut self) {
+        let at_rad = self.cycle.target_motion().angle_rad;
+        if self.is_off() {
             return;
         }
+        // Sent even if the periods before failed; what comes of it is asked for when the power is confirmed to be off.
+        let command = PeriodCommand { target_rad: at_rad, shown_nm: 0.0, request: DriveRequest::RemovePower };
+        let _ = self.cycle.run(self.link, self.drive, self.stats, command, MotorState::QuickStopping);
     }
-    // Sent even if the frames before failed.
-    let _ = drive.send_target(link, here, 0.0, DriveRequest::RemovePower);
-    let _ = drive.send_sync(link);
+
+    fn period(&mut self, target_rad: f64, request: DriveRequest, state: MotorState) -> Result<(), CanFault> {
+        let command = PeriodCommand { target_rad, shown_nm: 0.0, request };
+        self.cycle.run(self.link, self.drive, self.stats, command, state)
+    }
+
+    fn is_off(&self) -> bool {
+        self.drive.power(self.cycle.readings()) == PowerState::Off
+    }
 }
 
 /// Removes the power and confirms it. A drive that does not answer is stopped by NMT, and by the end of the heartbeat.

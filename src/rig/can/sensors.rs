@@ -19,12 +19,6 @@ impl Sensors {
         Self(file.sensors.clone())
     }
 
-    /// None at all.
-    #[cfg(test)]
-    pub fn none() -> Self {
-        Self(Vec::new())
-    }
-
     /// Whose heartbeats are minded.
     pub fn monitored_nodes(&self) -> Vec<MonitoredNode> {
         let timeout = |ms: u16| Duration::from_millis(u64::from(ms));

@@ -13,6 +13,8 @@ pub struct StalenessCheck {
     torque_before: [f64; MAX_SAMPLES],
     unchanged: u32,
     tolerated: u32,
+    /// Periods without readings since the last.
+    missed: u32,
 }
 
 impl StalenessCheck {
@@ -28,26 +30,36 @@ impl StalenessCheck {
             before: None,
             torque_before: [f64::NAN; MAX_SAMPLES],
             unchanged: 0,
+            missed: 0,
             tolerated: file.tolerate.unchanged_torque_periods,
         }
+    }
+
+    /// Periods went by without readings: the counter may have gone on by as many.
+    pub fn expect_gap(&mut self, periods: u64) {
+        self.missed = self.missed.saturating_add(u32::try_from(periods).unwrap_or(u32::MAX));
     }
 
     /// The readings of one more period.
     ///
     /// # Errors
-    /// [`CanFault::StaleSample`]
+    /// [`CanFault::StaleSample`], [`CanFault::FrozenTorque`]
     pub fn check(&mut self, readings: &Readings) -> Result<(), CanFault> {
         let now = readings.counter;
+        let missed = std::mem::take(&mut self.missed);
         if let Some(mask) = self.counter_mask {
             let before = self.before.replace(now);
-            if let Some(before) = before.filter(|before| before.wrapping_add(1) & mask != now & mask) {
+            let went_on = |before: u32| now.wrapping_sub(before) & mask;
+            let may_go_on = 1..=missed.saturating_add(1);
+            if let Some(before) = before.filter(|before| !may_go_on.contains(&went_on(*before))) {
                 return Err(CanFault::StaleSample { before, now });
             }
         }
         self.unchanged = if readings.torque_nm == self.torque_before { self.unchanged + 1 } else { 0 };
         self.torque_before = readings.torque_nm;
         if self.unchanged > self.tolerated {
-            return Err(CanFault::StaleSample { before: now, now });
+            let (periods, tolerated) = (self.unchanged, self.tolerated);
+            return Err(CanFault::FrozenTorque { torque_nm: readings.torque_nm[0], periods, tolerated });
         }
         Ok(())
     }
@@ -77,6 +89,8 @@ mod tests {
         for stale in [[5, 5], [5, 7], [5, 4]] {
             assert!(matches!(check(&stale), Err(CanFault::StaleSample { .. })), "{stale:?}");
         }
+        assert!(check(&[5, 5]).unwrap_err().to_string().contains("it stands"));
+        assert!(check(&[5, 7]).unwrap_err().to_string().contains("were lost or came out of order"));
     }
 
     #[test]
@@ -85,5 +99,8 @@ mod tests {
         let periods = (0..100)
             .find(|counter| fresh.check(&Readings { counter: *counter, ..Readings::default() }).is_err());
         assert_eq!(periods, Some(51), "50 are tolerated after the first");
+        let frozen = fresh.check(&Readings { counter: 52, ..Readings::default() }).unwrap_err();
+        assert!(matches!(frozen, CanFault::FrozenTorque { periods: 52, tolerated: 50, .. }), "{frozen:?}");
+        assert!(frozen.to_string().contains("to the last digit in 52 periods"), "{frozen}");
     }
 }

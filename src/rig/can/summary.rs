@@ -30,6 +30,8 @@ pub struct Summary {
     pub missed_cycles: u64,
     /// Points in time that were slept through.
     pub overruns: u64,
+    /// Periods without new readings: slept through, or their frames were lost.
+    pub lost_periods: u64,
     /// Frames that came twice.
     pub duplicate_frames: u64,
     /// Load of the bus while armed, 0 to 1, at worst stuffing.
@@ -88,6 +90,7 @@ impl Summary {
             periods: stats.periods,
             missed_cycles: stats.missed,
             overruns: stats.overruns,
+            lost_periods: stats.lost_periods,
             duplicate_frames: stats.duplicates,
             bus_load: stats.load(f64::from(file.bit_rate.bits_per_s())),
             lateness: (&stats.lateness).into(),
@@ -102,13 +105,14 @@ impl fmt::Display for Summary {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             formatter,
-            "{} on {}: {} periods of {} us, {} missed, {} overruns, load {:.0} %",
+            "{} on {}: {} periods of {} us, {} missed, {} overruns, {} lost, load {:.0} %",
             self.rig,
             self.bus,
             self.periods,
             self.period_us,
             self.missed_cycles,
             self.overruns,
+            self.lost_periods,
             self.bus_load * 100.0
         )?;
         let late = &self.lateness;

@@ -40,9 +40,14 @@ pub fn person_schema_text() -> String {
     schema_text::<Person>()
 }
 
-/// The JSON schema of rig files, as text.
+/// The JSON schema of the files of virtual rigs, as text. That of all rigs is [`crate::rig::schema_text`].
 pub fn rig_schema_text() -> String {
     schema_text::<RigFile>()
+}
+
+/// The JSON schema of the files of virtual rigs.
+pub(super) fn rig_schema() -> serde_json::Value {
+    schema_for!(RigFile).to_value()
 }
 
 fn schema_text<T: JsonSchema>() -> String {

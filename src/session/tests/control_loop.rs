@@ -92,10 +92,10 @@ fn conducted(fails: bool) -> (Vec<&'static str>, bool) {
 }
 
 #[test]
-fn a_fault_that_the_session_finds_stops_the_motor_first_and_is_told_second() {
+fn a_fault_that_the_session_finds_is_told_and_written_down_when_the_motor_has_no_power() {
     let (deeds, ended_well) = conducted(false);
     assert!(ended_well);
-    assert_eq!(deeds, ["motor made safe", "operator informed", "written down", "power off"]);
+    assert_eq!(deeds, ["motor made safe", "power off", "operator informed", "written down"]);
 }
 
 #[test]

@@ -78,7 +78,13 @@ fn a_trial_whose_gate_does_not_open_in_time_is_rejected_kept_and_put_back() {
     let samples = bench.machine.settings().timeout_samples;
     assert_eq!(
         transition.detail,
-        Some(TransitionDetail::Ended { number: 1, status: Status::Rejected, samples })
+        Some(TransitionDetail::Ended {
+            number: 1,
+            status: Status::Rejected,
+            samples,
+            deviation: None,
+            punctuality: None
+        })
     );
     let progress = bench.machine.progress();
     assert_eq!(progress.queue().len(), left + 1);
@@ -147,7 +153,7 @@ fn the_ramp_waits_until_everything_before_it_is_on_disk() {
     let mut bench = Bench::in_phase(settings(), Phase::Delay);
     for _ in 0..100 {
         let reading = Reading::Sample(bench.sample());
-        let output = bench.feed(Input { reading, operator: None, on_disk: false });
+        let output = bench.feed(Input { reading, operator: None, on_disk: false, punctuality: None });
         assert_eq!(output.phase, Phase::Delay);
     }
     let onset = bench.run_to_event();

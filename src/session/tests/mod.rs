@@ -4,6 +4,7 @@ mod control_loop;
 mod docs;
 mod faults;
 mod gate;
+mod motion;
 mod operator;
 mod properties;
 mod transitions;
@@ -12,7 +13,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::protocol::{Mvc, Protocol};
-use crate::rig::{Command, Cue, Motor, Sample};
+use crate::rig::{Command, Cue, Motor, Punctuality, Sample};
 use crate::schedule;
 
 /// The quick protocol with short times: 2 velocities x 2 torques, gate 0.1 s, 500 samples a second.
@@ -53,6 +54,12 @@ struct Bench {
     /// What the torque shows when nothing is asked, N m.
     offset_nm: f64,
     ecr_mvc: f64,
+    /// Handed over with the next sample.
+    punctuality: Option<Punctuality>,
+    /// The rig is a motor, whose periods are tied to a clock.
+    is_motor: bool,
+    /// Angle that the motor is away from its command, as a function of time since the last onset, s.
+    astray: fn(f64) -> f64,
     transitions: Vec<TransitionRecord>,
 }
 
@@ -64,6 +71,9 @@ impl Bench {
             error_nm: 0.0,
             offset_nm: 0.0,
             ecr_mvc: 0.0,
+            punctuality: None,
+            is_motor: false,
+            astray: |_| 0.0,
             transitions: Vec::new(),
         }
     }
@@ -88,6 +98,15 @@ impl Bench {
             Motor::Follow { angle_rad } => angle_rad,
             Motor::Safe => 0.0,
         };
+        let onset = self.transitions.iter().rev().find(|transition| transition.event == Event::Onset);
+        let since_s = onset.map_or(f64::NEG_INFINITY, |onset| {
+            self.machine.sample().saturating_sub(onset.sample) as f64 / 500.0
+        });
+        let theta_m_rad = if matches!(self.command.cue, Cue::Moving) {
+            theta_m_rad + (self.astray)(since_s)
+        } else {
+            theta_m_rad
+        };
         let (torque_nm, emg) = match self.command.cue {
             Cue::Target { target_nm, .. } => (target_nm + self.error_nm, 0.2),
             Cue::Moving => (2.0, 0.2),
@@ -106,7 +125,8 @@ impl Bench {
     }
 
     fn give(&mut self, reading: Reading, operator: Option<Event>) -> Output {
-        self.feed(Input { reading, operator, on_disk: true })
+        let punctuality = self.punctuality.take().or(self.is_motor.then(Punctuality::default));
+        self.feed(Input { reading, operator, on_disk: true, punctuality })
     }
 
     /// One sample.

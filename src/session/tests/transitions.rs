@@ -139,6 +139,8 @@ fn random_walk(seed: u64, samples: usize) -> Vec<TransitionRecord> {
             bench.error_nm = [0.0, 0.0, 0.0, 0.0, 1.0][stream.below(5) as usize];
             bench.ecr_mvc = [0.0, 0.0, 0.0, 0.0, 2.0][stream.below(5) as usize];
         }
+        let lost_periods = u64::from(bench.machine.sample().is_multiple_of(997));
+        bench.punctuality = Some(Punctuality { lost_periods, ..Punctuality::default() });
         let fault = stream.uniform() < 0.0005;
         let armed = bench.machine.phase().is_armed() || matches!(word, Some(Event::Start | Event::Rearm));
         let reading = match (fault, armed) {

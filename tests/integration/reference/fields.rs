@@ -233,3 +233,17 @@ fn the_page_of_the_motor_rigs_fields_names_every_field_of_the_rig_file() {
     }
     assert!(count > 80, "{count} fields found");
 }
+
+/// A reader copies the rig files of this page: each complete one must be valid.
+#[test]
+fn the_complete_rig_files_of_the_page_on_real_motors_are_valid() {
+    let page = include_str!("../../../docs/how-to/real-motor.md");
+    let blocks = page.split("```json\n").skip(1).filter_map(|rest| rest.split_once("\n```"));
+    let files: Vec<&str> =
+        blocks.map(|(text, _)| text).filter(|text| text.contains("\"ramphold-rig/1\"")).collect();
+    for file in &files {
+        ramphold::rig::can::file::ValidRigFile::parse(file, "real-motor.md")
+            .unwrap_or_else(|error| panic!("{error}"));
+    }
+    assert!(!files.is_empty(), "the page shows no rig file");
+}

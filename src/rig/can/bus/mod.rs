@@ -1,7 +1,11 @@
 //! CAN buses: Linux SocketCAN, a serial adapter (SLCAN), or a socketcand server, behind one small trait.
 
+#[cfg(target_os = "linux")]
+mod arrival;
 mod can_bus;
 mod frame;
+#[cfg(target_os = "linux")]
+mod netlink;
 mod open;
 #[cfg(unix)]
 mod readiness;

@@ -4,7 +4,9 @@
 //! BEL refuses a command.
 
 use std::collections::VecDeque;
-use std::io::{self, Read, Write};
+#[cfg(windows)]
+use std::io::Write;
+use std::io::{self, Read};
 #[cfg(unix)]
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::time::{Duration, Instant};
@@ -16,8 +18,14 @@ use super::spec::BitRate;
 /// USB adapters ignore it; those with a real serial line behind them run at it.
 const BAUD: u32 = 2_000_000;
 const ADAPTER_REPLY_TIMEOUT: Duration = Duration::from_millis(300);
-/// How long the adapter may refuse to take bytes.
+/// Silence after which an adapter has nothing more to say.
+const ADAPTER_SILENCE: Duration = Duration::from_millis(50);
+/// How long an adapter may go on sending after its channel was closed.
+const ADAPTER_SETTLE_TIMEOUT: Duration = Duration::from_millis(500);
+/// How long the adapter may refuse to take bytes while it is opened or closed.
 const SERIAL_WRITE_TIMEOUT: Duration = Duration::from_millis(50);
+/// Reads after a deadline: what had arrived by then is taken in, and an adapter that is never silent holds nobody up.
+const READS_AFTER_DEADLINE: usize = 4;
 /// Room for what came in one read, and a line that is not complete yet.
 const SERIAL_BUFFER_BYTES: usize = 4096;
 
@@ -33,17 +41,29 @@ pub struct Slcan {
     line: Vec<u8>,
     read: Vec<u8>,
     waiting: VecDeque<Received>,
+    /// Lines without content: the adapter's acknowledgements of commands.
+    acknowledgements: u64,
+    /// How long the adapter may refuse to take a frame.
+    send_timeout: Duration,
 }
 
 impl Slcan {
-    /// Opens the device and its channel.
-    pub fn open(device: &str, bit_rate: BitRate) -> io::Result<Self> {
+    /// Opens the device and its channel. `send_timeout` is how long a frame may wait for the adapter.
+    ///
+    /// # Errors
+    /// What the operating system said; an adapter that does not fall silent, refuses a command, or takes no bytes.
+    pub fn open(device: &str, bit_rate: BitRate, send_timeout: Duration) -> io::Result<Self> {
         let port = serialport::new(device, BAUD).timeout(SERIAL_WRITE_TIMEOUT).open_native()?;
+        // A blocking write would wait for as long as the adapter takes no bytes.
+        #[cfg(unix)]
+        set_nonblocking(&port)?;
         let mut adapter = Self {
             port,
             line: Vec::with_capacity(64),
             read: vec![0; SERIAL_BUFFER_BYTES],
             waiting: VecDeque::with_capacity(SERIAL_BUFFER_BYTES),
+            acknowledgements: 0,
+            send_timeout,
         };
         // Whatever was begun before, then a closed channel: an adapter that was left open refuses the bit rate.
         adapter.write(b"\r\r\rC\r")?;
@@ -55,7 +75,18 @@ impl Slcan {
 
     /// Takes in what the adapter still has to say, until it has been silent for a while.
     fn settle(&mut self) -> io::Result<()> {
-        while self.fill(Instant::now() + Duration::from_millis(50))? {}
+        let end = Instant::now() + ADAPTER_SETTLE_TIMEOUT;
+        while self.fill(Instant::now() + ADAPTER_SILENCE)? {
+            if Instant::now() >= end {
+                let message = format!(
+                    "the adapter still sends {} ms after its channel was closed (command C): it ignores the command, or \
+                     it is no SLCAN (Lawicel) adapter; unplug it and plug it in again, and name the right device",
+                    ADAPTER_SETTLE_TIMEOUT.as_millis()
+                );
+                return Err(io::Error::new(io::ErrorKind::TimedOut, message));
+            }
+            self.waiting.clear();
+        }
         self.waiting.clear();
         self.line.clear();
         Ok(())
@@ -63,24 +94,53 @@ impl Slcan {
 
     /// A command and its answer. Some adapters answer nothing at all; only a BEL is a refusal.
     fn command(&mut self, command: &[u8], what: &str) -> io::Result<()> {
+        let before = self.acknowledgements;
         self.write(command)?;
         let deadline = Instant::now() + ADAPTER_REPLY_TIMEOUT;
-        if self.fill(deadline)?
-            && self.waiting.iter().any(|one| *one == Received::ControllerError(ControllerError::BusError))
-        {
-            let message = format!("the adapter refuses {what}; is it a SLCAN (Lawicel) adapter?");
-            return Err(io::Error::other(message));
+        while self.acknowledgements == before && Instant::now() < deadline {
+            if !self.fill(deadline)? {
+                break;
+            }
+            if self.waiting.iter().any(|one| *one == Received::ControllerError(ControllerError::BusError)) {
+                let message = format!("the adapter refuses {what}; is it a SLCAN (Lawicel) adapter?");
+                return Err(io::Error::other(message));
+            }
         }
         self.waiting.clear();
         Ok(())
     }
 
+    /// Bytes to the adapter while it is opened or closed.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        #[cfg(unix)]
-        if !super::readiness::writable(self.fd(), Instant::now() + SERIAL_WRITE_TIMEOUT)? {
-            return Err(io::ErrorKind::TimedOut.into());
+        self.write_before(bytes, Instant::now() + SERIAL_WRITE_TIMEOUT)
+    }
+
+    #[cfg(unix)]
+    fn write_before(&mut self, mut bytes: &[u8], deadline: Instant) -> io::Result<()> {
+        while !bytes.is_empty() {
+            if !super::readiness::writable(self.fd(), deadline)? {
+                return Err(no_bytes_taken());
+            }
+            match rustix::io::write(self.fd(), bytes) {
+                Ok(count) => bytes = &bytes[count..],
+                Err(rustix::io::Errno::AGAIN) if Instant::now() >= deadline => return Err(no_bytes_taken()),
+                Err(rustix::io::Errno::AGAIN | rustix::io::Errno::INTR) => {}
+                Err(error) => return Err(error.into()),
+            }
         }
-        self.port.write_all(bytes)
+        Ok(())
+    }
+
+    /// The port's own timeout bounds each write.
+    #[cfg(windows)]
+    fn write_before(&mut self, bytes: &[u8], deadline: Instant) -> io::Result<()> {
+        use serialport::SerialPort;
+        let left = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
+        self.port.set_timeout(left)?;
+        self.port.write_all(bytes).map_err(|error| match error.kind() {
+            io::ErrorKind::TimedOut => no_bytes_taken(),
+            _ => error,
+        })
     }
 
     #[cfg(unix)]
@@ -113,10 +173,13 @@ impl Slcan {
         if !self.wait(deadline)? {
             return Ok(false);
         }
-        let count = self.port.read(&mut self.read)?;
-        if count == 0 {
-            return Err(io::ErrorKind::UnexpectedEof.into());
-        }
+        let count = match self.port.read(&mut self.read) {
+            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(count) => count,
+            // Another wake-up than that of bytes.
+            Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => 0,
+            Err(error) => return Err(error),
+        };
         let now = Instant::now();
         for at in 0..count {
             self.take(self.read[at], now);
@@ -127,6 +190,7 @@ impl Slcan {
     fn take(&mut self, byte: u8, now: Instant) {
         match byte {
             b'\r' => {
+                self.acknowledgements += u64::from(self.line.is_empty());
                 if let Some(received) = line(&self.line, now) {
                     self.put(received);
                 }
@@ -157,17 +221,19 @@ impl CanBus for Slcan {
     fn send(&mut self, frame: &Frame) -> io::Result<()> {
         let mut text = [0u8; 32];
         let length = encode(frame, &mut text);
-        self.write(&text[..length])
+        self.write_before(&text[..length], Instant::now() + self.send_timeout)
     }
 
     fn receive(&mut self, deadline: Instant) -> io::Result<Option<Received>> {
+        let mut reads_after_deadline = 0;
         loop {
             if let Some(received) = self.waiting.pop_front() {
                 return Ok(Some(received));
             }
-            if !self.fill(deadline)? {
+            if reads_after_deadline >= READS_AFTER_DEADLINE || !self.fill(deadline)? {
                 return Ok(None);
             }
+            reads_after_deadline += usize::from(Instant::now() >= deadline);
         }
     }
 }
@@ -175,7 +241,7 @@ impl CanBus for Slcan {
 impl Drop for Slcan {
     fn drop(&mut self) {
         // The adapter forgets a channel that is left open; closing it is a courtesy to the next program.
-        let _ = self.port.write_all(b"C\r");
+        let _ = self.write(b"C\r");
     }
 }
 
@@ -183,6 +249,18 @@ impl std::fmt::Debug for Slcan {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         formatter.debug_struct("Slcan").finish_non_exhaustive()
     }
+}
+
+#[cfg(unix)]
+fn set_nonblocking(port: &Port) -> io::Result<()> {
+    use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+    // SAFETY: the descriptor belongs to `port`, which outlives the borrow.
+    let fd = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
+    Ok(fcntl_setfl(fd, fcntl_getfl(fd)? | OFlags::NONBLOCK)?)
+}
+
+fn no_bytes_taken() -> io::Error {
+    io::Error::new(io::ErrorKind::TimedOut, "the adapter takes no bytes; unplug it and plug it in again")
 }
 
 const HEX: &[u8; 16] = b"0123456789ABCDEF";
@@ -284,6 +362,89 @@ mod tests {
         assert_eq!(heard(b"T000001230"), Some(Received::Foreign));
         assert_eq!(heard(b"F80"), Some(Received::ControllerError(ControllerError::BusError)));
         assert_eq!(heard(b"F04"), Some(Received::ControllerError(ControllerError::Warning)));
+    }
+
+    /// A serial adapter at the other end of a pseudo-terminal, driven by `behave` until it ends or the program closes.
+    #[cfg(target_os = "linux")]
+    fn adapter(behave: impl FnOnce(std::fs::File) + Send + 'static) -> String {
+        use rustix::fs::{Mode, OFlags, open};
+        use std::os::fd::AsRawFd;
+        let master = open("/dev/ptmx", OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).unwrap();
+        let (unlocked, mut number) = (0, 0);
+        // SAFETY: both calls read or write one int that lives here.
+        unsafe {
+            assert_eq!(libc::ioctl(master.as_raw_fd(), libc::TIOCSPTLCK, &raw const unlocked), 0);
+            assert_eq!(libc::ioctl(master.as_raw_fd(), libc::TIOCGPTN, &raw mut number), 0);
+        }
+        std::thread::spawn(move || behave(master.into()));
+        format!("/dev/pts/{number}")
+    }
+
+    #[cfg(target_os = "linux")]
+    fn open_within(device: &str, most: Duration) -> io::Result<Slcan> {
+        let began = Instant::now();
+        let opened = Slcan::open(device, BitRate::MAX, Duration::from_millis(2));
+        assert!(began.elapsed() < most, "opening took {:?}", began.elapsed());
+        opened
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn an_adapter_that_ignores_the_command_to_close_and_is_never_silent_is_refused_in_time() {
+        use std::io::Write as _;
+        let device = adapter(|mut port| {
+            while port.write_all(b"t1232AABB\r").is_ok() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        });
+        let error = open_within(&device, Duration::from_secs(3)).unwrap_err();
+        assert!(error.to_string().contains("still sends"), "{error}");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn an_adapter_that_answers_nothing_at_all_opens_in_time() {
+        use std::io::Read as _;
+        let device = adapter(|mut port| while port.read(&mut [0; 256]).is_ok() {});
+        open_within(&device, Duration::from_secs(2)).unwrap();
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn an_adapter_that_sends_nothing_but_acknowledgements_does_not_hold_a_deadline_up() {
+        use std::io::Write as _;
+        let (start, begin) = std::sync::mpsc::channel();
+        let device = adapter(move |mut port| {
+            begin.recv().unwrap();
+            while port.write_all(&[b'\r'; 64]).is_ok() {}
+        });
+        let mut bus = open_within(&device, Duration::from_secs(2)).unwrap();
+        start.send(()).unwrap();
+        std::thread::sleep(Duration::from_millis(20));
+        let began = Instant::now();
+        assert_eq!(bus.receive(began + Duration::from_millis(10)).unwrap(), None);
+        assert!(began.elapsed() < Duration::from_millis(500), "{:?}", began.elapsed());
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn an_adapter_that_takes_no_bytes_fails_a_frame_after_the_time_that_a_frame_may_wait() {
+        let (done, wait) = std::sync::mpsc::channel::<()>();
+        let device = adapter(move |port| {
+            let _ = wait.recv();
+            drop(port);
+        });
+        let mut bus = open_within(&device, Duration::from_secs(2)).unwrap();
+        let frame = Frame::new(0x123, &[0xAA; 8]);
+        let (failed, longest) = (0..20_000)
+            .find_map(|_| {
+                let began = Instant::now();
+                bus.send(&frame).err().map(|error| (error, began.elapsed()))
+            })
+            .expect("a pseudo-terminal that nobody reads is full at some time");
+        assert_eq!(failed.kind(), io::ErrorKind::TimedOut);
+        assert!(longest < Duration::from_millis(500), "{longest:?}");
+        drop(done);
     }
 
     proptest! {

@@ -6,35 +6,58 @@ use std::time::{Duration, Instant, SystemTime};
 
 use socketcan::{CanSocket, EmbeddedFrame, Frame as _, Socket, SocketOptions, StandardId};
 
+use super::arrival::ArrivalClock;
 use super::can_bus::{CanBus, ControllerError, Received};
 use super::frame::Frame;
+use super::netlink;
 use super::readiness::{readable, writable};
-
-/// How long the interface's transmit queue may be full.
-const QUEUE_TIMEOUT: Duration = Duration::from_millis(50);
+use super::spec::BitRate;
 
 /// A raw CAN socket.
 #[derive(Debug)]
 pub struct SocketCan {
     socket: CanSocket,
+    arrivals: ArrivalClock,
+    /// How long the interface's transmit queue may be full.
+    send_timeout: Duration,
 }
 
 impl SocketCan {
-    /// Opens a socket on the interface.
-    pub fn open(interface: &str) -> io::Result<Self> {
+    /// Opens a socket on the interface. `send_timeout` is how long a frame may wait for the transmit queue.
+    ///
+    /// # Errors
+    /// What the operating system said, or an interface with another bit rate.
+    pub fn open(interface: &str, bit_rate: BitRate, send_timeout: Duration) -> io::Result<Self> {
+        if let Some(error) = wrong_bit_rate(interface, netlink::bit_rate(interface)?, bit_rate) {
+            return Err(error);
+        }
         let socket = CanSocket::open(interface)?;
         socket.set_error_filter_accept_all()?;
         socket.set_recv_timestamp(true)?;
         socket.set_nonblocking(true)?;
-        Ok(Self { socket })
+        Ok(Self { socket, arrivals: ArrivalClock::new(Instant::now(), SystemTime::now()), send_timeout })
     }
+}
+
+/// Why the interface's bit rate is refused; a virtual interface (vcan) has none.
+fn wrong_bit_rate(interface: &str, found: Option<u32>, expected: BitRate) -> Option<io::Error> {
+    let (found, expected) = (found?, expected.bits_per_s());
+    (found != expected).then(|| {
+        io::Error::new(
+            io::ErrorKind::InvalidInput,
+            format!(
+                "its bit rate is {found} bit/s, and bit_rate is {expected}; set it with: ip link set {interface} down, \
+                 then ip link set {interface} up type can bitrate {expected}; or correct bit_rate"
+            ),
+        )
+    })
 }
 
 impl CanBus for SocketCan {
     fn send(&mut self, frame: &Frame) -> io::Result<()> {
         let id = StandardId::new(frame.id).ok_or(io::ErrorKind::InvalidInput)?;
         let frame = socketcan::CanFrame::new(id, frame.data()).ok_or(io::ErrorKind::InvalidInput)?;
-        let deadline = Instant::now() + QUEUE_TIMEOUT;
+        let deadline = Instant::now() + self.send_timeout;
         loop {
             match self.socket.write_frame(&frame) {
                 Ok(()) => return Ok(()),
@@ -55,8 +78,12 @@ impl CanBus for SocketCan {
     fn receive(&mut self, deadline: Instant) -> io::Result<Option<Received>> {
         loop {
             match self.socket.read_frame_with_timestamp() {
-                Ok((frame, arrived)) => return Ok(Some(received(&frame, arrived))),
+                Ok((frame, stamp)) => {
+                    let arrived = self.arrivals.arrival(stamp, Instant::now(), SystemTime::now());
+                    return Ok(Some(received(&frame, arrived)));
+                }
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                    self.arrivals.drained(Instant::now());
                     if !readable(self.socket.as_fd(), deadline)? {
                         return Ok(None);
                     }
@@ -67,23 +94,16 @@ impl CanBus for SocketCan {
     }
 }
 
-fn received(frame: &socketcan::CanFrame, arrived: SystemTime) -> Received {
+fn received(frame: &socketcan::CanFrame, arrived: Instant) -> Received {
     match frame {
         socketcan::CanFrame::Data(data) if data.is_standard() => {
-            Received::Frame(Frame::new(data.raw_id() as u16, data.data()), instant(arrived))
+            Received::Frame(Frame::new(data.raw_id() as u16, data.data()), arrived)
         }
         socketcan::CanFrame::Error(error) => {
             Received::ControllerError(controller_error(error.raw_id(), error.data()))
         }
         _ => Received::Foreign,
     }
-}
-
-/// The kernel stamps with the time of day; how long ago that was is all that matters here.
-fn instant(arrived: SystemTime) -> Instant {
-    let (now, wall) = (Instant::now(), SystemTime::now());
-    let age = wall.duration_since(arrived).unwrap_or_default();
-    now.checked_sub(age.min(Duration::from_secs(1))).unwrap_or(now)
 }
 
 /// linux/can/error.h: the class in the identifier, details of the controller in byte 1.
@@ -111,5 +131,17 @@ mod tests {
         assert_eq!(controller_error(0x04, &[0, 0x01, 0, 0, 0, 0, 0, 0]), ControllerError::Overrun);
         assert_eq!(controller_error(0x100, &[0; 8]), ControllerError::Restarted);
         assert_eq!(controller_error(0x88, &[0; 8]), ControllerError::BusError);
+    }
+
+    #[test]
+    fn an_interface_with_another_bit_rate_is_refused_and_one_without_any_is_not() {
+        let megabit = BitRate::MAX;
+        let error = wrong_bit_rate("can0", Some(500_000), megabit).unwrap().to_string();
+        assert!(
+            error.contains("500000") && error.contains("1000000") && error.contains("ip link set can0"),
+            "{error}"
+        );
+        assert!(wrong_bit_rate("can0", Some(1_000_000), megabit).is_none());
+        assert!(wrong_bit_rate("vcan0", None, megabit).is_none());
     }
 }

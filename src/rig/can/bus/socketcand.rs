@@ -1,9 +1,10 @@
 //! socketcand's ASCII protocol over TCP, raw mode: a bus on another machine, or one that several programs share.
 
 use std::io::{self, Read, Write};
-use std::net::TcpStream;
+use std::net::{SocketAddr, TcpStream, ToSocketAddrs};
 #[cfg(unix)]
 use std::os::fd::AsFd;
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use super::can_bus::{CanBus, ControllerError, Received};
@@ -11,6 +12,8 @@ use super::frame::Frame;
 
 const SERVER_TIMEOUT: Duration = Duration::from_secs(2);
 const SERVER_BUFFER_BYTES: usize = 8192;
+/// Reads after a deadline: what had arrived by then is taken in, and a server that is never silent holds nobody up.
+const READS_AFTER_DEADLINE: usize = 4;
 
 /// A connection in raw mode.
 #[derive(Debug)]
@@ -20,20 +23,27 @@ pub struct Socketcand {
     /// What of the buffer is filled and not yet taken apart.
     from: usize,
     to: usize,
+    /// How long the server may refuse to take a frame.
+    send_timeout: Duration,
 }
 
 impl Socketcand {
-    /// Connects, opens the bus and goes to raw mode.
-    pub fn open(host: &str, port: u16, channel: &str) -> io::Result<Self> {
-        let stream = TcpStream::connect((host, port))?;
+    /// Connects, opens the bus and goes to raw mode. `send_timeout` is how long a frame may wait for the server.
+    ///
+    /// # Errors
+    /// No server at this address, or one that says something else than socketcand or nothing, within seconds.
+    pub fn open(host: &str, port: u16, channel: &str, send_timeout: Duration) -> io::Result<Self> {
+        let stream = connect(host, port)?;
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(SERVER_TIMEOUT))?;
-        let mut server = Self { stream, buffer: Box::new([0; SERVER_BUFFER_BYTES]), from: 0, to: 0 };
+        let buffer = Box::new([0; SERVER_BUFFER_BYTES]);
+        let mut server = Self { stream, buffer, from: 0, to: 0, send_timeout };
         server.expect("hi", "a greeting")?;
         for command in [format!("< open {channel} >"), "< rawmode >".to_owned()] {
             server.stream.write_all(command.as_bytes())?;
             server.expect("ok", &command)?;
         }
+        server.stream.set_write_timeout(Some(server.send_timeout.max(Duration::from_micros(100))))?;
         Ok(server)
     }
 
@@ -47,10 +57,13 @@ impl Socketcand {
                 }
                 return Err(io::Error::other(format!("the server answers {to_what} with {text:?}")));
             }
-            if !self.fill(deadline)? {
+            // Bytes that are no command must not hold it up either.
+            if Instant::now() >= deadline || !self.fill(deadline)? {
                 return Err(io::Error::new(
                     io::ErrorKind::TimedOut,
-                    "the server says nothing; is it socketcand?",
+                    format!(
+                        "the server did not answer ({to_what}) within {SERVER_TIMEOUT:?}; is it socketcand?"
+                    ),
                 ));
             }
         }
@@ -116,19 +129,69 @@ impl CanBus for Socketcand {
         }
         write!(rest, ">")?;
         let left = rest.len();
-        self.stream.write_all(&text[..text.len() - left])
+        let bytes = &text[..text.len() - left];
+        let deadline = Instant::now() + self.send_timeout;
+        let mut written = 0;
+        while written < bytes.len() {
+            let full = |error: &io::Error| {
+                matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut)
+            };
+            match self.stream.write(&bytes[written..]) {
+                Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+                Ok(count) => written += count,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted && Instant::now() < deadline => {}
+                Err(error) if full(&error) => {
+                    let message = "the server takes no frames; is its bus, or the network, overloaded?";
+                    return Err(io::Error::new(io::ErrorKind::TimedOut, message));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
     }
 
     fn receive(&mut self, deadline: Instant) -> io::Result<Option<Received>> {
+        let mut reads_after_deadline = 0;
         loop {
             if let Some((from, to)) = self.command() {
                 return Ok(Some(parse(&self.buffer[from..to], Instant::now())));
             }
-            if !self.fill(deadline)? {
+            if reads_after_deadline >= READS_AFTER_DEADLINE || !self.fill(deadline)? {
                 return Ok(None);
             }
+            reads_after_deadline += usize::from(Instant::now() >= deadline);
         }
     }
+}
+
+/// A connection to the first address of the host that takes one. Neither the name service nor the network is waited for
+/// longer than [`SERVER_TIMEOUT`].
+fn connect(host: &str, port: u16) -> io::Result<TcpStream> {
+    let mut outcome = Err(io::Error::new(io::ErrorKind::NotFound, format!("{host} has no address")));
+    let deadline = Instant::now() + SERVER_TIMEOUT;
+    for address in addresses(host, port)? {
+        let left = deadline.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
+        outcome = TcpStream::connect_timeout(&address, left);
+        if outcome.is_ok() {
+            break;
+        }
+    }
+    outcome
+}
+
+/// The addresses of a host. The name service has no time limit of its own, so it is asked on another thread.
+fn addresses(host: &str, port: u16) -> io::Result<Vec<SocketAddr>> {
+    let (tell, told) = mpsc::channel();
+    let name = host.to_owned();
+    std::thread::spawn(move || {
+        let found = (name.as_str(), port).to_socket_addrs().map(Iterator::collect);
+        // Nobody waits any more when it took too long.
+        let _ = tell.send(found);
+    });
+    told.recv_timeout(SERVER_TIMEOUT).unwrap_or_else(|_| {
+        let message = format!("the name service does not say where {host} is; write its address as a number");
+        Err(io::Error::new(io::ErrorKind::TimedOut, message))
+    })
 }
 
 /// `frame ID SECONDS.MICROSECONDS DATA`, `error CLASS SECONDS DATA`, or what concerns us not.
@@ -193,5 +256,70 @@ mod tests {
         ] {
             assert_eq!(frame(garbled), Received::Garbled, "{garbled}");
         }
+    }
+
+    /// A server that treats its one guest as `behave` does.
+    fn server(behave: impl FnOnce(TcpStream) + Send + 'static) -> u16 {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        std::thread::spawn(move || behave(listener.accept().unwrap().0));
+        port
+    }
+
+    fn open_within(port: u16, most: Duration) -> io::Result<Socketcand> {
+        let began = Instant::now();
+        let opened = Socketcand::open("127.0.0.1", port, "can0", Duration::from_millis(5));
+        assert!(began.elapsed() < most, "opening took {:?}", began.elapsed());
+        opened
+    }
+
+    fn greet(guest: &mut TcpStream) {
+        guest.write_all(b"< hi >").unwrap();
+        for _ in 0..2 {
+            let _ = guest.read(&mut [0; 64]).unwrap();
+            guest.write_all(b"< ok >").unwrap();
+        }
+    }
+
+    #[test]
+    fn a_server_that_says_nothing_or_never_ends_a_word_is_refused_in_time() {
+        let silent = server(|mut guest| drop(guest.read(&mut [0])));
+        let error = open_within(silent, Duration::from_secs(4)).unwrap_err();
+        assert!(error.to_string().contains("did not answer"), "{error}");
+        let endless = server(|mut guest| while guest.write_all(&[b'x'; 64]).is_ok() {});
+        let error = open_within(endless, Duration::from_secs(4)).unwrap_err();
+        assert!(error.to_string().contains("did not answer"), "{error}");
+    }
+
+    #[test]
+    fn a_server_that_takes_no_frames_fails_one_after_the_time_that_a_frame_may_wait() {
+        let (done, wait) = mpsc::channel::<()>();
+        let port = server(move |mut guest| {
+            greet(&mut guest);
+            let _ = wait.recv();
+        });
+        let mut bus = open_within(port, Duration::from_secs(4)).unwrap();
+        let frame = Frame::new(0x123, &[0xAA; 8]);
+        let (error, took) = (0..1_000_000)
+            .find_map(|_| {
+                let began = Instant::now();
+                bus.send(&frame).err().map(|error| (error, began.elapsed()))
+            })
+            .expect("a connection that nobody reads is full at some time");
+        assert_eq!(error.kind(), io::ErrorKind::TimedOut);
+        assert!(took < Duration::from_millis(500), "{took:?}");
+        drop(done);
+    }
+
+    #[test]
+    fn a_server_that_sends_no_whole_word_does_not_hold_a_deadline_up() {
+        let port = server(|mut guest| {
+            greet(&mut guest);
+            while guest.write_all(&[b'x'; 64]).is_ok() {}
+        });
+        let mut bus = open_within(port, Duration::from_secs(4)).unwrap();
+        let began = Instant::now();
+        assert_eq!(bus.receive(began + Duration::from_millis(20)).unwrap(), None);
+        assert!(began.elapsed() < Duration::from_millis(500), "{:?}", began.elapsed());
     }
 }

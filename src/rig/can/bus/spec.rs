@@ -1,8 +1,10 @@
 //! Names of buses, as written in rig files and on the command line.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Where a bus is.
@@ -87,6 +89,24 @@ impl Serialize for BusSpec {
     }
 }
 
+impl JsonSchema for BusSpec {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "BusSpec".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "type": "string",
+            "format": "bus",
+            "pattern": "^(socketcan:.+|slcan:.+|socketcand:[^:]+:[0-9]+:[^:]+)$"
+        })
+    }
+}
+
 /// Bit rate of a bus, bit/s: one of those that CiA 301 and Lawicel's adapters share.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BitRate(u32);
@@ -121,6 +141,20 @@ impl<'de> Deserialize<'de> for BitRate {
         Self::new(bits_per_s).ok_or_else(|| {
             serde::de::Error::custom(format!("a bit rate of {bits_per_s}; expected one of {:?}", Self::RATES))
         })
+    }
+}
+
+impl JsonSchema for BitRate {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "BitRate".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "integer", "enum": Self::RATES })
     }
 }
 

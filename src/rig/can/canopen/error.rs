@@ -14,6 +14,9 @@ pub enum CanopenError {
     /// The adapter, the interface or the server does not answer to the operating system any more.
     #[error("the CAN adapter is gone or takes no frames; check its cable, then arm again")]
     BusGone,
+    /// The operator stopped the program while the motor was being armed.
+    #[error("the operator stopped the program while the motor was being armed")]
+    Interrupted,
     /// The controller left the bus.
     #[error(
         "the CAN controller went bus-off; check termination, bit rate and cable, and bring the bus up again"

@@ -1,6 +1,7 @@
 //! The master's link to the bus: sends its heartbeat, monitors those of the nodes, and sorts what arrives.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::error::CanopenError;
@@ -12,8 +13,14 @@ use crate::timing::Clock;
 /// Nodes that can be watched: a motor and a few sensors.
 const MAX_NODES: usize = 4;
 
+/// Frames that are sorted away in one go after the deadline: a bus that is never silent holds nobody up.
+const SORTED_AFTER_DEADLINE: usize = 256;
+
 /// Longer than any period: the program was kept from running.
 const LONG_ABSENCE: Duration = Duration::from_millis(150);
+
+/// How long a wait may last before the operator's stop is looked for.
+const LONGEST_WAIT_UNHEARD: Duration = Duration::from_millis(2);
 
 /// The heartbeat of this program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -100,6 +107,12 @@ pub struct Link {
     time_stretch: f64,
     /// When it was last asked for what came.
     listened: Instant,
+    /// When the latest frame arrived.
+    arrived: Instant,
+    /// Set by the operator to stop the program.
+    stop: Option<Arc<AtomicBool>>,
+    /// The operator's stop interrupts whatever waits for frames.
+    is_interruptible: bool,
 }
 
 impl Link {
@@ -119,6 +132,9 @@ impl Link {
             counters: Counters::default(),
             time_stretch: 1.0,
             listened: now,
+            arrived: now,
+            stop: None,
+            is_interruptible: false,
         }
     }
 
@@ -130,6 +146,11 @@ impl Link {
     /// The present time.
     pub fn now(&self) -> Instant {
         self.clock.now()
+    }
+
+    /// When the latest frame that was received arrived, which may be before it was asked for.
+    pub fn arrived(&self) -> Instant {
+        self.arrived
     }
 
     /// Counts of frames and errors so far.
@@ -150,6 +171,27 @@ impl Link {
     /// How many times as long everything takes.
     pub fn time_stretch(&self) -> f64 {
         self.time_stretch
+    }
+
+    /// The flag by which the operator stops the program.
+    pub fn stop_on(&mut self, stop: Arc<AtomicBool>) {
+        self.stop = Some(stop);
+    }
+
+    /// From now on, whatever waits for frames ends with [`CanopenError::Interrupted`] when the operator stops the program;
+    /// or does not. It does while the motor is being armed, never while it is made safe. After one interruption it does
+    /// not any more.
+    pub fn set_interruptible(&mut self, is_interruptible: bool) {
+        self.is_interruptible = is_interruptible;
+    }
+
+    fn listen_to_operator(&mut self) -> Result<(), CanopenError> {
+        let stopped = self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed));
+        if self.is_interruptible && stopped {
+            self.is_interruptible = false;
+            return Err(CanopenError::Interrupted);
+        }
+        Ok(())
     }
 
     /// Begins to send our heartbeat, or ends it: then every drive that minds it stops by itself.
@@ -205,17 +247,27 @@ impl Link {
         self.send(&Frame::new(cob::NMT, &[command.specifier(), node]))
     }
 
-    /// The next data frame that is neither heartbeat nor emergency, or `None` at the deadline.
+    /// The next data frame that is neither heartbeat nor emergency, or `None` at the deadline. What has arrived by the deadline
+    /// is still taken in after it, so a loop over this must look at the clock if others fill the bus.
     ///
     /// # Errors
-    /// While watching: whatever is wrong with nodes and bus.
+    /// While watching: whatever is wrong with nodes and bus. While interruptible: [`CanopenError::Interrupted`].
     pub fn receive(&mut self, deadline: Instant) -> Result<Option<Frame>, CanopenError> {
+        let mut sorted_late = 0;
         loop {
+            self.listen_to_operator()?;
             let now = self.now();
             self.excuse(now);
             self.beat_if_due(now)?;
             self.check_watched(now)?;
-            let next = self.beat.map_or(deadline, |(_, due)| due.min(deadline));
+            if sorted_late >= SORTED_AFTER_DEADLINE {
+                return Ok(None);
+            }
+            sorted_late += usize::from(now >= deadline);
+            let mut next = self.beat.map_or(deadline, |(_, due)| due.min(deadline));
+            if self.is_interruptible {
+                next = next.min(now + LONGEST_WAIT_UNHEARD);
+            }
             match self.bus.receive(next).map_err(|_| CanopenError::BusGone)? {
                 Some(received) => {
                     if let Some(frame) = self.sort(received)? {
@@ -237,6 +289,15 @@ impl Link {
                 None => break,
             }
         }
+        Ok(())
+    }
+
+    /// Lets time pass until `end` with heartbeats going both ways; frames are dropped.
+    ///
+    /// # Errors
+    /// While watching: whatever is wrong with nodes and bus.
+    pub fn pass_time(&mut self, end: Instant) -> Result<(), CanopenError> {
+        while self.receive(end)?.is_some() && self.now() < end {}
         Ok(())
     }
 
@@ -302,6 +363,7 @@ impl Link {
         match received {
             Received::Frame(frame, arrived) => {
                 self.counters.received += 1;
+                self.arrived = arrived;
                 match frame.id {
                     0x700..=0x77F if self.minds(&frame) => self.heartbeat(&frame, arrived).map(|()| None),
                     0x081..=0x0FF if self.minds(&frame) => self.emergency(&frame).map(|()| None),
@@ -388,6 +450,41 @@ impl Link {
             }
             _ if count > self.tolerance.error_frames => Err(CanopenError::ControllerError { trouble, count }),
             _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::can::canopen::Object;
+    use crate::timing::SystemClock;
+
+    /// A bus on which something arrives whenever it is asked.
+    #[derive(Debug)]
+    struct NeverSilent(Received);
+
+    impl CanBus for NeverSilent {
+        fn send(&mut self, _: &Frame) -> std::io::Result<()> {
+            Ok(())
+        }
+
+        fn receive(&mut self, _: Instant) -> std::io::Result<Option<Received>> {
+            Ok(Some(self.0))
+        }
+    }
+
+    #[test]
+    fn a_bus_that_is_never_silent_holds_up_neither_a_wait_nor_a_question() {
+        let foreign = Received::Frame(Frame::new(0x010, &[]), Instant::now());
+        for received in [Received::Garbled, Received::Foreign, foreign] {
+            let mut link = Link::new(Box::new(NeverSilent(received)), Arc::new(SystemClock::default()));
+            let began = Instant::now();
+            link.pass_time(began + Duration::from_millis(10)).unwrap();
+            assert!(began.elapsed() < Duration::from_millis(500), "{received:?}: {:?}", began.elapsed());
+            let silent = link.read(5, Object::plain(0x6041)).unwrap_err();
+            assert!(matches!(silent, CanopenError::SdoSilent { .. }), "{received:?}: {silent}");
+            assert!(began.elapsed() < Duration::from_secs(5), "{received:?}: {:?}", began.elapsed());
         }
     }
 }

@@ -1,8 +1,10 @@
 //! Objects of a dictionary: their address, their type, their value.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// The address of an object, such as 607Dh:02.
@@ -52,8 +54,26 @@ impl<'de> Deserialize<'de> for Object {
     }
 }
 
+impl JsonSchema for Object {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "Object".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "type": "string",
+            "format": "can-object",
+            "pattern": "^[0-9A-Fa-f]{1,4}[hH](:[0-9A-Fa-f]{1,2})?$"
+        })
+    }
+}
+
 /// How a number is laid out in a payload, little-endian.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum DataType {
     /// UNSIGNED8.

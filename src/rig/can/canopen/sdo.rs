@@ -153,6 +153,10 @@ impl Link {
         let id = cob::SDO_ANSWER + u16::from(node);
         while let Some(frame) = self.receive(deadline)? {
             if frame.id != id {
+                // Others that fill the bus do not hold the question up.
+                if self.now() >= deadline {
+                    break;
+                }
                 continue;
             }
             let Ok(answer) = <[u8; 8]>::try_from(frame.data()) else { continue };

@@ -1,30 +1,92 @@
-//! Writes limits, watchdogs and frames to the drive and reads every one back.
+//! Reads the drive's units, writes limits, watchdogs and frames, and reads every one back.
 
 use super::device::Cia402;
+use super::homing::takes_present_position;
+use super::object_setup::{ObjectSetup, is_missing};
 use crate::rig::can::canopen::pdo::{MAX_PDOS, Pdo, PdoDirection};
 use crate::rig::can::canopen::{CanopenError, Link, Object, Value};
-use crate::rig::can::device_setup::{expect, write_tpdos};
+use crate::rig::can::device_setup::write_tpdos;
 use crate::rig::can::file::CanRigFile;
 use crate::rig::can::limits::HandleLimits;
 use crate::rig::can::units::{Gearing, JointAngle, JointTorque};
 
+/// 60A8h: encoder increments.
+const INCREMENTS: u32 = 0x00B5_0000;
+/// 60A9h: increments a second.
+const INCREMENTS_PER_S: u32 = 0x00B5_0300;
+/// Of 60AAh: power of ten and numerator of the unit, without the unit of time.
+const NUMERATOR: u32 = 0xFFFF_0000;
+/// 607Eh: positions and speeds are reversed.
+const REVERSED: u32 = 0xC0;
+
 impl Cia402 {
-    /// Encoder and rated torque as the drive has them must be those of the rig file: all limits rest on them.
-    pub(super) fn check_scale(&self, link: &mut Link) -> Result<(), CanopenError> {
-        let motor = &self.motor;
-        let node = motor.node;
-        let counts = link.read(node, Object::entry(0x608F, 1))?.number();
-        let turns = link.read(node, Object::entry(0x608F, 2))?.number().max(1);
-        if counts != motor.counts_per_revolution.saturating_mul(turns) {
-            let expected = motor.counts_per_revolution;
-            return Err(CanopenError::WrongDevice { node, index: 0x608F, sub: 1, read: counts, expected });
+    /// Every unit and scale that the drive tells must be that of the rig file: all limits rest on them.
+    pub(super) fn check_units(&self, setup: &mut ObjectSetup<'_>) -> Result<(), CanopenError> {
+        let counts = self.motor.counts_per_revolution;
+        if let (Some(read), Some(turns)) =
+            (setup.read(Object::entry(0x608F, 1))?, setup.read(Object::entry(0x608F, 2))?)
+            && read != counts.saturating_mul(turns.max(1))
+        {
+            setup.wrong_device(Object::entry(0x608F, 1), read, counts);
         }
-        expect(link, node, Object::plain(0x6076), (motor.rated_torque_nm * 1000.0).round() as u32)
+        let rated = (self.motor.rated_torque_nm * 1000.0).round() as u32;
+        if let Some(read) = setup.read(Object::plain(0x6076))?.filter(|read| *read != rated) {
+            setup.wrong_device(Object::plain(0x6076), read, rated);
+        }
+        if let Some(read) = setup.read(Object::plain(0x607E))?.filter(|read| read & REVERSED != 0) {
+            setup.wrong_unit(Object::plain(0x607E), read, 0);
+        }
+        let position_unit = setup.read(Object::plain(0x60A8))?.unwrap_or(0);
+        if ![0, INCREMENTS].contains(&position_unit) {
+            setup.wrong_unit(Object::plain(0x60A8), position_unit, INCREMENTS);
+        }
+        if let Some(read) =
+            setup.read(Object::plain(0x60A9))?.filter(|read| ![0, INCREMENTS_PER_S].contains(read))
+        {
+            setup.wrong_unit(Object::plain(0x60A9), read, INCREMENTS_PER_S);
+        }
+        if let Some(read) = setup.read(Object::plain(0x60AA))?
+            && read != 0
+            && read & NUMERATOR != INCREMENTS
+        {
+            setup.wrong_unit(Object::plain(0x60AA), read, INCREMENTS);
+        }
+        self.check_gear_and_feed(setup, position_unit)
+    }
+
+    /// 6091h and 6092h: the gear is that of the rig file, and must not stand in the drive too.
+    fn check_gear_and_feed(
+        &self,
+        setup: &mut ObjectSetup<'_>,
+        position_unit: u32,
+    ) -> Result<(), CanopenError> {
+        let pair = |setup: &mut ObjectSetup<'_>, index| -> Result<Option<(u32, u32)>, CanopenError> {
+            let first = setup.read(Object::entry(index, 1))?;
+            let second = setup.read(Object::entry(index, 2))?;
+            Ok(first.zip(Some(second.unwrap_or(1))))
+        };
+        if let Some((motor_turns, shaft_turns)) = pair(setup, 0x6091)?
+            && motor_turns != shaft_turns
+        {
+            setup.wrong_unit(Object::entry(0x6091, 1), motor_turns, shaft_turns);
+        }
+        let feed = pair(setup, 0x6092)?;
+        // The feed constant is not used where positions are encoder increments, or where it is not set.
+        if let Some((units, turns)) = feed.filter(|(units, _)| *units != 0 && position_unit != INCREMENTS) {
+            let expected = self.motor.counts_per_revolution.saturating_mul(turns.max(1));
+            if units != expected {
+                setup.wrong_unit(Object::entry(0x6092, 1), units, expected);
+            }
+        }
+        Ok(())
     }
 
     /// What stops the motor without this program's help.
-    pub(super) fn write_watchdogs(&self, link: &mut Link, file: &CanRigFile) -> Result<(), CanopenError> {
-        let node = self.motor.node;
+    pub(super) fn write_watchdogs(
+        &self,
+        setup: &mut ObjectSetup<'_>,
+        file: &CanRigFile,
+    ) -> Result<(), CanopenError> {
         let master = file.master;
         let minded = u32::from(master.node) << 16 | u32::from(master.motor_waits_ms);
         let writes: [(Object, Value); 7] = [
@@ -37,17 +99,23 @@ impl Cia402 {
             (Object::plain(0x605A), 2i16.into()),
             (Object::plain(0x6085), self.gearing.length(self.motor.quick_stop_rad_s2).into()),
         ];
-        // A drive that is armed anew still minds us; one node may not stand there twice.
-        link.write(node, Object::entry(0x1016, 1), 0u32)?;
-        writes.into_iter().try_for_each(|(object, value)| link.write_and_confirm(node, object, value))
+        // A drive that is armed anew still minds us; one node may not stand there twice. A drive without it is found below.
+        match setup.link.write(setup.node, Object::entry(0x1016, 1), 0u32) {
+            Ok(()) | Err(CanopenError::SdoAborted { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        writes.into_iter().try_for_each(|(object, value)| setup.write(object, value, true))
     }
 
     /// What the drive itself holds against every motion.
-    pub(super) fn write_limits(&self, link: &mut Link, limits: &HandleLimits) -> Result<(), CanopenError> {
-        let node = self.motor.node;
+    pub(super) fn write_limits(
+        &self,
+        setup: &mut ObjectSetup<'_>,
+        limits: &HandleLimits,
+    ) -> Result<(), CanopenError> {
         limit_objects(&self.gearing, limits)
             .into_iter()
-            .try_for_each(|(object, value)| link.write_and_confirm(node, object, value))
+            .try_for_each(|(object, value)| setup.write(object, value, true))
     }
 
     /// The limits once more: homing has moved the origin, and some drives forget with it.
@@ -70,7 +138,12 @@ impl Cia402 {
     ) -> Result<Option<CanopenError>, CanopenError> {
         let node = self.motor.node;
         for (object, value) in limit_objects(&self.gearing, limits) {
-            let read = link.read(node, object)?;
+            let read = match link.read(node, object) {
+                Ok(read) => read,
+                // It was noted when the drive was set up, and is one that may be missing.
+                Err(error) if is_missing(&error) => continue,
+                Err(error) => return Err(error),
+            };
             if !read.bytes().starts_with(value.bytes()) {
                 let (written, read) = (value.number(), read.number());
                 return Ok(Some(CanopenError::ValueNotAccepted {
@@ -86,34 +159,39 @@ impl Cia402 {
     }
 
     /// Interpolation period and frames.
-    pub(super) fn write_frames(&self, link: &mut Link, file: &CanRigFile) -> Result<(), CanopenError> {
-        let node = self.motor.node;
+    pub(super) fn write_frames(
+        &self,
+        setup: &mut ObjectSetup<'_>,
+        file: &CanRigFile,
+    ) -> Result<(), CanopenError> {
         let (value, exponent) = self.interpolation;
-        link.write_and_confirm(node, Object::entry(0x60C2, 1), value)?;
-        link.write_and_confirm(node, Object::entry(0x60C2, 2), exponent)?;
-        let target = self.target_pdo(file);
+        setup.write(Object::entry(0x60C2, 1), value, true)?;
+        // Without it the period is in milliseconds.
+        setup.write(Object::entry(0x60C2, 2), exponent, exponent != -3)?;
+        let (node, target) = (setup.node, self.target_pdo(file));
         for number in 2..=MAX_PDOS {
-            link.switch_off_pdo(node, PdoDirection::Receive, number)?;
+            let outcome = setup.link.switch_off_pdo(node, PdoDirection::Receive, number);
+            setup.note_refusal(outcome)?;
         }
-        link.configure_pdo(node, &target)?;
-        write_tpdos(link, node, file)
+        let outcome = setup.link.configure_pdo(node, &target);
+        setup.note_refusal(outcome)?;
+        let outcome = write_tpdos(setup.link, node, file);
+        setup.note_refusal(outcome)
     }
 
-    /// Speeds and accelerations of homing and of the way to the start position.
-    pub(super) fn write_profiles(&self, link: &mut Link) -> Result<(), CanopenError> {
-        let (node, gearing) = (self.motor.node, &self.gearing);
-        let (homing, start) = (&self.motor.homing, &self.motor.go_to_start);
-        let writes: [(Object, Value); 8] = [
-            (Object::plain(0x6098), homing.method.into()),
-            (Object::entry(0x6099, 1), gearing.length(homing.fast_rad_s).into()),
-            (Object::entry(0x6099, 2), gearing.length(homing.slow_rad_s).into()),
-            (Object::plain(0x609A), gearing.length(homing.acceleration_rad_s2).into()),
-            (Object::plain(0x607C), gearing.to_drive(JointAngle(homing.offset_rad)).0.into()),
-            (Object::plain(0x6081), gearing.length(start.speed_rad_s).into()),
-            (Object::plain(0x6083), gearing.length(start.acceleration_rad_s2).into()),
-            (Object::plain(0x6084), gearing.length(start.acceleration_rad_s2).into()),
+    /// Method, speeds and acceleration of homing.
+    pub(super) fn write_homing(&self, setup: &mut ObjectSetup<'_>) -> Result<(), CanopenError> {
+        let (gearing, homing) = (&self.gearing, &self.motor.homing);
+        let moves = !takes_present_position(homing.method);
+        let offset = gearing.to_drive(JointAngle(homing.offset_rad)).0;
+        let writes: [(Object, Value, bool); 5] = [
+            (Object::plain(0x6098), homing.method.into(), true),
+            (Object::entry(0x6099, 1), gearing.length(homing.fast_rad_s).into(), moves),
+            (Object::entry(0x6099, 2), gearing.length(homing.slow_rad_s).into(), moves),
+            (Object::plain(0x609A), gearing.length(homing.acceleration_rad_s2).into(), moves),
+            (Object::plain(0x607C), offset.into(), offset != 0),
         ];
-        writes.into_iter().try_for_each(|(object, value)| link.write_and_confirm(node, object, value))
+        writes.into_iter().try_for_each(|(object, value, is_needed)| setup.write(object, value, is_needed))
     }
 
     /// The frame that carries the target.

@@ -3,20 +3,24 @@
 use std::time::{Duration, Instant};
 
 use super::device::Cia402;
+use super::homing::takes_present_position;
+use super::object_setup::ObjectSetup;
+use crate::rig::Origin;
 use crate::rig::can::bus::Frame;
-use crate::rig::can::canopen::{DataType, ErrorPolicy, Link, MonitoredNode, NmtCommand, Object, cob};
+use crate::rig::can::canopen::{
+    CanopenError, DataType, ErrorPolicy, Link, MonitoredNode, NmtCommand, Object, cob,
+};
 use crate::rig::can::cia402_state::{DriveState, Mode, Statusword};
 use crate::rig::can::device_setup::identify;
-use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, PowerState};
+use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, OriginReport, PowerState};
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::file::CanRigFile;
+use crate::rig::can::finding::ObjectFinding;
 use crate::rig::can::limits::{HandleLimits, LimitsConfirmed};
 use crate::rig::can::pdo_decoder::Readings;
 use crate::rig::can::sensors::start_nodes;
+use crate::rig::can::target_motion::Profile;
 use crate::rig::can::units::{Counts, JointAngle};
-
-/// Speed at which the cycle goes what the drive's own positioning has left over, rad/s.
-const APPROACH_SPEED_RAD_S: f64 = 0.02;
 
 impl Drive for Cia402 {
     fn prepare(
@@ -33,21 +37,17 @@ impl Drive for Cia402 {
         if file.bench.is_some() {
             check_emulated(link, node)?;
         }
-        self.check_scale(link)?;
-        self.keeps_limits = match self.written {
-            Some(written) => self.keeps_limits(link, &written)?,
-            None => false,
-        };
-        self.reset_fault(link)?;
-        self.confirm_no_power(link)?;
-        self.written = None;
-        self.write_watchdogs(link, file)?;
-        self.write_limits(link, limits)?;
-        self.write_profiles(link)?;
-        self.write_frames(link, file)?;
+        let mut setup = ObjectSetup::new(link, node);
+        let outcome = self.set_up(&mut setup, file, limits);
+        self.findings = setup.into_findings();
+        outcome?;
         self.sensors.prepare(link, file)?;
         self.written = Some(*limits);
         Ok(LimitsConfirmed::by_reading_back())
+    }
+
+    fn findings(&self) -> &[ObjectFinding] {
+        &self.findings
     }
 
     fn monitored_nodes(&self) -> Vec<MonitoredNode> {
@@ -67,7 +67,6 @@ impl Drive for Cia402 {
         link.set_error_policy(ErrorPolicy::Fault);
         self.home(link, self.keeps_limits, monitor)?;
         self.confirm_limits(link, limits)?;
-        self.go_to_start(link, monitor)?;
         self.set_mode(link, Mode::CyclicSynchronousPosition)?;
         self.seen = self.ask_status(link)?.state();
         Ok(())
@@ -117,8 +116,12 @@ impl Drive for Cia402 {
         if state != DriveState::OperationEnabled {
             return Err(CanFault::NotEnabled { state, statusword });
         }
-        if status.internal_limit() || !status.mode_bit_12() || status.mode_bit_13() {
+        // A drive that is at a limit, or too far from its target, may say besides that it does not follow.
+        if status.internal_limit() || status.mode_bit_13() {
             return Err(CanFault::DriveLimit { statusword });
+        }
+        if !status.mode_bit_12() {
+            return Err(CanFault::TargetIgnored { statusword });
         }
         Ok(())
     }
@@ -136,21 +139,95 @@ impl Drive for Cia402 {
         2
     }
 
-    fn approach_speed_rad_s(&self) -> f64 {
-        APPROACH_SPEED_RAD_S
+    fn approach(&self) -> Profile {
+        let start = self.motor.go_to_start;
+        Profile { speed_rad_s: start.speed_rad_s, acceleration_rad_s2: start.acceleration_rad_s2 }
+    }
+
+    fn stops_by_itself(&self) -> Option<f64> {
+        Some(self.motor.quick_stop_rad_s2)
+    }
+
+    fn angle_resolution_rad(&self) -> f64 {
+        self.gearing.from_drive(Counts(1)).0.abs()
     }
 
     fn period_complete(&mut self, readings: &Readings) {
         self.seen = Statusword(readings.statusword).state();
     }
 
+    fn takes_present_position(&self) -> bool {
+        takes_present_position(self.motor.homing.method)
+    }
+
+    /// A drive that was not restarted still has the limits that were written when it was armed.
+    fn ask_origin(
+        &mut self,
+        link: &mut Link,
+        _file: &CanRigFile,
+        limits: &HandleLimits,
+    ) -> Result<OriginReport, CanFault> {
+        identify(link, self.motor.node, &self.motor.identity)?;
+        let mut setup = ObjectSetup::new(link, self.motor.node);
+        self.check_units(&mut setup)?;
+        setup.first_fault()?;
+        let is_kept = self.keeps_limits(link, limits)?;
+        let counts = link.read(self.motor.node, Object::plain(0x6064))?.number() as i32;
+        Ok(OriginReport { is_kept: Some(is_kept), angle: Some(self.gearing.from_drive(Counts(counts))) })
+    }
+
+    fn adopt_origin(&mut self, limits: &HandleLimits) {
+        self.homed = true;
+        self.written = Some(*limits);
+    }
+
+    fn origin(&self) -> Origin {
+        self.origin
+    }
+
     fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault> {
-        self.confirm_no_power(link)?;
-        // From here on it need not mind us, and sends nothing but heartbeats.
-        for node in self.monitored_nodes() {
-            link.nmt(NmtCommand::EnterPreOperational, node.node)?;
+        let node = self.motor.node;
+        match self.confirm_no_power(link) {
+            Err(CanFault::Canopen(CanopenError::SdoSilent { .. })) => {
+                // A stopped node answers no SDO. While it is asked again, its own watchdog may act.
+                link.set_own_heartbeat(None);
+                link.nmt(NmtCommand::EnterPreOperational, node)?;
+                self.confirm_no_power(link)?;
+            }
+            outcome => outcome?,
         }
-        Ok(link.write(self.motor.node, Object::entry(0x1016, 1), 0u32)?)
+        // There is no power. From here on it need not mind us, and sends nothing but heartbeats; if that fails, it goes to
+        // its fault state when our heartbeat ends.
+        for node in self.monitored_nodes() {
+            let _ = link.nmt(NmtCommand::EnterPreOperational, node.node);
+        }
+        let _ = link.write(node, Object::entry(0x1016, 1), 0u32);
+        Ok(())
+    }
+}
+
+impl Cia402 {
+    /// Units first, which all else rests on; then everything that is written, so that all refusals are known at once.
+    fn set_up(
+        &mut self,
+        setup: &mut ObjectSetup<'_>,
+        file: &CanRigFile,
+        limits: &HandleLimits,
+    ) -> Result<(), CanFault> {
+        self.check_units(setup)?;
+        let units = setup.first_fault();
+        self.keeps_limits = match self.written.filter(|_| units.is_ok()) {
+            Some(written) => self.keeps_limits(setup.link, &written)?,
+            None => false,
+        };
+        self.reset_fault(setup.link)?;
+        self.confirm_no_power(setup.link)?;
+        self.written = None;
+        self.write_watchdogs(setup, file)?;
+        self.write_limits(setup, limits)?;
+        self.write_homing(setup)?;
+        self.write_frames(setup, file)?;
+        setup.first_fault()
     }
 }
 

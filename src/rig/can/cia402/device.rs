@@ -1,8 +1,10 @@
 //! The drive's settings, and the state that its latest frames told.
 
+use crate::rig::Origin;
 use crate::rig::can::cia402_state::{Controlword, DriveState, next_controlword};
 use crate::rig::can::drive::DriveRequest;
 use crate::rig::can::file::{CanRigFile, Cia402Motor, Display};
+use crate::rig::can::finding::ObjectFinding;
 use crate::rig::can::limits::HandleLimits;
 use crate::rig::can::sensors::Sensors;
 use crate::rig::can::units::{BusPeriod, Gearing};
@@ -18,11 +20,15 @@ pub struct Cia402 {
     pub(super) display: Option<Display>,
     /// The start position was found.
     pub(super) homed: bool,
+    /// How it was known at the latest arming.
+    pub(super) origin: Origin,
     /// The limits of the last arming, which a drive that was not restarted still has.
     pub(super) written: Option<HandleLimits>,
     pub(super) keeps_limits: bool,
     /// The state that the latest frames told.
     pub(super) seen: DriveState,
+    /// What was missing or refused when the drive was set up last.
+    pub(super) findings: Vec<ObjectFinding>,
 }
 
 impl Cia402 {
@@ -37,9 +43,11 @@ impl Cia402 {
             sensors: Sensors::new(file),
             display: file.display,
             homed: false,
+            origin: Origin::Found,
             written: None,
             keeps_limits: false,
             seen: DriveState::NotReady,
+            findings: Vec::new(),
         }
     }
 

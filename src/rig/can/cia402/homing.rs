@@ -7,13 +7,21 @@ use std::time::Duration;
 
 use super::device::Cia402;
 use super::power::LET_BITS_SETTLE;
+use crate::rig::Origin;
 use crate::rig::can::canopen::Link;
 use crate::rig::can::cia402_state::{Controlword, DriveState, Mode, Statusword};
 use crate::rig::can::drive::MotionMonitor;
 use crate::rig::can::fault::CanFault;
+use crate::rig::can::motion_proof::SpeedWatch;
+use crate::rig::can::units::{Counts, JointAngle};
 
 /// Homing methods that take the present position for the origin.
 const METHODS_AT_PRESENT_POSITION: [i8; 2] = [35, 37];
+
+/// Whether a method takes the present position for the origin, so that the motor does not move.
+pub(super) fn takes_present_position(method: i8) -> bool {
+    METHODS_AT_PRESENT_POSITION.contains(&method)
+}
 
 impl Cia402 {
     /// Lets the drive find its origin. A method that takes the present position is used once: after a fault the motor
@@ -28,18 +36,23 @@ impl Cia402 {
         monitor: &mut dyn MotionMonitor,
     ) -> Result<(), CanFault> {
         let homing = self.motor.homing;
-        if self.homed && METHODS_AT_PRESENT_POSITION.contains(&homing.method) {
+        if self.homed && takes_present_position(homing.method) {
+            self.origin = Origin::Kept;
             return if drive_keeps_limits { Ok(()) } else { Err(CanFault::OriginLost) };
         }
         self.homed = false;
         self.set_mode(link, Mode::Homing)?;
         self.go_to_state(link, DriveState::OperationEnabled)?;
         self.control(link, Controlword::ENABLE_AND_GO)?;
-        monitor.homing();
+        monitor.begin();
         let deadline = link.now() + Duration::from_secs_f64(homing.timeout_s);
+        // The drive is told its speeds in a unit that only it knows for sure.
+        let resolution_rad = self.gearing.from_drive(Counts(1)).0.abs();
+        let mut speed = SpeedWatch::new(homing.fast_rad_s, resolution_rad, link.time_stretch());
         // Until the first periods are over, the bits may be those of before.
         for period in 0u64.. {
-            let (readings, _) = monitor.period(link, self)?;
+            let (readings, JointAngle(angle_rad)) = monitor.period(link, self)?;
+            speed.observe(angle_rad, link.now())?;
             let status = Statusword(readings.statusword);
             if status.state() != DriveState::OperationEnabled {
                 return Err(self.not_reached(link, DriveState::OperationEnabled, status));
@@ -53,6 +66,7 @@ impl Cia402 {
             }
         }
         self.homed = true;
+        self.origin = Origin::at_arming(takes_present_position(homing.method), false);
         self.go_to_state(link, DriveState::ReadyToSwitchOn)
     }
 }

@@ -4,6 +4,7 @@ mod configure;
 mod cyclic;
 mod device;
 mod homing;
+mod object_setup;
 mod power;
 
 pub use device::Cia402;

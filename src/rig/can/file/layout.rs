@@ -1,6 +1,6 @@
 //! Sizes and identifiers of the frames of a rig file.
 
-use super::rig_file::{CanRigFile, Carried, FrameLayout, MotorSettings};
+use super::rig_file::{CanRigFile, Carried, FrameLayout, MitMotor, MotorSettings};
 
 impl CanRigFile {
     /// Bytes of something carried.
@@ -30,6 +30,18 @@ impl CanRigFile {
             MotorSettings::Cia402(_) => 6 + self.display.map_or(0, |display| display.kind.bytes()),
             MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => 8,
         }
+    }
+}
+
+impl MitMotor {
+    /// P_MAX: positions of the output go from minus this to this, rad. All models of the table have the same.
+    pub fn position_max_rad(&self) -> f64 {
+        self.ranges.and_then(|ranges| ranges.position_max_rad).unwrap_or(12.5)
+    }
+
+    /// The smallest difference of two angles of the handle that its 16 bits can tell, rad.
+    pub fn angle_step_rad(&self) -> f64 {
+        2.0 * self.position_max_rad() / 65_535.0 / self.gear_ratio.abs()
     }
 }
 

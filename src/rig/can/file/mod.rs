@@ -1,11 +1,14 @@
 //! The rig file: what is on the bus, what its numbers mean, and what may never be exceeded.
 
 mod error;
+mod identifiers;
 mod layout;
 mod rig_file;
 mod rules;
+mod schema;
 mod valid;
 
 pub use error::CanRigFileError;
 pub use rig_file::*;
+pub use schema::schema;
 pub use valid::ValidRigFile;

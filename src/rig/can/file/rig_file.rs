@@ -1,5 +1,6 @@
 //! The fields of a rig file. None has a default: what a limb depends on is written down.
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::rig::can::bus::{BitRate, BusSpec};
@@ -10,18 +11,19 @@ use crate::wrist::Lever;
 pub const RIG_FORMAT: &str = "ramphold-rig/1";
 
 /// A rig, as written in a rig file.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CanRigFile {
     /// `can`: what kind of rig it is.
     pub kind: RigKind,
     /// Format and version: `ramphold-rig/1`.
+    #[schemars(extend("const" = RIG_FORMAT))]
     pub format: String,
     /// A name for people.
     pub name: String,
     /// Where the bus is, such as `socketcan:can0`.
     pub bus: BusSpec,
-    /// Its bit rate, bit/s.
+    /// Its bit rate, bit/s. An interface of Linux must have it already.
     pub bit_rate: BitRate,
     /// Time from one SYNC to the next, us.
     pub period_us: u32,
@@ -54,7 +56,7 @@ pub struct CanRigFile {
 }
 
 /// The only kind of rig that this file describes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RigKind {
     /// A motor on a CAN bus.
@@ -62,7 +64,7 @@ pub enum RigKind {
 }
 
 /// This program as a CANopen node.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Master {
     /// Its node id.
@@ -74,7 +76,7 @@ pub struct Master {
 }
 
 /// The kinds of motors there are.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum MotorSettings {
     /// A CiA 402 drive over CANopen.
@@ -86,7 +88,7 @@ pub enum MotorSettings {
 }
 
 /// A CiA 402 drive.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Cia402Motor {
     /// Its node id.
@@ -114,7 +116,7 @@ pub struct Cia402Motor {
 }
 
 /// What a device says of itself in 1018h.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Identity {
     /// Vendor, 1018h:01.
@@ -124,7 +126,7 @@ pub struct Identity {
 }
 
 /// Homing of a CiA 402 drive.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Homing {
     /// 6098h. 35 and 37 take the present position as the start position.
@@ -141,18 +143,18 @@ pub struct Homing {
     pub timeout_s: f64,
 }
 
-/// The way to the start position in profile position mode.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+/// The way to the start position, which the program goes target by target.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoToStart {
-    /// 6081h, rad/s at the handle.
+    /// Highest speed, rad/s at the handle.
     pub speed_rad_s: f64,
-    /// 6083h and 6084h, rad/s2 at the handle.
+    /// Acceleration and deceleration, rad/s2 at the handle.
     pub acceleration_rad_s2: f64,
 }
 
 /// An ODrive axis. Endpoint numbers are those of the manufacturer's `flat_endpoints.json` for its firmware.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CansimpleMotor {
     /// Its node id, 0 to 62.
@@ -161,6 +163,12 @@ pub struct CansimpleMotor {
     pub gear_ratio: f64,
     /// Torque of the motor for each ampere, N m/A.
     pub torque_constant_nm_per_a: f64,
+    /// Firmware that the numbers of the endpoints belong to, such as `0.6.10`; when given, the axis must be of it.
+    #[serde(default)]
+    pub firmware: Option<String>,
+    /// Hardware that they belong to, such as `4.4.58`; when given, the axis must be of it.
+    #[serde(default)]
+    pub hardware: Option<String>,
     /// Numbers of the endpoints that are written and read back.
     pub endpoints: Endpoints,
     /// How often it reports its state, ms.
@@ -169,6 +177,10 @@ pub struct CansimpleMotor {
     pub heartbeat_wait_ms: u16,
     /// How often it reports position and speed, ms: at least once a period.
     pub encoder_ms: u16,
+    /// Whether the small motions with which arming proves the motor's watchdog, and in MIT mode its ranges, were made before
+    /// with this motor and this file, with a free handle. Then arming makes none; it cannot with a limb in the handle.
+    #[serde(default)]
+    pub proved_with_free_handle: bool,
     /// Whether the position at the first arming is the start position; if not, the encoder's own zero is.
     pub zero_here: bool,
     /// Speed on the way to the start position, rad/s at the handle.
@@ -176,7 +188,7 @@ pub struct CansimpleMotor {
 }
 
 /// Numbers of an ODrive's endpoints.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs, reason = "named as the manufacturer names them")]
 pub struct Endpoints {
@@ -187,24 +199,37 @@ pub struct Endpoints {
     pub current_soft_max: u16,
     pub torque_soft_max: u16,
     pub vel_limit: u16,
+    /// May be left out: the current limit bounds the torque on both sides.
+    #[serde(default)]
+    pub torque_soft_min: Option<u16>,
+    /// `axis0.config.motor.torque_constant`, which is only read. Without it the motor is not armed.
+    #[serde(default)]
+    pub torque_constant: Option<u16>,
 }
 
 /// A motor in MIT mode.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MitMotor {
     /// Identifier it listens to.
     pub id: u16,
     /// Identifier it replies with.
     pub reply_id: u16,
-    /// The ranges of its fields.
+    /// Which motor it is: the ranges of its fields are those of the manufacturer's table.
     pub model: MitModel,
+    /// Ranges of its firmware where they are not those of the model.
+    #[serde(default)]
+    pub ranges: Option<MitRanges>,
     /// Turns of the motor's output for one of the handle; negative when they turn opposite ways.
     pub gear_ratio: f64,
     /// Stiffness of its position loop, N m/rad.
     pub kp_nm_per_rad: f64,
     /// Damping of its position loop, N m s/rad.
     pub kd_nm_s_per_rad: f64,
+    /// Whether the small motions with which arming proves the motor's watchdog, and in MIT mode its ranges, were made before
+    /// with this motor and this file, with a free handle. Then arming makes none; it cannot with a limb in the handle.
+    #[serde(default)]
+    pub proved_with_free_handle: bool,
     /// Whether the position at the first arming is the start position; if not, the encoder's own zero is.
     pub zero_here: bool,
     /// Speed on the way to the start position, rad/s at the handle.
@@ -214,8 +239,24 @@ pub struct MitMotor {
     pub has_no_limits_of_its_own: bool,
 }
 
+/// Ranges of the fields of a motor in MIT mode; what is left out is that of the model.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MitRanges {
+    /// P_MAX: positions go from minus this to this, rad.
+    pub position_max_rad: Option<f64>,
+    /// V_MAX, rad/s.
+    pub speed_max_rad_s: Option<f64>,
+    /// KP_MAX: from 0 to this, N m/rad.
+    pub kp_max_nm_per_rad: Option<f64>,
+    /// KD_MAX: from 0 to this, N m s/rad.
+    pub kd_max_nm_s_per_rad: Option<f64>,
+    /// T_MAX, N m.
+    pub torque_max_nm: Option<f64>,
+}
+
 /// A model, with the ranges of the manufacturer's table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[allow(missing_docs, reason = "named as the manufacturer names them")]
 pub enum MitModel {
     #[serde(rename = "AK10-9")]
@@ -235,7 +276,7 @@ pub enum MitModel {
 }
 
 /// A CANopen device that measures.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sensor {
     /// Its node id.
@@ -249,7 +290,7 @@ pub struct Sensor {
 }
 
 /// A frame that comes with each SYNC.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameLayout {
     /// The CANopen node that sends it; `null` for a frame of a sensor without CANopen.
@@ -263,7 +304,7 @@ pub struct FrameLayout {
 }
 
 /// What a frame can carry.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Carried {
     /// 6041h.
@@ -283,7 +324,7 @@ pub enum Carried {
 }
 
 /// The measured signals: where they are and what their numbers mean.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Signals {
     /// Torque at the handle, resistance to extension positive.
@@ -303,7 +344,7 @@ pub struct Signals {
 }
 
 /// Handle torque.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TorqueSignal {
     /// The object that is mapped; `null` without CANopen.
@@ -320,7 +361,7 @@ pub struct TorqueSignal {
 }
 
 /// EMG.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EmgSignal {
     /// The object that is mapped; `null` without CANopen.
@@ -335,7 +376,7 @@ pub struct EmgSignal {
 }
 
 /// Sample counter.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CounterSignal {
     /// The object that is mapped; `null` without CANopen.
@@ -346,7 +387,7 @@ pub struct CounterSignal {
 }
 
 /// Positions within a period.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StepsSignal {
     /// The object that is mapped.
@@ -359,7 +400,7 @@ pub struct StepsSignal {
 }
 
 /// A display on the bus, written with each target.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Display {
     /// The object.
@@ -374,7 +415,7 @@ pub struct Display {
 }
 
 /// What the handle may never exceed.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RigLimits {
     /// Lowest and highest angle from the start position, rad (607Dh).
@@ -394,7 +435,7 @@ pub struct RigLimits {
 }
 
 /// What the motor does after a fault of each class.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SafeStates {
     /// A measured quantity beyond its limit.
@@ -410,7 +451,7 @@ pub struct SafeStates {
 }
 
 /// What a motor does to be safe. All end without power.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SafeState {
     /// Stop on the quick-stop ramp, then no power.
@@ -422,7 +463,7 @@ pub enum SafeState {
 }
 
 /// How much of what goes wrong is let pass before it is a fault. With a person at the handle, nothing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Tolerances {
     /// Periods in a row whose frames came too late, or in which the program woke up too late.
@@ -440,7 +481,7 @@ pub struct Tolerances {
 }
 
 /// For the emulated motor, whose time moves with SYNC.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BenchSettings {
     /// How many times slower than `period_us` the cycle runs.

@@ -1,10 +1,14 @@
 //! What the types of a rig file cannot say: ranges, and what must fit together.
 
-use super::rig_file::{CanRigFile, Carried, Cia402Motor, MotorSettings, RIG_FORMAT};
+use super::identifiers;
+use super::rig_file::{CanRigFile, Carried, Cia402Motor, MotorSettings};
 use crate::protocol::Problem;
 use crate::protocol::source::JsonNode;
 use crate::rig::can::budget::{Budget, HIGHEST_LOAD};
 use crate::rig::can::units::BusPeriod;
+
+/// Measuring devices that are watched beside the motor.
+const MOST_SENSORS: usize = 2;
 
 /// Collects what is wrong, each with its line.
 struct Problems<'a> {
@@ -34,15 +38,14 @@ impl Problems<'_> {
 /// Everything that is wrong with a file whose fields have the right types.
 pub(super) fn problems(file: &CanRigFile, source: &JsonNode) -> Vec<Problem> {
     let mut problems = Problems { source, problems: Vec::new() };
-    if file.format != RIG_FORMAT {
-        problems.add("format", format!("{:?}", RIG_FORMAT), "use a rig file of this version");
-    }
     master(file, &mut problems);
     motor(file, &mut problems);
     limits(file, &mut problems);
     signals(file, &mut problems);
     frames(file, &mut problems);
-    identifiers(file, &mut problems);
+    for (path, expected) in identifiers::collisions(file) {
+        problems.add(&path, expected, "give each sender on the bus identifiers of its own");
+    }
     if let Some(bench) = file.bench {
         problems.in_range("bench.time_stretch", bench.time_stretch, 1.0, 1000.0);
         if !matches!(file.motor, MotorSettings::Cia402(_)) {
@@ -110,6 +113,18 @@ fn motor(file: &CanRigFile, problems: &mut Problems) {
             // 4 would be SYNC and EMCY of CANopen, 0 NMT, and those beyond PDOs.
             problems.in_range("motor.node", f64::from(motor.node), 1.0, 3.0);
             problems.in_range("motor.go_to_start_rad_s", motor.go_to_start_rad_s, 0.001, 2.0);
+            for (field, given) in [("firmware", &motor.firmware), ("hardware", &motor.hardware)] {
+                let is_version = |text: &String| {
+                    text.split('.').map(|part| part.parse::<u8>().is_ok()).collect::<Vec<_>>() == [true; 3]
+                };
+                if !given.as_ref().is_none_or(is_version) {
+                    problems.add(
+                        &format!("motor.{field}"),
+                        "three numbers, such as 0.6.10",
+                        "as in flat_endpoints.json",
+                    );
+                }
+            }
             problems.in_range("motor.torque_constant_nm_per_a", motor.torque_constant_nm_per_a, 1e-4, 100.0);
             heartbeat(
                 "motor",
@@ -131,12 +146,25 @@ fn motor(file: &CanRigFile, problems: &mut Problems) {
             problems.in_range("motor.kp_nm_per_rad", motor.kp_nm_per_rad, 1.0, 500.0);
             problems.in_range("motor.kd_nm_s_per_rad", motor.kd_nm_s_per_rad, 0.0, 5.0);
             problems.in_range("motor.go_to_start_rad_s", motor.go_to_start_rad_s, 0.001, 2.0);
+            let ranges = motor.ranges.unwrap_or_default();
+            for (field, given) in [
+                ("position_max_rad", ranges.position_max_rad),
+                ("speed_max_rad_s", ranges.speed_max_rad_s),
+                ("kp_max_nm_per_rad", ranges.kp_max_nm_per_rad),
+                ("kd_max_nm_s_per_rad", ranges.kd_max_nm_s_per_rad),
+                ("torque_max_nm", ranges.torque_max_nm),
+            ] {
+                problems.in_range(&format!("motor.ranges.{field}"), given.unwrap_or(1.0), 0.1, 10_000.0);
+            }
             if !motor.has_no_limits_of_its_own {
                 let advice =
                     "read about MIT mode in docs/how-to/real-motor.md and say so, or use a drive with limits";
                 problems.add("motor.has_no_limits_of_its_own", "true", advice);
             }
         }
+    }
+    if file.sensors.len() > MOST_SENSORS {
+        problems.add("sensors", format!("at most {MOST_SENSORS} sensors beside the motor"), "");
     }
     for (at, sensor) in file.sensors.iter().enumerate() {
         let path = format!("sensors[{at}]");
@@ -238,8 +266,9 @@ fn frames(file: &CanRigFile, problems: &mut Problems) {
                 "use another frame",
             );
         }
-        if frame.identifier().is_none_or(|id| id > 0x7FF) {
-            problems.add(&path, "a node with tpdo 1 to 4, or an id below 2048", "");
+        let is_tpdo = frame.tpdo.is_some_and(|number| (1..=4).contains(&number));
+        if frame.identifier().is_none_or(|id| id > 0x7FF) || (frame.node.is_some() && !is_tpdo) {
+            problems.add(&path, "a node with tpdo 1 to 4, or without CANopen an id below 2048", "");
         }
         if let Some(node) = frame.node
             && !nodes(file).contains(&node)
@@ -294,25 +323,4 @@ fn nodes(file: &CanRigFile) -> Vec<u8> {
         MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => None,
     };
     motor.into_iter().chain(file.sensors.iter().map(|sensor| sensor.node)).collect()
-}
-
-fn identifiers(file: &CanRigFile, problems: &mut Problems) {
-    let mut used: Vec<u16> = Vec::new();
-    for (at, id) in file.frames.iter().enumerate().filter_map(|(at, frame)| Some((at, frame.identifier()?))) {
-        if used.contains(&id) || matches!(id, 0x000..=0x0FF | 0x580..=0x67F | 0x700..) {
-            let expected = "an identifier of its own outside those of NMT, SYNC, EMCY, SDO and heartbeats";
-            problems.add(&format!("frames[{at}]"), format!("{expected}, not {id:03X}h"), "");
-        }
-        used.push(id);
-    }
-    let mut all = nodes(file);
-    all.push(file.master.node);
-    for (at, node) in all.iter().enumerate() {
-        if all[..at].contains(node) {
-            problems.add("master.node", format!("node ids that differ; {node} is there twice"), "");
-        }
-    }
-    if all.len() > 4 {
-        problems.add("sensors", "at most two sensors beside the motor", "");
-    }
 }

@@ -5,13 +5,13 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::mit_motor::EmulatedMitMotor;
-use super::odrive_axis::EmulatedOdriveAxis;
+use super::mit_motor::{EmulatedMitMotor, MitFirmware};
+use super::odrive_axis::{EmulatedOdriveAxis, OdriveFirmware};
 use super::servo_drive::EmulatedServoDrive;
 use super::transducer::EmulatedTransducer;
 use super::world::{BenchFault, Device, VirtualBus, World};
 use crate::protocol::ValidProtocol;
-use crate::rig::can::file::ValidRigFile;
+use crate::rig::can::file::{CanRigFileError, ValidRigFile};
 use crate::rig::can::{ArmedCanMotor, CanMotor, Connection, DryRun};
 use crate::rig::{Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig};
 use crate::timing::{Clock, VirtualClock};
@@ -72,6 +72,9 @@ impl Bench {
         };
         let mut rig: Value = serde_json::from_str(rig).unwrap();
         rig.as_object_mut().unwrap().remove("bench");
+        if kind != MotorKind::Cia402 {
+            rig["motor"]["proved_with_free_handle"] = json!(false);
+        }
         rig["tolerate"]["missed_cycles_in_a_row"] = json!(0);
         if kind == MotorKind::Cia402 {
             rig["master"]["motor_waits_ms"] = json!(100);
@@ -82,13 +85,15 @@ impl Bench {
         let file = ValidRigFile::parse(&rig.to_string(), "rig.json").unwrap();
         let clock = VirtualClock::default();
         let now = clock.now();
-        let devices: Vec<Box<dyn Device>> = match kind {
-            MotorKind::Cia402 => vec![Box::new(EmulatedServoDrive::new(now, 0.3))],
-            MotorKind::Cansimple => {
-                vec![Box::new(EmulatedOdriveAxis::new(now)), Box::new(EmulatedTransducer::new())]
-            }
-            MotorKind::Mit => vec![Box::new(EmulatedMitMotor::new(now)), Box::new(EmulatedTransducer::new())],
+        let motor: Box<dyn Device> = match kind {
+            MotorKind::Cia402 => Box::new(EmulatedServoDrive::new(now, 0.3)),
+            MotorKind::Cansimple => Box::new(EmulatedOdriveAxis::new(OdriveFirmware::default(), now)),
+            MotorKind::Mit => Box::new(EmulatedMitMotor::new(MitFirmware::default(), now)),
         };
+        let mut devices = vec![motor];
+        if kind != MotorKind::Cia402 {
+            devices.push(Box::new(EmulatedTransducer::new()));
+        }
         let world = World::new(clock.clone(), devices);
         Self {
             bus: VirtualBus(Arc::new(Mutex::new(world))),
@@ -98,17 +103,44 @@ impl Bench {
         }
     }
 
+    /// A bench with an ODrive axis of another firmware.
+    pub fn odrive(firmware: OdriveFirmware, change: impl FnOnce(&mut Value)) -> Self {
+        let bench = Self::with(MotorKind::Cansimple, change);
+        bench.bus.world().devices[0] = Box::new(EmulatedOdriveAxis::new(firmware, bench.clock.now()));
+        bench
+    }
+
+    /// A bench with a motor in MIT mode of another firmware.
+    pub fn mit(firmware: MitFirmware, change: impl FnOnce(&mut Value)) -> Self {
+        let bench = Self::with(MotorKind::Mit, change);
+        bench.bus.world().devices[0] = Box::new(EmulatedMitMotor::new(firmware, bench.clock.now()));
+        bench
+    }
+
+    pub fn dry_run(&self) -> Result<DryRun, CanRigFileError> {
+        DryRun::of(&self.protocol, &self.file)
+    }
+
     pub fn motor(&self) -> CanMotor {
-        let dry_run = DryRun::of(&self.protocol, &self.file).unwrap();
+        let dry_run = self.dry_run().unwrap();
+        CanMotor::new(self.connection(), dry_run)
+    }
+
+    pub fn connection(&self) -> Connection {
         let clock = Arc::new(self.clock.clone());
-        CanMotor::new(Connection::on(Box::new(self.bus.clone()), clock, self.file.clone()), dry_run)
+        Connection::on(Box::new(self.bus.clone()), clock, self.file.clone())
+    }
+
+    /// Arms, and keeps the angles on the way.
+    pub fn arm_and_watch(&self) -> Result<ArmedCanMotor, Fault> {
+        self.motor().arm(ArmingConsent::given(), &self.protocol.limits).map_err(|(_, fault)| fault)
     }
 
     pub fn arm(&self) -> Result<ArmedCanMotor, Fault> {
-        let armed = self.motor().arm(ArmingConsent::given(), &self.protocol.limits);
+        let armed = self.arm_and_watch();
         // Before the home was found, angles had no meaning.
         self.bus.world().angles_rad = [0.0; 2];
-        armed.map_err(|(_, fault)| fault)
+        armed
     }
 
     pub fn strike(&self, fault: BenchFault) {

@@ -10,7 +10,10 @@
 //! servo_drive      a CiA 402 drive
 //! odrive_axis      an ODrive axis (CANSimple)
 //! mit_motor        a motor in MIT mode
+//! shaft            inertia, friction and wrist on the shaft of these two
 //! transducer       handle torque and EMG of a CANopen sensor
+//! other_motors     what shafts of motors without CANopen go through
+//! origin_tests     a second process, and the operator's stop while arming
 //! bench            arms a motor, lets a fault strike, says what became of it
 //! ```
 
@@ -18,7 +21,13 @@ mod bench;
 mod canopen_node;
 mod mit_motor;
 mod odrive_axis;
+mod origin_tests;
+mod other_motors;
+mod property_tests;
 mod servo_drive;
+mod shaft;
+mod stop_tests;
+mod target_log;
 mod tests;
 mod transducer;
 mod world;

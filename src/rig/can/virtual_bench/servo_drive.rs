@@ -31,7 +31,6 @@ pub struct EmulatedServoDrive {
     synced: Instant,
     updated: Instant,
     homed: bool,
-    reached: bool,
     staged: Option<Vec<u8>>,
     heard: Option<Instant>,
     error_code: u16,
@@ -72,7 +71,6 @@ impl EmulatedServoDrive {
             synced: now,
             updated: now,
             homed: false,
-            reached: false,
             staged: None,
             heard: None,
             error_code: 0,
@@ -106,7 +104,6 @@ impl EmulatedServoDrive {
         assert_eq!(Statusword(bits).state(), self.state);
         let mode = match self.mode() {
             6 => 0x400 | if self.homed { 0x1000 } else { 0 },
-            1 if self.reached => 0x400,
             8 if self.state == DriveState::OperationEnabled => 0x1000,
             _ => 0,
         };
@@ -143,9 +140,6 @@ impl EmulatedServoDrive {
             let offset_rad = f64::from(self.node.number(0x607C, 0)) / COUNTS_PER_RAD;
             (self.origin_rad, self.homed) = (self.shaft_rad - offset_rad, true);
         }
-        if starts && self.mode() == Mode::ProfilePosition as i32 {
-            self.reached = false;
-        }
     }
 
     fn trip(&mut self, code: u16, now: Instant, wire: &mut Wire) {
@@ -177,16 +171,6 @@ impl EmulatedServoDrive {
                 self.speed_rad_s =
                     if since_s <= 1.01 * period_s { (self.to_rad - self.from_rad) / period_s } else { 0.0 };
                 self.demand_rad = self.from_rad + (self.to_rad - self.from_rad) * part;
-            }
-            DriveState::OperationEnabled
-                if self.mode() == 1 && !self.reached && self.controlword & 0x10 != 0 =>
-            {
-                let target_rad = f64::from(self.node.number(0x607A, 0)) / COUNTS_PER_RAD + self.origin_rad;
-                let step_rad = f64::from(self.node.number(0x6081, 0)) / COUNTS_PER_RAD * dt;
-                let left_rad = target_rad - self.demand_rad;
-                self.demand_rad += left_rad.clamp(-step_rad, step_rad);
-                self.to_rad = self.demand_rad;
-                self.reached = left_rad.abs() <= step_rad;
             }
             DriveState::QuickStopActive | DriveState::FaultReactionActive => {
                 let slower = f64::from(self.node.number(0x6085, 0)) / COUNTS_PER_RAD * dt;
@@ -266,9 +250,21 @@ impl EmulatedServoDrive {
         wire.send(now, 0x180 + self.node.id, &first);
         wire.send(now, 0x280 + self.node.id, &[low, high, 100, 0, 100, 0]);
         if let Some(data) = self.staged.take() {
+            let had_power = self.state.has_power();
             self.obey(u16::from_le_bytes([data[0], data[1]]), wire);
             let counts = i32::from_le_bytes([data[2], data[3], data[4], data[5]]);
-            let target_rad = f64::from(counts) / COUNTS_PER_RAD + self.origin_rad;
+            let scale = wire.faults.iter().find_map(|fault| match fault {
+                BenchFault::TargetScaled(scale) => Some(*scale),
+                _ => None,
+            });
+            let told_rad = f64::from(counts) / COUNTS_PER_RAD;
+            let target_rad = scale.unwrap_or(1.0) * told_rad + self.origin_rad;
+            if self.state == DriveState::OperationEnabled && self.mode() == 8 {
+                if !had_power {
+                    wire.targets.powered_at(self.shaft_rad - self.origin_rad);
+                }
+                wire.targets.received(told_rad);
+            }
             (self.from_rad, self.to_rad) = (self.demand_rad, target_rad);
         } else {
             self.from_rad = self.demand_rad;

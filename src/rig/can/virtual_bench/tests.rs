@@ -7,12 +7,14 @@ use serde_json::json;
 
 use super::bench::{Bench, MotorKind, Outcome, follow};
 use super::world::BenchFault;
+use crate::rig::can::HandleLimits;
 use crate::rig::can::bus::ControllerError;
 use crate::rig::{Armed, ArmingConsent, Command, Cue, FaultClass, Motor, Rig};
 
 /// DurationSummary to the loss of power. A cycle is 2 ms; a hold takes half a second; the drive waits 100 ms for a heartbeat.
 const AT_ONCE_MS: u64 = 20;
-const QUICK_STOP_MS: u64 = 80;
+/// The ramp from the speed limit, 4 rad/s at 60 rad/s2, five periods to begin and end it, two until a target is reached.
+const QUICK_STOP_MS: u64 = 100;
 const HOLD_MS: u64 = 550;
 const WATCHDOG_MS: u64 = 250;
 
@@ -41,7 +43,9 @@ const HELD: &[(BenchFault, &[&str], u64)] = &[
     (B::Duplicated(0x185), &["duplicated"], AT_ONCE_MS),
     (B::FlippedBit { id: 0x185, bit: 0 }, &["not_enabled"], AT_ONCE_MS),
     (B::FlippedBit { id: 0x185, bit: 11 }, &["drive_limit"], AT_ONCE_MS),
-    (B::FlippedBit { id: 0x185, bit: 12 }, &["drive_limit"], AT_ONCE_MS),
+    (B::FlippedBit { id: 0x185, bit: 12 }, &["target_ignored"], AT_ONCE_MS),
+    (B::FlippedBit { id: 0x185, bit: 13 }, &["drive_limit"], AT_ONCE_MS),
+    (B::SdoOnly, &["missed_cycle"], AT_ONCE_MS),
     (B::FlippedBit { id: 0x185, bit: 40 }, &["angle"], QUICK_STOP_MS),
     (B::FlippedBit { id: 0x185, bit: 27 }, &["speed"], QUICK_STOP_MS),
     (B::Shortened(0x185), &["malformed"], HOLD_MS),
@@ -124,7 +128,7 @@ fn frames_that_are_late_within_their_period_are_no_fault() {
 #[test]
 fn the_adapter_of_an_odrive_axis_makes_the_motor_safe() {
     for (fault, codes, within_ms) in [
-        (B::Runaway(8.0), &["speed", "following_error", "angle"][..], 700),
+        (B::Runaway(8.0), &["speed", "following_error", "angle", "position_jump"][..], 700),
         (B::Push(14.0), &["torque"], 700),
         (B::TorqueInvalid, &["not_a_number"], 700),
         (B::TorqueStale, &["stale_sample"], 700),
@@ -187,6 +191,159 @@ fn a_drive_that_does_not_take_a_setting_is_not_armed_and_gets_no_power() {
         assert!(!world.power.last().is_some_and(|(_, powered)| *powered), "{fault:?}: it has power");
         assert!(world.power.is_empty() || fault == B::HomingStuck, "{fault:?}: it had power");
     }
+}
+
+#[test]
+fn a_statusword_that_ends_the_motion_is_told_as_what_it_is() {
+    for (bit, words) in [
+        (11, "holds the motion back at one of its limits: bit 11"),
+        (12, "does not follow the target"),
+        (13, "following error: bit 13"),
+    ] {
+        let outcome = Bench::new(MotorKind::Cia402).strike_while_held(B::FlippedBit { id: 0x185, bit });
+        assert!(outcome.fault.to_string().contains(words), "bit {bit}: {}", outcome.fault);
+    }
+}
+
+#[test]
+fn a_drive_whose_units_are_not_those_of_the_rig_file_is_not_armed_and_gets_no_power() {
+    for (fault, code, words) in [
+        (
+            B::WrongReading(0x60A8, 0, 0x0041_0000),
+            "wrong_unit",
+            "60A8h:00 is 00410000h, and 00B50000h is expected",
+        ),
+        (B::WrongReading(0x60A9, 0, 0x00B4_4700), "wrong_unit", "set 60A9h to 00B50300h"),
+        (B::WrongReading(0x60AA, 0, 0x00C0_0300), "wrong_unit", "60AAh:00"),
+        (B::WrongReading(0x6091, 1, 5), "wrong_unit", "6091h:01 is 00000005h"),
+        (B::WrongReading(0x6092, 1, 3600), "wrong_unit", "6092h:01"),
+        (B::WrongReading(0x607E, 0, 0x80), "wrong_unit", "set 607Eh to 0"),
+    ] {
+        let bench = Bench::new(MotorKind::Cia402);
+        bench.strike(fault);
+        if let B::WrongReading(index @ (0x6091 | 0x6092), ..) = fault {
+            bench.strike(B::WrongReading(index, 2, 1));
+        }
+        let refused = bench.arm().unwrap_err();
+        assert_eq!(refused.code(), code, "{fault:?}: {refused}");
+        assert!(refused.to_string().contains(words), "{fault:?}: {refused}");
+        assert!(bench.bus.world().power.is_empty(), "{fault:?}: it had power");
+    }
+}
+
+#[test]
+fn a_drive_whose_units_say_what_the_rig_file_says_is_armed() {
+    let bench = Bench::new(MotorKind::Cia402);
+    for (index, sub, value) in [
+        (0x60A8, 0, 0x00B5_0000),
+        (0x60A9, 0, 0x00B5_0300),
+        (0x607E, 0, 0),
+        (0x6091, 1, 1),
+        (0x6091, 2, 1),
+        (0x6092, 1, 131_072),
+        (0x6092, 2, 1),
+    ] {
+        bench.strike(B::WrongReading(index, sub, value));
+    }
+    bench.arm().unwrap();
+}
+
+const NO_SUCH_OBJECT: u32 = 0x0602_0000;
+
+#[test]
+fn a_drive_without_an_optional_object_is_armed_and_one_without_a_guard_is_not() {
+    for index in [0x1029, 0x605A, 0x605E, 0x6065, 0x6066, 0x607C, 0x6080, 0x608F, 0x6099, 0x609A] {
+        let bench = Bench::new(MotorKind::Cia402);
+        bench.strike(B::Aborted(index, NO_SUCH_OBJECT));
+        bench.arm().unwrap_or_else(|fault| panic!("{index:04X}h: {fault}"));
+    }
+    for index in [0x1016, 0x1017, 0x6007, 0x6072, 0x6076, 0x607D, 0x6085, 0x6098, 0x60C2] {
+        let bench = Bench::new(MotorKind::Cia402);
+        bench.strike(B::Aborted(index, NO_SUCH_OBJECT));
+        let refused = bench.arm().unwrap_err();
+        assert_eq!(refused.code(), "object_missing", "{index:04X}h: {refused}");
+        assert!(bench.bus.world().power.is_empty(), "{index:04X}h: it had power");
+    }
+}
+
+#[test]
+fn everything_that_a_drive_lacks_or_refuses_is_found_at_once() {
+    let bench = Bench::new(MotorKind::Cia402);
+    for fault in [
+        B::Aborted(0x6080, NO_SUCH_OBJECT),
+        B::Aborted(0x6072, 0x0609_0031),
+        B::Aborted(0x607D, NO_SUCH_OBJECT),
+        B::IgnoredWrite(0x6065),
+        B::WrongReading(0x60A9, 0, 0x00B4_4700),
+    ] {
+        bench.strike(fault);
+    }
+    let mut connection = bench.connection();
+    let limits = HandleLimits::of_rig(&connection.file().limits);
+    connection.prepare(&limits).unwrap_err();
+    let told: Vec<String> = connection.findings().iter().map(ToString::to_string).collect();
+    for words in [
+        "6080h:00 (highest speed of the motor) is not there, and is optional: only the program limits the speed",
+        "6072h:00 (highest torque of the motor): node 5 aborts",
+        "607Dh:01 (lowest and highest target position) is not there, and is needed",
+        "607Dh:02",
+        "6065h:00",
+        "set 60A9h to 00B50300h",
+    ] {
+        assert!(told.iter().any(|line| line.contains(words)), "{words}: {told:#?}");
+    }
+    connection.release().unwrap();
+}
+
+#[test]
+fn a_drive_that_moves_in_another_unit_than_it_is_told_is_found_by_a_small_slow_motion() {
+    for (scale, codes) in [
+        (0.5, &["moved_otherwise"][..]),
+        (0.0, &["moved_otherwise"]),
+        (-1.0, &["moved_otherwise"]),
+        (3.0, &["faster_than_asked"]),
+        (60.0, &["faster_than_asked", "speed"]),
+    ] {
+        let bench = Bench::new(MotorKind::Cia402);
+        bench.strike(B::TargetScaled(scale));
+        let refused = bench.arm_and_watch().unwrap_err();
+        assert!(codes.contains(&refused.code()), "{scale}: {refused}");
+        let world = bench.bus.world();
+        assert!(!world.power.last().unwrap().1, "{scale}: it has power");
+        // A power that is removed leaves the emulated shaft where it is.
+        let moved_rad = world.angle_rad();
+        assert!(moved_rad.abs() < 0.06, "{scale}: the handle moved by {moved_rad} rad");
+    }
+}
+
+#[test]
+fn a_drive_that_homes_faster_than_it_was_told_is_stopped_within_a_few_periods() {
+    let bench = Bench::new(MotorKind::Cia402);
+    bench.strike(B::HomingStuck);
+    bench.strike(B::Runaway(4.0));
+    let refused = bench.arm_and_watch().unwrap_err();
+    assert_eq!(refused.code(), "faster_than_asked", "{refused}");
+    let world = bench.bus.world();
+    assert!(!world.power.last().unwrap().1);
+    let moved_rad = world.angle_rad() - 0.3;
+    assert!(moved_rad < 0.07, "the handle moved by {moved_rad} rad");
+}
+
+#[test]
+fn the_operator_is_not_told_that_a_motor_is_safe_whose_power_may_be_on() {
+    let silent = Bench::new(MotorKind::Cia402).strike_while_held(B::AdapterGone);
+    assert!(silent.fault.power_may_be_on());
+    let told = silent.fault.told_when_armed();
+    assert!(told.contains("MAY STILL HAVE POWER") && !told.contains("made safe"), "{told}");
+    let answering = Bench::new(MotorKind::Cia402).strike_while_held(B::SdoOnly);
+    assert!(!answering.fault.power_may_be_on());
+    let told = answering.fault.told_when_armed();
+    assert!(told.contains("made safe"), "{told}");
+    assert!(
+        !answering.recorded.iter().any(|fault| fault.contains("could not be confirmed")),
+        "{:?}",
+        answering.recorded
+    );
 }
 
 #[test]

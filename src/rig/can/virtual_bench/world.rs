@@ -1,9 +1,12 @@
 //! The bus and everything on it, in virtual time.
 
 use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
+use super::shaft::Shaft;
+use super::target_log::TargetLog;
 use crate::rig::can::bus::{CanBus, ControllerError, Frame, Received};
 use crate::timing::{Clock, VirtualClock};
 
@@ -69,12 +72,22 @@ pub enum BenchFault {
     Unanswered(u16),
     /// The homing of the drive never ends.
     HomingStuck,
+    /// The motor reports this position, rad, and a correct one after it.
+    MisreadOnce(f64),
+    /// The motor reports this position, rad, from now on.
+    Misread(f64),
+    /// The drive takes target positions in another unit: it goes so many times as far.
+    TargetScaled(f64),
+    /// The drive acts on SDOs, but none of its PDOs comes and no heartbeat.
+    SdoOnly,
 }
 
 /// Frames on their way to the master, and faults in force.
 #[derive(Debug, Default)]
 pub struct Wire {
     pub faults: Vec<BenchFault>,
+    /// What the motor was told while it had power.
+    pub targets: TargetLog,
     /// Sorted by time of arrival.
     arriving: Vec<(Instant, Received)>,
 }
@@ -90,6 +103,7 @@ impl Wire {
         for fault in &self.faults {
             match *fault {
                 BenchFault::Silent => return,
+                BenchFault::SdoOnly if !(0x580..0x600).contains(&id) => return,
                 BenchFault::Dropped(dropped) if dropped == id => return,
                 BenchFault::Delayed(by) => at += by,
                 BenchFault::Duplicated(doubled) if doubled == id => times = 2,
@@ -101,6 +115,18 @@ impl Wire {
         for _ in 0..times {
             self.put(at, Received::Frame(Frame::new(id, &bytes), at));
         }
+    }
+
+    /// The wrong position that the motor is to report, if any, rad.
+    pub fn misread(&mut self) -> Option<f64> {
+        let once = self.faults.iter().position(|fault| matches!(fault, BenchFault::MisreadOnce(_)));
+        if let Some(BenchFault::MisreadOnce(misread_rad)) = once.map(|at| self.faults.remove(at)) {
+            return Some(misread_rad);
+        }
+        self.faults.iter().find_map(|fault| match fault {
+            BenchFault::Misread(misread_rad) => Some(*misread_rad),
+            _ => None,
+        })
     }
 
     pub fn put(&mut self, at: Instant, received: Received) {
@@ -127,6 +153,21 @@ pub trait Device: std::fmt::Debug + Send {
     fn motor(&self) -> Option<(bool, f64)> {
         None
     }
+
+    /// The shaft of a motor that has one.
+    fn shaft(&mut self) -> Option<&mut Shaft> {
+        None
+    }
+
+    /// Commands that made torque after the motor's own watchdog had let go of the shaft.
+    fn times_woken(&self) -> u32 {
+        0
+    }
+
+    /// Parameters that were written by number.
+    fn times_written(&self) -> u32 {
+        0
+    }
 }
 
 /// The devices, the wire between them and the master, and what the motor did.
@@ -138,12 +179,18 @@ pub struct World {
     next_flood: Option<Instant>,
     /// The fault that strikes when the handle comes below an angle, rad.
     pub strike_below_rad: Option<(f64, BenchFault)>,
+    /// When every fault ends.
+    pub faults_end: Option<Instant>,
+    /// When the operator stops the program, and the flag that says so.
+    pub stop_at: Option<(Instant, Arc<AtomicBool>)>,
     /// When the power went on or off.
     pub power: Vec<(Instant, bool)>,
     /// Lowest and highest angle of the handle so far, rad.
     pub angles_rad: [f64; 2],
     /// Frames sent by the master.
     pub frames_sent: u64,
+    /// Angle of the handle at the latest SYNC, rad.
+    pub synced_rad: f64,
 }
 
 impl World {
@@ -154,9 +201,12 @@ impl World {
             devices,
             next_flood: None,
             strike_below_rad: None,
+            faults_end: None,
+            stop_at: None,
             power: Vec::new(),
             angles_rad: [0.0; 2],
             frames_sent: 0,
+            synced_rad: 0.0,
         }
     }
 
@@ -176,6 +226,16 @@ impl World {
         self.note();
     }
 
+    /// All faults end at a time of the clock.
+    pub fn faults_end_at(&mut self, elapsed: Duration) {
+        self.faults_end = Some(self.clock.now() + elapsed.saturating_sub(self.clock.elapsed()));
+    }
+
+    /// Where the handle is now, as the drive counts it, rad.
+    pub fn angle_rad(&self) -> f64 {
+        self.devices.iter().find_map(|device| device.motor()).map_or(f64::NAN, |(_, angle_rad)| angle_rad)
+    }
+
     fn note(&mut self) {
         for (powered, angle_rad) in self.devices.iter().filter_map(|device| device.motor()) {
             if self.power.last().is_some_and(|(_, last)| *last) != powered {
@@ -187,6 +247,13 @@ impl World {
     }
 
     fn advance(&mut self, now: Instant) {
+        if self.faults_end.is_some_and(|end| end <= now) {
+            self.faults_end = None;
+            self.wire.faults.clear();
+        }
+        if let Some((_, stop)) = self.stop_at.as_ref().filter(|(at, _)| *at <= now) {
+            stop.store(true, Ordering::Relaxed);
+        }
         while let Some(due) = self.next_flood.filter(|due| *due <= now) {
             self.wire.put(due, Received::Frame(Frame::new(0x010, &[0; 8]), due));
             let per_s = self.wire.faults.iter().find_map(|fault| match fault {
@@ -206,6 +273,18 @@ impl World {
             self.strike_below_rad = None;
             self.strike(fault);
         }
+    }
+
+    /// The shaft of the motor.
+    pub fn shaft(&mut self) -> &mut Shaft {
+        self.devices.iter_mut().find_map(|device| device.shaft()).expect("the motor has a shaft")
+    }
+
+    /// Forgets the highest torque, speed and angles so far.
+    pub fn forget(&mut self) {
+        let shaft = self.shaft();
+        (shaft.highest_torque_nm, shaft.highest_speed_rad_s) = (0.0, 0.0);
+        self.angles_rad = [0.0; 2];
     }
 
     /// Lets the devices go on by themselves until `end`; nobody reads their frames.
@@ -246,6 +325,11 @@ impl CanBus for VirtualBus {
         let now = world.clock.now();
         world.advance(now);
         world.frames_sent += 1;
+        if frame.id == 0x080
+            && let Some((_, angle_rad)) = world.devices.iter().find_map(|device| device.motor())
+        {
+            world.synced_rad = angle_rad;
+        }
         if !world.wire.has(BenchFault::Deaf) {
             for device in &mut world.devices {
                 device.receive(frame, now, &mut world.wire);

@@ -1,0 +1,221 @@
+//! What the cycle asks of a motor, in MIT mode.
+
+use std::time::Instant;
+
+use super::device::{MIT_ATTEMPTS, MIT_REPLY_TIMEOUT, Mit, MitCommand};
+use super::frame::{ENTER, LEAVE};
+use super::proof::prove;
+use crate::rig::Origin;
+use crate::rig::can::bus::Frame;
+use crate::rig::can::canopen::{ErrorPolicy, Link, MonitoredNode, cob};
+use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, OriginReport, PowerState};
+use crate::rig::can::fault::CanFault;
+use crate::rig::can::file::CanRigFile;
+use crate::rig::can::limits::{HandleLimits, LimitsConfirmed};
+use crate::rig::can::pdo_decoder::Readings;
+use crate::rig::can::target_motion::Profile;
+use crate::rig::can::units::JointAngle;
+
+impl Drive for Mit {
+    fn prepare(
+        &mut self,
+        link: &mut Link,
+        file: &CanRigFile,
+        limits: &HandleLimits,
+    ) -> Result<LimitsConfirmed, CanFault> {
+        self.check_reach(limits)?;
+        self.limits = Some(*limits);
+        self.check.restart();
+        self.probe = None;
+        self.ask(link, &LEAVE)?;
+        self.sensors.prepare(link, file)?;
+        // The rig file says that it knows that there is nothing to read back from this motor.
+        Ok(LimitsConfirmed::by_reading_back())
+    }
+
+    fn monitored_nodes(&self) -> Vec<MonitoredNode> {
+        self.sensors.monitored_nodes()
+    }
+
+    fn start(
+        &mut self,
+        link: &mut Link,
+        limits: &HandleLimits,
+        monitor: &mut dyn MotionMonitor,
+    ) -> Result<(), CanFault> {
+        self.sensors.start(link)?;
+        link.set_error_policy(ErrorPolicy::Fault);
+        self.trusted_rad = None;
+        self.target_rad = None;
+        self.origin = Origin::at_arming(self.motor.zero_here, self.zeroed);
+        if self.motor.zero_here && !self.zeroed {
+            self.make_zero(link)?;
+        }
+        let reply = self.ask(link, &LEAVE)?;
+        limits.check_place(JointAngle(self.handle_rad(&reply)))?;
+        (self.before, self.disagreements, self.disagreement) = (None, 0, None);
+        if self.is_proved {
+            return Ok(());
+        }
+        let proved = prove(self, link, limits, monitor);
+        self.probe = None;
+        let left = self.send_leave(link);
+        proved?;
+        left?;
+        self.is_proved = true;
+        Ok(())
+    }
+
+    fn send_target(
+        &mut self,
+        _link: &mut Link,
+        target: JointAngle,
+        _shown_nm: f64,
+        request: DriveRequest,
+    ) -> Result<(), CanFault> {
+        self.next = match request {
+            // A motor that is not in motor mode answers this one, too, and stays without power.
+            DriveRequest::None | DriveRequest::RemovePower => MitCommand::Leave,
+            DriveRequest::Enable if !self.in_motor_mode => match self.trusted_rad {
+                Some(_) => MitCommand::Enter,
+                None => MitCommand::Leave,
+            },
+            DriveRequest::Enable | DriveRequest::Follow | DriveRequest::QuickStop => {
+                let toward = self.in_motor_mode.then(|| self.toward(target.0)).flatten();
+                toward.map_or(MitCommand::Leave, MitCommand::Act)
+            }
+        };
+        self.target_rad = Some(target.0);
+        Ok(())
+    }
+
+    fn send_sync(&mut self, link: &mut Link) -> Result<(), CanFault> {
+        self.has_replied = false;
+        let command = self.probe.unwrap_or(self.next);
+        let command = if self.has_been_silent(link.now()) { MitCommand::Leave } else { command };
+        match command {
+            MitCommand::Silence => self.has_replied = true,
+            MitCommand::Leave => self.send_leave(link)?,
+            MitCommand::Enter => {
+                self.send_no_gains(link)?;
+                self.send_raw(link, &ENTER)?;
+                // One that goes on with what it was told before is told to do nothing.
+                self.send_no_gains(link)?;
+                self.in_motor_mode = true;
+            }
+            MitCommand::Act(impedance) => {
+                let frame = self.ranges.encode(&impedance)?;
+                self.send_raw(link, &frame)?;
+            }
+        }
+        Ok(link.send(&Frame::new(cob::SYNC, &[]))?)
+    }
+
+    fn handle_frame(&mut self, frame: &Frame, now: Instant) -> Result<bool, CanFault> {
+        let data = frame.data();
+        if frame.id != self.motor.reply_id || data.first() != Some(&(self.motor.id as u8)) {
+            return Ok(false);
+        }
+        let [_, a, b, c, d, e, rest @ ..] = data else {
+            return Err(CanFault::Malformed { id: frame.id, length: data.len() as u8, expected: 8 });
+        };
+        let error = rest.get(1).copied().unwrap_or(0);
+        let reply = self.ranges.decode([*a, *b, *c, *d, *e], error)?;
+        self.check.believe(self.handle_rad(&reply), now)?;
+        self.reply = Some(reply);
+        self.has_replied = true;
+        Ok(true)
+    }
+
+    fn has_replied(&self) -> bool {
+        self.has_replied
+    }
+
+    fn reply_id(&self) -> Option<u16> {
+        Some(self.motor.reply_id)
+    }
+
+    fn angle(&self, _readings: &Readings, _sample: usize) -> JointAngle {
+        JointAngle(self.check.angle_rad().unwrap_or(f64::NAN))
+    }
+
+    fn check(&self, _readings: &Readings, _now: Instant) -> Result<(), CanFault> {
+        let error = self.reply.map_or(0, |reply| reply.error);
+        if error != 0 || !self.in_motor_mode {
+            return Err(CanFault::MotorError { code: u32::from(error) });
+        }
+        self.disagreement.map_or(Ok(()), Err)
+    }
+
+    fn power(&self, _readings: &Readings) -> PowerState {
+        match (self.in_motor_mode, self.following) {
+            (true, true) => PowerState::Following,
+            (true, false) => PowerState::Changing,
+            (false, _) => PowerState::Off,
+        }
+    }
+
+    /// It goes there as soon as it is told, and its reply comes after that.
+    fn target_delay_periods(&self) -> usize {
+        1
+    }
+
+    fn approach(&self) -> Profile {
+        Profile::of_speed(self.motor.go_to_start_rad_s)
+    }
+
+    fn trust(&mut self, angle: JointAngle) {
+        self.trusted_rad = Some(angle.0);
+    }
+
+    fn angle_resolution_rad(&self) -> f64 {
+        self.motor.angle_step_rad()
+    }
+
+    fn period_complete(&mut self, _readings: &Readings) {
+        self.following = self.in_motor_mode && matches!(self.next, MitCommand::Act(_));
+        self.compare_speed();
+    }
+
+    fn takes_present_position(&self) -> bool {
+        self.motor.zero_here
+    }
+
+    /// The motor has nothing that tells whether it was restarted.
+    fn ask_origin(
+        &mut self,
+        link: &mut Link,
+        _file: &CanRigFile,
+        _limits: &HandleLimits,
+    ) -> Result<OriginReport, CanFault> {
+        self.check.restart();
+        // The reply to it tells the angle, and it gives no power.
+        let reply = self.ask(link, &LEAVE)?;
+        Ok(OriginReport { is_kept: None, angle: Some(JointAngle(self.handle_rad(&reply))) })
+    }
+
+    fn adopt_origin(&mut self, _limits: &HandleLimits) {
+        self.zeroed = true;
+    }
+
+    fn origin(&self) -> Origin {
+        self.origin
+    }
+
+    fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault> {
+        self.probe = None;
+        for _ in 0..MIT_ATTEMPTS {
+            self.in_motor_mode = true;
+            // Without gains if that can be said, without power in any case.
+            let _ = self.send_leave(link);
+            let deadline = link.now() + MIT_REPLY_TIMEOUT;
+            while let Some(frame) = link.receive(deadline)? {
+                // Whatever it says of its position: it has heard.
+                if frame.id == self.motor.reply_id && frame.data().first() == Some(&(self.motor.id as u8)) {
+                    return Ok(self.sensors.release(link)?);
+                }
+            }
+        }
+        Err(CanFault::PowerNotConfirmed)
+    }
+}
