@@ -262,8 +262,8 @@ impl Cycle {
         // On the bench, the motor's time stands still as well: nothing is lost.
         if !self.waits_for_frames {
             stats.lose_periods(lost);
+            self.late_in_a_row = self.late_in_a_row.saturating_add(u32::try_from(lost).unwrap_or(u32::MAX));
         }
-        self.late_in_a_row = self.late_in_a_row.saturating_add(u32::try_from(lost).unwrap_or(u32::MAX));
         self.freshness.expect_gap(lost);
         let (in_a_row, tolerated) = (self.late_in_a_row, self.tolerate.missed_cycles_in_a_row);
         if (in_a_row > tolerated || gap >= self.watchdog) && self.state.makes(Check::WakeUp) {
@@ -365,6 +365,7 @@ impl Cycle {
         } else {
             // Only on the bench: the grid went on while the emulated motor's time stood still.
             self.timer.catch_up(link.now());
+            self.missed_in_a_row = 0;
         }
         Ok(true)
     }
