@@ -349,7 +349,7 @@ impl Cycle {
                     if !self.waits_for_frames || !self.state.makes(Check::MotorFrames) {
                         self.unanswered = self.decoder.first_missing(Wanted::OfMotor).or(drive.reply_id());
                         stats.lose_periods(1);
-                        self.freshness.expect_gap(1);
+                        self.freshness.expect_unanswered();
                         self.decoder.give_up();
                         return Ok(false);
                     }

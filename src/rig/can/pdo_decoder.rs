@@ -67,6 +67,8 @@ pub struct PdoDecoder {
     /// How many frames of periods that were given up may still arrive, for each layout.
     owed: [u8; MAX_FRAMES],
     readings: Readings,
+    /// The readings when the period began.
+    before: Readings,
 }
 
 /// Whose frames a period needs.
@@ -124,12 +126,14 @@ impl PdoDecoder {
             emg: [emg(signals.emg_fcr), emg(signals.emg_ecr)],
             counter: signals.counter.map(|counter| counter.kind),
         };
-        Self { layouts, scales, seen: 0, owed: [0; MAX_FRAMES], readings: Readings::default() }
+        let readings = Readings::default();
+        Self { layouts, scales, seen: 0, owed: [0; MAX_FRAMES], readings, before: readings }
     }
 
     /// A new period begins: everything is still to come.
     pub fn begin(&mut self) {
         self.seen = 0;
+        self.before = self.readings;
     }
 
     /// The identifier of a wanted frame that has not come.
@@ -147,8 +151,10 @@ impl PdoDecoder {
         self.place(id).is_some_and(|at| self.seen & 1 << at == 0)
     }
 
-    /// Gives the period up: frames that have not come may still arrive, late.
+    /// Gives the period up: frames that have not come may still arrive, late. The readings are those of before; a torque of this
+    /// period beside an angle of the last would be no sample.
     pub fn give_up(&mut self) {
+        self.readings = self.before;
         for (at, owed) in self.owed.iter_mut().enumerate() {
             *owed = owed.saturating_add(u8::from(self.seen & 1 << at == 0));
         }
@@ -302,6 +308,15 @@ mod tests {
         assert_eq!(decoder.first_missing(Wanted::OfMotor), None);
         assert_eq!(decoder.first_missing(Wanted::All), Some(0x285));
         assert!(decoder.has_torque());
+    }
+
+    #[test]
+    fn a_period_that_is_given_up_leaves_the_readings_of_before() {
+        let mut decoder = PdoDecoder::new(&rig("plain"));
+        decoder.begin();
+        decoder.decode(&Frame::new(0x285, &[7, 0, 0, 0, 0, 0])).unwrap();
+        decoder.give_up();
+        assert_eq!(decoder.readings(), &Readings::default());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Stale samples: a counter that does not count, or a torque that does not change.
 
 use super::fault::CanFault;
-use super::file::CanRigFile;
+use super::file::{CanRigFile, Carried, FrameLayout};
 use super::pdo_decoder::{MAX_SAMPLES, Readings};
 
 /// Whether samples go on: the counter by one each period, or at least a torque that changes.
@@ -13,8 +13,16 @@ pub struct StalenessCheck {
     torque_before: [f64; MAX_SAMPLES],
     unchanged: u32,
     tolerated: u32,
-    /// Periods without readings since the last.
-    missed: u32,
+    /// By how much the counter may go on besides the one of each period.
+    slack: u32,
+    /// Periods without an answer to SYNC since the last readings.
+    unanswered: u32,
+    /// By how many periods the counter is behind the SYNCs that were sent, and for how many periods in a row.
+    behind: u32,
+    behind_in_a_row: u32,
+    /// Periods in a row that may be behind, and the frame with the counter.
+    missed_tolerated: u32,
+    frame: u16,
 }
 
 impl StalenessCheck {
@@ -30,31 +38,34 @@ impl StalenessCheck {
             before: None,
             torque_before: [f64::NAN; MAX_SAMPLES],
             unchanged: 0,
-            missed: 0,
             tolerated: file.tolerate.unchanged_torque_periods,
+            slack: 0,
+            unanswered: 0,
+            behind: 0,
+            behind_in_a_row: 0,
+            missed_tolerated: file.tolerate.missed_cycles_in_a_row,
+            frame: file.frames.iter().find(has_counter).and_then(|frame| frame.identifier()).unwrap_or(0),
         }
     }
 
-    /// Periods went by without readings: the counter may have gone on by as many.
+    /// Periods went by, perhaps without SYNC: the counter may have gone on by as many.
     pub fn expect_gap(&mut self, periods: u64) {
-        self.missed = self.missed.saturating_add(u32::try_from(periods).unwrap_or(u32::MAX));
+        self.slack = self.slack.saturating_add(u32::try_from(periods).unwrap_or(u32::MAX));
+    }
+
+    /// A SYNC was not answered: the counter must have gone on by one, unless the answer is late.
+    pub fn expect_unanswered(&mut self) {
+        self.expect_gap(1);
+        self.unanswered = self.unanswered.saturating_add(1);
     }
 
     /// The readings of one more period.
     ///
     /// # Errors
-    /// [`CanFault::StaleSample`], [`CanFault::FrozenTorque`]
+    /// [`CanFault::StaleSample`], [`CanFault::FrozenTorque`], or [`CanFault::MissedCycle`] where every answer is that to an
+    /// earlier SYNC.
     pub fn check(&mut self, readings: &Readings) -> Result<(), CanFault> {
-        let now = readings.counter;
-        let missed = std::mem::take(&mut self.missed);
-        if let Some(mask) = self.counter_mask {
-            let before = self.before.replace(now);
-            let went_on = |before: u32| now.wrapping_sub(before) & mask;
-            let may_go_on = 1..=missed.saturating_add(1);
-            if let Some(before) = before.filter(|before| !may_go_on.contains(&went_on(*before))) {
-                return Err(CanFault::StaleSample { before, now });
-            }
-        }
+        self.check_counter(readings.counter)?;
         self.unchanged = if readings.torque_nm == self.torque_before { self.unchanged + 1 } else { 0 };
         self.torque_before = readings.torque_nm;
         if self.unchanged > self.tolerated {
@@ -63,6 +74,28 @@ impl StalenessCheck {
         }
         Ok(())
     }
+
+    fn check_counter(&mut self, now: u32) -> Result<(), CanFault> {
+        let (slack, unanswered) = (std::mem::take(&mut self.slack), std::mem::take(&mut self.unanswered));
+        let Some(mask) = self.counter_mask else { return Ok(()) };
+        let Some(before) = self.before.replace(now) else { return Ok(()) };
+        let went_on = now.wrapping_sub(before) & mask;
+        let most = slack.saturating_add(self.behind).saturating_add(1);
+        if !(1..=most).contains(&went_on) {
+            return Err(CanFault::StaleSample { before, now });
+        }
+        self.behind = (self.behind + unanswered + 1).saturating_sub(went_on);
+        self.behind_in_a_row = if self.behind > 0 { self.behind_in_a_row + 1 } else { 0 };
+        let (in_a_row, tolerated) = (self.behind_in_a_row, self.missed_tolerated);
+        if in_a_row > tolerated {
+            return Err(CanFault::MissedCycle { in_a_row, tolerated, id: self.frame });
+        }
+        Ok(())
+    }
+}
+
+fn has_counter(frame: &&FrameLayout) -> bool {
+    frame.carries.contains(&Carried::Counter)
 }
 
 #[cfg(test)]
@@ -91,6 +124,25 @@ mod tests {
         }
         assert!(check(&[5, 5]).unwrap_err().to_string().contains("it stands"));
         assert!(check(&[5, 7]).unwrap_err().to_string().contains("were lost or came out of order"));
+    }
+
+    #[test]
+    fn answers_that_are_all_one_period_late_are_missed_and_a_single_one_is_not() {
+        let mut fresh = StalenessCheck::new(&plain());
+        fresh.missed_tolerated = 3;
+        let check = |fresh: &mut StalenessCheck, counter: u32| {
+            let mut readings = Readings { counter, ..Readings::default() };
+            readings.torque_nm[0] = f64::from(counter);
+            fresh.check(&readings)
+        };
+        assert_eq!([1, 2].map(|counter| check(&mut fresh, counter)), [Ok(()), Ok(())]);
+        fresh.expect_unanswered();
+        assert_eq!([3, 4].map(|counter| check(&mut fresh, counter)), [Ok(()), Ok(())], "late");
+        assert_eq!(check(&mut fresh, 6), Ok(()), "two in a period: it has caught up");
+        assert!(matches!(check(&mut fresh, 8), Err(CanFault::StaleSample { .. })));
+        fresh.expect_unanswered();
+        let found = (9..20).find(|counter| check(&mut fresh, *counter).is_err());
+        assert_eq!(found, Some(12), "3 in a row are tolerated");
     }
 
     #[test]
