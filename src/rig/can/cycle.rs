@@ -365,7 +365,6 @@ impl Cycle {
         } else {
             // Only on the bench: the grid went on while the emulated motor's time stood still.
             self.timer.catch_up(link.now());
-            self.missed_in_a_row = 0;
         }
         Ok(true)
     }
