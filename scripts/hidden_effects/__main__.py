@@ -6,6 +6,7 @@ from pathlib import Path
 
 from . import catalogue
 from .generator import generate
+from .laboratory import LABORATORIES
 from .session_writer import write_session, write_truth
 
 
@@ -17,6 +18,7 @@ def main() -> int:
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--size", type=float, default=1.0, help="times the default size")
     p.add_argument("--sessions", type=int, default=1, help="this many, with seeds from --seed upward")
+    p.add_argument("--laboratory", choices=LABORATORIES, default="paper")
     p.add_argument("--list", action="store_true", help="print the known effects")
     a = p.parse_args()
     if a.list:
@@ -32,7 +34,7 @@ def main() -> int:
         name = f"session-{seed:06d}"
         if (a.out / name).exists():
             p.error(f"{a.out / name} exists already")
-        session = generate(seed, a.effect, a.size)
+        session = generate(seed, a.effect, a.size, laboratory=LABORATORIES[a.laboratory])
         write_session(session, a.out / name)
         write_truth(session, a.effect, a.out / "truth" / f"{name}.json")
         print(a.out / name)

@@ -1,18 +1,18 @@
 """From a seed and the names of what to hide to a measured session and its truth."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from . import catalogue, noise
-from .person import NOMINAL_LEVER, REPETITIONS, Trials
+from .laboratory import LABORATORIES, Laboratory
+from .person import Trials
 from .plant import END_S, FINE_HZ, START_S, Motion, Plant, simulate
 from .scenario import Hidden, Scenario, base_scenario
 from .streams import stream
 
 LONGEST_HOLD_S = 0.8
-STEP = FINE_HZ // noise.SAMPLE_HZ
 
 
 @dataclass
@@ -40,31 +40,36 @@ class Session:
         return np.where(passed.any(axis=1), self.motion.t_s[passed.argmax(axis=1)], np.nan)
 
 
-def generate(seed: int, effect: str = "none", size: float = 1.0, repetitions: int = REPETITIONS) -> Session:
+def generate(seed: int, effect: str = "none", size: float = 1.0, repetitions: int | None = None,
+             laboratory: Laboratory = LABORATORIES["paper"]) -> Session:
+    """Measured in `laboratory`, with other `repetitions` than its own where they are given."""
     names = catalogue.parse(effect)
-    scenario = base_scenario(seed, repetitions)
+    if repetitions is not None:
+        laboratory = replace(laboratory, repetitions=repetitions)
+    scenario = base_scenario(seed, laboratory)
+    step = FINE_HZ // laboratory.sample_hz
     hidden = [catalogue.hide(scenario, name, size) for name in names]
     motion = simulate(plant_of(scenario))
 
     fine = np.arange(round(-LONGEST_HOLD_S * FINE_HZ), round(END_S * FINE_HZ) + 1) / FINE_HZ
     moving = slice(round((LONGEST_HOLD_S + START_S) * FINE_HZ), None)
-    torque, gauge = noise.voluntary_torque(seed, scenario.person, scenario.trials.torque_nm, fine)
+    torque, gauge = noise.voluntary_torque(seed, scenario.person, scenario.trials.torque_nm, fine, laboratory.sample_hz)
     torque[:, moving] += motion.torque_l
     for link in scenario.torque_chain:
         torque = link(fine, torque, scenario, motion)
-    t = fine[::STEP]
-    torque = torque[:, ::STEP] + gauge
+    t = fine[::step]
+    torque = torque[:, ::step] + gauge
     for link in scenario.digital_chain:
         torque = link(t, torque, scenario)
 
     angle = np.zeros_like(torque)
-    angle[:, round((LONGEST_HOLD_S + START_S) * noise.SAMPLE_HZ):] = recorded_angle(scenario, motion)[:, ::STEP]
+    angle[:, round((LONGEST_HOLD_S + START_S) * laboratory.sample_hz):] = recorded_angle(scenario, motion)[:, ::step]
     rng = stream(seed, "holds")
     start = scenario.person.start_angle_rad + rng.normal(0, 2e-4, (len(torque), 1))
-    first = rng.integers(0, round(0.17 * noise.SAMPLE_HZ), len(torque))
+    first = rng.integers(0, round(0.17 * laboratory.sample_hz), len(torque))
     burst = scenario.person.late_reflex["latency_s"] - 0.012  # EMG leads the torque
-    fcr, ecr = noise.emg(seed, scenario.person, scenario.trials, t, burst)
-    return Session(seed, scenario, hidden, motion, t, first, noise.encoder(start + angle), torque, fcr, ecr)
+    fcr, ecr = noise.emg(seed, scenario.person, scenario.trials, t, burst, laboratory.sample_hz)
+    return Session(seed, scenario, hidden, motion, t, first, noise.encoder(start + angle, laboratory.encoder_counts), torque, fcr, ecr)
 
 
 def plant_of(s: Scenario) -> Plant:
@@ -82,5 +87,5 @@ def base_model_response(s: Scenario, motion: Motion) -> Motion:
     """What Eq. 1-7 with the trials' true parameters and the session's lever say to the recorded angle."""
     spline = CubicSpline(motion.t_s, recorded_angle(s, motion), axis=1)
     speed = spline.derivative()
-    plant = Plant(s.trials, NOMINAL_LEVER, s.ramp.angle, s.servo, motor=lambda t: (spline(t), speed(t)))
+    plant = Plant(s.trials, s.laboratory.own_lever(), s.ramp.angle, s.servo, motor=lambda t: (spline(t), speed(t)))
     return simulate(plant)

@@ -9,18 +9,20 @@ from scipy.signal import butter, lfilter, sosfilt
 
 from .streams import stream
 
-SAMPLE_HZ = 2500
 GATE = 0.025  # the band around the target torque ...
 GATE_S = 0.5  # ... and how long it has been held at the onset
-FILTER = butter(3, 50.0, fs=SAMPLE_HZ)
-ENCODER_COUNTS = 2**17
 
 
-def voluntary_torque(seed, person, torque_nm, fine_t):
+def low_pass(sample_hz):
+    """The paper's filter."""
+    return butter(3, 50.0, fs=sample_hz)
+
+
+def voluntary_torque(seed, person, torque_nm, fine_t, sample_hz):
     """The hold: target, offset, wander below 2.5 Hz and tremor, redrawn until it passes the gate that starts a ramp."""
     rng = stream(seed, "voluntary torque")
     gauge = stream(seed, "gauge noise")
-    step = max(1, round((fine_t[1] - fine_t[0]) ** -1 / SAMPLE_HZ))
+    step = max(1, round((fine_t[1] - fine_t[0]) ** -1 / sample_hz))
     noise = person.gauge_noise_nm * gauge.standard_normal((len(torque_nm), len(fine_t[::step])))
     out = np.empty((len(torque_nm), len(fine_t)))
     waiting = np.arange(len(torque_nm))
@@ -28,15 +30,15 @@ def voluntary_torque(seed, person, torque_nm, fine_t):
         target = torque_nm[waiting, None]
         out[waiting] = target * (1 + _unsteadiness(rng, person, len(waiting), fine_t))
         measured = out[waiting][:, ::step] + noise[waiting]
-        waiting = waiting[~gate_held(measured, torque_nm[waiting], fine_t[::step])]
+        waiting = waiting[~gate_held(measured, torque_nm[waiting], fine_t[::step], sample_hz)]
         if len(waiting) == 0:
             return out, noise
     raise RuntimeError("this person cannot hold the target torque; the noise is too large for the gate")
 
 
-def gate_held(torque, target, t):
+def gate_held(torque, target, t, sample_hz):
     """Was the 50 Hz torque within the band for the whole time before the onset at t = 0?"""
-    filtered = target[:, None] + lfilter(*FILTER, torque - target[:, None], axis=1)
+    filtered = target[:, None] + lfilter(*low_pass(sample_hz), torque - target[:, None], axis=1)
     before = (t >= -GATE_S) & (t <= 0)
     return np.all(np.abs(filtered[:, before] / target[:, None] - 1) < GATE, axis=1)
 
@@ -57,15 +59,15 @@ def _sines(rng, n, t, hz, rms):
     return sum(size[:, i, None] * sine(i) for i in range(hz.shape[1]))
 
 
-def encoder(angle_rad):
-    count = 2 * np.pi / ENCODER_COUNTS
+def encoder(angle_rad, counts):
+    count = 2 * np.pi / counts
     return np.round(angle_rad / count) * count
 
 
-def emg(seed, person, trials, t, burst_onset_s):
+def emg(seed, person, trials, t, burst_onset_s, sample_hz):
     """Rectified EMG of FCR and ECR; the stretch gives FCR a burst from `burst_onset_s` on."""
     rng = stream(seed, "emg")
-    band = butter(2, [20.0, 450.0], btype="band", fs=SAMPLE_HZ, output="sos")
+    band = butter(2, [20.0, 450.0], btype="band", fs=sample_hz, output="sos")
     lead = 250
     carrier = sosfilt(band, rng.standard_normal((2, len(trials), len(t) + lead)), axis=-1)[..., lead:]
     carrier = np.abs(carrier) / np.mean(np.abs(carrier))

@@ -7,15 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .laboratory import Laboratory
 from .streams import stream
 
-VELOCITIES_RAD_S = (1.3, 1.95, 2.6, 3.25)
-TORQUES_NM = (0.9, 1.5, 2.1)
-REPETITIONS = 3
 MIDDLE_VELOCITY_RAD_S = 2.275
 MIDDLE_TORQUE_NM = 1.5
-
-NOMINAL_LEVER = {"inertia_kg_m2": 0.0016, "damping_nm_s_per_rad": 0.4, "stiffness_nm_per_rad": 900.0}
 
 
 @dataclass
@@ -109,10 +105,11 @@ class Trials:
         return np.arange(len(self)) / (len(self) - 1)
 
 
-def draw_trials(seed: int, person: Person, repetitions: int = REPETITIONS) -> Trials:
+def draw_trials(seed: int, person: Person, laboratory: Laboratory) -> Trials:
     """The random order and every trial's own parameters."""
     rng = stream(seed, "order")
-    grid = [(v, t, r + 1) for r in range(repetitions) for v in VELOCITIES_RAD_S for t in TORQUES_NM]
+    grid = [(v, t, r + 1) for r in range(laboratory.repetitions) for v in laboratory.velocities_rad_s
+            for t in laboratory.torques_nm]
     grid = [grid[i] for i in rng.permutation(len(grid))]
     v, t, r = (np.array(c) for c in zip(*grid))
     n = len(v)

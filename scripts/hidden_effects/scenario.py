@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Callable
 
-from .person import NOMINAL_LEVER, REPETITIONS, Person, Trials, draw_person, draw_trials
+from .laboratory import Laboratory
+from .person import Person, Trials, draw_person, draw_trials
 from .plant import Force, eq2, gamma_reflex, linear_interface
 from .ramp import AMPLITUDE_RAD, Ramp, Servo
 
@@ -34,6 +35,7 @@ class Hidden:
 @dataclass
 class Scenario:
     seed: int
+    laboratory: Laboratory
     person: Person
     trials: Trials
     ramp: Ramp
@@ -48,16 +50,19 @@ class Scenario:
     angle_factor: float = 1.0  # recorded over true
 
 
-def base_scenario(seed: int, repetitions: int = REPETITIONS) -> Scenario:
+def base_scenario(seed: int, laboratory: Laboratory) -> Scenario:
     person = draw_person(seed)
-    trials = draw_trials(seed, person, repetitions)
+    person.tremor *= laboratory.tremor
+    person.gauge_noise_nm *= laboratory.gauge_noise
+    trials = draw_trials(seed, person, laboratory)
     late = person.late_reflex
     return Scenario(
         seed=seed,
+        laboratory=laboratory,
         person=person,
         trials=trials,
         ramp=Ramp(trials.velocity_rad_s.copy(), AMPLITUDE_RAD, person.ramp_rise_s),
         servo=Servo(person.servo_bandwidth_hz, 1000.0),
-        lever=dict(NOMINAL_LEVER),
+        lever=laboratory.own_lever(),
         forces=[gamma_reflex(late["gain_nm_s_per_rad"], late["latency_s"], late["time_constant_s"])],
     )

@@ -15,9 +15,12 @@ import numpy as np
 from scipy.signal import filtfilt, lfilter
 
 from . import catalogue, noise
-from .generator import STEP, base_model_response, generate
+from .generator import base_model_response, generate
+from .laboratory import LABORATORIES
 from .plant import END_S, FINE_HZ
 
+SAMPLE_HZ = LABORATORIES["paper"].sample_hz
+STEP = FINE_HZ // SAMPLE_HZ
 WINDOW = 100  # samples: 40 ms
 COMPONENTS = {"causal": 8, "zero-phase": 8, "none": WINDOW}
 FLOOR_NM = {"causal": 0.0015, "zero-phase": 0.0012, "none": 0.0206}  # the encoder's steps, through Eq. 5
@@ -27,7 +30,7 @@ FREE = ("b_h", "k_h", "k_srs", "k_dec", "x_e")  # per trial; i_j is shared
 def filtered_by(kind, y):
     if kind == "none":
         return y
-    return (lfilter if kind == "causal" else filtfilt)(*noise.FILTER, y, axis=1)
+    return (lfilter if kind == "causal" else filtfilt)(*noise.low_pass(SAMPLE_HZ), y, axis=1)
 
 
 def window(fine_torque, t, kind):

@@ -6,8 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from .generator import Session
-from .noise import SAMPLE_HZ
-from .person import NOMINAL_LEVER
 from .ramp import AMPLITUDE_RAD
 
 ROW = "%.4f,%.7f,%.5f,%.4f,%.4f\n"
@@ -16,8 +14,8 @@ ROW = "%.4f,%.7f,%.5f,%.4f,%.4f\n"
 def write_session(session: Session, folder: Path) -> None:
     """Nothing in the folder tells what is hidden, not even the order of the files or the number of digits."""
     (folder / "trials").mkdir(parents=True)
-    description = {"format": "ramphold-session/1", "subject": {"id": f"S{session.seed}"}, "sample_rate_hz": SAMPLE_HZ,
-                   "rig": {"lever": NOMINAL_LEVER}, "recorded_filter": None}
+    description = {"format": "ramphold-session/1", "subject": {"id": f"S{session.seed}"}, "sample_rate_hz": session.scenario.laboratory.sample_hz,
+                   "rig": {"lever": session.scenario.laboratory.own_lever()}, "recorded_filter": None}
     (folder / "session.json").write_text(json.dumps(description, indent=2) + "\n")
 
     t = session.trials

@@ -4,40 +4,44 @@ use std::path::Path;
 
 use crate::dataset;
 use crate::diagnose::remove_hum;
-use crate::fit::{Fit, Model, Observations, PreprocessingSettings, Results, Weighting};
+use crate::fit::{
+    Fit, Model, NoSessionModel, Observations, PreprocessingSettings, Results, SessionFit, Weighting,
+};
 use crate::protocol::ValidProtocol;
 
 use super::failure::Failure;
 
-/// Reads, preprocesses and fits a session, for a caller that needs the results alone; see [`preprocess_and_fit`].
-pub fn fit_session(
-    folder: &Path,
-    model: &Model,
-    window_s: Option<f64>,
-    weighting: Weighting,
-) -> Result<Results, Failure> {
-    preprocess_and_fit(folder, model, window_s, weighting).map(|(_, results, _)| results)
+/// What a fit is asked for.
+#[derive(Debug, Clone, Default)]
+pub struct FitRequest {
+    /// The model.
+    pub model: Model,
+    /// The analysed time after the onset, s; without it the session's protocol decides, and without a protocol it is the 0.040 s
+    /// of the paper.
+    pub window_s: Option<f64>,
+    /// The weighting of the residuals.
+    pub weighting: Weighting,
+    /// Each trial on its own, as in the paper.
+    pub independent: bool,
 }
 
-/// Reads, preprocesses and fits a session: the observations, the results as they are written, and the fit itself.
-///
-/// `window_s` is the analysed time after the onset, s; without it the session's protocol decides, and without a protocol
-/// it is the 0.040 s of the paper.
+/// Reads, preprocesses and fits a session: the observations, the results as they are written, and the fit of each trial on its own.
 pub fn preprocess_and_fit(
     folder: &Path,
-    model: &Model,
-    window_s: Option<f64>,
-    weighting: Weighting,
+    asked: &FitRequest,
 ) -> Result<(Observations, Results, Fit), Failure> {
+    let FitRequest { model, window_s, weighting, independent } = asked;
     let mut session = dataset::load(folder)?;
     if let Some(frequency_hz) = model.hum_hz() {
         session = remove_hum(&session, frequency_hz);
     }
-    let settings = preprocessing_settings(folder, window_s)?;
+    let settings = preprocessing_settings(folder, *window_s)?;
     let observations = Observations::new(&session, settings)
         .map_err(|source| Failure::Prepare { session: folder.display().to_string(), source })?;
-    let fit = Fit::new(&observations, model, weighting);
-    let results = Results::new(&session.subject.id, &observations, &fit, settings, weighting);
+    let fit = Fit::new(&observations, model, *weighting);
+    let of_session =
+        if *independent { Err(NoSessionModel::NotAsked) } else { SessionFit::new(&observations, &fit) };
+    let results = Results::new(&session.subject.id, &observations, (&fit, &of_session), settings, *weighting);
     Ok((observations, results, fit))
 }
 

@@ -38,6 +38,26 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
             row.iter().zip(&widths).map(|(cell, width)| format!("{cell:>width$}")).collect();
         writeln!(out, "{}", cells.join("  ").trim_end())?;
     }
+    match &results.no_session_model {
+        None => writeln!(
+            out,
+            "all trials fitted together; each on its own, as in the paper: fit-independent.csv, conditions-independent.csv"
+        )?,
+        Some(reason) => writeln!(out, "each trial fitted on its own: {reason}")?,
+    }
+    let several: Vec<String> = results
+        .estimates
+        .iter()
+        .filter(|e| !e.other_optima.is_empty())
+        .map(|e| e.trial.to_string())
+        .collect();
+    if !several.is_empty() {
+        writeln!(
+            out,
+            "another optimum fits within the noise: trials {} (fit.json has its values and probability)",
+            several.join(", ")
+        )?;
+    }
     let failed: Vec<String> =
         results.estimates.iter().filter(|e| !e.converged).map(|e| e.trial.to_string()).collect();
     if !failed.is_empty() {

@@ -22,7 +22,7 @@ mod session_rig;
 mod session_runner;
 mod signals;
 
-pub use analysis::{fit_session, preprocess_and_fit, preprocessing_settings};
+pub use analysis::{FitRequest, preprocess_and_fit, preprocessing_settings};
 pub use console::Console;
 pub use console_options::{ConsoleOptions, PageOptions, SessionDescription};
 pub use diagnosis_file::{named_causes, read_diagnosis};

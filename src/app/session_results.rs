@@ -3,10 +3,9 @@
 use std::path::Path;
 
 use crate::dataset::{Disk, Manifest, Resumable};
-use crate::fit::{Model, Weighting};
 use crate::session::{Machine, Phase, Status};
 
-use super::{Console, Failure, fit_session, fit_table, ran_on_can_motor, write_report};
+use super::{Console, Failure, FitRequest, fit_table, preprocess_and_fit, ran_on_can_motor, write_report};
 
 /// Prints how many trials have which status; fits the session if every trial is done, and writes results, report and
 /// manifest.
@@ -38,7 +37,7 @@ pub fn finish_session(
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
         return Err(Failure::Ended { folder: folder.to_owned(), left: machine.progress().queue().len() });
     }
-    let results = fit_session(folder, &Model::paper(), None, Weighting::default())?;
+    let (_, results, _) = preprocess_and_fit(folder, &FitRequest::default())?;
     results.write(&disk, &folder.join("results"))?;
     write_report(folder, &folder.join("results"), console)?;
     // The manifest comes last: a session without it is not complete.

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::app::{
-    Console, Failure, fit_table, preprocess_and_fit, read_model, session_folders, write_report,
+    Console, Failure, FitRequest, fit_table, preprocess_and_fit, read_model, session_folders, write_report,
 };
 use crate::dataset::{Disk, Manifest};
 use crate::fit::{self, Model, Results, Weighting};
@@ -15,7 +15,9 @@ use super::verb::Verb;
 /// Fit the wrist model to sessions; write fit.csv, conditions.csv, fit.json and the report.
 ///
 /// A session with a velocity and a torque per condition gives one set of parameters per condition (I_j, b_h, k_h, k_srs,
-/// k_dec, x_e) with standard errors, and the mean over repetitions. A table is printed.
+/// k_dec, x_e) with standard errors, and the mean over repetitions. A table is printed. All trials of a session are fitted
+/// together: their parameters vary around a regression on velocity and torque. The fit of each trial on its own, the method of the
+/// paper, is always written beside it, as fit-independent.csv and conditions-independent.csv.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  ramphold fit sessions/S01\n  ramphold fit ankle-0 --window 0.180 --out results\n  \
@@ -34,7 +36,10 @@ pub struct FitArgs {
     /// Weight every sample equally, as the paper does, instead of by the noise measured in the holds.
     #[arg(long)]
     plain: bool,
-    /// Parametric bootstrap: refit N sessions simulated from the fit, and write the scatter of the estimates to fit.json.
+    /// Each trial on its own, as in the paper, without the model of the session.
+    #[arg(long)]
+    independent: bool,
+    /// Parametric bootstrap of the fit of each trial on its own: refit N sessions simulated from the fit, and write the scatter of the estimates to fit.json.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     bootstrap: Option<u32>,
     /// Seed of the bootstrap.
@@ -64,8 +69,7 @@ impl Verb for FitArgs {
 
 impl FitArgs {
     fn fit(&self, session: &Path, model: &Model) -> Result<Results, Failure> {
-        let (observations, mut results, fit) =
-            preprocess_and_fit(session, model, self.window, self.weighting())?;
+        let (observations, mut results, fit) = preprocess_and_fit(session, &self.request(model))?;
         if let Some(refits) = self.bootstrap {
             let scatter = fit::bootstrap(&observations, &fit, refits as usize, self.seed);
             results.add_bootstrap(refits as usize, self.seed, &scatter);
@@ -73,8 +77,13 @@ impl FitArgs {
         Ok(results)
     }
 
-    fn weighting(&self) -> Weighting {
-        if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise }
+    fn request(&self, model: &Model) -> FitRequest {
+        FitRequest {
+            model: model.clone(),
+            window_s: self.window,
+            weighting: if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise },
+            independent: self.independent,
+        }
     }
 
     /// The results folder of each session: its own, where a new fit replaces the last, or one in `--out`, where nothing

@@ -1,15 +1,16 @@
 //! Thread that fits each trial when it ends, so that the operator sees at once whether it is usable.
 //!
-//! Each trial is fitted alone; the fit of the whole session starts from such values and ends at others.
+//! A trial is fitted together with those before it, as the session is in the end; the first few are fitted alone.
 
+use std::collections::VecDeque;
 use std::sync::mpsc;
 use std::thread;
 
 use super::thread_priority::lower_thread_priority;
 use crate::dataset::{Session, Status, Subject, Trial};
 use crate::fit::{
-    Fit, Model, Observations, PreprocessingSettings, TrialEstimate, Weighting, estimates_without_profiles,
-    predictions,
+    Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate, Weighting,
+    estimates_without_profiles, predictions, session_estimates,
 };
 use crate::wrist::Lever;
 
@@ -37,6 +38,12 @@ pub struct TrialFit {
     pub predicted_nm: Vec<f64>,
 }
 
+/// The model of a session has three coefficients for each parameter: before there are more trials, it says nothing.
+const LEAST_TRIALS: usize = 4;
+
+/// Most trials that are fitted together, the latest: a fit must be done before the next trial is over.
+const MOST_TRIALS: usize = 48;
+
 /// Number of a trial, and its fit or the reason why there is none.
 pub type TrialFitOutcome = (u32, Result<Box<TrialFit>, String>);
 
@@ -54,8 +61,18 @@ impl Fitter {
         let (done, outcomes) = mpsc::channel();
         thread::spawn(move || {
             lower_thread_priority();
+            let mut trials = VecDeque::new();
             for trial in todo {
-                let outcome = (trial.number, fit(&context, trial));
+                let number = trial.number;
+                trials.push_back(trial);
+                if trials.len() > MOST_TRIALS {
+                    trials.pop_front();
+                }
+                let fitted = fit(&context, trials.make_contiguous());
+                if fitted.is_err() {
+                    trials.pop_back();
+                }
+                let outcome = (number, fitted);
                 if done.send(outcome).is_err() {
                     return;
                 }
@@ -78,20 +95,37 @@ impl Fitter {
     }
 }
 
-fn fit(context: &TrialFitContext, trial: Trial) -> Result<Box<TrialFit>, String> {
-    let session = Session {
-        subject: Subject { id: context.subject.clone() },
-        sample_rate_hz: context.sample_rate_hz,
-        lever: context.lever,
-        recorded_filter: None,
-        trials: vec![trial],
+/// Fits the last of `trials` with what the others have shown.
+fn fit(context: &TrialFitContext, trials: &[Trial]) -> Result<Box<TrialFit>, String> {
+    let Some(last) = trials.last() else { return Err("there is no trial".into()) };
+    let observe = |trials: &[Trial]| {
+        let session = Session {
+            subject: Subject { id: context.subject.clone() },
+            sample_rate_hz: context.sample_rate_hz,
+            lever: context.lever,
+            recorded_filter: None,
+            trials: trials.to_vec(),
+        };
+        Observations::new(&session, context.preprocessing).map_err(|error| error.to_string())
     };
-    let prepared = Observations::new(&session, context.preprocessing).map_err(|error| error.to_string())?;
-    let fit = Fit::new(&prepared, &Model::paper(), Weighting::default());
-    let estimate =
-        estimates_without_profiles(&prepared, &fit).pop().ok_or("the trial could not be prepared")?;
-    let measured_nm = prepared.trials[0].measured_nm.clone();
-    let residual_nm = &predictions(&prepared, &fit)[0].residual_nm;
+    let used = if trials.len() < LEAST_TRIALS { std::slice::from_ref(last) } else { trials };
+    let observations = observe(used)?;
+    let independent = Fit::new(&observations, &Model::paper(), Weighting::default());
+    let session =
+        if used.len() > 1 { SessionFit::while_running(&observations, &independent).ok() } else { None };
+    let (estimates, fit) = match &session {
+        Some(session) => (session_estimates(&observations, session).0, &session.fit),
+        None => (estimates_without_profiles(&observations, &independent), &independent),
+    };
+    let place = estimates.iter().position(|estimate| estimate.trial == last.number);
+    let place = place.ok_or("the trial could not be prepared")?;
+    let mut estimate = estimates[place].clone();
+    estimate.remarks.push(match session {
+        Some(_) => format!("fitted together with the {} trials before it", estimates.len() - 1),
+        None => "fitted alone: the session has shown too little yet".into(),
+    });
+    let measured_nm = observations.trials[place].measured_nm.clone();
+    let residual_nm = &predictions(&observations, fit)[place].residual_nm;
     let predicted_nm = measured_nm.iter().zip(residual_nm).map(|(measured, left)| measured - left).collect();
     Ok(Box::new(TrialFit { estimate, measured_nm, predicted_nm }))
 }

@@ -12,6 +12,7 @@
 //! | `solver` | normal equations in arrowhead form, Levenberg-Marquardt method |
 //! | `fitted` | [`Fit`], its predictions and standard errors, fits that start at its optimum, block subproblems |
 //! | `search` | starting values, multistart, shrinkage, extension by a mechanism |
+//! | `population` | the model of a session: spreads and regression of the trials' parameters, and the fit with it |
 //! | `pipeline` | [`Fit::new`]: all steps for one session |
 //! | `inference` | profile likelihood, parametric bootstrap |
 //! | `output` | estimates by trial and condition, result files |
@@ -25,6 +26,7 @@ mod noise_from_residuals;
 mod output;
 mod parameters;
 mod pipeline;
+mod population;
 mod residuals;
 mod search;
 mod solver;
@@ -44,13 +46,15 @@ pub use model::model_file::{MODEL_FORMAT, ModelError};
 pub use model::parameter_index::{B_H, I_J, K_DEC, K_H, K_SRS, X_E};
 pub use model::specification::{AddedMechanism, LawTerm, Model, ParameterSpec, Scope, mechanism_ranges};
 pub use output::estimates::{
-    ConditionEstimate, TrialEstimate, by_condition, estimates, estimates_without_profiles,
+    ConditionEstimate, TrialEstimate, by_condition, estimates, estimates_without_profiles, session_estimates,
 };
 pub use output::result_files::{FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files};
 pub use parameters::component::{Component, Position};
 pub use parameters::coordinate::{Coordinate, Transform};
 pub use parameters::parameterisation::Parameterisation;
 pub use parameters::starting_values::StartingValues;
+pub use population::hierarchy::Hierarchy;
+pub use population::session_fit::{NoSessionModel, OtherOptimum, SessionFit};
 pub use residuals::objective::{Objective, Weighting};
 pub use residuals::prediction::predict;
 pub use search::extension_search::{ExtensionSearch, ScreenedExtension};

@@ -29,6 +29,38 @@ pub struct Fitted {
     pub trials: Vec<FittedTrial>,
     /// The conditions.
     pub conditions: Vec<ConditionFit>,
+    /// The model of the session, or why there is none.
+    pub session_model: Option<SessionModel>,
+}
+
+/// Whether the trials were fitted together.
+#[derive(Debug, Clone, Deserialize)]
+pub struct SessionModel {
+    /// Whether they were.
+    pub used: bool,
+    /// Why not.
+    pub reason: Option<String>,
+}
+
+/// The fit of a trial on its own.
+#[derive(Debug, Clone, Deserialize)]
+pub struct IndependentFit {
+    /// The fitted quantities.
+    pub values: Values,
+    /// Relative standard errors from the measured noise.
+    pub se_relative: Values,
+    /// Other optima within the noise.
+    #[serde(default)]
+    pub other_optima: Vec<Optimum>,
+}
+
+/// Another optimum of a trial.
+#[derive(Debug, Clone, Deserialize)]
+pub struct Optimum {
+    /// The six parameters.
+    pub values: Values,
+    /// Its probability.
+    pub probability: f64,
 }
 
 /// The settings of preprocessing and weighting.
@@ -67,6 +99,8 @@ pub struct FittedTrial {
     /// Remarks about the fit.
     #[serde(default)]
     pub remarks: Vec<String>,
+    /// The fit of the trial on its own.
+    pub independent: Option<IndependentFit>,
 }
 
 /// The mean fit of one condition.

@@ -78,7 +78,7 @@ fn a_study_has_the_rows_of_its_sessions_fits() {
         let session = format!("out/sessions/{subject}-1");
         workspace.succeed(&["verify", &session]);
         workspace.succeed(&["fit", &session]);
-        let fit = fs::read_to_string(workspace.path(&session).join("results/fit.csv")).unwrap();
+        let fit = fs::read_to_string(workspace.path(&session).join("results/fit-independent.csv")).unwrap();
         let mut lines = fit.lines();
         let header = lines.next().unwrap();
         assert_eq!(table.lines().next().unwrap(), format!("subject,{header},session"));
@@ -168,7 +168,7 @@ fn measured_sessions_are_fitted_and_one_that_is_broken_is_told_of() {
     let workspace = measured();
     workspace.succeed(&["cohort", "study.json", "--seed", "1", "--out", "whole"]);
     let whole = fs::read_to_string(workspace.path("whole/study.csv")).unwrap();
-    let table = fs::read_to_string(workspace.path("measured/S02/results/fit.csv")).unwrap();
+    let table = fs::read_to_string(workspace.path("measured/S02/results/fit-independent.csv")).unwrap();
     for row in table.lines().skip(1) {
         assert!(whole.contains(&format!("S02,{row},1\n")), "{row}");
     }

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from ..catalogue import ALIEN_KINDS, MECHANISMS
-from ..person import REPETITIONS
+from ..laboratory import LABORATORIES
 
 # Two causes that leave different traces; a pair of near twins would test nothing but luck.
 PAIRS = ("channel_skew+fatigue", "interface_slack+cocontraction", "lever_stiffness+activation_scaling",
@@ -30,7 +30,7 @@ class Case:
     effect: str
     seed: int
     size: float = 1.0
-    repetitions: int = REPETITIONS
+    repetitions: int = LABORATORIES["paper"].repetitions
 
     @property
     def group(self) -> str:

@@ -114,7 +114,7 @@ def test_yield_comes_at_about_thirty_milliseconds():
 
 
 def test_every_hold_passes_the_gate(empty):
-    assert noise.gate_held(empty.torque_l_nm, empty.trials.torque_nm, empty.t_s).all()
+    assert noise.gate_held(empty.torque_l_nm, empty.trials.torque_nm, empty.t_s, empty.scenario.laboratory.sample_hz).all()
 
 
 def test_the_late_reflex_spares_the_window():
@@ -131,7 +131,7 @@ def test_each_effect_changes_the_filtered_window_beyond_the_noise(empty, effect)
     hidden = generate(5, effect)
     change = hidden.torque_l_nm - empty.torque_l_nm
     angle = hidden.theta_m_rad - empty.theta_m_rad
-    filtered = lambda x: lfilter(*noise.FILTER, x - x[:, :1], axis=1)
+    filtered = lambda x: lfilter(*noise.low_pass(2500), x - x[:, :1], axis=1)
     unsteady = filtered(empty.torque_l_nm)[:, 1000:2000]
     floor = (unsteady - unsteady.mean(axis=1, keepdims=True)).std()
     worst = np.abs(filtered(change)[:, WINDOW]).max() + 20 * np.abs(filtered(angle)[:, WINDOW]).max()

@@ -33,8 +33,19 @@ pub struct Fit {
     pub parameters: Vec<Vec<f64>>,
     /// Values to which the priors shrink k_dec and x_e of single trials; `None` without shrinkage.
     pub shrinkage_target: Option<StartingValues>,
-    /// Indices of the trials with another optimum that the data do not distinguish from this one.
-    pub ambiguous_trials: Vec<usize>,
+    /// Other optima of single blocks that the search found.
+    pub other_optima: Vec<BlockOptimum>,
+}
+
+/// Another optimum of a block.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BlockOptimum {
+    /// The trials of the block.
+    pub trials: Vec<usize>,
+    /// Coordinates of the block there, in the order of the block.
+    pub coordinates: Vec<f64>,
+    /// By how much its cost exceeds that of the fit, per unit of noise variance.
+    pub excess: f64,
 }
 
 impl Fit {
@@ -72,7 +83,7 @@ impl Fit {
             solution,
             parameters: Vec::new(),
             shrinkage_target: None,
-            ambiguous_trials: Vec::new(),
+            other_optima: Vec::new(),
         };
         fit.update_parameters();
         fit
@@ -103,6 +114,23 @@ impl Fit {
         let component =
             self.parameterisation.components.iter().position(|component| component.trials.contains(&trial));
         self.solution.outcomes[component.expect("every trial belongs to a component")]
+    }
+
+    /// Indices of the coordinates of the block that a trial belongs to.
+    pub(in crate::fit) fn block_coordinates(&self, trial: usize) -> &[usize] {
+        for component in &self.parameterisation.components {
+            if let Some(place) = component.trials.iter().position(|own| *own == trial) {
+                return &component.blocks[component.block_of_trial[place]];
+            }
+        }
+        &[]
+    }
+
+    /// The six base parameters of a trial at `coordinates`.
+    pub(in crate::fit) fn base_values(&self, trial: usize, coordinates: &[f64]) -> [f64; 6] {
+        let mut values = Vec::new();
+        self.parameterisation.parameters(trial, coordinates, &mut values);
+        std::array::from_fn(|parameter| values[parameter])
     }
 
     /// Whether a parameter of a trial ended at a bound.

@@ -11,7 +11,8 @@ use crate::fit::solver::options::SolverOptions;
 use crate::wrist::mechanisms::MechanismKind;
 
 /// Options of a fit that starts at the optimum of another fit.
-const WARM_START: SolverOptions = SolverOptions { max_iterations: 40, tolerance: 1e-4, max_log_step: 0.7 };
+pub(in crate::fit) const WARM_START: SolverOptions =
+    SolverOptions { max_iterations: 40, tolerance: 1e-4, max_log_step: 0.7 };
 
 impl Fit {
     /// Fits `model`, which adds mechanisms to the model of this fit, from the optimum of this fit.
@@ -76,13 +77,8 @@ impl Fit {
     ) -> Self {
         let kinds = model.kinds();
         let solution = solve(observations, &parameterisation, &kinds, &self.objective, start, options);
-        let fit = Self {
-            model: model.clone(),
-            kinds,
-            parameterisation,
-            ambiguous_trials: Vec::new(),
-            ..self.clone()
-        };
+        let fit =
+            Self { model: model.clone(), kinds, parameterisation, other_optima: Vec::new(), ..self.clone() };
         fit.at_solution(solution)
     }
 

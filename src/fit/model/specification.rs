@@ -100,6 +100,13 @@ pub struct Model {
     pub mechanisms: Vec<AddedMechanism>,
 }
 
+impl Default for Model {
+    /// The paper's model.
+    fn default() -> Self {
+        Self::paper()
+    }
+}
+
 impl Model {
     /// The paper's model: I_j shared by the conditions of a repetition, the other five parameters free in each trial (section
     /// 2.4).

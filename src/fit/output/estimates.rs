@@ -8,7 +8,8 @@ use crate::fit::fitted::predictions::{predictions, variance_accounted_for};
 use crate::fit::fitted::quantities::QUANTITIES;
 use crate::fit::fitted::uncertainty::uncertainties;
 use crate::fit::inference::profile::{ProfileInterval, profiles};
-use crate::fit::model::parameter_index::{K_DEC, K_SRS};
+use crate::fit::model::parameter_index::{K_DEC, K_SRS, X_E};
+use crate::fit::population::session_fit::{OtherOptimum, SessionFit};
 use crate::fit::solver::levenberg_marquardt::Termination;
 use crate::wrist::BASE_PARAMETERS;
 
@@ -41,6 +42,12 @@ pub struct TrialEstimate {
     /// 95 % profile likelihood intervals of k_dec and x_e; `None` if the parameter is not the trial's own, or not computed.
     #[serde(skip)]
     pub profile: [Option<ProfileInterval>; 2],
+    /// Whether the data determine each base parameter; one that ended at a bound is not a number to average.
+    #[serde(skip)]
+    pub determined: [bool; 6],
+    /// Other optima that the data do not rule out, the most probable first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub other_optima: Vec<OtherOptimum>,
     /// Whether the optimisation converged.
     pub converged: bool,
     /// Remarks as text for a reader: why the optimisation ended, parameters at a bound, other optima.
@@ -63,6 +70,8 @@ pub struct ConditionEstimate {
     pub mean: [Option<f64>; 9],
     /// Standard deviations, in the order of [`QUANTITIES`]; `None` if fewer than two repetitions have a value.
     pub sd: [Option<f64>; 9],
+    /// Standard errors of the means of the six base parameters, relative to them; `None` if a repetition has none.
+    pub se: [Option<f64>; 6],
 }
 
 impl TrialEstimate {
@@ -81,7 +90,21 @@ impl TrialEstimate {
             Some(self.vaf),
         ]
     }
+
+    /// The same without those that rest on a parameter that the data do not determine.
+    fn determined_quantities(&self) -> [Option<f64>; 9] {
+        let mut quantities = self.quantities();
+        for (parameter, is_determined) in self.determined.iter().enumerate() {
+            quantities[parameter] = quantities[parameter].filter(|_| *is_determined);
+        }
+        quantities[6] = quantities[6].filter(|_| self.determined[K_SRS] && self.determined[K_DEC]);
+        quantities[7] = quantities[7].filter(|_| self.determined[X_E]);
+        quantities
+    }
 }
+
+/// Optima of at least this probability are reported: the others are beyond the 95 % that an interval holds.
+const REPORTED_PROBABILITY: f64 = 0.05;
 
 /// Estimates of all trials with profile likelihood intervals, ordered by condition and repetition.
 pub fn estimates(observations: &Observations, fit: &Fit) -> Vec<TrialEstimate> {
@@ -91,6 +114,29 @@ pub fn estimates(observations: &Observations, fit: &Fit) -> Vec<TrialEstimate> {
 /// Estimates of all trials without profile likelihood intervals, which take longer than everything else and are not part of a study.
 pub fn estimates_without_profiles(observations: &Observations, fit: &Fit) -> Vec<TrialEstimate> {
     with_profiles(observations, fit, &vec![[None; 2]; observations.trials.len()])
+}
+
+/// Estimates of all trials and conditions from the fit of the session as a whole: standard errors are those of the joint posterior.
+pub fn session_estimates(
+    observations: &Observations,
+    session: &SessionFit,
+) -> (Vec<TrialEstimate>, Vec<ConditionEstimate>) {
+    let mut estimates = estimates_without_profiles(observations, &session.fit);
+    for (trial, estimate) in estimates.iter_mut().enumerate() {
+        for (parameter, se) in estimate.se.iter_mut().enumerate() {
+            if estimate.determined[parameter] {
+                *se = session.log_covariance(parameter, trial, trial).map(libm::sqrt).or(*se);
+            }
+        }
+        let others = session.other_optima[trial].iter();
+        estimate.other_optima =
+            others.filter(|other| other.probability >= REPORTED_PROBABILITY).cloned().collect();
+        estimate.remarks = remarks(&session.fit, trial, &estimate.other_optima);
+    }
+    let covariance =
+        |parameter: usize, one: usize, other: usize| session.log_covariance(parameter, one, other);
+    let conditions = conditions(&estimates, covariance);
+    (estimates, conditions)
 }
 
 fn with_profiles(
@@ -104,6 +150,7 @@ fn with_profiles(
         let trial = &observations.trials[index];
         let mut values = [0.0; 6];
         values.copy_from_slice(&fit.parameters[index][..BASE_PARAMETERS.len()]);
+        let other_optima = other_optima(fit, index);
         TrialEstimate {
             trial: trial.number,
             condition: trial.label.clone(),
@@ -116,16 +163,37 @@ fn with_profiles(
             sem: uncertainties[index].sem,
             se: uncertainties[index].se,
             profile: profiles[index],
+            determined: std::array::from_fn(|parameter| !fit.at_bound(index, parameter)),
             converged: fit.outcome(index).termination == Termination::Converged,
-            remarks: remarks(fit, index),
+            remarks: remarks(fit, index, &other_optima),
+            other_optima,
             values,
         }
     };
     (0..observations.trials.len()).map(of_trial).collect()
 }
 
+/// Other optima of a trial that the data do not rule out, if all values of the parameters are equally probable beforehand.
+fn other_optima(fit: &Fit, trial: usize) -> Vec<OtherOptimum> {
+    let others: Vec<_> = fit
+        .other_optima
+        .iter()
+        .filter(|other| other.trials == [trial])
+        .map(|other| {
+            let mut coordinates = fit.solution.coordinates.clone();
+            for (coordinate, value) in fit.block_coordinates(trial).iter().zip(&other.coordinates) {
+                coordinates[*coordinate] = *value;
+            }
+            (fit.base_values(trial, &coordinates), libm::exp(-other.excess))
+        })
+        .collect();
+    let sum = 1.0 + others.iter().map(|(_, weight)| weight).sum::<f64>();
+    let optimum = |(values, weight): ([f64; 6], f64)| OtherOptimum { values, probability: weight / sum };
+    others.into_iter().map(optimum).filter(|other| other.probability >= REPORTED_PROBABILITY).collect()
+}
+
 /// Remarks on a trial, as text for a reader.
-fn remarks(fit: &Fit, index: usize) -> Vec<String> {
+fn remarks(fit: &Fit, index: usize, other_optima: &[OtherOptimum]) -> Vec<String> {
     let mut remarks = Vec::new();
     match fit.outcome(index).termination {
         Termination::Converged => {}
@@ -148,35 +216,64 @@ fn remarks(fit: &Fit, index: usize) -> Vec<String> {
             "k_after is below zero: beyond the elastic limit the torque falls, which a stiffness cannot explain".into(),
         );
     }
-    if fit.ambiguous_trials.contains(&index) {
-        remarks.push("another optimum with a different x_e fits as well within the noise".into());
+    for other in other_optima {
+        remarks.push(format!(
+            "another optimum fits within the noise: x_e {:.4} rad, k_srs {:.1} N m/rad, k_dec {:.1} N m/rad (probability {:.0} %)",
+            other.values[X_E],
+            other.values[K_SRS],
+            other.values[K_DEC],
+            100.0 * other.probability
+        ));
     }
     remarks
 }
 
-/// Means and standard deviations over the repetitions of each condition; `estimates` are ordered by condition.
+/// Means and standard deviations over the repetitions of each condition; `estimates` are ordered by condition. The errors of trials
+/// count as independent.
 pub fn by_condition(estimates: &[TrialEstimate]) -> Vec<ConditionEstimate> {
+    conditions(estimates, |parameter, one, other| {
+        if one == other { estimates[one].se[parameter].map(|se| se * se) } else { Some(0.0) }
+    })
+}
+
+/// Means and standard deviations over the repetitions of each condition. `covariance` is that of the logarithms of a parameter in two
+/// trials, given by index. Undetermined values are not averaged.
+fn conditions(
+    estimates: &[TrialEstimate],
+    covariance: impl Fn(usize, usize, usize) -> Option<f64>,
+) -> Vec<ConditionEstimate> {
     let same = |a: &TrialEstimate, b: &TrialEstimate| match (&a.condition, &b.condition) {
         (Some(a), Some(b)) => a == b,
         _ => a.velocity_rad_s == b.velocity_rad_s && a.torque_nm == b.torque_nm,
     };
+    let mut first = 0;
     estimates
         .chunk_by(same)
         .map(|group| {
-            let (mut means, mut sds) = ([None; 9], [None; 9]);
+            let (mut means, mut sds, mut ses) = ([None; 9], [None; 9], [None; 6]);
             for quantity in 0..QUANTITIES.len() {
-                let values: Vec<f64> = group.iter().filter_map(|e| e.quantities()[quantity]).collect();
+                let values: Vec<(usize, f64)> = (first..)
+                    .zip(group)
+                    .filter_map(|(index, own)| Some((index, own.determined_quantities()[quantity]?)))
+                    .collect();
                 let count = values.len() as f64;
                 if values.is_empty() {
                     continue;
                 }
-                let mean = values.iter().sum::<f64>() / count;
+                let mean = values.iter().map(|(_, value)| value).sum::<f64>() / count;
                 means[quantity] = Some(mean);
                 if values.len() > 1 {
-                    let squares = values.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
+                    let squares = values.iter().map(|(_, x)| (x - mean) * (x - mean)).sum::<f64>();
                     sds[quantity] = Some(libm::sqrt(squares / (count - 1.0)));
                 }
+                if quantity < BASE_PARAMETERS.len() {
+                    let pairs = values.iter().flat_map(|one| values.iter().map(move |other| (one, other)));
+                    let variance: Option<f64> =
+                        pairs.map(|((i, a), (j, b))| Some(a * b * covariance(quantity, *i, *j)?)).sum();
+                    ses[quantity] = variance.map(|own| libm::sqrt(own) / count / mean.abs());
+                }
             }
+            first += group.len();
             ConditionEstimate {
                 condition: group[0].condition.clone(),
                 velocity_rad_s: group[0].velocity_rad_s,
@@ -184,6 +281,7 @@ pub fn by_condition(estimates: &[TrialEstimate]) -> Vec<ConditionEstimate> {
                 repetitions: group.len(),
                 mean: means,
                 sd: sds,
+                se: ses,
             }
         })
         .collect()

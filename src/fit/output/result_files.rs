@@ -1,10 +1,10 @@
-//! Result files of a fit: `fit.csv`, `conditions.csv` and `fit.json`.
+//! Result files of a fit: `fit.csv`, `conditions.csv` and `fit.json`, and the tables of the fit of each trial on its own.
 
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
-use super::estimates::{ConditionEstimate, TrialEstimate, by_condition, estimates};
+use super::estimates::{ConditionEstimate, TrialEstimate, by_condition, estimates, session_estimates};
 use crate::dataset::Disk;
 use crate::fit::data::observations::{ExcludedTrial, Observations};
 use crate::fit::data::preprocessing::PreprocessingSettings;
@@ -13,6 +13,7 @@ use crate::fit::fitted::quantities::QUANTITIES;
 use crate::fit::inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread};
 use crate::fit::inference::profile::{PROFILED_PARAMETERS, ProfileInterval};
 use crate::fit::model::specification::Model;
+use crate::fit::population::session_fit::{NoSessionModel, OtherOptimum, SessionFit};
 use crate::fit::residuals::objective::{Objective, Weighting};
 use crate::signal::NoiseCovariance;
 use crate::wrist::BASE_PARAMETERS;
@@ -33,23 +34,47 @@ pub struct Results {
     pub estimates: Vec<TrialEstimate>,
     /// Means over the repetitions of each condition.
     pub conditions: Vec<ConditionEstimate>,
+    /// The same of the fit of each trial on its own, the method of the paper.
+    pub independent: (Vec<TrialEstimate>, Vec<ConditionEstimate>),
+    /// Why the session has no model of its own, and `estimates` are those of each trial on its own.
+    pub no_session_model: Option<NoSessionModel>,
     /// Contents of `fit.json`: estimates, uncertainties, settings and versions.
     pub json: Value,
 }
 
 impl Results {
-    /// Collects the results of `fit`.
+    /// Collects the results of the fit of each trial on its own, and of the session as a whole or why there is none.
     pub fn new(
         subject: &str,
         observations: &Observations,
-        fit: &Fit,
+        (fit, session): (&Fit, &Result<SessionFit, NoSessionModel>),
         settings: PreprocessingSettings,
         weighting: Weighting,
     ) -> Self {
-        let estimates = estimates(observations, fit);
-        let conditions = by_condition(&estimates);
-        let json = json(subject, observations, fit, settings, weighting, (&estimates, &conditions));
-        Self { subject: subject.into(), settings, weighting, estimates, conditions, json }
+        let own = estimates(observations, fit);
+        let independent = (own.clone(), by_condition(&own));
+        let ((estimates, conditions), chosen) = match session {
+            Ok(session) => (session_estimates(observations, session), &session.fit),
+            Err(_) => (independent.clone(), fit),
+        };
+        let mut json = json(subject, observations, chosen, settings, weighting, (&estimates, &conditions));
+        json["session_model"] = session_model_json(session);
+        let trials = json["trials"].as_array_mut().into_iter().flatten();
+        for (trial, own) in trials.zip(&independent.0) {
+            trial["profile_95"] = profile_json(&own.profile);
+            trial["independent"] = independent_json(own);
+        }
+        let no_session_model = session.as_ref().err().cloned();
+        Self {
+            subject: subject.into(),
+            settings,
+            weighting,
+            estimates,
+            conditions,
+            independent,
+            no_session_model,
+            json,
+        }
     }
 
     /// Adds the results of a parametric bootstrap with `refits` simulated sessions; `spread` has one entry per trial.
@@ -70,7 +95,7 @@ impl Results {
         self.estimates.iter().all(|estimate| estimate.converged)
     }
 
-    /// Writes the three result files into `folder`; each file is replaced atomically.
+    /// Writes the result files into `folder`; each file is replaced atomically.
     ///
     /// # Errors
     /// If a file cannot be written; the message names the file.
@@ -79,6 +104,8 @@ impl Results {
         let files = [
             ("fit.csv", fit_csv(&self.estimates)),
             ("conditions.csv", conditions_csv(&self.conditions)),
+            ("fit-independent.csv", fit_csv(&self.independent.0)),
+            ("conditions-independent.csv", conditions_csv(&self.independent.1)),
             ("fit.json", json),
         ];
         write_files(disk, folder, &files.each_ref().map(|(name, text)| (*name, text.as_str())))
@@ -119,7 +146,7 @@ pub fn fit_header() -> String {
             text += &format!(",{prefix}_{name}");
         }
     }
-    text + ",trial,converged"
+    text + ",trial,converged,optima"
 }
 
 /// Row of a trial under [`fit_header`].
@@ -129,7 +156,7 @@ pub fn fit_row(estimate: &TrialEstimate) -> String {
         text += ",";
         text += &cell(value);
     }
-    text + &format!(",{},{}", estimate.trial, estimate.converged)
+    text + &format!(",{},{},{}", estimate.trial, estimate.converged, 1 + estimate.other_optima.len())
 }
 
 /// Text of `fit.csv`.
@@ -157,12 +184,18 @@ fn conditions_csv(conditions: &[ConditionEstimate]) -> String {
     for name in QUANTITIES {
         text += &format!(",{name},sd_{name}");
     }
+    for name in BASE_PARAMETERS {
+        text += &format!(",se_{name}");
+    }
     let labelled = conditions.iter().any(|condition| condition.condition.is_some());
     text += if labelled { ",condition\n" } else { "\n" };
     for condition in conditions {
         text += &format!("{},{},{}", condition.velocity_rad_s, condition.torque_nm, condition.repetitions);
         for (mean, sd) in condition.mean.iter().zip(condition.sd) {
             text += &format!(",{},{}", cell(*mean), cell(sd));
+        }
+        for se in condition.se {
+            text += &format!(",{}", cell(se));
         }
         if labelled {
             text += &format!(",{}", quoted(condition.condition.as_deref().unwrap_or("")));
@@ -181,14 +214,6 @@ fn json(
     weighting: Weighting,
     (estimates, conditions): (&[TrialEstimate], &[ConditionEstimate]),
 ) -> Value {
-    let named = |values: &[Option<f64>], names: &[&str]| -> Value {
-        names
-            .iter()
-            .zip(values)
-            .map(|(name, value)| ((*name).to_string(), json!(value)))
-            .collect::<Map<_, _>>()
-            .into()
-    };
     let trial = |estimate: &TrialEstimate| {
         let mut entry = Map::new();
         entry.insert("trial".into(), json!(estimate.trial));
@@ -201,7 +226,7 @@ fn json(
         entry.insert("values".into(), named(&estimate.quantities(), &QUANTITIES));
         entry.insert("sem_eq9_relative".into(), named(&estimate.sem, &BASE_PARAMETERS));
         entry.insert("se_relative".into(), named(&estimate.se, &BASE_PARAMETERS));
-        entry.insert("profile_95".into(), profile_json(&estimate.profile));
+        entry.insert("other_optima".into(), other_optima_json(estimate));
         entry.insert("converged".into(), json!(estimate.converged));
         entry.insert("remarks".into(), json!(estimate.remarks));
         Value::Object(entry)
@@ -214,6 +239,7 @@ fn json(
             "repetitions": condition.repetitions,
             "mean": named(&condition.mean, &QUANTITIES),
             "sd": named(&condition.sd, &QUANTITIES),
+            "se_relative": named(&condition.se, &BASE_PARAMETERS),
         })
     };
     let noise = |noise: &NoiseCovariance| {
@@ -247,6 +273,52 @@ fn json(
         "conditions": conditions.iter().map(condition).collect::<Vec<_>>(),
         "left_out": observations.excluded_trials.iter().map(left_out).collect::<Vec<_>>(),
     })
+}
+
+/// Values by name.
+fn named(values: &[Option<f64>], names: &[&str]) -> Value {
+    let own = names.iter().zip(values).map(|(name, value)| ((*name).to_string(), json!(value)));
+    own.collect::<Map<_, _>>().into()
+}
+
+/// The fit of one trial on its own.
+fn independent_json(estimate: &TrialEstimate) -> Value {
+    json!({
+        "values": named(&estimate.quantities(), &QUANTITIES),
+        "sem_eq9_relative": named(&estimate.sem, &BASE_PARAMETERS),
+        "se_relative": named(&estimate.se, &BASE_PARAMETERS),
+        "other_optima": other_optima_json(estimate),
+        "converged": estimate.converged,
+        "remarks": estimate.remarks,
+    })
+}
+
+/// Other optima of a trial within the noise, with their probability.
+fn other_optima_json(estimate: &TrialEstimate) -> Value {
+    let optimum = |own: &OtherOptimum| json!({ "values": named(&own.values.map(Some), &BASE_PARAMETERS), "probability": own.probability });
+    estimate.other_optima.iter().map(optimum).collect()
+}
+
+/// The model of the session: spreads of the parameters about their regression, and exponents of velocity and torque; or why there is
+/// none.
+fn session_model_json(session: &Result<SessionFit, NoSessionModel>) -> Value {
+    let session = match session {
+        Ok(session) => session,
+        Err(reason) => return json!({ "used": false, "reason": reason.to_string() }),
+    };
+    let hierarchy = &session.hierarchy;
+    let count = session.parameters.len();
+    let parameter = |(coordinate, parameter): (usize, &usize)| {
+        let own = json!({
+            "trial_sd": libm::sqrt(hierarchy.trial_variance[coordinate]),
+            "condition_sd": libm::sqrt(hierarchy.condition_variance[coordinate]),
+            "velocity_exponent": hierarchy.coefficients[count + coordinate],
+            "torque_exponent": hierarchy.coefficients[2 * count + coordinate],
+        });
+        (BASE_PARAMETERS[*parameter].to_string(), own)
+    };
+    let parameters: Map<_, _> = session.parameters.iter().enumerate().map(parameter).collect();
+    json!({ "used": true, "parameters": parameters })
 }
 
 /// Profile likelihood intervals as JSON; an end beyond the bound of the parameter is null.

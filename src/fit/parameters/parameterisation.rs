@@ -36,6 +36,7 @@ impl Parameterisation {
         };
         let mut block_scope = Scope::Session;
         let mut affected: Vec<Vec<usize>> = Vec::new();
+        let mut is_own = Vec::new();
         for (parameter, spec) in model.parameter_specs().into_iter().enumerate() {
             if spec.scope == Scope::Fixed {
                 let value = spec.value.unwrap_or(0.0);
@@ -58,13 +59,15 @@ impl Parameterisation {
                     let (coordinate, transform) = Coordinate::of(parameter, bounds);
                     parameterisation.add_coordinate(coordinate, transform, &members);
                     affected.push(members);
+                    is_own.push(matches!(spec.scope, Scope::Trial | Scope::Condition));
                 } else {
                     parameterisation.add_law(observations, (parameter, spec), bounds.start, &members);
                     affected.extend(std::iter::repeat_n(members, spec.law.len()));
+                    is_own.extend(std::iter::repeat_n(false, spec.law.len()));
                 }
             }
         }
-        parameterisation.components = partition(observations, block_scope, &affected);
+        parameterisation.components = partition(observations, block_scope, &affected, &is_own);
         parameterisation
     }
 

@@ -5,8 +5,14 @@ use crate::fit::data::observations::Observations;
 use crate::fit::model::specification::Scope;
 
 /// Components of a session in which the coordinate `c` affects the trials `affected[c]`. `block_scope` is the scope of a block:
-/// trial or condition; with any other scope all coordinates belong to the border.
-pub fn partition(observations: &Observations, block_scope: Scope, affected: &[Vec<usize>]) -> Vec<Component> {
+/// trial or condition; with any other scope all coordinates belong to the border. `is_own` tells which coordinates are those of a single
+/// block by their scope: one that only happens to affect a single block, such as I_j of a repetition of one trial, belongs to the border.
+pub fn partition(
+    observations: &Observations,
+    block_scope: Scope,
+    affected: &[Vec<usize>],
+    is_own: &[bool],
+) -> Vec<Component> {
     let block_key: Vec<usize> = (0..observations.trials.len())
         .map(|trial| match block_scope {
             Scope::Condition => observations.trials[trial].condition,
@@ -36,7 +42,7 @@ pub fn partition(observations: &Observations, block_scope: Scope, affected: &[Ve
                 continue;
             }
             let own = block(members[0]);
-            if block_scope != Scope::Session && members.iter().all(|trial| block(*trial) == own) {
+            if is_own[coordinate] && members.iter().all(|trial| block(*trial) == own) {
                 component.blocks[own].push(coordinate);
             } else {
                 component.border.push(coordinate);

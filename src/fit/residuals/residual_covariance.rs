@@ -29,6 +29,17 @@ pub fn residual_covariances(observations: &Observations, point: &[f64; 6]) -> Ve
     observations.noise_covariances.iter().map(with_input_error).collect()
 }
 
+/// How large the variance of the torque error from the recorded angle is, beside that of the torque's own noise; the largest of
+/// `covariances`, which are those of [`residual_covariances`].
+pub fn angle_error_ratio(observations: &Observations, covariances: &[NoiseCovariance]) -> f64 {
+    let ratio = |(noise, whole): (&NoiseCovariance, &NoiseCovariance)| {
+        let directions = noise.directions(FLOOR_NM * FLOOR_NM);
+        let whole = whole.covariance.trace() * precision_factor(noise.stretches, directions);
+        whole / noise.covariance.trace() - 1.0
+    };
+    observations.noise_covariances.iter().zip(covariances).map(ratio).fold(0.0, f64::max)
+}
+
 /// Whitening matrix for each of `covariances`. It has one column per sample of the window; columns between noise samples are zero.
 pub fn whitening_matrices(observations: &Observations, covariances: &[NoiseCovariance]) -> Vec<DMatrix<f64>> {
     let samples: Vec<usize> = observations.noise_samples().collect();

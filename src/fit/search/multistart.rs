@@ -5,7 +5,7 @@
 
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::block_subproblem::{BlockIndex, BlockSubproblems};
-use crate::fit::fitted::fit::Fit;
+use crate::fit::fitted::fit::{BlockOptimum, Fit};
 use crate::fit::model::parameter_index::{K_DEC, K_SRS, X_E};
 use crate::fit::model::specification::Scope;
 use crate::fit::parameters::coordinate::Transform;
@@ -16,7 +16,7 @@ use crate::fit::solver::normal_equations::{GaussNewtonEquations, evaluate};
 use crate::fit::solver::options::SolverOptions;
 
 /// A restart: x_e as a fraction of the largest motor angle in the window, and k_dec as a fraction of k_srs.
-type Restart = (f64, f64);
+pub type Restart = (f64, f64);
 
 /// Restarts of single blocks.
 const BLOCK_RESTARTS: [Restart; 8] =
@@ -34,12 +34,9 @@ const MIN_BLOCK_DECREASE: f64 = 3e-3;
 /// Distance in log x_e from which on an optimum counts as another one.
 const DISTINCT_OPTIMUM_LOG_X_E: f64 = 0.25;
 
-/// Two optima are ambiguous if their costs differ by less than this, per unit of noise variance: half the 95 % quantile of
-/// chi-square with one degree of freedom.
-const AMBIGUITY_THRESHOLD: f64 = 1.92;
-
-/// A restart is dropped if the cost predicted there exceeds the present cost by this, per unit of noise variance.
-const MAX_PREDICTED_EXCESS: f64 = 12.0;
+/// An optimum is not kept, and a restart is dropped, if the cost (predicted) there exceeds the present one by this, per unit of noise
+/// variance: the data speak against it by 24 units of chi-square.
+const MAX_EXCESS: f64 = 12.0;
 
 /// Approximate number of independent values that the paper's filter leaves in its window.
 const INDEPENDENT_VALUES: f64 = 4.5;
@@ -59,7 +56,8 @@ struct AlternativeOptimum {
     block: BlockIndex,
     /// Decrease of the block's cost, per unit of noise variance, if the other blocks follow.
     decrease: f64,
-    /// Distance of log x_e from that of the fit.
+    /// log x_e, and its distance from that of the fit.
+    log_x_e: f64,
     distance: f64,
     /// Coordinates of the block.
     coordinates: Vec<f64>,
@@ -115,18 +113,17 @@ impl Fit {
     /// Restarts single blocks until no block improves.
     fn restart_blocks(&mut self, observations: &Observations) {
         let components = self.parameterisation.components.len();
-        let mut ambiguous = vec![Vec::new(); components];
+        let mut other_optima = vec![Vec::new(); components];
         let mut open = vec![true; components];
         for _ in 0..MAX_ROUNDS {
             let alternatives = self.alternative_optima(observations, &open);
-            self.mark_ambiguous_trials(&alternatives, &open, &mut ambiguous);
+            self.collect_other_optima(&alternatives, &open, &mut other_optima);
             open = self.adopt_best_blocks(observations, &alternatives);
             if !open.contains(&true) {
                 break;
             }
         }
-        self.ambiguous_trials = ambiguous.concat();
-        self.ambiguous_trials.sort_unstable();
+        self.other_optima = other_optima.concat();
         self.update_parameters();
     }
 
@@ -154,7 +151,7 @@ impl Fit {
                 let x_e = self.coordinate_of(block.0, block.1, X_E);
                 let held: Vec<bool> = own.iter().map(|index| Some(*index) == x_e).collect();
                 let predicted = equations[*subproblem].predicted_block_cost(0, &held);
-                predicted < present_cost(block) + MAX_PREDICTED_EXCESS * unit(block)
+                predicted < present_cost(block) + MAX_EXCESS * unit(block)
             })
             .collect();
         let solution = subproblems.solve(&subproblems.subset(&kept), &start, self.restart_options());
@@ -166,7 +163,7 @@ impl Fit {
             let position = own.iter().position(|index| Some(*index) == x_e).unwrap_or(0);
             let distance = (coordinates[position] - self.solution.coordinates[own[position]]).abs();
             let decrease = (present_cost(&block) - outcome.cost) / unit(&block);
-            AlternativeOptimum { block, decrease, distance, coordinates }
+            AlternativeOptimum { block, decrease, log_x_e: coordinates[position], distance, coordinates }
         };
         kept.iter().zip(&solution.outcomes).map(alternative).collect()
     }
@@ -197,7 +194,7 @@ impl Fit {
 
     /// k_srs, k_dec and x_e of a trial at a restart, by parameter index. The mean stiffness up to the end of the window stays, because
     /// the data determine it.
-    fn restart_values(
+    pub(in crate::fit) fn restart_values(
         &self,
         observations: &Observations,
         trial: usize,
@@ -209,31 +206,41 @@ impl Fit {
         [(K_SRS, k_srs), (K_DEC, k_dec_fraction * k_srs), (X_E, x_e_fraction * peak_angle)]
     }
 
-    /// Records in `ambiguous`, for each open component, the trials with another optimum that the data do not distinguish from their
-    /// best one.
-    fn mark_ambiguous_trials(
+    /// Records in `found`, for each open component, the other optima that the noise does not rule out, each once.
+    fn collect_other_optima(
         &self,
         alternatives: &[AlternativeOptimum],
         open: &[bool],
-        ambiguous: &mut [Vec<usize>],
+        found: &mut [Vec<BlockOptimum>],
     ) {
-        (0..open.len())
-            .filter(|component| open[*component])
-            .for_each(|component| ambiguous[component].clear());
+        (0..open.len()).filter(|component| open[*component]).for_each(|component| found[component].clear());
         let best = |block: BlockIndex| {
             let own = alternatives.iter().filter(|alternative| alternative.block == block);
             own.map(|alternative| alternative.decrease).fold(0.0, f64::max)
         };
-        let is_ambiguous = |alternative: &&AlternativeOptimum| {
-            alternative.distance > DISTINCT_OPTIMUM_LOG_X_E
-                && alternative.decrease > best(alternative.block) - AMBIGUITY_THRESHOLD
-        };
-        for (component, block) in
-            alternatives.iter().filter(is_ambiguous).map(|alternative| alternative.block)
-        {
-            let trials = self.parameterisation.components[component].trials_of_block(block);
-            let new: Vec<usize> = trials.filter(|trial| !ambiguous[component].contains(trial)).collect();
-            ambiguous[component].extend(new);
+        let mut order: Vec<&AlternativeOptimum> = alternatives
+            .iter()
+            .filter(|own| {
+                own.distance > DISTINCT_OPTIMUM_LOG_X_E && best(own.block) - own.decrease < MAX_EXCESS
+            })
+            .collect();
+        order.sort_by(|a, b| b.decrease.total_cmp(&a.decrease));
+        let mut kept: Vec<&AlternativeOptimum> = Vec::new();
+        for own in order {
+            let is_known = |other: &&&AlternativeOptimum| {
+                other.block == own.block && (other.log_x_e - own.log_x_e).abs() < DISTINCT_OPTIMUM_LOG_X_E
+            };
+            if kept.iter().find(is_known).is_none() {
+                kept.push(own);
+            }
+        }
+        for own in kept {
+            let (component, block) = own.block;
+            found[component].push(BlockOptimum {
+                trials: self.parameterisation.components[component].trials_of_block(block).collect(),
+                coordinates: own.coordinates.clone(),
+                excess: best(own.block) - own.decrease,
+            });
         }
     }
 

@@ -175,6 +175,26 @@ impl GaussNewtonEquations {
         BorderPrior { at, gradient, information }
     }
 
+    /// Cost, gradient and Gauss-Newton matrix of a block over its own coordinates alone: for each value of these, the border is at its
+    /// best, given the information `others` about it from the other blocks. At an optimum of the border only.
+    pub fn block_alone(&self, block: usize, others: &BorderPrior) -> (f64, DVector<f64>, DMatrix<f64>) {
+        let BlockEquations { cost, matrix, with_border, gradient, border_share, .. } = &self.blocks[block];
+        let through_border = cholesky(border_share + &others.information)
+            .map(|factor| with_border * factor.solve(&with_border.transpose()));
+        let matrix = through_border.map_or_else(|| matrix.clone(), |known| matrix - known);
+        (*cost, gradient.clone(), matrix)
+    }
+
+    /// How far the border's optimum moves when the coordinates of the blocks move by `steps`.
+    pub fn border_response(&self, steps: &[DVector<f64>]) -> DVector<f64> {
+        let mut right = DVector::zeros(self.border.nrows());
+        for (block, step) in self.blocks.iter().zip(steps) {
+            right -= block.with_border.tr_mul(step);
+        }
+        let zero = right.clone() * 0.0;
+        cholesky(self.border.clone()).map_or(zero, |factor| factor.solve(&right))
+    }
+
     /// Standard deviations of the coordinates of a block, from its own trials and the information `prior` about the border; infinite
     /// if the data do not determine them.
     pub fn block_standard_deviations(&self, block: usize, prior: &BorderPrior) -> Vec<f64> {

@@ -4,6 +4,7 @@ mod intervals;
 mod model_specification;
 mod noise;
 mod optimisation;
+mod session_model;
 
 use std::collections::BTreeMap;
 

@@ -27,7 +27,7 @@ use emg::Emg;
 use sensors::VirtualSensors;
 use servo::Servo;
 use voluntary::VoluntaryTorque;
-use wrist_response::WristResponse;
+use wrist_response::{WristResponse, trial_parameters};
 
 use schemars::{JsonSchema, schema_for};
 
@@ -68,6 +68,19 @@ impl VirtualWrist {
     /// `person` at a rig of `setup`, sampled at `sample_rate_hz`.
     pub fn new(person: Person, setup: Setup, seed: u64, sample_rate_hz: f64) -> Self {
         Self { person, setup, seed, sample_rate_hz, emg_scale: [1.0; 2] }
+    }
+
+    /// The six base parameters that the wrist has in a trial of this velocity, rad/s, and target torque, N m: what a fit should find.
+    pub fn trial_parameters(&self, key: TrialKey, velocity_rad_s: f64, torque_nm: f64) -> [f64; 6] {
+        let mut voluntary =
+            VoluntaryTorque::new(&self.person, self.sample_rate_hz, self.stream("subject", key));
+        trial_parameters(&self.person, velocity_rad_s, torque_nm, &voluntary.draw_trial())
+    }
+
+    /// The random numbers of a trial: a trial that is repeated after a crash is the same trial.
+    fn stream(&self, name: &str, key: TrialKey) -> Stream {
+        let kind = if key.practice { "practice" } else { "trial" };
+        Stream::new(self.seed, &format!("{name}/{kind}/{}/{}", key.position, key.rejections))
     }
 }
 
@@ -111,16 +124,12 @@ impl ArmedVirtualWrist {
         }
     }
 
-    /// Draws the random numbers of a trial from streams of its own, so that a trial that is repeated after a crash is the same trial.
+    /// Draws the random numbers of a trial from streams of its own.
     fn begin_trial(&mut self, key: TrialKey) {
         self.trial = Some(key);
-        let kind = if key.practice { "practice" } else { "trial" };
-        let stream = |name: &str| {
-            Stream::new(self.rig.seed, &format!("{name}/{kind}/{}/{}", key.position, key.rejections))
-        };
-        self.voluntary.restart(stream("subject"));
-        self.emg.restart(stream("emg"));
-        self.sensors.restart(stream("noise"));
+        self.voluntary.restart(self.rig.stream("subject", key));
+        self.emg.restart(self.rig.stream("emg", key));
+        self.sensors.restart(self.rig.stream("noise", key));
         self.servo.settle();
         self.wrist.stop();
         self.lever_torque_nm = 0.0;

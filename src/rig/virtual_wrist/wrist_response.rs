@@ -70,6 +70,36 @@ struct Moving {
     relaxed_samples: u64,
 }
 
+/// The six base parameters in a trial: those of `person` at this velocity, rad/s, and torque, N m, with the trial's deviations.
+pub fn trial_parameters(
+    person: &Person,
+    velocity_rad_s: f64,
+    target_nm: f64,
+    spread: &TrialSpread,
+) -> [f64; 6] {
+    let value = |surface: Surface, spread: f64| surface.at(velocity_rad_s, target_nm) * (1.0 + spread);
+    let deviations = person.spread;
+    let k_srs = value(
+        person.short_range_stiffness_nm_per_rad,
+        deviations.short_range_stiffness * spread.short_range_stiffness,
+    )
+    .max(1.0);
+    let k_dec = value(
+        person.stiffness_decrement_nm_per_rad,
+        deviations.stiffness_decrement * spread.stiffness_decrement,
+    );
+    let x_e = value(person.elastic_limit_rad, deviations.elastic_limit * spread.elastic_limit);
+    [
+        person.joint_inertia_kg_m2,
+        person.interface_damping_nm_s_per_rad,
+        value(person.interface_stiffness_nm_per_rad, 0.0).max(1.0),
+        k_srs,
+        // The torque of a muscle does not fall when it is stretched further.
+        k_dec.clamp(0.0, k_srs),
+        x_e.max(0.001),
+    ]
+}
+
 impl WristResponse {
     /// The wrist of `person` in a rig of `setup`.
     pub fn new(person: &Person, setup: &Setup, sample_rate_hz: f64) -> Self {
@@ -97,28 +127,8 @@ impl WristResponse {
         emg: [f64; 2],
     ) {
         let velocity_rad_s = upcoming.velocity_rad_s;
-        let value = |surface: Surface, spread: f64| surface.at(velocity_rad_s, target_nm) * (1.0 + spread);
-        let deviations = person.spread;
-        let k_srs = value(
-            person.short_range_stiffness_nm_per_rad,
-            deviations.short_range_stiffness * spread.short_range_stiffness,
-        )
-        .max(1.0);
-        let k_dec = value(
-            person.stiffness_decrement_nm_per_rad,
-            deviations.stiffness_decrement * spread.stiffness_decrement,
-        );
-        let x_e = value(person.elastic_limit_rad, deviations.elastic_limit * spread.elastic_limit);
         self.trial = Some(TrialBeforeRamp {
-            parameters: [
-                person.joint_inertia_kg_m2,
-                person.interface_damping_nm_s_per_rad,
-                value(person.interface_stiffness_nm_per_rad, 0.0).max(1.0),
-                k_srs,
-                // The torque of a muscle does not fall when it is stretched further.
-                k_dec.clamp(0.0, k_srs),
-                x_e.max(0.001),
-            ],
+            parameters: trial_parameters(person, velocity_rad_s, target_nm, spread),
             covariates: Covariates {
                 velocity_rad_s: velocity_rad_s.abs(),
                 torque_before_nm: 0.0,
