@@ -16,7 +16,7 @@ mod watch;
 
 use std::path::Path;
 
-use ramphold::fit::{self, Fit, Model, Weighting};
+use ramphold::fit::{self, Fit, Model, SessionFit, Weighting};
 use ramphold::wrist::{SimulatedTorque, VectorWidth, simulate};
 use serde_json::{Value, json};
 
@@ -87,6 +87,12 @@ fn time(figure: &str, problem: &Problem, starts: &Starts) -> Value {
         "weighed_session" => solved(problem.weighed(&problem.all())),
         "from_nothing" => on_threads(1, || {
             best(|| drop(Fit::new(&problem.prepared, &Model::paper(), Weighting::MeasuredNoise)))
+        }),
+        "together" => on_threads(1, || {
+            best(|| {
+                let fit = Fit::new(&problem.prepared, &Model::paper(), Weighting::MeasuredNoise);
+                drop(SessionFit::new(&problem.prepared, &fit));
+            })
         }),
         "bootstrap" => {
             let refit = || drop(fit::bootstrap(&problem.prepared, &problem.fit, REFITS[0], bootstrap::SEED));

@@ -81,10 +81,7 @@ fn own_laboratory(name: &str) -> Result<(ramphold::protocol::ValidProtocol, Setu
     let mut setup = Setup::default();
     match name {
         "paper" => {}
-        "slow" => {
-            protocol["signal"]["sample_rate_hz"] = json!(1000);
-            setup.gauge_noise_nm *= 1.5;
-        }
+        "slow" => protocol["signal"]["sample_rate_hz"] = json!(1000),
         "stiff" => {
             protocol["signal"]["sample_rate_hz"] = json!(5000);
             protocol["velocities_rad_s"] = json!([1.5, 2.25, 3.0]);

@@ -15,7 +15,7 @@ from .problem import Part, Windows
 from .wrist import simulate, simulate_with_slopes
 
 PROBLEMS = ("weighed_repetition", "weighed_session", "plain_repetition", "plain_session")
-FIGURES = ("simulation", "simulation_alone", "sensitivities", "sensitivities_alone", *PROBLEMS, "from_nothing", "bootstrap")
+FIGURES = ("simulation", "simulation_alone", "sensitivities", "sensitivities_alone", *PROBLEMS, "from_nothing", "together", "bootstrap")
 # How far from its optimum each parameter of a plain problem starts at most, as a part of it.
 NEAR = 0.1
 REFITS = 1000

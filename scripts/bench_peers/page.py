@@ -67,6 +67,7 @@ def markdown(r: dict) -> str:
         as_it_comes_ratio_a=significant(as_it_comes["a"] / times["weighed_repetition"]["ours"]),
         as_it_comes_ratio_b=significant(as_it_comes["b"] / times["weighed_repetition"]["ours"]),
         from_nothing=duration(r["seconds"]["from_nothing"]["ours"]),
+        together=duration(r["seconds"]["together"]["ours"]),
         peak=peak(r),
         costs="\n".join(cost_row(r, name) for name in (*[n for n in NAMES if n in r["ours"]], "bootstrap")),
         torque=r["agreement"]["torque"],
@@ -150,7 +151,8 @@ evaluations ({call} for 12 trials) times as many as (b) needed at the least.{cut
 - One simulation is that of a trial among 16, which ours takes through the model several to a vector; one alone takes
   {alone}, with six sensitivities {alone_slopes}. For (b) and (c) six sensitivities are seven simulations.
 - Repetition and session are weighed by the noise of the holds, as `ramphold fit` does, from the start that it finds. The whole of
-  `ramphold fit` after the session is read, start and second look at other optima included, takes {from_nothing}.
+  `ramphold fit` after the session is read, start and second look at other optima included, takes {from_nothing} for
+  each trial on its own, and {together} with the model of the session.
 - The plain sum of squares has flat valleys and many optima that the noise does not tell apart. Everybody starts within 10 % of
   the same one, which (a) found when it was let run to the end.
 - The bootstrap is `ramphold::fit::bootstrap`, timed over 200 refits on two threads; the peers refit the first six of its

@@ -7,6 +7,7 @@ from pathlib import Path
 from . import catalogue
 from .generator import generate
 from .laboratory import LABORATORIES
+from .noise import CannotHold
 from .session_writer import write_session, write_truth
 
 
@@ -34,7 +35,11 @@ def main() -> int:
         name = f"session-{seed:06d}"
         if (a.out / name).exists():
             p.error(f"{a.out / name} exists already")
-        session = generate(seed, a.effect, a.size, laboratory=LABORATORIES[a.laboratory])
+        try:
+            session = generate(seed, a.effect, a.size, laboratory=LABORATORIES[a.laboratory])
+        except CannotHold as error:
+            print(f"seed {seed} is passed over: {error}", file=sys.stderr)
+            continue
         write_session(session, a.out / name)
         write_truth(session, a.effect, a.out / "truth" / f"{name}.json")
         print(a.out / name)

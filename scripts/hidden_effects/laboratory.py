@@ -24,7 +24,7 @@ class Laboratory:
 
 LABORATORIES = {
     "paper": Laboratory(),
-    "slow": Laboratory(sample_hz=1000, gauge_noise=1.5),
+    "slow": Laboratory(sample_hz=1000),
     "stiff": Laboratory(sample_hz=5000, velocities_rad_s=(1.5, 2.25, 3.0), torques_nm=(1.0, 2.0), repetitions=5, tremor=1.5,
                         gauge_noise=1.5, lever=(("inertia_kg_m2", 0.0012), ("damping_nm_s_per_rad", 0.6),
                                                 ("stiffness_nm_per_rad", 2500.0))),

@@ -13,6 +13,10 @@ GATE = 0.025  # the band around the target torque ...
 GATE_S = 0.5  # ... and how long it has been held at the onset
 
 
+class CannotHold(RuntimeError):
+    """A person who never keeps the torque within the gate."""
+
+
 def low_pass(sample_hz):
     """The paper's filter."""
     return butter(3, 50.0, fs=sample_hz)
@@ -33,7 +37,7 @@ def voluntary_torque(seed, person, torque_nm, fine_t, sample_hz):
         waiting = waiting[~gate_held(measured, torque_nm[waiting], fine_t[::step], sample_hz)]
         if len(waiting) == 0:
             return out, noise
-    raise RuntimeError("this person cannot hold the target torque; the noise is too large for the gate")
+    raise CannotHold("this person cannot hold the target torque; the noise is too large for the gate")
 
 
 def gate_held(torque, target, t, sample_hz):

@@ -25,12 +25,16 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
     let repetitions = results.conditions.iter().map(|c| c.repetitions).max().unwrap_or(0);
     writeln!(
         out,
-        "{}: {} trials, {} conditions; mean +- SD over up to {repetitions} repetitions",
+        "{}: {} trials, {} conditions; mean over up to {repetitions} repetitions +- {}",
         results.subject,
         results.estimates.len(),
-        results.conditions.len()
+        results.conditions.len(),
+        if results.is_together() { "its standard error" } else { "SD" }
     )?;
-    let rows: Vec<Vec<String>> = head().into_iter().chain(results.conditions.iter().map(row)).collect();
+    let rows: Vec<Vec<String>> = head()
+        .into_iter()
+        .chain(results.conditions.iter().map(|condition| row(condition, results.is_together())))
+        .collect();
     let widest = |column: usize| rows.iter().map(|row| row[column].len()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..rows[0].len()).map(widest).collect();
     for row in &rows {
@@ -108,18 +112,28 @@ fn head() -> [Vec<String>; 2] {
     ]
 }
 
-fn row(condition: &ConditionEstimate) -> Vec<String> {
+fn row(condition: &ConditionEstimate, is_together: bool) -> Vec<String> {
     let mut cells = vec![format!("{:.2}", condition.velocity_rad_s), format!("{:.2}", condition.torque_nm)];
     for (quantity, (_, _, factor, digits)) in TABLE_COLUMNS.into_iter().enumerate() {
-        cells.push(spread(condition, quantity, factor, digits));
+        cells.push(spread(condition, quantity, factor, digits, is_together));
     }
     cells.push(condition.mean[8].map_or("-".into(), |vaf| format!("{vaf:.4}")));
     cells.push(condition.condition.clone().unwrap_or_default());
     cells
 }
 
-fn spread(condition: &ConditionEstimate, quantity: usize, factor: f64, digits: usize) -> String {
-    match (condition.mean[quantity], condition.sd[quantity]) {
+/// The mean and what is known of it: of trials that were fitted together its standard error, since their values are drawn towards each
+/// other; of independent ones the standard deviation.
+fn spread(
+    condition: &ConditionEstimate,
+    quantity: usize,
+    factor: f64,
+    digits: usize,
+    is_together: bool,
+) -> String {
+    let mean = condition.mean[quantity];
+    let error = || Some(mean?.abs() * condition.se.get(quantity).copied().flatten()?);
+    match (mean, if is_together { error() } else { condition.sd[quantity] }) {
         (Some(mean), Some(sd)) => format!("{:.digits$} +- {:.digits$}", mean * factor, sd * factor),
         (Some(mean), None) => format!("{:.digits$}", mean * factor),
         (None, _) => "-".into(),

@@ -118,9 +118,26 @@ pub struct ConditionFit {
     pub mean: Values,
     /// Standard deviations.
     pub sd: Values,
+    /// Relative standard errors of the means of parameters.
+    #[serde(default)]
+    pub se_relative: Values,
+}
+
+impl ConditionFit {
+    /// What is shown beside the mean of a quantity: of trials that were fitted together its standard error, since their values are
+    /// drawn towards each other; of independent ones the standard deviation over repetitions.
+    pub fn spread(&self, name: &str, together: bool) -> Option<f64> {
+        let value = |values: &Values| values.get(name).copied().flatten();
+        if together { Some(value(&self.se_relative)? * value(&self.mean)?.abs()) } else { value(&self.sd) }
+    }
 }
 
 impl Fitted {
+    /// Whether the trials were fitted together.
+    pub fn is_together(&self) -> bool {
+        self.session_model.as_ref().is_some_and(|model| model.used)
+    }
+
     /// Checks that the file has the format that this program writes.
     pub fn check_format(&self, path: &Path) -> Result<(), ReportError> {
         if self.format == FIT_FORMAT {

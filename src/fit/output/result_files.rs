@@ -90,6 +90,11 @@ impl Results {
         }
     }
 
+    /// Whether the trials were fitted together.
+    pub fn is_together(&self) -> bool {
+        self.no_session_model.is_none()
+    }
+
     /// Whether the optimisation converged for every trial.
     pub fn all_converged(&self) -> bool {
         self.estimates.iter().all(|estimate| estimate.converged)

@@ -3,24 +3,30 @@
 use super::{colour, distinct};
 use crate::report::chart::{Chart, Mark, Panel, Sign};
 use crate::report::figure::Figure;
-use crate::report::fitted::{ConditionFit, SHOWN, Shown};
+use crate::report::fitted::{Fitted, SHOWN, Shown};
 use crate::report::scale::Axis;
 
 /// Draws all quantities.
-pub fn parameters(conditions: &[ConditionFit]) -> Figure {
+pub fn parameters(fitted: &Fitted) -> Figure {
+    let bars = if fitted.is_together() {
+        "Means over repetitions with their standard errors, of trials that were fitted together"
+    } else {
+        "Means and standard deviations over repetitions"
+    };
     Figure {
         id: "fig-5-parameters".into(),
         title: "Parameters by velocity and torque (Fig. 5 of the paper)".into(),
-        caption: "Means and standard deviations over repetitions; points of one velocity are moved apart to be seen. Grey: \
-                  what de Vlugt et al. 2011 state over their eight persons (k_srs 15 to 23 N m/rad, x_e 25 to 65 mrad, \
-                  x_t 29.5 ± 0.8 ms, VAF 0.994 ± 0.001)."
-            .into(),
-        panels: SHOWN.iter().map(|shown| panel(shown, conditions)).collect(),
+        caption: format!(
+            "{bars}; points of one velocity are moved apart to be seen. Grey: what de Vlugt et al. 2011 state over their eight \
+             persons (k_srs 15 to 23 N m/rad, x_e 25 to 65 mrad, x_t 29.5 ± 0.8 ms, VAF 0.994 ± 0.001)."
+        ),
+        panels: SHOWN.iter().map(|shown| panel(shown, fitted)).collect(),
         columns: 3,
     }
 }
 
-fn panel(shown: &Shown, conditions: &[ConditionFit]) -> Panel {
+fn panel(shown: &Shown, fitted: &Fitted) -> Panel {
+    let conditions = &fitted.conditions;
     let torques = distinct(conditions.iter().map(|condition| condition.torque_nm));
     let velocities = distinct(conditions.iter().map(|condition| condition.velocity_rad_s));
     let range = velocities.last().zip(velocities.first()).map_or(1.0, |(last, first)| last - first);
@@ -40,9 +46,10 @@ fn panel(shown: &Shown, conditions: &[ConditionFit]) -> Panel {
                 values.get(shown.name).copied().flatten().map(|value| value * shown.factor)
             };
             let Some(mean) = value(&condition.mean) else { continue };
-            let sd = value(&condition.sd);
-            ends.extend([mean - sd.unwrap_or(0.0), mean + sd.unwrap_or(0.0)]);
-            points.push((condition.velocity_rad_s + shift, mean, sd));
+            let spread =
+                condition.spread(shown.name, fitted.is_together()).map(|spread| spread * shown.factor);
+            ends.extend([mean - spread.unwrap_or(0.0), mean + spread.unwrap_or(0.0)]);
+            points.push((condition.velocity_rad_s + shift, mean, spread));
         }
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         marks.push(Mark::Points(colour(place), points));

@@ -19,7 +19,7 @@ pub fn parameters(input: &ReportInput) -> ReportSection {
         section.absent(NO_FIT);
         return section;
     };
-    section.figure(figures::parameters(&fitted.conditions));
+    section.figure(figures::parameters(fitted));
     section.html += &against_paper(fitted).html();
     section.html += &by_condition_table(fitted).html();
     together_and_alone(&mut section, fitted);
@@ -147,12 +147,18 @@ fn by_condition_table(fitted: &Fitted) -> HtmlTable {
         let mut row = vec![Cell::text(name(condition)), Cell::Number(condition.repetitions.to_string())];
         row.extend(SHOWN.iter().map(|shown| {
             let of = |values: &Values| value(values, shown.name).map(|value| value * shown.factor);
-            Cell::Spread(of(&condition.mean), of(&condition.sd))
+            let spread =
+                condition.spread(shown.name, fitted.is_together()).map(|spread| spread * shown.factor);
+            Cell::Spread(of(&condition.mean), spread)
         }));
         row
     };
     HtmlTable {
-        caption: "By condition: mean ± SD over repetitions".into(),
+        caption: if fitted.is_together() {
+            "By condition: mean over repetitions ± its standard error".into()
+        } else {
+            "By condition: mean ± SD over repetitions".into()
+        },
         head,
         rows: fitted.conditions.iter().map(row).collect(),
     }
