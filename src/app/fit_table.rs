@@ -19,6 +19,9 @@ const TABLE_COLUMNS: [(&str, &str, f64, usize); 8] = [
     ("x_t", "ms", 1e3, 1),
 ];
 
+/// So many numbers of trials are listed.
+const SHOWN_TRIALS: usize = 12;
+
 /// Prints the table of parameters by condition: mean and standard deviation over repetitions, with remarks.
 pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
     let mut out = console.results();
@@ -56,10 +59,13 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
         .map(|e| e.trial.to_string())
         .collect();
     if !several.is_empty() {
+        let some = several.iter().take(SHOWN_TRIALS).map(String::as_str).collect::<Vec<_>>().join(", ");
+        let more = if several.len() > SHOWN_TRIALS { ", ..." } else { "" };
         writeln!(
             out,
-            "another optimum fits within the noise: trials {} (fit.json has its values and probability)",
-            several.join(", ")
+            "another optimum fits within the noise in {} of {} trials: {some}{more} (fit.json has its values and probability)",
+            several.len(),
+            results.estimates.len()
         )?;
     }
     let failed: Vec<String> =

@@ -18,6 +18,7 @@ mod report;
 mod resume;
 mod run;
 mod schedule;
+mod session_fit;
 mod source_rules;
 mod supply_chain;
 mod workspace;

@@ -48,7 +48,7 @@ const LEAST_PROBABILITY: f64 = 1e-4;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NoSessionModel {
     /// The user asked for independent fits.
-    #[error("each trial is fitted independently, as asked")]
+    #[error("as asked")]
     NotAsked,
     /// Without the covariance of the noise, nobody knows what a trial's torque is worth beside what the others say.
     #[error("the noise of the torque is not known from holds, or not used as a weight")]
