@@ -42,10 +42,7 @@ fn a_session_is_fitted_as_a_whole_and_each_trial_on_its_own_stands_beside() {
 fn independent_gives_each_trial_on_its_own_alone() {
     let workspace = session();
     let (table, _) = workspace.call(0, &["fit", "session", "--independent", "--out", "alone"]);
-    assert!(
-        table.contains("each trial fitted on its own: as asked"),
-        "{table}"
-    );
+    assert!(table.contains("each trial fitted on its own: as asked"), "{table}");
     let text = |name: &str| fs::read_to_string(workspace.path("alone").join(name)).unwrap();
     assert_eq!(text("fit.csv"), text("fit-independent.csv"));
     assert_eq!(
