@@ -9,7 +9,8 @@ use crate::fit::fitted::quantities::QUANTITIES;
 use crate::fit::fitted::uncertainty::uncertainties;
 use crate::fit::inference::profile::{ProfileInterval, profiles};
 use crate::fit::model::parameter_index::{K_DEC, K_SRS, X_E};
-use crate::fit::population::session_fit::{OtherOptimum, SessionFit};
+use crate::fit::population::other_optimum::OtherOptimum;
+use crate::fit::population::session_fit::SessionFit;
 use crate::fit::solver::levenberg_marquardt::Termination;
 use crate::wrist::BASE_PARAMETERS;
 

@@ -13,6 +13,12 @@
 //! tau, omega and B are estimated by marginal likelihood (EM) with weak priors. Each trial enters as a mixture of its optima, each
 //! approximated by a quadratic (Laplace).
 
+mod convergence;
 pub mod hierarchy;
+pub mod no_session_model;
+pub mod other_optimum;
 pub mod session_fit;
-pub mod summary;
+mod shared_covariance;
+mod skewness;
+mod summary;
+mod trial_blocks;

@@ -1,0 +1,50 @@
+//! Why a session is fitted trial by trial.
+
+/// Why a session has no model of its own: each trial is fitted independently.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NoSessionModel {
+    /// The user asked for independent fits.
+    #[error("as asked")]
+    NotAsked,
+    /// Without the covariance of the noise, nobody knows what a trial's torque is worth beside what the others say.
+    #[error("the noise of the torque is not known from holds, or not used as a weight")]
+    UnknownNoise,
+    /// Parameters are shared or given by a law already.
+    #[error("in this model a trial has no parameters of its own")]
+    OtherModel,
+    /// The spread of the trials cannot be told from that of the conditions.
+    #[error("no condition was repeated")]
+    NoRepetitions,
+    /// The derivatives of the model rest on the recorded angle: where its error outweighs the noise, all trials are biased alike.
+    #[error(
+        "the error of the recorded angle (steps of {:.2} mrad) has {ratio:.1} times the variance of the torque's noise: parameters are \
+         biased beyond their errors (I_j and x_e too low, k_h and k_srs too high); measure with a finer encoder",
+        1e3 * step_rad
+    )]
+    CoarseAngle {
+        /// Variance of the torque error from the angle, by that of the torque's own noise.
+        ratio: f64,
+        /// Step of the encoder, rad.
+        step_rad: f64,
+    },
+    /// There is no regression.
+    #[error("there is only one condition")]
+    OneCondition,
+    /// The trials are not those of one person, or not of this model.
+    #[error(
+        "{parameter} spreads by {:.0} % about its regression on velocity and torque, where one person's spreads by at most {:.0} %: \
+         trials of several persons or rigs, or a model that does not describe them",
+        100.0 * spread, 100.0 * most
+    )]
+    SpreadBeyondPerson {
+        /// Name of the parameter.
+        parameter: &'static str,
+        /// Standard deviation of its logarithm.
+        spread: f64,
+        /// The largest that is taken to be one person's.
+        most: f64,
+    },
+    /// The approximation of the likelihood is not finite.
+    #[error("the trials' likelihood cannot be approximated")]
+    NotFinite,
+}
