@@ -66,7 +66,7 @@ impl HtmlTable {
         for (column, name) in self.head.iter().enumerate() {
             let name = escape(name);
             let copied =
-                if spread(column) { format!(" data-tsv=\"{name}\tSD of {name}\"") } else { String::new() };
+                if spread(column) { format!(" data-tsv=\"{name}\t± {name}\"") } else { String::new() };
             let words = |row: &Vec<Cell>| matches!(row.get(column), Some(Cell::Text(_)));
             let class = if self.rows.iter().any(words) { " class=\"words\"" } else { "" };
             let _ = write!(html, "<th{class}{copied}>{name}</th>");
@@ -96,8 +96,6 @@ mod tests {
         };
         let html = table.html();
         assert!(html.contains("data-tsv=\"15.512\t0.98\">15.51&nbsp;±&nbsp;0.98"), "{html}");
-        assert!(
-            html.contains("data-tsv=\"x_e (mrad)\tSD of x_e (mrad)\"") && html.contains("&lt;values&gt;")
-        );
+        assert!(html.contains("data-tsv=\"x_e (mrad)\t± x_e (mrad)\"") && html.contains("&lt;values&gt;"));
     }
 }

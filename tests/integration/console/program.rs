@@ -114,6 +114,7 @@ impl Socket {
                     return Err(frame.map_or(String::new(), |frame| frame.reason.to_string()));
                 }
                 Ok(_) => {}
+                Err(tungstenite::Error::Io(error)) if error.kind() == std::io::ErrorKind::Interrupted => {}
                 Err(error) => return Err(error.to_string()),
             }
         }
