@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { after, before, describe, test } from "node:test";
 import { chromium } from "playwright-core";
 
-import { start } from "./program.js";
+import { start, stopAll } from "./program.js";
 import { browser, temporaryFolder } from "./sessions.js";
 
 const root = new URL("../..", import.meta.url).pathname;
@@ -18,7 +18,10 @@ let chrome;
 before(async () => {
   chrome = await chromium.launch({ executablePath: browser(), args: ["--no-sandbox"] });
 });
-after(async () => chrome?.close());
+after(async () => {
+  stopAll();
+  await chrome?.close();
+});
 
 let sessions = 0;
 
@@ -35,6 +38,7 @@ async function session(...more) {
 /// A page with what went wrong on it, and whatever it asked of others than the program.
 async function open(url, { width = 1280, height = 800, dark = false } = {}) {
   const context = await chrome.newContext({ viewport: { width, height }, colorScheme: dark ? "dark" : "light" });
+  context.setDefaultTimeout(90_000); // the session runs in real time, on a machine that may be busy
   const page = await context.newPage();
   const wrong = [];
   page.on("console", (message) => wrong.push(`${message.type()}: ${message.text()}`));
@@ -84,7 +88,7 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   const before = await page.locator("#trial-rows tr.ok").count();
   await button(page, "repeat").click();
   await yes(page);
-  await page.locator("#trial-rows tr.rejected").waitFor();
+  await page.locator("#trial-rows tr.rejected", { hasText: "repeat" }).waitFor();
   assert.equal(await page.locator("#trial-rows tr.ok").count(), before - 1);
   await button(page, "skip").click();
   assert.equal(await page.locator("#effect").textContent(), "next trial left out");
@@ -94,7 +98,7 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   await page.locator("#note-form button").click();
   await page.locator("#lines li.note", { hasText: "electrode <b>re-glued</b>" }).waitFor();
   await button(page, "resume").click();
-  await page.locator("#phase", { hasText: "finished" }).waitFor({ timeout: 60000 });
+  await page.locator("#phase", { hasText: "finished" }).waitFor();
   await page.locator("#line", { hasText: "session over" }).waitFor();
   await label(subject.page, "all trials are done");
   // The fit of each trial, and the table of the conditions.

@@ -6,7 +6,12 @@ import { createInterface } from "node:readline";
 import { program } from "./sessions.js";
 
 const running = new Set();
-process.on("exit", () => running.forEach((child) => child.kill("SIGKILL")));
+process.on("exit", stopAll);
+
+/// Ends what a failed test left running: node would wait for it.
+export function stopAll() {
+  running.forEach((child) => child.kill("SIGKILL"));
+}
 
 /// Starts the program and waits for the addresses of its pages, which it prints on lines of their own.
 export async function start(args, { cwd } = {}) {
