@@ -167,13 +167,14 @@ fn a_session_of_cycles_asks_for_no_memory() {
         .replace("\"bench\": { \"time_stretch\": 4 }", "\"bench\": null")
         .replace("wait_ms\": 2000", "wait_ms\": 1000")
         .replace("motor_waits_ms\": 2000", "motor_waits_ms\": 1000")
-        // A busy test machine may be late; whether it is, is no affair of this test.
+        // A busy test machine may be late, and then the handle seems fast; whether it is, is no affair of this test.
+        .replace("\"speed_rad_s\": 5,", "\"speed_rad_s\": 50,")
         .replace("\"missed_cycles_in_a_row\": 400", "\"missed_cycles_in_a_row\": 4000000")
         .replace("\"unchanged_torque_periods\": 50", "\"unchanged_torque_periods\": 4000000");
     let rig = ValidRigFile::parse(&rig, "plain.json").unwrap();
-    let protocol =
-        ValidProtocol::parse(include_str!("../../fixtures/can/rigs/one-trial.json"), "one-trial.json")
-            .unwrap();
+    let protocol = include_str!("../../fixtures/can/rigs/one-trial.json")
+        .replace("\"speed_rad_s\": 4", "\"speed_rad_s\": 50");
+    let protocol = ValidProtocol::parse(&protocol, "one-trial.json").unwrap();
     let dry_run = DryRun::of(&protocol, &rig).unwrap();
     let motor = CanMotor::new(
         Connection::on(Box::new(ObedientDrive::new()), Arc::new(SystemClock::default()), rig),

@@ -152,6 +152,14 @@ impl Parameterisation {
         }
     }
 
+    /// The coordinate that is the logarithm of a parameter of a trial; `None` if the parameter is not estimated on such a scale.
+    pub fn logarithmic_coordinate(&self, trial: usize, parameter: usize) -> Option<usize> {
+        match self.transforms[trial][parameter] {
+            Transform::Logarithmic { coordinate, .. } => Some(coordinate),
+            _ => None,
+        }
+    }
+
     /// Calls `each` with every coordinate that a parameter of a trial depends on, and the derivative of the parameter with respect to
     /// that coordinate. `value` is the value of the parameter.
     pub fn slopes(&self, trial: usize, parameter: usize, value: f64, mut each: impl FnMut(usize, f64)) {

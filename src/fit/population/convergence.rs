@@ -22,14 +22,13 @@ pub(super) struct Converged {
     pub fit: Fit,
     /// Regression, spreads and posteriors.
     pub hierarchy: Hierarchy,
-    /// The optima of each trial.
-    pub points: Vec<Vec<DVector<f64>>>,
     /// Negative logarithm of the evidence.
     pub cost: f64,
 }
 
 impl TrialBlocks {
-    /// Rounds from `hierarchy`: each fits all trials with the present prior, and estimates the prior anew.
+    /// Rounds from `hierarchy`: each fits all trials with the present prior, estimates the spreads anew, and goes to the joint optimum
+    /// for these spreads.
     pub(super) fn converge(
         &self,
         observations: &Observations,
@@ -48,11 +47,13 @@ impl TrialBlocks {
             let moved = before.iter().zip(&hierarchy.condition_means).flat_map(|(before, now)| {
                 (0..now.len()).map(|i| (now[i] - before[i]).abs() / libm::sqrt(hierarchy.trial_variance[i]))
             });
-            if !has_changed && moved.fold(0.0, f64::max) < MEAN_TOLERANCE {
+            let has_settled = !has_changed && moved.fold(0.0, f64::max) < MEAN_TOLERANCE;
+            self.settle_jointly(observations, &mut fit, &mut hierarchy);
+            if has_settled {
                 break;
             }
         }
-        Ok(Converged { fit, hierarchy, points, cost })
+        Ok(Converged { fit, hierarchy, cost })
     }
 
     /// Means of the conditions at a restart: k_srs, k_dec and x_e as given there, the other parameters as in the median trial.

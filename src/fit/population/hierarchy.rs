@@ -58,10 +58,6 @@ pub struct TrialPosterior {
     pub means: Vec<DVector<f64>>,
     /// Mean over the optima.
     pub mean: DVector<f64>,
-    /// Covariance over all optima.
-    pub covariance: DMatrix<f64>,
-    /// Derivative of the trial's mean with respect to that of its condition.
-    shrinkage: DMatrix<f64>,
     /// Expected square of the distance from the mean of the condition, by coordinate.
     squared_distance: DVector<f64>,
 }
@@ -71,6 +67,12 @@ impl TrialPosterior {
     pub fn most_probable(&self) -> usize {
         let order = |a: &usize, b: &usize| self.probabilities[*a].total_cmp(&self.probabilities[*b]);
         (0..self.probabilities.len()).rev().max_by(order).unwrap_or(0)
+    }
+
+    /// Variance of a coordinate from one optimum to another.
+    pub fn variance_between_optima(&self, coordinate: usize) -> f64 {
+        let square = |own: &DVector<f64>| libm::pow(own[coordinate] - self.mean[coordinate], 2.0);
+        self.means.iter().zip(&self.probabilities).map(|(own, probability)| probability * square(own)).sum()
     }
 }
 
@@ -92,9 +94,6 @@ pub struct Hierarchy {
     pub condition_means: Vec<DVector<f64>>,
     /// Covariances of these means.
     pub condition_covariances: Vec<DMatrix<f64>>,
-    /// Covariance of the coefficients, and for each condition the derivative of its mean with respect to them.
-    coefficient_covariance: DMatrix<f64>,
-    towards_regression: Vec<DMatrix<f64>>,
     /// Expected squares of the distances of the conditions from the regression, by coordinate.
     squared_distances: Vec<DVector<f64>>,
     /// Posterior of each trial.
@@ -143,8 +142,6 @@ impl Hierarchy {
             coefficients: DVector::zeros(3 * size),
             condition_means: Vec::new(),
             condition_covariances: Vec::new(),
-            coefficient_covariance: DMatrix::zeros(3 * size, 3 * size),
-            towards_regression: Vec::new(),
             squared_distances: Vec::new(),
             trials: Vec::new(),
         }
@@ -174,25 +171,30 @@ impl Hierarchy {
         (self.condition_means[condition][coordinate], libm::sqrt(variance))
     }
 
-    /// Covariance between the coordinates of two trials of a condition.
-    pub fn cross_covariance(&self, condition: usize, one: usize, other: usize) -> DMatrix<f64> {
-        let shared = &self.condition_covariances[condition];
-        &self.trials[one].shrinkage * shared * self.trials[other].shrinkage.transpose()
-    }
-
-    /// Covariance between the means of two conditions.
-    pub fn condition_covariance(&self, one: usize, other: usize) -> DMatrix<f64> {
-        if one == other {
-            return self.condition_covariances[one].clone();
-        }
-        &self.towards_regression[one]
-            * &self.coefficient_covariance
-            * self.towards_regression[other].transpose()
-    }
-
     /// Precision of the prior of a trial's coordinates.
     pub fn prior_precision(&self, trial: usize) -> DVector<f64> {
         self.weights[trial].component_div(&self.trial_variance)
+    }
+
+    /// Regressors of each condition: 1, and centred log velocity and log torque.
+    pub fn regressors(&self) -> &[Vector3<f64>] {
+        &self.regressors
+    }
+
+    /// The priors of the coefficients: for each, a sum of coefficients (index, factor), by how much it is away from its mean, and its
+    /// precision.
+    pub fn coefficient_priors(&self) -> Vec<(Vec<(usize, f64)>, f64, f64)> {
+        let size = self.trial_variance.len();
+        let single = |index: usize| {
+            let sd = if index < size { LEVEL_SD } else { EXPONENT_SD };
+            (vec![(index, 1.0)], self.coefficients[index], 1.0 / (sd * sd))
+        };
+        let mut priors: Vec<_> = (0..3 * size).map(single).collect();
+        if let Some(RatioPrior { coordinates: [above, below], median, log_sd }) = self.ratio_prior {
+            let deviation = self.coefficients[above] - self.coefficients[below] - libm::log(median);
+            priors.push((vec![(above, 1.0), (below, -1.0)], deviation, 1.0 / (log_sd * log_sd)));
+        }
+        priors
     }
 
     /// Standard deviation of a new trial about the regression, by coordinate.
@@ -339,7 +341,6 @@ impl Hierarchy {
         self.condition_means.clear();
         self.condition_covariances.clear();
         self.squared_distances.clear();
-        self.towards_regression.clear();
         for ((covariance, vector), regressors) in covariances.iter().zip(vectors).zip(&self.regressors) {
             let design =
                 DMatrix::from_fn(
@@ -357,9 +358,7 @@ impl Hierarchy {
             self.squared_distances.push(off.component_mul(&off) + distance.diagonal());
             self.condition_means.push(mean);
             self.condition_covariances.push(covariance + &towards * of_expected * towards.transpose());
-            self.towards_regression.push(towards * design);
         }
-        self.coefficient_covariance = of_coefficients;
         Some(())
     }
 
@@ -397,21 +396,15 @@ fn posterior(optima: Vec<Conditional>, condition: &DVector<f64>, spread: &DMatri
     for (optimum, own) in optima.iter().zip(&means) {
         mean += own * optimum.probability;
     }
-    let (mut covariance, mut shrinkage) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
     let mut squared_distance = DVector::zeros(size);
     for (optimum, own) in optima.iter().zip(&means) {
-        let off = own - &mean;
-        let through_condition = &optimum.shrinkage * spread * optimum.shrinkage.transpose();
-        covariance +=
-            (&optimum.covariance + through_condition + &off * off.transpose()) * optimum.probability;
-        shrinkage += &optimum.shrinkage * optimum.probability;
         let away = DMatrix::identity(size, size) - &optimum.shrinkage;
         let distance = &optimum.covariance + &away * spread * away.transpose();
         let off = own - condition;
         squared_distance += (off.component_mul(&off) + distance.diagonal()) * optimum.probability;
     }
     let probabilities = optima.iter().map(|optimum| optimum.probability).collect();
-    TrialPosterior { probabilities, means, mean, covariance, shrinkage, squared_distance }
+    TrialPosterior { probabilities, means, mean, squared_distance }
 }
 
 #[cfg(test)]
@@ -459,7 +452,7 @@ mod tests {
         let (conditions, trials) = trials(3, 0.0, 0.2, 2);
         let found = Hierarchy::new(&conditions, &trials, None).estimate(&trials).unwrap();
         assert!(found.spread(0) < 0.06, "{}", found.spread(0));
-        let se = libm::sqrt(found.trials[0].covariance[(0, 0)]);
+        let se = libm::sqrt(found.condition_covariances[0][(0, 0)]);
         assert!(se < 0.1, "{se}, where each alone has 0.2");
     }
 

@@ -1,10 +1,12 @@
 //! The fit of a session as a whole: each trial's parameters with the model of the session as their prior.
 
+use nalgebra::DMatrix;
+
 use super::convergence::Converged;
 use super::hierarchy::{Hierarchy, largest_spread};
 use super::no_session_model::NoSessionModel;
 use super::other_optimum::OtherOptimum;
-use super::shared_covariance::SharedCovariance;
+use super::session_equations::SessionEquations;
 use super::trial_blocks::TrialBlocks;
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
@@ -14,9 +16,6 @@ use crate::wrist::BASE_PARAMETERS;
 
 /// Variance of the torque error from the angle, beside that of the torque's noise, above which it is most of the error.
 const LARGEST_ANGLE_ERROR: f64 = 1.0;
-
-/// Rounds with the correction of skewness, after the others: it is of second order, and needs the first.
-const SKEWNESS_ROUNDS: usize = 2;
 
 /// Restarts of the whole session: x_e as a fraction of the largest motor angle, k_dec as one of k_srs.
 const SESSION_RESTARTS: [Restart; 2] = [(0.4, 0.6), (0.6, 0.6)];
@@ -34,7 +33,8 @@ pub struct SessionFit {
     pub conditions: Vec<usize>,
     /// For each trial, its less probable optima, the most probable of them first.
     pub other_optima: Vec<Vec<OtherOptimum>>,
-    shared: SharedCovariance,
+    /// Covariance of the fit's coordinates, each trial being near its most probable optimum.
+    covariance: DMatrix<f64>,
 }
 
 impl SessionFit {
@@ -107,36 +107,23 @@ impl SessionFit {
                 best = found;
             }
         }
-        let Converged { mut fit, mut hierarchy, mut points, .. } = best;
-        for _ in 0..SKEWNESS_ROUNDS {
-            trials.set_priors(&mut fit, &hierarchy);
-            let mut summaries = trials.summaries(observations, &mut fit, &mut points);
-            trials.correct_skewness(observations, &fit, &hierarchy, &mut summaries);
-            hierarchy = hierarchy.estimate(&summaries).ok_or(NoSessionModel::NotFinite)?;
-            trials.adopt_most_probable(&mut fit, &hierarchy, &mut points);
-        }
-        trials.set_priors(&mut fit, &hierarchy);
-        trials.settle(observations, &mut fit);
-        trials.move_to_means(observations, &mut fit, &hierarchy);
+        let Converged { mut fit, mut hierarchy, .. } = best;
+        let equations = SessionEquations::new(observations, &fit, &hierarchy, &trials);
+        let covariance = equations.covariance().ok_or(NoSessionModel::NotFinite)?;
+        trials.move_to_means(observations, &mut fit, &mut hierarchy, &covariance);
         let other_optima = trials.other_optima(&fit, &hierarchy);
-        let shared = SharedCovariance::new(observations, &fit, &hierarchy, &trials.conditions);
+        let coordinates = fit.parameterisation.coordinates.len();
+        let covariance = covariance.view((0, 0), (coordinates, coordinates)).into_owned();
         let TrialBlocks { parameters, conditions, .. } = trials;
-        Ok(Self { fit, hierarchy, parameters, conditions, other_optima, shared })
+        Ok(Self { fit, hierarchy, parameters, conditions, other_optima, covariance })
     }
 
     /// Covariance of the logarithms of a base parameter in two trials, given all trials; `None` where it is not estimated on a
     /// logarithmic scale.
     pub fn log_covariance(&self, parameter: usize, one: usize, other: usize) -> Option<f64> {
-        let Some(coordinate) = self.parameters.iter().position(|own| *own == parameter) else {
-            return self.shared.of(&self.fit, parameter, one, other);
-        };
-        let covariance = if one == other {
-            self.hierarchy.trials[one].covariance[(coordinate, coordinate)]
-        } else if self.conditions[one] == self.conditions[other] {
-            self.hierarchy.cross_covariance(self.conditions[one], one, other)[(coordinate, coordinate)]
-        } else {
-            return None;
-        };
-        Some(covariance)
+        let place = |trial: usize| self.fit.parameterisation.logarithmic_coordinate(trial, parameter);
+        let covariance = self.covariance[(place(one)?, place(other)?)];
+        let own = self.parameters.iter().position(|own| *own == parameter).filter(|_| one == other);
+        Some(covariance + own.map_or(0.0, |own| self.hierarchy.trials[one].variance_between_optima(own)))
     }
 }

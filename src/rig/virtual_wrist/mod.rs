@@ -163,7 +163,7 @@ impl Armed for ArmedVirtualWrist {
         let angle_rad = match command.motor {
             Motor::Follow { angle_rad } => angle_rad,
             // The safe state of the virtual rig: hold the last command.
-            Motor::Safe => self.servo.reference_rad(),
+            Motor::Safe => self.servo.command_rad(),
         };
         self.servo.step(angle_rad, self.lever_torque_nm);
         let voluntary_nm = self.voluntary.step(&command.cue);

@@ -6,15 +6,22 @@ use crate::wrist::Kinematics;
 /// A motor of inertia J held to its reference by stiffness K and damping D:
 /// `J e'' = -K e - D e' - T_l`, where e is the motor's angle less the reference.
 ///
-/// Within a period the reference is linear in time and the torque is constant. The step is exact under that assumption, so any servo is
-/// stable at any rate.
+/// The reference passes the commands as a drive interpolates set-points: its speed goes straight from the mean speed of the last
+/// period to that of this one, so that it lies half a period behind. With a speed that jumps from period to period the motor's speed
+/// would be lowest at every sample, which the samples of the angle do not show. The torque is constant within a period. The step is
+/// exact under these assumptions, so any servo is stable at any rate.
 #[derive(Debug, Clone)]
 pub struct Servo {
-    /// The exact transition of (e + T_l / K, e') over a period.
+    /// The exact transition of (e + lag, e') over a period.
     transition: [[f64; 2]; 2],
     compliance: f64,
+    /// Square of the natural angular frequency, 1/s2.
+    natural_squared: f64,
     sample_rate_hz: f64,
-    reference_rad: f64,
+    /// The last command.
+    command_rad: f64,
+    /// Angle and speed of the reference.
+    reference: Kinematics<f64>,
     angle_rad: f64,
     speed_rad_s: f64,
 }
@@ -27,8 +34,10 @@ impl Servo {
         Self {
             transition: oscillator(natural, damping, 1.0 / sample_rate_hz),
             compliance: 1.0 / setup.servo_stiffness_nm_per_rad,
+            natural_squared: natural * natural,
             sample_rate_hz,
-            reference_rad: 0.0,
+            command_rad: 0.0,
+            reference: Kinematics { theta: 0.0, omega: 0.0 },
             angle_rad: 0.0,
             speed_rad_s: 0.0,
         }
@@ -36,20 +45,27 @@ impl Servo {
 
     /// Puts the motor at rest at its commanded angle, without torque.
     pub fn settle(&mut self) {
-        (self.angle_rad, self.speed_rad_s) = (self.reference_rad, 0.0);
+        self.reference = Kinematics { theta: self.command_rad, omega: 0.0 };
+        (self.angle_rad, self.speed_rad_s) = (self.command_rad, 0.0);
     }
 
-    /// Moves the motor for one period, to the command `reference_rad` and against the torque in the lever.
+    /// Moves the motor for one period, to the command `command_rad` and against the torque in the lever.
     #[inline]
-    pub fn step(&mut self, reference_rad: f64, lever_torque_nm: f64) {
-        let reference_speed = (reference_rad - self.reference_rad) * self.sample_rate_hz;
-        let sag = lever_torque_nm * self.compliance;
-        let error = self.angle_rad - self.reference_rad + sag;
-        let error_speed = self.speed_rad_s - reference_speed;
+    pub fn step(&mut self, command_rad: f64, lever_torque_nm: f64) {
+        let from = self.reference;
+        let speed = (command_rad - self.command_rad) * self.sample_rate_hz;
+        let to =
+            Kinematics { theta: from.theta + 0.5 * (from.omega + speed) / self.sample_rate_hz, omega: speed };
+        // Where the motor lags behind an accelerated reference without oscillating.
+        let lag = lever_torque_nm * self.compliance
+            + (to.omega - from.omega) * self.sample_rate_hz / self.natural_squared;
+        let error = self.angle_rad - from.theta + lag;
+        let error_speed = self.speed_rad_s - from.omega;
         let [[a, b], [c, d]] = self.transition;
-        self.reference_rad = reference_rad;
-        self.angle_rad = reference_rad - sag + a * error + b * error_speed;
-        self.speed_rad_s = reference_speed + c * error + d * error_speed;
+        self.command_rad = command_rad;
+        self.reference = to;
+        self.angle_rad = to.theta - lag + a * error + b * error_speed;
+        self.speed_rad_s = to.omega + c * error + d * error_speed;
     }
 
     /// Angle and angular velocity of the motor.
@@ -58,8 +74,8 @@ impl Servo {
     }
 
     /// The last commanded angle, rad.
-    pub fn reference_rad(&self) -> f64 {
-        self.reference_rad
+    pub fn command_rad(&self) -> f64 {
+        self.command_rad
     }
 }
 
@@ -100,10 +116,10 @@ mod tests {
     }
 
     #[test]
-    fn it_follows_a_ramp_without_lag_once_it_has_settled() {
+    fn it_follows_a_ramp_half_a_period_late_once_it_has_settled() {
         let mut servo = servo();
         (1..=2500).for_each(|sample| servo.step(f64::from(sample) * 1e-3, 0.0));
-        assert!((servo.motion().theta - 2.5).abs() < 1e-9);
+        assert!((servo.motion().theta - 2.5 + 0.5e-3).abs() < 1e-9, "{}", servo.motion().theta);
         assert!((servo.motion().omega - 2.5).abs() < 1e-9);
     }
 
@@ -114,6 +130,7 @@ mod tests {
             let setup = Setup { servo_damping_ratio: damping, ..Setup::default() };
             let mut servo = Servo::new(&setup, 2500.0);
             servo.step(0.01, 0.0);
+            servo.step(0.01, 0.0); // Now the reference rests.
             let w = std::f64::consts::TAU * setup.servo_bandwidth_hz;
             let (mut x, mut v) = (servo.motion().theta - 0.01, servo.motion().omega);
             servo.step(0.01, 0.0);

@@ -1,0 +1,182 @@
+//! The normal equations of a whole session: the trials' coordinates, what they share, the means of the conditions and the regression,
+//! all at once.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::hierarchy::Hierarchy;
+use super::trial_blocks::{TrialBlocks, normal_equations};
+use crate::fit::data::observations::Observations;
+use crate::fit::fitted::fit::Fit;
+use crate::fit::linalg::{cholesky, invert_scaled};
+use crate::fit::solver::levenberg_marquardt::Solution;
+
+/// Largest number of joint steps between two estimates of the spreads.
+const MAX_JOINT_STEPS: usize = 6;
+
+/// Joint steps end where one decreases the cost by less.
+const MIN_DECREASE: f64 = 1e-2;
+
+/// Largest change of a logarithm in one step.
+const MAX_LOG_STEP: f64 = 0.7;
+
+/// Precision of a coordinate at a bound, which counts as known.
+const AT_BOUND_PRECISION: f64 = 1e12;
+
+/// Smallest part of a step that is tried.
+const SMALLEST_PART: f64 = 0.05;
+
+/// Gauss-Newton equations for known spreads. The unknowns are the coordinates of the fit, then the means of the conditions, then the
+/// coefficients of the regression.
+pub(super) struct SessionEquations {
+    cost: f64,
+    gradient: DVector<f64>,
+    matrix: DMatrix<f64>,
+}
+
+impl SessionEquations {
+    /// The equations at `fit`, whose priors are those of `hierarchy`. Coordinates at a bound count as known.
+    pub(super) fn new(
+        observations: &Observations,
+        fit: &Fit,
+        hierarchy: &Hierarchy,
+        trials: &TrialBlocks,
+    ) -> Self {
+        let coordinates = fit.parameterisation.coordinates.len();
+        let count = coordinates
+            + hierarchy.condition_means.len() * hierarchy.trial_variance.len()
+            + hierarchy.coefficients.len();
+        let mut own =
+            Self { cost: 0.0, gradient: DVector::zeros(count), matrix: DMatrix::zeros(count, count) };
+        let equations = normal_equations(observations, fit);
+        for (component, equations) in fit.parameterisation.components.iter().zip(&equations) {
+            let order = component.order();
+            let (matrix, gradient) = (equations.dense(component), equations.gradient(component));
+            own.cost += equations.cost;
+            for (i, row) in order.iter().enumerate() {
+                own.gradient[*row] += gradient[i];
+                for (j, column) in order.iter().enumerate() {
+                    own.matrix[(*row, *column)] += matrix[(i, j)];
+                }
+            }
+        }
+        own.add_hierarchy(fit, hierarchy, trials);
+        for index in (0..coordinates).filter(|index| fit.coordinate_at_bound(*index)) {
+            own.gradient[index] = 0.0;
+            own.matrix.row_mut(index).fill(0.0);
+            own.matrix.column_mut(index).fill(0.0);
+            own.matrix[(index, index)] = AT_BOUND_PRECISION;
+        }
+        own
+    }
+
+    /// What the means and the regression add. The trials' coordinates have their priors already.
+    fn add_hierarchy(&mut self, fit: &Fit, hierarchy: &Hierarchy, trials: &TrialBlocks) {
+        let size = hierarchy.trial_variance.len();
+        let coordinates = fit.parameterisation.coordinates.len();
+        let mean = |condition: usize, place: usize| coordinates + condition * size + place;
+        let first_coefficient = mean(hierarchy.condition_means.len(), 0);
+        let mut terms: Vec<(Vec<(usize, f64)>, f64, f64)> = Vec::new();
+        for (condition, regressors) in hierarchy.regressors().iter().enumerate() {
+            for place in 0..size {
+                let expected: f64 =
+                    (0..3).map(|a| regressors[a] * hierarchy.coefficients[a * size + place]).sum();
+                let mut sum = vec![(mean(condition, place), 1.0)];
+                sum.extend((0..3).map(|a| (first_coefficient + a * size + place, -regressors[a])));
+                let deviation = hierarchy.condition_means[condition][place] - expected;
+                terms.push((sum, deviation, 1.0 / hierarchy.condition_variance[place]));
+            }
+        }
+        for (sum, deviation, precision) in hierarchy.coefficient_priors() {
+            let sum = sum.iter().map(|(index, factor)| (first_coefficient + index, *factor)).collect();
+            terms.push((sum, deviation, precision));
+        }
+        for (sum, deviation, precision) in terms {
+            self.cost += 0.5 * precision * deviation * deviation;
+            for (one, factor) in &sum {
+                self.gradient[*one] += precision * factor * deviation;
+                for (other, by) in &sum {
+                    self.matrix[(*one, *other)] += precision * factor * by;
+                }
+            }
+        }
+        for (trial, (own, condition)) in trials.own.iter().zip(&trials.conditions).enumerate() {
+            let precision = hierarchy.prior_precision(trial);
+            for (place, coordinate) in own.iter().enumerate() {
+                let mean = mean(*condition, place);
+                let deviation =
+                    fit.solution.coordinates[*coordinate] - hierarchy.condition_means[*condition][place];
+                self.gradient[mean] -= precision[place] * deviation;
+                self.matrix[(mean, mean)] += precision[place];
+                self.matrix[(mean, *coordinate)] -= precision[place];
+                self.matrix[(*coordinate, mean)] -= precision[place];
+            }
+        }
+    }
+
+    /// The Gauss-Newton step, shortened where a logarithm would change too much; `None` if the matrix is singular.
+    fn step(&self) -> Option<DVector<f64>> {
+        let scale = self.matrix.diagonal().map(|own| 1.0 / libm::sqrt(own));
+        let count = scale.len();
+        let scaled = DMatrix::from_fn(count, count, |i, j| self.matrix[(i, j)] * scale[i] * scale[j]);
+        let step = -cholesky(scaled)?.solve(&self.gradient.component_mul(&scale)).component_mul(&scale);
+        let longest = step.amax();
+        longest.is_finite().then(|| step * (MAX_LOG_STEP / longest).min(1.0))
+    }
+
+    /// Covariance of all unknowns; `None` if the data do not determine them.
+    pub(super) fn covariance(&self) -> Option<DMatrix<f64>> {
+        invert_scaled(self.matrix.clone())
+    }
+}
+
+impl TrialBlocks {
+    /// Brings the trials of `fit`, the means of the conditions and the regression to their joint optimum for the present spreads. Trials
+    /// hold each other through what they share: one after the other they would only creep there.
+    pub(super) fn settle_jointly(
+        &self,
+        observations: &Observations,
+        fit: &mut Fit,
+        hierarchy: &mut Hierarchy,
+    ) {
+        self.set_priors(fit, hierarchy);
+        let mut equations = SessionEquations::new(observations, fit, hierarchy, self);
+        for _ in 0..MAX_JOINT_STEPS {
+            let Some(step) = equations.step() else { return };
+            let mut part = 1.0;
+            let moved = loop {
+                let mut moved = (fit.clone(), hierarchy.clone());
+                self.move_by(&mut moved.0, &mut moved.1, &(&step * part));
+                let there = SessionEquations::new(observations, &moved.0, &moved.1, self);
+                if there.cost < equations.cost {
+                    break Some((moved, there));
+                }
+                part *= 0.3;
+                if part < SMALLEST_PART {
+                    break None;
+                }
+            };
+            let Some(((next_fit, next_hierarchy), there)) = moved else { return };
+            let decrease = equations.cost - there.cost;
+            (*fit, *hierarchy, equations) = (next_fit, next_hierarchy, there);
+            if decrease < MIN_DECREASE {
+                return;
+            }
+        }
+    }
+
+    /// Moves the fit, the means and the regression by `step`, a change of all unknowns.
+    pub(super) fn move_by(&self, fit: &mut Fit, hierarchy: &mut Hierarchy, step: &DVector<f64>) {
+        let coordinates = fit.solution.coordinates.len();
+        let all = fit.solution.coordinates.iter().zip(&fit.parameterisation.coordinates).zip(step.iter());
+        let coordinates_there = all.map(|((x, own), by)| (x + by).clamp(own.low, own.high)).collect();
+        let outcomes = fit.solution.outcomes.clone();
+        *fit = fit.at_solution(Solution { coordinates: coordinates_there, outcomes });
+        let size = hierarchy.trial_variance.len();
+        for (condition, mean) in hierarchy.condition_means.iter_mut().enumerate() {
+            *mean += step.rows(coordinates + condition * size, size);
+        }
+        let first = coordinates + hierarchy.condition_means.len() * size;
+        hierarchy.coefficients += step.rows(first, 3 * size);
+        self.set_priors(fit, hierarchy);
+    }
+}
