@@ -1,4 +1,4 @@
-"""python -m hidden_effects --out DIR --effect ID|none|alien:KIND|A+B --seed N [--size X] [--sessions K]"""
+"""python -m hidden_effects --out DIR --effect ID[@LAW]|none|alien:KIND|A+B --seed N [--laboratory L] [--size X] [--sessions K]"""
 
 import argparse
 import sys
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from . import catalogue
 from .generator import generate
-from .laboratory import LABORATORIES
+from .laboratories import LABORATORIES
 from .noise import CannotHold
 from .session_writer import write_session, write_truth
 
@@ -15,7 +15,7 @@ def main() -> int:
     p = argparse.ArgumentParser(prog="python -m hidden_effects", description="Sessions with a known hidden effect. "
                                 "Folders go to DIR/NAME, what is hidden to DIR/truth/NAME.json.")
     p.add_argument("--out", type=Path)
-    p.add_argument("--effect", default="none", help="none, an id of the catalogue, alien:KIND, or A+B for two")
+    p.add_argument("--effect", default="none", help="none, an id of the catalogue, ID@LAW for one of its other laws, alien:KIND, or A+B for two")
     p.add_argument("--seed", type=int, default=1)
     p.add_argument("--size", type=float, default=1.0, help="times the default size")
     p.add_argument("--sessions", type=int, default=1, help="this many, with seeds from --seed upward")
@@ -23,10 +23,10 @@ def main() -> int:
     p.add_argument("--list", action="store_true", help="print the known effects")
     a = p.parse_args()
     if a.list:
-        print("\n".join(["none", *catalogue.MECHANISMS, *(f"alien:{k}" for k in catalogue.ALIEN_KINDS)]))
+        print("\n".join(["none", *catalogue.EFFECTS, *(f"alien:{k}" for k in catalogue.ALIENS)]))
         return 0
     try:
-        catalogue.parse(a.effect)
+        catalogue.parse(a.effect, LABORATORIES[a.laboratory])
     except ValueError as e:
         p.error(str(e))
     if a.out is None or a.size <= 0 or a.sessions < 1:

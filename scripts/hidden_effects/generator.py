@@ -6,13 +6,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from . import catalogue, noise
-from .laboratory import LABORATORIES, Laboratory
+from .laboratories import LABORATORIES, Laboratory
 from .person import Trials
 from .plant import END_S, FINE_HZ, START_S, Motion, Plant, simulate
 from .scenario import Hidden, Scenario, base_scenario
 from .streams import stream
-
-LONGEST_HOLD_S = 0.8
 
 
 @dataclass
@@ -43,7 +41,7 @@ class Session:
 def generate(seed: int, effect: str = "none", size: float = 1.0, repetitions: int | None = None,
              laboratory: Laboratory = LABORATORIES["paper"]) -> Session:
     """Measured in `laboratory`, with other `repetitions` than its own where they are given."""
-    names = catalogue.parse(effect)
+    names = catalogue.parse(effect, laboratory)
     if repetitions is not None:
         laboratory = replace(laboratory, repetitions=repetitions)
     scenario = base_scenario(seed, laboratory)
@@ -51,9 +49,9 @@ def generate(seed: int, effect: str = "none", size: float = 1.0, repetitions: in
     hidden = [catalogue.hide(scenario, name, size) for name in names]
     motion = simulate(plant_of(scenario))
 
-    fine = np.arange(round(-LONGEST_HOLD_S * FINE_HZ), round(END_S * FINE_HZ) + 1) / FINE_HZ
-    moving = slice(round((LONGEST_HOLD_S + START_S) * FINE_HZ), None)
-    torque, gauge = noise.voluntary_torque(seed, scenario.person, scenario.trials.torque_nm, fine, laboratory.sample_hz)
+    fine = np.arange(round(-laboratory.longest_hold_s * FINE_HZ), round(END_S * FINE_HZ) + 1) / FINE_HZ
+    moving = slice(round((laboratory.longest_hold_s + START_S) * FINE_HZ), None)
+    torque, gauge = noise.voluntary_torque(seed, scenario.person, scenario.trials.torque_nm, fine, laboratory)
     torque[:, moving] += motion.torque_l
     for link in scenario.torque_chain:
         torque = link(fine, torque, scenario, motion)
@@ -63,24 +61,27 @@ def generate(seed: int, effect: str = "none", size: float = 1.0, repetitions: in
         torque = link(t, torque, scenario)
 
     angle = np.zeros_like(torque)
-    angle[:, round((LONGEST_HOLD_S + START_S) * laboratory.sample_hz):] = recorded_angle(scenario, motion)[:, ::step]
+    angle[:, round((laboratory.longest_hold_s + START_S) * laboratory.sample_hz):] = recorded_angle(scenario, motion)[:, ::step]
     rng = stream(seed, "holds")
     start = scenario.person.start_angle_rad + rng.normal(0, 2e-4, (len(torque), 1))
-    first = rng.integers(0, round(0.17 * laboratory.sample_hz), len(torque))
+    first = rng.integers(0, round(laboratory.hold_spread_s * laboratory.sample_hz), len(torque))
     burst = scenario.person.late_reflex["latency_s"] - 0.012  # EMG leads the torque
     fcr, ecr = noise.emg(seed, scenario.person, scenario.trials, t, burst, laboratory.sample_hz)
     return Session(seed, scenario, hidden, motion, t, first, noise.encoder(start + angle, laboratory.encoder_counts), torque, fcr, ecr)
 
 
 def plant_of(s: Scenario) -> Plant:
-    return Plant(s.trials, s.lever, s.ramp.angle, s.servo, s.elastic, s.interface, s.forces)
+    return Plant(s.trials, s.lever, s.followed or s.ramp.angle, s.servo, s.elastic, s.interface, s.forces)
 
 
 def recorded_angle(s: Scenario, motion: Motion) -> np.ndarray:
     if s.record_command:
-        command = np.stack([s.ramp.angle(t) for t in motion.t_s], axis=1)
-        return s.angle_factor * command
-    return s.angle_factor * motion.theta_m
+        angle = np.stack([s.ramp.angle(t) for t in motion.t_s], axis=1)
+    else:
+        angle = motion.theta_m
+    for link in s.angle_chain:
+        angle = link(motion.t_s, angle, s)
+    return s.angle_factor * angle
 
 
 def base_model_response(s: Scenario, motion: Motion) -> Motion:
@@ -88,4 +89,4 @@ def base_model_response(s: Scenario, motion: Motion) -> Motion:
     spline = CubicSpline(motion.t_s, recorded_angle(s, motion), axis=1)
     speed = spline.derivative()
     plant = Plant(s.trials, s.laboratory.own_lever(), s.ramp.angle, s.servo, motor=lambda t: (spline(t), speed(t)))
-    return simulate(plant)
+    return simulate(plant, motion.t_s[-1])

@@ -9,8 +9,25 @@ from scipy.signal import butter, lfilter, sosfilt
 
 from .streams import stream
 
-GATE = 0.025  # the band around the target torque ...
-GATE_S = 0.5  # ... and how long it has been held at the onset
+TREMOR_HZ = (8.5, 10.5)  # of healthy subjects
+TREMOR_SPREAD_HZ = 0.3
+WANDER_HZ = (0.15, 2.5)
+
+
+def _white(white, sample_hz):
+    return white
+
+
+def _one_over_f(white, sample_hz):
+    """Half of the power white, half with a density that falls as 1/f above 1 Hz."""
+    hz = np.fft.rfftfreq(white.shape[1], 1 / sample_hz)
+    density = 1 / np.maximum(hz, 1.0)
+    gain = np.sqrt(0.5 + 0.5 * density / density.mean())
+    return np.fft.irfft(np.fft.rfft(white, axis=1) * gain, white.shape[1], axis=1)
+
+
+# The gauge's noise from white noise of the same standard deviation.
+SPECTRA = {"white": _white, "1/f": _one_over_f}
 
 
 class CannotHold(RuntimeError):
@@ -22,36 +39,37 @@ def low_pass(sample_hz):
     return butter(3, 50.0, fs=sample_hz)
 
 
-def voluntary_torque(seed, person, torque_nm, fine_t, sample_hz):
+def voluntary_torque(seed, person, torque_nm, fine_t, laboratory):
     """The hold: target, offset, wander below 2.5 Hz and tremor, redrawn until it passes the gate that starts a ramp."""
     rng = stream(seed, "voluntary torque")
     gauge = stream(seed, "gauge noise")
-    step = max(1, round((fine_t[1] - fine_t[0]) ** -1 / sample_hz))
-    noise = person.gauge_noise_nm * gauge.standard_normal((len(torque_nm), len(fine_t[::step])))
+    step = max(1, round((fine_t[1] - fine_t[0]) ** -1 / laboratory.sample_hz))
+    white = person.gauge_noise_nm * gauge.standard_normal((len(torque_nm), len(fine_t[::step])))
+    noise = SPECTRA[laboratory.gauge_spectrum](white, laboratory.sample_hz)
     out = np.empty((len(torque_nm), len(fine_t)))
     waiting = np.arange(len(torque_nm))
     for _ in range(500):
         target = torque_nm[waiting, None]
-        out[waiting] = target * (1 + _unsteadiness(rng, person, len(waiting), fine_t))
+        out[waiting] = target * (1 + _unsteadiness(rng, person, len(waiting), fine_t, laboratory.tremor_frequency))
         measured = out[waiting][:, ::step] + noise[waiting]
-        waiting = waiting[~gate_held(measured, torque_nm[waiting], fine_t[::step], sample_hz)]
+        waiting = waiting[~gate_held(measured, torque_nm[waiting], fine_t[::step], laboratory)]
         if len(waiting) == 0:
             return out, noise
     raise CannotHold("this person cannot hold the target torque; the noise is too large for the gate")
 
 
-def gate_held(torque, target, t, sample_hz):
+def gate_held(torque, target, t, laboratory):
     """Was the 50 Hz torque within the band for the whole time before the onset at t = 0?"""
-    filtered = target[:, None] + lfilter(*low_pass(sample_hz), torque - target[:, None], axis=1)
-    before = (t >= -GATE_S) & (t <= 0)
-    return np.all(np.abs(filtered[:, before] / target[:, None] - 1) < GATE, axis=1)
+    filtered = target[:, None] + lfilter(*low_pass(laboratory.sample_hz), torque - target[:, None], axis=1)
+    before = (t >= -laboratory.gate_s) & (t <= 0)
+    return np.all(np.abs(filtered[:, before] / target[:, None] - 1) < laboratory.gate_fraction, axis=1)
 
 
-def _unsteadiness(rng, person, n, fine_t):
+def _unsteadiness(rng, person, n, fine_t, tremor_frequency):
     """Fraction of the torque: sums of sines on a coarse grid, splined onto the fine one."""
     coarse = np.arange(fine_t[0], fine_t[-1] + 0.01, 0.004)
-    wander = _sines(rng, n, coarse, rng.uniform(0.15, 2.5, (n, 12)), person.wander)
-    tremor_hz = np.clip(person.tremor_hz + rng.normal(0, 0.3, (n, 4)), 8.5, 10.5)
+    wander = _sines(rng, n, coarse, rng.uniform(*WANDER_HZ, (n, 12)), person.wander)
+    tremor_hz = np.clip(person.tremor_hz + rng.normal(0, TREMOR_SPREAD_HZ, (n, 4)), *(tremor_frequency * hz for hz in TREMOR_HZ))
     tremor = _sines(rng, n, coarse, tremor_hz, person.tremor)
     return CubicSpline(coarse, wander + tremor, axis=1)(fine_t)
 

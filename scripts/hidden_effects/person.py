@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .laboratory import Laboratory
+from .laboratories import Laboratory
 from .streams import stream
 
 MIDDLE_VELOCITY_RAD_S = 2.275

@@ -28,10 +28,10 @@ def linear_interface(deflection, p):
 
 @dataclass
 class Force:
-    """A torque that resists a positive angle of the `joint` or the `lever`, with states of its own.
+    """A torque that resists a positive angle of the `joint` or the `lever`, or a deflection of the `interface`.
 
-    `law(t, theta, speed, states, past)` returns the torque and the rates of the states; `past(t)` is the speed the
-    joint had at an earlier time.
+    `law(t, theta, speed, states, past)` returns the torque and the rates of its own states. `theta` is the angle of the joint
+    or the lever, or the deflection; `past(t)` is the speed the joint had at an earlier time.
     """
 
     law: Callable
@@ -42,7 +42,7 @@ class Force:
 @dataclass
 class Plant:
     trials: object
-    lever: dict
+    lever: dict | None  # None: the handle follows the motor, and the torque is measured there
     command: Callable  # motor command at time t, for every trial
     servo: object
     elastic: Callable = eq2
@@ -64,11 +64,11 @@ class Motion:
     torque_l: np.ndarray
 
 
-def simulate(plant: Plant) -> Motion:
+def simulate(plant: Plant, end_s: float = END_S) -> Motion:
     p, n = plant.trials, len(plant.trials)
     size = 6 + sum(f.states for f in plant.forces)
     steps = round(SEGMENT_S * FINE_HZ)
-    times = np.arange(round(START_S * FINE_HZ), round(END_S * FINE_HZ) + 1) / FINE_HZ
+    times = np.arange(round(START_S * FINE_HZ), round(end_s * FINE_HZ) + 1) / FINE_HZ
     kept = np.zeros((len(times), size, n))
     known = 0
 
@@ -81,31 +81,51 @@ def simulate(plant: Plant) -> Motion:
         a, b, c, d = kept[i - 1:i + 3, 5]  # Catmull-Rom: without kinks the solver keeps its long steps
         return b + 0.5 * u * (c - a + u * (2 * a - 5 * b + 4 * c - d + u * (3 * (b - c) + d - a)))
 
-    def rates(t, flat):
-        y = flat.reshape(size, n)
-        out = np.empty_like(y)
-        theta_m, speed_m = (y[0], y[1]) if plant.motor is None else plant.motor(t)
-        theta_l, speed_l, theta_j, speed_j = y[2:6]
-        torque_l = lever_torque(plant.lever, theta_m, speed_m, theta_l, speed_l)  # Eq. 5
+    def motor(t, y):
+        return (y[0], y[1]) if plant.motor is None else plant.motor(t)
+
+    def torques(t, y):
+        """Torques on the lever, between handle and hand, in the joint and on the handle itself; rates of the forces' states."""
+        theta_m, speed_m = motor(t, y)
+        theta_l, speed_l, theta_j, speed_j = y[2:6] if plant.lever else (theta_m, speed_m, y[4], y[5])
         torque_h = p.b_h * (speed_l - speed_j) + plant.interface(theta_l - theta_j, p)  # Eq. 6
         torque_j = JOINT_DAMPING_NM_S_PER_RAD * speed_j + plant.elastic(theta_j, p)  # Eq. 7
-        on_lever, used = 0.0, 6
+        seen = {"joint": (theta_j, speed_j), "lever": (theta_l, speed_l), "interface": (theta_l - theta_j, speed_l - speed_j)}
+        on_lever, used, changes = 0.0, 6, []
         for f in plant.forces:
-            theta, speed = (theta_j, speed_j) if f.on == "joint" else (theta_l, speed_l)
-            torque, change = f.law(t, theta, speed, y[used:used + f.states], past)
-            if f.states:
-                out[used:used + f.states] = change
+            torque, change = f.law(t, *seen[f.on], y[used:used + f.states], past)
+            changes.append(change)
             used += f.states
             if f.on == "joint":
                 torque_j = torque_j + torque
+            elif f.on == "interface":
+                torque_h = torque_h + torque
             else:
                 on_lever = on_lever + torque
+        if plant.lever:
+            torque_l = lever_torque(plant.lever, theta_m, speed_m, theta_l, speed_l)  # Eq. 5
+        else:
+            torque_l = torque_h + on_lever
+        return torque_l, torque_h, torque_j, on_lever, changes
+
+    def rates(t, flat):
+        y = flat.reshape(size, n)
+        out = np.empty_like(y)
+        torque_l, torque_h, torque_j, on_lever, changes = torques(t, y)
         out[0] = y[1]
         out[1] = plant.servo.acceleration(plant.command(t), y[0], y[1], torque_l) if plant.motor is None else 0.0
-        out[2] = speed_l
-        out[3] = (torque_l - torque_h - on_lever) / plant.lever["inertia_kg_m2"]  # Eq. 3
-        out[4] = speed_j
+        if plant.lever:
+            out[2] = y[3]
+            out[3] = (torque_l - torque_h - on_lever) / plant.lever["inertia_kg_m2"]  # Eq. 3
+        else:
+            out[2:4] = 0.0
+        out[4] = y[5]
         out[5] = (torque_h - torque_j) / p.i_j  # Eq. 4
+        used = 6
+        for f, change in zip(plant.forces, changes):
+            if f.states:
+                out[used:used + f.states] = change
+            used += f.states
         return out.ravel()
 
     while known < len(times) - 1:
@@ -123,12 +143,16 @@ def simulate(plant: Plant) -> Motion:
         theta_m, speed_m = y[0], y[1]
     else:
         theta_m, speed_m = (np.stack(a, axis=1) for a in zip(*(plant.motor(t) for t in times)))
-    torque = lever_torque(plant.lever, theta_m, speed_m, y[2], y[3])
-    return Motion(times, theta_m, y[2], y[4], speed_m, y[5], torque)
+    if plant.lever:
+        each_trial = {name: np.reshape(value, (-1, 1)) for name, value in plant.lever.items()}
+        torque = lever_torque(each_trial, theta_m, speed_m, y[2], y[3])
+        return Motion(times, theta_m, y[2], y[4], speed_m, y[5], torque)
+    torque = np.stack([torques(t, now)[0] for t, now in zip(times, kept)], axis=1)
+    return Motion(times, theta_m, theta_m, y[4], speed_m, y[5], torque)
 
 
 def lever_torque(lever, theta_m, speed_m, theta_l, speed_l):
-    """Eq. 5."""
+    """Eq. 5. A constant of the lever is a number, or has an entry per trial."""
     return lever["damping_nm_s_per_rad"] * (speed_m - speed_l) + lever["stiffness_nm_per_rad"] * (theta_m - theta_l)
 
 

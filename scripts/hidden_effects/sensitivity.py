@@ -16,15 +16,15 @@ from scipy.signal import filtfilt, lfilter
 
 from . import catalogue, noise
 from .generator import base_model_response, generate
-from .laboratory import LABORATORIES
+from .laboratories import LABORATORIES
 from .plant import END_S, FINE_HZ
+from .response import FREE, measured_torque
 
 SAMPLE_HZ = LABORATORIES["paper"].sample_hz
 STEP = FINE_HZ // SAMPLE_HZ
 WINDOW = 100  # samples: 40 ms
 COMPONENTS = {"causal": 8, "zero-phase": 8, "none": WINDOW}
 FLOOR_NM = {"causal": 0.0015, "zero-phase": 0.0012, "none": 0.0206}  # the encoder's steps, through Eq. 5
-FREE = ("b_h", "k_h", "k_srs", "k_dec", "x_e")  # per trial; i_j is shared
 
 
 def filtered_by(kind, y):
@@ -57,7 +57,7 @@ class Judge:
         fine = np.arange(round(-0.8 * FINE_HZ), round(END_S * FINE_HZ) + 1) / FINE_HZ
         parts = {t: [] for t in np.unique(s.trials.torque_nm)}
         for k in range(6):
-            voluntary, gauge = noise.voluntary_torque(10_000 + k, s.person, s.trials.torque_nm, fine)
+            voluntary, gauge = noise.voluntary_torque(10_000 + k, s.person, s.trials.torque_nm, fine, s.laboratory)
             y = filtered_by(self.kind, voluntary[:, ::STEP] + gauge - s.trials.torque_nm[:, None])
             for start in range(200, y.shape[1] - WINDOW - 50, 75):
                 piece = y[:, start + 50:start + 50 + WINDOW] - y[:, start:start + 50].mean(axis=1, keepdims=True)
@@ -101,14 +101,7 @@ class Judge:
     def _noise_free(self, e):
         """What the sensors would give without noise, less the base model driven by the recorded angle."""
         s, m = e.scenario, e.motion
-        torque = s.trials.torque_nm[:, None] + m.torque_l
-        for link in s.torque_chain:
-            torque = link(m.t_s, torque, s, m)
-        if s.digital_chain:
-            sampled = torque[:, ::STEP]
-            for link in s.digital_chain:
-                sampled = link(m.t_s[::STEP], sampled, s)
-            torque = np.repeat(sampled, STEP, axis=1)[:, :torque.shape[1]]
+        torque = np.repeat(measured_torque(s, m)[1], STEP, axis=1)[:, :m.torque_l.shape[1]]
         base = base_model_response(s, m).torque_l
         return self.whiten(window(torque, m.t_s, self.kind) - window(base, m.t_s, self.kind))
 
@@ -131,10 +124,10 @@ def report(names, seeds, kind):
         judge = Judge(seed, kind)
         errors = dict(zip(FREE, np.median(judge.se, axis=0).round(3).tolist()))
         print(f"seed {seed}: relative standard errors of a trial", errors)
-        within = [n for n, (_, k) in catalogue.MECHANISMS.items() if n not in ACROSS]
+        within = [n for n in catalogue.MECHANISMS if n not in ACROSS]
         left = {}
         for name in dict.fromkeys(within + names):
-            if name in ACROSS:
+            if catalogue.mechanism_of(name) in ACROSS:
                 rows.setdefault(name, []).append((np.nan, judge.across_trials(name), ""))
                 continue
             d = judge.signature(name)
@@ -150,10 +143,10 @@ def report(names, seeds, kind):
 
 def _neighbours(name, left, within):
     unit = lambda x: x / max(np.linalg.norm(x), 1e-12)
-    others = sorted(((unit(left[name]) @ unit(left[o]), o) for o in within if o != name), key=lambda c: -abs(c[0]))
+    pool = [o for o in within if o != catalogue.mechanism_of(name)]
+    others = sorted(((unit(left[name]) @ unit(left[o]), o) for o in pool), key=lambda c: -abs(c[0]))
     text = " ".join(f"{o}:{c:+.2f}" for c, o in others[:4])
     remains = lambda group: np.linalg.norm(_without(left[name], np.stack([left[o] for o in group], axis=1)))
-    pool = [o for o in within if o != name]
     one = min((remains([o]), o) for o in pool)
     two = min((remains(p), p) for p in itertools.combinations(pool, 2))
     return f"{text} | after best one {one[0]:.1f}, best two {two[0]:.1f} {two[1]}"
@@ -172,7 +165,7 @@ def main():
     p.add_argument("--seeds", type=int, default=2)
     p.add_argument("--filter", choices=list(COMPONENTS), default="causal")
     a = p.parse_args()
-    everything = [*catalogue.MECHANISMS, *(f"alien:{k}" for k in catalogue.ALIEN_KINDS)]
+    everything = [*catalogue.MECHANISMS, *(f"alien:{k}" for k in catalogue.ALIENS)]
     report(a.names or everything, range(1, a.seeds + 1), a.filter)
 
 

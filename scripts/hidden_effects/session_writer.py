@@ -6,16 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from .generator import Session
-from .ramp import AMPLITUDE_RAD
 
-ROW = "%.4f,%.7f,%.5f,%.4f,%.4f\n"
+COLUMNS = {"t_s": "%.4f", "theta_m_rad": "%.7f", "torque_l_nm": "%.5f"}
+EMG_COLUMNS = {"emg_fcr_mvc": "%.4f", "emg_ecr_mvc": "%.4f"}
 
 
 def write_session(session: Session, folder: Path) -> None:
     """Nothing in the folder tells what is hidden, not even the order of the files or the number of digits."""
     (folder / "trials").mkdir(parents=True)
-    description = {"format": "ramphold-session/1", "subject": {"id": f"S{session.seed}"}, "sample_rate_hz": session.scenario.laboratory.sample_hz,
-                   "rig": {"lever": session.scenario.laboratory.own_lever()}, "recorded_filter": None}
+    laboratory = session.scenario.laboratory
+    description = {"format": "ramphold-session/1", "subject": {"id": f"S{session.seed}"}, "sample_rate_hz": laboratory.sample_hz,
+                   "rig": {"lever": laboratory.own_lever()}, "recorded_filter": None}
     (folder / "session.json").write_text(json.dumps(description, indent=2) + "\n")
 
     t = session.trials
@@ -24,7 +25,7 @@ def write_session(session: Session, folder: Path) -> None:
         name = f"trials/trial-{i + 1:03d}.csv"
         onset = -session.t_s[session.first[i]]
         rows.append(f"{i + 1},{name},{t.velocity_rad_s[i]:g},{t.torque_nm[i]:g},{t.repetition[i]},{onset:.4f},ok,"
-                    f"{AMPLITUDE_RAD:g},{t.rest_s[i]:.2f}")
+                    f"{laboratory.amplitude_rad:g},{t.rest_s[i]:.2f}")
         _write_trial(session, i, folder / name)
     (folder / "trials.csv").write_text("\n".join(rows) + "\n")
 
@@ -32,10 +33,12 @@ def write_session(session: Session, folder: Path) -> None:
 def _write_trial(session, i, path):
     kept = slice(session.first[i], None)
     time = session.t_s[kept] - session.t_s[session.first[i]]
-    table = np.column_stack([time, session.theta_m_rad[i, kept], session.torque_l_nm[i, kept],
-                             session.emg_fcr_mvc[i, kept], session.emg_ecr_mvc[i, kept]])
-    header = "t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc\n"
-    path.write_text(header + (ROW * len(table)) % tuple(table.ravel().tolist()))
+    columns, formats = [time, session.theta_m_rad[i, kept], session.torque_l_nm[i, kept]], COLUMNS
+    if session.scenario.laboratory.has_emg:
+        columns += [session.emg_fcr_mvc[i, kept], session.emg_ecr_mvc[i, kept]]
+        formats = COLUMNS | EMG_COLUMNS
+    row = ",".join(formats.values()) + "\n"
+    path.write_text(",".join(formats) + "\n" + (row * len(time)) % tuple(np.column_stack(columns).ravel().tolist()))
 
 
 def truth_of(session: Session, effect: str) -> dict:

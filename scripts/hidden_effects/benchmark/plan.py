@@ -1,9 +1,11 @@
 """Which sessions the benchmark is made of. Every session has a person and a noise of its own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import cycle
 
-from ..catalogue import ALIEN_KINDS, MECHANISMS
-from ..laboratory import LABORATORIES
+from ..catalogue import MECHANISMS, mechanism_of, shows
+from ..laboratories import LABORATORIES, Laboratory
+from . import purpose
 
 # Two causes that leave different traces; a pair of near twins would test nothing but luck.
 PAIRS = ("channel_skew+fatigue", "interface_slack+cocontraction", "lever_stiffness+activation_scaling",
@@ -25,12 +27,22 @@ TOLD_APART = frozenset(MECHANISMS) - frozenset().union(*NEAR_TWINS)
 TOO_NEAR_THE_CATALOGUE = {"loose_mass"}
 
 
+# Those of the paper's plan, in the order that numbers its sessions.
+PAPER_ALIENS = ("gauge_hysteresis", "speed_dependent_gain", "torque_burst", "oscillating_stiffness", "yield_catch", "emg_crosstalk",
+                "jittered_clock", "frozen_torque", "coarse_converter", "handle_recoil", "rebound_wall")
+
+# The seeds of each plan, which no other plan uses. Those of the paper's plan and of the quick part lie below.
+SEEDS = {"development": range(2_000_000, 3_000_000), "reporting": range(5_000_000, 6_000_000)}
+PAPER_START = 1000
+
+
 @dataclass(frozen=True)
 class Case:
     effect: str
     seed: int
     size: float = 1.0
-    repetitions: int = LABORATORIES["paper"].repetitions
+    repetitions: int | None = None  # the laboratory's own
+    laboratory: str = "paper"
 
     @property
     def group(self) -> str:
@@ -39,6 +51,15 @@ class Case:
         if self.effect.startswith("alien:"):
             return "alien"
         return "pair" if "+" in self.effect else "mechanism"
+
+    @property
+    def causes(self) -> list[str]:
+        """The mechanisms or the alien that are hidden, without their laws."""
+        return [] if self.effect == "none" else [mechanism_of(name) for name in self.effect.split("+")]
+
+    def where(self) -> Laboratory:
+        laboratory = LABORATORIES[self.laboratory]
+        return laboratory if self.repetitions is None else replace(laboratory, repetitions=self.repetitions)
 
 
 @dataclass(frozen=True)
@@ -50,6 +71,7 @@ class Counts:
 
 
 FULL = Counts(per_mechanism=10, none=100, alien=30, pair=20)
+VARIED = {"development": Counts(per_mechanism=4, none=100, alien=45, pair=20), "reporting": Counts(per_mechanism=8, none=120, alien=60, pair=20)}
 
 # What a session of this kind does not show at any size: docs/explanation/diagnosis.md says why.
 NEVER_NAMED = {"gradual_yield"}
@@ -62,24 +84,56 @@ LAWS = {"timed_yield"}
 NEEDS_REPETITIONS = {"fatigue", "thixotropy", "cocontraction", "outlier_trial", "activation_scaling", "mains_hum",
                      "stiffening", "lever_damping", "torque_gain", *LAWS}
 
+# The only laboratory for development in which a single session shows the mechanism well enough to be asked of every change.
+QUICK_LABORATORY = {}
+
 # Larger than in the full run, since a third of the trials must show it.
 QUICK_SIZE = 1.5
 
 
 def cases(counts: Counts, first_seed: int, size: float = 1.0) -> list[Case]:
+    """The paper's plan: its laboratory and the first law of each mechanism."""
     effects = [m for m in MECHANISMS for _ in range(counts.per_mechanism)]
     effects += ["none"] * counts.none
-    aliens = [f"alien:{k}" for k in ALIEN_KINDS if k not in TOO_NEAR_THE_CATALOGUE]
-    effects += [aliens[i % len(aliens)] for i in range(counts.alien)]
+    effects += [f"alien:{PAPER_ALIENS[i % len(PAPER_ALIENS)]}" for i in range(counts.alien)]
     effects += [PAIRS[i % len(PAIRS)] for i in range(counts.pair)]
     return [Case(e, first_seed + i, size) for i, e in enumerate(effects)]
 
 
+def varied_cases(whose: str, counts: Counts, first_seed: int | None = None, size: float = 1.0) -> list[Case]:
+    """The plan for `development` or `reporting`: its laws and aliens, each in another of its laboratories from session to session.
+
+    The counts are those of each law, of empty sessions over all laboratories, and so on.
+    """
+    seeds = SEEDS[whose]
+    first_seed = seeds.start if first_seed is None else first_seed
+    laws, aliens = purpose.of(whose, "laws"), [a for a in purpose.of(whose, "aliens") if a not in TOO_NEAR_THE_CATALOGUE]
+    law_of = {mechanism_of(law): law for law in laws}  # the last of each mechanism
+    effects = [law for law in laws for _ in range(counts.per_mechanism)]
+    effects += ["none"] * counts.none
+    effects += [f"alien:{aliens[i % len(aliens)]}" for i in range(counts.alien)]
+    effects += ["+".join(law_of[m] for m in PAIRS[i % len(PAIRS)].split("+")) for i in range(counts.pair)]
+    if first_seed not in seeds or first_seed + len(effects) - 1 not in seeds:
+        raise ValueError(f"the seeds of {whose} are {seeds.start} to {seeds.stop - 1}")
+    turn = cycle(purpose.of(whose, "laboratories"))
+    return [Case(e, first_seed + i, size, laboratory=_next_that_shows(turn, e)) for i, e in enumerate(effects)]
+
+
+def _next_that_shows(turn, effect: str) -> str:
+    causes = Case(effect, 0).causes
+    return next(name for name in turn if all(shows(LABORATORIES[name], m) for m in causes))
+
+
 def quick_cases(first_seed: int) -> list[Case]:
-    """One session for each mechanism that can be found, one whose clock is unsteady, and two without anything: one repetition
-    where that is enough."""
-    effects = [m for m in MECHANISMS if m not in NEVER_NAMED]
-    short = {e: {} if e in NEEDS_REPETITIONS else {"size": QUICK_SIZE, "repetitions": 1} for e in effects}
-    singles = [Case(e, first_seed + i, **short[e]) for i, e in enumerate(effects)]
-    others = ["alien:jittered_clock", "none", "none"]
-    return singles + [Case(e, first_seed + len(singles) + i) for i, e in enumerate(others)]
+    """Each mechanism once by one of its laws for development, in the laboratories for development in turn; one empty session in each
+    laboratory, and one whose clock is unsteady. All laws and laboratories have their turn as `first_seed` goes on."""
+    laws = {m: [law for law in purpose.of("development", "laws") if mechanism_of(law) == m] for m in MECHANISMS if m not in NEVER_NAMED}
+    turn = cycle(purpose.of("development", "laboratories"))
+    found = []
+    for i, (mechanism, own) in enumerate(laws.items()):
+        law = own[(first_seed + i) % len(own)]
+        laboratory = QUICK_LABORATORY.get(mechanism) or _next_that_shows(turn, mechanism)
+        short = {} if mechanism in NEEDS_REPETITIONS or laboratory != "paper" else {"size": QUICK_SIZE, "repetitions": 1}
+        found.append(Case(law, first_seed + i, laboratory=laboratory, **short))
+    others = [("none", laboratory) for laboratory in purpose.of("development", "laboratories")] + [("alien:jittered_clock", "paper")]
+    return found + [Case(e, first_seed + len(found) + i, laboratory=l) for i, (e, l) in enumerate(others)]

@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
+from .. import oracle
 from ..generator import generate
 from ..session_writer import truth_of, write_session
 from .plan import Case
@@ -20,11 +21,12 @@ class Outcome:
     diagnosis: dict | None  # None where the program failed; then `error` says how
     error: str | None
     seconds: float
+    oracle: dict | None = None  # see oracle.Finding
 
 
-def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: bool) -> Outcome:
+def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: bool, ask_oracle: bool = False) -> Outcome:
     session, out = work / f"session-{case.seed:06d}", work / f"out-{case.seed:06d}"
-    generated = generate(case.seed, case.effect, case.size, case.repetitions)
+    generated = generate(case.seed, case.effect, case.size, laboratory=case.where())
     write_session(generated, session)
     truth = json.loads(json.dumps(truth_of(generated, case.effect), default=float))
     started = time.monotonic()
@@ -37,7 +39,8 @@ def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: b
     else:
         shutil.rmtree(session)
         shutil.rmtree(out, ignore_errors=True)
-    return Outcome(case, truth, diagnosis, error, seconds)
+    found = oracle.finding(case.seed, case.effect, case.where(), case.size).as_json() if ask_oracle and case.causes else None
+    return Outcome(case, truth, diagnosis, error, seconds, found)
 
 
 def _diagnose(command, out, limit_s):
@@ -66,11 +69,11 @@ def _format_problem(d):
     return None if "causes" in d else "causes are missing"
 
 
-def run_all(cases, program, work, jobs, limit_s, keep, told):
+def run_all(cases, program, work, jobs, limit_s, keep, told, ask_oracle=False):
     """Outcomes in the order of the cases; `told(done, outcome)` hears of each as it comes."""
     found = {}
     with ProcessPoolExecutor(jobs) as pool:
-        waiting = {pool.submit(run_case, c, program, work, limit_s, keep): i for i, c in enumerate(cases)}
+        waiting = {pool.submit(run_case, c, program, work, limit_s, keep, ask_oracle): i for i, c in enumerate(cases)}
         for future in as_completed(waiting):
             found[waiting[future]] = future.result()
             told(len(found), found[waiting[future]])

@@ -35,6 +35,11 @@ def named_set(cause) -> set:
     return {cause["mechanism"], *cause["indistinguishable"]}
 
 
+def cause(outcome) -> str:
+    """The one mechanism or alien that is hidden."""
+    return outcome.case.causes[0]
+
+
 def causes(outcome) -> list:
     return outcome.diagnosis["causes"] if outcome.diagnosis else []
 
@@ -65,25 +70,25 @@ def rates(outcomes) -> list[Rate]:
     for o in outcomes:
         by[o.case.group].append(o)
     single = by["mechanism"]
-    apart = [o for o in single if o.case.effect in TOLD_APART]
+    apart = [o for o in single if cause(o) in TOLD_APART]
     covered = [hit for o in single for _, hit in coverage(o)]
     every = defaultdict(list)
     for o in single:
-        every[o.case.effect].append(found(o, o.case.effect))
+        every[cause(o)].append(found(o, cause(o)))
     count = lambda xs: sum(map(bool, xs))
-    others = [o for o in outcomes if o.case.effect not in LAWS and law(o)]
+    others = [o for o in outcomes if not LAWS & set(o.case.causes) and law(o)]
     return [
-        Rate("named, or in a named set of at most 3", count(found(o, o.case.effect) for o in single), len(single),
+        Rate("named, or in a named set of at most 3", count(found(o, cause(o)) for o in single), len(single),
              0.95),
         Rate("mechanisms found in at least half of their sessions",
              count(sum(v) * 2 >= len(v) for v in every.values()), len(every), 1.0),
-        Rate("named alone, where it can be told apart", count(alone(o, o.case.effect) for o in apart), len(apart),
+        Rate("named alone, where it can be told apart", count(alone(o, cause(o)) for o in apart), len(apart),
              0.80),
         Rate("false alarms with nothing hidden", count(verdict(o) != "adequate" for o in by["none"]), len(by["none"]),
              0.05, at_most=True),
         Rate("`unexplained` for a cause in no catalogue", count(verdict(o) == "unexplained" for o in by["alien"]),
              len(by["alien"]), 0.90),
-        Rate("both of two", count(all(found(o, m) for m in o.case.effect.split("+")) for o in by["pair"]),
+        Rate("both of two", count(all(found(o, m) for m in o.case.causes) for o in by["pair"]),
              len(by["pair"]), 0.80),
         Rate("a limit that is not a time said to be one", count(found(o, m) for o in others for m in LAWS), len(others),
              0.05, at_most=True),
@@ -94,16 +99,27 @@ def rates(outcomes) -> list[Rate]:
 
 def quick_rates(outcomes) -> list[Rate]:
     """Of one session each: every mechanism is in what is named, however many are with it, what is in no catalogue is
-    unexplained, and nothing is found in nothing."""
+    unexplained, nothing is found in nothing, and no laboratory is without a right answer to either question."""
     single = [o for o in outcomes if o.case.group == "mechanism"]
     empty = [o for o in outcomes if o.case.group == "none"]
     alien = [o for o in outcomes if o.case.group == "alien"]
-    is_in = sum(found(o, o.case.effect, largest_set=inf) for o in single)
+    is_in = sum(found(o, cause(o), largest_set=inf) for o in single)
+    works = _laboratories_that_work(single + empty)
     return [
         Rate("in what is named", is_in, len(single), 1.0),
         Rate("`unexplained` for a cause in no catalogue", sum(verdict(o) == "unexplained" for o in alien), len(alien), 1.0),
         Rate("false alarms with nothing hidden", sum(verdict(o) != "adequate" for o in empty), len(empty), 0.0, at_most=True),
+        Rate("laboratories in which something is named, and nothing in nothing", sum(works), len(works), 1.0),
     ]
+
+
+def _laboratories_that_work(outcomes) -> list[bool]:
+    """For each laboratory: is one hidden mechanism named, and one empty session adequate?"""
+    each = defaultdict(lambda: defaultdict(list))
+    for o in outcomes:
+        answered = verdict(o) == "adequate" if o.case.group == "none" else found(o, cause(o), largest_set=inf)
+        each[o.case.laboratory][o.case.group].append(answered)
+    return [all(any(answers) for answers in groups.values()) for groups in each.values()]
 
 
 def coverage(outcome, nominal=False) -> list[tuple[str, bool]]:
@@ -135,7 +151,7 @@ def biases(outcome, parameter):
     """Relative bias of the session's mean before and after the extension, or None where it was not found or told."""
     shifts = [c.get("parameter_shift", {}).get(parameter) for c in causes(outcome)]
     shifts = [s for s in shifts if s]
-    if not shifts or not found(outcome, outcome.case.effect) or outcome.truth["hidden"][0]["class"] == "trial":
+    if not shifts or not found(outcome, cause(outcome)) or outcome.truth["hidden"][0]["class"] == "trial":
         return None
     true = outcome.truth["means"][parameter]
     return shifts[0]["before"] / true - 1, shifts[-1]["after"] / true - 1
@@ -154,7 +170,7 @@ def bias_table(single, parameter) -> dict:
     for o in single:
         b = biases(o, parameter)
         if b:
-            each[o.case.effect].append(b)
+            each[cause(o)].append(b)
     return {m: (median(abs(b) for b, _ in v), median(abs(a) for _, a in v)) for m, v in each.items()}
 
 
@@ -164,5 +180,5 @@ def answers(outcomes) -> Counter:
         sets = " & ".join("/".join(sorted(named_set(c), key=lambda m: m != c["mechanism"])) for c in causes(o))
         said = verdict(o)
         said = sets if said in ("named", "ambiguous") else f"{said}" + (f" ({sets})" if sets else "")
-        return f"{said}, law: {law(o).get('law')}" if o.case.effect in LAWS else said
+        return f"{said}, law: {law(o).get('law')}" if LAWS & set(o.case.causes) else said
     return Counter(phrase(o) for o in outcomes)

@@ -11,7 +11,7 @@ from hidden_effects.benchmark import plan, score
 from hidden_effects.benchmark.run import Outcome
 
 SCRIPTS = Path(__file__).resolve().parents[2]
-ORACLE = Path(__file__).with_name("oracle.py")
+STAND_IN = Path(__file__).with_name("stand_in.py")
 ALL_KINDS = "channel_skew,fatigue,lever_inertia,none,alien,pair"
 
 
@@ -21,7 +21,7 @@ def benchmark(mode, tmp_path, only=ALL_KINDS):
     cases = [c for c in plan.cases(counts, 50) if c.effect in wanted or c.group in wanted]
     effects = ";".join(f"{c.seed}:{c.effect}" for c in cases)
     return subprocess.run(
-        [sys.executable, str(SCRIPTS / "hidden-effects"), "--program", f"{sys.executable} {ORACLE} {mode} '{effects}'",
+        [sys.executable, str(SCRIPTS / "hidden-effects"), "--program", f"{sys.executable} {STAND_IN} {mode} '{effects}'",
          "--seed", "50", "--per-mechanism", "1", "--none", "2", "--alien", "2", "--pair", "1", "--only", only,
          "--markdown", str(tmp_path / "table.md")],
         env={**os.environ, "PYTHONPATH": str(SCRIPTS)}, capture_output=True, text=True, check=False)

@@ -9,14 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
 
-from hidden_effects import catalogue, noise
+from hidden_effects import noise
 from hidden_effects.generator import base_model_response, generate
 from hidden_effects.session_writer import write_session
 
 SCRIPTS = Path(__file__).resolve().parents[2]
-EVERYTHING = [*catalogue.MECHANISMS, *(f"alien:{k}" for k in catalogue.ALIEN_KINDS)]
 WINDOW = slice(2000, 2100)  # 40 ms from the onset, in the uncut traces
 
 
@@ -114,28 +112,12 @@ def test_yield_comes_at_about_thirty_milliseconds():
 
 
 def test_every_hold_passes_the_gate(empty):
-    assert noise.gate_held(empty.torque_l_nm, empty.trials.torque_nm, empty.t_s, empty.scenario.laboratory.sample_hz).all()
+    assert noise.gate_held(empty.torque_l_nm, empty.trials.torque_nm, empty.t_s, empty.scenario.laboratory).all()
 
 
 def test_the_late_reflex_spares_the_window():
     """The reflex that everybody has begins after 40 ms."""
     assert all(generate(seed).scenario.person.late_reflex["latency_s"] > 0.04 for seed in range(3))
-
-
-WITHIN_TRIALS = [e for e in EVERYTHING if e != "timed_yield"]  # that one is a law across conditions
-
-
-@pytest.mark.parametrize("effect", WITHIN_TRIALS)
-def test_each_effect_changes_the_filtered_window_beyond_the_noise(empty, effect):
-    """Against the same person and the same noise without it: more than three times the hold's unsteadiness."""
-    hidden = generate(5, effect)
-    change = hidden.torque_l_nm - empty.torque_l_nm
-    angle = hidden.theta_m_rad - empty.theta_m_rad
-    filtered = lambda x: lfilter(*noise.low_pass(2500), x - x[:, :1], axis=1)
-    unsteady = filtered(empty.torque_l_nm)[:, 1000:2000]
-    floor = (unsteady - unsteady.mean(axis=1, keepdims=True)).std()
-    worst = np.abs(filtered(change)[:, WINDOW]).max() + 20 * np.abs(filtered(angle)[:, WINDOW]).max()
-    assert worst > 3 * floor
 
 
 def test_a_timed_yield_has_limits_proportional_to_speed_and_others_have_not():
@@ -165,7 +147,3 @@ def test_two_effects_are_both_there_and_both_told():
     both = generate(5, "channel_skew+fatigue")
     assert [h.mechanism for h in both.hidden] == ["channel_skew", "fatigue"]
     assert both.trials.k_srs[-1] < generate(5).trials.k_srs[-1]
-
-
-def test_the_catalogue_is_complete_and_aliens_are_many():
-    assert len(catalogue.MECHANISMS) == 26 and len(catalogue.ALIEN_KINDS) >= 8

@@ -1,12 +1,14 @@
-"""Causes that are in no catalogue. Each says what it is in the truth; the right verdict is `unexplained`."""
+"""Causes that are no function of one argument at one place: they remember, differ from trial to trial, or depend on two things."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from .plant import Force
-from .scenario import SIZES
+from ..plant import Force
+from ..scenario import SIZES
+from .alien import alien
 
 
+@alien()
 def loose_mass(s, size, rng):
     """A part of the handle swings on a spring of its own."""
     d = SIZES["alien:loose_mass"]
@@ -21,6 +23,7 @@ def loose_mass(s, size, rng):
     return {"inertia_kg_m2": inertia, "resonance_hz": hz}, [], "on the lever, in parallel with the hand"
 
 
+@alien()
 def gauge_hysteresis(s, size, rng):
     """The gauge loses part of the torque until a play of its own is used up, then gives it back (Bouc-Wen)."""
     d = SIZES["alien:gauge_hysteresis"]
@@ -37,6 +40,7 @@ def gauge_hysteresis(s, size, rng):
     return {"part": part, "width_nm": width}, [], "play operator in parallel with the gauge"
 
 
+@alien()
 def speed_dependent_gain(s, size, rng):
     """The gauge reads more while the motor runs (a slip-ring)."""
     c = size * SIZES["alien:speed_dependent_gain"]["per_rad_s"]
@@ -51,15 +55,9 @@ def speed_dependent_gain(s, size, rng):
     return {"per_rad_s": c}, [], "gain 1 + c |speed|^1.5"
 
 
-def torque_burst(s, size, rng):
-    """Interference: a burst in the torque at a fixed time in the window."""
-    d = SIZES["alien:torque_burst"]
-    a, at, width = size * d["amplitude_nm"], rng.uniform(*d["time_s"]), d["width_s"]
-    s.torque_chain.append(lambda t, torque, *_: torque + a * np.exp(-0.5 * ((t - at) / width) ** 2))
-    return {"amplitude_nm": a, "time_s": at}, [], "the same in every trial"
-
-
+@alien()
 def oscillating_stiffness(s, size, rng):
+    """The joint's stiffness swings in time."""
     d = SIZES["alien:oscillating_stiffness"]
     part, hz, phase = size * d["part"], rng.uniform(*d["frequency_hz"]), rng.uniform(0, 2 * np.pi)
     s.forces.append(Force(lambda t, theta, speed, z, past: (
@@ -67,6 +65,7 @@ def oscillating_stiffness(s, size, rng):
     return {"part": part, "frequency_hz": hz}, [], "the joint's stiffness swings in time"
 
 
+@alien()
 def yield_catch(s, size, rng):
     """Stretched past the limit the muscle catches again: the torque jumps up, then fades."""
     d = SIZES["alien:yield_catch"]
@@ -80,6 +79,7 @@ def yield_catch(s, size, rng):
     return {"step_nm": a}, [], "a pulse of torque that begins near the elastic limit"
 
 
+@alien()
 def emg_crosstalk(s, size, rng):
     """The stretch burst of the EMG leaks into the torque channel."""
     d = SIZES["alien:emg_crosstalk"]
@@ -94,6 +94,7 @@ def emg_crosstalk(s, size, rng):
     return {"amplitude_nm": a, "start_s": start}, [], "biphasic, scaled by the trial's FCR activity"
 
 
+@alien()
 def jittered_clock(s, size, rng):
     """The torque's converter runs on an unsteady clock: times wander within every trial."""
     d = SIZES["alien:jittered_clock"]
@@ -108,6 +109,7 @@ def jittered_clock(s, size, rng):
     return {"jitter_s": jitter}, [], "another jitter in every trial"
 
 
+@alien()
 def frozen_torque(s, size, rng):
     """The torque channel repeats its last value for some milliseconds, at another time in every trial."""
     d = SIZES["alien:frozen_torque"]
@@ -125,6 +127,7 @@ def frozen_torque(s, size, rng):
     return {"duration_s": duration}, [], "the value at the start of the freeze is repeated"
 
 
+@alien()
 def coarse_converter(s, size, rng):
     """The torque's converter has lost its low bits."""
     step = size * SIZES["alien:coarse_converter"]["step_nm"]
@@ -132,22 +135,76 @@ def coarse_converter(s, size, rng):
     return {"step_nm": step}, [], "rounded after the noise"
 
 
-def handle_recoil(s, size, rng):
-    """The foam around the hand lets go: its force drops at a set deflection and builds up again."""
-    d = SIZES["alien:handle_recoil"]
-    drop, at, width = size * d["drop"], d["deflection_rad"], d["width_rad"]
-    base = s.interface
-    s.interface = lambda x, p: base(x, p) - p.k_h * at * drop * np.exp(-0.5 * ((x - at) / width) ** 2)
-    return {"drop": drop, "deflection_rad": at}, [], "a dent in the force-deflection curve of the interface"
+@alien()
+def tendon_whip(s, size, rng):
+    """A mass in the arm swings behind the joint on a spring of its own."""
+    d = SIZES["alien:tendon_whip"]
+    inertia, w, ratio = size * d["inertia_kg_m2"], 2 * np.pi * rng.uniform(*d["resonance_hz"]), 0.1
+
+    def swing(t, theta, speed, z, past):
+        torque = inertia * (w**2 * (theta - z[0]) + 2 * ratio * w * (speed - z[1]))
+        return torque, np.stack([z[1], torque / inertia])
+
+    s.forces.append(Force(swing, states=2))
+    return {"inertia_kg_m2": inertia, "resonance_hz": w / (2 * np.pi)}, [], "on the joint, in parallel with the muscle"
 
 
-def rebound_wall(s, size, rng):
-    """A soft stop in the joint at a set angle, thrown off again: stiffness in a band of angles only."""
-    d = SIZES["alien:rebound_wall"]
-    a, at, width = size * d["torque_nm"], rng.uniform(*d["angle_rad"]), d["width_rad"]
-    s.forces.append(Force(lambda t, theta, speed, z, past: (a * np.exp(-0.5 * ((theta - at) / width) ** 2), None)))
-    return {"torque_nm": a, "angle_rad": at}, [], "a bump of torque about one joint angle"
+@alien()
+def motor_crosstalk(s, size, rng):
+    """The motor's current leaks into the torque channel, with the motor's acceleration."""
+    c = size * SIZES["alien:motor_crosstalk"]["nm_s2_per_rad"]
+
+    def leak(t, torque, scenario, motion):
+        out = torque.copy()
+        acceleration = np.gradient(motion.speed_m, motion.t_s, axis=1)
+        out[:, -acceleration.shape[1]:] += c * acceleration * (1 + 0.5 * np.tanh(motion.speed_m))
+        return out
+
+    s.torque_chain.append(leak)
+    return {"nm_s2_per_rad": c}, [], "more at speed"
 
 
-ALIENS = [loose_mass, gauge_hysteresis, speed_dependent_gain, torque_burst, oscillating_stiffness, yield_catch,
-          emg_crosstalk, jittered_clock, frozen_torque, coarse_converter, handle_recoil, rebound_wall]
+@alien()
+def baseline_jumps(s, size, rng):
+    """The torque's baseline jumps at another time and by another step in each trial."""
+    d = SIZES["alien:baseline_jumps"]
+    step = size * d["step_nm"] * rng.choice([-1, 1], (len(s.trials), 1)) * rng.uniform(0.7, 1.3, (len(s.trials), 1))
+    at = rng.uniform(0.008, 0.030, (len(s.trials), 1))
+    s.torque_chain.append(lambda t, torque, *_: torque + step / (1 + np.exp(-np.clip((t - at) / 0.0003, -40, 40))))
+    return {"step_nm": size * d["step_nm"]}, [], "a loose contact"
+
+
+@alien()
+def slipping_strap(s, size, rng):
+    """The strap slips under load and holds again: what has slipped stays."""
+    d = SIZES["alien:slipping_strap"]
+    most, at, tau = size * d["slip_rad"], d["deflection_rad"], 0.002
+
+    def slip(t, deflection, speed, z, past):
+        pulled = 1 / (1 + np.exp(-np.clip((deflection - at) / (at / 10), -40, 40)))
+        return -s.trials.k_h * z[0], ((most - z[0]) * pulled / tau)[None]
+
+    s.forces.append(Force(slip, states=1, on="interface"))
+    return {"slip_rad": most, "deflection_rad": at}, [], "an offset of the deflection that builds up within 2 ms"
+
+
+@alien()
+def echo(s, size, rng):
+    """The torque channel repeats a part of what it showed some milliseconds before."""
+    d = SIZES["alien:echo"]
+    part, late = size * d["part"], rng.uniform(*d["delay_s"])
+
+    def repeat(t, torque, *_):
+        before = np.stack([np.interp(t - late, t, row) for row in torque])
+        return torque + part * (before - torque[:, :1])
+
+    s.torque_chain.append(repeat)
+    return {"part": part, "delay_s": late}, [], "an echo on a long cable of a network"
+
+
+@alien()
+def wandering_axis(s, size, rng):
+    """The wrist's axis moves off the motor's: joint torque with the product of angle and speed."""
+    c = size * SIZES["alien:wandering_axis"]["nm_s_per_rad2"]
+    s.forces.append(Force(lambda t, theta, speed, z, past: (c * theta * speed * np.exp(-((theta / 0.05) ** 2)), None)))
+    return {"nm_s_per_rad2": c}, [], "fades beyond 50 mrad"

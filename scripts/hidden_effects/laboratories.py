@@ -1,0 +1,74 @@
+"""Laboratories: how fast and how finely they measure, on which lever and motor, and what they ask of whom."""
+
+from dataclasses import dataclass
+
+NOMINAL_LEVER = {"inertia_kg_m2": 0.0016, "damping_nm_s_per_rad": 0.4, "stiffness_nm_per_rad": 900.0}
+
+
+def lever(inertia_kg_m2: float, damping_nm_s_per_rad: float, stiffness_nm_per_rad: float) -> tuple:
+    return tuple(zip(NOMINAL_LEVER, (inertia_kg_m2, damping_nm_s_per_rad, stiffness_nm_per_rad)))
+
+
+RIGID = None  # the torque is measured at a handle that follows the motor
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """The defaults are those of the paper's laboratory. `source` says where the other numbers come from."""
+
+    source: str
+    sample_hz: int = 2500
+    encoder_bits: int = 17
+    lever: tuple | None = tuple(NOMINAL_LEVER.items())
+    ramp_profile: str = "raised cosine"  # see ramp.PROFILES
+    ramp_rise_factor: float = 1.0  # times the 16 ms of the paper's laboratory
+    servo_bandwidth_factor: float = 1.0  # times the 80-105 Hz of the paper's laboratory
+    amplitude_rad: float = 0.14
+    velocities_rad_s: tuple = (1.3, 1.95, 2.6, 3.25)
+    torques_nm: tuple = (0.9, 1.5, 2.1)
+    repetitions: int = 3
+    longest_hold_s: float = 0.8  # recorded before the onset; the shortest is `hold_spread_s` shorter
+    hold_spread_s: float = 0.17
+    gate_fraction: float = 0.025  # how far the torque may be from its target before the onset ...
+    gate_s: float = 0.5  # ... and for how long
+    tremor: float = 1.0  # times the size of the healthy subjects' tremor
+    tremor_frequency: float = 1.0  # times its frequency, 8.5-10.5 Hz
+    gauge_noise: float = 1.0  # times 6-20 mN m
+    gauge_spectrum: str = "white"  # see noise.SPECTRA
+    has_emg: bool = True
+
+    @property
+    def encoder_counts(self) -> int:
+        return 2**self.encoder_bits
+
+    def own_lever(self) -> dict | None:
+        """The lever as session.json has it; None where the handle is rigid."""
+        return dict(self.lever) if self.lever else None
+
+
+LABORATORIES = {
+    "paper": Laboratory("de Vlugt et al. 2011, and the assumptions of the virtual wrist"),
+    "slow": Laboratory("assumed: a common rate of converters", sample_hz=1000),
+    "stiff": Laboratory("assumed: a lever of solid steel", sample_hz=5000, velocities_rad_s=(1.5, 2.25, 3.0), torques_nm=(1.0, 2.0),
+                        repetitions=5, tremor=1.5, gauge_noise=1.5, lever=lever(0.0012, 0.6, 2500.0)),
+    "rigid": Laboratory("assumed: a torque sensor in the handle, and a trapezoid of speed as drives offer it", sample_hz=2000,
+                        encoder_bits=19, lever=RIGID, ramp_profile="trapezoid", velocities_rad_s=(1.2, 1.8, 2.4, 3.0),
+                        torques_nm=(1.0, 1.6, 2.2)),
+    "clinic": Laboratory("Deuschl et al. 1998: Parkinsonian tremor has 4-6 Hz; its size, the wider gate and the rest are assumed",
+                         encoder_bits=16, torques_nm=(0.6, 1.0, 1.4), velocities_rad_s=(1.5, 2.25, 3.0), repetitions=4,
+                         longest_hold_s=0.5, hold_spread_s=0.08, gate_fraction=0.05, gate_s=0.4, tremor=3.0, tremor_frequency=0.5,
+                         has_emg=False),
+    "soft": Laboratory("Flash and Hogan 1985: minimum jerk; the soft lever and the rest are assumed", sample_hz=2000, encoder_bits=18,
+                       lever=lever(0.0020, 0.25, 450.0), ramp_profile="minimum jerk", velocities_rad_s=(1.4, 2.0, 2.6, 3.2),
+                       torques_nm=(0.8, 1.4, 2.0)),
+    "coarse": Laboratory("assumed: an absolute encoder without interpolation, and a drive that follows slowly", sample_hz=1250,
+                         encoder_bits=13, servo_bandwidth_factor=0.6, ramp_rise_factor=0.8, gauge_noise=0.7, repetitions=4,
+                         velocities_rad_s=(1.5, 2.3, 3.1)),
+    "flicker": Laboratory("assumed: a gauge without chopper, half of whose noise is 1/f; short holds", sample_hz=2000,
+                          encoder_bits=20, ramp_profile="trapezoid", ramp_rise_factor=1.2, gauge_spectrum="1/f", amplitude_rad=0.16,
+                          velocities_rad_s=(1.6, 2.4, 3.3), torques_nm=(0.9, 1.7, 2.5), repetitions=4, longest_hold_s=0.5,
+                          hold_spread_s=0.05, gate_s=0.45),
+    "direct": Laboratory("assumed: a direct drive of high bandwidth with a rigid handle", sample_hz=5000, encoder_bits=20, lever=RIGID,
+                         ramp_profile="minimum jerk", servo_bandwidth_factor=2.0, velocities_rad_s=(1.3, 2.2, 3.1), repetitions=4,
+                         gauge_noise=1.3, has_emg=False),
+}

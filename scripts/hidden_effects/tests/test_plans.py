@@ -1,0 +1,74 @@
+"""What the program is developed with and what reports on it do not meet."""
+
+from pathlib import Path
+
+import pytest
+
+from hidden_effects import catalogue
+from hidden_effects.aliens import ALIENS
+from hidden_effects.benchmark import plan, purpose, reference
+from hidden_effects.laboratories import LABORATORIES
+
+KINDS = {"laboratories": LABORATORIES, "laws": catalogue.EFFECTS, "aliens": ALIENS}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_everything_is_for_development_or_for_reporting_and_not_for_both(kind):
+    development, reporting = (set(purpose.of(p, kind)) for p in purpose.PURPOSES)
+    assert development | reporting == set(KINDS[kind]) and not development & reporting
+    assert development == purpose.DEVELOPMENT[kind] and reporting == purpose.REPORTING[kind]  # no name that is nothing
+
+
+@pytest.mark.parametrize("whose", purpose.PURPOSES)
+def test_each_plan_has_a_law_of_every_mechanism_and_all_its_laboratories_and_aliens(whose):
+    cases = plan.varied_cases(whose, plan.VARIED[whose])
+    by = lambda group: [c for c in cases if c.group == group]
+    assert {c.causes[0] for c in by("mechanism")} == set(catalogue.MECHANISMS)
+    assert {c.effect for c in by("mechanism")} == set(purpose.of(whose, "laws"))
+    assert {c.effect.removeprefix("alien:") for c in by("alien")} == set(purpose.of(whose, "aliens")) - plan.TOO_NEAR_THE_CATALOGUE
+    for group in ("mechanism", "none", "alien", "pair"):
+        assert {c.laboratory for c in by(group)} == set(purpose.of(whose, "laboratories"))
+    assert len({c.seed for c in cases}) == len(cases) and all(c.seed in plan.SEEDS[whose] for c in cases)
+    for c in cases:
+        catalogue.parse(c.effect, c.where())
+
+
+def test_the_plans_share_no_seed():
+    development, reporting = (plan.SEEDS[p] for p in purpose.PURPOSES)
+    assert development.stop <= reporting.start
+    assert max(c.seed for c in plan.cases(plan.FULL, plan.PAPER_START)) < development.start
+    with pytest.raises(ValueError, match="the seeds of reporting are"):
+        plan.varied_cases("reporting", plan.VARIED["reporting"], first_seed=development.start)
+
+
+def test_the_papers_plan_is_what_it_was():
+    cases = plan.cases(plan.FULL, 1000)
+    assert len(cases) == 410 and {c.laboratory for c in cases} == {"paper"}
+    assert cases[0] == plan.Case("joint_damping", 1000) and cases[10].effect == "joint_friction"
+    assert cases[360].effect == "alien:gauge_hysteresis" and cases[390].effect == "channel_skew+fatigue"
+    assert all(c.seed == 1000 + i for i, c in enumerate(cases))
+
+
+@pytest.mark.parametrize("seed", [1000, 1001, 1007])
+def test_the_quick_part_has_every_mechanism_and_each_laboratory_three_times(seed):
+    cases = plan.quick_cases(seed)
+    named = [c.causes[0] for c in cases if c.group == "mechanism"]
+    assert sorted(named) == sorted(set(catalogue.MECHANISMS) - plan.NEVER_NAMED)
+    laboratories = purpose.of("development", "laboratories")
+    for laboratory in laboratories:
+        here = [c for c in cases if c.laboratory == laboratory]
+        assert len(here) >= 3 and any(c.effect == "none" for c in here)
+    assert {c.laboratory for c in cases} == set(laboratories)
+    assert all(law in purpose.DEVELOPMENT["laws"] for c in cases if "@" in (law := c.effect))
+    assert len(cases) <= 35  # what 4 minutes hold
+
+
+def test_the_laws_of_the_quick_part_take_turns():
+    effects = lambda seed: {c.effect for c in plan.quick_cases(seed) if c.group == "mechanism"}
+    assert effects(1000) | effects(1001) >= {f for f in purpose.of("development", "laws") if catalogue.mechanism_of(f) not in plan.NEVER_NAMED}
+
+
+@pytest.mark.parametrize("part", [reference.laboratories, reference.laws, reference.aliens])
+def test_the_docs_have_the_tables_of_the_code(part):
+    page = (Path(__file__).resolve().parents[3] / "docs/benchmarks/generator.md").read_text()
+    assert part() in page, "paste the output of python -m hidden_effects.benchmark.reference"
