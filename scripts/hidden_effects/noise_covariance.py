@@ -45,13 +45,15 @@ def _gauge(s, n):
 def encoder_covariance(s: Scenario, samples: int) -> np.ndarray:
     """What the encoder's steps, from the onset on, are worth in the torque predicted from the recorded angle.
 
-    Steps count as white and uniform; the response is that of the unyielding wrist of the session's mean parameters.
+    Steps count as white and uniform; the angle of the hold, from which all angles count, is off by part of a step too. The response is
+    that of the unyielding wrist of the session's mean parameters.
     """
     step_rad = 2 * np.pi / s.laboratory.encoder_counts
     response, centre = _torque_of_one_sample(s, samples)
     late = np.arange(samples)[:, None] - np.arange(samples)[None, :]  # sample of the torque less that of the angle
     spread = np.where(late > -centre, response[np.clip(late + centre, 0, len(response) - 1)], 0.0)
-    return step_rad**2 / 12 * spread @ spread.T
+    of_hold = spread.sum(axis=1)
+    return step_rad**2 / 12 * (spread @ spread.T + np.outer(of_hold, of_hold))
 
 
 def _torque_of_one_sample(s, samples):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from .. import oracle
 from ..generator import generate
+from ..noise import CannotHold
 from ..session_writer import truth_of, write_session
 from .plan import Case
 
@@ -26,7 +27,11 @@ class Outcome:
 
 def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: bool, ask_oracle: bool = False) -> Outcome:
     session, out = work / f"session-{case.seed:06d}", work / f"out-{case.seed:06d}"
-    generated = generate(case.seed, case.effect, case.size, laboratory=case.where())
+    try:
+        generated = generate(case.seed, case.effect, case.size, laboratory=case.where())
+    except CannotHold as error:
+        hidden = [{"mechanism": m, "class": "", "parameters": {}} for m in case.causes]
+        return Outcome(case, {"hidden": hidden, "means": {}}, None, str(error), 0.0)
     write_session(generated, session)
     truth = json.loads(json.dumps(truth_of(generated, case.effect), default=float))
     started = time.monotonic()

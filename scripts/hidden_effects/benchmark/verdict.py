@@ -31,11 +31,10 @@ def _of_alien(outcome):
 def _of_causes(outcome):
     hidden = set(outcome.case.causes)
     laws = hidden & score.LAWS
-    if laws and not all(score.found(outcome, m) for m in laws):
-        return MISSED if score.verdict(outcome) == "adequate" else _of_sets(outcome, hidden)
-    if hidden == laws:
-        return RIGHT if not score.causes(outcome) else _of_sets(outcome, hidden)
-    return _of_sets(outcome, hidden - laws)
+    told = {m for m in laws if score.found(outcome, m)}
+    if hidden == told and score.verdict(outcome) == "adequate":
+        return RIGHT
+    return _of_sets(outcome, hidden - told)
 
 
 def _of_sets(outcome, hidden):

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from hidden_effects.benchmark import plan, score
+from hidden_effects.benchmark import plan, run, score, table
 from hidden_effects.benchmark.run import Outcome
+from hidden_effects.noise import CannotHold
 
 SCRIPTS = Path(__file__).resolve().parents[2]
 STAND_IN = Path(__file__).with_name("stand_in.py")
@@ -107,3 +108,14 @@ def test_the_full_plan_is_what_the_requirement_says():
     assert len(by("none")) == 100 and len(by("pair")) == 20
     assert len(by("alien")) == 30 and len({c.effect for c in by("alien")}) >= 6
     assert len({c.seed for c in cases}) == len(cases)
+
+
+def test_a_subject_who_cannot_hold_the_torque_is_told_and_stops_nothing(monkeypatch, tmp_path):
+    def refuse(*_, **__):
+        raise CannotHold("this person cannot hold the target torque")
+
+    monkeypatch.setattr(run, "generate", refuse)
+    case = plan.Case("alien:echo", 1)
+    o = run.run_case(case, ["no program"], tmp_path, 1.0, False)
+    assert o.diagnosis is None and "cannot hold" in o.error
+    assert "cannot hold" in table.markdown([o], score.rates([o]))

@@ -60,6 +60,8 @@ def test_a_law_of_the_elastic_limit_is_right_where_it_is_told():
     assert verdict.of(outcome("timed_yield@loaded", "adequate", **law)) == "right"
     assert verdict.of(outcome("timed_yield", "adequate")) == "missed"
     assert verdict.of(outcome("timed_yield", "named", ("fatigue",), **law)) == "wrong"
+    assert verdict.of(outcome("timed_yield", "unexplained", **law)) == "left open"
+    assert verdict.of(outcome("timed_yield+fatigue", "named", ("fatigue",), **law)) == "right"
 
 
 @pytest.mark.parametrize("law, right, kind", [
