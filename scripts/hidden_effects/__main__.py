@@ -41,7 +41,7 @@ def main() -> int:
             print(f"seed {seed} is passed over: {error}", file=sys.stderr)
             continue
         write_session(session, a.out / name)
-        write_truth(session, a.effect, a.out / "truth" / f"{name}.json")
+        write_truth(session, a.effect, a.out / "truth" / f"{name}.json", a.laboratory)
         print(a.out / name)
     return 0
 

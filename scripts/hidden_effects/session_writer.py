@@ -41,17 +41,17 @@ def _write_trial(session, i, path):
     path.write_text(",".join(formats) + "\n" + (row * len(time)) % tuple(np.column_stack(columns).ravel().tolist()))
 
 
-def truth_of(session: Session, effect: str) -> dict:
+def truth_of(session: Session, effect: str, laboratory: str = "paper") -> dict:
     t, x_t = session.trials, session.x_t_s()
     trials = [{"trial": i + 1, "i_j_kg_m2": t.i_j[i], "b_h_nm_s_per_rad": t.b_h[i], "k_h_nm_per_rad": t.k_h[i],
                "k_srs_nm_per_rad": t.k_srs[i], "k_dec_nm_per_rad": t.k_dec[i], "x_e_rad": t.x_e[i],
                "x_t_s": None if np.isnan(x_t[i]) else x_t[i]} for i in range(len(t))]
     mean = lambda key: float(np.mean([row[key] for row in trials]))
-    return {"format": "ramphold-hidden-truth/1", "effect": effect, "seed": session.seed,
+    return {"format": "ramphold-hidden-truth/1", "effect": effect, "seed": session.seed, "laboratory": laboratory,
             "hidden": [h.as_json() for h in session.hidden], "trials": trials,
             "means": {key: mean(key) for key in ("k_srs_nm_per_rad", "k_dec_nm_per_rad", "x_e_rad")}}
 
 
-def write_truth(session: Session, effect: str, path: Path) -> None:
+def write_truth(session: Session, effect: str, path: Path, laboratory: str = "paper") -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(truth_of(session, effect), indent=1, default=float) + "\n")
+    path.write_text(json.dumps(truth_of(session, effect, laboratory), indent=1, default=float) + "\n")

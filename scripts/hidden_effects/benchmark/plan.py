@@ -26,7 +26,6 @@ TOLD_APART = frozenset(MECHANISMS) - frozenset().union(*NEAR_TWINS)
 # Two mechanisms of the catalogue together come within 3.5 standard deviations of it: to say so would not be wrong.
 TOO_NEAR_THE_CATALOGUE = {"loose_mass"}
 
-
 # Those of the paper's plan, in the order that numbers its sessions.
 PAPER_ALIENS = ("gauge_hysteresis", "speed_dependent_gain", "torque_burst", "oscillating_stiffness", "yield_catch", "emg_crosstalk",
                 "jittered_clock", "frozen_torque", "coarse_converter", "handle_recoil", "rebound_wall")
@@ -71,7 +70,10 @@ class Counts:
 
 
 FULL = Counts(per_mechanism=10, none=100, alien=30, pair=20)
-VARIED = {"development": Counts(per_mechanism=4, none=100, alien=45, pair=20), "reporting": Counts(per_mechanism=8, none=120, alien=60, pair=20)}
+VARIED = {  # per_mechanism: of each of its laws
+    "development": Counts(per_mechanism=4, none=100, alien=45, pair=20),
+    "reporting": Counts(per_mechanism=8, none=120, alien=60, pair=20),
+}
 
 # What a session of this kind does not show at any size: docs/explanation/diagnosis.md says why.
 NEVER_NAMED = {"gradual_yield"}
@@ -83,9 +85,6 @@ LAWS = {"timed_yield"}
 # of one.
 NEEDS_REPETITIONS = {"fatigue", "thixotropy", "cocontraction", "outlier_trial", "activation_scaling", "mains_hum",
                      "stiffening", "lever_damping", "torque_gain", *LAWS}
-
-# The only laboratory for development in which a single session shows the mechanism well enough to be asked of every change.
-QUICK_LABORATORY = {}
 
 # Larger than in the full run, since a third of the trials must show it.
 QUICK_SIZE = 1.5
@@ -132,7 +131,7 @@ def quick_cases(first_seed: int) -> list[Case]:
     found = []
     for i, (mechanism, own) in enumerate(laws.items()):
         law = own[(first_seed + i) % len(own)]
-        laboratory = QUICK_LABORATORY.get(mechanism) or _next_that_shows(turn, mechanism)
+        laboratory = _next_that_shows(turn, mechanism)
         short = {} if mechanism in NEEDS_REPETITIONS or laboratory != "paper" else {"size": QUICK_SIZE, "repetitions": 1}
         found.append(Case(law, first_seed + i, laboratory=laboratory, **short))
     others = [("none", laboratory) for laboratory in purpose.of("development", "laboratories")] + [("alien:jittered_clock", "paper")]

@@ -33,7 +33,7 @@ def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: b
         hidden = [{"mechanism": m, "class": "", "parameters": {}} for m in case.causes]
         return Outcome(case, {"hidden": hidden, "means": {}}, None, str(error), 0.0)
     write_session(generated, session)
-    truth = json.loads(json.dumps(truth_of(generated, case.effect), default=float))
+    truth = json.loads(json.dumps(truth_of(generated, case.effect, case.laboratory), default=float))
     started = time.monotonic()
     diagnosis, error = _diagnose([*program, "diagnose", str(session), "--out", str(out), "--seed", str(case.seed)],
                                  out, limit_s)

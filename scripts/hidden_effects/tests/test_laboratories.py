@@ -10,7 +10,7 @@ from hidden_effects import noise
 from hidden_effects.generator import base_model_response, generate
 from hidden_effects.laboratories import LABORATORIES
 from hidden_effects.ramp import PROFILES
-from hidden_effects.session_writer import write_session
+from hidden_effects.session_writer import truth_of, write_session
 
 
 @pytest.fixture(scope="module", params=LABORATORIES)
@@ -57,7 +57,7 @@ def test_the_joint_yields_within_the_window_in_each_laboratory(session):
 def test_a_rigid_handle_measures_the_torque_between_handle_and_hand():
     s = generate(5, repetitions=1, laboratory=LABORATORIES["rigid"])
     m, p = s.motion, s.trials
-    assert np.array_equal(m.theta_l, m.theta_m)
+    assert np.array_equal(m.theta_l, m.theta_m) and truth_of(s, "none", "rigid")["laboratory"] == "rigid"
     expected = p.b_h[:, None] * (m.speed_m - m.speed_j) + p.k_h[:, None] * (m.theta_m - m.theta_j)
     assert np.allclose(m.torque_l, expected)
 
