@@ -32,6 +32,16 @@ pub struct RatioPrior {
     pub log_sd: f64,
 }
 
+/// A normal prior of a sum of unknowns.
+pub struct LinearPrior {
+    /// The unknowns, by index, with their factors.
+    pub terms: Vec<(usize, f64)>,
+    /// By how much the sum is away from its mean at present.
+    pub deviation: f64,
+    /// Inverse of its variance.
+    pub precision: f64,
+}
+
 /// Standard deviation of the prior of the logarithm of a parameter at mean velocity and torque: none to speak of.
 const LEVEL_SD: f64 = 100.0;
 
@@ -181,18 +191,21 @@ impl Hierarchy {
         &self.regressors
     }
 
-    /// The priors of the coefficients: for each, a sum of coefficients (index, factor), by how much it is away from its mean, and its
-    /// precision.
-    pub fn coefficient_priors(&self) -> Vec<(Vec<(usize, f64)>, f64, f64)> {
+    /// The priors of the coefficients.
+    pub fn coefficient_priors(&self) -> Vec<LinearPrior> {
         let size = self.trial_variance.len();
         let single = |index: usize| {
             let sd = if index < size { LEVEL_SD } else { EXPONENT_SD };
-            (vec![(index, 1.0)], self.coefficients[index], 1.0 / (sd * sd))
+            let deviation = self.coefficients[index];
+            LinearPrior { terms: vec![(index, 1.0)], deviation, precision: 1.0 / (sd * sd) }
         };
-        let mut priors: Vec<_> = (0..3 * size).map(single).collect();
+        let mut priors: Vec<LinearPrior> = (0..3 * size).map(single).collect();
         if let Some(RatioPrior { coordinates: [above, below], median, log_sd }) = self.ratio_prior {
-            let deviation = self.coefficients[above] - self.coefficients[below] - libm::log(median);
-            priors.push((vec![(above, 1.0), (below, -1.0)], deviation, 1.0 / (log_sd * log_sd)));
+            priors.push(LinearPrior {
+                terms: vec![(above, 1.0), (below, -1.0)],
+                deviation: self.coefficients[above] - self.coefficients[below] - libm::log(median),
+                precision: 1.0 / (log_sd * log_sd),
+            });
         }
         priors
     }

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::hierarchy::Hierarchy;
+use super::hierarchy::{Hierarchy, LinearPrior};
 use super::trial_blocks::{TrialBlocks, normal_equations};
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
@@ -75,26 +75,29 @@ impl SessionEquations {
         let coordinates = fit.parameterisation.coordinates.len();
         let mean = |condition: usize, place: usize| coordinates + condition * size + place;
         let first_coefficient = mean(hierarchy.condition_means.len(), 0);
-        let mut terms: Vec<(Vec<(usize, f64)>, f64, f64)> = Vec::new();
+        let mut priors: Vec<LinearPrior> = Vec::new();
         for (condition, regressors) in hierarchy.regressors().iter().enumerate() {
             for place in 0..size {
                 let expected: f64 =
                     (0..3).map(|a| regressors[a] * hierarchy.coefficients[a * size + place]).sum();
-                let mut sum = vec![(mean(condition, place), 1.0)];
-                sum.extend((0..3).map(|a| (first_coefficient + a * size + place, -regressors[a])));
-                let deviation = hierarchy.condition_means[condition][place] - expected;
-                terms.push((sum, deviation, 1.0 / hierarchy.condition_variance[place]));
+                let mut terms = vec![(mean(condition, place), 1.0)];
+                terms.extend((0..3).map(|a| (first_coefficient + a * size + place, -regressors[a])));
+                priors.push(LinearPrior {
+                    terms,
+                    deviation: hierarchy.condition_means[condition][place] - expected,
+                    precision: 1.0 / hierarchy.condition_variance[place],
+                });
             }
         }
-        for (sum, deviation, precision) in hierarchy.coefficient_priors() {
-            let sum = sum.iter().map(|(index, factor)| (first_coefficient + index, *factor)).collect();
-            terms.push((sum, deviation, precision));
-        }
-        for (sum, deviation, precision) in terms {
+        priors.extend(hierarchy.coefficient_priors().into_iter().map(|mut own| {
+            own.terms.iter_mut().for_each(|(index, _)| *index += first_coefficient);
+            own
+        }));
+        for LinearPrior { terms, deviation, precision } in priors {
             self.cost += 0.5 * precision * deviation * deviation;
-            for (one, factor) in &sum {
+            for (one, factor) in &terms {
                 self.gradient[*one] += precision * factor * deviation;
-                for (other, by) in &sum {
+                for (other, by) in &terms {
                     self.matrix[(*one, *other)] += precision * factor * by;
                 }
             }
