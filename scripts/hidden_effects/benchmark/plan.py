@@ -123,16 +123,17 @@ def _next_that_shows(turn, effect: str) -> str:
     return next(name for name in turn if all(shows(LABORATORIES[name], m) for m in causes))
 
 
+# Shows in every laboratory: its trace is unlike any other's.
+SHOWS_EVERYWHERE = "torque_drift"
+
+
 def quick_cases(first_seed: int) -> list[Case]:
-    """Each mechanism once by one of its laws for development, in the laboratories for development in turn; one empty session in each
-    laboratory, and one whose clock is unsteady. All laws and laboratories have their turn as `first_seed` goes on."""
-    laws = {m: [law for law in purpose.of("development", "laws") if mechanism_of(law) == m] for m in MECHANISMS if m not in NEVER_NAMED}
-    turn = cycle(purpose.of("development", "laboratories"))
-    found = []
-    for i, (mechanism, own) in enumerate(laws.items()):
-        law = own[(first_seed + i) % len(own)]
-        laboratory = _next_that_shows(turn, mechanism)
-        short = {} if mechanism in NEEDS_REPETITIONS or laboratory != "paper" else {"size": QUICK_SIZE, "repetitions": 1}
-        found.append(Case(law, first_seed + i, laboratory=laboratory, **short))
-    others = [("none", laboratory) for laboratory in purpose.of("development", "laboratories")] + [("alien:jittered_clock", "paper")]
-    return found + [Case(e, first_seed + len(found) + i, laboratory=l) for i, (e, l) in enumerate(others)]
+    """In the paper's laboratory one session for each mechanism that can be found, by its first law, with one repetition where that is
+    enough, one whose clock is unsteady and two without anything; in each other laboratory for development an empty one and one with
+    an effect that shows everywhere."""
+    effects = [m for m in MECHANISMS if m not in NEVER_NAMED]
+    short = {e: {} if e in NEEDS_REPETITIONS else {"size": QUICK_SIZE, "repetitions": 1} for e in effects}
+    singles = [Case(e, first_seed + i, **short[e]) for i, e in enumerate(effects)]
+    others = [(e, "paper") for e in ("alien:jittered_clock", "none", "none")]
+    others += [(e, l) for l in purpose.of("development", "laboratories") if l != "paper" for e in ("none", SHOWS_EVERYWHERE)]
+    return singles + [Case(e, first_seed + len(singles) + i, laboratory=l) for i, (e, l) in enumerate(others)]

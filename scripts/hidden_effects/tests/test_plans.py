@@ -49,23 +49,14 @@ def test_the_papers_plan_is_what_it_was():
     assert all(c.seed == 1000 + i for i, c in enumerate(cases))
 
 
-@pytest.mark.parametrize("seed", [1000, 1001, 1007])
-def test_the_quick_part_has_every_mechanism_and_each_laboratory_three_times(seed):
-    cases = plan.quick_cases(seed)
-    named = [c.causes[0] for c in cases if c.group == "mechanism"]
-    assert sorted(named) == sorted(set(catalogue.MECHANISMS) - plan.NEVER_NAMED)
+def test_the_quick_part_has_every_mechanism_and_in_each_laboratory_something_and_nothing():
+    cases = plan.quick_cases(1000)
+    assert {c.causes[0] for c in cases if c.group == "mechanism"} == set(catalogue.MECHANISMS) - plan.NEVER_NAMED
     laboratories = purpose.of("development", "laboratories")
-    for laboratory in laboratories:
-        here = [c for c in cases if c.laboratory == laboratory]
-        assert len(here) >= 3 and any(c.effect == "none" for c in here)
     assert {c.laboratory for c in cases} == set(laboratories)
-    assert all(law in purpose.DEVELOPMENT["laws"] for c in cases if "@" in (law := c.effect))
-    assert len(cases) <= 35  # what 4 minutes hold
-
-
-def test_the_laws_of_the_quick_part_take_turns():
-    effects = lambda seed: {c.effect for c in plan.quick_cases(seed) if c.group == "mechanism"}
-    assert effects(1000) | effects(1001) >= {f for f in purpose.of("development", "laws") if catalogue.mechanism_of(f) not in plan.NEVER_NAMED}
+    for laboratory in laboratories:
+        assert {"none", "mechanism"} <= {c.group for c in cases if c.laboratory == laboratory}
+    assert len({c.seed for c in cases}) == len(cases) <= 40  # what 4 minutes hold
 
 
 @pytest.mark.parametrize("part", [reference.laboratories, reference.laws, reference.aliens])
