@@ -79,6 +79,9 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
         Verdict::Unexplained => "unexplained: misfit remains that no mechanism of the catalogue explains",
     };
     writeln!(out, "verdict: {says}")?;
+    if diagnosis.p_value.is_nan() {
+        return notes(&mut out, diagnosis);
+    }
     writeln!(
         out,
         "misfit: largest score {:.1} standard errors, pattern {:.1} standard deviations, p = {:.4}; after the extension p = {:.3}",
@@ -113,10 +116,15 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
         let ids: Vec<&str> = diagnosis.undetectable.iter().map(|unseen| unseen.kind.id()).collect();
         writeln!(out, "this session cannot tell about: {} (diagnosis.json says why)", ids.join(", "))?;
     }
+    notes(&mut out, diagnosis)?;
+    write!(out, "{}", picture(&json["residual_map"]))?;
+    Ok(())
+}
+
+fn notes(out: &mut impl Write, diagnosis: &Diagnosis) -> Result<(), Failure> {
     for remark in &diagnosis.remarks {
         writeln!(out, "note: {remark}")?;
     }
-    write!(out, "{}", picture(&json["residual_map"]))?;
     Ok(())
 }
 

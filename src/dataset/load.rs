@@ -142,6 +142,7 @@ fn read_table(folder: &SessionFolder) -> Result<Vec<Row>, DatasetError> {
     let onset = table.column("onset_s")?;
     let status = table.column("status")?;
     let condition = table.find("condition");
+    let rest = table.find("rest_s");
     let known = [number, file, velocity, torque, repetition, onset, status];
 
     let mut rows = Vec::new();
@@ -169,6 +170,12 @@ fn read_table(folder: &SessionFolder) -> Result<Vec<Row>, DatasetError> {
             return Err(table.invalid(velocity, "a velocity other than 0"));
         }
         let onset_s = if table.text(onset).is_empty() { None } else { Some(table.number(onset)?) };
+        if let Some(rest) = rest
+            && !table.text(rest).is_empty()
+            && table.number(rest)? < 0.0
+        {
+            return Err(table.invalid(rest, "the rest before the trial in seconds, not below 0, or nothing"));
+        }
         let extra = (0..table.header().len())
             .filter(|column| !known.contains(column) && Some(*column) != condition)
             .map(|column| (table.header()[column].clone(), table.text(column).to_owned()))

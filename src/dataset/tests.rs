@@ -89,6 +89,16 @@ fn further_columns_and_a_condition_label_are_kept() {
 }
 
 #[test]
+fn a_rest_that_is_no_time_is_named() {
+    for rest in ["five", "-5", "nan"] {
+        let folder = sound();
+        let rows = format!("1,trials/trial-001.csv,-1.3,0.9,1,0.2,ok,{rest}\n");
+        write(&folder, "trials.csv", &format!("{},rest_s\n{rows}", TABLE.trim()));
+        assert_refused(&folder, &["trials.csv, line 2, column rest_s", rest]);
+    }
+}
+
+#[test]
 fn carriage_returns_byte_order_marks_and_column_order_do_not_matter() {
     let folder = sound();
     for file in ["session.json", "trials.csv", "trials/trial-001.csv"] {

@@ -1,9 +1,10 @@
 //! The diagnosis of a session: misfit within the trials, then across the trials, and the verdict.
 
-use super::across_trials::covariate_regression::{CovariateEffect, covariate_effects};
+use super::across_trials::covariate_regression::{CovariateEffect, covariate_effects, table_without_effect};
 use super::across_trials::elastic_limit_law::{ElasticLimitLaw, elastic_limit_law};
 use super::across_trials::outliers::outliers;
-use super::across_trials::stiffness_table::StiffnessTable;
+use super::across_trials::stiffness_table::{MIN_DEGREES_OF_FREEDOM, StiffnessTable};
+use super::base_model::not_described;
 use super::cause::{Cause, CauseEvidence};
 use super::mains_hum::DetectedHum;
 use super::preprocessing::DiagnosisInput;
@@ -60,6 +61,25 @@ pub struct Diagnosis {
 /// established by then, and two mechanisms can describe much that neither causes. Assumed.
 const MISFIT_LEVEL_AFTER_TWO: f64 = 0.05;
 
+impl Diagnosis {
+    /// The diagnosis of a session about which nothing can be said, for the reason in `remarks`.
+    fn without_causes(fit: Fit, remarks: Vec<String>) -> Self {
+        Self {
+            verdict: Verdict::Unexplained,
+            misfit: MisfitStatistics { largest: f64::NAN, excess: f64::NAN, scatter: f64::NAN },
+            p_value: f64::NAN,
+            causes: Vec::new(),
+            remaining_p_value: f64::NAN,
+            residual_term: None,
+            undetectable: Vec::new(),
+            elastic_limit_law: None,
+            before: fit.clone(),
+            after: fit,
+            remarks,
+        }
+    }
+}
+
 /// Diagnoses a session under `model`. `seed` seeds the simulated sessions; `stage` is called with the name of each step as it starts.
 pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(&'static str)) -> Diagnosis {
     let observations = &look.observations;
@@ -73,10 +93,18 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
             look.usable_trials
         ));
     }
+    if let Some(reason) = not_described(observations, &before) {
+        remarks.push(format!("no cause was looked for: {reason}"));
+        return Diagnosis::without_causes(before, remarks);
+    }
     let mut causes: Vec<Cause> =
         look.hum.iter().map(|found| hum_cause(observations, &before, found, seed)).collect();
     let p_hum = causes.first().map_or(1.0, |cause| cause.p_value);
     let within = ForwardSelection::run(observations, &before, seed, stage);
+    if !within.misfit.is_finite() {
+        remarks.push("no cause was looked for: the misfit is not a finite number".into());
+        return Diagnosis::without_causes(before, remarks);
+    }
     causes.extend(within.causes.into_iter().map(added_cause));
     if let Some(ratio) = within.scatter {
         remarks.push(format!(
@@ -155,6 +183,9 @@ fn hum_cause(
     }
 }
 
+/// Largest number of covariates that are named.
+const MAX_COVARIATES: usize = 2;
+
 /// Tests for outliers and covariate effects. Returns the causes, the p-value before and that of what remains after they are named.
 fn across_trials(
     observations: &Observations,
@@ -172,9 +203,7 @@ fn across_trials(
     let mut causes = Vec::new();
     let (found, p_outliers) = outliers(&all);
     let except: Vec<usize> = found.iter().map(|outlier| outlier.trial).collect();
-    let kept = StiffnessTable::new(observations, fit, &except);
-    let trends = kept.as_ref().and_then(|data| covariate_effects(observations, fit, data, seed));
-    let p_trend = trends.as_ref().map_or(1.0, |(_, p)| *p);
+    let mut left = all.without(&except);
     if !found.is_empty() {
         causes.push(Cause {
             kind: cause_shown_in(EvidenceSource::SingleTrials),
@@ -183,9 +212,21 @@ fn across_trials(
             evidence: CauseEvidence::Outliers(found),
         });
     }
-    if let Some((trends, p)) = trends.filter(|(_, p)| 4.0 * p < MISFIT_LEVEL)
-        && let Some((first, rivals)) = trends.split_first()
-    {
+    let (mut p_first_trend, mut p_trend_left) = (1.0, 1.0);
+    for number in 0..=MAX_COVARIATES {
+        // Too few trials may be left beside the outliers.
+        if left.freedom() < MIN_DEGREES_OF_FREEDOM {
+            break;
+        }
+        let Some((trends, p)) = covariate_effects(observations, fit, &left, seed) else { break };
+        p_trend_left = p;
+        if number == 0 {
+            p_first_trend = p;
+        }
+        if 4.0 * p >= MISFIT_LEVEL || number == MAX_COVARIATES {
+            break;
+        }
+        let Some((first, rivals)) = trends.split_first() else { break };
         // Correlated covariates are distinguished only by how much better one of them fits.
         let near =
             |rival: &&CovariateEffect| first.t * first.t - rival.t * rival.t < INDISTINGUISHABLE_T_SQUARED;
@@ -195,9 +236,11 @@ fn across_trials(
             indistinguishable: rivals.iter().filter(near).map(|rival| rival.kind).collect(),
             evidence: CauseEvidence::AcrossTrials(first.clone()),
         });
+        left = table_without_effect(observations, fit, &left, first);
     }
-    let p = (2.0 * p_outliers.min(p_trend)).min(1.0);
-    (causes, p, 1.0)
+    let p_outliers_left = if causes.is_empty() { 1.0 } else { outliers(&left).1 };
+    let p = (2.0 * p_outliers.min(p_first_trend)).min(1.0);
+    (causes, p, (2.0 * p_outliers_left.min(p_trend_left)).min(1.0))
 }
 
 /// Difference of squared t values (a log-likelihood ratio) below which two covariates are not distinguished: the 95 % quantile of

@@ -17,6 +17,7 @@ mod across_trials;
 #[cfg(test)]
 mod added_mechanism;
 mod applicability;
+mod base_model;
 mod cause;
 mod diagnosis;
 mod mains_hum;

@@ -52,7 +52,7 @@ pub use output::result_files::{FIT_FORMAT, Results, WriteError, fit_header, fit_
 pub use parameters::component::{Component, Position};
 pub use parameters::coordinate::{Coordinate, Transform};
 pub use parameters::parameterisation::Parameterisation;
-pub use parameters::starting_values::StartingValues;
+pub use parameters::starting_values::{StartingValues, median};
 pub use population::hierarchy::Hierarchy;
 pub use population::no_session_model::NoSessionModel;
 pub use population::other_optimum::OtherOptimum;

@@ -6,8 +6,11 @@ const SMALLEST_TAIL: f64 = 0.05;
 
 /// Probability of a maximum at least as large as `value`: the Gumbel distribution with mean and variance of the `simulated` maxima.
 ///
-/// The result is at least 0.05 / n for n simulated maxima.
+/// The result is at least 0.05 / n for n simulated maxima. It is NaN where `value` or one of the maxima is: nothing is known then.
 pub fn gumbel_tail(simulated: &[f64], value: f64) -> f64 {
+    if value.is_nan() || simulated.iter().any(|own| own.is_nan()) {
+        return f64::NAN;
+    }
     let count = simulated.len() as f64;
     let mean = simulated.iter().sum::<f64>() / count;
     let variance = simulated.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / (count - 1.0);

@@ -196,4 +196,6 @@ fn gumbel_tail_matches_its_quantiles_and_is_bounded_below() {
     assert_eq!(gumbel_tail(&maxima, 1e3), SMALLEST);
     const SMALLEST: f64 = 0.05 / 2000.0;
     assert_eq!(gumbel_tail(&[1.0, 1.0], 0.5), 1.0);
+    assert!(gumbel_tail(&maxima, f64::NAN).is_nan(), "what is not a number is no strong evidence");
+    assert!(gumbel_tail(&[1.0, f64::NAN], 5.0).is_nan());
 }

@@ -89,6 +89,64 @@ fn what_an_antagonist_adds_is_found_in_its_raw_emg_and_measured() {
     assert!((45.0..80.0).contains(&stiffness), "{stiffness}");
 }
 
+/// Both once went through: an angle in degrees was "named: lever_inertia", a torque of the wrong sign "stretch_reflex".
+#[test]
+fn no_cause_is_named_where_the_model_does_not_describe_the_data_at_all() {
+    let workspace = Workspace::new();
+    for (column, factor, says) in [(1, 57.295_779_5, "degrees?"), (2, -1.0, "check signs")] {
+        workspace.call(0, &["run", QUICK, "--seed", "5", "--out", "s"]);
+        for trial in fs::read_dir(workspace.path("s/trials")).unwrap() {
+            let path = trial.unwrap().path();
+            let text = fs::read_to_string(&path).unwrap();
+            let mut lines = text.lines();
+            let mut changed = lines.next().unwrap().to_owned() + "\n";
+            for line in lines {
+                let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+                cells[column] = (cells[column].parse::<f64>().unwrap() * factor).to_string();
+                changed += &(cells.join(",") + "\n");
+            }
+            fs::write(path, changed).unwrap();
+        }
+        let (told, _) = workspace.call(0, &["diagnose", "s"]);
+        assert!(told.contains("no cause was looked for") && told.contains(says), "{told}");
+        let found = workspace.diagnosis("s/results/diagnosis.json");
+        assert_eq!(found["verdict"], "unexplained");
+        assert_eq!(found["causes"], serde_json::json!([]));
+        assert_eq!(found["p_value"], Value::Null);
+        fs::remove_dir_all(workspace.path("s")).unwrap();
+    }
+}
+
+/// What was left across the trials was never tested: the second of two covariates was neither named nor called unexplained.
+#[test]
+fn the_second_of_two_covariates_is_named_as_well() {
+    let fatigue = ("fatigue", serde_json::json!({ "fraction": 0.35 }));
+    let scaling = ("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 90.0 }));
+    let workspace = Workspace::new();
+    let person = serde_json::json!({
+        "format": "ramphold-person/1",
+        "id": "Ada",
+        "muscles": { "cocontraction": 0.8 },
+        "spread": { "cocontraction": 0.4 },
+    });
+    fs::write(workspace.path("ada.json"), person.to_string()).unwrap();
+    workspace.model(&[fatigue, scaling]);
+    workspace.call(
+        0,
+        &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--model", "hides.json", "--out", "s"],
+    );
+    workspace.call(0, &["diagnose", "s", "--seed", "2"]);
+    let found = workspace.diagnosis("s/results/diagnosis.json");
+    let mut causes: Vec<&str> = found["causes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|cause| cause["mechanism"].as_str().unwrap())
+        .collect();
+    causes.sort_unstable();
+    assert_eq!(causes, ["cocontraction", "fatigue"], "{found:#}");
+}
+
 /// The yields of all trials once stayed at half of their place, with twice the stiffness, since what single trials lean on was there as
 /// well: the stiffness of the lever was blamed, with its two gains. The larger inertia's own fit stayed there too, since it began with a
 /// third of it.
@@ -100,8 +158,8 @@ fn an_inertia_of_the_lever_is_named_though_all_yields_go_astray_without_it() {
         assert_eq!(found["verdict"], "named", "{found:#}");
         let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
         assert_eq!(cause["mechanism"], "lever_inertia");
-        let bound = |end: &str| cause["parameters"]["inertia_kg_m2"][end].as_f64().unwrap();
-        assert!(bound("low") < inertia_kg_m2 && inertia_kg_m2 < bound("high"), "{cause:#}");
+        let found = cause["parameters"]["inertia_kg_m2"]["value"].as_f64().unwrap();
+        assert!((found / inertia_kg_m2 - 1.0).abs() < 0.05, "{cause:#}");
     }
 }
 
@@ -131,16 +189,21 @@ fn whether_the_muscle_yields_after_a_time_or_at_an_angle_is_told() {
         let person =
             serde_json::json!({ "format": "ramphold-person/1", "id": "Ada", "elastic_limit_rad": surface });
         fs::write(workspace.path("ada.json"), person.to_string()).unwrap();
-        workspace.call(0, &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--out", law]);
-        let (told, _) = workspace.call(0, &["diagnose", law, "--seed", "2"]);
-        let found = workspace.diagnosis(&format!("{law}/results/diagnosis.json"));
-        assert_eq!(found["verdict"], "adequate");
-        let own = &found["laws"]["elastic_limit"];
-        assert_eq!(own["law"], law, "{own:#}");
         let per_rad_s = surface["per_rad_s"].as_f64().unwrap();
-        let x_t_s = own["x_t_s"]["value"].as_f64().unwrap();
-        assert!((x_t_s - per_rad_s).abs() < 0.0015, "{own:#}");
-        assert!(told.contains("elastic limit: "), "{told}");
+        // A single session may be off by chance: three together tell.
+        let mut off_s = 0.0;
+        for seed in ["5", "6", "7"] {
+            let out = format!("{law}-{seed}");
+            workspace.call(0, &["run", PAPER, "--seed", seed, "--subject", "ada.json", "--out", &out]);
+            let (told, _) = workspace.call(0, &["diagnose", &out, "--seed", "2"]);
+            let found = workspace.diagnosis(&format!("{out}/results/diagnosis.json"));
+            let own = &found["laws"]["elastic_limit"];
+            let wrong = [("timed_yield", "fixed_angle"), ("fixed_angle", "timed_yield")];
+            assert!(!wrong.contains(&(law, own["law"].as_str().unwrap())), "{own:#}");
+            off_s += (own["x_t_s"]["value"].as_f64().unwrap() - per_rad_s) / 3.0;
+            assert!(told.contains("elastic limit: "), "{told}");
+        }
+        assert!(off_s.abs() < 0.0015, "{law}: x_t is off by {off_s} s on average");
     }
 }
 

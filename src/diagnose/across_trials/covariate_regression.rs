@@ -72,8 +72,6 @@ fn acts_on_stiffness(observations: &Observations, fit: &Fit, kind: MechanismKind
 }
 
 /// Stiffness of a trial with the effect of a mechanism removed, N m/rad.
-///
-/// The mechanisms of the catalogue add to a stiffness or multiply it, so that one Newton step is exact.
 pub fn without_effect(
     observations: &Observations,
     fit: &Fit,
@@ -81,7 +79,34 @@ pub fn without_effect(
     kind: MechanismKind,
     values: &[f64],
 ) -> f64 {
-    let stiffness = fit.parameters[trial][K_SRS];
+    freed(observations, fit, trial, (kind, values), fit.parameters[trial][K_SRS])
+}
+
+/// The table with the effect of a mechanism removed from every stiffness.
+pub fn table_without_effect(
+    observations: &Observations,
+    fit: &Fit,
+    data: &StiffnessTable,
+    effect: &CovariateEffect,
+) -> StiffnessTable {
+    let values: Vec<f64> = effect.values.iter().map(|(value, _)| *value).collect();
+    let logarithm = |(trial, own): (&usize, &f64)| {
+        let stiffness = freed(observations, fit, *trial, (effect.kind, &values), libm::exp(*own));
+        libm::log(stiffness.max(MIN_STIFFNESS_NM_PER_RAD))
+    };
+    data.with_logarithms(data.trials.iter().zip(&data.logarithms).map(logarithm).collect())
+}
+
+/// `stiffness` of a trial with the effect of a mechanism removed, N m/rad.
+///
+/// The mechanisms of the catalogue add to a stiffness or multiply it, so that one Newton step is exact.
+fn freed(
+    observations: &Observations,
+    fit: &Fit,
+    trial: usize,
+    (kind, values): (MechanismKind, &[f64]),
+    stiffness: f64,
+) -> f64 {
     let [logarithm, weight, _] = shaped(observations, fit, trial, kind, values, stiffness);
     let shaped = libm::exp(logarithm);
     stiffness + (stiffness - shaped) / (weight * shaped / stiffness)

@@ -21,7 +21,7 @@ pub struct StiffnessTable {
 }
 
 /// Smallest number of trials in excess of the number of conditions with which trials are compared.
-const MIN_DEGREES_OF_FREEDOM: f64 = 6.0;
+pub const MIN_DEGREES_OF_FREEDOM: f64 = 6.0;
 
 impl StiffnessTable {
     /// The stiffnesses of `fit`, without the trials in `except`; `None` with too few repetitions.
@@ -59,6 +59,11 @@ impl StiffnessTable {
             slope_through_origin(self.repetitions(place).map(|other| (weights[other], values[other])))
         };
         (0..values.len()).map(level).collect()
+    }
+
+    /// The table with the logarithms `logarithms`.
+    pub fn with_logarithms(&self, logarithms: Vec<f64>) -> Self {
+        Self { trials: self.trials.clone(), logarithms, conditions: self.conditions.clone() }
     }
 
     /// The table without the trials in `except`.

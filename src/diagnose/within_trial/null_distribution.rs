@@ -23,6 +23,13 @@ pub struct MisfitStatistics {
     pub scatter: f64,
 }
 
+impl MisfitStatistics {
+    /// Whether all of them are numbers.
+    pub fn is_finite(&self) -> bool {
+        [self.largest, self.excess, self.scatter].iter().all(|own| own.is_finite())
+    }
+}
+
 /// Computes the misfit statistics of `residuals`.
 pub fn misfit_statistics(
     observations: &Observations,

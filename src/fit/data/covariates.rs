@@ -20,10 +20,16 @@ pub fn number_conditions(trials: &mut [TrialObservation]) {
     }
 }
 
+/// The rest before a trial, s; `None` if the session does not say.
+fn rest_s(trial: &Trial) -> Option<f64> {
+    trial.extra.get("rest_s").and_then(|text| text.parse().ok())
+}
+
 /// Sets the covariates of `trials`: velocity, torque before the ramp, position in the session, rest, and EMG during the hold.
-/// `usable` are the trials of the session in run order.
+/// `usable` are the trials of the session in run order. A session that leaves out the rest of a single trial has none.
 pub fn set_covariates(trials: &mut [TrialObservation], usable: &[&Trial], period_s: f64) {
     let last = usable.len().max(2) as f64 - 1.0;
+    let rests: Option<Vec<f64>> = usable.iter().map(|source| rest_s(source)).collect();
     let mut flexor_emg = Vec::new();
     for trial in trials.iter_mut() {
         let Some(position) = usable.iter().position(|source| source.number == trial.number) else {
@@ -44,7 +50,7 @@ pub fn set_covariates(trials: &mut [TrialObservation], usable: &[&Trial], period
             velocity_rad_s: trial.velocity_rad_s.abs(),
             torque_before_nm: trial.direction * trial.torque_0_nm,
             progress: position as f64 / last,
-            rest_s: source.extra.get("rest_s").and_then(|text| text.parse().ok()).unwrap_or(0.0),
+            rest_s: rests.as_ref().map_or(0.0, |rests| rests[position]),
             flexor_emg_excess_mvc: 0.0,
             extensor_emg_mvc: mean_in_hold(&source.record.emg_ecr_mvc),
         };

@@ -1,7 +1,12 @@
 //! Warm starts: fits of another model, or to other trials, that start at the optimum of a fit.
 
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+
 use super::fit::Fit;
 use crate::fit::data::observations::Observations;
+use crate::fit::linalg::invert_scaled;
 use crate::fit::model::specification::{Model, mechanism_ranges};
 use crate::fit::parameters::coordinate::Transform;
 use crate::fit::parameters::parameterisation::Parameterisation;
@@ -52,15 +57,25 @@ impl Fit {
             parameterisation.shrink_towards(target);
         }
         let mut start = parameterisation.start();
+        let mut laws: BTreeMap<usize, Law> = BTreeMap::new();
         for (transforms, parameters) in parameterisation.transforms.iter().zip(&self.parameters) {
             for (transform, value) in transforms.iter().zip(parameters) {
                 let (coordinate, at) = match transform {
                     Transform::Logarithmic { coordinate, factor } => (*coordinate, libm::log(value / factor)),
                     Transform::Sum(terms) if terms.len() == 1 => (terms[0].0, value / terms[0].1),
-                    _ => continue,
+                    Transform::Sum(terms) => {
+                        laws.entry(terms[0].0).or_default().push((terms.clone(), *value));
+                        continue;
+                    }
+                    Transform::Fixed(_) => continue,
                 };
                 let bounds = &parameterisation.coordinates[coordinate];
                 start[coordinate] = at.clamp(bounds.low, bounds.high);
+            }
+        }
+        for law in laws.values() {
+            for (coordinate, at) in coefficients(law) {
+                start[coordinate] = at;
             }
         }
         self.optimised_from(observations, model, parameterisation, &start, options)
@@ -87,5 +102,22 @@ impl Fit {
         let parameters = trials.iter().map(|trial| self.parameters[*trial].clone()).collect();
         let shrinkage_target = self.shrinkage_target.as_ref().map(|target| target.subset(trials));
         Self { parameters, shrinkage_target, ..self.clone() }
+    }
+}
+
+/// The trials of a law: for each, the coefficients (as coordinates) with their factors, and the value of the parameter.
+type Law = Vec<(Vec<(usize, f64)>, f64)>;
+
+/// The coefficients of a law that describe the values of its trials best, by coordinate; none if the trials do not determine them.
+fn coefficients(law: &Law) -> Vec<(usize, f64)> {
+    let terms = &law[0].0;
+    let factors = DMatrix::from_fn(law.len(), terms.len(), |trial, term| law[trial].0[term].1);
+    let values = DVector::from_iterator(law.len(), law.iter().map(|(_, value)| *value));
+    match invert_scaled(factors.tr_mul(&factors)) {
+        Some(inverse) => {
+            let found = inverse * factors.tr_mul(&values);
+            terms.iter().zip(found.iter()).map(|((coordinate, _), value)| (*coordinate, *value)).collect()
+        }
+        None => Vec::new(),
     }
 }

@@ -102,6 +102,14 @@ impl StartingValues {
             None => self.base_bounds(parameter, members),
             Some(added) => self.mechanism_bounds(model, added),
         };
+        // A bound of the model alone, beyond what is usual, takes the other one away.
+        match (spec.low, spec.high) {
+            (Some(low), None) if low >= bounds.high => bounds.high = f64::INFINITY,
+            (None, Some(high)) if high <= bounds.low => {
+                bounds.low = if bounds.low > 0.0 { f64::MIN_POSITIVE } else { f64::NEG_INFINITY };
+            }
+            _ => {}
+        }
         bounds.low = spec.low.unwrap_or(bounds.low);
         bounds.high = spec.high.unwrap_or(bounds.high);
         let found = of_mechanism.and_then(|added| self.mechanisms.get(added));
@@ -149,7 +157,7 @@ pub(in crate::fit) fn x_e_bounds(peak_angle_rad: f64) -> (f64, f64) {
 }
 
 /// Upper median of `values`.
-pub(in crate::fit) fn median(values: &[f64]) -> f64 {
+pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted[sorted.len() / 2]

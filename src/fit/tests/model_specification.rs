@@ -29,6 +29,33 @@ fn coefficients_of_laws_over_velocity_and_torque_are_estimated() {
 }
 
 #[test]
+fn the_coefficients_of_a_law_are_kept_when_a_model_is_fitted_from_the_optimum_of_another() {
+    let (observations, fit) = fit(
+        r#"{ "format": "ramphold-model/1", "parameters": {
+            "x_e_rad": { "scope": "session", "law": ["one", "velocity", "torque"] } } }"#,
+        2,
+    );
+    let only_started = SolverOptions { max_iterations: 1, ..SolverOptions::default() };
+    let again = fit.extended_by(&observations, &fit.model, only_started);
+    for (own, other) in fit.solution.coordinates.iter().zip(&again.solution.coordinates) {
+        assert!((own - other).abs() < 1e-3 * own.abs().max(1e-2), "{own} became {other}");
+    }
+}
+
+#[test]
+fn one_bound_beyond_what_is_usual_takes_the_other_one_away() {
+    for (bound, usual) in [(r#""low": 90"#, 15.0), (r#""high": 0.5"#, 15.0)] {
+        let model = format!(
+            r#"{{ "format": "ramphold-model/1", "parameters": {{ "k_srs_nm_per_rad": {{ "scope": "trial", {bound} }} }} }}"#
+        );
+        let (_, fit) = fit(&model, 1);
+        let found = fit.parameters[0][3];
+        assert!((found > 89.9) == (bound.contains("low")), "{bound}: {found}, about {usual} without it");
+        assert!((found < 0.51) == (bound.contains("high")), "{bound}: {found}, about {usual} without it");
+    }
+}
+
+#[test]
 fn a_parameter_has_one_value_over_its_scope() {
     let (observations, fit) = fit(
         r#"{ "format": "ramphold-model/1", "parameters": {

@@ -136,6 +136,16 @@ impl Socket {
         self.until(phase, |message| message["kind"] == "now" && message["phase"] == phase)
     }
 
+    /// Reads until the session is over. The last picture may not be sent any more when the program ends.
+    pub fn read_to_the_end(&mut self) {
+        let why = loop {
+            if let Err(why) = self.next() {
+                break why;
+            }
+        };
+        assert_eq!(why, "over");
+    }
+
     /// Why it is closed, whatever comes before.
     pub fn closed(&mut self) -> String {
         let begun = Instant::now();

@@ -156,7 +156,7 @@ fn what_is_no_request_closes_the_page_and_the_session_goes_on() {
         other.0.get_mut().write_all(frame).unwrap();
         other.closed();
     }
-    operator.phase("finished");
+    operator.read_to_the_end();
     drop(operator);
     assert_eq!(program.ends(), Some(0));
 }

@@ -1,0 +1,55 @@
+//! Whether the model as given describes a session at all: where it does not, its misfit says nothing about causes.
+
+use crate::fit::{
+    Fit, Observations, Termination, TrialObservation, median, predictions, variance_accounted_for,
+};
+
+/// Smallest part of the torque's variance that the model must account for in the median trial. The paper's fits are above 0.9; below one
+/// half, most of what is fitted is something else.
+const LEAST_VAF: f64 = 0.5;
+
+/// The recorded ramps are at most this many times faster or slower than the session states: no servo and no gain is off by a factor of
+/// two, but a unit is.
+const SPEED_FACTOR: f64 = 2.0;
+
+/// Why no cause can be looked for in the misfit of `fit`; `None` if the model describes the session.
+pub fn not_described(observations: &Observations, fit: &Fit) -> Option<String> {
+    let ratio = median(&speed_ratios(observations));
+    if !(1.0 / SPEED_FACTOR..SPEED_FACTOR).contains(&ratio) {
+        let likely = if (ratio - 1f64.to_degrees()).abs() < 0.1 * ratio { ": degrees?" } else { "" };
+        return Some(format!(
+            "the ramps turn {ratio:.3} times as fast as velocity_rad_s says{likely}; check the units of the angle, of the time and of \
+             the table"
+        ));
+    }
+    let is_lost = |outcome: &_| matches!(outcome, Termination::NotFinite | Termination::Iterations);
+    if !fit.cost().is_finite() || fit.solution.outcomes.iter().any(|own| is_lost(&own.termination)) {
+        return Some("the fit of the model did not arrive at an optimum".into());
+    }
+    if fit.residual_covariances.is_empty() {
+        return Some("no noise could be measured, neither in holds nor between repetitions".into());
+    }
+    let vafs: Vec<f64> = predictions(observations, fit)
+        .iter()
+        .zip(&observations.trials)
+        .map(|(prediction, trial)| variance_accounted_for(&trial.measured_nm, &prediction.residual_nm))
+        .collect();
+    let vaf = median(&vafs);
+    (vaf < LEAST_VAF || vaf.is_nan()).then(|| {
+        format!(
+            "the model accounts for {:.0} % of the torque's variance, so it does not describe these data; check signs, units and onsets",
+            100.0 * vaf
+        )
+    })
+}
+
+/// For each trial, the largest speed of the motor in the window as a part of that in the session's table.
+fn speed_ratios(observations: &Observations) -> Vec<f64> {
+    let of_trial = |trial: &TrialObservation| {
+        let window = &trial.input.motion[trial.input.onset..];
+        let fastest =
+            window.iter().take(observations.samples).map(|knot| knot.omega.abs()).fold(0.0, f64::max);
+        fastest / trial.velocity_rad_s.abs()
+    };
+    observations.trials.iter().map(of_trial).collect()
+}
