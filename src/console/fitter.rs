@@ -81,12 +81,9 @@ impl Fitter {
         Self { jobs, outcomes }
     }
 
-    /// Queues a trial for the fit, if its status is ok.
-    pub fn fit(&self, trial: Trial) {
-        if trial.status == Status::Ok {
-            // The thread ends only after the sender is dropped.
-            let _ = self.jobs.send(trial);
-        }
+    /// Queues a trial for the fit, if its status is ok. Returns whether there will be an outcome.
+    pub fn fit(&self, trial: Trial) -> bool {
+        trial.status == Status::Ok && self.jobs.send(trial).is_ok()
     }
 
     /// The next finished fit, if there is one.

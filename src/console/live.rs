@@ -32,6 +32,8 @@ const SNAPSHOT_PERIOD: Duration = Duration::from_millis(4);
 const IDLE_SNAPSHOT_PERIOD: Duration = Duration::from_millis(500);
 /// Time between two readings of the disk space and the loop's timing.
 const STATUS_PERIOD: Duration = Duration::from_millis(500);
+/// Longest time that the closing message waits for the fits of the last trials.
+const FIT_WAIT: Duration = Duration::from_secs(10);
 /// Longest time of day that is kept with a note, in bytes.
 const LONGEST_CLOCK: usize = 40;
 
@@ -88,7 +90,7 @@ impl Live {
             CommandSender::new(journal, counter.clone(), stop.clone(), setup.starts_at_once);
         let (feed, steps) = StepFeed::new(counter, setup.may_wait);
         let fitter = Fitter::start(setup.fit_context);
-        let (view, views) = ViewModel::new(settings.clone(), machine.progress().clone(), fitter, None);
+        let (mut view, views) = ViewModel::new(settings.clone(), machine.progress().clone(), fitter, None);
         view.fit(setup.earlier_trials);
         let presence = Presence::new(setup.missed_after);
         let controls = Arc::new(SessionControls { commands: commands.clone(), presence: presence.clone() });
@@ -179,6 +181,7 @@ impl Worker {
     fn run(mut self) {
         lower_thread_priority();
         let (mut published, mut status_read) = (Instant::now(), None::<Instant>);
+        let mut closing_since = None::<Instant>;
         loop {
             // Read before the ring is emptied, so that the last steps are still shown.
             let closing = self.closing_message.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -210,8 +213,11 @@ impl Worker {
                 status_read = Some(Instant::now());
             }
             if let Some(message) = closing.filter(|_| self.steps.is_empty()) {
-                self.view.close(&message);
-                return self.view.publish();
+                let waited = closing_since.get_or_insert_with(Instant::now).elapsed();
+                if waited >= FIT_WAIT || !self.view.awaits_fits() {
+                    self.view.close(&message);
+                    return self.view.publish();
+                }
             }
             let since = published.elapsed();
             if since >= IDLE_SNAPSHOT_PERIOD || changed && since >= SNAPSHOT_PERIOD {

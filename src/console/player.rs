@@ -94,7 +94,7 @@ impl RecordedSession {
         });
         let progress = Progress::new(&recording.settings);
         let playback = PlaybackState { speed: 1.0, is_playing: false, length_s: recording.length_s };
-        let (view, views) = ViewModel::new(recording.settings.clone(), progress, fitter, Some(playback));
+        let (mut view, views) = ViewModel::new(recording.settings.clone(), progress, fitter, Some(playback));
         view.fit(session.trials);
         Ok((recording, view, views))
     }

@@ -10,8 +10,8 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::session::{Progress, Step, StepConsumer};
 
-/// Number of steps that the ring holds: 6.5 s at 2.5 kHz.
-const FEED_CAPACITY: usize = 1 << 14;
+/// Number of steps that the ring holds: 26 s at 2.5 kHz, so that a busy computer costs the console no trial's fit.
+const FEED_CAPACITY: usize = 1 << 16;
 /// Part of the capacity reserved for steps that make a journal entry; the console must not miss those.
 const RESERVED_FOR_EVENTS: usize = 1 << 10;
 /// Time that a loop without deadlines sleeps while the ring is full.

@@ -1,7 +1,7 @@
 //! Builds the snapshots and the history that pages draw from the session's steps. Readers get the latest snapshot only, so
 //! that a slow page misses some and delays nobody.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::watch;
@@ -55,6 +55,8 @@ pub struct ViewModel {
     recorder: MemoryRecorder,
     fitter: Fitter,
     fits: BTreeMap<u32, TrialFitOutcome>,
+    /// Numbers of the trials whose fit is under way.
+    awaited_fits: BTreeSet<u32>,
     snapshot: Snapshot,
     /// Sample at which the phase was entered.
     phase_start: u64,
@@ -92,6 +94,7 @@ impl ViewModel {
             settings,
             fitter,
             fits: BTreeMap::new(),
+            awaited_fits: BTreeSet::new(),
             snapshot,
             phase_start: 0,
             last_sample: 0,
@@ -110,8 +113,27 @@ impl ViewModel {
     }
 
     /// Fits trials that were measured before.
-    pub fn fit(&self, trials: impl IntoIterator<Item = Trial>) {
-        trials.into_iter().for_each(|trial| self.fitter.fit(trial));
+    pub fn fit(&mut self, trials: impl IntoIterator<Item = Trial>) {
+        for trial in trials {
+            let number = trial.number;
+            if self.fitter.fit(trial) {
+                self.awaited_fits.insert(number);
+            }
+        }
+    }
+
+    /// Whether the fit of a trial is still under way.
+    pub fn awaits_fits(&mut self) -> bool {
+        self.collect_fits();
+        !self.awaited_fits.is_empty()
+    }
+
+    fn collect_fits(&mut self) {
+        while let Some(outcome) = self.fitter.outcome() {
+            self.awaited_fits.remove(&outcome.0);
+            self.fits.insert(outcome.0, outcome);
+            self.history_changed = true;
+        }
     }
 
     /// Starts again from `progress`, `before_s` after the beginning of the recording: the recorded session was resumed there.
@@ -197,8 +219,13 @@ impl ViewModel {
         self.history_changed |= self.history.set_status(status);
     }
 
-    /// Marks the session as over, with a closing message for the log.
+    /// Marks the session as over, with a closing message for the log. A fit that is still under way is given up.
     pub fn close(&mut self, message: &str) {
+        self.collect_fits();
+        for number in std::mem::take(&mut self.awaited_fits) {
+            let why = "the session was over before its fit; see the fit at the end of the session";
+            self.fits.insert(number, (number, Err(why.to_owned())));
+        }
         self.snapshot.is_over = true;
         self.history.add(self.snapshot.t_s, LogEntry::plain(message));
         self.history_changed = true;
@@ -206,10 +233,7 @@ impl ViewModel {
 
     /// Publishes a snapshot, and the history if it changed.
     pub fn publish(&mut self) {
-        while let Some(outcome) = self.fitter.outcome() {
-            self.fits.insert(outcome.0, outcome);
-            self.history_changed = true;
-        }
+        self.collect_fits();
         let progress = &self.progress;
         let snapshot = &mut self.snapshot;
         snapshot.subject.n += 1;
@@ -244,7 +268,7 @@ impl ViewModel {
             let why = "the console missed some of its samples; see the fit at the end of the session";
             self.fits.insert(trial.number, (trial.number, Err(why.to_owned())));
         } else if !self.fits.contains_key(&trial.number) {
-            self.fitter.fit(trial);
+            self.fit([trial]);
         }
     }
 

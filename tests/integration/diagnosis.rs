@@ -28,6 +28,22 @@ impl Workspace {
         self.call(0, &["diagnose", "s", "--seed", "2"]);
         self.diagnosis("s/results/diagnosis.json")
     }
+
+    /// The same for a person whose antagonist is active, from trial to trial in another degree.
+    fn diagnosis_of_an_active_antagonist(&self, mechanisms: &[(&str, Value)]) -> Value {
+        let person = serde_json::json!({
+            "format": "ramphold-person/1",
+            "id": "Ada",
+            "muscles": { "cocontraction": 0.8 },
+            "spread": { "cocontraction": 0.4 },
+        });
+        fs::write(self.path("ada.json"), person.to_string()).unwrap();
+        self.model(mechanisms);
+        let subject = ["--subject", "ada.json", "--model", "hides.json", "--out", "s"];
+        self.call(0, &[&["run", PAPER, "--seed", "5"][..], &subject].concat());
+        self.call(0, &["diagnose", "s", "--seed", "2"]);
+        self.diagnosis("s/results/diagnosis.json")
+    }
 }
 
 #[test]
@@ -68,21 +84,8 @@ fn a_small_cause_is_found_beside_a_delay_that_is_worth_many_times_as_much() {
 /// already.
 #[test]
 fn what_an_antagonist_adds_is_found_in_its_raw_emg_and_measured() {
-    let workspace = Workspace::new();
-    let person = serde_json::json!({
-        "format": "ramphold-person/1",
-        "id": "Ada",
-        "muscles": { "cocontraction": 0.8 },
-        "spread": { "cocontraction": 0.4 },
-    });
-    fs::write(workspace.path("ada.json"), person.to_string()).unwrap();
-    workspace.model(&[("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 60.0 }))]);
-    workspace.call(
-        0,
-        &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--model", "hides.json", "--out", "s"],
-    );
-    workspace.call(0, &["diagnose", "s", "--seed", "2"]);
-    let found = workspace.diagnosis("s/results/diagnosis.json");
+    let stiffness = ("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 60.0 }));
+    let found = Workspace::new().diagnosis_of_an_active_antagonist(&[stiffness]);
     let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
     assert_eq!(cause["mechanism"], "cocontraction");
     let stiffness = cause["parameters"]["stiffness_nm_per_rad_per_mvc"]["value"].as_f64().unwrap();
@@ -121,22 +124,8 @@ fn no_cause_is_named_where_the_model_does_not_describe_the_data_at_all() {
 #[test]
 fn the_second_of_two_covariates_is_named_as_well() {
     let fatigue = ("fatigue", serde_json::json!({ "fraction": 0.35 }));
-    let scaling = ("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 90.0 }));
-    let workspace = Workspace::new();
-    let person = serde_json::json!({
-        "format": "ramphold-person/1",
-        "id": "Ada",
-        "muscles": { "cocontraction": 0.8 },
-        "spread": { "cocontraction": 0.4 },
-    });
-    fs::write(workspace.path("ada.json"), person.to_string()).unwrap();
-    workspace.model(&[fatigue, scaling]);
-    workspace.call(
-        0,
-        &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--model", "hides.json", "--out", "s"],
-    );
-    workspace.call(0, &["diagnose", "s", "--seed", "2"]);
-    let found = workspace.diagnosis("s/results/diagnosis.json");
+    let stiffness = ("cocontraction", serde_json::json!({ "stiffness_nm_per_rad_per_mvc": 90.0 }));
+    let found = Workspace::new().diagnosis_of_an_active_antagonist(&[fatigue, stiffness]);
     let mut causes: Vec<&str> = found["causes"]
         .as_array()
         .unwrap()
@@ -189,21 +178,18 @@ fn whether_the_muscle_yields_after_a_time_or_at_an_angle_is_told() {
         let person =
             serde_json::json!({ "format": "ramphold-person/1", "id": "Ada", "elastic_limit_rad": surface });
         fs::write(workspace.path("ada.json"), person.to_string()).unwrap();
+        workspace.call(0, &["run", PAPER, "--seed", "5", "--subject", "ada.json", "--out", law]);
+        let (told, _) = workspace.call(0, &["diagnose", law, "--seed", "2"]);
+        let found = workspace.diagnosis(&format!("{law}/results/diagnosis.json"));
+        assert_eq!(found["verdict"], "adequate");
+        let own = &found["laws"]["elastic_limit"];
+        // x_t comes out some 0.5 ms too long, which a fixed angle does not always survive.
+        let may_be = if law == "fixed_angle" { vec![law, "linear"] } else { vec![law] };
+        assert!(may_be.contains(&own["law"].as_str().unwrap()), "{own:#}");
         let per_rad_s = surface["per_rad_s"].as_f64().unwrap();
-        // A single session may be off by chance: three together tell.
-        let mut off_s = 0.0;
-        for seed in ["5", "6", "7"] {
-            let out = format!("{law}-{seed}");
-            workspace.call(0, &["run", PAPER, "--seed", seed, "--subject", "ada.json", "--out", &out]);
-            let (told, _) = workspace.call(0, &["diagnose", &out, "--seed", "2"]);
-            let found = workspace.diagnosis(&format!("{out}/results/diagnosis.json"));
-            let own = &found["laws"]["elastic_limit"];
-            let wrong = [("timed_yield", "fixed_angle"), ("fixed_angle", "timed_yield")];
-            assert!(!wrong.contains(&(law, own["law"].as_str().unwrap())), "{own:#}");
-            off_s += (own["x_t_s"]["value"].as_f64().unwrap() - per_rad_s) / 3.0;
-            assert!(told.contains("elastic limit: "), "{told}");
-        }
-        assert!(off_s.abs() < 0.0015, "{law}: x_t is off by {off_s} s on average");
+        let x_t_s = own["x_t_s"]["value"].as_f64().unwrap();
+        assert!((x_t_s - per_rad_s).abs() < 0.0015, "{own:#}");
+        assert!(told.contains("elastic limit: "), "{told}");
     }
 }
 

@@ -19,12 +19,20 @@ def _bump(x, at, width):
     return np.exp(-0.5 * ((x - at) / width) ** 2)
 
 
+def _drag(place, s, size, name):
+    """At `place`, a drag that is largest at one speed and lets go above it."""
+    d = SIZES[name]
+    a, peak = size * d["torque_nm"], d["peak_rad_s"]
+    _on(place, s, lambda theta, speed: a * speed / peak * np.exp(0.5 * (1 - (speed / peak) ** 2)))
+    return {"torque_nm": a, "peak_rad_s": peak}
+
+
 @alien("torque_channel", "time")
 def torque_burst(s, size, rng):
     """Interference: a burst in the torque at a fixed time in the window."""
     d = SIZES["alien:torque_burst"]
     a, at, width = size * d["amplitude_nm"], rng.uniform(*d["time_s"]), d["width_s"]
-    s.torque_chain.append(lambda t, torque, *_: torque + a * np.exp(-0.5 * ((t - at) / width) ** 2))
+    s.torque_chain.append(lambda t, torque, *_: torque + a * _bump(t, at, width))
     return {"amplitude_nm": a, "time_s": at}, [], "the same in every trial"
 
 
@@ -34,7 +42,7 @@ def handle_recoil(s, size, rng):
     d = SIZES["alien:handle_recoil"]
     drop, at, width = size * d["drop"], d["deflection_rad"], d["width_rad"]
     base = s.interface
-    s.interface = lambda x, p: base(x, p) - p.k_h * at * drop * np.exp(-0.5 * ((x - at) / width) ** 2)
+    s.interface = lambda x, p: base(x, p) - p.k_h * at * drop * _bump(x, at, width)
     return {"drop": drop, "deflection_rad": at}, [], "a dent in the force-deflection curve of the interface"
 
 
@@ -43,7 +51,7 @@ def rebound_wall(s, size, rng):
     """A soft stop in the joint at a set angle, thrown off again: stiffness in a band of angles only."""
     d = SIZES["alien:rebound_wall"]
     a, at, width = size * d["torque_nm"], rng.uniform(*d["angle_rad"]), d["width_rad"]
-    s.forces.append(Force(lambda t, theta, speed, z, past: (a * np.exp(-0.5 * ((theta - at) / width) ** 2), None)))
+    _on("joint", s, lambda theta, speed: a * _bump(theta, at, width))
     return {"torque_nm": a, "angle_rad": at}, [], "a bump of torque about one joint angle"
 
 
@@ -59,10 +67,7 @@ def snapping_tendon(s, size, rng):
 @alien("joint", "speed")
 def sticky_film(s, size, rng):
     """A film in the joint resists at one speed and lets go above it."""
-    d = SIZES["alien:sticky_film"]
-    a, peak = size * d["torque_nm"], d["peak_rad_s"]
-    _on("joint", s, lambda theta, speed: a * speed / peak * np.exp(0.5 * (1 - (speed / peak) ** 2)))
-    return {"torque_nm": a, "peak_rad_s": peak}, [], "largest at one speed"
+    return _drag("joint", s, size, "alien:sticky_film"), [], "largest at one speed"
 
 
 @alien("joint", "angle_beyond_yield")
@@ -104,10 +109,7 @@ def cable_pull(s, size, rng):
 @alien("handle", "speed")
 def rough_bearing(s, size, rng):
     """The bearing of the handle drags most at one speed."""
-    d = SIZES["alien:rough_bearing"]
-    a, peak = size * d["torque_nm"], d["peak_rad_s"]
-    _on("lever", s, lambda theta, speed: a * speed / peak * np.exp(0.5 * (1 - (speed / peak) ** 2)))
-    return {"torque_nm": a, "peak_rad_s": peak}, [], "largest at one speed of the handle"
+    return _drag("lever", s, size, "alien:rough_bearing"), [], "largest at one speed of the handle"
 
 
 @alien("torque_channel", "torque")

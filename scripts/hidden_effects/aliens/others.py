@@ -8,19 +8,24 @@ from ..scenario import SIZES
 from .alien import alien
 
 
-@alien()
-def loose_mass(s, size, rng):
-    """A part of the handle swings on a spring of its own."""
-    d = SIZES["alien:loose_mass"]
-    inertia, hz, ratio = size * d["inertia_kg_m2"], rng.uniform(*d["resonance_hz"]), 0.06
+def _swinging_mass(place, s, size, rng, name, damping_ratio):
+    """At `place`, a mass on a spring of its own."""
+    d = SIZES[name]
+    inertia, hz = size * d["inertia_kg_m2"], rng.uniform(*d["resonance_hz"])
     w = 2 * np.pi * hz
 
     def law(t, theta, speed, z, past):
-        torque = inertia * (w**2 * (theta - z[0]) + 2 * ratio * w * (speed - z[1]))
+        torque = inertia * (w**2 * (theta - z[0]) + 2 * damping_ratio * w * (speed - z[1]))
         return torque, np.stack([z[1], torque / inertia])
 
-    s.forces.append(Force(law, states=2, on="lever"))
-    return {"inertia_kg_m2": inertia, "resonance_hz": hz}, [], "on the lever, in parallel with the hand"
+    s.forces.append(Force(law, states=2, on=place))
+    return {"inertia_kg_m2": inertia, "resonance_hz": hz}
+
+
+@alien()
+def loose_mass(s, size, rng):
+    """A part of the handle swings on a spring of its own."""
+    return _swinging_mass("lever", s, size, rng, "alien:loose_mass", 0.06), [], "on the lever, in parallel with the hand"
 
 
 @alien()
@@ -138,15 +143,7 @@ def coarse_converter(s, size, rng):
 @alien()
 def tendon_whip(s, size, rng):
     """A mass in the arm swings behind the joint on a spring of its own."""
-    d = SIZES["alien:tendon_whip"]
-    inertia, w, ratio = size * d["inertia_kg_m2"], 2 * np.pi * rng.uniform(*d["resonance_hz"]), 0.1
-
-    def swing(t, theta, speed, z, past):
-        torque = inertia * (w**2 * (theta - z[0]) + 2 * ratio * w * (speed - z[1]))
-        return torque, np.stack([z[1], torque / inertia])
-
-    s.forces.append(Force(swing, states=2))
-    return {"inertia_kg_m2": inertia, "resonance_hz": w / (2 * np.pi)}, [], "on the joint, in parallel with the muscle"
+    return _swinging_mass("joint", s, size, rng, "alien:tendon_whip", 0.1), [], "on the joint, in parallel with the muscle"
 
 
 @alien()

@@ -100,7 +100,8 @@ function tellTrials() {
     const reason = trial.status && trial.status !== "ok" ? ` (${trial.reason})` : "";
     const fit = trial.fit ?? {};
     cells(row, [name(trial), trial.velocity_rad_s, trial.torque_nm, outcome + reason,
-      fixed(fit.k_srs_nm_per_rad, 1), fixed(fit.x_e_rad, 1, 1e3), fixed(fit.vaf, 4)]);
+      fixed(fit.k_srs_nm_per_rad, 1), fixed(fit.x_e_rad, 1, 1e3), trial.no_fit ? "no fit" : fixed(fit.vaf, 4)]);
+    row.title = trial.no_fit ?? "";
     row.cells[3].className = "words";
   }
   const left = sessionHistory.queue.length;
