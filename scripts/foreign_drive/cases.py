@@ -111,7 +111,8 @@ fault("emergency message of a drive that stops by itself", "EMCY, stops itself",
 fault("overspeed, found by the drive", "8400h", f"runaway rad_s=9 detected=1 {HELD}", 100 + STOP, [SAFE], speed=False)
 fault("overspeed, found by the program", "turns at 9 rad/s, says nothing", f"runaway rad_s=9 {HELD}", 100 + STOP, [SAFE, "beyond the limit|should be"],
       speed=False)
-fault("the subject's torque is beyond its limit", "push of 14 N m", f"push nm=14 {HELD}", 120 + STOP, [SAFE, "beyond the limit of 10"],
+# At rest the emulated muscle takes 0.12 s x ln(14 / (14 - 10)) = 150 ms to push with the limit of 10 N m.
+fault("the subject's torque is beyond its limit", "push of 14 N m", f"push nm=14 {HELD}", 150 + STOP, [SAFE, "beyond the limit of 10"],
       speed=False)
 fault("shaft runs away from its target", "runs away at 1 rad/s", f"runaway rad_s=1 {HELD}", 60 + STOP, [SAFE, "should be"])
 fault("shaft jams in the ramp", "jammed shaft", f"jam {IN_RAMP}", STOP, [SAFE, "should be|8611h|holds the motion back|13"])
@@ -251,8 +252,9 @@ def sleep(seconds):
     time.sleep(seconds)
 
 
-OPERATOR = "the operator ends the session (Ctrl-C, SIGTERM, closed terminal), whatever the motor does"
-for label, number in (("SIGINT", signal.SIGINT), ("SIGTERM", signal.SIGTERM), ("SIGHUP", signal.SIGHUP)):
+OPERATOR = "the operator ends the session (Ctrl-C, SIGTERM, SIGQUIT, closed terminal, Ctrl-Z), whatever the motor does"
+for label in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP"):
+    number = getattr(signal, label)
     for phase, words in (("homing", "while homing"), ("way", "on the way to the start"), ("held", "while held"), ("ramp", "in the ramp")):
         stopped(f"{label} {words}", OPERATOR, number, phase, 160 if phase != "ramp" else 200, 1 if phase in ("held", "ramp") else None)
 KILLED = "heartbeat of the program stays away: program killed or frozen, or the drive hears nothing"

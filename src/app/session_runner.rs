@@ -13,7 +13,7 @@ use crate::session::{Machine, Operator, Pacing, RealTime, Unpaced, run_control_l
 use super::command_line_operator::CommandLineOperator;
 use super::motor_operator::{MotorOperator, SETS_ORIGIN_HERE};
 use super::session_rig::write_bus_summary;
-use super::signals::stop_on_signals;
+use super::signals::{stop_on_signals, stop_when_suspended};
 use super::{Console, ConsoleOptions, Failure, Pace, SessionRig, finish_session};
 
 /// A session that is about to run.
@@ -68,6 +68,7 @@ impl SessionRun<'_> {
                 ended?.1
             }
             SessionRig::Can(mut motor) => {
+                stop_when_suspended(&stop)?;
                 motor.stop_on(stop.clone());
                 let sets_origin_here = motor.sets_origin_here();
                 if sets_origin_here && work.setup.is_some() {

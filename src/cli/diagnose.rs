@@ -5,7 +5,9 @@ use std::path::PathBuf;
 
 use crate::app::{Console, Failure, preprocessing_settings, read_model, write_report};
 use crate::dataset::{self, Disk, Manifest};
-use crate::diagnose::{Cause, CauseEvidence, Diagnosis, DiagnosisInput, Verdict, diagnose, picture};
+use crate::diagnose::{
+    Cause, CauseEvidence, Diagnosis, DiagnosisInput, FoundLaw, Verdict, diagnose, picture,
+};
 use crate::fit::NoiseSource;
 use crate::protocol::significant;
 use serde_json::Value;
@@ -14,10 +16,10 @@ use super::verb::Verb;
 
 /// Diagnose a session: test whether the model misfits, find the mechanisms that explain the misfit, and how much they gain.
 ///
-/// The verb fits the session, tests the residuals against the measured noise, and adds mechanisms of the catalogue as
-/// long as they explain significantly more. It writes diagnosis.json and its figures into the results folder and prints a
-/// summary. The verdict is one of: adequate (no misfit beyond the noise), named (each cause is distinguished from every
-/// other candidate), ambiguous (a cause can be another one), unexplained (misfit remains that no mechanism explains).
+/// The verb compares the model with those that have a mechanism of the catalogue, two of them, or an unknown law in
+/// addition, and gives each cause its probability. It writes diagnosis.json and its figures into the results folder and
+/// prints a summary. The verdict is one of: adequate (no misfit beyond the noise), named (each cause has a probability of
+/// at least 0.95), ambiguous (a cause can be another one), unexplained (misfit remains that no mechanism explains).
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold diagnose sessions/S01\n  \
                         ramphold diagnose ankle-0 --window 0.180 --out results")]
@@ -27,7 +29,7 @@ pub struct DiagnoseArgs {
     /// Analysed time after the onset of the ramp, s [default: that of the session's protocol, else 0.040].
     #[arg(long, value_name = "S")]
     window: Option<f64>,
-    /// Seed of the simulated sessions that give the null distributions.
+    /// Seed of the draws of noise that give the null distributions.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// The model file that the diagnosis starts from [default: the model of the paper].
@@ -74,7 +76,7 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
     let mut out = console.results();
     let says = match diagnosis.verdict {
         Verdict::Adequate => "adequate: no misfit beyond the measured noise",
-        Verdict::Named => "named: every cause is distinguished from every other candidate",
+        Verdict::Named => "named: every cause has a probability of at least 0.95",
         Verdict::Ambiguous => "ambiguous: some cause could be another",
         Verdict::Unexplained => "unexplained: misfit remains that no mechanism of the catalogue explains",
     };
@@ -89,6 +91,15 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
     )?;
     for (cause, entry) in diagnosis.causes.iter().zip(json["causes"].as_array().into_iter().flatten()) {
         print_cause(&mut out, cause, entry)?;
+    }
+    let probabilities = &diagnosis.probabilities;
+    writeln!(
+        out,
+        "probability of no cause {:.3}, of a law in no catalogue {:.3}",
+        probabilities.none, probabilities.none_of_these
+    )?;
+    if let Some(law) = &diagnosis.free_law {
+        print_free_law(&mut out, law)?;
     }
     if let Some(law) = &diagnosis.elastic_limit_law {
         writeln!(out, "elastic limit: {law}")?;
@@ -121,6 +132,21 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
     Ok(())
 }
 
+/// Place, argument and curve of an unknown law; the curve at five points.
+fn print_free_law(out: &mut impl Write, law: &FoundLaw) -> Result<(), Failure> {
+    write!(out, "unknown law: {}", law.kind.title())?;
+    for (kind, _) in &law.alternatives {
+        write!(out, ", or {}", kind.title())?;
+    }
+    writeln!(out)?;
+    for place in (0..law.argument.len()).step_by(law.argument.len().div_ceil(5).max(1)) {
+        let [at, value, low, high] =
+            [law.argument[place], law.value[place], law.band[0][place], law.band[1][place]].map(significant);
+        writeln!(out, "  at {at}: {value} (95 %: {low} to {high})")?;
+    }
+    Ok(())
+}
+
 fn notes(out: &mut impl Write, diagnosis: &Diagnosis) -> Result<(), Failure> {
     for remark in &diagnosis.remarks {
         writeln!(out, "note: {remark}")?;
@@ -130,11 +156,10 @@ fn notes(out: &mut impl Write, diagnosis: &Diagnosis) -> Result<(), Failure> {
 
 fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(), Failure> {
     write!(out, "cause: {} ({}, {:?})", cause.kind.id(), cause.kind.title(), cause.kind.class())?;
-    if !cause.indistinguishable.is_empty() {
-        let ids: Vec<&str> = cause.indistinguishable.iter().map(|kind| kind.id()).collect();
-        write!(out, " or {}", ids.join(" or "))?;
+    for (kind, _) in &cause.alternatives {
+        write!(out, " or {}", kind.id())?;
     }
-    writeln!(out, ", p = {:.4}", cause.p_value)?;
+    writeln!(out, ", probability {:.3}", cause.probability)?;
     for (name, value) in entry["parameters"].as_object().into_iter().flatten() {
         if !value["value"].is_number() {
             continue;
@@ -165,7 +190,12 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
         CauseEvidence::Outliers(outliers) => {
             for (own, told) in outliers.iter().zip(entry["trials"].as_array().into_iter().flatten()) {
                 let number = &told["trial"];
-                writeln!(out, "  trial {number}: k_srs {:.2} times that of its repetitions", own.ratio)?;
+                match own.ratio {
+                    Some(ratio) => {
+                        writeln!(out, "  trial {number}: k_srs {ratio:.2} times that of its repetitions")?
+                    }
+                    None => writeln!(out, "  trial {number}: no repetition is left to compare it with")?,
+                }
             }
         }
     }

@@ -110,6 +110,7 @@ fn print_budget(rig: &ValidRigFile, console: &Console) -> Result<(), Failure> {
 
 fn ask_motor(rig: ValidRigFile, limits: &HandleLimits, console: &Console) -> Result<(), Failure> {
     let mut connection = Connection::open(rig)?;
+    connection.check_alone().map_err(Failure::Motor)?;
     let confirmed = connection.prepare(limits);
     let findings = connection.findings().to_vec();
     let released = connection.release();

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
-use super::error::{DatasetError, Place};
+use super::error::{DatasetError, FilePlace};
 
 /// A session folder that is being read; no file outside it is ever opened.
 #[derive(Debug, Clone)]
@@ -17,7 +17,7 @@ pub(super) struct SessionFolder {
 impl SessionFolder {
     /// Resolves the folder and its links, so that paths outside the folder can be refused.
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
-        let at = || Place::file(path.display().to_string());
+        let at = || FilePlace::file(path.display().to_string());
         let expected = "a session folder with session.json, trials.csv and the records";
         match fs::canonicalize(path) {
             Ok(real) if real.is_dir() => Ok(Self { shown: path.to_owned(), real }),
@@ -41,8 +41,8 @@ impl SessionFolder {
     /// The text of `file`, a path with `/` inside the folder; `named_at` is who asks for it.
     ///
     /// A byte order mark at the start is taken off: spreadsheets write it.
-    pub fn text(&self, file: &str, named_at: Option<&Place>) -> Result<String, DatasetError> {
-        let at = named_at.cloned().unwrap_or_else(|| Place::file(self.name(file)));
+    pub fn text(&self, file: &str, named_at: Option<&FilePlace>) -> Result<String, DatasetError> {
+        let at = named_at.cloned().unwrap_or_else(|| FilePlace::file(self.name(file)));
         let outside = || DatasetError::Outside { at: at.clone(), found: file.to_owned() };
         if !stays_inside(file) {
             return Err(outside());
@@ -55,7 +55,7 @@ impl SessionFolder {
                     None if file == "session.json" => "it in every session folder; is this one?".to_owned(),
                     None => "a file of the session".to_owned(),
                 };
-                return Err(DatasetError::Missing { at: Place::file(self.name(file)), expected });
+                return Err(DatasetError::Missing { at: FilePlace::file(self.name(file)), expected });
             }
             Err(source) => return Err(self.unreadable(file, source)),
         };
@@ -77,12 +77,12 @@ impl SessionFolder {
         String::from_utf8(bytes).map_err(|error| {
             let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
             let line = 1 + good.iter().filter(|&&byte| byte == b'\n').count() as u64;
-            DatasetError::NotText { at: Place::line(self.name(file), line) }
+            DatasetError::NotText { at: FilePlace::line(self.name(file), line) }
         })
     }
 
     fn unreadable(&self, file: &str, source: std::io::Error) -> DatasetError {
-        DatasetError::Unreadable { at: Place::file(self.name(file)), source }
+        DatasetError::Unreadable { at: FilePlace::file(self.name(file)), source }
     }
 }
 
@@ -116,19 +116,19 @@ impl<'text> CsvTable<'text> {
     /// Reads the header of `text`; `file` is its name for messages.
     pub fn new(file: String, text: &'text str, expected: &str) -> Result<Self, DatasetError> {
         if text.trim().is_empty() {
-            return Err(DatasetError::Empty { at: Place::file(file), expected: expected.to_owned() });
+            return Err(DatasetError::Empty { at: FilePlace::file(file), expected: expected.to_owned() });
         }
         // Row lengths are checked here, so that the message can name the line.
         let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
         let header: Vec<String> = match reader.headers() {
             Ok(header) => header.iter().map(|name| name.trim().to_owned()).collect(),
-            Err(_) => return Err(DatasetError::NotText { at: Place::line(file, 1) }),
+            Err(_) => return Err(DatasetError::NotText { at: FilePlace::line(file, 1) }),
         };
         let mut places = BTreeMap::new();
         for (place, name) in header.iter().enumerate() {
             if places.insert(name.clone(), place).is_some() && !name.is_empty() {
                 return Err(DatasetError::Column {
-                    at: Place::line(file, 1),
+                    at: FilePlace::line(file, 1),
                     column: name.clone(),
                     problem: "there twice",
                     header: header.join(","),
@@ -146,7 +146,7 @@ impl<'text> CsvTable<'text> {
     /// Where `column` is, which must be there.
     pub fn column(&self, column: &str) -> Result<usize, DatasetError> {
         self.find(column).ok_or_else(|| DatasetError::Column {
-            at: Place::line(self.file.clone(), 1),
+            at: FilePlace::line(self.file.clone(), 1),
             column: column.to_owned(),
             problem: "missing",
             header: self.header.join(","),
@@ -163,12 +163,12 @@ impl<'text> CsvTable<'text> {
         let more = self.reader.read_byte_record(&mut self.row);
         match more {
             Ok(true) if self.row.len() != self.header.len() => Err(DatasetError::FieldCount {
-                at: Place::line(self.file.clone(), self.line()),
+                at: FilePlace::line(self.file.clone(), self.line()),
                 found: self.row.len(),
                 expected: self.header.len(),
             }),
             Ok(more) => Ok(more),
-            Err(_) => Err(DatasetError::NotText { at: Place::line(self.file.clone(), self.line()) }),
+            Err(_) => Err(DatasetError::NotText { at: FilePlace::line(self.file.clone(), self.line()) }),
         }
     }
 
@@ -200,8 +200,8 @@ impl<'text> CsvTable<'text> {
     }
 
     /// File, line and column of a cell of the present row.
-    pub fn place(&self, column: usize) -> Place {
-        Place::cell(self.file.clone(), self.line(), format!("column {}", self.header[column]))
+    pub fn place(&self, column: usize) -> FilePlace {
+        FilePlace::cell(self.file.clone(), self.line(), format!("column {}", self.header[column]))
     }
 
     /// The error for a cell of the present row that is not as `expected`.

@@ -5,7 +5,7 @@ use std::io;
 
 /// Where in a session folder something is: file, and line and column where they are known.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub struct FilePlace {
     /// Path of the file, as the user would type it.
     pub file: Box<str>,
     /// Line in the file, the first being 1.
@@ -14,7 +14,7 @@ pub struct Place {
     pub column: Option<Box<str>>,
 }
 
-impl Place {
+impl FilePlace {
     /// A field of a JSON file, by its path.
     pub fn field(file: impl Into<Box<str>>, path: &str) -> Self {
         Self { file: file.into(), line: None, column: Some(format!("field {path}").into()) }
@@ -36,7 +36,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for FilePlace {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}", self.file)?;
         if let Some(line) = self.line {
@@ -56,7 +56,7 @@ pub enum DatasetError {
     #[error("{at}: not found; expected {expected}")]
     Missing {
         /// The file.
-        at: Place,
+        at: FilePlace,
         /// What it should have been, and who names it.
         expected: String,
     },
@@ -64,7 +64,7 @@ pub enum DatasetError {
     #[error("{at}: cannot be read ({source}); expected a readable file")]
     Unreadable {
         /// The file.
-        at: Place,
+        at: FilePlace,
         /// The operating system's reason.
         source: io::Error,
     },
@@ -72,7 +72,7 @@ pub enum DatasetError {
     #[error("{at}: the file is empty; expected {expected}")]
     Empty {
         /// The file.
-        at: Place,
+        at: FilePlace,
         /// What should be there.
         expected: String,
     },
@@ -80,13 +80,13 @@ pub enum DatasetError {
     #[error("{at}: not UTF-8 text; expected a table or JSON saved as UTF-8")]
     NotText {
         /// The first line that is not.
-        at: Place,
+        at: FilePlace,
     },
     /// `session.json` is not JSON, or not of the shape the format asks for.
     #[error("{at}: {message}; expected a session description of format {format}", format = super::SESSION_FORMAT)]
     Json {
         /// File, line and the path of the field.
-        at: Place,
+        at: FilePlace,
         /// The parser's words.
         message: String,
     },
@@ -94,7 +94,7 @@ pub enum DatasetError {
     #[error("{at}: format version {found:?} is not known; expected {expected:?}, or a newer program")]
     UnknownFormat {
         /// The field.
-        at: Place,
+        at: FilePlace,
         /// What is there.
         found: String,
         /// What this program reads.
@@ -104,7 +104,7 @@ pub enum DatasetError {
     #[error("{at}: column {column} is {problem}; expected exactly one, the header is: {header}")]
     Column {
         /// The header line.
-        at: Place,
+        at: FilePlace,
         /// Its name.
         column: String,
         /// `missing` or `there twice`.
@@ -116,7 +116,7 @@ pub enum DatasetError {
     #[error("{at}: {found} fields; expected {expected} as in the header")]
     FieldCount {
         /// The row.
-        at: Place,
+        at: FilePlace,
         /// Its number of fields.
         found: usize,
         /// The header's.
@@ -126,7 +126,7 @@ pub enum DatasetError {
     #[error("{at}: {found:?} is not valid; expected {expected}")]
     Value {
         /// File, line and column.
-        at: Place,
+        at: FilePlace,
         /// What is there.
         found: String,
         /// What should be.
@@ -136,7 +136,7 @@ pub enum DatasetError {
     #[error("{at}: time goes from {before_s} s to {after_s} s; expected a step forward of {step_s} s")]
     StepBack {
         /// The later row.
-        at: Place,
+        at: FilePlace,
         /// Time of the row before.
         before_s: f64,
         /// Time of this row.
@@ -148,7 +148,7 @@ pub enum DatasetError {
     #[error("{at}: gap in time from {before_s} s to {after_s} s; expected a step of {step_s} s")]
     Gap {
         /// The row after the gap.
-        at: Place,
+        at: FilePlace,
         /// Time of the row before.
         before_s: f64,
         /// Time of this row.
@@ -162,7 +162,7 @@ pub enum DatasetError {
     )]
     Rate {
         /// The row where it became certain.
-        at: Place,
+        at: FilePlace,
         /// Rate of the record.
         found_hz: f64,
         /// Rate of the session.
@@ -174,7 +174,7 @@ pub enum DatasetError {
     )]
     Onset {
         /// Cell of the table.
-        at: Place,
+        at: FilePlace,
         /// The onset given.
         onset_s: f64,
         /// What is asked of it.
@@ -192,7 +192,7 @@ pub enum DatasetError {
     )]
     Outside {
         /// Cell of the table, or the file.
-        at: Place,
+        at: FilePlace,
         /// The path given.
         found: String,
     },
@@ -200,7 +200,7 @@ pub enum DatasetError {
     #[error("{at}: trial {number} is already in line {first_line}; expected each number once")]
     DuplicateTrial {
         /// Cell of the second.
-        at: Place,
+        at: FilePlace,
         /// The number.
         number: u32,
         /// Line of the first.
@@ -210,7 +210,7 @@ pub enum DatasetError {
     #[error("{at}: another program has this session open; expected to be the only one. Wait until it ends")]
     InUse {
         /// The folder.
-        at: Place,
+        at: FilePlace,
     },
     /// The journal lacks its beginning, or is no journal.
     #[error(
@@ -218,7 +218,7 @@ pub enum DatasetError {
     )]
     NoJournal {
         /// The journal.
-        at: Place,
+        at: FilePlace,
         /// What is there instead.
         problem: String,
     },
@@ -229,7 +229,7 @@ pub enum DatasetError {
     )]
     Damaged {
         /// The journal.
-        at: Place,
+        at: FilePlace,
         /// First byte of the damage.
         offset: u64,
         /// Number of bytes.
@@ -243,7 +243,7 @@ pub enum DatasetError {
     )]
     ProtocolChanged {
         /// The protocol.
-        at: Place,
+        at: FilePlace,
         /// Of the file.
         found: String,
         /// Of the journal.
@@ -256,7 +256,7 @@ pub enum DatasetError {
     #[error("{at}: {found} samples; expected at least {expected} in a trial of status ok")]
     TooShort {
         /// The record.
-        at: Place,
+        at: FilePlace,
         /// Samples there.
         found: usize,
         /// Samples needed.

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::csv_input::{CsvTable, SessionFolder};
-use super::error::{DatasetError, Place};
+use super::error::{DatasetError, FilePlace};
 use super::{Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
 use crate::json_file;
 use crate::signal::FilterSpec;
@@ -68,13 +68,13 @@ fn read_description(folder: &SessionFolder) -> Result<ParsedDescription, Dataset
     let text = folder.text("session.json", None)?;
     if text.trim().is_empty() {
         let expected = "a JSON object that describes the session".to_owned();
-        return Err(DatasetError::Empty { at: Place::file(name), expected });
+        return Err(DatasetError::Empty { at: FilePlace::file(name), expected });
     }
     // The version comes before everything else: of an unknown one, no field can be judged.
     let version: Version = parse_json(&name, &text)?;
     if version.format != SESSION_FORMAT {
         return Err(DatasetError::UnknownFormat {
-            at: Place::field(name, "format"),
+            at: FilePlace::field(name, "format"),
             found: version.format,
             expected: SESSION_FORMAT,
         });
@@ -88,7 +88,7 @@ pub(super) fn parse_json<T: DeserializeOwned>(name: &str, text: &str) -> Result<
     json_file::parse(text, Path::new(name), "a session description").map_err(|error| {
         let (path, message) = error.field_and_message();
         let column = (path != ".").then(|| format!("field {path}").into());
-        let place = Place { file: name.into(), line: Some(error.line() as u64), column };
+        let place = FilePlace { file: name.into(), line: Some(error.line() as u64), column };
         DatasetError::Json { at: place, message }
     })
 }
@@ -99,7 +99,7 @@ fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetErro
             return Ok(());
         }
         Err(DatasetError::Value {
-            at: Place::field(name, field),
+            at: FilePlace::field(name, field),
             found: found.to_string(),
             expected: expected.to_owned(),
         })
@@ -126,8 +126,8 @@ fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetErro
 /// A row of `trials.csv`, whose record is still to be read.
 struct Row {
     trial: Trial,
-    file_at: Place,
-    onset_at: Place,
+    file_at: FilePlace,
+    onset_at: FilePlace,
 }
 
 fn read_table(folder: &SessionFolder) -> Result<Vec<Row>, DatasetError> {
@@ -220,7 +220,11 @@ impl Row {
         let analysed = self.trial.status == Status::Ok;
         let needed = (2.0 * AROUND_ONSET_S * sample_rate_hz).floor() as usize;
         if analysed && samples < needed {
-            return Err(DatasetError::TooShort { at: Place::file(name), found: samples, expected: needed });
+            return Err(DatasetError::TooShort {
+                at: FilePlace::file(name),
+                found: samples,
+                expected: needed,
+            });
         }
         let Some(onset_s) = self.trial.onset_s else { return Ok(()) };
         let (first_s, last_s) =

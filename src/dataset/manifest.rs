@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::csv_input::SessionFolder;
 use super::disk::Disk;
-use super::error::{DatasetError, Place};
+use super::error::{DatasetError, FilePlace};
 use super::folder::{Description, PROGRAM, pretty, sha256};
 use super::load::parse_json;
 use super::recorder::RecordError;
@@ -102,12 +102,12 @@ impl Manifest {
             opened.text("session.json", None)?;
             let expected =
                 "the manifest that is written when a session ends; ramphold resume brings it to its end";
-            return Err(DatasetError::Missing { at: Place::file(name), expected: expected.to_owned() });
+            return Err(DatasetError::Missing { at: FilePlace::file(name), expected: expected.to_owned() });
         }
         let text = opened.text(MANIFEST, None)?;
         let manifest: Self = parse_json(&name, &text)?;
         if manifest.format != MANIFEST_FORMAT {
-            let at = Place::field(name, "format");
+            let at = FilePlace::field(name, "format");
             return Err(DatasetError::UnknownFormat {
                 at,
                 found: manifest.format,
@@ -195,7 +195,7 @@ fn stock(folder: &Path) -> Result<BTreeMap<String, ManifestEntry>, DatasetError>
     while let Some(inside) = folders.pop() {
         let path = folder.join(&inside);
         let failed =
-            |source| DatasetError::Unreadable { at: Place::file(path.display().to_string()), source };
+            |source| DatasetError::Unreadable { at: FilePlace::file(path.display().to_string()), source };
         for entry in fs::read_dir(&path).map_err(failed)? {
             let entry = entry.map_err(failed)?;
             let name = format!("{inside}{}", entry.file_name().to_string_lossy());
@@ -215,6 +215,6 @@ fn kept(path: &Path, name: &str) -> Result<ManifestEntry, DatasetError> {
         Ok(_) => Err(io::Error::new(ErrorKind::InvalidInput, "not an ordinary file")),
         Err(error) => Err(error),
     };
-    let bytes = bytes.map_err(|source| DatasetError::Unreadable { at: Place::file(name), source })?;
+    let bytes = bytes.map_err(|source| DatasetError::Unreadable { at: FilePlace::file(name), source })?;
     Ok(ManifestEntry { bytes: bytes.len() as u64, sha256: sha256(&bytes) })
 }

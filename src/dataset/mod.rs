@@ -25,7 +25,7 @@ pub use crate::session::Status;
 pub use audit::{ActionOrigin, AuditEntry, LONGEST_NOTE, OperatorAction, Wrist};
 pub use background_recorder::{AuditSender, BackgroundRecorder};
 pub use disk::Disk;
-pub use error::{DatasetError, Place};
+pub use error::{DatasetError, FilePlace};
 pub use folder::{NewSession, PROGRAM};
 pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalLine, JournalText};
 pub use load::load;

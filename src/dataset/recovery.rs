@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::SESSION_FORMAT;
 use super::audit::AuditEntry;
 use super::csv_input::SessionFolder;
-use super::error::{DatasetError, Place};
+use super::error::{DatasetError, FilePlace};
 use super::folder::{Description, sha256};
 use super::journal::{JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalText};
 use super::load::parse_json;
@@ -35,7 +35,7 @@ impl RecoveredSession {
     pub fn read(path: &Path) -> Result<Self, DatasetError> {
         let folder = SessionFolder::open(path)?;
         let text = folder.text("session.json", None)?;
-        let at = || Place::file(folder.name(JOURNAL));
+        let at = || FilePlace::file(folder.name(JOURNAL));
         let bytes = fs::read(path.join(JOURNAL)).map_err(|source| match source.kind() {
             std::io::ErrorKind::NotFound => {
                 DatasetError::NoJournal { at: at(), problem: "not found".to_owned() }
@@ -64,7 +64,7 @@ impl RecoveredSession {
         }
         let about: Description = parse_json(&folder.name("session.json"), &text)?;
         if about.format != SESSION_FORMAT {
-            let at = Place::field(folder.name("session.json"), "format");
+            let at = FilePlace::field(folder.name("session.json"), "format");
             return Err(DatasetError::UnknownFormat { at, found: about.format, expected: SESSION_FORMAT });
         }
         let (seed, program, rules, delay) = (*seed, program.clone(), *rules, *motion_delay_samples);
@@ -72,7 +72,7 @@ impl RecoveredSession {
         let found = sha256(protocol.as_bytes());
         if found != *protocol_sha256 {
             return Err(DatasetError::ProtocolChanged {
-                at: Place::file(folder.name("protocol.json")),
+                at: FilePlace::file(folder.name("protocol.json")),
                 found,
                 expected: protocol_sha256.clone(),
             });
@@ -80,7 +80,7 @@ impl RecoveredSession {
         let protocol = ValidProtocol::parse(&protocol, &folder.name("protocol.json"))?;
         let order = order(&folder)?;
         let mut settings = Settings::new(&protocol, seed, &order).map_err(|error| DatasetError::Value {
-            at: Place::file(folder.name("schedule.csv")),
+            at: FilePlace::file(folder.name("schedule.csv")),
             found: error.to_string(),
             expected: "an order of the protocol's trials".to_owned(),
         })?;
@@ -93,7 +93,7 @@ impl RecoveredSession {
     pub fn undamaged(&self) -> Result<(), DatasetError> {
         let Some(damage) = self.journal.damage.first() else { return Ok(()) };
         Err(DatasetError::Damaged {
-            at: Place::file(self.path.join(JOURNAL).display().to_string()),
+            at: FilePlace::file(self.path.join(JOURNAL).display().to_string()),
             offset: damage.offset,
             length: damage.length,
             reason: damage.reason.clone(),
@@ -125,7 +125,7 @@ fn order(folder: &SessionFolder) -> Result<Vec<schedule::ScheduledTrial>, Datase
     let rows = csv::Reader::from_reader(text.as_bytes()).into_deserialize();
     rows.map(|row| {
         row.map_err(|error: csv::Error| DatasetError::Value {
-            at: Place {
+            at: FilePlace {
                 file: folder.name("schedule.csv").into(),
                 line: error.position().map(csv::Position::line),
                 column: None,

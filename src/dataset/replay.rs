@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::error::{DatasetError, Place};
+use super::error::{DatasetError, FilePlace};
 use super::journal::JournalEntry;
 use super::recovery::{RecoveredSession, RecoveredState};
 use super::trial_csv_reader;
@@ -405,7 +405,7 @@ impl<'a> Replayer<'a> {
         let record = trial_csv_reader::parse(&name, whole, self.session.settings.sample_rate_hz)?;
         let (Some(fcr), Some(ecr)) = (&record.emg_fcr_mvc, &record.emg_ecr_mvc) else {
             let expected = "the columns emg_fcr_mvc and emg_ecr_mvc".to_owned();
-            return Err(DatasetError::Empty { at: Place::file(name), expected });
+            return Err(DatasetError::Empty { at: FilePlace::file(name), expected });
         };
         let samples: Vec<Sample> = (0..fcr.len())
             .map(|row| Sample {

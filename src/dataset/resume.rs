@@ -5,7 +5,7 @@ use std::io::{self, ErrorKind};
 use std::path::Path;
 
 use super::disk::Disk;
-use super::error::{DatasetError, Place};
+use super::error::{DatasetError, FilePlace};
 use super::journal::{Damage, Interrupted, JOURNAL, Journal};
 use super::manifest::{Change, MANIFEST, Manifest};
 use super::recorder::{RecordError, Recorder};
@@ -69,7 +69,7 @@ impl Resumable {
         let journal = match Journal::open(&disk, path) {
             Ok(journal) => journal,
             Err(error) if error.kind() == ErrorKind::WouldBlock => {
-                return Err(DatasetError::InUse { at: Place::file(path.display().to_string()) }.into());
+                return Err(DatasetError::InUse { at: FilePlace::file(path.display().to_string()) }.into());
             }
             Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
                 // Reading the folder gives the more precise error.

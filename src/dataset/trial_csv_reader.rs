@@ -2,7 +2,7 @@
 
 use super::Record;
 use super::csv_input::CsvTable;
-use super::error::{DatasetError, Place};
+use super::error::{DatasetError, FilePlace};
 
 /// How far a sample may be from its place on an even time axis, in sample periods. Times are often printed with few
 /// digits, so a step is not exactly a period; half a period is where a sample would be nearer to its neighbour's place.
@@ -52,7 +52,7 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
 fn check_times(file: &str, times_s: &[f64], lines: &[u64], sample_rate_hz: f64) -> Result<(), DatasetError> {
     let Some(&first_s) = times_s.first() else { return Ok(()) };
     let step_s = 1.0 / sample_rate_hz;
-    let at = |row: usize| Place::cell(file, lines[row], "column t_s");
+    let at = |row: usize| FilePlace::cell(file, lines[row], "column t_s");
     let rate = |row: usize| DatasetError::Rate {
         at: at(row),
         found_hz: 1.0 / median_step(times_s),

@@ -94,7 +94,9 @@ fn a_diagnosis_names_the_example_mechanism() {
     let look = DiagnosisInput::new(&session(), PreprocessingSettings::default(), &Model::paper()).unwrap();
     let diagnosis = diagnose(&look, &Model::paper(), 1, &|_| {});
     let names = diagnosis.causes.iter().flat_map(|cause| {
-        std::iter::once(cause.kind).chain(cause.indistinguishable.iter().copied()).map(MechanismKind::id)
+        std::iter::once(cause.kind)
+            .chain(cause.alternatives.iter().map(|(kind, _)| *kind))
+            .map(MechanismKind::id)
     });
     let names: Vec<&str> = names.collect();
     assert!(names.contains(&"end_range_stiffness"), "{:?}: {names:?}", diagnosis.verdict);

@@ -2,12 +2,13 @@
 
 use super::across_trials::covariate_regression::CovariateEffect;
 use super::across_trials::outliers::Outlier;
+use super::interval::Interval;
 use super::mains_hum::DetectedHum;
 use super::within_trial::cross_validation::Gain;
 use crate::fit::Fit;
 use crate::wrist::mechanisms::MechanismKind;
 
-/// CauseEvidence for a cause.
+/// Evidence for a cause.
 #[derive(Debug, Clone)]
 pub enum CauseEvidence {
     /// The mechanism was added to the model, and the fit improved.
@@ -16,7 +17,7 @@ pub enum CauseEvidence {
         before: Box<Fit>,
         /// The fit with the mechanism.
         after: Box<Fit>,
-        /// Decrease of the whitened sum of squares (chi-square units).
+        /// Decrease of twice the cost by the mechanism (chi-square units).
         chi_square_gain: f64,
         /// Improvement on trials left out of the fit.
         gain: Gain,
@@ -43,10 +44,14 @@ pub enum CauseEvidence {
 pub struct Cause {
     /// The mechanism.
     pub kind: MechanismKind,
-    /// Probability of evidence at least as strong if no mechanism of the catalogue were present.
+    /// Posterior probability that it is at work.
+    pub probability: f64,
+    /// Probability of a likelihood ratio at least as large if this cause were not at work and all others of the answer were.
     pub p_value: f64,
-    /// Other mechanisms that the data do not rule out in place of this one.
-    pub indistinguishable: Vec<MechanismKind>,
+    /// Other mechanisms that could be in place of this one, with their probabilities there.
+    pub alternatives: Vec<(MechanismKind, f64)>,
+    /// The mechanism's parameters.
+    pub values: Vec<Interval>,
     /// The evidence.
     pub evidence: CauseEvidence,
 }

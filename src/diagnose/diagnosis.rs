@@ -1,19 +1,33 @@
-//! The diagnosis of a session: misfit within the trials, then across the trials, and the verdict.
+//! The diagnosis of a session: probabilities of causes from the comparison of models, checks of the best one, and the verdict.
 
-use super::across_trials::covariate_regression::{CovariateEffect, covariate_effects, table_without_effect};
+use nalgebra::DVector;
+
+use super::across_trials::covariate_regression::{covariate_effect_of, with_effect_in_parameters};
 use super::across_trials::elastic_limit_law::{ElasticLimitLaw, elastic_limit_law};
+use super::across_trials::exchangeability::remaining_correlation;
 use super::across_trials::outliers::outliers;
-use super::across_trials::stiffness_table::{MIN_DEGREES_OF_FREEDOM, StiffnessTable};
+use super::across_trials::stiffness_table::StiffnessTable;
+use super::applicability::missing;
 use super::base_model::not_described;
 use super::cause::{Cause, CauseEvidence};
-use super::mains_hum::DetectedHum;
+use super::evidence::answer::{
+    AnsweredCause, CauseProbabilities, NAMED_PROBABILITY, answered_causes, most_probable_model,
+};
+use super::evidence::found_law::FoundLaw;
+use super::evidence::model_posterior::ModelPosterior;
+use super::evidence::model_prior::compared;
+use super::evidence::model_search::{ComparedModel, ModelSearch};
+use super::evidence::session_prior::SessionPrior;
+use super::mains_hum::{DetectedHum, hum_probability};
 use super::preprocessing::DiagnosisInput;
-use super::within_trial::cross_validation::hum_removal_gain;
-use super::within_trial::forward_selection::{AddedMechanismEvidence, ForwardSelection};
+use super::within_trial::cross_validation::{gain, hum_removal_gain};
 use super::within_trial::null_distribution::{MISFIT_LEVEL, MisfitStatistics};
 use super::within_trial::residual_terms::{ResidualDescription, residual_term};
-use super::within_trial::score_test::UndetectableMechanism;
-use crate::fit::{Fit, Model, Observations, Weighting};
+use super::within_trial::score_test::{UndetectableMechanism, probe_context};
+use super::within_trial::tested_fit::TestedFit;
+use crate::fit::{Fit, Model, Observations, Weighting, X_E};
+use crate::random::Stream;
+use crate::statistics::chi_square_tail;
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// Verdict of a diagnosis.
@@ -39,10 +53,14 @@ pub struct Diagnosis {
     pub misfit: MisfitStatistics,
     /// Probability of a misfit at least as large, within and across the trials, if the model were right.
     pub p_value: f64,
+    /// Probability of each cause, of none, and of a cause in no catalogue.
+    pub probabilities: CauseProbabilities,
     /// The causes, the largest improvement first.
     pub causes: Vec<Cause>,
     /// Probability of the remaining misfit if the extended model were right.
     pub remaining_p_value: f64,
+    /// The unknown law that explains the session better than the catalogue, and what else it could be.
+    pub free_law: Option<FoundLaw>,
     /// Description of the remaining residuals if they are more than noise. It is not a mechanism.
     pub residual_term: Option<ResidualDescription>,
     /// Mechanisms that this session cannot show.
@@ -57,10 +75,6 @@ pub struct Diagnosis {
     pub remarks: Vec<String>,
 }
 
-/// Significance level of the test for misfit that remains after two added mechanisms. Higher than `MISFIT_LEVEL`, since misfit is
-/// established by then, and two mechanisms can describe much that neither causes. Assumed.
-const MISFIT_LEVEL_AFTER_TWO: f64 = 0.05;
-
 impl Diagnosis {
     /// The diagnosis of a session about which nothing can be said, for the reason in `remarks`.
     fn without_causes(fit: Fit, remarks: Vec<String>) -> Self {
@@ -68,8 +82,10 @@ impl Diagnosis {
             verdict: Verdict::Unexplained,
             misfit: MisfitStatistics { largest: f64::NAN, excess: f64::NAN, scatter: f64::NAN },
             p_value: f64::NAN,
+            probabilities: CauseProbabilities::default(),
             causes: Vec::new(),
             remaining_p_value: f64::NAN,
+            free_law: None,
             residual_term: None,
             undetectable: Vec::new(),
             elastic_limit_law: None,
@@ -97,73 +113,242 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         remarks.push(format!("no cause was looked for: {reason}"));
         return Diagnosis::without_causes(before, remarks);
     }
-    let mut causes: Vec<Cause> =
-        look.hum.iter().map(|found| hum_cause(observations, &before, found, seed)).collect();
-    let p_hum = causes.first().map_or(1.0, |cause| cause.p_value);
-    let within = ForwardSelection::run(observations, &before, seed, stage);
-    if !within.misfit.is_finite() {
+    let Some(search) = compared_models(observations, &before, seed, stage) else {
+        remarks.push("no cause was looked for: the likelihood of the model cannot be approximated".into());
+        return Diagnosis::without_causes(before, remarks);
+    };
+    let models = &search.models;
+    let probabilities = CauseProbabilities::of(models);
+    stage("comparing the misfit with noise");
+    let angle_errors = &search.prior.angle_errors;
+    let given = TestedFit::new(observations, &before, angle_errors, seed);
+    let most_probable = most_probable_model(models);
+    // What acts within the trials must also leave a misfit there; what acts across them leaves none.
+    let acts_within = |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace;
+    let is_seen = !models[most_probable].causes.iter().all(acts_within) || given.p_values.any() < SEEN_LEVEL;
+    let nothing = probabilities.none > 1.0 - NAMED_PROBABILITY || !is_seen;
+    let best = if nothing { 0 } else { most_probable };
+    let explains = probabilities.none_of_these < 0.5;
+    let free = (!nothing && !explains).then(|| FoundLaw::of(&search, &probabilities)).flatten();
+    let extended = extended_fit(&search, &models[best]);
+    let tested = (best > 0).then(|| TestedFit::new(observations, &extended, angle_errors, seed));
+    let left = tested.as_ref().unwrap_or(&given);
+    if !given.misfit.is_finite() || !left.misfit.is_finite() {
         remarks.push("no cause was looked for: the misfit is not a finite number".into());
         return Diagnosis::without_causes(before, remarks);
     }
-    causes.extend(within.causes.into_iter().map(added_cause));
-    if let Some(ratio) = within.scatter {
+    let across = remaining_correlation(observations, &models[best].posterior, seed);
+    if across.is_none() {
+        remarks.push(
+            "too few repetitions to compare trials with each other; at least six more trials than conditions are needed"
+                .into(),
+        );
+    }
+    let remaining_p_value = (2.0 * left.p_values.any().min(across.unwrap_or(1.0))).min(1.0);
+    if 2.0 * left.p_values.between_repetitions() < MISFIT_LEVEL {
         remarks.push(format!(
-            "the variance of the residuals about their mean pattern is {ratio:.1} times that of the noise: the ramps contain a \
+            "the variance of the residuals about their mean pattern is {:.1} times that of the noise: the ramps contain a \
              disturbance that differs between repetitions, is absent in the holds and is described by no mechanism, such as an \
-             unsteady clock or a coarse converter"
+             unsteady clock or a coarse converter",
+            left.p_values.scatter
         ));
     }
-    stage("comparing the trials with each other");
-    let (across, p_across, left_across) = across_trials(observations, &within.fit, seed, &mut remarks);
-    causes.extend(across);
+    stage("measuring the gain on data left out");
+    let chain = FitChain { search: &search, probabilities: &probabilities, seed };
+    let mut causes = if nothing { Vec::new() } else { chain.causes(best) };
+    causes.extend(look.hum.iter().map(|found| hum_cause(observations, &before, found, seed)));
     causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));
-    let remaining_p_value = (2.0 * within.remaining_p_value.min(left_across)).min(1.0);
-    let added = within.fit.kinds.len() - before.kinds.len();
-    let significant = if added < 2 { MISFIT_LEVEL } else { MISFIT_LEVEL_AFTER_TWO };
-    let verdict = if remaining_p_value < significant {
+    let verdict = if free.is_some() || remaining_p_value < MISFIT_LEVEL {
         Verdict::Unexplained
-    } else if causes.iter().any(|cause| !cause.indistinguishable.is_empty()) {
-        Verdict::Ambiguous
     } else if causes.is_empty() {
         Verdict::Adequate
+    } else if causes
+        .iter()
+        .any(|cause| !cause.alternatives.is_empty() || cause.probability < NAMED_PROBABILITY)
+    {
+        Verdict::Ambiguous
     } else {
         Verdict::Named
     };
     let residual_term =
-        (verdict == Verdict::Unexplained).then(|| residual_term(observations, &within.fit)).flatten();
+        (verdict == Verdict::Unexplained).then(|| residual_term(observations, &extended)).flatten();
+    let p_of_causes = causes.iter().map(|cause| cause.p_value).fold(1.0, f64::min);
     Diagnosis {
         verdict,
-        misfit: within.misfit,
-        p_value: (2.0 * within.p_value.min(p_across)).min(p_hum).min(1.0),
+        misfit: given.misfit,
+        p_value: (2.0 * given.p_values.any()).min(p_of_causes).min(1.0),
+        probabilities,
         causes,
         remaining_p_value,
+        free_law: free,
         residual_term,
-        undetectable: within.undetectable,
-        elastic_limit_law: elastic_limit_law(observations, &within.fit, &within.simulated_limits),
-        before,
-        after: within.fit,
+        undetectable: given.undetectable.clone(),
+        elastic_limit_law: limit_law(&search, &models[best], seed),
+        before: search.without_deviations(&models[0].posterior),
+        after: extended,
         remarks,
     }
 }
 
-/// The mechanism of the catalogue whose evidence is in the hold or in single trials.
-fn cause_shown_in(evidence: EvidenceSource) -> MechanismKind {
-    MechanismKind::shown_in(evidence)
-        .expect("the catalogue has a mechanism for the hold and one for single trials")
+/// The models that are compared, each with its evidence.
+fn compared_models<'a>(
+    observations: &'a Observations,
+    before: &'a Fit,
+    seed: u64,
+    stage: &dyn Fn(&'static str),
+) -> Option<ModelSearch<'a>> {
+    let kinds = compared(|kind| before.kinds.contains(&kind) || missing(observations, kind).is_some());
+    let prior = SessionPrior::new(observations, before, probe_context(observations));
+    let mut search = ModelSearch::new(observations, before, prior, &kinds)?;
+    stage("fitting the mechanisms of the catalogue");
+    search.add_single_causes(&kinds);
+    stage("fitting unknown laws");
+    search.add_free_laws();
+    stage("fitting pairs of mechanisms");
+    let single = search.best_with(1);
+    let best = if search.models[single].log_odds > 0.0 { single } else { 0 };
+    let fit = extended_fit(&search, &search.models[best]);
+    let tested = TestedFit::new(observations, &fit, &search.prior.angle_errors, seed);
+    search.add_pairs(&kinds, tested.p_values.any() < MISFIT_LEVEL);
+    stage("looking for trials that do not belong");
+    if let Some(kind) = kinds.iter().copied().find(|kind| kind.evidence() == EvidenceSource::SingleTrials) {
+        search.add_outliers(0, kind);
+        let single = search.best_with(1);
+        if single > 0 {
+            search.add_outliers(single, kind);
+        }
+    }
+    Some(search)
 }
 
-fn added_cause(own: AddedMechanismEvidence) -> Cause {
-    Cause {
-        kind: own.kind,
-        p_value: own.p_value,
-        indistinguishable: own.indistinguishable,
-        evidence: CauseEvidence::WithinTrial {
-            before: Box::new(own.before),
-            after: Box::new(own.after),
-            chi_square_gain: own.chi_square_gain,
-            gain: own.gain,
-        },
+/// The fit of a model, with the deviations of its mechanisms' laws held at their most probable values.
+fn extended_fit(search: &ModelSearch, model: &ComparedModel) -> Fit {
+    let mut held = model.posterior.fit.model.clone();
+    let ranges = held.mechanism_ranges();
+    for (added, range) in held.mechanisms.iter_mut().zip(ranges) {
+        if added.kind.is_free_law() && !model.causes.contains(&added.kind) {
+            for (spec, value) in added.parameters.iter_mut().zip(&model.posterior.fit.parameters[0][range]) {
+                *spec = crate::fit::ParameterSpec::fixed(*value);
+            }
+        }
     }
+    // What acts across the trials is in their parameters.
+    let mut fit = model.posterior.fit.with_model(search.observations(), &held);
+    for kind in model.causes.iter().filter(|kind| kind.evidence() == EvidenceSource::AcrossTrials) {
+        fit = with_effect_in_parameters(search.observations(), &fit, *kind);
+    }
+    fit.extended(search.observations(), &fit.model).with_shrinkage(search.observations())
+}
+
+/// Level of the test of the model as given, without which no cause within the trials is named: what is allowed of false alarms.
+const SEEN_LEVEL: f64 = 0.05;
+
+/// Number of sessions of noise alone from which the errors of the elastic limits follow.
+const LIMIT_SIMULATIONS: usize = 200;
+
+/// The law of the elastic limits of a model's trials.
+fn limit_law(search: &ModelSearch, model: &ComparedModel, seed: u64) -> Option<ElasticLimitLaw> {
+    let posterior = &model.posterior;
+    let coordinate = posterior.unknowns.parameters.iter().position(|own| *own == X_E)?;
+    let mut stream = Stream::new(seed, "errors of the elastic limits");
+    let limit = |(own, error): (&Vec<f64>, &DVector<f64>)| own[X_E] * libm::exp(error[coordinate]);
+    let simulated: Vec<Vec<f64>> = posterior
+        .simulated_errors(LIMIT_SIMULATIONS, &mut stream)
+        .iter()
+        .map(|errors| posterior.fit.parameters.iter().zip(errors).map(limit).collect())
+        .collect();
+    elastic_limit_law(search.observations(), &posterior.fit, &simulated)
+}
+
+/// The causes of an answer, each with the fits before and after it is added.
+struct FitChain<'a> {
+    search: &'a ModelSearch<'a>,
+    probabilities: &'a CauseProbabilities,
+    seed: u64,
+}
+
+impl FitChain<'_> {
+    fn causes(&self, best: usize) -> Vec<Cause> {
+        let models = &self.search.models;
+        let mut answered = answered_causes(models, best);
+        // The cause first that explains more alone.
+        let alone = |kind: MechanismKind| {
+            let own = models.iter().find(|own| own.causes == [kind]);
+            own.map_or(f64::NEG_INFINITY, |own| own.log_odds)
+        };
+        answered.sort_by(|a, b| alone(b.kind).total_cmp(&alone(a.kind)));
+        let whole = &models[best];
+        let mut causes = Vec::new();
+        let mut so_far = self.fit_of(&models[0]);
+        let mut kinds = Vec::new();
+        for own in answered {
+            kinds.push(own.kind);
+            let model = models.iter().find(|model| {
+                model.causes.len() == kinds.len() && kinds.iter().all(|kind| model.causes.contains(kind))
+            });
+            let after = self.fit_of(model.unwrap_or(whole));
+            causes.push(self.cause(own, whole, &so_far, &after));
+            so_far = after;
+        }
+        causes
+    }
+
+    /// The fit of a model; what acts across the trials is in their parameters.
+    fn fit_of(&self, model: &ComparedModel) -> Fit {
+        let fit = self.search.without_deviations(&model.posterior);
+        let across = model.causes.iter().filter(|kind| kind.evidence() == EvidenceSource::AcrossTrials);
+        across.fold(fit, |fit, kind| with_effect_in_parameters(self.search.observations(), &fit, *kind))
+    }
+
+    fn cause(&self, own: AnsweredCause, whole: &ComparedModel, before: &Fit, after: &Fit) -> Cause {
+        let observations = self.search.observations();
+        let models = &self.search.models;
+        let without = models.iter().find(|model| {
+            model.causes.len() + 1 == whole.causes.len()
+                && model.causes.iter().all(|kind| whole.causes.contains(kind) && *kind != own.kind)
+        });
+        let likelihood = |posterior: &ModelPosterior| -posterior.quadratic.cost;
+        let chi_square_gain =
+            2.0 * (likelihood(&whole.posterior) - without.map_or(0.0, |model| likelihood(&model.posterior)));
+        let fitted = own.kind.parameters().iter().filter(|parameter| parameter.fitted).count().max(1);
+        let evidence = match own.kind.evidence() {
+            EvidenceSource::SingleTrials => {
+                CauseEvidence::Outliers(outliers(observations, &whole.posterior.fit, &whole.outliers))
+            }
+            EvidenceSource::AcrossTrials => {
+                let table = StiffnessTable::new(observations, before, &[]);
+                match table.and_then(|table| covariate_effect_of(observations, before, &table, own.kind)) {
+                    Some(effect) => CauseEvidence::AcrossTrials(effect),
+                    None => self.within(before, after, chi_square_gain),
+                }
+            }
+            _ => self.within(before, after, chi_square_gain),
+        };
+        Cause {
+            kind: own.kind,
+            probability: self.probabilities.of_cause(own.kind),
+            p_value: chi_square_tail(chi_square_gain, fitted as f64),
+            alternatives: own.alternatives,
+            values: whole.posterior.intervals(own.kind),
+            evidence,
+        }
+    }
+
+    fn within(&self, before: &Fit, after: &Fit, chi_square_gain: f64) -> CauseEvidence {
+        let observations = self.search.observations();
+        let (gain, _) = gain(observations, before, after, self.seed);
+        CauseEvidence::WithinTrial {
+            before: Box::new(before.clone()),
+            after: Box::new(after.clone()),
+            chi_square_gain,
+            gain,
+        }
+    }
+}
+
+/// The mechanism of the catalogue whose evidence is in the hold.
+fn cause_shown_in_the_hold() -> MechanismKind {
+    MechanismKind::shown_in(EvidenceSource::Hold).expect("the catalogue has a mechanism for the hold")
 }
 
 fn hum_cause(
@@ -176,76 +361,14 @@ fn hum_cause(
     let gain = hum_removal_gain((as_it_was, &before), (clean, fit), seed);
     let (before, after) = (Box::new(before), Box::new(fit.clone()));
     Cause {
-        kind: cause_shown_in(EvidenceSource::Hold),
+        kind: cause_shown_in_the_hold(),
+        probability: hum_probability(hum),
         p_value: hum.p_value,
-        indistinguishable: Vec::new(),
+        alternatives: Vec::new(),
+        values: hum.intervals(),
         evidence: CauseEvidence::Hold { hum: *hum, before, after, gain },
     }
 }
-
-/// Largest number of covariates that are named.
-const MAX_COVARIATES: usize = 2;
-
-/// Tests for outliers and covariate effects. Returns the causes, the p-value before and that of what remains after they are named.
-fn across_trials(
-    observations: &Observations,
-    fit: &Fit,
-    seed: u64,
-    remarks: &mut Vec<String>,
-) -> (Vec<Cause>, f64, f64) {
-    let Some(all) = StiffnessTable::new(observations, fit, &[]) else {
-        remarks.push(
-            "too few repetitions to compare trials with each other; at least six more trials than conditions are needed"
-                .into(),
-        );
-        return (Vec::new(), 1.0, 1.0);
-    };
-    let mut causes = Vec::new();
-    let (found, p_outliers) = outliers(&all);
-    let except: Vec<usize> = found.iter().map(|outlier| outlier.trial).collect();
-    let mut left = all.without(&except);
-    if !found.is_empty() {
-        causes.push(Cause {
-            kind: cause_shown_in(EvidenceSource::SingleTrials),
-            p_value: (2.0 * p_outliers).min(1.0),
-            indistinguishable: Vec::new(),
-            evidence: CauseEvidence::Outliers(found),
-        });
-    }
-    let (mut p_first_trend, mut p_trend_left) = (1.0, 1.0);
-    for number in 0..=MAX_COVARIATES {
-        // Too few trials may be left beside the outliers.
-        if left.freedom() < MIN_DEGREES_OF_FREEDOM {
-            break;
-        }
-        let Some((trends, p)) = covariate_effects(observations, fit, &left, seed) else { break };
-        p_trend_left = p;
-        if number == 0 {
-            p_first_trend = p;
-        }
-        if 4.0 * p >= MISFIT_LEVEL || number == MAX_COVARIATES {
-            break;
-        }
-        let Some((first, rivals)) = trends.split_first() else { break };
-        // Correlated covariates are distinguished only by how much better one of them fits.
-        let near =
-            |rival: &&CovariateEffect| first.t * first.t - rival.t * rival.t < INDISTINGUISHABLE_T_SQUARED;
-        causes.push(Cause {
-            kind: first.kind,
-            p_value: (2.0 * p).min(1.0),
-            indistinguishable: rivals.iter().filter(near).map(|rival| rival.kind).collect(),
-            evidence: CauseEvidence::AcrossTrials(first.clone()),
-        });
-        left = table_without_effect(observations, fit, &left, first);
-    }
-    let p_outliers_left = if causes.is_empty() { 1.0 } else { outliers(&left).1 };
-    let p = (2.0 * p_outliers.min(p_first_trend)).min(1.0);
-    (causes, p, (2.0 * p_outliers_left.min(p_trend_left)).min(1.0))
-}
-
-/// Difference of squared t values (a log-likelihood ratio) below which two covariates are not distinguished: the 95 % quantile of
-/// chi-square with one degree of freedom.
-const INDISTINGUISHABLE_T_SQUARED: f64 = 3.84;
 
 /// Ratio of the residual with a cause to that without, by which the list is ordered.
 fn ratio_of(cause: &Cause) -> f64 {

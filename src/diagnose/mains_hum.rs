@@ -2,6 +2,7 @@
 
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
+use super::interval::Interval;
 use crate::dataset::{Session, Status, Trial};
 use crate::fit::onset_sample;
 use crate::signal::Sinusoid;
@@ -28,6 +29,29 @@ const NEIGHBOUR_LINES: [f64; 4] = [-5.0, -3.0, 3.0, 5.0];
 
 /// Significance level of the test for mains hum. Strict, since every session is tested and few have hum.
 const HUM_LEVEL: f64 = 1e-3;
+
+/// Prior probability of hum that matters: one session in ten. Assumed.
+const PRIOR_PROBABILITY: f64 = 0.1;
+
+/// Posterior probability of `hum`, from the largest Bayes factor that its p-value allows, 1 / (-e p log p) (Sellke, Bayarri and Berger
+/// 2001).
+pub fn hum_probability(hum: &DetectedHum) -> f64 {
+    let p = hum.p_value.clamp(f64::MIN_POSITIVE, (-1.0f64).exp());
+    let odds = PRIOR_PROBABILITY / (1.0 - PRIOR_PROBABILITY) / (-std::f64::consts::E * p * libm::log(p));
+    odds / (1.0 + odds)
+}
+
+impl DetectedHum {
+    /// Amplitude and frequency with their 95 % intervals.
+    pub fn intervals(&self) -> Vec<Interval> {
+        let [value, low, high] = self.amplitude_nm;
+        let frequency = Some(self.frequency_hz);
+        vec![
+            Interval { value, low: Some(low), high: Some(high) },
+            Interval { value: self.frequency_hz, low: frequency, high: frequency },
+        ]
+    }
+}
 
 /// Detects hum in the holds of `session`, the stronger of the two frequencies; `None` if it is not significant.
 ///

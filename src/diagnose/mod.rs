@@ -3,15 +3,15 @@
 //! The paper's filter hides most effects of a wrong model, so the diagnosis preprocesses the session with a wider one (`preprocessing`)
 //! and removes mains hum (`mains_hum`).
 //!
-//! Within the trials (`within_trial`), residuals are whitened by the noise of the holds and projected onto what the free parameters
-//! cannot absorb (`residual_projection`). Every mechanism has a score (`score_test`), a lack-of-fit test looks for any other pattern
-//! (`lack_of_fit`), and both are compared with simulated sessions without misfit (`null_distribution`). If the misfit is significant,
-//! each mechanism is added to the model and fitted (`candidates`); the best is kept (`forward_selection`) if it improves trials left out
-//! of the fit (`cross_validation`), and mechanisms that could be mistaken for it are named with it (`confusability`, `discrepancy`).
+//! `evidence` compares models: none of the causes, each mechanism of the catalogue, pairs of them, and unknown laws at each place of the
+//! model. Each has a posterior probability, from which causes, sets and the verdict follow.
 //!
-//! Across the trials (`across_trials`), the fitted stiffnesses are tested for outliers and for effects of covariates, and the elastic
-//! limits for their dependence on velocity. `diagnosis` runs all of it and decides the verdict; `protocol_design` proposes the protocol
-//! that best separates causes which remain indistinguishable.
+//! The best model is checked: `within_trial` compares what it leaves with simulated sessions (`null_distribution`), in the direction of
+//! every mechanism (`score_test`) and of any other pattern (`lack_of_fit`); `across_trials` asks whether trials still go with order, rest
+//! or EMG. `cross_validation` measures what a cause gains on trials left out of the fit.
+//!
+//! `diagnosis` runs all of it and decides the verdict; `protocol_design` proposes the protocol that best separates causes which remain
+//! indistinguishable.
 
 mod across_trials;
 #[cfg(test)]
@@ -20,6 +20,8 @@ mod applicability;
 mod base_model;
 mod cause;
 mod diagnosis;
+mod evidence;
+mod interval;
 mod mains_hum;
 mod output;
 mod predicted_torque;
@@ -33,6 +35,9 @@ pub use across_trials::elastic_limit_law::{ElasticLimitLaw, LimitForm};
 pub use across_trials::outliers::Outlier;
 pub use cause::{Cause, CauseEvidence};
 pub use diagnosis::{Diagnosis, Verdict, diagnose};
+pub use evidence::answer::CauseProbabilities;
+pub use evidence::found_law::FoundLaw;
+pub use interval::Interval;
 pub use mains_hum::{DetectedHum, remove_hum};
 pub use output::{DIAGNOSIS_FORMAT, picture};
 pub use preprocessing::DiagnosisInput;

@@ -4,20 +4,17 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::across_trials::covariate_regression::{CovariateEffect, without_effect};
+use super::across_trials::covariate_regression::without_effect;
 use super::across_trials::elastic_limit_law::ElasticLimitLaw;
 use super::cause::{Cause, CauseEvidence};
 use super::diagnosis::Diagnosis;
+use super::evidence::found_law::FoundLaw;
 use super::predicted_torque::residuals;
 use super::residual_correlation::residual_by_trial;
-use super::within_trial::discrepancy::LAW_FORM_ERROR;
 use crate::dataset::Disk;
-use crate::fit::{
-    AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, mechanism_ranges, write_files,
-};
+use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
-use crate::wrist::mechanisms::MechanismKind;
 
 /// Format and version of `diagnosis.json`.
 pub const DIAGNOSIS_FORMAT: &str = "ramphold-diagnosis/1";
@@ -37,7 +34,10 @@ impl Diagnosis {
                 "residual_variance_over_noise": self.misfit.scatter,
             },
             "causes": self.causes.iter().map(|cause| self.cause(observations, cause)).collect::<Vec<_>>(),
+            "probabilities": self.probabilities.to_json(),
+            "none_of_these": self.probabilities.none_of_these,
             "left_over": { "p_value": self.remaining_p_value },
+            "free_law": self.free_law.as_ref().map(FoundLaw::to_json),
             "residual_term": self.residual_term,
             "not_visible": self.undetectable.iter().map(|undetectable| json!({
                 "mechanism": undetectable.kind.id(), "class": undetectable.kind.class(), "reason": undetectable.reason,
@@ -54,10 +54,17 @@ impl Diagnosis {
         entry.insert("mechanism".into(), json!(cause.kind.id()));
         entry.insert("title".into(), json!(cause.kind.title()));
         entry.insert("class".into(), json!(cause.kind.class()));
-        entry.insert("parameters".into(), parameters(self, observations, cause));
+        entry.insert("probability".into(), json!(cause.probability));
+        entry.insert("parameters".into(), parameters(observations, cause));
         entry.insert("p_value".into(), json!(cause.p_value));
-        let ids: Vec<&str> = cause.indistinguishable.iter().map(|kind| kind.id()).collect();
+        let ids: Vec<&str> = cause.alternatives.iter().map(|(kind, _)| kind.id()).collect();
         entry.insert("indistinguishable".into(), json!(ids));
+        let alternatives: Vec<Value> = cause
+            .alternatives
+            .iter()
+            .map(|(kind, probability)| json!({ "mechanism": kind.id(), "probability": probability }))
+            .collect();
+        entry.insert("alternatives".into(), json!(alternatives));
         match &cause.evidence {
             CauseEvidence::WithinTrial { before, after, chi_square_gain, gain } => {
                 entry.insert("worth_chi_square".into(), json!(chi_square_gain));
@@ -75,10 +82,7 @@ impl Diagnosis {
                     json!({ "held_out_rmse_ratio": { "value": ratio, "low": null, "high": null },
                             "of": "the trials' k_srs about the other repetitions" }),
                 );
-                entry.insert(
-                    "parameter_shift".into(),
-                    stiffness_shift(observations, &self.after, covariate_effect.kind, covariate_effect),
-                );
+                entry.insert("parameter_shift".into(), stiffness_shift(observations, &self.before, cause));
             }
             CauseEvidence::Outliers(outliers) => {
                 let trials: Vec<Value> = outliers
@@ -94,59 +98,13 @@ impl Diagnosis {
 }
 
 /// Parameters of a cause with their 95 % intervals.
-fn parameters(diagnosis: &Diagnosis, observations: &Observations, cause: &Cause) -> Value {
-    let values: Vec<(f64, Option<f64>, bool)> = match &cause.evidence {
-        CauseEvidence::Outliers(outliers) => {
-            let trials: Vec<u32> = outliers.iter().map(|own| observations.trials[own.trial].number).collect();
-            return json!({ "trials": { "value": trials } });
-        }
-        CauseEvidence::Hold { hum, .. } => {
-            let [value, low, high] = hum.amplitude_nm;
-            return json!({
-                "amplitude_nm": { "value": value, "low": low, "high": high },
-                "frequency_hz": { "value": hum.frequency_hz, "low": hum.frequency_hz, "high": hum.frequency_hz },
-            });
-        }
-        CauseEvidence::AcrossTrials(covariate_effect) => {
-            covariate_effect.values.iter().map(|(value, se)| (*value, *se, false)).collect()
-        }
-        CauseEvidence::WithinTrial { .. } => added_values(&diagnosis.after, observations, cause.kind),
-    };
-    let entry = |(value, se, logarithmic): &(f64, Option<f64>, bool)| match se {
-        Some(se) if *logarithmic => {
-            let factor = libm::exp(1.96 * se / value.abs());
-            json!({ "value": value, "low": value / factor, "high": value * factor })
-        }
-        Some(se) => json!({ "value": value, "low": value - 1.96 * se, "high": value + 1.96 * se }),
-        None => json!({ "value": value, "low": null, "high": null }),
-    };
-    let named = cause.kind.parameters().iter().zip(&values);
-    named.map(|(parameter, own)| (parameter.name.to_string(), entry(own))).collect::<Map<_, _>>().into()
-}
-
-/// Values and standard errors of a mechanism's parameters in `fit`, and whether they are fitted as logarithms. The standard errors
-/// include the possible discrepancy of the mechanism's law.
-fn added_values(
-    fit: &Fit,
-    observations: &Observations,
-    kind: MechanismKind,
-) -> Vec<(f64, Option<f64>, bool)> {
-    let place = fit.kinds.iter().position(|own| *own == kind).expect("a mechanism of the fit");
-    let range = mechanism_ranges(&fit.kinds)[place].clone();
-    let se = fit.standard_errors(observations);
-    range
-        .clone()
-        .map(|index| {
-            let (parameter, value) = (&kind.parameters()[index - range.start], fit.parameters[0][index]);
-            let law = if kind.has_known_form() {
-                0.0
-            } else {
-                LAW_FORM_ERROR * (value - parameter.absent.unwrap_or(0.0))
-            };
-            let se = se.get(index).copied().flatten().map(|se| libm::hypot(se, law));
-            (value, se, parameter.low > 0.0)
-        })
-        .collect()
+fn parameters(observations: &Observations, cause: &Cause) -> Value {
+    if let CauseEvidence::Outliers(outliers) = &cause.evidence {
+        let trials: Vec<u32> = outliers.iter().map(|own| observations.trials[own.trial].number).collect();
+        return json!({ "trials": { "value": trials } });
+    }
+    let named = cause.kind.parameters().iter().zip(&cause.values);
+    named.map(|(parameter, own)| (parameter.name.to_string(), json!(own))).collect::<Map<_, _>>().into()
 }
 
 /// Means over trials of k_srs, k_dec, x_e and x_t without and with the added mechanism.
@@ -169,18 +127,13 @@ fn shift(observations: &Observations, before: &Fit, after: &Fit) -> Value {
 }
 
 /// Mean of k_srs as fitted, and with the effect of the mechanism removed from each trial.
-fn stiffness_shift(
-    observations: &Observations,
-    fit: &Fit,
-    kind: MechanismKind,
-    covariate_effect: &CovariateEffect,
-) -> Value {
+fn stiffness_shift(observations: &Observations, fit: &Fit, cause: &Cause) -> Value {
     let count = fit.parameters.len() as f64;
-    let values: Vec<f64> = covariate_effect.values.iter().map(|(value, _)| *value).collect();
+    let values: Vec<f64> = cause.values.iter().map(|own| own.value).collect();
     let (mut before, mut after) = (0.0, 0.0);
     for (trial, own) in fit.parameters.iter().enumerate() {
         before += own[K_SRS] / count;
-        after += without_effect(observations, fit, trial, kind, &values) / count;
+        after += without_effect(observations, fit, trial, cause.kind, &values) / count;
     }
     json!({ "k_srs_nm_per_rad": { "before": before, "after": after } })
 }
@@ -266,14 +219,10 @@ impl Diagnosis {
             }
         }
         for cause in &self.causes {
-            let values: Vec<f64> = match &cause.evidence {
-                CauseEvidence::AcrossTrials(covariate_effect) => {
-                    covariate_effect.values.iter().map(|(value, _)| *value).collect()
-                }
-                CauseEvidence::Hold { hum, .. } => vec![hum.amplitude_nm[0], hum.frequency_hz],
-                _ => continue,
-            };
-            let parameters = values.into_iter().map(ParameterSpec::fixed).collect();
+            if !matches!(cause.evidence, CauseEvidence::AcrossTrials(_) | CauseEvidence::Hold { .. }) {
+                continue;
+            }
+            let parameters = cause.values.iter().map(|own| ParameterSpec::fixed(own.value)).collect();
             model.mechanisms.push(AddedMechanism { kind: cause.kind, parameters });
         }
         debug_assert_eq!(observations.trials.len(), self.after.parameters.len());

@@ -86,6 +86,7 @@ pub fn summarise(
     let mut designs: BTreeMap<Vec<(u64, u64)>, u64> = BTreeMap::new();
     let mut sessions = 0;
     let mut measured = [false; QUANTITIES.len()];
+    let (mut independent, mut has_session_fits) = (Vec::new(), false);
     for subject in StudyTableReader::open(table)? {
         let mut subject = subject?;
         if !keep_included(&mut subject) {
@@ -98,6 +99,14 @@ pub fn summarise(
         own.dedup();
         sessions = subject.rows.iter().map(|row| row.session).max().unwrap_or(1).max(sessions);
         *designs.entry(own).or_default() += 1;
+        for row in &subject.rows {
+            let own = (subject.subject.clone(), row.session);
+            if !row.is_independent {
+                has_session_fits = true;
+            } else if independent.last() != Some(&own) {
+                independent.push(own);
+            }
+        }
         for (quantity, measured) in measured.iter_mut().enumerate() {
             *measured |= subject.rows.iter().any(|row| row.values[quantity].is_some());
         }
@@ -107,6 +116,14 @@ pub fn summarise(
     let conditions = commonest.map_or(Vec::new(), |(conditions, _)| conditions);
     let grid = ConditionGrid::of(conditions.into_iter().map(|(v, t)| (f64::from_bits(v), f64::from_bits(t))));
     let mut summary = StudySummary::new(grid, sessions, issues, measured);
+    // Values of both fits do not belong in one table.
+    let left_out: HashSet<(String, u32)> =
+        if has_session_fits { independent.into_iter().collect() } else { HashSet::new() };
+    let mut sorted: Vec<_> = left_out.iter().cloned().collect();
+    sorted.sort();
+    for (subject, session) in sorted {
+        summary.report(StudyIssue::NoSessionModel { subject, session });
+    }
     let mut seen = HashSet::new();
     for subject in StudyTableReader::open(table)? {
         let mut subject = subject?;
@@ -116,6 +133,11 @@ pub fn summarise(
         if origin == TableOrigin::External && !seen.insert(subject.subject.clone()) {
             let place = format!("{}, line {}", table.display(), subject.line);
             summary.report(StudyIssue::DuplicateSubject { subject: subject.subject, place });
+            continue;
+        }
+        let name = subject.subject.clone();
+        subject.rows.retain(|row| !left_out.contains(&(name.clone(), row.session)));
+        if subject.rows.is_empty() {
             continue;
         }
         summary.add(&subject);

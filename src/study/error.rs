@@ -149,6 +149,18 @@ pub enum StudyIssue {
         /// The protocol field that differs.
         difference: String,
     },
+    /// A session has no model of its own, and the others have.
+    #[error(
+        "{subject}, session {session}: the session has no model of its own, so that its values are those of each trial alone, \
+         which are biased differently at each velocity. The rows are in study.csv and in no other table; `ramphold fit` on the \
+         session says why, and \"fit\": \"independent\" in the study file fits all sessions alike"
+    )]
+    NoSessionModel {
+        /// The subject's identifier.
+        subject: String,
+        /// The session's number, from 1.
+        session: u32,
+    },
     /// A subject has no usable trial in some conditions.
     #[error(
         "{subject}: no usable trial of {} in {} of {of} conditions (first: {first}). The subject is left out of the analysis \

@@ -27,10 +27,12 @@ pub use plan::{Study, Unit, UnitSource};
 pub use population::{Population, SubjectSpread, SurfaceSpread, subject_id};
 pub use result_tables::{RESULTS_FORMAT, ResultTable, ResultTables, effect_name};
 pub use simulated_pool::{PooledSubject, simulate_pool};
-pub use study_file::{MeasuredSessions, STUDY_FORMAT, StudyFile, Subjects, VirtualSubjects, schema_text};
+pub use study_file::{
+    MeasuredSessions, STUDY_FORMAT, StudyFile, StudyFit, Subjects, VirtualSubjects, schema_text,
+};
 pub use study_folder::{StudyFolder, tables_from_csv};
 pub use table_reader::{CellMeans, StudyRow, StudyTableReader, SubjectRows};
-pub use unit_session::{SessionStorage, fit_unit, simulate_unit};
+pub use unit_session::{SessionStorage, UnitEstimates, fit_unit, simulate_unit};
 
 #[cfg(test)]
 mod tests;

@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 
 use super::error::{PartError, StudyError, StudyIssue};
 use super::plan::Study;
-use super::unit_session::{SessionStorage, fit_unit};
+use super::unit_session::{SessionStorage, UnitEstimates, fit_unit};
 use crate::fit::{TrialEstimate, fit_header, fit_row};
 
 /// Name of the folder of the parts, inside the study's folder.
@@ -43,7 +43,7 @@ pub struct PartContents {
 
 /// The header line of `study.csv`.
 pub fn header() -> String {
-    format!("subject,{},session\n", fit_header())
+    format!("subject,{},session,fit\n", fit_header())
 }
 
 impl StudyPart {
@@ -115,9 +115,12 @@ fn file_text(study: &Study, part: u64, storage: SessionStorage, done: impl Fn() 
             });
             done();
             let subject = cell(&unit.subject);
-            let line =
-                |estimate: &TrialEstimate| format!("{subject},{},{}\n", fit_row(estimate), unit.session);
-            rows.map(|estimates| estimates.iter().map(line).collect())
+            rows.map(|UnitEstimates { trials, fit }| {
+                let line = |estimate: &TrialEstimate| {
+                    format!("{subject},{},{},{}\n", fit_row(estimate), unit.session, fit.name())
+                };
+                trials.iter().map(line).collect()
+            })
         })
         .collect();
     let mut text = header();

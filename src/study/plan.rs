@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 
 use super::error::{StudyError, StudyIssue};
 use super::population::{Population, subject_id};
-use super::study_file::{MeasuredSessions, StudyFile, Subjects, VirtualSubjects};
+use super::study_file::{MeasuredSessions, StudyFile, StudyFit, Subjects, VirtualSubjects};
 use crate::dataset::PROGRAM;
 use crate::fit::Weighting;
 use crate::protocol::ValidProtocol;
@@ -25,6 +25,8 @@ pub struct Study {
     pub seed: u64,
     /// Weighting of the residuals in the fits.
     pub weighting: Weighting,
+    /// The fit whose values are tested.
+    pub fit: StudyFit,
     /// Issues with the list of subjects, found before any session is fitted.
     pub issues: Vec<StudyIssue>,
     source: StudySource,
@@ -119,6 +121,7 @@ impl Study {
             name: study.name.clone(),
             seed,
             weighting: study.weighting,
+            fit: study.fit,
             issues,
             source,
             units_per_part: study.units_per_part,

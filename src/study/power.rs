@@ -279,10 +279,9 @@ fn simulate_groups(
         SoughtEffect::Change(_) => 2 * subject + group,
     };
     let grid = condition_grid(study);
-    let most = resampling.repetitions.iter().copied().max().unwrap_or(1);
     let fit = |study: &Study, group: u64| {
         let units: Vec<Unit> = (0..subjects).map(|subject| study.unit(unit_of(subject, group))).collect();
-        simulate_pool(study, &units, &grid.conditions, most, &done)
+        simulate_pool(study, &units, &grid.conditions, &resampling.repetitions, &done)
     };
     let (first, second) = (fit(&before, 0)?, fit(&changed, 1)?);
     let quantity = shift.parameter.quantity();
@@ -324,7 +323,7 @@ pub fn limit_conclusions(
     let grid = condition_grid(&study);
     let repetitions = resampling.repetitions.iter().copied().max().unwrap_or(1);
     let units: Vec<Unit> = (0..study.units()).map(|index| study.unit(index)).collect();
-    let pool = simulate_pool(&study, &units, &grid.conditions, repetitions, done)?;
+    let pool = simulate_pool(&study, &units, &grid.conditions, &[repetitions], done)?;
     let of = |quantity: usize| -> Vec<Option<Vec<f64>>> {
         pool.iter().map(|subject| subject.all(quantity, repetitions)).collect()
     };

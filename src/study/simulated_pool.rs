@@ -5,38 +5,37 @@ use rayon::prelude::*;
 
 use super::error::UnitError;
 use super::plan::{Study, Unit};
-use super::unit_session::{SessionStorage, fit_unit};
-use crate::fit::{QUANTITIES, TrialEstimate};
+use super::unit_session::{UnitEstimates, fit_repetitions};
+use crate::fit::QUANTITIES;
 
-/// A subject of the pool: means in each cell over the first repetitions, as if the session had had no more repetitions.
+/// A subject of the pool: means in each cell, with some numbers of repetitions.
 #[derive(Debug, Clone)]
 pub struct PooledSubject {
-    /// Means, indexed by number of repetitions less one, quantity and cell; `None` without a usable trial.
-    cells: Vec<Vec<Vec<Option<f64>>>>,
+    /// For each number of repetitions, means by quantity and cell; `None` without a usable trial.
+    cells: Vec<(u32, Vec<Vec<Option<f64>>>)>,
 }
 
 impl PooledSubject {
-    /// The means of `estimates` in the cells at `conditions` (velocity, rad/s; torque, N m), for 1 to `repetitions` repetitions.
-    pub fn of(estimates: &[TrialEstimate], conditions: &[(f64, f64)], repetitions: u32) -> Self {
-        let mean = |quantity: usize, (velocity, torque): (f64, f64), most: u32| {
-            let own = estimates.iter().filter(|estimate| {
-                estimate.converged
-                    && estimate.repetition <= most
-                    && (estimate.velocity_rad_s, estimate.torque_nm) == (velocity, torque)
+    /// The means in the cells at `conditions` (velocity, rad/s; torque, N m), from the `estimates` of the session with each number of
+    /// `repetitions`.
+    pub fn of(estimates: &[UnitEstimates], conditions: &[(f64, f64)], repetitions: &[u32]) -> Self {
+        let mean = |of: &UnitEstimates, quantity: usize, condition: (f64, f64)| {
+            let own = of.trials.iter().filter(|estimate| {
+                estimate.converged && (estimate.velocity_rad_s, estimate.torque_nm) == condition
             });
             let values: Vec<f64> = own.filter_map(|estimate| estimate.quantities()[quantity]).collect();
             (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
         };
         let of_quantity =
-            |quantity, most| conditions.iter().map(|condition| mean(quantity, *condition, most)).collect();
-        let of_repetitions =
-            |most| (0..QUANTITIES.len()).map(|quantity| of_quantity(quantity, most)).collect();
-        Self { cells: (1..=repetitions).map(of_repetitions).collect() }
+            |of, quantity| conditions.iter().map(|condition| mean(of, quantity, *condition)).collect();
+        let all = |of| (0..QUANTITIES.len()).map(|quantity| of_quantity(of, quantity)).collect();
+        Self { cells: repetitions.iter().copied().zip(estimates.iter().map(all)).collect() }
     }
 
     /// The means of a quantity in all cells over the first `repetitions`; `None` if a cell has no mean.
     pub fn all(&self, quantity: usize, repetitions: u32) -> Option<Vec<f64>> {
-        self.cells.get(repetitions as usize - 1)?[quantity].iter().copied().collect()
+        let (_, own) = self.cells.iter().find(|(own, _)| *own == repetitions)?;
+        own[quantity].iter().copied().collect()
     }
 
     /// The mean of a quantity over all cells; `None` if a cell has no mean.
@@ -53,13 +52,13 @@ pub fn simulate_pool(
     study: &Study,
     units: &[Unit],
     conditions: &[(f64, f64)],
-    repetitions: u32,
+    repetitions: &[u32],
     done: impl Fn() + Sync,
 ) -> Result<Vec<PooledSubject>, UnitError> {
     let fitted: Vec<Result<PooledSubject, UnitError>> = units
         .par_iter()
         .map(|unit| {
-            let estimates = fit_unit(study, unit, SessionStorage::Memory)?;
+            let estimates = fit_repetitions(study, unit, repetitions)?;
             done();
             Ok(PooledSubject::of(&estimates, conditions, repetitions))
         })

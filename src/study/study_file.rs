@@ -31,10 +31,34 @@ pub struct StudyFile {
     #[serde(default)]
     #[schemars(with = "WeightingSchema")]
     pub weighting: Weighting,
+    /// The fit whose values are tested: that of the session as a whole, or of each trial on its own as in the paper.
+    #[serde(default)]
+    pub fit: StudyFit,
     /// Number of sessions in a part. A part is the smallest piece of work: an interrupted part is done again.
     #[serde(default = "default_units_per_part")]
     #[schemars(range(min = 1, max = 10_000))]
     pub units_per_part: u32,
+}
+
+/// The fit whose values a study tests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StudyFit {
+    /// The fit of the session as a whole.
+    #[default]
+    Session,
+    /// Each trial on its own: the method of the paper.
+    Independent,
+}
+
+impl StudyFit {
+    /// Name in the tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Session => "session",
+            Self::Independent => "independent",
+        }
+    }
 }
 
 /// The names of [`Weighting`] in the file.

@@ -92,7 +92,7 @@ impl StudyFolder {
         };
         let summary = summarise(&self.path.join("study.csv"), TableOrigin::ThisProgram, is_excluded, issues)?;
         let tables = ResultTables::of(&summary);
-        let about = json!({ "name": study.name, "seed": study.seed, "weighting": study.weighting, "units": study.units() });
+        let about = json!({ "name": study.name, "seed": study.seed, "weighting": study.weighting, "fit": study.fit, "units": study.units() });
         write(&self.path, &summary, &tables, &about)?;
         Ok((summary, tables))
     }

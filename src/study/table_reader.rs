@@ -4,6 +4,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::error::StudyError;
+use super::study_file::StudyFit;
 use crate::fit::QUANTITIES;
 
 /// A row of `study.csv` as the tables need it.
@@ -13,6 +14,8 @@ pub struct StudyRow {
     pub session: u32,
     /// Velocity, rad/s, and torque, N m.
     pub condition: (f64, f64),
+    /// Whether the values are those of each trial on its own.
+    pub is_independent: bool,
     /// Values in the order of [`QUANTITIES`]; `None` where missing or where the fit did not converge.
     pub values: [Option<f64>; QUANTITIES.len()],
 }
@@ -43,6 +46,7 @@ struct StudyColumns {
     torque: usize,
     session: Option<usize>,
     converged: Option<usize>,
+    fit: Option<usize>,
     quantities: [Option<usize>; QUANTITIES.len()],
 }
 
@@ -69,6 +73,7 @@ impl StudyTableReader {
             torque: must("torque_nm")?,
             session: find("session"),
             converged: find("converged"),
+            fit: find("fit"),
             quantities: QUANTITIES.map(find),
         };
         let mut rows = Self {
@@ -128,7 +133,8 @@ impl StudyTableReader {
         }
         let velocity = self.number("velocity_rad_s", self.columns.velocity)?;
         let torque = self.number("torque_nm", self.columns.torque)?;
-        Ok(StudyRow { session, condition: (velocity, torque), values })
+        let is_independent = self.columns.fit.is_none_or(|place| text(place) == StudyFit::Independent.name());
+        Ok(StudyRow { session, is_independent, condition: (velocity, torque), values })
     }
 
     fn next_subject(&mut self) -> Result<Option<SubjectRows>, StudyError> {

@@ -201,6 +201,34 @@ fn summary(rows: &[(&str, u32, f64, f64, f64)]) -> StudySummary {
     summarise(&path, TableOrigin::External, |_, _| false, Vec::new()).unwrap()
 }
 
+#[test]
+fn a_study_takes_the_values_of_the_sessions_fit_unless_asked_for_those_of_single_trials() {
+    let fit = |study: &Study| fit_unit(study, &study.unit(0), SessionStorage::Memory).unwrap();
+    let together = fit(&study(3, |_| {}));
+    let alone = fit(&study(3, |file| file["fit"] = "independent".into()));
+    assert_eq!((together.fit, alone.fit), (StudyFit::Session, StudyFit::Independent));
+    assert_ne!(together.trials[0].values[K_SRS], alone.trials[0].values[K_SRS]);
+}
+
+#[test]
+fn a_session_without_a_model_is_in_no_table_of_sessions_that_have_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("study.csv");
+    let mut text = "subject,velocity_rad_s,torque_nm,k_srs_nm_per_rad,converged,session,fit\n".to_owned();
+    for (subject, fit) in [("A", "session"), ("B", "independent"), ("C", "session")] {
+        for (_, session, velocity, torque, value) in all_cells(subject, 1.0) {
+            text += &format!("{subject},{velocity},{torque},{value},true,{session},{fit}\n");
+        }
+    }
+    fs::write(&path, &text).unwrap();
+    let summary = summarise(&path, TableOrigin::External, |_, _| false, Vec::new()).unwrap();
+    assert_eq!(summary.complete[K_SRS].count(), 2);
+    assert!(issues(&summary).contains("B, session 1: the session has no model"), "{}", issues(&summary));
+    fs::write(&path, text.replace(",true,1,session", ",true,1,independent")).unwrap();
+    let alike = summarise(&path, TableOrigin::External, |_, _| false, Vec::new()).unwrap();
+    assert!(issues(&alike).is_empty(), "{}", issues(&alike));
+}
+
 /// Index of k_srs in the quantities.
 const K_SRS: usize = 3;
 

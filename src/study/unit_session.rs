@@ -6,9 +6,11 @@ use std::sync::Arc;
 
 use super::error::UnitError;
 use super::plan::{Study, Unit, UnitSource};
+use super::study_file::StudyFit;
 use crate::dataset::{self, Disk, Manifest, MemoryRecorder, NewSession, Session};
 use crate::fit::{
-    Fit, Model, Observations, PreprocessingSettings, TrialEstimate, estimates_without_profiles,
+    Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate, estimates_without_profiles,
+    session_estimates,
 };
 use crate::protocol::ValidProtocol;
 use crate::rig::Fault;
@@ -25,14 +27,45 @@ pub enum SessionStorage<'a> {
     Folder(&'a Path),
 }
 
-/// Simulates or reads the session of a unit and fits it; the estimates of all trials.
-pub fn fit_unit(
+/// Estimates of the trials of a session.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnitEstimates {
+    /// The trials.
+    pub trials: Vec<TrialEstimate>,
+    /// The fit that they are from: the session has no model of its own where it is not the one that the study asks for.
+    pub fit: StudyFit,
+}
+
+/// Simulates or reads the session of a unit and fits it.
+pub fn fit_unit(study: &Study, unit: &Unit, storage: SessionStorage) -> Result<UnitEstimates, UnitError> {
+    let (session, settings) = read_or_simulate(unit, storage)?;
+    fit_session(study, &session, settings)
+}
+
+/// The same for the first repetitions alone, with each number of `repetitions`: as if the session had had no more.
+pub(super) fn fit_repetitions(
     study: &Study,
     unit: &Unit,
+    repetitions: &[u32],
+) -> Result<Vec<UnitEstimates>, UnitError> {
+    let (session, settings) = read_or_simulate(unit, SessionStorage::Memory)?;
+    let fit = |most: &u32| {
+        let mut part = session.clone();
+        part.trials.retain(|trial| trial.repetition <= *most);
+        fit_session(study, &part, settings)
+    };
+    repetitions.iter().map(fit).collect()
+}
+
+fn read_or_simulate(
+    unit: &Unit,
     storage: SessionStorage,
-) -> Result<Vec<TrialEstimate>, UnitError> {
-    let (session, view) = match &unit.source {
-        UnitSource::Virtual { protocol, .. } => (simulate_unit(unit, storage)?, view(protocol)),
+) -> Result<(Session, PreprocessingSettings), UnitError> {
+    match &unit.source {
+        UnitSource::Virtual { protocol, .. } => {
+            let session = simulate_unit(unit, storage)?.expect("the unit is virtual");
+            Ok((session, view(protocol)))
+        }
         UnitSource::Measured(folder) => {
             let file = folder.join("protocol.json");
             let view = if file.exists() {
@@ -40,13 +73,28 @@ pub fn fit_unit(
             } else {
                 PreprocessingSettings::default()
             };
-            (Some(dataset::load(folder)?), view)
+            Ok((dataset::load(folder)?, view))
         }
-    };
-    let Some(session) = session else { return Ok(Vec::new()) };
-    let prepared = Observations::new(&session, view)?;
-    let fit = Fit::new(&prepared, &Model::paper(), study.weighting);
-    Ok(estimates_without_profiles(&prepared, &fit))
+    }
+}
+
+fn fit_session(
+    study: &Study,
+    session: &Session,
+    settings: PreprocessingSettings,
+) -> Result<UnitEstimates, UnitError> {
+    let prepared = Observations::new(session, settings)?;
+    let independent = Fit::new(&prepared, &Model::paper(), study.weighting);
+    if study.fit == StudyFit::Session
+        && let Ok(of_session) = SessionFit::new(&prepared, &independent)
+    {
+        return Ok(UnitEstimates {
+            trials: session_estimates(&prepared, &of_session).0,
+            fit: StudyFit::Session,
+        });
+    }
+    let trials = estimates_without_profiles(&prepared, &independent);
+    Ok(UnitEstimates { trials, fit: StudyFit::Independent })
 }
 
 /// The filter and the analysed window of a protocol.

@@ -44,32 +44,47 @@ impl<T: Number> History<T> {
             return zero;
         }
         let samples = self.values.len() / (2 * self.states);
-        // Each lane has its own delay and so its own past sample: value and slope are computed lane by lane.
-        let mut result = zero;
         let lanes = T::Plain::LANES;
-        for lane in 0..lanes {
-            let elapsed = time_s - delay.plain().lane(lane) - self.start_s;
-            if elapsed < 0.0 {
-                continue;
+        let delays = delay.plain();
+        // A delay that all trials share leads to the same past sample in all lanes.
+        let mut is_shared = true;
+        let mut lane = 1;
+        while lane < lanes {
+            is_shared &= delays.lane(lane) == delays.lane(0);
+            lane += 1;
+        }
+        // Otherwise value and slope are computed lane by lane.
+        let mut result = zero;
+        let mut lane = 0;
+        while lane < lanes {
+            let elapsed = time_s - delays.lane(lane) - self.start_s;
+            if elapsed >= 0.0 {
+                let index = ((elapsed / self.period_s) as usize).min(samples - 1);
+                let value = self.interpolated(state, time_s, delay, index, samples);
+                if is_shared {
+                    return value;
+                }
+                let mut mask = [0.0; 16];
+                mask[lane] = 1.0;
+                result = result + value.times(T::Plain::load(&mask));
+            } else if is_shared {
+                return zero;
             }
-            let index = (elapsed / self.period_s) as usize;
-            let index = index.min(samples - 1);
-            let fraction = T::constant((time_s - self.start_s) / self.period_s - index as f64)
-                - delay.scale(1.0 / self.period_s);
-            let (from, from_rate) = self.sample(index, state);
-            let value = if index + 1 == samples {
-                from + from_rate.scale(self.period_s) * fraction
-            } else {
-                let (to, to_rate) = self.sample(index + 1, state);
-                hermite(fraction, from, to, from_rate.scale(self.period_s), to_rate.scale(self.period_s))
-            };
-            if lanes == 1 {
-                return value;
-            }
-            let mut mask = [0.0; 16];
-            mask[lane] = 1.0;
-            result = result + value.times(T::Plain::load(&mask));
+            lane += 1;
         }
         result
+    }
+
+    /// State number `state` at `time_s - delay`, which lies between sample `index` and the next.
+    #[inline(always)]
+    fn interpolated(&self, state: usize, time_s: f64, delay: T, index: usize, samples: usize) -> T {
+        let fraction = T::constant((time_s - self.start_s) / self.period_s - index as f64)
+            - delay.scale(1.0 / self.period_s);
+        let (from, from_rate) = self.sample(index, state);
+        if index + 1 == samples {
+            return from + from_rate.scale(self.period_s) * fraction;
+        }
+        let (to, to_rate) = self.sample(index + 1, state);
+        hermite(fraction, from, to, from_rate.scale(self.period_s), to_rate.scale(self.period_s))
     }
 }

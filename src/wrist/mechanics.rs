@@ -180,7 +180,7 @@ impl<T: Number, C: DerivativeStructure<T>> Mechanics<T, C> {
         }
         torques.measured = torques.lever;
         if X::ACTIVE {
-            torques.measured = extension.alter_measurement(added, torques.lever, added_rates);
+            torques.measured = extension.alter_measurement(added, time_s, torques.lever, added_rates);
         }
         torques
     }
@@ -209,8 +209,8 @@ pub trait Extension<T: Number> {
     /// Adds torques (N m) and writes the rates of the added states.
     fn add_torques(&self, context: &Context<'_, T>, added: &[T], torques: &mut Torques<T>, rates: &mut [T]);
 
-    /// Alters the measured torque (N m) and writes the rates of the added states.
-    fn alter_measurement(&self, added: &[T], torque: T, rates: &mut [T]) -> T;
+    /// Alters the measured torque (N m) at `time_s` after the onset and writes the rates of the added states.
+    fn alter_measurement(&self, added: &[T], time_s: f64, torque: T, rates: &mut [T]) -> T;
 }
 
 /// The base model: nothing is added.
@@ -228,7 +228,7 @@ impl<T: Number> Extension<T> for NoExtension {
     fn add_torques(&self, _: &Context<'_, T>, _: &[T], _: &mut Torques<T>, _: &mut [T]) {}
 
     #[inline(always)]
-    fn alter_measurement(&self, _: &[T], torque: T, _: &mut [T]) -> T {
+    fn alter_measurement(&self, _: &[T], _: f64, torque: T, _: &mut [T]) -> T {
         torque
     }
 }

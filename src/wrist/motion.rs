@@ -91,7 +91,8 @@ fn cubic_at(around: &[f64], period_s: f64) -> Kinematics<f64> {
     }
 }
 
-/// The motor's motion behind records with errors of the channel: removes the gain, shifts the time, and simulates the servo that
+/// The motor's motion behind records with errors of the channel: removes the gain and the
+/// nonlinearity, shifts the time, and simulates the servo that
 /// follows a recorded command. `records` holds one record per lane, `starts` the index at which the result begins.
 #[inline(always)]
 pub(super) fn corrected_motion<T: Number>(
@@ -105,7 +106,8 @@ pub(super) fn corrected_motion<T: Number>(
     let shift = channels.torque_delay_s.scale(1.0 / period_s);
     let mut sample = 0;
     while sample < count {
-        motion.push(at_shifted(records, starts, sample, shift, channels.angle_gain, period_s));
+        let recorded = at_shifted(records, starts, sample, shift, channels.angle_gain, period_s);
+        motion.push(channels.straightened(recorded));
         sample += 1;
     }
     if let Some(bandwidth) = channels.following_hz {

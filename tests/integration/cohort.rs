@@ -71,6 +71,8 @@ fn a_study_has_the_rows_of_its_sessions_fits() {
     let mut rows: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for line in table.lines().skip(1) {
         let (subject, row) = line.split_once(',').unwrap();
+        // Without session and fit.
+        let (row, _) = row.rsplit_once(',').unwrap();
         rows.entry(subject.to_owned()).or_default().push(row.rsplit_once(',').unwrap().0.to_owned());
     }
     assert_eq!(rows.keys().collect::<Vec<_>>(), ["P0001", "P0002", "P0003"]);
@@ -78,10 +80,10 @@ fn a_study_has_the_rows_of_its_sessions_fits() {
         let session = format!("out/sessions/{subject}-1");
         workspace.succeed(&["verify", &session]);
         workspace.succeed(&["fit", &session]);
-        let fit = fs::read_to_string(workspace.path(&session).join("results/fit-independent.csv")).unwrap();
+        let fit = fs::read_to_string(workspace.path(&session).join("results/fit.csv")).unwrap();
         let mut lines = fit.lines();
         let header = lines.next().unwrap();
-        assert_eq!(table.lines().next().unwrap(), format!("subject,{header},session"));
+        assert_eq!(table.lines().next().unwrap(), format!("subject,{header},session,fit"));
         assert_eq!(lines.collect::<Vec<_>>(), rows, "{subject}");
     }
 }
@@ -168,9 +170,9 @@ fn measured_sessions_are_fitted_and_one_that_is_broken_is_told_of() {
     let workspace = measured();
     workspace.succeed(&["cohort", "study.json", "--seed", "1", "--out", "whole"]);
     let whole = fs::read_to_string(workspace.path("whole/study.csv")).unwrap();
-    let table = fs::read_to_string(workspace.path("measured/S02/results/fit-independent.csv")).unwrap();
+    let table = fs::read_to_string(workspace.path("measured/S02/results/fit.csv")).unwrap();
     for row in table.lines().skip(1) {
-        assert!(whole.contains(&format!("S02,{row},1\n")), "{row}");
+        assert!(whole.contains(&format!("S02,{row},1,")), "{row}");
     }
     let record = workspace.path("measured/S03/trials/trial-002.csv");
     fs::write(&record, fs::read_to_string(&record).unwrap().replacen("0.0000,", "NaN,", 1)).unwrap();

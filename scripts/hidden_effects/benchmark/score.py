@@ -98,15 +98,16 @@ def rates(outcomes) -> list[Rate]:
 
 
 def quick_rates(outcomes) -> list[Rate]:
-    """Of one session each: every mechanism is in what is named, however many are with it, what is in no catalogue is
-    unexplained, nothing is found in nothing, and no laboratory is without a right answer to either question."""
+    """Of one session each: the mechanism is in what is named, however many are with it, as often as sets of 95 % probability hold it
+    (of 29, two misses are no surprise, four are); what is in no catalogue is unexplained, nothing is found in nothing, and no
+    laboratory is without a right answer to either question."""
     single = [o for o in outcomes if o.case.group == "mechanism"]
     empty = [o for o in outcomes if o.case.group == "none"]
     alien = [o for o in outcomes if o.case.group == "alien"]
     is_in = sum(found(o, cause(o), largest_set=inf) for o in single)
     works = _laboratories_that_work(single + empty)
     return [
-        Rate("in what is named", is_in, len(single), 1.0),
+        Rate("in what is named", is_in, len(single), 0.9),
         Rate("`unexplained` for a cause in no catalogue", sum(verdict(o) == "unexplained" for o in alien), len(alien), 1.0),
         Rate("false alarms with nothing hidden", sum(verdict(o) != "adequate" for o in empty), len(empty), 0.0, at_most=True),
         Rate("laboratories in which something is named, and nothing in nothing", sum(works), len(works), 1.0),

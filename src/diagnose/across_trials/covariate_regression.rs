@@ -1,13 +1,12 @@
-//! Regression of the trials' stiffnesses on covariates (position in the session, rest before the trial, EMG), with a permutation test.
+//! Regression of the trials' stiffnesses on a covariate (position in the session, rest before the trial, EMG): what it gains on trials
+//! left out.
 
 use super::stiffness_table::{MIN_STIFFNESS_NM_PER_RAD, StiffnessTable};
-use crate::diagnose::applicability::missing;
-use crate::fit::{Fit, K_SRS, Observations};
+use crate::fit::{Fit, K_SRS, Observations, mechanism_ranges};
 use crate::number::{Jet, Number};
-use crate::random::Stream;
-use crate::statistics::{gumbel_tail, slope_through_origin};
-use crate::wrist::Plant;
-use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind, MechanismParameter, ProbeContext};
+use crate::statistics::slope_through_origin;
+use crate::wrist::mechanisms::{MechanismKind, MechanismParameter, ProbeContext};
+use crate::wrist::{BASE_PARAMETERS, Plant};
 
 /// Effect of a mechanism's covariate on the stiffnesses.
 #[derive(Debug, Clone)]
@@ -20,21 +19,6 @@ pub struct CovariateEffect {
     pub t: f64,
     /// Leave-one-out root-mean-square deviation with the mechanism relative to that without.
     pub left_out_ratio: f64,
-}
-
-/// The mechanisms that change k_srs from trial to trial, with the parameter values to start from.
-fn candidates(observations: &Observations, fit: &Fit) -> Vec<(MechanismKind, Vec<Vec<f64>>)> {
-    let session = ProbeContext { lever: observations.lever, highest_torque_nm: 0.0 };
-    CATALOGUE
-        .iter()
-        .copied()
-        .filter(|kind| kind.evidence() == EvidenceSource::AcrossTrials)
-        .filter(|kind| !fit.kinds.contains(kind) && missing(observations, *kind).is_none())
-        .map(|kind| (kind, kind.probes(&session)))
-        .filter(|(kind, probes)| {
-            probes.iter().any(|values| acts_on_stiffness(observations, fit, *kind, values))
-        })
-        .collect()
 }
 
 /// Logarithm of the stiffness of a trial after a mechanism has acted on `stiffness`, and its derivatives with respect to the logarithm
@@ -64,13 +48,6 @@ fn shaped(
 /// Index of the unaltered stiffness among the derivatives; the mechanism's parameters come first.
 const STIFFNESS_DERIVATIVE: usize = 8;
 
-fn acts_on_stiffness(observations: &Observations, fit: &Fit, kind: MechanismKind, values: &[f64]) -> bool {
-    (0..observations.trials.len()).any(|trial| {
-        let stiffness = fit.parameters[trial][K_SRS].max(MIN_STIFFNESS_NM_PER_RAD);
-        (shaped(observations, fit, trial, kind, values, stiffness)[0] - libm::log(stiffness)).abs() > 1e-9
-    })
-}
-
 /// Stiffness of a trial with the effect of a mechanism removed, N m/rad.
 pub fn without_effect(
     observations: &Observations,
@@ -82,19 +59,17 @@ pub fn without_effect(
     freed(observations, fit, trial, (kind, values), fit.parameters[trial][K_SRS])
 }
 
-/// The table with the effect of a mechanism removed from every stiffness.
-pub fn table_without_effect(
-    observations: &Observations,
-    fit: &Fit,
-    data: &StiffnessTable,
-    effect: &CovariateEffect,
-) -> StiffnessTable {
-    let values: Vec<f64> = effect.values.iter().map(|(value, _)| *value).collect();
-    let logarithm = |(trial, own): (&usize, &f64)| {
-        let stiffness = freed(observations, fit, *trial, (effect.kind, &values), libm::exp(*own));
-        libm::log(stiffness.max(MIN_STIFFNESS_NM_PER_RAD))
-    };
-    data.with_logarithms(data.trials.iter().zip(&data.logarithms).map(logarithm).collect())
+/// `fit` with the mechanism `kind`, which acts on k_srs of single trials, in these stiffnesses instead of in the model.
+pub fn with_effect_in_parameters(observations: &Observations, fit: &Fit, kind: MechanismKind) -> Fit {
+    let Some(place) = fit.kinds.iter().position(|own| *own == kind) else { return fit.clone() };
+    let range = mechanism_ranges(&fit.kinds)[place].clone();
+    let mut changed = fit.clone();
+    for (trial, own) in changed.parameters.iter_mut().enumerate() {
+        let mut plant = Plant::base(observations.lever, &own[..BASE_PARAMETERS.len()]);
+        kind.alter_plant(&own[range.clone()], &mut plant, &observations.trials[trial].input.covariates);
+        own[K_SRS] = plant.short_range_stiffness.max(MIN_STIFFNESS_NM_PER_RAD);
+    }
+    changed.with_mechanism_removed(observations, kind)
 }
 
 /// `stiffness` of a trial with the effect of a mechanism removed, N m/rad.
@@ -225,47 +200,17 @@ fn squares(values: &[f64]) -> f64 {
     values.iter().map(|value| value * value).sum()
 }
 
-/// Number of random permutations of the trials in the permutation test.
-const PERMUTATIONS: usize = 400;
-
-/// The effects of all mechanisms, the strongest first, and the p-value of the strongest by a permutation test.
-pub fn covariate_effects(
+/// The effect of `kind`, from the probe that describes the stiffnesses best; `None` if it has no effect on them.
+pub fn covariate_effect_of(
     observations: &Observations,
     fit: &Fit,
     data: &StiffnessTable,
-    seed: u64,
-) -> Option<(Vec<CovariateEffect>, f64)> {
-    let candidates = candidates(observations, fit);
-    let all = |logarithms: &[f64]| -> Vec<CovariateEffect> {
-        let mut trends: Vec<CovariateEffect> = candidates
-            .iter()
-            .filter_map(|(kind, probes)| {
-                let own = probes
-                    .iter()
-                    .filter_map(|probe| covariate_effect(observations, fit, data, logarithms, *kind, probe));
-                own.max_by(|a, b| a.t.abs().total_cmp(&b.t.abs()))
-            })
-            .collect();
-        trends.sort_by(|a, b| b.t.abs().total_cmp(&a.t.abs()));
-        trends
-    };
-    let observed = all(&data.logarithms);
-    let strongest = observed.first()?.t.abs();
-    let centred = data.centred(&data.logarithms);
-    let means: Vec<f64> = data.logarithms.iter().zip(&centred).map(|(y, e)| y - e).collect();
-    let mut stream = Stream::new(seed, "shuffle trials");
-    let mut maxima = Vec::with_capacity(PERMUTATIONS);
-    for _ in 0..PERMUTATIONS {
-        let shuffled = shuffled_within(data, &centred, &mut stream);
-        let logarithms: Vec<f64> = means.iter().zip(&shuffled).map(|(m, e)| m + e).collect();
-        maxima.push(all(&logarithms).first().map_or(0.0, |covariate_effect| covariate_effect.t.abs()));
-    }
-    Some((observed, gumbel_tail(&maxima, strongest)))
-}
-
-/// The deviations from the condition means, permuted among all trials: under the null hypothesis they are exchangeable.
-fn shuffled_within(data: &StiffnessTable, centred: &[f64], stream: &mut Stream) -> Vec<f64> {
-    let mut order: Vec<usize> = (0..data.trials.len()).collect();
-    stream.shuffle(&mut order);
-    order.iter().map(|place| centred[*place]).collect()
+    kind: MechanismKind,
+) -> Option<CovariateEffect> {
+    let session = ProbeContext { lever: observations.lever, highest_torque_nm: 0.0 };
+    let probes = kind.probes(&session);
+    let effects = probes
+        .iter()
+        .filter_map(|probe| covariate_effect(observations, fit, data, &data.logarithms, kind, probe));
+    effects.max_by(|a, b| a.t.abs().total_cmp(&b.t.abs()))
 }

@@ -2,5 +2,6 @@
 
 pub mod covariate_regression;
 pub mod elastic_limit_law;
+pub mod exchangeability;
 pub mod outliers;
 pub mod stiffness_table;

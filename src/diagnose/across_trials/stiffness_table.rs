@@ -60,20 +60,4 @@ impl StiffnessTable {
         };
         (0..values.len()).map(level).collect()
     }
-
-    /// The table with the logarithms `logarithms`.
-    pub fn with_logarithms(&self, logarithms: Vec<f64>) -> Self {
-        Self { trials: self.trials.clone(), logarithms, conditions: self.conditions.clone() }
-    }
-
-    /// The table without the trials in `except`.
-    pub fn without(&self, except: &[usize]) -> Self {
-        let kept: Vec<usize> =
-            (0..self.trials.len()).filter(|i| !except.contains(&self.trials[*i])).collect();
-        Self {
-            trials: kept.iter().map(|i| self.trials[*i]).collect(),
-            logarithms: kept.iter().map(|i| self.logarithms[*i]).collect(),
-            conditions: kept.iter().map(|i| self.conditions[*i]).collect(),
-        }
-    }
 }

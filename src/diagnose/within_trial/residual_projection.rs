@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnose::predicted_torque::torques;
+use crate::diagnose::evidence::angle_error::rounding_at_rest;
 use crate::fit::{Component, Fit, Observations, Position, Prediction, Transform, predictions};
 
 /// Residuals and tangent space of a fit, component by component.
@@ -201,38 +201,6 @@ impl ProjectedComponent {
         part.residual = residual;
         part
     }
-}
-
-/// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
-const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
-
-/// Change of the predictions if the angle at rest is wrong by one encoder step. The motor returns to the same place after each trial, so
-/// that the error is common to all trials and does not average out.
-fn rounding_at_rest(observations: &Observations, fit: &Fit) -> WhitenedTrials {
-    let mut shifted = observations.clone();
-    for trial in &mut shifted.trials {
-        let onset = trial.input.onset;
-        for (sample, knot) in trial.input.motion.iter_mut().enumerate().skip(onset) {
-            let time = (sample - onset) as f64 * observations.period_s;
-            let part = ((time - LEAVES_ENCODER_STEP_S.0)
-                / (LEAVES_ENCODER_STEP_S.1 - LEAVES_ENCODER_STEP_S.0))
-                .clamp(0.0, 1.0);
-            let phase = std::f64::consts::PI * part;
-            knot.theta += trial.direction * observations.angle_step_rad * 0.5 * (1.0 - libm::cos(phase));
-            knot.omega +=
-                trial.direction * observations.angle_step_rad * 0.5 * libm::sin(phase) * std::f64::consts::PI
-                    / (LEAVES_ENCODER_STEP_S.1 - LEAVES_ENCODER_STEP_S.0);
-        }
-    }
-    let before = torques(observations, &fit.kinds, &fit.parameters);
-    let after = torques(&shifted, &fit.kinds, &fit.parameters);
-    (0..before.len())
-        .map(|trial| {
-            let change: Vec<f64> =
-                after[trial].iter().zip(&before[trial]).map(|(to, from)| to - from).collect();
-            fit.objective.whiten(observations.noise_index[trial], &change)
-        })
-        .collect()
 }
 
 /// An orthonormal basis of the span of the columns; columns that are nearly dependent on others are left out.

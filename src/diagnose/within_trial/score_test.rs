@@ -11,10 +11,6 @@ use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismClass, Mechan
 /// A mechanism with typical parameter values and its effect on the predictions.
 #[derive(Debug, Clone)]
 pub struct Probe {
-    /// The mechanism.
-    pub kind: MechanismKind,
-    /// Values of the mechanism's parameters.
-    pub values: Vec<f64>,
     /// Whitened change of the predictions, less the part that the free parameters absorb.
     pub direction: WhitenedTrials,
     /// Norm of the whitened change before and after the absorption, in standard deviations of the noise.
@@ -33,17 +29,22 @@ pub struct UndetectableMechanism {
 /// Smallest norm of a typical effect after the absorption, in standard deviations of the noise, at which it counts as detectable.
 const DETECTABLE_NORM: f64 = 0.5;
 
+/// What priors and probe values may depend on.
+pub fn probe_context(observations: &Observations) -> ProbeContext {
+    let highest = observations.trials.iter().map(|trial| {
+        let change = trial.measured_nm.iter().copied().fold(0.0, f64::max);
+        change + trial.direction * trial.torque_0_nm
+    });
+    ProbeContext { lever: observations.lever, highest_torque_nm: highest.fold(0.0, f64::max) }
+}
+
 /// The probes of all mechanisms of the catalogue that act within the trials, and the mechanisms that cannot be detected there.
 pub fn probes(
     observations: &Observations,
     fit: &Fit,
     tangent: &ResidualProjection,
 ) -> (Vec<Probe>, Vec<UndetectableMechanism>) {
-    let highest = observations.trials.iter().map(|trial| {
-        let change = trial.measured_nm.iter().copied().fold(0.0, f64::max);
-        change + trial.direction * trial.torque_0_nm
-    });
-    let session = ProbeContext { lever: observations.lever, highest_torque_nm: highest.fold(0.0, f64::max) };
+    let session = probe_context(observations);
     let base = torques(observations, &fit.kinds, &fit.parameters);
     let (mut found, mut undetectable) = (Vec::new(), Vec::new());
     for kind in CATALOGUE.iter().copied().filter(|kind| !fit.kinds.contains(kind)) {
@@ -103,7 +104,7 @@ fn probe(
         .collect();
     let direction = tangent.project(&change);
     let size = (length(&change), length(&direction));
-    Probe { kind, values, direction, size }
+    Probe { direction, size }
 }
 
 fn length(direction: &WhitenedTrials) -> f64 {

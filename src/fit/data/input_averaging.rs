@@ -30,6 +30,20 @@ impl Observations {
         self.angle_smoothings = vec![(of_mean, MEAN_SMOOTHING), (1.0 - of_mean, DIFFERENCE_SMOOTHING)];
     }
 
+    /// The same session with its motion smoothed once more, as if the smoothed motion had been recorded without an error: what that changes
+    /// is what the smoothing has changed already, to first order.
+    pub fn smoothed_again(&self) -> Self {
+        let mut smoothed = self.clone();
+        for trial in &mut smoothed.trials {
+            trial.angle_rad = trial.input.motion.iter().map(|knot| knot.theta).collect();
+            trial.input.motion = Smoothing::ONE_RECORD.motion(&trial.angle_rad, self.period_s);
+        }
+        if smoothed.angle_smoothings.len() > 1 {
+            smoothed.average_motion();
+        }
+        smoothed
+    }
+
     /// Draws the error of the recorded angle anew: the rest position of the motor within a step of its encoder, or white noise if the
     /// angle is not quantised.
     pub fn redraw_angle_error(&mut self, stream: &mut Stream) {

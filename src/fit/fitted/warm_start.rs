@@ -11,7 +11,7 @@ use crate::fit::model::specification::{Model, mechanism_ranges};
 use crate::fit::parameters::coordinate::Transform;
 use crate::fit::parameters::parameterisation::Parameterisation;
 use crate::fit::parameters::starting_values::StartingValues;
-use crate::fit::solver::levenberg_marquardt::solve;
+use crate::fit::solver::levenberg_marquardt::{Solution, solve};
 use crate::fit::solver::options::SolverOptions;
 use crate::wrist::mechanisms::MechanismKind;
 
@@ -51,6 +51,37 @@ impl Fit {
         model: &Model,
         options: SolverOptions,
     ) -> Self {
+        let (parameterisation, start) = self.start_of(observations, model);
+        self.optimised_from(observations, model, parameterisation, &start, options)
+    }
+
+    /// `model` with the parameters of this fit, not fitted. What this fit does not have takes the starting values of the model.
+    pub fn with_model(&self, observations: &Observations, model: &Model) -> Self {
+        let (parameterisation, coordinates) = self.start_of(observations, model);
+        let outcomes = Vec::new();
+        let fit = Self {
+            model: model.clone(),
+            kinds: model.kinds(),
+            parameterisation,
+            other_optima: Vec::new(),
+            ..self.clone()
+        };
+        fit.at_solution(Solution { coordinates, outcomes })
+    }
+
+    /// This fit with the mechanism `kind` removed from its model, not fitted; unchanged if it does not have it.
+    pub fn with_mechanism_removed(&self, observations: &Observations, kind: MechanismKind) -> Self {
+        let Some(index) = self.kinds.iter().position(|own| *own == kind) else { return self.clone() };
+        let removed = mechanism_ranges(&self.kinds)[index].clone();
+        let mut model = self.model.clone();
+        model.mechanisms.remove(index);
+        let mut reduced = self.clone();
+        reduced.parameters.iter_mut().for_each(|parameters| drop(parameters.drain(removed.clone())));
+        reduced.with_model(observations, &model)
+    }
+
+    /// The parameterisation of `model`, and the coordinates that correspond to the parameters of this fit.
+    fn start_of(&self, observations: &Observations, model: &Model) -> (Parameterisation, Vec<f64>) {
         let starting_values = StartingValues::from_parameters(observations, &self.parameters);
         let mut parameterisation = Parameterisation::new(observations, model, &starting_values);
         if let Some(target) = &self.shrinkage_target {
@@ -78,7 +109,7 @@ impl Fit {
                 start[coordinate] = at;
             }
         }
-        self.optimised_from(observations, model, parameterisation, &start, options)
+        (parameterisation, start)
     }
 
     /// Fits `model` with its `parameterisation` and the objective of this fit from the coordinates `start`.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::specification::{Model, ParameterSpec, Scope};
 use crate::json_file;
 use crate::wrist::BASE_PARAMETERS;
-use crate::wrist::mechanisms::CATALOGUE;
+use crate::wrist::mechanisms::{CATALOGUE, MechanismKind};
 
 /// Version of the model format that this program reads and writes.
 pub const MODEL_FORMAT: &str = "ramphold-model/1";
@@ -117,7 +117,7 @@ impl Model {
             model.base[index] = spec;
         }
         for (index, entry) in file.mechanisms.into_iter().enumerate() {
-            let Some(kind) = CATALOGUE.iter().copied().find(|kind| kind.id() == entry.mechanism) else {
+            let Some(kind) = MechanismKind::from_id(&entry.mechanism) else {
                 return Err(ModelError::Mechanism { index, name: entry.mechanism });
             };
             if model.mechanisms.iter().any(|added| added.kind == kind) {

@@ -1,6 +1,6 @@
 //! Spreads and regression of a session by expectation maximisation, from quadratic approximations of the trials' costs.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
 
 use super::summary::OptimumSummary;
 use crate::fit::linalg::cholesky;
@@ -106,6 +106,8 @@ pub struct Hierarchy {
     pub condition_covariances: Vec<DMatrix<f64>>,
     /// Expected squares of the distances of the conditions from the regression, by coordinate.
     squared_distances: Vec<DVector<f64>>,
+    /// Logarithm of the determinant of the covariance of all conditions and coefficients.
+    log_determinant: f64,
     /// Posterior of each trial.
     pub trials: Vec<TrialPosterior>,
 }
@@ -153,6 +155,7 @@ impl Hierarchy {
             condition_means: Vec::new(),
             condition_covariances: Vec::new(),
             squared_distances: Vec::new(),
+            log_determinant: 0.0,
             trials: Vec::new(),
         }
     }
@@ -210,6 +213,13 @@ impl Hierarchy {
         priors
     }
 
+    /// What the regression expects of a condition.
+    fn expected_mean(&self, regressors: &Vector3<f64>) -> DVector<f64> {
+        let size = self.trial_variance.len();
+        let of_regressor = |a: usize| self.coefficients.rows(a * size, size) * regressors[a];
+        of_regressor(0) + of_regressor(1) + of_regressor(2)
+    }
+
     /// Standard deviation of a new trial about the regression, by coordinate.
     pub fn spread(&self, coordinate: usize) -> f64 {
         libm::sqrt(self.trial_variance[coordinate] + self.condition_variance[coordinate])
@@ -241,8 +251,8 @@ impl Hierarchy {
         Some(())
     }
 
-    /// Negative logarithm of the evidence, up to a constant: trials integrated about their optima, conditions about their means, and
-    /// spreads and weights at their estimates. It compares places to which the whole session may have gone.
+    /// Negative logarithm of the evidence, up to a constant: trials integrated about their optima, conditions and coefficients about
+    /// their means, and spreads and weights at their estimates. It compares places to which the whole session may have gone.
     pub fn negative_log_evidence(&self, trials: &[TrialSummary]) -> Option<f64> {
         let mut cost = 0.0;
         for (trial, summary) in trials.iter().enumerate() {
@@ -254,11 +264,14 @@ impl Hierarchy {
                     0.5 * DEGREES_OF_FREEDOM * weight - (0.5 * DEGREES_OF_FREEDOM - 1.0) * libm::log(*weight);
             }
         }
-        for (distance, covariance) in self.squared_distances.iter().zip(&self.condition_covariances) {
-            cost += 0.5 * distance.component_div(&self.condition_variance).sum();
+        for (mean, regressors) in self.condition_means.iter().zip(&self.regressors) {
+            let off = mean - self.expected_mean(regressors);
+            cost += 0.5 * off.component_mul(&off).component_div(&self.condition_variance).sum();
             cost += 0.5 * self.condition_variance.map(libm::log).sum();
-            cost -= 0.5 * libm::log(covariance.determinant().max(f64::MIN_POSITIVE));
         }
+        let square = |prior: LinearPrior| 0.5 * prior.precision * prior.deviation * prior.deviation;
+        cost += self.coefficient_priors().into_iter().map(square).sum::<f64>();
+        cost -= 0.5 * self.log_determinant;
         for variance in self.trial_variance.iter().chain(self.condition_variance.iter()) {
             let relative = SPREAD_PRIOR_SD * SPREAD_PRIOR_SD / variance;
             cost += 0.5 * SPREAD_PRIOR_WEIGHT * (relative - libm::log(relative));
@@ -288,9 +301,7 @@ impl Hierarchy {
                 let off = &point - mean;
                 cost = optimum.cost_at(&point) + 0.5 * off.dot(&precision.component_mul(&off));
             }
-            let log_determinant =
-                2.0 * factor.l_dirty().diagonal().iter().map(|x| libm::log(*x)).sum::<f64>();
-            log_evidence.push(-cost - 0.5 * log_determinant);
+            log_evidence.push(-cost - 0.5 * log_of_determinant(&factor));
             conditionals.push(Conditional {
                 information: &prior - &prior * &shrinkage,
                 vector: &prior * &offset,
@@ -333,9 +344,11 @@ impl Hierarchy {
             }
         }
         let precision = DMatrix::from_diagonal(&self.condition_variance.map(|variance| 1.0 / variance));
-        let mut covariances = Vec::new();
+        let (mut covariances, mut log_determinant) = (Vec::new(), 0.0);
         for ((own, vector), regressors) in information.iter().zip(vectors).zip(&self.regressors) {
-            let covariance = cholesky(own + &precision)?.inverse();
+            let factor = cholesky(own + &precision)?;
+            log_determinant -= log_of_determinant(&factor);
+            let covariance = factor.inverse();
             let about_regression = &precision - &precision * &covariance * &precision;
             let of_regression = &precision * &covariance * vector;
             for a in 0..3 {
@@ -349,6 +362,7 @@ impl Hierarchy {
             covariances.push(covariance);
         }
         let factor = cholesky(normal)?;
+        self.log_determinant = log_determinant - log_of_determinant(&factor);
         self.coefficients = factor.solve(&right);
         let of_coefficients = factor.inverse();
         self.condition_means.clear();
@@ -398,6 +412,11 @@ impl Hierarchy {
         }
         change
     }
+}
+
+/// Logarithm of the determinant of a matrix from its factor.
+fn log_of_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
+    2.0 * factor.l_dirty().diagonal().iter().map(|x| libm::log(*x)).sum::<f64>()
 }
 
 /// The posterior of a trial from those at its optima, and from mean and covariance of its condition.
@@ -478,6 +497,25 @@ mod tests {
         let found = Hierarchy::new(&conditions, &trials, None).estimate(&trials).unwrap();
         assert_eq!(found.trials[5].most_probable(), 1);
         assert!(found.trials[5].probabilities[0] < 0.01, "{:?}", found.trials[5].probabilities);
+    }
+
+    #[test]
+    fn of_two_places_of_the_session_the_one_that_the_ratio_prior_expects_has_more_evidence() {
+        let cost = |log_ratio: f64| {
+            let (conditions, mut trials) = trials(3, 0.03, 0.03, 4);
+            for trial in &mut trials {
+                let own = &mut trial.optima[0];
+                own.at = DVector::from_vec(vec![own.at[0], own.at[0] + log_ratio]);
+                own.gradient = DVector::zeros(2);
+                own.information = DMatrix::from_diagonal_element(2, 2, own.information[(0, 0)]);
+            }
+            let prior = RatioPrior { coordinates: [1, 0], median: 0.6, log_sd: 0.5 };
+            let found = Hierarchy::new(&conditions, &trials, Some(prior)).estimate(&trials).unwrap();
+            found.negative_log_evidence(&trials).unwrap()
+        };
+        // Two standard deviations of the prior away.
+        let difference = cost(libm::log(0.6) - 1.0) - cost(libm::log(0.6));
+        assert!((difference - 2.0).abs() < 0.1, "{difference}");
     }
 
     #[test]

@@ -19,6 +19,8 @@ pub mod no_session_model;
 pub mod other_optimum;
 mod session_equations;
 pub mod session_fit;
+pub mod session_place;
 mod skewness;
 mod summary;
 mod trial_blocks;
+pub mod trial_groups;

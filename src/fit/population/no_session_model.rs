@@ -32,7 +32,7 @@ pub enum NoSessionModel {
     OneCondition,
     /// The trials are not those of one person, or not of this model.
     #[error(
-        "{parameter} spreads by {:.0} % about its regression on velocity and torque, where one person's spreads by at most {:.0} %: \
+        "{parameter} spreads by {:.1} % about its regression on velocity and torque, where one person's spreads by at most {:.1} %: \
          trials of several persons or rigs, or a model that does not describe them",
         100.0 * spread, 100.0 * most
     )]
@@ -43,6 +43,20 @@ pub enum NoSessionModel {
         spread: f64,
         /// The largest that is taken to be one person's.
         most: f64,
+    },
+    /// The trials are those of two persons, or of one whose grip changed.
+    #[error(
+        "the trials fall into two groups, of {} and {}, whose {parameter} differ by {:.0} % in all conditions alike: trials of two \
+         persons or rigs, or a grip that changed",
+        counts[0], counts[1], 100.0 * difference
+    )]
+    TwoGroups {
+        /// Numbers of trials.
+        counts: [usize; 2],
+        /// Name of the parameter that differs most, beside its error.
+        parameter: &'static str,
+        /// Part by which the larger is above the smaller.
+        difference: f64,
     },
     /// The approximation of the likelihood is not finite.
     #[error("the trials' likelihood cannot be approximated")]

@@ -7,7 +7,9 @@ use super::hierarchy::{Hierarchy, largest_spread};
 use super::no_session_model::NoSessionModel;
 use super::other_optimum::OtherOptimum;
 use super::session_equations::SessionEquations;
+use super::session_place::SessionPlace;
 use super::trial_blocks::TrialBlocks;
+use super::trial_groups::TrialGroups;
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
 use crate::fit::residuals::residual_covariance::angle_error_ratio;
@@ -19,6 +21,11 @@ const LARGEST_ANGLE_ERROR: f64 = 1.0;
 
 /// Restarts of the whole session: x_e as a fraction of the largest motor angle, k_dec as one of k_srs.
 const SESSION_RESTARTS: [Restart; 2] = [(0.4, 0.6), (0.6, 0.6)];
+
+/// Sessions of fewer conditions start at more places: their trials go wrong together.
+const FEW_CONDITIONS: usize = 4;
+const WIDE_RESTARTS: [Restart; 8] =
+    [(0.2, 0.6), (0.3, 0.6), (0.4, 0.3), (0.4, 0.6), (0.4, 0.9), (0.5, 0.6), (0.6, 0.6), (0.8, 0.6)];
 
 /// The fit of a session with the model of its population of trials.
 #[derive(Debug, Clone)]
@@ -33,6 +40,10 @@ pub struct SessionFit {
     pub conditions: Vec<usize>,
     /// For each trial, its less probable optima, the most probable of them first.
     pub other_optima: Vec<Vec<OtherOptimum>>,
+    /// Other places of the session as a whole that the evidence does not rule out.
+    pub other_places: Vec<SessionPlace>,
+    /// The best division of the trials into two groups, however weak.
+    pub groups: Option<TrialGroups>,
     /// Covariance of the fit's coordinates, each trial being near its most probable optimum.
     covariance: DMatrix<f64>,
 }
@@ -58,6 +69,14 @@ impl SessionFit {
             return Err(NoSessionModel::CoarseAngle { ratio, step_rad: observations.angle_step_rad });
         }
         let found = Self::so_far(observations, independent, trials)?;
+        if let Some(groups) = found.groups.as_ref().filter(|groups| groups.are_distinct()) {
+            let (place, difference) = groups.largest_difference();
+            return Err(NoSessionModel::TwoGroups {
+                counts: groups.counts,
+                parameter: BASE_PARAMETERS[found.parameters[place]],
+                difference,
+            });
+        }
         for (coordinate, parameter) in found.parameters.iter().enumerate() {
             let (spread, most) = (found.hierarchy.spread(coordinate), largest_spread());
             if spread > most {
@@ -94,36 +113,54 @@ impl SessionFit {
         for (own, condition) in points.iter_mut().zip(&trials.conditions) {
             own.push(alone.condition_means[*condition].clone());
         }
-        let mut best = trials.converge(observations, fit, alone, points)?;
+        let mut ends = vec![trials.converge(observations, fit, alone, points)?];
         // Most trials may have gone wrong alike: the session starts elsewhere as well.
-        for restart in SESSION_RESTARTS {
-            let means = trials.restart_means(observations, independent, restart);
+        let restarts: &[Restart] =
+            if trials.log_conditions.len() < FEW_CONDITIONS { &WIDE_RESTARTS } else { &SESSION_RESTARTS };
+        for restart in restarts {
+            let means = trials.restart_means(observations, independent, *restart);
             let points = vec![Vec::new(); trials.own.len()];
             let start = start.clone().about(means);
-            let found = trials.converge(observations, independent.clone(), start, points);
-            if let Ok(found) = found
-                && found.cost < best.cost
-            {
-                best = found;
-            }
+            ends.extend(trials.converge(observations, independent.clone(), start, points).ok());
         }
-        let Converged { mut fit, mut hierarchy, .. } = best;
-        let equations = SessionEquations::new(observations, &fit, &hierarchy, &trials);
+        ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let mut best = ends.remove(0);
+        let equations = SessionEquations::new(observations, &best.fit, &best.hierarchy, &trials);
         let covariance = equations.covariance().ok_or(NoSessionModel::NotFinite)?;
-        trials.move_to_means(observations, &mut fit, &mut hierarchy, &covariance);
-        let other_optima = trials.other_optima(&fit, &hierarchy);
+        let other_places = trials.other_places(&best, ends, &covariance);
+        let mut points = vec![Vec::new(); trials.own.len()];
+        let summaries = trials.summaries(observations, &mut best.fit.clone(), &mut points);
+        let groups = TrialGroups::of(&best.hierarchy, &summaries);
+        trials.move_to_medians(observations, &mut best.fit, &mut best.hierarchy, &covariance);
+        let Converged { fit, hierarchy, .. } = best;
+        let mut other_optima = trials.other_optima(&fit, &hierarchy);
+        trials.add_places(&fit, &other_places, &mut other_optima);
         let coordinates = fit.parameterisation.coordinates.len();
         let covariance = covariance.view((0, 0), (coordinates, coordinates)).into_owned();
         let TrialBlocks { parameters, conditions, .. } = trials;
-        Ok(Self { fit, hierarchy, parameters, conditions, other_optima, covariance })
+        Ok(Self { fit, hierarchy, parameters, conditions, other_optima, other_places, groups, covariance })
     }
 
     /// Covariance of the logarithms of a base parameter in two trials, given all trials; `None` where it is not estimated on a
     /// logarithmic scale.
     pub fn log_covariance(&self, parameter: usize, one: usize, other: usize) -> Option<f64> {
         let place = |trial: usize| self.fit.parameterisation.logarithmic_coordinate(trial, parameter);
-        let covariance = self.covariance[(place(one)?, place(other)?)];
+        let (one_place, other_place) = (place(one)?, place(other)?);
         let own = self.parameters.iter().position(|own| *own == parameter).filter(|_| one == other);
-        Some(covariance + own.map_or(0.0, |own| self.hierarchy.trials[one].variance_between_optima(own)))
+        let between_optima = own.map_or(0.0, |own| self.hierarchy.trials[one].variance_between_optima(own));
+        let between_places = self.covariance_between_places(one_place, other_place);
+        Some(self.covariance[(one_place, other_place)] + between_optima + between_places)
+    }
+
+    /// What the other places of the session add to the covariance of two coordinates.
+    fn covariance_between_places(&self, one: usize, other: usize) -> f64 {
+        let here = &self.fit.solution.coordinates;
+        let (mut product, mut means) = (0.0, [0.0; 2]);
+        for place in &self.other_places {
+            let by = [one, other].map(|index| place.coordinates[index] - here[index]);
+            product += place.probability * by[0] * by[1];
+            means = [0, 1].map(|own| means[own] + place.probability * by[own]);
+        }
+        product - means[0] * means[1]
     }
 }

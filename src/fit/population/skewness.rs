@@ -1,4 +1,4 @@
-//! From the joint mode of a session to its mean: the correction of skewness.
+//! From the joint mode of a session to its median: the correction of skewness.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -13,15 +13,18 @@ use crate::fit::fitted::fit::Fit;
 const SMALLEST_STEP: f64 = 1e-5;
 const LARGEST_STEP: f64 = 0.3;
 
+/// The median of a skewed distribution lies at this part of the way from its mode to its mean (Pearson 1895).
+const MEDIAN_PART: f64 = 2.0 / 3.0;
+
 impl TrialBlocks {
-    /// Moves `fit`, the means and the regression from their joint mode to the mean of their posterior. `covariance` is that of all
+    /// Moves `fit`, the means and the regression from their joint mode to the median of their posterior. `covariance` is that of all
     /// unknowns about the mode.
     ///
     /// The mode is biased where the information of the data depends on the parameters. The mean lies where the gradient of
     /// cost + 1/2 log |A| is zero, with A the second derivatives (Laplace's method, one order further: Tierney and Kadane 1986). With r
     /// the whitened residuals, J their derivatives and C the covariance, that gradient is half the contraction of the third derivatives
     /// with C; the part with r itself is left out, as in the Gauss-Newton matrix.
-    pub(super) fn move_to_means(
+    pub(super) fn move_to_medians(
         &self,
         observations: &Observations,
         fit: &mut Fit,
@@ -74,7 +77,7 @@ impl TrialBlocks {
                 own.iter().zip(third.iter()).for_each(|(index, third)| gradient[*index] += 0.5 * third);
             }
         }
-        let change = -(covariance * gradient);
+        let change = -(covariance * gradient) * MEDIAN_PART;
         self.move_by(fit, hierarchy, &change);
     }
 }

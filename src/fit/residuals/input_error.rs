@@ -22,6 +22,18 @@ pub fn input_error_covariance(observations: &Observations, point: &[f64; 6]) -> 
     })
 }
 
+/// The part of `input_error_covariance` that trials of one velocity have in common, since their motions are averaged; zero where they
+/// are not.
+pub fn common_input_error_covariance(observations: &Observations, point: &[f64; 6]) -> DMatrix<f64> {
+    match observations.angle_smoothings.as_slice() {
+        [(share, smoothing), _, ..] => smoothed_error_covariance(observations, *smoothing, point) * *share,
+        _ => {
+            let samples = observations.noise_samples().count();
+            DMatrix::zeros(samples, samples)
+        }
+    }
+}
+
 /// The covariance of [`input_error_covariance`] for an angle error that passes one smoothing.
 fn smoothed_error_covariance(
     observations: &Observations,

@@ -29,6 +29,13 @@ pub fn residual_covariances(observations: &Observations, point: &[f64; 6]) -> Ve
     observations.noise_covariances.iter().map(with_input_error).collect()
 }
 
+/// Variance of whitened noise, for each noise covariance of the session: below one by as much as the covariances were enlarged.
+pub fn precision_factors(observations: &Observations) -> Vec<f64> {
+    let factor =
+        |noise: &NoiseCovariance| precision_factor(noise.stretches, noise.directions(FLOOR_NM * FLOOR_NM));
+    observations.noise_covariances.iter().map(factor).collect()
+}
+
 /// How large the variance of the torque error from the recorded angle is, beside that of the torque's own noise; the largest of
 /// `covariances`, which are those of [`residual_covariances`].
 pub fn angle_error_ratio(observations: &Observations, covariances: &[NoiseCovariance]) -> f64 {

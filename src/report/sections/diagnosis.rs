@@ -81,7 +81,7 @@ fn verdict(section: &mut ReportSection, file: &mut File) {
     let verdict = file.text("/verdict");
     let meaning = match verdict {
         "adequate" => "The residuals do not exceed the measured noise.",
-        "named" => "Each cause below is distinguished from every other candidate.",
+        "named" => "Each cause below has a probability of at least 0.95.",
         "ambiguous" => {
             "The model misfits, and at least one cause cannot be distinguished from another candidate."
         }
@@ -102,12 +102,41 @@ fn verdict(section: &mut ReportSection, file: &mut File) {
         show(p_value),
         show(left_over)
     );
+    free_law(section, file.root);
     if let Some(rest) = file.root.get("residual_term").filter(|rest| !rest.is_null()) {
         let text = serde_json::to_string_pretty(rest).unwrap_or_default();
         section.html += &format!(
             "<p>The remaining residual is described by a term that stands for no mechanism:</p><pre>{}</pre>",
             escape(&text)
         );
+    }
+}
+
+/// Place, argument and curve of an unknown law, if the diagnosis found one.
+fn free_law(section: &mut ReportSection, root: &Value) {
+    let Some(law) = root.get("free_law").filter(|law| !law.is_null()) else { return };
+    let title =
+        |law: &Value| law["title"].as_str().or_else(|| law["mechanism"].as_str()).unwrap_or("?").to_owned();
+    let others: Vec<String> = law["alternatives"].as_array().into_iter().flatten().map(title).collect();
+    let or =
+        if others.is_empty() { String::new() } else { format!(" It could also be: {}.", others.join("; ")) };
+    section.paragraph(&format!(
+        "An unknown law explains the session better than the catalogue: {}.{or}",
+        title(law)
+    ));
+    let column = |name: &str| -> Vec<Option<f64>> {
+        law["curve"][name].as_array().into_iter().flatten().map(Value::as_f64).collect()
+    };
+    let columns = ["at", "value", "low", "high"].map(column);
+    let count = columns.iter().map(Vec::len).min().unwrap_or(0);
+    let rows: Vec<Vec<Cell>> = (0..count)
+        .step_by(count.div_ceil(9).max(1))
+        .map(|row| columns.iter().map(|column| Cell::number(column[row], 3)).collect())
+        .collect();
+    if !rows.is_empty() {
+        let argument = law["argument"].as_str().unwrap_or("argument").to_owned();
+        let head = vec![argument, "law".into(), "95 % from".into(), "95 % to".into()];
+        section.html += &HtmlTable { caption: "The unknown law".into(), head, rows }.html();
     }
 }
 
@@ -132,7 +161,7 @@ fn causes(section: &mut ReportSection, file: &mut File) {
         "cause",
         "class",
         "size [95 % interval]",
-        "p",
+        "probability",
         "not distinguished from",
         "held-out error, after / before",
         "VAF before",
@@ -190,7 +219,7 @@ fn cause(file: &mut File, at: &str, mechanism: &str) -> Vec<Cell> {
         Cell::text(format!("{mechanism}{}", title.unwrap_or_default())),
         Cell::text(file.text(&format!("{at}/class"))),
         Cell::text(sizes.join("; ")),
-        Cell::number(file.number(&format!("{at}/p_value")), 2),
+        Cell::number(file.number(&format!("{at}/probability")), 3),
         Cell::text(rivals),
         Cell::text(file.interval(&format!("{at}/gain/held_out_rmse_ratio"), 2)),
         Cell::number(file.number(&format!("{at}/gain/vaf_before")), 4),

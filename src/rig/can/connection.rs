@@ -19,6 +19,9 @@ use crate::timing::{Clock, SystemClock};
 /// A frame is always given the time that a full adapter needs for the one before.
 const SHORTEST_SEND_TIMEOUT: Duration = Duration::from_micros(500);
 
+/// Heartbeats or SYNCs of another program that would be heard before anything is sent.
+const HEARD_INTERVALS: u32 = 3;
+
 /// An open bus and the motor on it.
 #[derive(Debug)]
 pub struct Connection {
@@ -76,10 +79,26 @@ impl Connection {
         &self.file
     }
 
+    /// Whether nobody else commands this bus, as a session in another terminal would: two programs on an interface of Linux hear and
+    /// command the same motor. Nothing is sent.
+    ///
+    /// # Errors
+    /// [`CanopenError::OtherMaster`](super::canopen::CanopenError::OtherMaster)
+    pub fn check_alone(&mut self) -> Result<(), CanFault> {
+        let master = self.file.master;
+        let stretch = self.file.bench.map_or(1.0, |bench| bench.time_stretch);
+        let period = self.file.period().duration().mul_f64(stretch);
+        let longest = period.max(Duration::from_millis(u64::from(master.heartbeat_ms)));
+        self.link.set_error_policy(ErrorPolicy::Count);
+        self.link.drain()?;
+        let end = self.link.now() + HEARD_INTERVALS * longest;
+        Ok(self.link.listen_for_other_master(master.node, end)?)
+    }
+
     /// Checks the identity of the motor; writes limits, watchdogs and frames, and reads them back. The motor gets no power.
     ///
     /// # Errors
-    /// What is refused, not taken, or not has_replied.
+    /// What is refused, not taken, or not answered.
     pub fn prepare(&mut self, limits: &HandleLimits) -> Result<LimitsConfirmed, CanFault> {
         let master = self.file.master;
         let period = Duration::from_millis(u64::from(master.heartbeat_ms));

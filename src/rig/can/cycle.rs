@@ -217,9 +217,7 @@ impl Cycle {
         }
         (self.answered_rad, self.unanswered) = (target_rad, None);
         drive.period_complete(self.decoder.readings());
-        self.check_readings(drive, link.now())?;
-        drive.trust(drive.angle(self.decoder.readings(), self.decoder.samples() - 1));
-        Ok(())
+        self.check_readings(drive, link.now())
     }
 
     /// No target that gives or has power is sent unchecked.

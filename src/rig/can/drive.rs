@@ -21,7 +21,7 @@ pub trait Drive: std::fmt::Debug + Send {
     /// Checks the identity; writes limits, watchdogs and frames, and reads back what can be read. The motor has no power.
     ///
     /// # Errors
-    /// Whatever is refused, not taken or not has_replied; the motor stays without power.
+    /// Whatever is refused, not taken or not answered; the motor stays without power.
     fn prepare(
         &mut self,
         link: &mut Link,
@@ -32,6 +32,11 @@ pub trait Drive: std::fmt::Debug + Send {
     /// Objects that were missing or refused at the last `prepare`; a motor without an object dictionary has none.
     fn findings(&self) -> &[ObjectFinding] {
         &[]
+    }
+
+    /// The line for the rig file that names this motor, if small motions have proved it since the program was started.
+    fn proved(&self) -> Option<&str> {
+        None
     }
 
     /// The nodes whose heartbeats are monitored.
@@ -103,9 +108,6 @@ pub trait Drive: std::fmt::Debug + Send {
     fn reply_id(&self) -> Option<u16> {
         None
     }
-
-    /// The angle at SYNC has passed every check: what the motor is told may rest on it.
-    fn trust(&mut self, _angle: JointAngle) {}
 
     /// Step of the measured angle, rad at the handle.
     fn angle_resolution_rad(&self) -> f64 {

@@ -2,6 +2,7 @@
 
 use super::file::{CanRigFileError, MotorSettings, ValidRigFile};
 use super::limits::HandleLimits;
+use super::mit::check_gains;
 use crate::protocol::{RampAndHold, ValidProtocol};
 
 /// Periods from a fault to the motor braking: it is read at the end of one, and the command acts at the end of the next.
@@ -30,6 +31,10 @@ impl DryRun {
         channels(protocol, rig, &mut reasons);
         torques(protocol, &limits, &mut reasons);
         resolution(protocol, rig, &mut reasons);
+        if let MotorSettings::Mit(motor) = &rig.motor {
+            let refused = check_gains(motor, &limits, rig.period().duration()).err();
+            reasons.extend(refused.map(|fault| fault.to_string()));
+        }
         if limits.check_target(0.0).is_err() {
             reasons.push(format!("the start position is outside the angles {:?} rad", limits.angle_rad));
         }
@@ -135,22 +140,29 @@ fn walk(
         }
         before_rad = motion.angle_rad;
     }
-    stops(rig, velocity, &movement)
+    stops(rig, velocity, &movement, limits)
 }
 
 /// Whether the motor can be stopped within the rig's angles from everywhere on the way.
-fn stops(rig: &ValidRigFile, velocity: f64, movement: &RampAndHold) -> Result<(), String> {
+fn stops(
+    rig: &ValidRigFile,
+    velocity: f64,
+    movement: &RampAndHold,
+    limits: &HandleLimits,
+) -> Result<(), String> {
     let period_s = rig.period().seconds();
     let periods = (movement.duration_s() / period_s).ceil() as u64 + 1;
     for period in 0..=periods {
         let t_s = period as f64 * period_s;
         let motion = movement.at(t_s);
-        let end_rad = stopped_rad(rig, motion.angle_rad, motion.velocity_rad_s);
+        let end_rad = stopped_rad(rig, limits, motion.angle_rad, motion.velocity_rad_s);
         let [low_rad, high_rad] = rig.limits.angle_rad;
         if !(low_rad..=high_rad).contains(&end_rad) {
             let fields = match &rig.motor {
                 MotorSettings::Cia402(_) => "motor.quick_stop_rad_s2",
-                MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => "limits.acceleration_rad_s2",
+                MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => {
+                    "limits.acceleration_rad_s2 of rig and protocol"
+                }
             };
             return Err(format!(
                 "at {velocity} rad/s, {t_s:.3} s after the onset, a quick stop ends at {end_rad:.4} rad, beyond limits.angle_rad \
@@ -164,10 +176,10 @@ fn stops(rig: &ValidRigFile, velocity: f64, movement: &RampAndHold) -> Result<()
 
 /// Where the handle comes to rest when a quick stop is asked for at `angle_rad`: it goes on at its velocity until the motor
 /// is told, then brakes.
-fn stopped_rad(rig: &ValidRigFile, angle_rad: f64, velocity_rad_s: f64) -> f64 {
+fn stopped_rad(rig: &ValidRigFile, limits: &HandleLimits, angle_rad: f64, velocity_rad_s: f64) -> f64 {
     let deceleration_rad_s2 = match &rig.motor {
         MotorSettings::Cia402(motor) => motor.quick_stop_rad_s2,
-        MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => rig.limits.acceleration_rad_s2,
+        MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => limits.acceleration_rad_s2,
     };
     let until_told_s = PERIODS_UNTIL_TOLD * rig.period().seconds();
     let braking_rad = velocity_rad_s * velocity_rad_s.abs() / (2.0 * deceleration_rad_s2);

@@ -314,10 +314,28 @@ pub enum CanFault {
         /// The end of its range.
         range: f64,
     },
-    /// The speed that the motor reports is not that of its position.
+    /// Within the limits of its motion, a motor in MIT mode could make more torque than its limit.
     #[error(
-        "the motor reports a speed of {reported_rad_s:.3} rad/s while its position turns at {measured_rad_s:.3} rad/s; compare \
-         ranges in the rig file with those of the motor's firmware"
+        "motor.kp_nm_per_rad and kd_nm_s_per_rad are too high for limits.motor_torque_nm: in three periods a shaft within the \
+         limits of speed and acceleration can be so far from where it is expected that they make {of_kp_nm:.2} + {of_kd_nm:.2} \
+         N m; {most_nm:.2} may be needed for that, half of the limit. Lower kp and kd, shorten period_us, or lower the \
+         acceleration limit; where the motor has no more than {has_nm:.1} N m anyway and that is safe, let the limit be that"
+    )]
+    GainsTooHigh {
+        /// What the stiffness makes, N m at the handle.
+        of_kp_nm: f64,
+        /// What the damping makes, N m at the handle.
+        of_kd_nm: f64,
+        /// What both may make, N m at the handle.
+        most_nm: f64,
+        /// What the motor has, N m at the handle.
+        has_nm: f64,
+    },
+    /// Position and speed that the motor reports do not fit each other, or the motion before.
+    #[error(
+        "the motor reports a speed of {reported_rad_s:.3} rad/s while its position turns at {measured_rad_s:.3} rad/s since the last \
+         reply that fitted the motion before it, and several in a row do not, within the acceleration limit: the handle was struck, \
+         frames are corrupt, or ranges in the rig file are not those of the motor's firmware"
     )]
     SpeedDisagrees {
         /// What it reports, rad/s at the motor.
@@ -325,6 +343,18 @@ pub enum CanFault {
         /// Slope of its position, rad/s at the motor.
         measured_rad_s: f64,
     },
+    /// The rig file says that the small motions were made with another motor, or with other settings.
+    #[error(
+        "proved_with_free_handle in the rig file is not of this motor, its firmware and its settings; take the line out, let go of the \
+         handle and arm: the summary of that session gives the line of this motor"
+    )]
+    ProofOfOtherMotor,
+    /// The rig file says which motor was proved, and the motor on the bus does not tell which it is.
+    #[error(
+        "proved_with_free_handle needs endpoints.serial_number in the rig file: without it another motor would pass for the one \
+         that was proved. Give its number, or take proved_with_free_handle out and let go of the handle before arming"
+    )]
+    ProofWithoutSerialNumber,
     /// The small motion before arming shows that the ranges of the rig file are not those of the motor.
     #[error(
         "in the small motion before arming the {what} is {measured:.4} where the ranges of the rig file make it {expected:.4}: \
@@ -461,6 +491,7 @@ impl CanFault {
                 | CanopenError::BusOff
                 | CanopenError::ControllerError { .. }
                 | CanopenError::Garbled { .. }
+                | CanopenError::OtherMaster { .. }
                 | CanopenError::Flood { .. },
             ) => FaultClass::Bus,
             Self::MissedCycle { .. }

@@ -15,6 +15,7 @@
 //! motion_proof       whether the motor moves as far and as fast as it is told
 //! drive              trait Drive: what every motor can do
 //! pdo_decoder, staleness, limits, sensors, device_setup
+//! proved_motor       which motor the small motions of arming have proved
 //! finding            objects of a drive that are missing or refuse, from the table cia402_objects
 //! fault              CanFault, which wraps the errors of the layers below
 //! file               the rig file, read and checked
@@ -47,6 +48,7 @@ mod motor_state;
 mod origin;
 mod pdo_decoder;
 mod position_check;
+mod proved_motor;
 mod realtime;
 mod safe_state;
 pub mod scan;

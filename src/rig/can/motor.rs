@@ -94,8 +94,9 @@ impl CanMotor {
 
     /// Counts, times and faults of the bus so far.
     pub fn summary(&self) -> Summary {
-        let Connection { file, link, .. } = &self.connection;
-        Summary::new(file, &self.stats, link.counters(), self.privileges.as_ref(), &self.faults)
+        let Connection { file, link, drive, .. } = &self.connection;
+        let privileges = self.privileges.as_ref();
+        Summary::new(file, &self.stats, link.counters(), privileges, drive.proved(), &self.faults)
     }
 
     fn vitals(&self) -> Vitals {
@@ -174,13 +175,18 @@ impl Rig for CanMotor {
         if *kept != asked {
             return Err(self.failed(CanFault::OtherLimits));
         }
+        self.connection.link.set_interruptible(true);
+        if let Err(fault) = self.connection.check_alone() {
+            // Not made safe: the power is the other program's.
+            self.record_fault(fault);
+            return Err((self, fault.into()));
+        }
         if self.connection.is_real_time {
             self.real_time = None;
             let granted = RealTimeThread::request();
             self.privileges = Some(granted.privileges().clone());
             self.real_time = Some(granted);
         }
-        self.connection.link.set_interruptible(true);
         match self.connection.prepare(&asked) {
             Ok(confirmed) => self.enable(confirmed, consent),
             Err(fault) => Err(self.failed(fault)),

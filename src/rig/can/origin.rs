@@ -5,7 +5,6 @@
 //! the origin that the motor still has. If the motor cannot show that it has it, the operator must say that the handle
 //! stands at the start position, and what the motor reports is compared with that as far as it goes.
 
-use super::canopen::ErrorPolicy;
 use super::drive::OriginReport;
 use super::fault::CanFault;
 use super::motor::CanMotor;
@@ -93,8 +92,7 @@ impl CanMotor {
         }
         let limits = *self.dry_run.limits();
         let connection = &mut self.connection;
-        connection.link.set_error_policy(ErrorPolicy::Count);
-        connection.link.drain().map_err(CanFault::from)?;
+        connection.check_alone()?;
         let OriginReport { is_kept, angle } =
             connection.drive.ask_origin(&mut connection.link, &connection.file, &limits)?;
         let angle_rad = angle.map(|JointAngle(angle_rad)| angle_rad);

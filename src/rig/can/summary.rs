@@ -42,6 +42,8 @@ pub struct Summary {
     pub response: DurationSummary,
     /// Frames and errors.
     pub frames: Counters,
+    /// The motor that small motions have proved with a free handle, for `proved_with_free_handle` of the rig file.
+    pub proved: Option<String>,
     /// Every fault, in order, in words.
     pub faults: Vec<String>,
 }
@@ -79,6 +81,7 @@ impl Summary {
         stats: &CycleStats,
         frames: &Counters,
         realtime: Option<&Privileges>,
+        proved: Option<&str>,
         faults: &[CanFault],
     ) -> Self {
         Self {
@@ -96,6 +99,7 @@ impl Summary {
             lateness: (&stats.lateness).into(),
             response: (&stats.response).into(),
             frames: *frames,
+            proved: proved.map(str::to_owned),
             faults: faults.iter().map(ToString::to_string).collect(),
         }
     }
@@ -133,6 +137,12 @@ impl fmt::Display for Summary {
             frames.bus_errors,
             frames.emergencies
         )?;
+        if let Some(proved) = &self.proved {
+            write!(
+                formatter,
+                "\n  proved with a free handle; for the rig file: \"proved_with_free_handle\": \"{proved}\""
+            )?;
+        }
         self.realtime.iter().try_for_each(|realtime| {
             let said = |what: &Result<(), String>| match what {
                 Ok(()) => "yes".to_owned(),

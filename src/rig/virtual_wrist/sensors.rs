@@ -8,6 +8,7 @@ use super::setup::Setup;
 use super::wrist_response::channels;
 use crate::random::Stream;
 use crate::rig::Sample;
+use crate::wrist::mechanisms::ChannelErrors;
 
 /// The sensors of a virtual rig.
 #[derive(Debug, Clone)]
@@ -16,7 +17,7 @@ pub struct VirtualSensors {
     disturbances: MechanismList,
     stream: Stream,
     count_rad: f64,
-    angle_gain: f64,
+    channels: ChannelErrors<f64>,
     angle: Delay,
     torque: Delay,
 }
@@ -33,7 +34,7 @@ impl VirtualSensors {
             setup: setup.clone(),
             disturbances: switched,
             stream,
-            angle_gain: channels.angle_gain,
+            channels,
             angle: Delay::new((-torque_delay).max(0.0)),
             torque: Delay::new(torque_delay.max(0.0)),
         }
@@ -49,7 +50,7 @@ impl VirtualSensors {
     /// The recorded sample at `time_s` of the session.
     #[inline]
     pub fn measure(&mut self, angle_rad: f64, torque_nm: f64, emg_mvc: [f64; 2], time_s: f64) -> Sample {
-        let angle_rad = self.angle_gain * self.angle.step(angle_rad);
+        let angle_rad = self.channels.recorded_angle_rad(self.angle.step(angle_rad));
         let torque_nm = self.torque.step(torque_nm)
             + self.setup.gauge_offset_nm
             + self.setup.gauge_noise_nm * self.stream.normal()

@@ -3,6 +3,8 @@
 use super::covariates::{Covariates, DataRequirement};
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{LawSpace, Place};
+use super::prior::Prior;
 use crate::number::Number;
 use crate::wrist::plant::{Lever, Plant};
 
@@ -20,9 +22,14 @@ impl Mechanism for ActivationScaling {
         (-500.0, 500.0),
         Some(0.0),
         30.0,
+        Prior::Normal { mean: 0.0, sd: 100.0 },
     )];
     const EQUATION: &'static str = "k_srs,trial = k_srs + slope (EMG_flexor - EMG_flexor,usual)";
     const SOURCE: &'static str = "Linear in the flexor EMG";
+    const PRIOR_SOURCE: &'static str = "\
+        k_srs rises by 8 N m/rad from 0.9 to 2.1 N m (section 3.3 of de Vlugt et al. 2011), a step of \
+        about a tenth of MVC, so of the order of 100 N m/rad per MVC";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Trials, argument: None, sd: 0.0 };
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::FlexorEmg];
 
     /// Flexor EMG of a virtual subject varies by about 1 % of MVC from trial to trial.

@@ -67,14 +67,14 @@ impl<T: Number> Extension<T> for ActiveMechanisms<'_, T> {
     }
 
     #[inline(always)]
-    fn alter_measurement(&self, added: &[T], torque: T, rates: &mut [T]) -> T {
+    fn alter_measurement(&self, added: &[T], time_s: f64, torque: T, rates: &mut [T]) -> T {
         let (mut first, mut slot, mut torque) = (0, 0, torque);
         for kind in self.kinds {
             let (p, own) = (first..first + kind.parameter_count(), slot..slot + kind.state_count());
             (first, slot) = (p.end, own.end);
             let states = OwnStates::new(&added[own.clone()], self.history, own.start);
-            torque =
-                kind.alter_measurement(&self.parameters[p], &states, self.trial, torque, &mut rates[own]);
+            let (p, rates) = (&self.parameters[p], &mut rates[own]);
+            torque = kind.alter_measurement(p, &states, self.trial, time_s, torque, rates);
         }
         torque
     }

@@ -3,6 +3,8 @@
 use super::channel_errors::ChannelErrors;
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
+use super::place::{LawSpace, Place};
+use super::prior::Prior;
 use crate::number::Number;
 
 /// Delay between the torque channel and the angle channel.
@@ -19,9 +21,14 @@ impl Mechanism for ChannelSkew {
         (-0.01, 0.01),
         Some(0.0),
         0.0005,
+        Prior::Normal { mean: 0.0, sd: 0.001 },
     )];
     const EQUATION: &'static str = "T_recorded(t) = T_l(t - delay)";
     const SOURCE: &'static str = "Pure delay between the channels";
+    const PRIOR_SOURCE: &'static str = "\
+        Two or three samples at 2.5 kHz, or the group delay of one anti-aliasing filter, either way \
+        (assumed)";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::AngleChannel, argument: None, sd: 0.0 };
     const ALTERS_ANGLE: bool = true;
     const KNOWN_FORM: bool = true;
 

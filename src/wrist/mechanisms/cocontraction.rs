@@ -3,6 +3,8 @@
 use super::covariates::{Covariates, DataRequirement};
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{LawSpace, Place};
+use super::prior::Prior;
 use crate::number::Number;
 use crate::wrist::plant::{Lever, Plant};
 
@@ -20,9 +22,14 @@ impl Mechanism for Cocontraction {
         (-500.0, 500.0),
         Some(0.0),
         20.0,
+        Prior::Normal { mean: 0.0, sd: 150.0 },
     )];
     const EQUATION: &'static str = "k_srs,trial = k_srs + stiffness EMG_extensor";
     const SOURCE: &'static str = "Stiffness of the antagonist, proportional to its EMG";
+    const PRIOR_SOURCE: &'static str = "\
+        The agonist has some 15 N m/rad at a tenth of its maximum (section 3.3 of de Vlugt et al. 2011), \
+        so of the order of 150 N m/rad per MVC; a sign that is wrong is possible with crosstalk";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Trials, argument: None, sd: 0.0 };
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::ExtensorEmg];
 
     /// Extensor activity of a virtual subject is about 2 % of MVC, with a standard deviation of a fifth of that between trials.

@@ -2,6 +2,8 @@
 
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
@@ -21,11 +23,21 @@ impl Mechanism for EndRangeStiffness {
             (0.0, 500.0),
             Some(0.0),
             30.0,
+            Prior::HalfNormal { sd: 30.0 },
         ),
-        MechanismParameter::new("start_rad", "angle at which it begins", (0.0, 0.14), None, 0.04),
+        MechanismParameter::new(
+            "start_rad",
+            "angle at which it begins",
+            (0.0, 0.14),
+            None,
+            0.04,
+            Prior::Normal { mean: 0.05, sd: 0.03 },
+        ),
     ];
     const EQUATION: &'static str = "T_j += stiffness max(0, theta_j - start)";
     const SOURCE: &'static str = "Example of docs/how-to/add-a-mechanism.md";
+    const PRIOR_SOURCE: &'static str = "Twice k_srs, anywhere in the second half of a ramp (assumed)";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Angle), sd: 0.2 };
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [0.03, 0.05].map(|start| vec![30.0, start]).to_vec()

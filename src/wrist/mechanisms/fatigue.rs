@@ -3,6 +3,8 @@
 use super::covariates::Covariates;
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{LawSpace, Place};
+use super::prior::Prior;
 use crate::number::Number;
 use crate::wrist::plant::Plant;
 
@@ -20,9 +22,14 @@ impl Mechanism for Fatigue {
         (-0.9, 0.9),
         Some(0.0),
         0.05,
+        Prior::Normal { mean: 0.0, sd: 0.15 },
     )];
     const EQUATION: &'static str = "k_srs,trial = k_srs (1 - fraction progress)";
     const SOURCE: &'static str = "Linear in the place in the session";
+    const PRIOR_SOURCE: &'static str = "\
+        Stiffness changes by some 10 to 20 % over a session of submaximal holds, in either direction \
+        (assumed)";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Trials, argument: None, sd: 0.0 };
 
     #[inline(always)]
     fn alter_plant<T: Number>(p: &[T], plant: &mut Plant<T>, trial: &Covariates<T::Plain>) {

@@ -3,6 +3,8 @@
 use super::covariates::Covariates;
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use crate::number::Number;
 use crate::wrist::plant::{Lever, Plant, YIELD_SMOOTHNESS_PER_NM};
 
@@ -20,10 +22,16 @@ impl Mechanism for GradualYield {
         (3.0, 100.0),
         Some(YIELD_SMOOTHNESS_PER_NM),
         20.0,
+        Prior::LogNormal { median: 25.0, log_sd: 0.8 },
     )];
     const EQUATION: &'static str =
         "T_j,elas = k_srs theta_j - ln(1 + exp(a_s k_dec (theta_j - x_e))) / a_s, a_s = smoothness";
     const SOURCE: &'static str = "a_s of Eq. 2 of de Vlugt et al. 2011, there fixed at 100";
+    const PRIOR_SOURCE: &'static str = "\
+        Yield spread over a torque of some 0.04 N m, within a factor of two to three (assumed): fibres \
+        do not yield at one length";
+    const LAW_SPACE: LawSpace =
+        LawSpace { place: Place::Joint, argument: Some(Argument::AngleBeyondYield), sd: 0.2 };
 
     fn hidden_range(_lever: Option<Lever>) -> Option<(f64, f64)> {
         Some((4.0, 8.0))

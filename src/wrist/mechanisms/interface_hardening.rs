@@ -2,6 +2,8 @@
 
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
@@ -20,9 +22,15 @@ impl Mechanism for InterfaceHardening {
         (0.0, 200000.0),
         Some(0.0),
         2000.0,
+        Prior::HalfNormal { sd: 4000.0 },
     )];
     const EQUATION: &'static str = "T_h = b_h d' + k_h d (1 + strength d^2), d = theta_l - theta_j";
     const SOURCE: &'static str = "Cubic spring; skin and foam stiffen under load";
+    const PRIOR_SOURCE: &'static str = "\
+        Skin and padding double the stiffness at a deflection of 15 mrad or more, about 1.5 mm at a \
+        radius of 0.1 m (assumed)";
+    const LAW_SPACE: LawSpace =
+        LawSpace { place: Place::Interface, argument: Some(Argument::Deflection), sd: 0.2 };
 
     #[inline(always)]
     fn add_torques<T: Number>(

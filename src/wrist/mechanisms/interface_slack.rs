@@ -2,6 +2,8 @@
 
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
@@ -20,10 +22,15 @@ impl Mechanism for InterfaceSlack {
         (0.0, 0.02),
         Some(0.0),
         0.0005,
+        Prior::HalfNormal { sd: 0.0007 },
     )];
     const EQUATION: &'static str =
         "T_h = b_h d' + k_h (max(0, d - w) - max(0, -d - w)), d = theta_l - theta_j, w = half_width";
     const SOURCE: &'static str = "Dead zone in series with k_h";
+    const PRIOR_SOURCE: &'static str =
+        "Play of a firm grip: some 0.1 mm on either side, at a radius of 0.1 m (assumed)";
+    const LAW_SPACE: LawSpace =
+        LawSpace { place: Place::Interface, argument: Some(Argument::Deflection), sd: 0.1 };
 
     #[inline(always)]
     fn add_torques<T: Number>(

@@ -3,6 +3,8 @@
 use super::covariates::Covariates;
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use crate::number::Number;
 use crate::wrist::plant::{JOINT_DAMPING_NM_S_PER_RAD, Plant};
 
@@ -20,9 +22,14 @@ impl Mechanism for JointDamping {
         (0.0, 2.0),
         Some(JOINT_DAMPING_NM_S_PER_RAD),
         0.05,
+        Prior::HalfNormal { sd: 0.2 },
     )];
     const EQUATION: &'static str = "T_j = b_j theta_j' + T_j,elas";
     const SOURCE: &'static str = "Eq. 7 of de Vlugt et al. 2011, where b_j is fixed at a negligible value";
+    const PRIOR_SOURCE: &'static str = "\
+        The passive wrist is nearly free of damping (section 2.3 of de Vlugt et al. 2011: negligible); \
+        with active muscles a few 0.1 N m s/rad at most (assumed)";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.2 };
 
     #[inline(always)]
     fn alter_plant<T: Number>(p: &[T], plant: &mut Plant<T>, _trial: &Covariates<T::Plain>) {

@@ -2,6 +2,8 @@
 
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
@@ -15,17 +17,29 @@ impl Mechanism for JointFriction {
     const CLASS: MechanismClass = MechanismClass::Plant;
     const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
     const PARAMETERS: &'static [MechanismParameter] = &[
-        MechanismParameter::new("level_nm", "friction torque in motion", (0.0, 1.0), Some(0.0), 0.05),
+        MechanismParameter::new(
+            "level_nm",
+            "friction torque in motion",
+            (0.0, 1.0),
+            Some(0.0),
+            0.05,
+            Prior::HalfNormal { sd: 0.1 },
+        ),
         MechanismParameter::new(
             "presliding_rad",
             "travel over which it builds up",
             (0.0002, 0.005),
             None,
             0.0005,
+            Prior::LogNormal { median: 0.0005, log_sd: 0.7 },
         ),
     ];
     const EQUATION: &'static str = "T_j += z, dz/dt = (level theta_j' - z |theta_j'|) / presliding";
     const SOURCE: &'static str = "Dahl 1968: dz/dt = (level w - z |w|) / presliding; the bristles' torque z tends to the level in motion";
+    const PRIOR_SOURCE: &'static str = "\
+        Cartilage and tendon sheaths hold a few per cent of a torque of 1 to 2 N m (assumed); breakaway \
+        travel of dry contacts, some 0.1 mm at a radius of a few cm, within a factor of two (assumed)";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.2 };
     const STATES: usize = 1;
 
     #[inline(always)]

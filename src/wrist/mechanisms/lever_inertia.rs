@@ -3,6 +3,8 @@
 use super::covariates::{Covariates, DataRequirement};
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
+use super::place::{LawSpace, Place};
+use super::prior::Prior;
 use crate::number::Number;
 use crate::wrist::plant::{Lever, Plant};
 
@@ -14,16 +16,31 @@ impl Mechanism for LeverInertia {
     const TITLE: &'static str = "the lever's inertia is not as assumed";
     const CLASS: MechanismClass = MechanismClass::Rig;
     const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
-    const PARAMETERS: &'static [MechanismParameter] =
-        &[MechanismParameter::new("inertia_kg_m2", "I_l", (1e-05, 0.05), None, 0.0016)];
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "inertia_kg_m2",
+        "I_l",
+        (1e-05, 0.05),
+        None,
+        0.0016,
+        Prior::LogNormal { median: 0.0016, log_sd: 0.5 },
+    )];
     const EQUATION: &'static str = "I_l = inertia";
     const SOURCE: &'static str = "I_l of Table 1 of de Vlugt et al. 2011";
+    const PRIOR_SOURCE: &'static str =
+        "About the value that the session states, within a factor of 1.6: a constant read off a drawing (assumed)";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Handle, argument: None, sd: 0.0 };
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::Lever];
     const KNOWN_FORM: bool = true;
 
     /// The value that the session states.
     fn starting_value(parameter: usize, lever: Option<Lever>) -> f64 {
         lever.map_or(Self::PARAMETERS[parameter].typical, |lever| lever.inertia_kg_m2)
+    }
+
+    /// About the value that the session states.
+    fn prior(parameter: usize, session: &ProbeContext) -> Prior {
+        let stated = Self::starting_value(parameter, session.lever);
+        Prior::LogNormal { median: stated, log_sd: 0.5 }
     }
 
     fn hidden_range(lever: Option<Lever>) -> Option<(f64, f64)> {

@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::channel_errors::ChannelErrors;
 use super::covariates::{Covariates, DataRequirement};
 use super::parameter::MechanismParameter;
+use super::place::LawSpace;
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
@@ -39,7 +41,7 @@ pub enum EvidenceSource {
     SingleTrials,
 }
 
-/// What the probe values of a mechanism may depend on.
+/// What the priors and the probe values of a mechanism may depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProbeContext {
     /// The lever that the session states; `None` for a rigid one.
@@ -67,6 +69,10 @@ pub trait Mechanism {
     const EQUATION: &'static str;
     /// Source of its functional form.
     const SOURCE: &'static str;
+    /// Source of the priors of its parameters; "assumed" where there is none.
+    const PRIOR_SOURCE: &'static str;
+    /// Where it acts, and how far its real law may differ from its equation.
+    const LAW_SPACE: LawSpace;
     /// Data that a session must hold.
     const NEEDS: &'static [DataRequirement] = &[];
     /// Number of states that it adds to the model.
@@ -84,6 +90,12 @@ pub trait Mechanism {
     fn starting_value(parameter: usize, lever: Option<Lever>) -> f64 {
         let _ = lever;
         Self::PARAMETERS[parameter].typical
+    }
+
+    /// Prior of a parameter in this session; by default that of [`Mechanism::PARAMETERS`].
+    fn prior(parameter: usize, session: &ProbeContext) -> Prior {
+        let _ = session;
+        Self::PARAMETERS[parameter].prior
     }
 
     /// Parameter values at which a diagnosis tests whether the mechanism would help; by default the typical values.

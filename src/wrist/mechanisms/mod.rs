@@ -4,21 +4,32 @@
 //! mechanics, to the sensors or to the dependence on the trial. The same value switches it on in the virtual wrist, in the
 //! fit and in the diagnosis. To add a mechanism, write its file and add one line to the list below;
 //! `docs/how-to/add-a-mechanism.md` has a worked example.
+//!
+//! A free law is an unknown function at a place of the model. It is a [`MechanismKind`] too, but it is not in the catalogue.
 
 #[macro_use]
 mod catalogue;
 mod active;
 mod channel_errors;
 mod covariates;
+mod free_law;
+mod free_law_kind;
 mod mechanism;
 mod parameter;
+mod place;
+mod prior;
+mod spline;
 mod states;
 
 pub use active::ActiveMechanisms;
 pub use channel_errors::ChannelErrors;
 pub use covariates::{Covariates, DataRequirement};
+pub use free_law::FreeLaw;
+pub use free_law_kind::FreeLawKind;
 pub use mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 pub use parameter::MechanismParameter;
+pub use place::{Argument, LawSpace, Place};
+pub use prior::Prior;
 pub use states::OwnStates;
 
 use super::mechanics::{Context, Torques};
@@ -56,14 +67,44 @@ catalogue! {
     end_range_stiffness::EndRangeStiffness,
 }
 
+/// Every free law.
+pub const FREE_LAWS: &[MechanismKind] = &[
+    MechanismKind::Free(FreeLawKind::JointAngle),
+    MechanismKind::Free(FreeLawKind::JointSpeed),
+    MechanismKind::Free(FreeLawKind::JointAngleBeyondYield),
+    MechanismKind::Free(FreeLawKind::JointTime),
+    MechanismKind::Free(FreeLawKind::JointPastSpeed),
+    MechanismKind::Free(FreeLawKind::InterfaceDeflection),
+    MechanismKind::Free(FreeLawKind::InterfaceSpeed),
+    MechanismKind::Free(FreeLawKind::HandleAngle),
+    MechanismKind::Free(FreeLawKind::HandleSpeed),
+    MechanismKind::Free(FreeLawKind::TorqueChannelTorque),
+    MechanismKind::Free(FreeLawKind::TorqueChannelTime),
+    MechanismKind::Free(FreeLawKind::TorqueChannelPastTorque),
+    MechanismKind::Free(FreeLawKind::AngleChannelAngle),
+];
+
 impl MechanismKind {
-    /// The mechanism with this identifier.
+    /// The mechanism or free law with this identifier.
     pub fn from_id(id: &str) -> Option<Self> {
-        CATALOGUE.iter().copied().find(|kind| kind.id() == id)
+        CATALOGUE.iter().chain(FREE_LAWS).copied().find(|kind| kind.id() == id)
     }
 
     /// The first mechanism of the catalogue that shows in `evidence`.
     pub fn shown_in(evidence: EvidenceSource) -> Option<Self> {
         CATALOGUE.iter().copied().find(|kind| kind.evidence() == evidence)
+    }
+
+    /// Whether it is a free law, which is not in the catalogue.
+    pub fn is_free_law(self) -> bool {
+        matches!(self, Self::Free(_))
+    }
+
+    /// Place, argument and coefficients of a free law; `None` for a mechanism of the catalogue.
+    pub fn free_law(self) -> Option<FreeLaw> {
+        match self {
+            Self::Free(kind) => Some(kind.law()),
+            _ => None,
+        }
     }
 }

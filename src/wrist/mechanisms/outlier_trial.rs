@@ -2,6 +2,7 @@
 
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{LawSpace, Place};
 
 /// Single trials that differ from their repetitions.
 pub struct OutlierTrial;
@@ -15,4 +16,6 @@ impl Mechanism for OutlierTrial {
     const EQUATION: &'static str = "k_srs,trial differs from its repetitions";
     const SOURCE: &'static str =
         "Trials that differ from their repetitions by more than the spread among all";
+    const PRIOR_SOURCE: &'static str = "None: it has no parameter";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Trials, argument: None, sd: 0.0 };
 }

@@ -1,5 +1,7 @@
 //! A parameter of a mechanism.
 
+use super::prior::Prior;
+
 /// Name, meaning and bounds of a parameter of a mechanism.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MechanismParameter {
@@ -15,6 +17,8 @@ pub struct MechanismParameter {
     pub absent: Option<f64>,
     /// A plausible value.
     pub typical: f64,
+    /// What is held plausible of it before any data; see [`Mechanism::prior`](super::Mechanism::prior).
+    pub prior: Prior,
     /// Whether least squares estimates it together with the base parameters.
     pub fitted: bool,
 }
@@ -27,7 +31,8 @@ impl MechanismParameter {
         range: (f64, f64),
         absent: Option<f64>,
         typical: f64,
+        prior: Prior,
     ) -> Self {
-        Self { name, meaning, low: range.0, high: range.1, absent, typical, fitted: true }
+        Self { name, meaning, low: range.0, high: range.1, absent, typical, prior, fitted: true }
     }
 }

@@ -2,6 +2,8 @@
 
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
@@ -20,10 +22,15 @@ impl Mechanism for PostYieldViscosity {
         (0.0, 2.0),
         Some(0.0),
         0.15,
+        Prior::HalfNormal { sd: 0.3 },
     )];
     const EQUATION: &'static str = "T_j += c theta_j' / (1 + exp(-a_s k_dec (theta_j - x_e)))";
     const SOURCE: &'static str =
         "Rack and Westbury 1974: beyond the short range the muscle acts like a viscous damper";
+    const PRIOR_SOURCE: &'static str = "\
+        Torque after the yield of up to about 1 N m at 3 rad/s (assumed; Rack and Westbury 1974 show \
+        that it is viscous)";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.2 };
 
     #[inline(always)]
     fn add_torques<T: Number>(

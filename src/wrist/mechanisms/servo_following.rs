@@ -3,6 +3,8 @@
 use super::channel_errors::ChannelErrors;
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use crate::number::Number;
 use crate::wrist::plant::Lever;
 
@@ -20,9 +22,14 @@ impl Mechanism for ServoFollowing {
         (5.0, 2000.0),
         None,
         100.0,
+        Prior::LogNormal { median: 120.0, log_sd: 0.7 },
     )];
     const EQUATION: &'static str = "theta_m(s) = theta_recorded(s) / (1 + s / (2 pi f))^2, f = bandwidth";
     const SOURCE: &'static str = "Two equal real poles at the bandwidth";
+    const PRIOR_SOURCE: &'static str =
+        "Position bandwidth of industrial servo drives, some 50 to 250 Hz (assumed)";
+    const LAW_SPACE: LawSpace =
+        LawSpace { place: Place::AngleChannel, argument: Some(Argument::PastSpeed), sd: 0.1 };
     const ALTERS_ANGLE: bool = true;
 
     fn delay_s(p: &[f64]) -> Option<f64> {

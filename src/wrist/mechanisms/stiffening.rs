@@ -2,6 +2,8 @@
 
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
@@ -20,9 +22,13 @@ impl Mechanism for Stiffening {
         (-10.0, 30.0),
         Some(0.0),
         4.0,
+        Prior::Normal { mean: 0.0, sd: 6.0 },
     )];
     const EQUATION: &'static str = "T_j += k_srs c theta_j^2 / 2";
     const SOURCE: &'static str = "First-order dependence of stiffness on angle";
+    const PRIOR_SOURCE: &'static str =
+        "Stiffness changes by up to a third over 0.05 rad, in either direction (assumed)";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Angle), sd: 0.2 };
 
     #[inline(always)]
     fn add_torques<T: Number>(

@@ -2,6 +2,8 @@
 
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
@@ -21,11 +23,24 @@ impl Mechanism for StressRelaxation {
             (0.0, 100.0),
             Some(0.0),
             15.0,
+            Prior::HalfNormal { sd: 15.0 },
         ),
-        MechanismParameter::new("time_constant_s", "its relaxation time", (0.001, 0.5), None, 0.01),
+        MechanismParameter::new(
+            "time_constant_s",
+            "its relaxation time",
+            (0.001, 0.5),
+            None,
+            0.01,
+            Prior::LogNormal { median: 0.01, log_sd: 1.0 },
+        ),
     ];
     const EQUATION: &'static str = "T_j += m, dm/dt = stiffness theta_j' - m / time_constant";
     const SOURCE: &'static str = "Maxwell element in parallel with k_j";
+    const PRIOR_SOURCE: &'static str = "\
+        A branch as stiff as k_srs itself at most; fast cross-bridge and tendon relaxation spans \
+        milliseconds to tens of milliseconds (assumed)";
+    const LAW_SPACE: LawSpace =
+        LawSpace { place: Place::Joint, argument: Some(Argument::PastSpeed), sd: 0.2 };
     const STATES: usize = 1;
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {

@@ -3,6 +3,8 @@
 use super::covariates::{Covariates, DataRequirement};
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
+use super::place::{LawSpace, Place};
+use super::prior::Prior;
 use crate::number::Number;
 use crate::wrist::plant::{Lever, Plant};
 
@@ -21,11 +23,24 @@ impl Mechanism for Thixotropy {
             (-0.9, 0.9),
             Some(0.0),
             0.1,
+            Prior::Normal { mean: 0.0, sd: 0.2 },
         ),
-        MechanismParameter::new("time_constant_s", "how fast it comes back at rest", (0.5, 60.0), None, 5.0),
+        MechanismParameter::new(
+            "time_constant_s",
+            "how fast it comes back at rest",
+            (0.5, 60.0),
+            None,
+            5.0,
+            Prior::LogNormal { median: 5.0, log_sd: 0.8 },
+        ),
     ];
     const EQUATION: &'static str = "k_srs,trial = k_srs (1 - amount exp(-rest / time_constant))";
     const SOURCE: &'static str = "Lakie et al. 1984: exponential recovery with rest";
+    const PRIOR_SOURCE: &'static str = "\
+        Movement lowers the stiffness of a relaxed muscle much (Lakie and Campbell 2019), and changes an \
+        active one much less (assumed); at the ankle short range stiffness recovers exponentially over \
+        rests of 1 to 32 s";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Trials, argument: None, sd: 0.0 };
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::Rest];
 
     /// None: a protocol has one rest for all trials, so the mechanism would have no effect.

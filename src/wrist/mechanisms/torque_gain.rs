@@ -3,6 +3,8 @@
 use super::covariates::Covariates;
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
+use super::place::{LawSpace, Place};
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 
@@ -14,10 +16,20 @@ impl Mechanism for TorqueGain {
     const TITLE: &'static str = "the torque is recorded too large or too small";
     const CLASS: MechanismClass = MechanismClass::Sensor;
     const EVIDENCE: EvidenceSource = EvidenceSource::Trace;
-    const PARAMETERS: &'static [MechanismParameter] =
-        &[MechanismParameter::new("factor", "recorded over true torque", (0.3, 3.0), Some(1.0), 1.05)];
+    const PARAMETERS: &'static [MechanismParameter] = &[MechanismParameter::new(
+        "factor",
+        "recorded over true torque",
+        (0.3, 3.0),
+        Some(1.0),
+        1.05,
+        Prior::LogNormal { median: 1.0, log_sd: 0.1 },
+    )];
     const EQUATION: &'static str = "T_recorded = factor T_l";
     const SOURCE: &'static str = "Calibration factor";
+    const PRIOR_SOURCE: &'static str = "\
+        A calibration is seldom off by more than 20 % (assumed; a calibrated gauge itself is within 1 %, \
+        so a larger error is one of unit, arm or amplifier)";
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::TorqueChannel, argument: None, sd: 0.0 };
     const KNOWN_FORM: bool = true;
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {

@@ -3,6 +3,8 @@
 use super::covariates::Covariates;
 use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
+use super::place::{Argument, LawSpace, Place};
+use super::prior::Prior;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::plant::Lever;
@@ -21,9 +23,14 @@ impl Mechanism for TorqueLag {
         (10.0, 5000.0),
         None,
         150.0,
+        Prior::LogNormal { median: 150.0, log_sd: 0.7 },
     )];
     const EQUATION: &'static str = "dT_recorded/dt = 2 pi cutoff (T_l - T_recorded)";
     const SOURCE: &'static str = "First-order low-pass";
+    const PRIOR_SOURCE: &'static str =
+        "Low-pass of a strain-gauge amplifier: common settings are 50 to 500 Hz (assumed)";
+    const LAW_SPACE: LawSpace =
+        LawSpace { place: Place::TorqueChannel, argument: Some(Argument::PastTorque), sd: 0.1 };
     const STATES: usize = 1;
 
     fn delay_s(p: &[f64]) -> Option<f64> {

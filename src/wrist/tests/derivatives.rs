@@ -73,14 +73,17 @@ impl Number for Oracle {
     }
 }
 
-/// Every model of one mechanism, and the base model.
+/// Every model of one mechanism or free law, and the base model.
 fn models() -> Vec<Vec<MechanismKind>> {
-    std::iter::once(Vec::new()).chain(CATALOGUE.iter().map(|kind| vec![*kind])).collect()
+    std::iter::once(Vec::new()).chain(CATALOGUE.iter().chain(FREE_LAWS).map(|kind| vec![*kind])).collect()
 }
 
 fn parameters_of(kinds: &[MechanismKind]) -> Vec<f64> {
     let mut parameters = kinds.first().map_or(PERSON.to_vec(), |kind| with(*kind));
     for (place, parameter) in kinds.iter().flat_map(|kind| kind.parameters()).enumerate() {
+        if !parameter.fitted {
+            continue;
+        }
         // Off the value that has no effect, and off the corners of what is not smooth.
         let off = 0.013 * (parameter.high - parameter.low).min(parameter.typical.abs().max(1e-3));
         parameters[6 + place] += off;
@@ -112,8 +115,11 @@ fn relative(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// Calls `error` with the mechanisms, their parameters, the place of each estimated one and our derivative by it, and asserts
-/// that what it says is small.
-fn each_derivative(error: impl Fn(&[MechanismKind], &[f64], usize, &[f64]) -> f64) {
+/// that what it says is below the tolerance for these mechanisms.
+fn each_derivative(
+    tolerance: impl Fn(&[MechanismKind]) -> f64,
+    error: impl Fn(&[MechanismKind], &[f64], usize, &[f64]) -> f64,
+) {
     let (sections, trial) = (sections(), ramp(2.6));
     for kinds in models() {
         let parameters = parameters_of(&kinds);
@@ -122,7 +128,7 @@ fn each_derivative(error: impl Fn(&[MechanismKind], &[f64], usize, &[f64]) -> f6
         let ours = run(&settings(&kinds, &sections, &wanted), &trial, &parameters);
         for (index, (name, place)) in estimated.iter().enumerate() {
             let error = error(&kinds, &parameters, *place, &column(&ours, wanted.len(), index));
-            assert!(error < 1e-8, "{name}: {error:e}");
+            assert!(error < tolerance(&kinds), "{name}: {error:e}");
         }
     }
 }
@@ -130,20 +136,26 @@ fn each_derivative(error: impl Fn(&[MechanismKind], &[f64], usize, &[f64]) -> f6
 #[test]
 fn derivatives_agree_with_num_dual_for_every_parameter_of_every_mechanism() {
     let (sections, trial) = (sections(), ramp(2.6));
-    each_derivative(|kinds, parameters, place, ours| {
-        let one = [place];
-        let settings = settings(kinds, &sections, &one);
-        let batch = Batch { settings: &settings, trials: &[&trial], parameters, first: 0, wanted: 0..1 };
-        let mut oracle = SimulatedTorque { torque_nm: vec![0.0; SAMPLES], slopes: vec![0.0; SAMPLES] };
-        extended::<f64, Oracle>(&batch, &mut oracle);
-        relative(ours, &oracle.slopes)
-    });
+    each_derivative(
+        |_| 1e-8,
+        |kinds, parameters, place, ours| {
+            let one = [place];
+            let settings = settings(kinds, &sections, &one);
+            let batch = Batch { settings: &settings, trials: &[&trial], parameters, first: 0, wanted: 0..1 };
+            let mut oracle = SimulatedTorque { torque_nm: vec![0.0; SAMPLES], slopes: vec![0.0; SAMPLES] };
+            extended::<f64, Oracle>(&batch, &mut oracle);
+            relative(ours, &oracle.slopes)
+        },
+    );
 }
 
 #[test]
 fn derivatives_agree_with_eighth_order_differences_for_every_parameter_of_every_mechanism() {
     let (sections, trial) = (sections(), ramp(2.6));
-    each_derivative(|kinds, parameters, place, ours| {
+    // The third derivative of a spline jumps at its knots, which limits a difference formula of high order.
+    let tolerance =
+        |kinds: &[MechanismKind]| if kinds.iter().any(|kind| kind.is_free_law()) { 1e-5 } else { 1e-8 };
+    each_derivative(tolerance, |kinds, parameters, place, ours| {
         let torque = |by: f64| {
             let mut moved = parameters.to_vec();
             moved[place] += by;

@@ -1,9 +1,11 @@
 //! The model's own correctness: derivatives, integration error, widths, the filter on the way.
 
+mod declarations;
 mod derivatives;
+mod free_laws;
 mod integration;
 
-use super::mechanisms::{CATALOGUE, Covariates, MechanismKind};
+use super::mechanisms::{CATALOGUE, Covariates, FREE_LAWS, MechanismKind};
 use super::{
     Kinematics, Lever, SimulatedTorque, SimulationSettings, Smoothing, TrialInput, VectorWidth, simulate,
 };
@@ -90,7 +92,7 @@ fn every_width_gives_the_same_bits() {
     let trials: Vec<TrialInput> = (0..19).map(|i| ramp(1.3 + 0.1 * f64::from(i))).collect();
     let references: Vec<&TrialInput> = trials.iter().collect();
     let mut models = vec![Vec::new()];
-    models.extend(CATALOGUE.iter().map(|kind| vec![*kind]));
+    models.extend(CATALOGUE.iter().chain(FREE_LAWS).map(|kind| vec![*kind]));
     models.push(vec![MechanismKind::ChannelSkew, MechanismKind::StretchReflex, MechanismKind::TorqueLag]);
     for kinds in models {
         let count = 6 + kinds.iter().map(|kind| kind.parameter_count()).sum::<usize>();

@@ -9,7 +9,8 @@ use std::fmt::Write;
 use nalgebra::{DMatrix, DVector};
 use ramphold::report::{EffectCurve, mechanism_figure};
 use ramphold::wrist::mechanisms::{
-    CATALOGUE, Covariates, DataRequirement, EvidenceSource, MechanismClass, MechanismKind, ProbeContext,
+    Argument, CATALOGUE, Covariates, DataRequirement, EvidenceSource, LawSpace, MechanismClass,
+    MechanismKind, Place, Prior, ProbeContext,
 };
 use ramphold::wrist::{
     Kinematics, Lever, SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, simulate, substeps,
@@ -221,11 +222,13 @@ fn page(kind: MechanismKind, effects: &[Effect]) -> String {
         if needs.is_empty() { "nothing beyond angle and torque".to_owned() } else { needs.join("; ") };
     let _ = write!(
         page,
-        "| | |\n|---|---|\n| equation | `{}` |\n| class | {} |\n| shown | {} |\n| needs | {needs} |\n| source | {} |\n",
+        "| | |\n|---|---|\n| equation | `{}` |\n| class | {} |\n| shown | {} |\n| needs | {needs} |\n| source | {} |\n| place | {} |\n| law | {} |\n",
         kind.equation().replace('|', "\\|"),
         class(kind),
         evidence(kind),
-        kind.source()
+        kind.source(),
+        place(kind.law_space().place),
+        law(kind.law_space()),
     );
     parameters_table(&mut page, kind);
     if let Some(effect) = effects.iter().find(|effect| effect.kind == kind) {
@@ -241,21 +244,60 @@ fn parameters_table(page: &mut String, kind: MechanismKind) {
         return;
     }
     page.push_str(
-        "\n| parameter | meaning | unit | bounds | no effect at | typical |\n|---|---|---|---|---|---|\n",
+        "\n| parameter | meaning | unit | bounds | no effect at | typical | prior |\n|---|---|---|---|---|---|---|\n",
     );
     for parameter in kind.parameters() {
         let absent = parameter.absent.map_or("a limit only".to_owned(), |value| value.to_string());
         let _ = writeln!(
             page,
-            "| `{}` | {} | {} | {} to {} | {absent} | {} |",
+            "| `{}` | {} | {} | {} to {} | {absent} | {} | {} |",
             parameter.name,
             parameter.meaning,
             unit(parameter.name),
             parameter.low,
             parameter.high,
-            parameter.typical
+            parameter.typical,
+            prior(parameter.prior)
         );
     }
+    let _ = writeln!(page, "\nSource of the priors: {}.", kind.prior_source());
+}
+
+fn prior(prior: Prior) -> String {
+    match prior {
+        Prior::Normal { mean, sd } => format!("normal, mean {mean}, sd {sd}"),
+        Prior::HalfNormal { sd } => format!("half-normal above no effect, sd {sd}"),
+        Prior::LogNormal { median, log_sd } => format!("log-normal, median {median}, sd of ln {log_sd}"),
+    }
+}
+
+fn place(place: Place) -> &'static str {
+    match place {
+        Place::Joint => "`joint`: the torque in the joint",
+        Place::Interface => "`interface`: the torque between handle and hand",
+        Place::Handle => "`handle`: the torque in the lever",
+        Place::TorqueChannel => "`torque_channel`: the torque channel",
+        Place::AngleChannel => "`angle_channel`: the angle channel",
+        Place::Trials => "`trials`: the differences between trials",
+    }
+}
+
+fn law(space: LawSpace) -> String {
+    let argument = match space.argument {
+        None => return "certain: the mechanism has no law of uncertain form".to_owned(),
+        Some(Argument::Angle) => "the angle",
+        Some(Argument::Speed) => "the speed",
+        Some(Argument::AngleBeyondYield) => "the joint angle beyond the elastic limit",
+        Some(Argument::Time) => "the time since the onset",
+        Some(Argument::PastSpeed) => "past speed",
+        Some(Argument::Deflection) => "the deflection between hand and handle",
+        Some(Argument::Torque) => "the torque",
+        Some(Argument::PastTorque) => "past torque",
+    };
+    format!(
+        "a function of {argument}; the real law differs from the equation by {:.0} % (standard deviation)",
+        space.sd * 100.0
+    )
 }
 
 fn describe(page: &mut String, effect: &Effect, effects: &[Effect]) {
@@ -364,10 +406,14 @@ These pages are generated from the code.
     }
     page.push_str(
         "
+What no mechanism describes can be described by a [free law](free-laws.md), an unknown function at a place of the model.
+
 ## How to read a page
 
 - **Equation.** `x'` is the rate of x; `x += y` adds y to a torque of [Eq. 3-7](../../explanation/model.md). The other symbols are in the [glossary](../glossary.md#the-model-eq-1-7).
 - **Bounds** are those of the fit. *No effect at* is the value at which the mechanism is absent.
+- **Prior** says what is held plausible of a parameter before any data. *Law* says how far the real law may differ from the equation. Both were declared before any \
+benchmark was run. A prior about a value that the session states is shown for typical values.
 - **Picture.** The change of the torque of the average virtual subject at 1.5 N m, at the values stated: on the left with all other parameters fixed, on the right after I_j (in all \
 conditions alike) and b_h, k_h, k_srs, k_dec and x_e (in each condition) have followed to first order. What is on the right is what a diagnosis can see. Mechanisms that \
 depend on the trial are shown for the last trial, after a rest of 5 s, with 0.05 MVC more EMG than usual.

@@ -41,6 +41,14 @@ pub enum CanopenError {
         /// How many the rig file tolerates.
         tolerated: u64,
     },
+    /// Another program commands the nodes of this bus.
+    #[error(
+        "another program commands this bus ({id:03X}h was heard): end its session first; nothing was sent"
+    )]
+    OtherMaster {
+        /// SYNC, or a heartbeat with the node id of this program.
+        id: u16,
+    },
     /// Too many frames of others.
     #[error(
         "{per_s} foreign frames a second on the bus, {tolerated} are tolerated; take other devices off this bus"
@@ -95,7 +103,7 @@ pub enum CanopenError {
         /// The abort code.
         code: u32,
     },
-    /// An SDO was not has_replied.
+    /// An SDO was not answered.
     #[error(
         "node {node} does not answer for object {index:04X}h:{sub:02X}; check its power, node id and bit rate"
     )]

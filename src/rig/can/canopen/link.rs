@@ -301,6 +301,22 @@ impl Link {
         Ok(())
     }
 
+    /// Listens until `end` for another program that commands this bus: for its SYNC, and for a heartbeat of `own_node`.
+    ///
+    /// # Errors
+    /// [`CanopenError::OtherMaster`]
+    pub fn listen_for_other_master(&mut self, own_node: u8, end: Instant) -> Result<(), CanopenError> {
+        while let Some(Frame { id, .. }) = self.receive(end)? {
+            if id == cob::SYNC || id == cob::HEARTBEAT + u16::from(own_node) {
+                return Err(CanopenError::OtherMaster { id });
+            }
+            if self.now() >= end {
+                break;
+            }
+        }
+        Ok(())
+    }
+
     /// A frame that nobody asked for.
     pub fn count_foreign(&mut self) -> Result<(), CanopenError> {
         self.counters.foreign += 1;

@@ -1,6 +1,6 @@
 //! The SDO client: expedited and segmented transfers.
 //!
-//! A read that is not has_replied is asked again; a write is not, for the server may have carried it out. What it did is
+//! A read that is not answered is asked again; a write is not, for the server may have carried it out. What it did is
 //! seen by reading back.
 
 use std::time::Duration;

@@ -29,12 +29,18 @@ impl Drive for Cansimple {
         self.check_version(link)?;
         let axis_limits = AxisLimits::of(self, limits);
         self.prove_endpoints(link, axis_limits)?;
+        let identity = self.identity(link)?;
+        self.proof.identify(identity)?;
         self.write_settings(link, file, limits)?;
         self.send_command(link, command::CLEAR_ERRORS, &[0])?;
         let modes = pair(POSITION_CONTROL.to_le_bytes(), PASSTHROUGH.to_le_bytes());
         self.send_command(link, command::SET_CONTROLLER_MODE, &modes)?;
         self.sensors.prepare(link, file)?;
         Ok(LimitsConfirmed::by_reading_back())
+    }
+
+    fn proved(&self) -> Option<&str> {
+        self.proof.line()
     }
 
     fn monitored_nodes(&self) -> Vec<MonitoredNode> {
@@ -58,7 +64,7 @@ impl Drive for Cansimple {
         self.wait_for_heartbeat(link)?;
         link.set_error_policy(ErrorPolicy::Fault);
         limits.check_place(JointAngle(angle_rad))?;
-        if self.is_proved {
+        if self.proof.is_proved() {
             return Ok(());
         }
         let proved = self.prove_watchdog(link, limits, monitor);
@@ -69,7 +75,7 @@ impl Drive for Cansimple {
         left?;
         // The errors that the watchdog left are gone before the cycle looks at them.
         self.wait_for_heartbeat(link)?;
-        self.is_proved = true;
+        self.proof.pass();
         Ok(())
     }
 

@@ -12,6 +12,7 @@ use crate::rig::can::drive::Drive;
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::file::{CanRigFile, CansimpleMotor};
 use crate::rig::can::position_check::PositionCheck;
+use crate::rig::can::proved_motor::ProvedMotor;
 use crate::rig::can::sensors::Sensors;
 use crate::rig::can::units::JointAngle;
 
@@ -45,8 +46,8 @@ pub struct Cansimple {
     pub(super) zeroed: bool,
     /// How the start position was known at the latest arming.
     pub(super) origin: Origin,
-    /// The watchdog was seen to act.
-    pub(super) is_proved: bool,
+    /// Whether the watchdog was seen to act.
+    pub(super) proof: ProvedMotor,
     /// What the proof sends, instead of what the cycle asks for.
     pub(super) probe: Option<AxisCommand>,
     pub(super) next: AxisCommand,
@@ -79,7 +80,7 @@ impl Cansimple {
             motor_waits: Duration::from_millis(u64::from(file.master.motor_waits_ms)),
             zeroed: false,
             origin: Origin::Found,
-            is_proved: motor.proved_with_free_handle,
+            proof: ProvedMotor::new(motor.proved_with_free_handle.as_deref()),
             probe: None,
             next: AxisCommand::Silence,
             wanted: IDLE,

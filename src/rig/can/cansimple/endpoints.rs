@@ -61,6 +61,19 @@ impl Cansimple {
         Ok(())
     }
 
+    /// The axis, its firmware, and what its watchdog was proved with; `None` where the rig file does not say how to ask for
+    /// the serial number.
+    pub(super) fn identity(&mut self, link: &mut Link) -> Result<Option<String>, CanFault> {
+        let Some(endpoint) = self.motor.endpoints.serial_number else { return Ok(None) };
+        let serial_number = u32::from_le_bytes(self.read(link, endpoint)?);
+        let version = self.version.map_or_else(
+            || "version unknown".to_owned(),
+            |[a, b, c, d, e, f]| format!("hardware {a}.{b}.{c}, firmware {d}.{e}.{f}"),
+        );
+        let waits_ms = self.motor_waits.as_millis();
+        Ok(Some(format!("odrive {serial_number:08X}h, {version}, watchdog {waits_ms} ms")))
+    }
+
     /// Sets speed and current limit without endpoints.
     pub(super) fn set_limits(&mut self, link: &mut Link, limits: AxisLimits) -> Result<(), CanFault> {
         self.send_command(link, command::SET_LIMITS, &pair(float(limits.turns_s), float(limits.current_a)))

@@ -177,10 +177,10 @@ pub struct CansimpleMotor {
     pub heartbeat_wait_ms: u16,
     /// How often it reports position and speed, ms: at least once a period.
     pub encoder_ms: u16,
-    /// Whether the small motions with which arming proves the motor's watchdog, and in MIT mode its ranges, were made before
-    /// with this motor and this file, with a free handle. Then arming makes none; it cannot with a limb in the handle.
+    /// The motor that the small motions have proved, with a free handle, as the summary of that session names it. Then
+    /// arming makes none, and refuses any other motor, firmware or setting that the proof depends on.
     #[serde(default)]
-    pub proved_with_free_handle: bool,
+    pub proved_with_free_handle: Option<String>,
     /// Whether the position at the first arming is the start position; if not, the encoder's own zero is.
     pub zero_here: bool,
     /// Speed on the way to the start position, rad/s at the handle.
@@ -202,6 +202,9 @@ pub struct Endpoints {
     /// May be left out: the current limit bounds the torque on both sides.
     #[serde(default)]
     pub torque_soft_min: Option<u16>,
+    /// `serial_number`, of which the lower 32 bits are read. Without it `proved_with_free_handle` is refused.
+    #[serde(default)]
+    pub serial_number: Option<u16>,
     /// `axis0.config.motor.torque_constant`, which is only read. Without it the motor is not armed.
     #[serde(default)]
     pub torque_constant: Option<u16>,
@@ -226,10 +229,10 @@ pub struct MitMotor {
     pub kp_nm_per_rad: f64,
     /// Damping of its position loop, N m s/rad.
     pub kd_nm_s_per_rad: f64,
-    /// Whether the small motions with which arming proves the motor's watchdog, and in MIT mode its ranges, were made before
-    /// with this motor and this file, with a free handle. Then arming makes none; it cannot with a limb in the handle.
+    /// The motor that the small motions have proved, with a free handle, as the summary of that session names it. Then
+    /// arming makes none, and refuses any other motor, firmware or setting that the proof depends on.
     #[serde(default)]
-    pub proved_with_free_handle: bool,
+    pub proved_with_free_handle: Option<String>,
     /// Whether the position at the first arming is the start position; if not, the encoder's own zero is.
     pub zero_here: bool,
     /// Speed on the way to the start position, rad/s at the handle.

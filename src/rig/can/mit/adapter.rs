@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::device::{MIT_ATTEMPTS, MIT_REPLY_TIMEOUT, Mit, MitCommand};
 use super::frame::{ENTER, LEAVE};
 use super::proof::prove;
+use super::trusted_motion::Misfit;
 use crate::rig::Origin;
 use crate::rig::can::bus::Frame;
 use crate::rig::can::canopen::{ErrorPolicy, Link, MonitoredNode, cob};
@@ -24,13 +25,18 @@ impl Drive for Mit {
         limits: &HandleLimits,
     ) -> Result<LimitsConfirmed, CanFault> {
         self.check_reach(limits)?;
+        self.proof.identify(Some(self.identity()))?;
         self.limits = Some(*limits);
-        self.check.restart();
+        self.forget_place();
         self.probe = None;
         self.ask(link, &LEAVE)?;
         self.sensors.prepare(link, file)?;
         // The rig file says that it knows that there is nothing to read back from this motor.
         Ok(LimitsConfirmed::by_reading_back())
+    }
+
+    fn proved(&self) -> Option<&str> {
+        self.proof.line()
     }
 
     fn monitored_nodes(&self) -> Vec<MonitoredNode> {
@@ -45,7 +51,6 @@ impl Drive for Mit {
     ) -> Result<(), CanFault> {
         self.sensors.start(link)?;
         link.set_error_policy(ErrorPolicy::Fault);
-        self.trusted_rad = None;
         self.target_rad = None;
         self.origin = Origin::at_arming(self.motor.zero_here, self.zeroed);
         if self.motor.zero_here && !self.zeroed {
@@ -53,16 +58,16 @@ impl Drive for Mit {
         }
         let reply = self.ask(link, &LEAVE)?;
         limits.check_place(JointAngle(self.handle_rad(&reply)))?;
-        (self.before, self.disagreements, self.disagreement) = (None, 0, None);
-        if self.is_proved {
+        if self.proof.is_proved() {
             return Ok(());
         }
         let proved = prove(self, link, limits, monitor);
         self.probe = None;
         let left = self.send_leave(link);
+        self.motion.restart();
         proved?;
         left?;
-        self.is_proved = true;
+        self.proof.pass();
         Ok(())
     }
 
@@ -76,26 +81,25 @@ impl Drive for Mit {
         self.next = match request {
             // A motor that is not in motor mode answers this one, too, and stays without power.
             DriveRequest::None | DriveRequest::RemovePower => MitCommand::Leave,
-            DriveRequest::Enable if !self.in_motor_mode => match self.trusted_rad {
-                Some(_) => MitCommand::Enter,
-                None => MitCommand::Leave,
-            },
+            DriveRequest::Enable if !self.in_motor_mode && self.motion.is_known() => MitCommand::Enter,
+            _ if !self.in_motor_mode => MitCommand::Leave,
             DriveRequest::Enable | DriveRequest::Follow | DriveRequest::QuickStop => {
-                let toward = self.in_motor_mode.then(|| self.toward(target.0)).flatten();
-                toward.map_or(MitCommand::Leave, MitCommand::Act)
+                let step_rad = target.0 - self.target_rad.unwrap_or(target.0);
+                MitCommand::Toward(target.0, step_rad / self.period.as_secs_f64())
             }
         };
-        self.target_rad = Some(target.0);
         Ok(())
     }
 
     fn send_sync(&mut self, link: &mut Link) -> Result<(), CanFault> {
         self.has_replied = false;
-        let command = self.probe.unwrap_or(self.next);
-        let command = if self.has_been_silent(link.now()) { MitCommand::Leave } else { command };
-        match command {
+        self.target_rad = match self.next {
+            MitCommand::Toward(target_rad, _) => Some(target_rad),
+            _ => None,
+        };
+        match self.command_at(link.now()) {
             MitCommand::Silence => self.has_replied = true,
-            MitCommand::Leave => self.send_leave(link)?,
+            MitCommand::Leave | MitCommand::Toward(..) => self.send_leave(link)?,
             MitCommand::Enter => {
                 self.send_no_gains(link)?;
                 self.send_raw(link, &ENTER)?;
@@ -122,6 +126,7 @@ impl Drive for Mit {
         let error = rest.get(1).copied().unwrap_or(0);
         let reply = self.ranges.decode([*a, *b, *c, *d, *e], error)?;
         self.check.believe(self.handle_rad(&reply), now)?;
+        self.judge_reply(&reply);
         self.reply = Some(reply);
         self.has_replied = true;
         Ok(true)
@@ -144,7 +149,9 @@ impl Drive for Mit {
         if error != 0 || !self.in_motor_mode {
             return Err(CanFault::MotorError { code: u32::from(error) });
         }
-        self.disagreement.map_or(Ok(()), Err)
+        self.motion.misfit().map_or(Ok(()), |Misfit { reported_rad_s, measured_rad_s }| {
+            Err(CanFault::SpeedDisagrees { reported_rad_s, measured_rad_s })
+        })
     }
 
     fn power(&self, _readings: &Readings) -> PowerState {
@@ -164,17 +171,12 @@ impl Drive for Mit {
         Profile::of_speed(self.motor.go_to_start_rad_s)
     }
 
-    fn trust(&mut self, angle: JointAngle) {
-        self.trusted_rad = Some(angle.0);
-    }
-
     fn angle_resolution_rad(&self) -> f64 {
         self.motor.angle_step_rad()
     }
 
     fn period_complete(&mut self, _readings: &Readings) {
-        self.following = self.in_motor_mode && matches!(self.next, MitCommand::Act(_));
-        self.compare_speed();
+        self.following = self.in_motor_mode && matches!(self.next, MitCommand::Toward(..));
     }
 
     fn takes_present_position(&self) -> bool {
@@ -188,7 +190,7 @@ impl Drive for Mit {
         _file: &CanRigFile,
         _limits: &HandleLimits,
     ) -> Result<OriginReport, CanFault> {
-        self.check.restart();
+        self.forget_place();
         // The reply to it tells the angle, and it gives no power.
         let reply = self.ask(link, &LEAVE)?;
         Ok(OriginReport { is_kept: None, angle: Some(JointAngle(self.handle_rad(&reply))) })

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::frame::{FieldRanges, LEAVE, MitReply, MotorCommand, ZERO};
+use super::trusted_motion::{Agility, TrustedMotion};
 use crate::rig::Origin;
 use crate::rig::can::bus::Frame;
 use crate::rig::can::canopen::Link;
@@ -11,15 +12,14 @@ use crate::rig::can::fault::CanFault;
 use crate::rig::can::file::{CanRigFile, MitMotor};
 use crate::rig::can::limits::HandleLimits;
 use crate::rig::can::position_check::PositionCheck;
+use crate::rig::can::proved_motor::ProvedMotor;
 use crate::rig::can::sensors::Sensors;
 
 /// How long a motor may take to reply to a special frame.
 pub(super) const MIT_REPLY_TIMEOUT: Duration = Duration::from_millis(100);
 pub(super) const MIT_ATTEMPTS: usize = 5;
-/// Periods in a row in which the reported speed must not be that of the position.
-const DISAGREEMENTS: u32 = 3;
-/// Part by which reported speed and the slope of the position may differ.
-const REPORTED_SPEED_TOLERANCE: f64 = 0.3;
+/// Part of the torque limit that motions which nobody expects may take; the rest is for following the target.
+pub(super) const UNEXPECTED_PART: f64 = 0.5;
 
 /// What goes to the motor with the next SYNC.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +30,8 @@ pub(super) enum MitCommand {
     Enter,
     /// A command in motor mode.
     Act(MotorCommand),
+    /// One towards a target, rad at the handle, at a speed, rad/s.
+    Toward(f64, f64),
     /// Nothing at all.
     Silence,
 }
@@ -42,33 +44,29 @@ pub struct Mit {
     pub(super) sensors: Sensors,
     pub(super) limits: Option<HandleLimits>,
     pub(super) period: Duration,
+    /// On the bench the clock takes so many times longer than the motor.
+    stretch: f64,
     /// Longest time between two commands; after it the motor is only told to let go.
     pub(super) longest_silence: Duration,
     pub(super) motor_waits: Duration,
     pub(super) zeroed: bool,
     /// How the start position was known at the latest arming.
     pub(super) origin: Origin,
-    /// The small motion was made.
-    pub(super) is_proved: bool,
+    pub(super) proof: ProvedMotor,
     pub(super) in_motor_mode: bool,
     pub(super) following: bool,
     /// What the small motion sends, instead of what the cycle asks for.
     pub(super) probe: Option<MitCommand>,
     pub(super) next: MitCommand,
-    /// Latest target, rad at the handle, for the speed of the next.
+    /// Target that was sent last, rad at the handle, for the speed of the next.
     pub(super) target_rad: Option<f64>,
     pub(super) check: PositionCheck,
-    /// The last angle that passed every check, rad at the handle.
-    pub(super) trusted_rad: Option<f64>,
+    /// What commands rest on.
+    pub(super) motion: TrustedMotion,
     pub(super) has_replied: bool,
     pub(super) reply: Option<MitReply>,
     /// When the motor was last sent something.
     pub(super) sent: Instant,
-    /// Reply of the period before, and when the motor was asked for it.
-    pub(super) before: Option<(MitReply, Instant)>,
-    pub(super) disagreements: u32,
-    /// What the reply says that must not be.
-    pub(super) disagreement: Option<CanFault>,
 }
 
 impl Mit {
@@ -84,11 +82,12 @@ impl Mit {
             sensors: Sensors::new(file),
             limits: None,
             period,
+            stretch: file.bench.map_or(1.0, |bench| bench.time_stretch),
             longest_silence: period.saturating_mul(tolerated).min(motor_waits),
             motor_waits,
             zeroed: false,
             origin: Origin::Found,
-            is_proved: motor.proved_with_free_handle,
+            proof: ProvedMotor::new(motor.proved_with_free_handle.as_deref()),
             in_motor_mode: false,
             following: false,
             probe: None,
@@ -99,13 +98,10 @@ impl Mit {
                 4.0 * ranges.position_step_rad() / motor.gear_ratio.abs(),
                 period,
             ),
-            trusted_rad: None,
+            motion: TrustedMotion::default(),
             has_replied: false,
             reply: None,
             sent: now,
-            before: None,
-            disagreements: 0,
-            disagreement: None,
         }
     }
 
@@ -126,7 +122,41 @@ impl Mit {
                 return Err(CanFault::BeyondMotorRange { what, needed, range });
             }
         }
-        Ok(())
+        check_gains(&self.motor, limits, self.period)
+    }
+
+    /// Such a motor does not tell which it is: its identifiers, and what the small motions proved.
+    pub(super) fn identity(&self) -> String {
+        let (MitMotor { id, reply_id, gear_ratio, .. }, ranges) = (&self.motor, &self.ranges);
+        format!(
+            "mit {id} {reply_id}, P {} rad, V {} rad/s, KP {}, KD {}, T {} N m, gear {gear_ratio}, watchdog {} ms",
+            ranges.position_rad,
+            ranges.speed_rad_s,
+            ranges.kp,
+            ranges.kd,
+            ranges.torque_nm,
+            self.motor_waits.as_millis()
+        )
+    }
+
+    /// How fast the shaft may change its motion. Before the limits are known the motor has no power.
+    fn agility(&self) -> Option<Agility> {
+        let limits = self.limits.as_ref()?;
+        Some(Agility::new(limits, self.motor.gear_ratio, &self.ranges, self.period, self.stretch))
+    }
+
+    /// The next positions have nothing to do with those before.
+    pub(super) fn forget_place(&mut self) {
+        self.check.restart();
+        self.motion.restart();
+    }
+
+    /// Judges the latest reply, whose position is that at the command that it answers.
+    pub(super) fn judge_reply(&mut self, reply: &MitReply) {
+        let Some(agility) = self.agility() else { return };
+        // Small motions before arming have checks of their own.
+        let has_power = self.in_motor_mode && self.probe.is_none();
+        self.motion.observe(reply, self.sent, &agility, has_power);
     }
 
     pub(super) fn send_raw(&mut self, link: &mut Link, data: &[u8; 8]) -> Result<(), CanFault> {
@@ -166,7 +196,7 @@ impl Mit {
             while let Some(frame) = link.receive(quiet)? {
                 // Its replies are on the old scale, then on the new one.
                 if *special == ZERO {
-                    self.check.restart();
+                    self.forget_place();
                 }
                 if self.handle_frame(&frame, link.arrived())? && self.has_replied {
                     quiet = deadline.min(link.now() + MIT_REPLY_TIMEOUT / 10);
@@ -183,8 +213,7 @@ impl Mit {
     pub(super) fn make_zero(&mut self, link: &mut Link) -> Result<(), CanFault> {
         self.ask(link, &ZERO)?;
         // What was on the way was on the old scale.
-        self.check.restart();
-        self.trusted_rad = None;
+        self.forget_place();
         let reply = self.ask(link, &LEAVE)?;
         let off_rad = reply.position_rad / self.motor.gear_ratio;
         if off_rad.abs() > 0.01 + 4.0 * self.ranges.position_step_rad() / self.motor.gear_ratio.abs() {
@@ -194,53 +223,47 @@ impl Mit {
         Ok(())
     }
 
-    /// A command towards a target: no further from the last trusted angle than the torque limit allows, with the speed of
-    /// the target, so that a ramp is followed at its speed.
-    pub(super) fn toward(&self, target_rad: f64) -> Option<MotorCommand> {
-        let (limits, trusted_rad) = (self.limits?, self.trusted_rad?);
-        let ratio = self.motor.gear_ratio;
+    /// A command towards a target. From the motion that is expected, and from any that the shaft may have instead until the next
+    /// command, it makes no more torque than the limit.
+    fn toward(&self, target_rad: f64, wanted_rad_s: f64, now: Instant) -> Option<MotorCommand> {
+        let (limits, agility, ratio) = (self.limits?, self.agility()?, self.motor.gear_ratio);
+        let (here_rad, own_rad_s, deviation) = self.motion.expected(now, &agility)?;
         let torque_nm = (limits.motor_torque_nm / ratio).abs();
         let (kp, kd) = (self.motor.kp_nm_per_rad, self.motor.kd_nm_s_per_rad);
-        let before_rad = self.target_rad.unwrap_or(target_rad);
-        let wanted_rad_s = (target_rad - before_rad) / self.period.as_secs_f64();
-        let wanted_rad_s = wanted_rad_s.clamp(-limits.speed_rad_s, limits.speed_rad_s) * ratio;
-        // The damping alone may not make more than half of the torque.
-        let own_rad_s = self.reply.map_or(0.0, |reply| reply.speed_rad_s);
-        let most_rad_s = if kd > 0.0 { 0.5 * torque_nm / kd } else { f64::INFINITY };
-        let speed_rad_s = wanted_rad_s.clamp(own_rad_s - most_rad_s, own_rad_s + most_rad_s);
-        let speed_rad_s = speed_rad_s.clamp(-self.ranges.speed_rad_s, self.ranges.speed_rad_s);
-        let left_nm = (torque_nm - kd * (speed_rad_s - own_rad_s).abs()).max(0.0);
-        let (reach_rad, here_rad) = (left_nm / kp, trusted_rad * ratio);
+        let unexpected_nm = kp * deviation.position_rad + kd * deviation.speed_rad_s;
+        // The longer the shaft has not been seen, the softer the motor: it may be anywhere.
+        let (softer, left_nm) = if torque_nm >= self.ranges.torque_nm {
+            (1.0, torque_nm)
+        } else {
+            let softer = (UNEXPECTED_PART * torque_nm / unexpected_nm).min(1.0);
+            (softer, torque_nm - softer * unexpected_nm)
+        };
+        let (kp, kd) = (softer * kp, softer * kd);
+        // The damping alone may not make more than half of what is left.
+        let most_rad_s = if kd > 0.0 { 0.5 * left_nm / kd } else { f64::INFINITY };
+        let asked_rad_s = wanted_rad_s.clamp(-limits.speed_rad_s, limits.speed_rad_s) * ratio;
+        let speed_rad_s = asked_rad_s
+            .clamp(own_rad_s - most_rad_s, own_rad_s + most_rad_s)
+            .clamp(-self.ranges.speed_rad_s, self.ranges.speed_rad_s);
+        let reach_rad = (left_nm - kd * (speed_rad_s - own_rad_s).abs()).max(0.0) / kp;
         let position_rad = (target_rad * ratio).clamp(here_rad - reach_rad, here_rad + reach_rad);
         Some(MotorCommand { position_rad, speed_rad_s, kp, kd, torque_nm: 0.0 })
+    }
+
+    /// What goes to the motor at a time; where the shaft is not known, it is told to let go.
+    pub(super) fn command_at(&self, now: Instant) -> MitCommand {
+        match self.probe.unwrap_or(self.next) {
+            _ if self.has_been_silent(now) => MitCommand::Leave,
+            MitCommand::Toward(target_rad, speed_rad_s) => {
+                self.toward(target_rad, speed_rad_s, now).map_or(MitCommand::Leave, MitCommand::Act)
+            }
+            command => command,
+        }
     }
 
     /// Angle of the handle that a reply means, rad.
     pub(super) fn handle_rad(&self, reply: &MitReply) -> f64 {
         reply.position_rad / self.motor.gear_ratio
-    }
-
-    /// The reported speed must be the slope of the position; if it is not, one of the two ranges is wrong.
-    pub(super) fn compare_speed(&mut self) {
-        let Some(now) = self.reply.zip(Some(self.sent)) else { return };
-        let Some((before, at)) = self.before.replace(now) else { return };
-        let time_s = now.1.saturating_duration_since(at).as_secs_f64();
-        let period_s = self.period.as_secs_f64();
-        if !(0.5 * period_s..1.5 * period_s).contains(&time_s) {
-            return;
-        }
-        let measured_rad_s = (now.0.position_rad - before.position_rad) / time_s;
-        let reported_rad_s = 0.5 * (now.0.speed_rad_s + before.speed_rad_s);
-        let acceleration = self.limits.map_or(0.0, |limits| limits.acceleration_rad_s2);
-        let allowed_rad_s = REPORTED_SPEED_TOLERANCE * measured_rad_s.abs().max(reported_rad_s.abs())
-            + 2.0 * self.ranges.speed_step_rad_s()
-            + 2.0 * self.ranges.position_step_rad() / time_s
-            + 0.5 * acceleration * self.motor.gear_ratio.abs() * time_s;
-        let differs = (measured_rad_s - reported_rad_s).abs() > allowed_rad_s;
-        self.disagreements = if differs { self.disagreements + 1 } else { 0 };
-        if self.disagreements >= DISAGREEMENTS {
-            self.disagreement = Some(CanFault::SpeedDisagrees { reported_rad_s, measured_rad_s });
-        }
     }
 
     /// After too long a silence the motor may have let go by itself; it is not switched on again.
@@ -249,4 +272,27 @@ impl Mit {
             && self.probe.is_none()
             && now.saturating_duration_since(self.sent) > self.longest_silence
     }
+}
+
+/// Whether the torque of the gains stays within its limit whatever the shaft does within the limits of its motion. A limit that
+/// is all that the motor has holds by itself.
+///
+/// # Errors
+/// [`CanFault::GainsTooHigh`]
+pub(in crate::rig::can) fn check_gains(
+    motor: &MitMotor,
+    limits: &HandleLimits,
+    period: Duration,
+) -> Result<(), CanFault> {
+    let (ranges, ratio) = (FieldRanges::of(motor), motor.gear_ratio.abs());
+    let deviation = Agility::new(limits, ratio, &ranges, period, 1.0).usually_at_stake();
+    let [of_kp_nm, of_kd_nm] = [
+        motor.kp_nm_per_rad * deviation.position_rad * ratio,
+        motor.kd_nm_s_per_rad * deviation.speed_rad_s * ratio,
+    ];
+    let (limit_nm, has_nm) = (limits.motor_torque_nm, ranges.torque_nm * ratio);
+    if limit_nm >= has_nm || of_kp_nm + of_kd_nm <= UNEXPECTED_PART * limit_nm {
+        return Ok(());
+    }
+    Err(CanFault::GainsTooHigh { of_kp_nm, of_kd_nm, most_nm: UNEXPECTED_PART * limit_nm, has_nm })
 }

@@ -5,6 +5,7 @@
 //! adapter   what the cycle asks of a motor
 //! proof     the small motion: are the ranges those of the rig file, does the motor's own watchdog let go
 //! device    what it was told, what it reported
+//! trusted_motion    which replies are believed, and how far off the shaft may be all the same
 //! frame     fields and their ranges
 //! ```
 
@@ -12,5 +13,7 @@ mod adapter;
 mod device;
 mod frame;
 mod proof;
+mod trusted_motion;
 
 pub use device::Mit;
+pub(super) use device::check_gains;

@@ -16,6 +16,10 @@ use crate::rig::can::{ArmedCanMotor, CanMotor, Connection, DryRun};
 use crate::rig::{Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig};
 use crate::timing::{Clock, VirtualClock};
 
+/// Protocols of 500 Hz with a ramp of 2.6 rad/s, and of 100 Hz with 1.3 rad/s.
+const QUICK_TRIAL: &str = include_str!("../../../../fixtures/can/rigs/one-trial.json");
+const SLOW_TRIAL: &str = include_str!("../../../../fixtures/can/rigs/slow-trial.json");
+
 /// The kinds of motors that the bench has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MotorKind {
@@ -56,24 +60,20 @@ impl Bench {
 
     /// A bench with some fields of the rig file changed.
     pub fn with(kind: MotorKind, change: impl FnOnce(&mut Value)) -> Self {
-        let (rig, protocol) = match kind {
-            MotorKind::Cia402 => (
-                include_str!("../../../../fixtures/can/rigs/plain.json"),
-                include_str!("../../../../fixtures/can/rigs/one-trial.json"),
-            ),
-            MotorKind::Cansimple => (
-                include_str!("../../../../fixtures/can/rigs/odrive.json"),
-                include_str!("../../../../fixtures/can/rigs/slow-trial.json"),
-            ),
-            MotorKind::Mit => (
-                include_str!("../../../../fixtures/can/rigs/mit.json"),
-                include_str!("../../../../fixtures/can/rigs/slow-trial.json"),
-            ),
+        Self::of(kind, if kind == MotorKind::Cia402 { QUICK_TRIAL } else { SLOW_TRIAL }, change)
+    }
+
+    /// A bench for the protocol, with some fields of the rig file changed.
+    fn of(kind: MotorKind, protocol: &str, change: impl FnOnce(&mut Value)) -> Self {
+        let rig = match kind {
+            MotorKind::Cia402 => include_str!("../../../../fixtures/can/rigs/plain.json"),
+            MotorKind::Cansimple => include_str!("../../../../fixtures/can/rigs/odrive.json"),
+            MotorKind::Mit => include_str!("../../../../fixtures/can/rigs/mit.json"),
         };
         let mut rig: Value = serde_json::from_str(rig).unwrap();
         rig.as_object_mut().unwrap().remove("bench");
         if kind != MotorKind::Cia402 {
-            rig["motor"]["proved_with_free_handle"] = json!(false);
+            rig["motor"].as_object_mut().unwrap().remove("proved_with_free_handle");
         }
         rig["tolerate"]["missed_cycles_in_a_row"] = json!(0);
         if kind == MotorKind::Cia402 {
@@ -115,6 +115,33 @@ impl Bench {
         let bench = Self::with(MotorKind::Mit, change);
         bench.bus.world().devices[0] = Box::new(EmulatedMitMotor::new(firmware, bench.clock.now()));
         bench
+    }
+
+    /// A bench with a motor in MIT mode in periods of 2 ms, soft enough for a torque limit of 8 N m, which is less than half of what
+    /// the motor has. The encoder's own zero is the start position.
+    pub fn gentle_mit(change: impl FnOnce(&mut Value)) -> Self {
+        let bench = Self::of(MotorKind::Mit, QUICK_TRIAL, |rig| {
+            rig["period_us"] = json!(2000);
+            rig["master"]["motor_waits_ms"] = json!(100);
+            rig["limits"]["motor_torque_nm"] = json!(8);
+            rig["motor"]["kp_nm_per_rad"] = json!(180);
+            rig["motor"]["kd_nm_s_per_rad"] = json!(1);
+            rig["motor"]["zero_here"] = json!(false);
+            change(rig);
+        });
+        let firmware = MitFirmware {
+            watchdog: Some(Duration::from_millis(100)),
+            angle_rad: 0.03,
+            ..MitFirmware::default()
+        };
+        bench.bus.world().devices[0] = Box::new(EmulatedMitMotor::new(firmware, bench.clock.now()));
+        bench
+    }
+
+    /// The line of the rig file that names the motor, which arming proves.
+    pub fn prove(&self) -> String {
+        let motor = self.arm().unwrap().disarm();
+        motor.summary().proved.unwrap()
     }
 
     pub fn dry_run(&self) -> Result<DryRun, CanRigFileError> {

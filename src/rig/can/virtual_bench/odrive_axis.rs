@@ -19,6 +19,7 @@ const SPEED_INTEGRATOR: f64 = 100.0;
 
 /// Parameters by the numbers of `fixtures/can/rigs/odrive.json`.
 mod endpoint {
+    pub const SERIAL_NUMBER: u16 = 4;
     pub const WATCHDOG_TIMEOUT: u16 = 195;
     pub const ENABLE_WATCHDOG: u16 = 196;
     pub const CURRENT_SOFT_MAX: u16 = 230;
@@ -35,6 +36,7 @@ mod endpoint {
 /// What differs from one firmware, or one motor, to another.
 #[derive(Debug, Clone, Copy)]
 pub struct OdriveFirmware {
+    pub serial_number: u32,
     pub version: [u8; 3],
     /// Get_Version is answered.
     pub tells_version: bool,
@@ -54,6 +56,7 @@ pub struct OdriveFirmware {
 impl Default for OdriveFirmware {
     fn default() -> Self {
         Self {
+            serial_number: 51_966,
             version: [0, 6, 10],
             tells_version: true,
             shift: 0,
@@ -91,6 +94,7 @@ impl EmulatedOdriveAxis {
     pub fn new(firmware: OdriveFirmware, now: Instant) -> Self {
         let float = |value: f64| (value as f32).to_le_bytes();
         let endpoints = [
+            (endpoint::SERIAL_NUMBER, firmware.serial_number.to_le_bytes()),
             (endpoint::WATCHDOG_TIMEOUT, float(0.0)),
             (endpoint::ENABLE_WATCHDOG, [0; 4]),
             (endpoint::CURRENT_SOFT_MAX, float(80.0)),

@@ -123,6 +123,61 @@ fn wrong_position_is_a_fault_at_once_and_moves_nothing() {
     }
 }
 
+/// One reply, or several in a row, whose position or speed is not the shaft's, in a ramp and at rest: whatever is believed of it, the
+/// motor may not be made to give more than its limit.
+#[test]
+fn wrong_reply_of_a_motor_in_mit_mode_makes_no_more_torque_than_the_limit() {
+    let mut broken = Vec::new();
+    let proof = Bench::gentle_mit(|_| {}).prove();
+    let bits = (8..48).map(|bit| B::FlippedBit { id: 17, bit });
+    let misread = [-0.08, -0.02, 0.012, 0.02, 0.04, 0.08].map(B::MisreadOnce);
+    for fault in bits.chain(misread) {
+        for (strikes_at_rad, replies) in [(0.0, 1), (0.05, 1), (0.05, 4), (0.1, 1000)] {
+            let bench = Bench::gentle_mit(|rig| rig["motor"]["proved_with_free_handle"] = json!(proof));
+            let mut armed = bench.arm().unwrap();
+            bench.bus.world().forget();
+            let mut left: Option<u32> = None;
+            for angle_rad in bench.ramp() {
+                if left.is_none() && angle_rad >= strikes_at_rad {
+                    bench.strike(fault);
+                    left = Some(replies);
+                }
+                left = left.map(|left| left.saturating_sub(1));
+                let is_over = armed.exchange(&follow(angle_rad)).is_err();
+                if left == Some(0) {
+                    bench.bus.world().wire.faults.clear();
+                }
+                if is_over {
+                    break;
+                }
+            }
+            armed.disarm();
+            let highest_nm = bench.bus.world().shaft().highest_torque_nm;
+            if highest_nm > 8.0 * 1.001 {
+                broken.push(format!(
+                    "{fault:?} in {replies} replies from {strikes_at_rad} rad: {highest_nm:.1} N m"
+                ));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
+}
+
+#[test]
+fn motor_in_mit_mode_goes_through_a_ramp_within_its_torque_limit() {
+    let bench = Bench::gentle_mit(|_| {});
+    let mut armed = bench.arm().unwrap();
+    bench.bus.world().forget();
+    let mut worst_rad: f64 = 0.0;
+    for angle_rad in bench.ramp() {
+        let sample = armed.exchange(&follow(angle_rad)).unwrap();
+        worst_rad = worst_rad.max((sample.theta_m_rad - angle_rad).abs());
+    }
+    armed.disarm();
+    let highest_nm = bench.bus.world().shaft().highest_torque_nm;
+    assert!(worst_rad < 0.03 && highest_nm <= 8.0, "{worst_rad} rad, {highest_nm} N m");
+}
+
 #[test]
 fn motor_in_mit_mode_that_goes_on_with_an_earlier_command_does_not_jump() {
     let bench = Bench::mit(MitFirmware { keeps_last_command: true, ..MitFirmware::default() }, own_zero);
@@ -185,6 +240,7 @@ fn ranges_of_the_rig_file_are_those_of_the_frames() {
     let firmware =
         MitFirmware { position_rad: 3.2, speed_rad_s: 20.0, torque_nm: 36.0, ..MitFirmware::default() };
     let bench = Bench::mit(firmware, |rig| {
+        rig["limits"]["motor_torque_nm"] = json!(36);
         rig["motor"]["ranges"] = json!({"position_max_rad": 3.2, "speed_max_rad_s": 20, "torque_max_nm": 36});
     });
     bench.arm().unwrap().disarm();
@@ -192,7 +248,11 @@ fn ranges_of_the_rig_file_are_those_of_the_frames() {
 
 #[test]
 fn limits_beyond_the_ranges_of_a_motor_in_mit_mode_are_refused_before_there_is_power() {
-    let bench = Bench::mit(MitFirmware::default(), |rig| rig["motor"]["gear_ratio"] = json!(100));
+    let bench = Bench::mit(MitFirmware::default(), |rig| {
+        rig["motor"]["gear_ratio"] = json!(100);
+        rig["motor"]["ranges"] = json!({ "torque_max_nm": 9 });
+        rig["limits"]["motor_torque_nm"] = json!(900);
+    });
     let fault = refused(&bench, "beyond_motor_range");
     assert!(fault.to_string().contains("position"), "{fault}");
     assert_never_had_power(&bench, "beyond its range");
@@ -339,6 +399,81 @@ fn ramp_of_fewer_steps_than_the_fit_needs_is_refused_before_the_session() {
     assert!(dry_run(12.5).is_ok());
     let refused = dry_run(95.5).unwrap_err();
     assert!(refused.contains("steps of 2.914 mrad"), "{refused}");
+}
+
+/// A rig file that says which motor was proved arms that one without a small motion, and no other.
+#[test]
+fn proof_of_a_rig_file_holds_for_one_motor() {
+    let odrive = |serial_number: u32, proof: Option<&str>| {
+        let firmware = OdriveFirmware { serial_number, ..OdriveFirmware::default() };
+        Bench::odrive(firmware, |rig| rig["motor"]["proved_with_free_handle"] = json!(proof))
+    };
+    let proof = odrive(7, None).prove();
+    assert!(proof.starts_with("odrive 00000007h, hardware 4.4.58, firmware 0.6.10"), "{proof}");
+    odrive(7, Some(&proof)).arm().unwrap().disarm();
+    let other = odrive(8, Some(&proof));
+    refused(&other, "proof_of_other_motor");
+    assert_never_had_power(&other, "another axis");
+    let silent = Bench::odrive(OdriveFirmware::default(), |rig| {
+        rig["motor"]["proved_with_free_handle"] = json!(proof);
+        rig["motor"]["endpoints"].as_object_mut().unwrap().remove("serial_number");
+    });
+    refused(&silent, "proof_without_serial_number");
+
+    let proof = Bench::gentle_mit(|_| {}).prove();
+    let mit = |change: fn(&mut Value)| {
+        Bench::gentle_mit(|rig| {
+            rig["motor"]["proved_with_free_handle"] = json!(proof);
+            change(rig);
+        })
+    };
+    mit(|_| {}).arm().unwrap().disarm();
+    for change in [
+        (|rig| rig["motor"]["ranges"] = json!({ "position_max_rad": 12.6 })) as fn(&mut Value),
+        |rig| rig["motor"]["ranges"] = json!({ "torque_max_nm": 19 }),
+        |rig| rig["motor"]["reply_id"] = json!(18),
+        |rig| rig["master"]["motor_waits_ms"] = json!(200),
+    ] {
+        let bench = mit(change);
+        refused(&bench, "proof_of_other_motor");
+        assert_never_had_power(&bench, "another setting");
+    }
+}
+
+#[test]
+fn quick_stop_of_the_dry_run_brakes_with_the_tighter_acceleration() {
+    let narrow = |high_rad: f64| move |rig: &mut Value| rig["limits"]["angle_rad"] = json!([-0.1, high_rad]);
+    for (mut bench, gentle_rad_s2) in [
+        (Bench::gentle_mit(narrow(0.1445)), 210.0),
+        (Bench::odrive(OdriveFirmware::default(), narrow(0.151)), 42.0),
+    ] {
+        assert!(bench.dry_run().is_ok());
+        let mut protocol = crate::protocol::Protocol::clone(&bench.protocol);
+        protocol.limits.acceleration_rad_s2 = gentle_rad_s2;
+        bench.protocol = protocol.validate().unwrap();
+        let refused = bench.dry_run().unwrap_err().to_string();
+        assert!(refused.contains("a quick stop ends at"), "{refused}");
+    }
+}
+
+#[test]
+fn gains_that_could_make_more_than_the_torque_limit_are_refused_before_the_session_and_before_there_is_power()
+{
+    let stiff = |rig: &mut Value| {
+        rig["motor"]["kp_nm_per_rad"] = json!(400);
+        rig["motor"]["kd_nm_s_per_rad"] = json!(4);
+    };
+    let dry_run = |limit_nm: f64| {
+        let bench = Bench::gentle_mit(|rig| {
+            stiff(rig);
+            rig["limits"]["motor_torque_nm"] = json!(limit_nm);
+        });
+        bench.dry_run().map_err(|error| error.to_string())
+    };
+    let refused = dry_run(8.0).unwrap_err();
+    assert!(refused.contains("too high for limits.motor_torque_nm"), "{refused}");
+    assert!(dry_run(17.0).is_err());
+    assert!(dry_run(18.0).is_ok(), "all that the motor has");
 }
 
 #[test]

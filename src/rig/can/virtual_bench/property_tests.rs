@@ -1,9 +1,11 @@
 //! Any sequence of disturbed frames, operator's words and interruptions: judged by what the drive was told and by its power.
 
+use std::cell::Cell;
 use std::time::Duration;
 
 use proptest::prelude::*;
-use serde_json::json;
+use proptest::test_runner::TestRunner;
+use serde_json::{Value, json};
 
 use super::bench::{Bench, MotorKind, follow};
 use super::world::BenchFault;
@@ -31,12 +33,19 @@ enum Happening {
     Ramp,
 }
 
-fn bench_fault() -> impl Strategy<Value = BenchFault> {
+/// Identifiers of the motor's frame of 8 bytes and of the torque's, of at least 6.
+type FrameIds = [u16; 2];
+
+const OF_DRIVE: FrameIds = [0x185, 0x285];
+const OF_MIT: FrameIds = [17, 0x1A0];
+const OF_ODRIVE: FrameIds = [0x29, 0x1A0];
+
+fn bench_fault([motor, torque]: FrameIds) -> impl Strategy<Value = BenchFault> {
     use BenchFault as B;
-    let id = prop_oneof![Just(0x185u16), Just(0x285)];
+    let id = prop_oneof![Just(motor), Just(torque)];
     prop_oneof![
-        3 => (0usize..64).prop_map(|bit| B::FlippedBit { id: 0x185, bit }),
-        1 => (0usize..48).prop_map(|bit| B::FlippedBit { id: 0x285, bit }),
+        3 => (0usize..64).prop_map(move |bit| B::FlippedBit { id: motor, bit }),
+        1 => (0usize..48).prop_map(move |bit| B::FlippedBit { id: torque, bit }),
         2 => id.clone().prop_map(B::Dropped),
         2 => id.clone().prop_map(B::Duplicated),
         1 => id.prop_map(B::Shortened),
@@ -59,10 +68,19 @@ fn bench_fault() -> impl Strategy<Value = BenchFault> {
     ]
 }
 
-fn happening() -> impl Strategy<Value = Happening> {
+/// Positions that motors without a counter beside them may report.
+fn misread() -> impl Strategy<Value = BenchFault> {
+    prop_oneof![
+        (-1.0..1.0f64).prop_map(BenchFault::MisreadOnce),
+        (-0.1..0.2f64).prop_map(BenchFault::MisreadOnce),
+        (-1.0..1.0f64).prop_map(BenchFault::Misread)
+    ]
+}
+
+fn happening(fault: impl Strategy<Value = BenchFault>) -> impl Strategy<Value = Happening> {
     prop_oneof![
         6 => (1u16..120).prop_map(Happening::Quiet),
-        6 => (bench_fault(), 1u16..40).prop_map(|(fault, samples)| Happening::Disturbed(fault, samples)),
+        6 => (fault, 1u16..40).prop_map(|(fault, samples)| Happening::Disturbed(fault, samples)),
         1 => (1u16..300).prop_map(Happening::Frozen),
         1 => prop_oneof![-1.0..1.0f64, Just(f64::NAN)].prop_map(Happening::Jump),
         1 => Just(Happening::Stop),
@@ -70,40 +88,60 @@ fn happening() -> impl Strategy<Value = Happening> {
     ]
 }
 
-fn safe_state() -> impl Strategy<Value = &'static str> {
-    prop_oneof![Just("hold"), Just("quick_stop"), Just("torque_off")]
+/// Cases of each property: few in every run of the tests, many with `scripts/motor-properties`.
+fn cases() -> u32 {
+    std::env::var("RAMPHOLD_PROPERTY_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(200)
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+/// What the cases of a property went through.
+#[derive(Debug, Default)]
+struct Seen {
+    periods: Cell<u64>,
+    highest_nm: Cell<f64>,
+}
 
-    #[test]
-    fn whatever_happens_targets_keep_the_limits_and_the_power_ends_in_its_time(
-        happenings in prop::collection::vec(happening(), 1..40),
-        states in prop::array::uniform5(safe_state()),
-        tolerated in 0u32..6,
-    ) {
+impl Seen {
+    fn add(&self, bench: &Bench, highest_nm: f64) {
+        self.periods.set(self.periods.get() + bench.bus.world().syncs_sent);
+        self.highest_nm.set(self.highest_nm.get().max(highest_nm));
+    }
+}
+
+/// Tries a property with as many random cases as are asked for, and prints what they went through.
+fn for_any<S: Strategy>(
+    name: &str,
+    strategy: &S,
+    property: impl Fn(S::Value, &Seen) -> Result<(), TestCaseError>,
+) {
+    let (cases, seen) = (cases(), Seen::default());
+    let config = ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() };
+    let outcome = TestRunner::new(config).run(strategy, |value| property(value, &seen));
+    let (periods, highest_nm) = (seen.periods.get(), seen.highest_nm.get());
+    let torque =
+        if highest_nm > 0.0 { format!("{highest_nm:.2} N m") } else { "judged by its targets".to_owned() };
+    println!("property | {name} | {cases} | {periods} | {torque}");
+    outcome.unwrap_or_else(|error| panic!("{error}"));
+}
+
+fn happenings(fault: impl Strategy<Value = BenchFault>) -> impl Strategy<Value = Vec<Happening>> {
+    prop::collection::vec(happening(fault), 1..40)
+}
+
+fn safe_states() -> impl Strategy<Value = [&'static str; 5]> {
+    prop::array::uniform5(prop_oneof![Just("hold"), Just("quick_stop"), Just("torque_off")])
+}
+
+#[test]
+fn whatever_happens_targets_keep_the_limits_and_the_power_ends_in_its_time() {
+    let strategy = (happenings(bench_fault(OF_DRIVE)), safe_states(), 0u32..6);
+    for_any("CiA 402", &strategy, |(happenings, states, tolerated), seen| {
         let bench = Bench::with(MotorKind::Cia402, |rig| {
-            for (class, state) in ["limit", "sensor", "drive", "bus", "cycle"].iter().zip(states) {
-                rig["safe_state"][class] = json!(state);
-            }
-            rig["tolerate"]["missed_cycles_in_a_row"] = json!(tolerated);
-            rig["tolerate"]["duplicate_frames"] = json!(tolerated);
+            set_safe_states(rig, states);
+            set_tolerated(rig, tolerated);
         });
         let is_deaf = happenings.iter().any(|one| matches!(one, Happening::Disturbed(BenchFault::Deaf, _)));
-        let mut motor = Some(bench.motor());
-        let mut happenings = happenings.into_iter();
-        for _ in 0..4 {
-            let Some(disarmed) = motor.take() else { break };
-            match disarmed.arm(ArmingConsent::given(), &bench.protocol.limits) {
-                Ok(armed) => motor = Some(live_through(&bench, armed, &mut happenings)?),
-                Err((disarmed, _)) => {
-                    assert_no_power(&bench)?;
-                    motor = Some(disarmed);
-                }
-            }
-            bench.bus.world().wire.faults.clear();
-        }
+        arm_again_and_again(&bench, happenings)?;
+        seen.add(&bench, 0.0);
         let targets = bench.bus.world().wire.targets;
         let limits = &bench.protocol.limits;
         let period_s = 0.002;
@@ -115,11 +153,100 @@ proptest! {
             // What a drive misses while it hears nothing comes as one step, no larger than the following error.
             prop_assert!(targets.largest_step_rad <= 0.05 + count_rad, "{targets:?}");
         } else {
-            prop_assert!(targets.largest_step_rad <= limits.speed_rad_s * period_s + count_rad, "{targets:?}");
+            prop_assert!(
+                targets.largest_step_rad <= limits.speed_rad_s * period_s + count_rad,
+                "{targets:?}"
+            );
             let most_change_rad = limits.acceleration_rad_s2 * period_s * period_s + 2.0 * count_rad;
             prop_assert!(targets.largest_step_change_rad <= most_change_rad, "{targets:?}");
         }
+        Ok(())
+    });
+}
+
+#[test]
+fn whatever_happens_a_motor_in_mit_mode_keeps_its_torque_and_the_power_ends_in_its_time() {
+    let strategy = (other_faults(OF_MIT), safe_states(), 0u32..6);
+    // Arming is proved elsewhere, many times slower than what is looked at here.
+    let mit_proof = Bench::gentle_mit(|_| {}).prove();
+    for_any("MIT mode", &strategy, |(happenings, states, tolerated), seen| {
+        let bench = Bench::gentle_mit(|rig| {
+            set_safe_states(rig, states);
+            rig["motor"]["proved_with_free_handle"] = json!(mit_proof);
+            set_tolerated(rig, tolerated);
+        });
+        shaft_lives_through(&bench, happenings, seen)
+    });
+}
+
+#[test]
+fn whatever_happens_an_odrive_keeps_its_torque_and_the_power_ends_in_its_time() {
+    let strategy = (other_faults(OF_ODRIVE), safe_states());
+    let odrive_proof = odrive(|_| {}).prove();
+    for_any("ODrive", &strategy, |(happenings, states), seen| {
+        let bench = odrive(|rig| {
+            set_safe_states(rig, states);
+            rig["motor"]["proved_with_free_handle"] = json!(odrive_proof);
+        });
+        shaft_lives_through(&bench, happenings, seen)
+    });
+}
+
+fn odrive(change: impl FnOnce(&mut Value)) -> Bench {
+    Bench::with(MotorKind::Cansimple, |rig| {
+        rig["motor"]["zero_here"] = json!(false);
+        rig["master"]["motor_waits_ms"] = json!(100);
+        rig["limits"]["motor_torque_nm"] = json!(8);
+        change(rig);
+    })
+}
+
+/// Often in the numbers that the motor's torque rests on.
+fn other_faults(ids: FrameIds) -> impl Strategy<Value = Vec<Happening>> {
+    let number = (8usize..48).prop_map(move |bit| BenchFault::FlippedBit { id: ids[0], bit });
+    happenings(prop_oneof![6 => bench_fault(ids), 3 => number, 2 => misread()])
+}
+
+/// A motor without CANopen, judged by its shaft: the torque that commands make there, and the power.
+fn shaft_lives_through(bench: &Bench, happenings: Vec<Happening>, seen: &Seen) -> Result<(), TestCaseError> {
+    let limit_nm = 8.0;
+    // Servos that turn the shaft by themselves obey no command.
+    let runs_away =
+        happenings.iter().any(|one| matches!(one, Happening::Disturbed(BenchFault::Runaway(_), _)));
+    arm_again_and_again(bench, happenings)?;
+    let highest_nm = bench.bus.world().shaft().highest_torque_nm;
+    seen.add(bench, if runs_away { 0.0 } else { highest_nm });
+    prop_assert!(highest_nm > 0.0, "it had power");
+    prop_assert!(runs_away || highest_nm <= limit_nm * 1.001, "{highest_nm} N m");
+    Ok(())
+}
+
+fn set_tolerated(rig: &mut Value, tolerated: u32) {
+    rig["tolerate"]["missed_cycles_in_a_row"] = json!(tolerated);
+    rig["tolerate"]["duplicate_frames"] = json!(tolerated);
+}
+
+fn set_safe_states(rig: &mut Value, states: [&str; 5]) {
+    for (class, state) in ["limit", "sensor", "drive", "bus", "cycle"].iter().zip(states) {
+        rig["safe_state"][class] = json!(state);
     }
+}
+
+/// Arms the motor up to four times, as an operator does after a fault.
+fn arm_again_and_again(bench: &Bench, happenings: Vec<Happening>) -> Result<(), TestCaseError> {
+    let mut motor = bench.motor();
+    let mut happenings = happenings.into_iter();
+    for _ in 0..4 {
+        motor = match motor.arm(ArmingConsent::given(), &bench.protocol.limits) {
+            Ok(armed) => live_through(bench, armed, &mut happenings)?,
+            Err((disarmed, _)) => {
+                assert_no_power(bench)?;
+                disarmed
+            }
+        };
+        bench.bus.world().wire.faults.clear();
+    }
+    Ok(())
 }
 
 /// Runs the motor until it is made safe or nothing more happens, and disarms it.

@@ -187,8 +187,9 @@ pub struct World {
     pub power: Vec<(Instant, bool)>,
     /// Lowest and highest angle of the handle so far, rad.
     pub angles_rad: [f64; 2],
-    /// Frames sent by the master.
+    /// Frames sent by the master, and how many of them were SYNC.
     pub frames_sent: u64,
+    pub syncs_sent: u64,
     /// Angle of the handle at the latest SYNC, rad.
     pub synced_rad: f64,
 }
@@ -206,6 +207,7 @@ impl World {
             power: Vec::new(),
             angles_rad: [0.0; 2],
             frames_sent: 0,
+            syncs_sent: 0,
             synced_rad: 0.0,
         }
     }
@@ -325,6 +327,7 @@ impl CanBus for VirtualBus {
         let now = world.clock.now();
         world.advance(now);
         world.frames_sent += 1;
+        world.syncs_sent += u64::from(frame.id == 0x080);
         if frame.id == 0x080
             && let Some((_, angle_rad)) = world.devices.iter().find_map(|device| device.motor())
         {

@@ -1,0 +1,127 @@
+//! Errors of the angle that trials have in common: the angle at rest between two steps of the encoder, which nobody sees before the motor
+//! moves; what smoothing takes out of the motion; and the error of the mean motion of each velocity.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::diagnose::predicted_torque::torques;
+use crate::fit::{Fit, Observations, common_input_error_covariance, median};
+use crate::statistics::group_indices;
+
+/// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
+const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
+
+/// Standard deviation of what smoothing the motion has changed, by what smoothing it once more changes: of the same size.
+const SMOOTHING_SD: f64 = 1.0;
+
+/// A direction of the mean motion's error is left out if it moves the mean residual of a velocity by less than this, in standard errors.
+const SMALLEST_SHIFT: f64 = 0.7;
+
+/// Unknown errors of the angle that trials share.
+#[derive(Debug, Clone)]
+pub struct AngleErrors {
+    /// For each trial, change of its whitened prediction by each error.
+    pub columns: Vec<DMatrix<f64>>,
+    /// Variance of each error.
+    pub variances: DVector<f64>,
+}
+
+impl AngleErrors {
+    /// The errors of a session about the model of `fit`.
+    ///
+    /// The place of rest is equally likely anywhere within a step, in common to all trials that return to it; the mean motion of a
+    /// velocity adds what its number of trials leaves. The mean motion's error during the ramp has the covariance that the fit's weights
+    /// have, once for all trials of a velocity.
+    pub fn of(observations: &Observations, fit: &Fit) -> Self {
+        let trials = observations.trials.len();
+        let velocities: Vec<Vec<usize>> =
+            group_indices(trials, |trial| observations.trials[trial].velocity_rad_s.to_bits())
+                .into_values()
+                .collect();
+        let values = |trial: usize| {
+            fit.objective.whitened_count(observations.noise_index[trial], observations.samples)
+        };
+        // Each error: its variance, the trials that share it, and each trial's change.
+        let mut errors: Vec<(f64, Vec<usize>, Vec<DVector<f64>>)> = Vec::new();
+        if observations.angle_step_rad > 0.0 {
+            let changes = rounding_at_rest(observations, fit);
+            // The variance of a uniform distribution of width one.
+            let variance = 1.0 / 12.0;
+            errors.push((variance, (0..trials).collect(), changes.clone()));
+            for own in &velocities {
+                errors.push((variance / own.len() as f64, own.clone(), changes.clone()));
+            }
+        }
+        let smoothing = change(observations, &observations.smoothed_again(), fit);
+        errors.push((SMOOTHING_SD * SMOOTHING_SD, (0..trials).collect(), smoothing));
+        for direction in mean_motion_errors(observations, fit) {
+            let changes: Vec<DVector<f64>> = (0..trials)
+                .map(|trial| fit.objective.whiten(observations.noise_index[trial], &direction))
+                .collect();
+            for own in &velocities {
+                let shift: f64 = own.iter().map(|trial| changes[*trial].norm_squared()).sum();
+                if shift > SMALLEST_SHIFT * SMALLEST_SHIFT {
+                    errors.push((1.0, own.clone(), changes.clone()));
+                }
+            }
+        }
+        let column = |trial: usize| {
+            let mut own = DMatrix::zeros(values(trial), errors.len());
+            for (place, (_, shared_by, changes)) in errors.iter().enumerate() {
+                if shared_by.contains(&trial) {
+                    own.set_column(place, &changes[trial]);
+                }
+            }
+            own
+        };
+        let variances = DVector::from_iterator(errors.len(), errors.iter().map(|(variance, ..)| *variance));
+        Self { columns: (0..trials).map(column).collect(), variances }
+    }
+}
+
+/// Independent directions of the torque error that the mean motion's error causes, of unit variance, N m at every sample of the window.
+fn mean_motion_errors(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
+    let middle =
+        |parameter: usize| median(&fit.parameters.iter().map(|own| own[parameter]).collect::<Vec<_>>());
+    let covariance = common_input_error_covariance(observations, &std::array::from_fn(middle));
+    let samples: Vec<usize> = observations.noise_samples().collect();
+    let eigen = covariance.symmetric_eigen();
+    let direction = |(place, value): (usize, &f64)| {
+        let mut torque = vec![0.0; observations.samples];
+        for (sample, own) in samples.iter().zip(eigen.eigenvectors.column(place).iter()) {
+            torque[*sample] = own * libm::sqrt(value.max(0.0));
+        }
+        torque
+    };
+    eigen.eigenvalues.iter().enumerate().map(direction).collect()
+}
+
+/// Change of the whitened predictions if the angle at rest is wrong by one encoder step.
+pub fn rounding_at_rest(observations: &Observations, fit: &Fit) -> Vec<DVector<f64>> {
+    let mut shifted = observations.clone();
+    for trial in &mut shifted.trials {
+        let onset = trial.input.onset;
+        for (sample, knot) in trial.input.motion.iter_mut().enumerate().skip(onset) {
+            let time = (sample - onset) as f64 * observations.period_s;
+            let (from, to) = LEAVES_ENCODER_STEP_S;
+            let part = ((time - from) / (to - from)).clamp(0.0, 1.0);
+            let phase = std::f64::consts::PI * part;
+            let step = trial.direction * observations.angle_step_rad;
+            knot.theta += step * 0.5 * (1.0 - libm::cos(phase));
+            knot.omega += step * 0.5 * libm::sin(phase) * std::f64::consts::PI / (to - from);
+        }
+    }
+    change(observations, &shifted, fit)
+}
+
+/// Change of the whitened predictions of `fit` where the motion is that of `moved`.
+fn change(observations: &Observations, moved: &Observations, fit: &Fit) -> Vec<DVector<f64>> {
+    let before = torques(observations, &fit.kinds, &fit.parameters);
+    let after = torques(moved, &fit.kinds, &fit.parameters);
+    (0..before.len())
+        .map(|trial| {
+            let change: Vec<f64> =
+                after[trial].iter().zip(&before[trial]).map(|(to, from)| to - from).collect();
+            fit.objective.whiten(observations.noise_index[trial], &change)
+        })
+        .collect()
+}

@@ -1,0 +1,185 @@
+//! From the probabilities of models to an answer: which causes, each with the set that it cannot be told from.
+
+use serde_json::{Map, Value, json};
+
+use super::model_search::ComparedModel;
+use crate::random::Stream;
+use crate::wrist::mechanisms::MechanismKind;
+
+/// Probability that what is named must have: a cause alone, or the smallest set that holds it.
+pub const NAMED_PROBABILITY: f64 = 0.95;
+
+/// Probability of each cause.
+#[derive(Debug, Clone, Default)]
+pub struct CauseProbabilities {
+    /// That no cause is at work.
+    pub none: f64,
+    /// That a cause is at work which the catalogue does not have.
+    pub none_of_these: f64,
+    /// That each mechanism is at work, the most probable first.
+    pub causes: Vec<(MechanismKind, f64)>,
+    /// Probability of each free law, given that the cause is in no catalogue, the most probable first.
+    pub free_laws: Vec<(MechanismKind, f64)>,
+}
+
+impl CauseProbabilities {
+    /// The probabilities from all models.
+    pub fn of(models: &[ComparedModel]) -> Self {
+        let weights = weights(models);
+        let sum = |wanted: &dyn Fn(&ComparedModel) -> bool| -> f64 {
+            models.iter().zip(&weights).filter(|(own, _)| wanted(own)).map(|(_, weight)| weight).sum()
+        };
+        let mut kinds: Vec<MechanismKind> = models.iter().flat_map(|own| own.causes.clone()).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        let none_of_these = sum(&|own| own.causes.iter().any(|kind| kind.is_free_law()));
+        let mut causes: Vec<(MechanismKind, f64)> =
+            kinds.into_iter().map(|kind| (kind, sum(&|own| own.causes.contains(&kind)))).collect();
+        causes.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let (mut free_laws, causes): (Vec<_>, Vec<_>) =
+            causes.into_iter().partition(|(kind, _)| kind.is_free_law());
+        free_laws.iter_mut().for_each(|own| own.1 /= none_of_these.max(f64::MIN_POSITIVE));
+        Self { none: sum(&|own| own.causes.is_empty()), none_of_these, causes, free_laws }
+    }
+
+    /// The probabilities by cause, with `none` and `none_of_these`.
+    pub fn to_json(&self) -> Value {
+        let mut entry: Map<String, Value> = self
+            .causes
+            .iter()
+            .map(|(kind, probability)| (kind.id().to_string(), json!(probability)))
+            .collect();
+        entry.insert("none".into(), json!(self.none));
+        entry.insert("none_of_these".into(), json!(self.none_of_these));
+        Value::Object(entry)
+    }
+
+    /// The probability of a mechanism.
+    pub fn of_cause(&self, kind: MechanismKind) -> f64 {
+        self.causes.iter().find(|(own, _)| *own == kind).map_or(0.0, |(_, probability)| *probability)
+    }
+
+    /// The smallest set of free laws that holds the probability needed to name one.
+    pub fn likely_free_laws(&self) -> Vec<(MechanismKind, f64)> {
+        smallest_set(&self.free_laws)
+    }
+}
+
+/// A cause of the most probable model, and what could be in its place.
+#[derive(Debug, Clone)]
+pub struct AnsweredCause {
+    /// The cause.
+    pub kind: MechanismKind,
+    /// The causes that could be in its place, with their probability there, the most probable first.
+    pub alternatives: Vec<(MechanismKind, f64)>,
+}
+
+/// The number of causes that the models support, and the most probable model with so many, as index.
+pub fn most_probable_model(models: &[ComparedModel]) -> usize {
+    let weights = weights(models);
+    let in_catalogue = |own: &ComparedModel| own.causes.iter().all(|kind| !kind.is_free_law());
+    let with_at_least = |count: usize| -> f64 {
+        let of =
+            models.iter().zip(&weights).filter(|(own, _)| in_catalogue(own) && own.causes.len() >= count);
+        of.map(|(_, weight)| weight).sum()
+    };
+    let most = models.iter().map(|own| own.causes.len()).max().unwrap_or(0);
+    let supported = |count: &usize| with_at_least(*count) >= NAMED_PROBABILITY * with_at_least(*count - 1);
+    let count = (1..=most).take_while(supported).count();
+    let candidates = (0..models.len())
+        .filter(|index| in_catalogue(&models[*index]) && models[*index].causes.len() == count);
+    candidates.max_by(|a, b| models[*a].log_odds.total_cmp(&models[*b].log_odds)).unwrap_or(0)
+}
+
+/// The causes of `models[index]`. Each has the smallest set of causes in its place that holds the probability needed, given the others.
+pub fn answered_causes(models: &[ComparedModel], index: usize) -> Vec<AnsweredCause> {
+    let weights = weights(models);
+    let own = &models[index];
+    let with_set = |kind: &MechanismKind| {
+        let others: Vec<&MechanismKind> = own.causes.iter().filter(|other| *other != kind).collect();
+        let mut places: Vec<(MechanismKind, f64)> = Vec::new();
+        for (model, weight) in models.iter().zip(&weights) {
+            let same_others = others.iter().all(|other| model.causes.contains(other));
+            if !same_others || model.causes.len() != own.causes.len() {
+                continue;
+            }
+            let in_place = model.causes.iter().find(|kind| !others.contains(kind));
+            if let Some(in_place) = in_place.filter(|kind| !kind.is_free_law()) {
+                places.push((*in_place, *weight));
+            }
+        }
+        let total: f64 = places.iter().map(|(_, weight)| weight).sum();
+        places.iter_mut().for_each(|own| own.1 /= total.max(f64::MIN_POSITIVE));
+        places.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let alternatives = smallest_set(&places).into_iter().filter(|(other, _)| other != kind).collect();
+        AnsweredCause { kind: *kind, alternatives }
+    };
+    own.causes.iter().map(with_set).collect()
+}
+
+/// The first of `sorted`, until they hold the probability needed.
+fn smallest_set(sorted: &[(MechanismKind, f64)]) -> Vec<(MechanismKind, f64)> {
+    let mut held = 0.0;
+    let mut set = Vec::new();
+    for own in sorted {
+        if held >= NAMED_PROBABILITY {
+            break;
+        }
+        held += own.1;
+        set.push(*own);
+    }
+    set
+}
+
+/// Standard deviation of the error of a cause's log evidence: of Laplace's approximation and of spreads that are estimated rather than
+/// integrated out. Measured on development sessions (docs/explanation/diagnosis.md).
+const EVIDENCE_SD: f64 = 2.0;
+
+/// The same as a part of what the cause gains: the motion is sampled and smoothed, and a filter is not quite as stated, so that what a
+/// mechanism does is computed to a hundredth of it.
+const EVIDENCE_RELATIVE_SD: f64 = 0.01;
+
+/// Number of draws of these errors.
+const EVIDENCE_DRAWS: usize = 2000;
+
+/// Probability of each model: the mean over the errors that its evidence may have. Models with the same cause share its error.
+fn weights(models: &[ComparedModel]) -> Vec<f64> {
+    let mut kinds: Vec<MechanismKind> = models.iter().flat_map(|own| own.causes.clone()).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let alone = |kind: MechanismKind| {
+        models.iter().find(|own| own.causes == [kind]).map_or(0.0, |own| own.log_odds.max(0.0))
+    };
+    let error_sd = |gain: f64| libm::hypot(EVIDENCE_SD, EVIDENCE_RELATIVE_SD * gain.max(0.0));
+    let errors_of = |own: &ComparedModel| -> Vec<(usize, f64)> {
+        let mut causes = own.causes.clone();
+        causes.sort_by(|a, b| alone(*b).total_cmp(&alone(*a)));
+        let mut explained = 0.0;
+        let mut errors = Vec::new();
+        for (place, kind) in causes.iter().enumerate() {
+            // The first cause has what it gains alone, the last what is left.
+            let gain = if place + 1 == causes.len() { own.log_odds - explained } else { alone(*kind) };
+            explained += gain;
+            errors.push((kinds.binary_search(kind).unwrap_or(0), error_sd(gain)));
+        }
+        errors
+    };
+    let errors: Vec<Vec<(usize, f64)>> = models.iter().map(errors_of).collect();
+    let mut stream = Stream::new(0, "errors of the evidence");
+    let mut mean = vec![0.0; models.len()];
+    for _ in 0..EVIDENCE_DRAWS {
+        let drawn: Vec<f64> = kinds.iter().map(|_| stream.normal()).collect();
+        let log_odds: Vec<f64> = models
+            .iter()
+            .zip(&errors)
+            .map(|(own, errors)| {
+                own.log_odds + errors.iter().map(|(kind, sd)| sd * drawn[*kind]).sum::<f64>()
+            })
+            .collect();
+        let best = log_odds.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let relative: Vec<f64> = log_odds.iter().map(|own| libm::exp(own - best)).collect();
+        let sum: f64 = relative.iter().sum();
+        mean.iter_mut().zip(&relative).for_each(|(mean, own)| *mean += own / sum / EVIDENCE_DRAWS as f64);
+    }
+    mean
+}

@@ -1,0 +1,111 @@
+//! The unknown law that a session shows: where it acts, of what, and its curve.
+
+use serde_json::{Value, json};
+
+use super::answer::CauseProbabilities;
+use super::model_posterior::ModelPosterior;
+use super::model_search::ModelSearch;
+use crate::fit::mechanism_ranges;
+use crate::wrist::mechanisms::{Argument, FreeLaw, MechanismKind, Place};
+
+/// Number of points of a curve.
+const CURVE_POINTS: usize = 41;
+
+/// Half width of a 95 % band, in standard deviations.
+const HALF_BAND_95: f64 = 1.96;
+
+/// An unknown law with its curve.
+#[derive(Debug, Clone)]
+pub struct FoundLaw {
+    /// The free law.
+    pub kind: MechanismKind,
+    /// Its probability, given that the cause is in no catalogue.
+    pub probability: f64,
+    /// Others that the data do not tell from it, with their probabilities.
+    pub alternatives: Vec<(MechanismKind, f64)>,
+    /// Values of its argument.
+    pub argument: Vec<f64>,
+    /// The law there: what it adds.
+    pub value: Vec<f64>,
+    /// Lower and upper end of its 95 % band there.
+    pub band: [Vec<f64>; 2],
+}
+
+impl FoundLaw {
+    /// The most probable free law of a search.
+    pub fn of(search: &ModelSearch, probabilities: &CauseProbabilities) -> Option<Self> {
+        let likely = probabilities.likely_free_laws();
+        let (kind, probability) = *likely.first()?;
+        let model = search.models.iter().find(|own| own.causes == [kind])?;
+        let mut law = Self::curve(search, &model.posterior, kind)?;
+        law.probability = probability;
+        law.alternatives = likely[1..].to_vec();
+        Some(law)
+    }
+
+    fn curve(search: &ModelSearch, posterior: &ModelPosterior, kind: MechanismKind) -> Option<Self> {
+        let law = kind.free_law()?;
+        let [from, to] = search.prior.ranges.range(kind)?;
+        let place = posterior.fit.kinds.iter().position(|own| *own == kind)?;
+        let range = mechanism_ranges(&posterior.fit.kinds)[place].clone();
+        let parameters = &posterior.fit.parameters[0][range.clone()];
+        let argument: Vec<f64> =
+            (0..CURVE_POINTS).map(|i| from + (to - from) * i as f64 / (CURVE_POINTS - 1) as f64).collect();
+        let value: Vec<f64> = argument.iter().map(|u| law.curve(parameters, *u)).collect();
+        let sd = argument.iter().map(|u| sd_at(posterior, &law, range.start, parameters, *u));
+        let sd: Vec<f64> = sd.collect();
+        let end = |sign: f64| value.iter().zip(&sd).map(|(v, sd)| v + sign * HALF_BAND_95 * sd).collect();
+        let band = [end(-1.0), end(1.0)];
+        Some(Self { kind, probability: 0.0, alternatives: Vec::new(), argument, value, band })
+    }
+
+    /// Where it acts.
+    pub fn place(&self) -> Option<Place> {
+        self.kind.free_law().map(|law| law.place)
+    }
+
+    /// What it is a function of.
+    pub fn of_what(&self) -> Option<Argument> {
+        self.kind.free_law().map(|law| law.argument)
+    }
+
+    /// The entry of `diagnosis.json`.
+    pub fn to_json(&self) -> Value {
+        let named = |(kind, probability): &(MechanismKind, f64)| {
+            let law = kind.free_law();
+            json!({
+                "mechanism": kind.id(),
+                "place": law.as_ref().map(|law| law.place),
+                "argument": law.as_ref().map(|law| law.argument),
+                "probability": probability,
+            })
+        };
+        let mut entry = named(&(self.kind, self.probability));
+        entry["title"] = json!(self.kind.title());
+        entry["alternatives"] = self.alternatives.iter().map(named).collect();
+        entry["curve"] = json!({
+            "at": self.argument, "value": self.value, "low": self.band[0], "high": self.band[1],
+        });
+        entry
+    }
+}
+
+/// Standard deviation of a law at `u`, which is linear in its coefficients.
+fn sd_at(posterior: &ModelPosterior, law: &FreeLaw, first: usize, parameters: &[f64], u: f64) -> f64 {
+    let mut unit = parameters.to_vec();
+    law.coefficients.clone().for_each(|index| unit[index] = 0.0);
+    let weights: Vec<(usize, f64)> = law
+        .coefficients
+        .clone()
+        .filter_map(|index| {
+            unit[index] = 1.0;
+            let weight = law.curve(&unit, u);
+            unit[index] = 0.0;
+            Some((posterior.place_of_parameter(first + index)?, weight))
+        })
+        .collect();
+    let covariance = &posterior.quadratic.common_covariance;
+    let products =
+        weights.iter().flat_map(|(i, a)| weights.iter().map(move |(j, b)| a * b * covariance[(*i, *j)]));
+    libm::sqrt(products.sum::<f64>().max(0.0))
+}

@@ -1,0 +1,23 @@
+//! Evidence: the probability of each cause, from one model of the session.
+//!
+//! | file | content |
+//! |---|---|
+//! | `gaussian` | integrals and determinants of normal distributions |
+//! | `linearisation` | the torque of every trial, linear in what is unknown |
+//! | `session_equations` | marginal likelihood of a linear session: random effects, regression, common unknowns |
+//! | `free_laws`, `angle_error`, `session_prior` | priors of everything unknown |
+//! | `model_posterior` | optimum, spreads and evidence of one model |
+//! | `model_prior`, `model_search` | which models are compared, and what each is held to be before the data |
+//! | `answer`, `found_law` | from probabilities to causes, sets and the curve of an unknown law |
+
+pub mod angle_error;
+pub mod answer;
+pub mod found_law;
+pub mod free_laws;
+pub mod gaussian;
+pub mod linearisation;
+pub mod model_posterior;
+pub mod model_prior;
+pub mod model_search;
+pub mod session_equations;
+pub mod session_prior;

@@ -1,0 +1,391 @@
+//! The posterior of one model: its optimum, spreads by marginal likelihood, and its evidence by Laplace's approximation.
+
+use nalgebra::DVector;
+
+use super::gaussian::log_normal_distribution;
+use super::linearisation::{LinearTrial, Unknowns, linearise};
+use super::session_equations::{Design, Point, Products, Quadratic, REGRESSORS, Spreads, cost};
+use super::session_prior::{AddedColumns, SessionPrior};
+use crate::diagnose::interval::Interval;
+use crate::fit::{Fit, Observations, Solution, mechanism_ranges};
+use crate::random::Stream;
+use crate::wrist::BASE_PARAMETERS;
+use crate::wrist::mechanisms::MechanismKind;
+
+/// Largest number of linearisations.
+const MAX_LINEARISATIONS: usize = 20;
+
+/// Largest number of steps of expectation maximisation for one linearisation, and the change of a variance's logarithm that ends them.
+const MAX_SPREAD_STEPS: usize = 6;
+const SPREAD_TOLERANCE: f64 = 0.02;
+
+/// A predicted decrease of the cost, in units of log likelihood, below which the optimum is reached.
+const COST_TOLERANCE: f64 = 0.02;
+
+/// Longest step of a logarithm.
+const LONGEST_LOG_STEP: f64 = 0.5;
+
+/// Half width of a 95 % interval, in standard deviations.
+const HALF_INTERVAL_95: f64 = 1.96;
+
+/// Damping of a step that did not decrease the cost, its growth, and its decay with each step that did.
+const FIRST_DAMPING: f64 = 10.0;
+const DAMPING_GROWTH: f64 = 10.0;
+const DAMPING_DECAY: f64 = 0.1;
+const SMALLEST_DAMPING: f64 = 5.0;
+const LARGEST_DAMPING: f64 = 1e6;
+
+/// A predicted decrease above which a point is no optimum.
+const TRUSTED_DECREASE: f64 = 2.0;
+
+/// The posterior of a model near one optimum.
+#[derive(Debug, Clone)]
+pub struct ModelPosterior {
+    /// The mechanisms that the model adds to the one that was given.
+    pub added: Vec<MechanismKind>,
+    /// The model at its optimum, with the free laws by which those of its mechanisms may deviate.
+    pub fit: Fit,
+    /// Which coordinates are whose.
+    pub unknowns: Unknowns,
+    /// The optimum.
+    pub point: Point,
+    /// The estimated variances.
+    pub spreads: Spreads,
+    /// The approximation at the optimum.
+    pub quadratic: Quadratic,
+    /// The session, linear about the optimum.
+    pub linear: Vec<LinearTrial>,
+    /// What does not depend on the data.
+    pub design: Design,
+    /// Logarithm of the evidence.
+    pub log_evidence: f64,
+    /// Number of linearisations.
+    pub steps: usize,
+}
+
+impl ModelPosterior {
+    /// The posterior that is reached from the parameters of `start`, a fit whose model has the mechanisms `added`, with their laws as
+    /// catalogued. `None` if the approximation fails there.
+    pub fn with_exact_laws(
+        observations: &Observations,
+        prior: &SessionPrior,
+        start: &Fit,
+        added: &[MechanismKind],
+        spreads: Option<&Spreads>,
+    ) -> Option<Self> {
+        Self::settled(observations, prior, start.clone(), added, spreads, None)
+    }
+
+    /// This posterior where the laws of the mechanisms may deviate from the catalogued ones; `None` if none of them can, or if the
+    /// approximation fails.
+    pub fn with_deviating_laws(&self, observations: &Observations, prior: &SessionPrior) -> Option<Self> {
+        let fit = prior.with_deviations(observations, &self.fit, &self.added);
+        if fit.kinds.len() == self.fit.kinds.len() {
+            return None;
+        }
+        Self::settled(observations, prior, fit, &self.added, Some(&self.spreads), None)
+    }
+
+    /// This posterior where trials have other variances about their condition.
+    pub fn with_variance_factors(
+        &self,
+        observations: &Observations,
+        prior: &SessionPrior,
+        variance_factor: &[f64],
+    ) -> Option<Self> {
+        let fit = self.fit.clone();
+        Self::settled(observations, prior, fit, &self.added, Some(&self.spreads), Some(variance_factor))
+    }
+
+    fn settled(
+        observations: &Observations,
+        prior: &SessionPrior,
+        fit: Fit,
+        added: &[MechanismKind],
+        spreads: Option<&Spreads>,
+        variance_factor: Option<&[f64]>,
+    ) -> Option<Self> {
+        let unknowns = Unknowns::of(&fit);
+        let effect = |kind: MechanismKind| prior.effect_nm(observations, &fit, kind);
+        let columns = AddedColumns::new(prior, &fit, added, &effect);
+        let mut design = prior.design(observations, &fit, &unknowns, &columns);
+        if let Some(factors) = variance_factor {
+            design.variance_factor = factors.to_vec();
+        }
+        let law = design.law.as_ref().map_or(1.0, |law| law.variance);
+        let mut spreads = spreads
+            .filter(|own| own.trial.len() == design.own)
+            .cloned()
+            .unwrap_or_else(|| Spreads::start(design.own, law));
+        spreads.law = law;
+        let mut here = Here::new(observations, fit.clone(), &unknowns, &columns, &design, None)?;
+        let (mut quadratic, mut held) = here.quadratic(&unknowns, &design, &mut spreads)?;
+        let mut damping = 0.0;
+        let mut steps = 0;
+        while quadratic.decrease > COST_TOLERANCE && steps < MAX_LINEARISATIONS {
+            steps += 1;
+            let context = (observations, &unknowns, &columns, &held);
+            let Some(next) = here.stepped(context, &spreads, &quadratic, &mut damping) else { break };
+            here = next;
+            (quadratic, held) = here.quadratic(&unknowns, &design, &mut spreads)?;
+        }
+        // Where the search stopped early, the minimum of the quadratic is no optimum: the evidence is at least that of the point.
+        let shortfall = if quadratic.decrease > TRUSTED_DECREASE { quadratic.decrease } else { 0.0 };
+        let sided = one_sided(prior, &here, &unknowns, &design, added);
+        let log_evidence = match sided.as_slice() {
+            [] => quadratic.log_evidence - shortfall,
+            _ if shortfall > 0.0 => quadratic.log_evidence - shortfall,
+            // Their integral ends at the bound, wherever the minimum is.
+            places => {
+                let free = design.quadratic(&spreads, &here.point, &here.products)?;
+                free.log_evidence
+                    + places.iter().map(|place| above_bound(&design, &here, &free, *place)).sum::<f64>()
+            }
+        };
+        let Here { fit, point, linear, .. } = here;
+        Some(Self {
+            added: added.to_vec(),
+            fit,
+            unknowns,
+            point,
+            spreads,
+            quadratic,
+            linear,
+            design,
+            log_evidence,
+            steps,
+        })
+    }
+
+    /// Errors of each trial's own coordinates in `count` sessions that differ from this one by their noise alone.
+    pub fn simulated_errors(&self, count: usize, stream: &mut Stream) -> Vec<Vec<DVector<f64>>> {
+        let products = Products::new(&self.linear);
+        let about = Point {
+            common: self.design.common_mean.clone(),
+            coefficients: DVector::zeros(self.point.coefficients.len()),
+            means: self.point.means.iter().map(|own| own * 0.0).collect(),
+            own: self.point.own.iter().map(|own| own * 0.0).collect(),
+        };
+        let sd = libm::sqrt(self.spreads.noise);
+        let error = |_| {
+            let residuals: Vec<DVector<f64>> = self
+                .linear
+                .iter()
+                .map(|trial| DVector::from_fn(trial.residual.len(), |_, _| sd * stream.normal()))
+                .collect();
+            let products = products.clone().with_residuals(&self.linear, &residuals);
+            self.design.without_ratio().quadratic(&self.spreads, &about, &products).map(|own| own.step.own)
+        };
+        (0..count).filter_map(error).collect()
+    }
+
+    /// Place among the common unknowns of a parameter that all trials share.
+    pub fn place_of_parameter(&self, parameter: usize) -> Option<usize> {
+        let is_it = |index: &usize| self.fit.parameterisation.coordinates[*index].parameter == parameter;
+        self.unknowns.common.iter().position(is_it)
+    }
+
+    /// Parameters of the mechanism `kind` with their 95 % intervals.
+    pub fn intervals(&self, kind: MechanismKind) -> Vec<Interval> {
+        let Some(place) = self.fit.kinds.iter().position(|own| *own == kind) else { return Vec::new() };
+        let interval = |parameter: usize| {
+            let value = self.fit.parameters[0][parameter];
+            let Some(place) = self.place_of_parameter(parameter) else {
+                return Interval { value, low: Some(value), high: Some(value) };
+            };
+            let coordinate = &self.fit.parameterisation.coordinates[self.unknowns.common[place]];
+            let half =
+                HALF_INTERVAL_95 * libm::sqrt(self.quadratic.common_covariance[(place, place)].max(0.0));
+            let [low, high] = [-half, half].map(|by| {
+                let end = (self.point.common[place] + by).clamp(coordinate.low, coordinate.high);
+                if coordinate.logarithmic { libm::exp(end) } else { end }
+            });
+            Interval { value, low: Some(low), high: Some(high) }
+        };
+        mechanism_ranges(&self.fit.kinds)[place].clone().map(interval).collect()
+    }
+}
+
+/// A point of the search, with the session linear about it.
+struct Here {
+    fit: Fit,
+    point: Point,
+    linear: Vec<LinearTrial>,
+    products: Products,
+}
+
+impl Here {
+    fn new(
+        observations: &Observations,
+        fit: Fit,
+        unknowns: &Unknowns,
+        columns: &AddedColumns,
+        design: &Design,
+        point: Option<Point>,
+    ) -> Option<Self> {
+        let point = point.unwrap_or_else(|| start_point(&fit, unknowns, columns, design));
+        let mut linear = linearise(observations, &fit, unknowns);
+        columns.add_to(&fit, unknowns, &point.common, &mut linear);
+        let finite = linear.iter().all(|trial| trial.residual.iter().all(|value| value.is_finite()));
+        let products = Products::new(&linear);
+        finite.then_some(Self { fit, point, linear, products })
+    }
+
+    /// The quadratic here, after the spreads were estimated. Coordinates at a bound that the minimum lies beyond are held there.
+    fn quadratic(
+        &self,
+        unknowns: &Unknowns,
+        design: &Design,
+        spreads: &mut Spreads,
+    ) -> Option<(Quadratic, Design)> {
+        let mut held = Vec::new();
+        let mut quadratic = design.quadratic(spreads, &self.point, &self.products)?;
+        loop {
+            let beyond = self.beyond_bounds(unknowns, &quadratic, &held);
+            if beyond.is_empty() {
+                break;
+            }
+            held.extend(beyond);
+            quadratic = design.holding(&held, &self.point).quadratic(spreads, &self.point, &self.products)?;
+        }
+        let design = design.holding(&held, &self.point);
+        for _ in 0..MAX_SPREAD_STEPS {
+            let (next, change) = quadratic.spreads(&design, spreads);
+            *spreads = next;
+            quadratic = design.quadratic(spreads, &self.point, &self.products)?;
+            if change < SPREAD_TOLERANCE {
+                break;
+            }
+        }
+        Some((quadratic, design))
+    }
+
+    /// Places of the common coordinates that are at a bound of a mechanism's parameter and would go beyond it.
+    fn beyond_bounds(&self, unknowns: &Unknowns, quadratic: &Quadratic, held: &[usize]) -> Vec<usize> {
+        let is_beyond = |place: &usize| {
+            let own = &self.fit.parameterisation.coordinates[unknowns.common[*place]];
+            let (at, step) = (self.point.common[*place], quadratic.step.common[*place]);
+            own.parameter >= BASE_PARAMETERS.len()
+                && !held.contains(place)
+                && (at <= own.low && step < 0.0 || at >= own.high && step > 0.0)
+        };
+        (0..unknowns.common.len()).filter(is_beyond).collect()
+    }
+
+    /// The next point on the way to the minimum of `quadratic`, with a `damping` that grows until the cost decreases; `None` if it does
+    /// not.
+    fn stepped(
+        &self,
+        context: (&Observations, &Unknowns, &AddedColumns, &Design),
+        spreads: &Spreads,
+        quadratic: &Quadratic,
+        damping: &mut f64,
+    ) -> Option<Self> {
+        let (_, unknowns, _, design) = context;
+        if *damping > 0.0 {
+            *damping *= DAMPING_DECAY;
+            if *damping < SMALLEST_DAMPING {
+                *damping = 0.0;
+            }
+        }
+        while *damping <= LARGEST_DAMPING {
+            let damped;
+            let step = if *damping > 0.0 {
+                damped = design.damped(*damping).quadratic(spreads, &self.point, &self.products)?;
+                &damped
+            } else {
+                quadratic
+            };
+            let part = (LONGEST_LOG_STEP / self.longest_log_step(unknowns, step)).min(1.0);
+            let next = self.moved(context, step, part);
+            if let Some(next) = next {
+                let there =
+                    cost(design, spreads, &next.point, next.products.squares(), next.products.count());
+                if there < quadratic.cost {
+                    return Some(next);
+                }
+            }
+            *damping = (*damping * DAMPING_GROWTH).max(FIRST_DAMPING);
+        }
+        None
+    }
+
+    fn longest_log_step(&self, unknowns: &Unknowns, quadratic: &Quadratic) -> f64 {
+        let logarithmic = |place: &usize| {
+            let own = unknowns.common.get(*place);
+            own.is_some_and(|own| self.fit.parameterisation.coordinates[*own].logarithmic)
+        };
+        let common = (0..quadratic.step.common.len()).filter(logarithmic);
+        let own = quadratic.step.own.iter().map(|step| step.amax());
+        own.chain(common.map(|place| quadratic.step.common[place].abs())).fold(0.0, f64::max)
+    }
+
+    /// The point after `part` of a step, within the bounds of mechanisms' parameters.
+    fn moved(
+        &self,
+        (observations, unknowns, columns, design): (&Observations, &Unknowns, &AddedColumns, &Design),
+        quadratic: &Quadratic,
+        part: f64,
+    ) -> Option<Self> {
+        let mut point = self.point.moved(quadratic, part);
+        let mut coordinates = self.fit.solution.coordinates.clone();
+        for (own, values) in unknowns.own.iter().zip(&point.own) {
+            own.iter().zip(values.iter()).for_each(|(index, value)| coordinates[*index] = *value);
+        }
+        for (place, index) in unknowns.common.iter().enumerate() {
+            let own = &self.fit.parameterisation.coordinates[*index];
+            if own.parameter >= BASE_PARAMETERS.len() {
+                point.common[place] = point.common[place].clamp(own.low, own.high);
+            }
+            coordinates[*index] = point.common[place];
+        }
+        let fit = self.fit.at_solution(Solution { coordinates, outcomes: Vec::new() });
+        Self::new(observations, fit, unknowns, columns, design, Some(point))
+    }
+}
+
+/// Where a fit stands, with means and regression at their best for its trials.
+fn start_point(fit: &Fit, unknowns: &Unknowns, columns: &AddedColumns, design: &Design) -> Point {
+    let at = |index: &usize| fit.solution.coordinates[*index];
+    let own: Vec<DVector<f64>> =
+        unknowns.own.iter().map(|own| DVector::from_iterator(own.len(), own.iter().map(at))).collect();
+    let means: Vec<DVector<f64>> = design
+        .conditions
+        .iter()
+        .map(|trials| {
+            let sum = trials.iter().fold(DVector::zeros(design.own), |sum, trial| sum + &own[*trial]);
+            sum / trials.len() as f64
+        })
+        .collect();
+    let level = means.iter().fold(DVector::zeros(design.own), |sum, mean| sum + mean) / means.len() as f64;
+    let mut coefficients = DVector::zeros(REGRESSORS * design.own);
+    coefficients.rows_mut(0, design.own).copy_from(&level);
+    let common = unknowns.common.len();
+    let mut values = DVector::zeros(common + columns.count());
+    for (place, index) in unknowns.common.iter().enumerate() {
+        values[place] = at(index);
+    }
+    Point { own, means, coefficients, common: values }
+}
+
+/// Places of the common coordinates whose prior is one-sided.
+fn one_sided(
+    prior: &SessionPrior,
+    here: &Here,
+    unknowns: &Unknowns,
+    design: &Design,
+    added: &[MechanismKind],
+) -> Vec<usize> {
+    let is_it = |place: &usize| {
+        let parameter = here.fit.parameterisation.coordinates[unknowns.common[*place]].parameter;
+        design.common_mean.len() > *place && prior.is_one_sided(&here.fit, parameter, added)
+    };
+    (0..unknowns.common.len()).filter(is_it).collect()
+}
+
+/// What a one-sided prior adds to the logarithm of the evidence: twice the density, and the part of the posterior above the bound.
+fn above_bound(design: &Design, here: &Here, free: &Quadratic, place: usize) -> f64 {
+    let sd = libm::sqrt(free.common_covariance[(place, place)].max(f64::MIN_POSITIVE));
+    let mean = here.point.common[place] + free.step.common[place];
+    std::f64::consts::LN_2 + log_normal_distribution((mean - design.common_mean[place]) / sd)
+}

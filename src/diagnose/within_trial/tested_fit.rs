@@ -1,0 +1,30 @@
+//! Tests of what a fit leaves.
+
+use super::null_distribution::{MisfitPValues, MisfitStatistics, NullDistribution, misfit_statistics};
+use super::residual_projection::ResidualProjection;
+use super::score_test::{UndetectableMechanism, probes};
+use crate::diagnose::evidence::angle_error::AngleErrors;
+use crate::fit::{Fit, Observations};
+
+/// How the residuals of a fit compare with noise alone, and what it could not show.
+pub struct TestedFit {
+    /// Misfit statistics of the residuals.
+    pub misfit: MisfitStatistics,
+    /// Their p-values.
+    pub p_values: MisfitPValues,
+    /// Mechanisms that this session cannot show.
+    pub undetectable: Vec<UndetectableMechanism>,
+}
+
+impl TestedFit {
+    /// Tests the residuals of `fit`.
+    pub fn new(observations: &Observations, fit: &Fit, angle_errors: &AngleErrors, seed: u64) -> Self {
+        let tangent = ResidualProjection::new(observations, fit);
+        let (probes, undetectable) = probes(observations, fit, &tangent);
+        let misfit = misfit_statistics(observations, &tangent, &probes, &tangent.residuals());
+        let noise_alone = NullDistribution::new(observations, &tangent, angle_errors, &probes, seed);
+        let p_values = noise_alone.p_values(&misfit);
+        tracing::debug!(?misfit, ?p_values, causes = ?fit.kinds);
+        Self { misfit, p_values, undetectable }
+    }
+}
