@@ -96,7 +96,7 @@ fn mean_motion_errors(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
 }
 
 /// Change of the whitened predictions if the angle at rest is wrong by one encoder step.
-pub fn rounding_at_rest(observations: &Observations, fit: &Fit) -> Vec<DVector<f64>> {
+fn rounding_at_rest(observations: &Observations, fit: &Fit) -> Vec<DVector<f64>> {
     let mut shifted = observations.clone();
     for trial in &mut shifted.trials {
         let onset = trial.input.onset;

@@ -250,7 +250,7 @@ impl Here {
         }
         let design = design.holding(&held, &self.point);
         for _ in 0..MAX_SPREAD_STEPS {
-            let (next, change) = quadratic.spreads(&design, spreads);
+            let (next, change) = quadratic.expected.spreads(design.law.as_ref(), spreads);
             *spreads = next;
             quadratic = design.quadratic(spreads, &self.point, &self.products)?;
             if change < SPREAD_TOLERANCE {
@@ -327,7 +327,7 @@ impl Here {
         quadratic: &Quadratic,
         part: f64,
     ) -> Option<Self> {
-        let mut point = self.point.moved(quadratic, part);
+        let mut point = self.point.moved(&quadratic.step, part);
         let mut coordinates = self.fit.solution.coordinates.clone();
         for (own, values) in unknowns.own.iter().zip(&point.own) {
             own.iter().zip(values.iter()).for_each(|(index, value)| coordinates[*index] = *value);

@@ -364,7 +364,7 @@ impl<'a> ModelSearch<'a> {
                     let mut spreads = spreads.clone();
                     let mut quadratic = design.quadratic(&spreads, &own.posterior.point, &products)?;
                     for _ in 0..8 {
-                        spreads = quadratic.spreads(&design, &spreads).0;
+                        spreads = quadratic.expected.spreads(design.law.as_ref(), &spreads).0;
                         quadratic = design.quadratic(&spreads, &own.posterior.point, &products)?;
                     }
                     Some((trial, quadratic.log_evidence))
