@@ -167,6 +167,11 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
         let number = |key: &str| value[key].as_f64().map_or("?".into(), significant);
         writeln!(out, "  {name} = {} (95 %: {} to {})", number("value"), number("low"), number("high"))?;
     }
+    if let Some(law) = &cause.law {
+        let agrees = if law.is_within_band() { "lies within" } else { "leaves" };
+        let title = law.free.kind.title();
+        writeln!(out, "  its law {agrees} the 95 % band of what the session shows without one ({title})")?;
+    }
     match &cause.evidence {
         CauseEvidence::WithinTrial { gain, .. } => writeln!(
             out,

@@ -8,7 +8,7 @@ use super::across_trials::covariate_regression::without_effect;
 use super::across_trials::elastic_limit_law::ElasticLimitLaw;
 use super::cause::{Cause, CauseEvidence};
 use super::diagnosis::Diagnosis;
-use super::evidence::found_law::FoundLaw;
+use super::evidence::found_law::{FoundLaw, LawCheck};
 use super::predicted_torque::residuals;
 use super::residual_correlation::residual_by_trial;
 use crate::dataset::Disk;
@@ -65,6 +65,7 @@ impl Diagnosis {
             .map(|(kind, probability)| json!({ "mechanism": kind.id(), "probability": probability }))
             .collect();
         entry.insert("alternatives".into(), json!(alternatives));
+        entry.insert("law".into(), json!(cause.law.as_ref().map(LawCheck::to_json)));
         match &cause.evidence {
             CauseEvidence::WithinTrial { before, after, chi_square_gain, gain } => {
                 entry.insert("worth_chi_square".into(), json!(chi_square_gain));

@@ -23,6 +23,8 @@ pub struct AngleErrors {
     pub columns: Vec<DMatrix<f64>>,
     /// Variance of each error.
     pub variances: DVector<f64>,
+    /// The trials that share each error of the place of rest. These errors come first, then the one of smoothing.
+    at_rest: Vec<Vec<usize>>,
 }
 
 impl AngleErrors {
@@ -42,12 +44,15 @@ impl AngleErrors {
         };
         // Each error: its variance, the trials that share it, and each trial's change.
         let mut errors: Vec<(f64, Vec<usize>, Vec<DVector<f64>>)> = Vec::new();
+        let mut at_rest = Vec::new();
         if observations.angle_step_rad > 0.0 {
             let changes = rounding_at_rest(observations, fit);
             // The variance of a uniform distribution of width one.
             let variance = 1.0 / 12.0;
+            at_rest.push((0..trials).collect());
             errors.push((variance, (0..trials).collect(), changes.clone()));
             for own in &velocities {
+                at_rest.push(own.clone());
                 errors.push((variance / own.len() as f64, own.clone(), changes.clone()));
             }
         }
@@ -74,7 +79,24 @@ impl AngleErrors {
             own
         };
         let variances = DVector::from_iterator(errors.len(), errors.iter().map(|(variance, ..)| *variance));
-        Self { columns: (0..trials).map(column).collect(), variances }
+        Self { columns: (0..trials).map(column).collect(), variances, at_rest }
+    }
+
+    /// The same errors about another model: a torque that is recorded late, for example, shows them late.
+    pub fn about(&self, observations: &Observations, fit: &Fit) -> Self {
+        let mut moved = self.clone();
+        let mut set = |place: usize, shared_by: &[usize], changes: &[DVector<f64>]| {
+            for trial in shared_by {
+                moved.columns[*trial].set_column(place, &changes[*trial]);
+            }
+        };
+        if !self.at_rest.is_empty() {
+            let changes = rounding_at_rest(observations, fit);
+            self.at_rest.iter().enumerate().for_each(|(place, shared_by)| set(place, shared_by, &changes));
+        }
+        let all: Vec<usize> = (0..self.columns.len()).collect();
+        set(self.at_rest.len(), &all, &change(observations, &observations.smoothed_again(), fit));
+        moved
     }
 }
 

@@ -127,16 +127,6 @@ impl Design {
         0.5 * twice
     }
 
-    /// The same with one more common coordinate, about zero with standard deviation `sd`.
-    pub fn with_column(&self, sd: f64) -> Self {
-        let place = self.common_mean.len();
-        let mut with = self.clone();
-        with.common_mean = with.common_mean.push(0.0);
-        with.common_precision = with.common_precision.resize(place + 1, place + 1, 0.0);
-        with.common_precision[(place, place)] = 1.0 / (sd * sd);
-        with
-    }
-
     /// The same with steps held back.
     pub fn damped(&self, damping: f64) -> Self {
         Self { damping, ..self.clone() }

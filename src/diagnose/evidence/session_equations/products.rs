@@ -42,25 +42,6 @@ impl Products {
         }
     }
 
-    /// The same with one more common coordinate, of which the whitened predictions change by `change`.
-    pub fn with_column(&self, trials: &[LinearTrial], change: &[DVector<f64>]) -> Self {
-        let mut with = self.clone();
-        for ((own, trial), column) in with.trials.iter_mut().zip(trials).zip(change) {
-            let place = own.common_residual.len();
-            let mixed = trial.own.tr_mul(column);
-            let common = trial.common.tr_mul(column);
-            let grown = |matrix: &DMatrix<f64>, rows: usize| matrix.clone().resize(rows, place + 1, 0.0);
-            own.mixed = grown(&own.mixed, own.mixed.nrows());
-            own.mixed.set_column(place, &mixed);
-            own.common = grown(&own.common, place + 1);
-            own.common.view_mut((0, place), (place, 1)).copy_from(&common);
-            own.common.view_mut((place, 0), (1, place)).copy_from(&common.transpose());
-            own.common[(place, place)] = column.norm_squared();
-            own.common_residual = own.common_residual.push(column.dot(&trial.residual));
-        }
-        with
-    }
-
     /// The same of a session whose residuals are `residuals`.
     pub fn with_residuals(mut self, trials: &[LinearTrial], residuals: &[DVector<f64>]) -> Self {
         for ((own, trial), residual) in self.trials.iter_mut().zip(trials).zip(residuals) {

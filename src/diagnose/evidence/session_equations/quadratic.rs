@@ -6,6 +6,7 @@ use super::design::{Design, EXPONENT_SD, LEVEL_SD, Point, REGRESSORS, cost};
 use super::products::Products;
 use super::spreads::{ExpectedSquares, Spreads};
 use crate::diagnose::evidence::gaussian::twice_log_diagonal;
+use crate::diagnose::evidence::linearisation::LinearTrial;
 
 /// The quadratic approximation of the negative logarithm of posterior density at a point, for given spreads.
 #[derive(Debug, Clone)]
@@ -24,6 +25,31 @@ pub struct Quadratic {
     pub log_evidence: f64,
     /// Expected sums of squares at the minimum.
     pub expected: ExpectedSquares,
+    elimination: Elimination,
+}
+
+/// What is left of the elimination along the arrowhead, for one more unknown.
+#[derive(Debug, Clone)]
+struct Elimination {
+    blocks: Vec<EliminatedBlock>,
+    border_covariance: DMatrix<f64>,
+}
+
+/// The unknowns of a condition, eliminated.
+#[derive(Debug, Clone)]
+struct EliminatedBlock {
+    inverse: DMatrix<f64>,
+    towards: DMatrix<f64>,
+    alone: DVector<f64>,
+}
+
+/// One more common unknown, about zero.
+#[derive(Debug, Clone, Copy)]
+pub struct AddedColumn {
+    /// What it adds to the logarithm of the evidence.
+    pub log_evidence: f64,
+    /// Its most probable value.
+    pub value: f64,
 }
 
 impl Design {
@@ -108,6 +134,7 @@ impl Design {
         }
         let mut log_determinant = 0.0;
         let mut eliminated = Vec::with_capacity(blocks.len());
+        let mut gradients = Vec::with_capacity(blocks.len());
         let mut schur = corner;
         let mut schur_gradient = corner_gradient.clone();
         for (matrix, mixed, gradient) in blocks {
@@ -118,7 +145,8 @@ impl Design {
             let alone = &inverse * &gradient;
             schur.gemm(-1.0, &mixed.transpose(), &towards, 1.0);
             schur_gradient.gemv_tr(-1.0, &mixed, &alone, 1.0);
-            eliminated.push((inverse, towards, alone, gradient));
+            gradients.push(gradient);
+            eliminated.push(EliminatedBlock { inverse, towards, alone });
         }
         // Sums of rounding errors must not make it unsymmetric.
         let schur = (&schur + schur.transpose()) * 0.5;
@@ -148,12 +176,13 @@ impl Design {
             border_covariance.view((coefficients, coefficients), (common, common)).into_owned();
         // Mean squares of the residuals: at the minimum, and what the uncertainty of the unknowns adds.
         let mut residual = products.squares();
-        for (condition, (inverse, towards, alone, gradient)) in eliminated.into_iter().enumerate() {
+        for (condition, (block, gradient)) in eliminated.iter().zip(&gradients).enumerate() {
+            let EliminatedBlock { inverse, towards, alone } = block;
             let members = &self.conditions[condition];
             let mean_at = members.len() * size;
-            let own_step = -(&alone + &towards * &border_step);
+            let own_step = -(alone + towards * &border_step);
             decrease -= 0.5 * gradient.dot(&own_step);
-            let with_border = &towards * &border_covariance;
+            let with_border = towards * &border_covariance;
             let covariance = inverse + &with_border * towards.transpose();
             for (place, trial) in members.iter().enumerate() {
                 let at = place * size;
@@ -217,6 +246,51 @@ impl Design {
             own_variance,
             log_evidence,
             expected,
+            elimination: Elimination { blocks: eliminated, border_covariance },
         })
+    }
+}
+
+impl Quadratic {
+    /// What one more common unknown adds, of a normal prior about zero with standard deviation `sd`, by which the whitened predictions of
+    /// `trials` change by `change`. The quadratic is that of `design` and `trials` with the variance `noise`.
+    pub fn with_column(
+        &self,
+        design: &Design,
+        trials: &[LinearTrial],
+        noise: f64,
+        change: &[DVector<f64>],
+        sd: f64,
+    ) -> AddedColumn {
+        let border = self.elimination.border_covariance.nrows();
+        let mut towards_border = DVector::zeros(border);
+        let mut precision = 1.0 / (sd * sd);
+        let mut gradient = 0.0;
+        for (trial, column) in trials.iter().zip(change) {
+            let common = trial.common.ncols();
+            let mut own = towards_border.rows_mut(border - common, common);
+            own.gemv_tr(1.0 / noise, &trial.common, column, 1.0);
+            precision += column.norm_squared() / noise;
+            gradient -= column.dot(&trial.residual) / noise;
+        }
+        for (block, members) in self.elimination.blocks.iter().zip(&design.conditions) {
+            let mut own = DVector::zeros(block.alone.len());
+            for (place, trial) in members.iter().enumerate() {
+                let mut part = own.rows_mut(place * design.own, design.own);
+                part.gemv_tr(1.0 / noise, &trials[*trial].own, &change[*trial], 0.0);
+            }
+            precision -= own.dot(&(&block.inverse * &own));
+            gradient -= own.dot(&block.alone);
+            towards_border.gemv_tr(-1.0, &block.towards, &own, 1.0);
+        }
+        precision -= towards_border.dot(&(&self.elimination.border_covariance * &towards_border));
+        gradient += towards_border.rows(0, border - self.step.common.len()).dot(&self.step.coefficients)
+            + towards_border
+                .rows(border - self.step.common.len(), self.step.common.len())
+                .dot(&self.step.common);
+        AddedColumn {
+            log_evidence: 0.5 * gradient * gradient / precision - 0.5 * libm::log(precision * sd * sd),
+            value: -gradient / precision,
+        }
     }
 }

@@ -121,20 +121,26 @@ fn spreads_of_largest_marginal_likelihood_are_reached() {
 }
 
 #[test]
-fn one_more_column_is_one_more_common_coordinate() {
+fn one_more_column_adds_what_a_session_with_one_more_common_coordinate_has() {
     let (design, trials, point) = session(&mut Stream::new(4, "evidence"));
     let change: Vec<DVector<f64>> =
         (0..3).map(|trial| DVector::from_fn(VALUES, |i, _| (trial + i) as f64 - 2.0)).collect();
-    let with = Products::new(&trials).with_column(&trials, &change);
     let mut wide = trials.clone();
     for (own, column) in wide.iter_mut().zip(&change) {
         own.common = own.common.clone().resize_horizontally(3, 0.0);
         own.common.set_column(2, column);
     }
-    let design = design.with_column(0.5);
-    let mut point = point;
-    point.common = point.common.push(0.0);
-    let spreads = Spreads::start(1, 1.0);
-    let evidence = |products: &Products| design.quadratic(&spreads, &point, products).unwrap().log_evidence;
-    assert!((evidence(&with) - evidence(&Products::new(&wide))).abs() < 1e-9);
+    let sd = 0.5;
+    let mut wide_design = design.clone();
+    wide_design.common_mean = design.common_mean.push(0.0);
+    wide_design.common_precision = design.common_precision.clone().resize(3, 3, 0.0);
+    wide_design.common_precision[(2, 2)] = 1.0 / (sd * sd);
+    let mut wide_point = point.clone();
+    wide_point.common = point.common.push(0.0);
+    let spreads = Spreads { noise: 1.3, ..Spreads::start(1, 1.0) };
+    let narrow = design.quadratic(&spreads, &point, &Products::new(&trials)).unwrap();
+    let added = narrow.with_column(&design, &trials, spreads.noise, &change, sd);
+    let all = wide_design.quadratic(&spreads, &wide_point, &Products::new(&wide)).unwrap();
+    assert!((narrow.log_evidence + added.log_evidence - all.log_evidence).abs() < 1e-9);
+    assert!((added.value - all.step.common[2]).abs() < 1e-9);
 }
