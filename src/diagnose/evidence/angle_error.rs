@@ -10,7 +10,8 @@ use crate::statistics::group_indices;
 /// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
 const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
 
-/// Standard deviation of what smoothing the motion has changed, by what smoothing it once more changes: of the same size.
+/// Standard deviation of what smoothing the motion has changed, in the first terms of its series (see [`smoothing_errors`]), each of
+/// which has the coefficient 1.
 const SMOOTHING_SD: f64 = 1.0;
 
 /// A direction of the mean motion's error is left out if it moves the mean residual of a velocity by less than this, in standard errors.
@@ -23,7 +24,7 @@ pub struct AngleErrors {
     pub columns: Vec<DMatrix<f64>>,
     /// Variance of each error.
     pub variances: DVector<f64>,
-    /// The trials that share each error of the place of rest. These errors come first, then the one of smoothing.
+    /// The trials that share each error of the place of rest. These errors come first, then those of smoothing.
     at_rest: Vec<Vec<usize>>,
 }
 
@@ -56,8 +57,9 @@ impl AngleErrors {
                 errors.push((variance / own.len() as f64, own.clone(), changes.clone()));
             }
         }
-        let smoothing = change(observations, &observations.smoothed_again(), fit);
-        errors.push((SMOOTHING_SD * SMOOTHING_SD, (0..trials).collect(), smoothing));
+        for changes in smoothing_errors(observations, fit) {
+            errors.push((SMOOTHING_SD * SMOOTHING_SD, (0..trials).collect(), changes));
+        }
         for direction in mean_motion_errors(observations, fit) {
             let changes: Vec<DVector<f64>> = (0..trials)
                 .map(|trial| fit.objective.whiten(observations.noise_index[trial], &direction))
@@ -95,7 +97,9 @@ impl AngleErrors {
             self.at_rest.iter().enumerate().for_each(|(place, shared_by)| set(place, shared_by, &changes));
         }
         let all: Vec<usize> = (0..self.columns.len()).collect();
-        set(self.at_rest.len(), &all, &change(observations, &observations.smoothed_again(), fit));
+        for (place, changes) in smoothing_errors(observations, fit).iter().enumerate() {
+            set(self.at_rest.len() + place, &all, changes);
+        }
         moved
     }
 }
@@ -115,6 +119,19 @@ fn mean_motion_errors(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
         torque
     };
     eigen.eigenvalues.iter().enumerate().map(direction).collect()
+}
+
+/// Changes of the whitened predictions by what smoothing has taken out of the motion.
+///
+/// With S for smoothing, A = 1 - S and the smoothed motion y, the motion was y + A y + A^2 y + ...: its first two terms, of which the
+/// effect is taken to be linear.
+fn smoothing_errors(observations: &Observations, fit: &Fit) -> [Vec<DVector<f64>>; 2] {
+    let once = observations.smoothed_again();
+    let twice = once.smoothed_again();
+    let first = change(observations, &once, fit);
+    let both = change(observations, &twice, fit);
+    let second = first.iter().zip(&both).map(|(first, both)| first * 2.0 - both).collect();
+    [first, second]
 }
 
 /// Change of the whitened predictions if the angle at rest is wrong by one encoder step.

@@ -13,7 +13,7 @@ use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::MechanismKind;
 
 /// Largest number of linearisations.
-const MAX_LINEARISATIONS: usize = 20;
+const MAX_LINEARISATIONS: usize = 40;
 
 /// Largest number of steps of expectation maximisation for one linearisation, and the change of a variance's logarithm that ends them.
 const MAX_SPREAD_STEPS: usize = 6;

@@ -146,14 +146,14 @@ impl ResidualProjection {
         tangent
     }
 
-    /// The whitened residuals by trial, in the same units.
+    /// The whitened residuals by trial.
     pub fn residuals(&self) -> WhitenedTrials {
-        self.angle_errors.whiten(self.by_trial(|part| part.residual.clone()))
+        self.by_trial(|part| part.residual.clone())
     }
 
-    /// Subtracts from `change` what the free parameters can absorb; the rest is in units of the noise and the angle's errors together.
+    /// Subtracts from `change` what the free parameters can absorb.
     pub fn project(&self, change: &WhitenedTrials) -> WhitenedTrials {
-        let projected = self.by_trial(|part| {
+        self.by_trial(|part| {
             let mut stacked = DVector::zeros(part.residual.len());
             let mut first = 0;
             for trial in &part.trials {
@@ -162,8 +162,12 @@ impl ResidualProjection {
             }
             part.project(&mut stacked);
             stacked
-        });
-        self.angle_errors.whiten(projected)
+        })
+    }
+
+    /// Projected `values` in units of the noise and the angle's errors together.
+    pub fn whitened(&self, values: WhitenedTrials) -> WhitenedTrials {
+        self.angle_errors.whiten(values)
     }
 
     /// Degrees of freedom of the residuals: number of values less number of parameters.

@@ -7,7 +7,7 @@ use crate::report::figure::Figure;
 use crate::report::scale::Axis;
 
 /// Draws the law of an entry `free_law` or `causes[].law` of `diagnosis.json`; `None` where it has no curve.
-pub fn law(id: &str, entry: &Value) -> Option<Figure> {
+pub fn law(id: &str, title: &str, entry: &Value) -> Option<Figure> {
     let (argument_label, argument_scale) = argument(entry["argument"].as_str()?);
     let (value_label, value_scale) = value(entry["place"].as_str()?, entry["argument"].as_str()?);
     let column = |name: &str, scale: f64| -> Option<Vec<f64>> {
@@ -25,10 +25,9 @@ pub fn law(id: &str, entry: &Value) -> Option<Figure> {
         marks.push(Mark::Line(2, Stroke::Dashed, points(catalogued)));
         legend.push((2, Sign::Line(Stroke::Dashed), "the catalogued law".to_owned()));
     }
-    let title = entry["title"].as_str().unwrap_or("unknown law").to_owned();
     let all = low.iter().chain(&high).chain(catalogued.iter().flatten()).copied();
     let chart = Chart {
-        title: title.clone(),
+        title: format!("{} by {}", spoken(entry["place"].as_str()?), spoken(entry["argument"].as_str()?)),
         x: Axis::new(argument_label, *at.first()?, *at.last()?),
         y: Axis::around(value_label, all),
         marks,
@@ -38,7 +37,17 @@ pub fn law(id: &str, entry: &Value) -> Option<Figure> {
         Some(_) => "The law without a form, and what it would be if the catalogued law were right.",
         None => "The law that the session shows and no catalogue has.",
     };
-    Some(Figure { id: id.into(), title, caption: caption.into(), panels: vec![chart.panel()], columns: 1 })
+    Some(Figure {
+        id: id.into(),
+        title: title.into(),
+        caption: caption.into(),
+        panels: vec![chart.panel()],
+        columns: 1,
+    })
+}
+
+fn spoken(id: &str) -> String {
+    id.replace('_', " ")
 }
 
 /// Label of an axis, and the factor from SI units.

@@ -138,7 +138,7 @@ fn free_law(section: &mut ReportSection, root: &Value) {
         let head = vec![argument, "law".into(), "95 % from".into(), "95 % to".into()];
         section.html += &HtmlTable { caption: "The unknown law".into(), head, rows }.html();
     }
-    if let Some(figure) = law("unknown-law", entry) {
+    if let Some(figure) = law("unknown-law", "The unknown law", entry) {
         section.figure(figure);
     }
 }
@@ -157,7 +157,8 @@ fn causes(section: &mut ReportSection, file: &mut File) {
         shifts.extend(shift(file, &at, mechanism));
     }
     for (index, cause) in causes.iter().enumerate() {
-        if let Some(figure) = law(&format!("law-of-cause-{}", index + 1), &cause["law"]) {
+        let title = format!("Law of {}", cause["mechanism"].as_str().unwrap_or("the cause"));
+        if let Some(figure) = law(&format!("law-of-cause-{}", index + 1), &title, &cause["law"]) {
             section.figure(figure);
         }
     }
