@@ -120,22 +120,18 @@ fn an_unfinished_session_that_was_changed_is_not_resumed() {
     let workspace = Workspace::with_short_protocol();
     let session = workspace.killed_session();
     let before = files(&session);
-    let rows = String::from_utf8(before["schedule.csv"].clone()).unwrap();
-    let mut rows: Vec<&str> = rows.lines().collect();
+    let text = |name: &str| String::from_utf8(before[name].clone()).unwrap();
+    let order = text("schedule.csv");
+    let mut rows: Vec<&str> = order.lines().collect();
     rows.swap(1, 2);
-    let swapped = rows.join("\n") + "\n";
-    let changed: [(&str, Box<dyn Fn(&str) -> String>); 4] = [
-        (
-            "rig.json",
-            Box::new(|text| text.replacen("\"inertia_kg_m2\": 0.0016", "\"inertia_kg_m2\": 0.0048", 1)),
-        ),
-        ("schedule.csv", Box::new(move |_| swapped.clone())),
-        ("session.json", Box::new(|text| text.replacen("V00", "V01", 1))),
-        ("trials/trial-001.csv", Box::new(|text| text.replacen(",2.", ",3.", 1))),
-    ];
-    for (name, change) in changed {
-        let text = String::from_utf8(before[name].clone()).unwrap();
-        let altered = change(&text);
+    let inertia = text("rig.json").replacen("\"inertia_kg_m2\": 0.0016", "\"inertia_kg_m2\": 0.0048", 1);
+    for (name, altered) in [
+        ("rig.json", inertia),
+        ("schedule.csv", rows.join("\n") + "\n"),
+        ("session.json", text("session.json").replacen("V00", "V01", 1)),
+        ("trials/trial-001.csv", text("trials/trial-001.csv").replacen(",2.", ",3.", 1)),
+    ] {
+        let text = text(name);
         assert_ne!(altered, text, "{name}");
         fs::write(session.join(name), &altered).unwrap();
         let (_, said) = workspace.call(2, &["resume", "s", "--yes"]);
