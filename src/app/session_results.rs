@@ -5,7 +5,10 @@ use std::path::Path;
 use crate::dataset::{Disk, Manifest, Resumable};
 use crate::session::{Machine, Phase, Status};
 
-use super::{Console, Failure, FitRequest, fit_table, preprocess_and_fit, ran_on_can_motor, write_report};
+use super::{
+    Console, Failure, FitRequest, ResultsFolder, fit_table, preprocess_and_fit, ran_on_can_motor,
+    write_report,
+};
 
 /// Prints how many trials have which status; fits the session if every trial is done, and writes results, report and
 /// manifest.
@@ -38,8 +41,9 @@ pub fn finish_session(
         return Err(Failure::Ended { folder: folder.to_owned(), left: machine.progress().queue().len() });
     }
     let (_, results, _) = preprocess_and_fit(folder, &FitRequest::default())?;
-    results.write(&disk, &folder.join("results"))?;
-    write_report(folder, &folder.join("results"), console)?;
+    let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
+    results.write(&disk, &own)?;
+    write_report(folder, &own, console)?;
     // The manifest comes last: a session without it is not complete.
     Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
     fit_table(console, &results)

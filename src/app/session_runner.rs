@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::console::{ConsoleSetup, Live};
 use crate::dataset::{BackgroundRecorder, Recorder};
+use crate::files::without_controls;
 use crate::rig::Rig;
 use crate::session::{Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
@@ -194,7 +195,7 @@ pub fn confirm_motion(is_confirmed: bool, session: &str) -> Result<(), Failure> 
     if !stdin.is_terminal() {
         return Err(Failure::NoWord);
     }
-    write!(stderr, "{session}. May the motor move? Type yes: ")?;
+    write!(stderr, "{}. May the motor move? Type yes: ", without_controls(session))?;
     stderr.flush()?;
     let mut answer = String::new();
     stdin.lock().read_line(&mut answer)?;

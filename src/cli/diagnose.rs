@@ -3,13 +3,17 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure, preprocessing_settings, read_model, write_report};
-use crate::dataset::{self, Disk, Manifest};
+use crate::app::{
+    Console, Failure, ResultsFolder, check_has_none, check_out, preprocessing_settings, read_model,
+    write_report,
+};
+use crate::dataset::{self, Disk, Manifest, Session};
 use crate::diagnose::{
     Cause, CauseEvidence, Diagnosis, DiagnosisInput, FoundLaw, Verdict, diagnose, picture,
 };
 use crate::fit::NoiseSource;
 use crate::protocol::significant;
+use crate::report;
 use serde_json::Value;
 
 use super::verb::Verb;
@@ -47,6 +51,7 @@ impl Verb for DiagnoseArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
         let session = dataset::load(&self.session)?;
+        let folder = self.results_folder(&session)?;
         let input =
             DiagnosisInput::new(&session, preprocessing_settings(&self.session, self.window)?, &model)
                 .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
@@ -58,7 +63,7 @@ impl Verb for DiagnoseArgs {
         let diagnosis = diagnose(&input, &model, self.seed, &|stage| stages.set_message(stage));
         stages.finish_and_clear();
         let json = diagnosis.to_json(prepared);
-        let folder = self.out.clone().unwrap_or_else(|| self.session.join("results"));
+        let folder = folder.open()?;
         diagnosis.write(prepared, &json, &Disk::default(), &folder)?;
         write_report(&self.session, &folder, console)?;
         if self.out.is_none() {
@@ -69,6 +74,23 @@ impl Verb for DiagnoseArgs {
             return Ok(());
         }
         summary(console, &diagnosis, &json)
+    }
+}
+
+impl DiagnoseArgs {
+    /// The session's own folder of results, or the one in `--out`, where nothing is replaced. A fit may stand there already if
+    /// it is of the same trials: the report shows both.
+    fn results_folder(&self, session: &Session) -> Result<ResultsFolder, Failure> {
+        let Some(out) = &self.out else { return Ok(ResultsFolder::OfSession(self.session.clone())) };
+        check_out("--out", out)?;
+        check_has_none("--out", out, &["diagnosis.json", "model.json"])?;
+        if !report::is_of_session(out, session)? {
+            return Err(Failure::Usage(format!(
+                "{}: contains a fit of other trials, beside which this diagnosis would be read wrongly; give another --out",
+                out.display()
+            )));
+        }
+        Ok(ResultsFolder::Given(out.clone()))
     }
 }
 

@@ -4,9 +4,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::app::{
-    Console, Failure, FitRequest, fit_table, preprocess_and_fit, read_model, session_folders, write_report,
+    Console, Failure, FitRequest, ResultsFolder, check_has_none, check_out, fit_table, preprocess_and_fit,
+    read_model, write_report,
 };
-use crate::dataset::{Disk, Manifest};
+use crate::dataset::{Disk, Manifest, session_folders};
 use crate::fit::{self, Model, Results, Weighting};
 use rayon::prelude::*;
 
@@ -53,6 +54,19 @@ pub struct FitArgs {
     json: bool,
 }
 
+/// Files of results, of a fit or of a diagnosis, beside which a fit is not written.
+const FIT_RESULTS: [&str; 9] = [
+    "fit.json",
+    "fit.csv",
+    "conditions.csv",
+    "fit-independent.csv",
+    "conditions-independent.csv",
+    "diagnosis.json",
+    "model.json",
+    "report.html",
+    "figures",
+];
+
 impl Verb for FitArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
@@ -88,10 +102,11 @@ impl FitArgs {
 
     /// The results folder of each session: its own, where a new fit replaces the last, or one in `--out`, where nothing
     /// is replaced.
-    fn result_folders(&self, sessions: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    fn result_folders(&self, sessions: &[PathBuf]) -> Result<Vec<ResultsFolder>, Failure> {
         let Some(out) = &self.out else {
-            return Ok(sessions.iter().map(|session| session.join("results")).collect());
+            return Ok(sessions.iter().cloned().map(ResultsFolder::OfSession).collect());
         };
+        check_out("--out", out)?;
         let folder = |session: &PathBuf| match session.file_name() {
             Some(name) if sessions.len() > 1 => out.join(name),
             _ => out.clone(),
@@ -104,14 +119,9 @@ impl FitArgs {
                     folder.file_name().unwrap_or_default().display()
                 )));
             }
-            if folder.join("fit.json").exists() {
-                return Err(Failure::Usage(format!(
-                    "{}: contains the results of an earlier fit, which are not overwritten; give another --out",
-                    folder.display()
-                )));
-            }
+            check_has_none("--out", folder, &FIT_RESULTS)?;
         }
-        Ok(folders)
+        Ok(folders.into_iter().map(ResultsFolder::Given).collect())
     }
 
     /// Fits many sessions on all cores. An error in one session is printed, and the others are still fitted.
@@ -119,7 +129,7 @@ impl FitArgs {
         &self,
         console: &Console,
         sessions: &[PathBuf],
-        folders: &[PathBuf],
+        folders: &[ResultsFolder],
         model: &Model,
     ) -> Result<(), Failure> {
         let progress = console.progress(sessions.len() as u64, "fitting");
@@ -149,12 +159,13 @@ impl FitArgs {
     fn write(
         &self,
         session: &Path,
-        folder: &Path,
+        folder: &ResultsFolder,
         results: &Results,
         console: &Console,
     ) -> Result<(), Failure> {
-        results.write(&Disk::default(), folder)?;
-        write_report(session, folder, console)?;
+        let folder = folder.open()?;
+        results.write(&Disk::default(), &folder)?;
+        write_report(session, &folder, console)?;
         if self.out.is_none() {
             Manifest::renew_results(&Disk::default(), session)?;
         }

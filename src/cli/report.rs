@@ -3,7 +3,9 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure, session_folders, write_report};
+use crate::app::{Console, Failure, ResultsFolder, write_report};
+
+use crate::dataset::session_folders;
 
 use super::verb::Verb;
 
@@ -22,7 +24,7 @@ pub struct ReportArgs {
 impl Verb for ReportArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         for session in session_folders(&self.sessions)? {
-            let page = write_report(&session, &session.join("results"), console)?;
+            let page = write_report(&session, &ResultsFolder::OfSession(session.clone()).open()?, console)?;
             writeln!(console.results(), "{}", page.display())?;
         }
         Ok(())

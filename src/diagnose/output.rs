@@ -1,7 +1,5 @@
 //! Writes `diagnosis.json` and `model.json`, and draws the residuals for the terminal.
 
-use std::path::Path;
-
 use serde_json::{Map, Value, json};
 
 use super::across_trials::covariate_regression::without_effect;
@@ -12,6 +10,7 @@ use super::evidence::found_law::{FoundLaw, LawCheck};
 use super::predicted_torque::residuals;
 use super::residual_correlation::residual_by_trial;
 use crate::dataset::Disk;
+use crate::files::Folder;
 use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
@@ -239,7 +238,7 @@ impl Diagnosis {
         observations: &Observations,
         json: &Value,
         disk: &Disk,
-        folder: &Path,
+        folder: &Folder,
     ) -> Result<(), WriteError> {
         let text = serde_json::to_string_pretty(json).unwrap_or_default() + "\n";
         let model =

@@ -67,12 +67,7 @@ fn read_or_simulate(
             Ok((session, view(protocol)))
         }
         UnitSource::Measured(folder) => {
-            let file = folder.join("protocol.json");
-            let view = if file.exists() {
-                view(&ValidProtocol::read(&file)?)
-            } else {
-                PreprocessingSettings::default()
-            };
+            let view = dataset::stored_protocol(folder)?.as_ref().map_or_else(Default::default, view);
             Ok((dataset::load(folder)?, view))
         }
     }

@@ -20,5 +20,6 @@ mod run;
 mod schedule;
 mod session_fit;
 mod source_rules;
+mod stranger;
 mod supply_chain;
 mod workspace;

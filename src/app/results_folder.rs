@@ -1,0 +1,86 @@
+//! The folder that results go into: the session's own, or one that the operator named.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::dataset::open_session;
+use crate::files::{self, Folder};
+
+use super::failure::Failure;
+
+/// Name of the folder of results in a session.
+const RESULTS: &str = "results";
+
+/// Where the results of a session go.
+#[derive(Debug, Clone)]
+pub enum ResultsFolder {
+    /// The folder of results of the session in this folder; new results replace the last ones.
+    OfSession(PathBuf),
+    /// A folder that the operator named with `--out`; nothing in it is replaced.
+    Given(PathBuf),
+}
+
+impl ResultsFolder {
+    /// Its path.
+    pub fn path(&self) -> PathBuf {
+        match self {
+            Self::OfSession(session) => session.join(RESULTS),
+            Self::Given(path) => path.clone(),
+        }
+    }
+
+    /// Opens the folder, and makes it if it is not there.
+    ///
+    /// # Errors
+    /// If it cannot be made, or the session's own is a link.
+    pub fn open(&self) -> Result<Folder, Failure> {
+        let opened = match self {
+            Self::OfSession(session) => open_session(session)?.folder_made(RESULTS),
+            Self::Given(path) => open_given(path),
+        };
+        opened.map_err(|source| Failure::ResultsFolder { path: self.path(), source })
+    }
+}
+
+/// Opens a folder that the operator named, and makes it if it is not there.
+fn open_given(path: &Path) -> io::Result<Folder> {
+    files::make_folders(path)?;
+    Folder::open(path)
+}
+
+/// Checks a folder or file that the operator named for output: it must not be the root of the file system, nor lie in a
+/// session, which consists of what was measured and its own results.
+///
+/// # Errors
+/// If it is or does.
+pub fn check_out(option: &str, path: &Path) -> Result<(), Failure> {
+    let refuse = |why: String| Err(Failure::Usage(format!("{option} {}: {why}", path.display())));
+    // Of a path that is not there yet, the part that is there decides.
+    let absolute = std::path::absolute(path)?;
+    let there = absolute.ancestors().find_map(|part| part.canonicalize().ok()).unwrap_or(absolute.clone());
+    if absolute.parent().is_none() || (there.parent().is_none() && files::exists(path)) {
+        return refuse("is the root of the file system; give a new folder".to_owned());
+    }
+    match there.ancestors().find(|folder| files::exists(&folder.join("session.json"))) {
+        Some(session) => refuse(format!(
+            "lies in the session {}, which keeps only what was measured and its own results; give a folder outside it",
+            session.display()
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Checks that a folder that the operator named has none of the files or folders with these names, so that nothing is
+/// replaced and nothing of one session stands beside results of another.
+///
+/// # Errors
+/// If it has.
+pub fn check_has_none(option: &str, folder: &Path, names: &[&str]) -> Result<(), Failure> {
+    match names.iter().find(|name| files::exists(&folder.join(name))) {
+        None => Ok(()),
+        Some(name) => Err(Failure::Usage(format!(
+            "{}: contains the results of an earlier run ({name}), which are not overwritten; give another {option}",
+            folder.display()
+        ))),
+    }
+}
