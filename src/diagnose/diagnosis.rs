@@ -113,7 +113,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         remarks.push(format!("no cause was looked for: {reason}"));
         return Diagnosis::without_causes(before, remarks);
     }
-    let Some(search) = compared_models(observations, &before, seed, stage) else {
+    let Some((search, given)) = compared_models(observations, &before, seed, stage) else {
         remarks.push("no cause was looked for: the likelihood of the model cannot be approximated".into());
         return Diagnosis::without_causes(before, remarks);
     };
@@ -121,7 +121,6 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     let probabilities = CauseProbabilities::of(models);
     stage("comparing the misfit with noise");
     let angle_errors = &search.prior.angle_errors;
-    let given = TestedFit::new(observations, &before, angle_errors, seed);
     let most_probable = most_probable_model(models);
     // What acts within the trials must also leave a misfit there; what acts across them leaves none.
     let acts_within = |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace;
@@ -190,18 +189,19 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     }
 }
 
-/// The models that are compared, each with its evidence.
+/// The models that are compared, each with its evidence, and the test of the model as given.
 fn compared_models<'a>(
     observations: &'a Observations,
     before: &'a Fit,
     seed: u64,
     stage: &dyn Fn(&'static str),
-) -> Option<ModelSearch<'a>> {
+) -> Option<(ModelSearch<'a>, TestedFit)> {
     let kinds = compared(|kind| before.kinds.contains(&kind) || missing(observations, kind).is_some());
     let prior = SessionPrior::new(observations, before, probe_context(observations));
     let mut search = ModelSearch::new(observations, before, prior, &kinds)?;
+    let given = TestedFit::new(observations, before, &search.prior.angle_errors, seed);
     stage("fitting the mechanisms of the catalogue");
-    search.add_single_causes(&kinds);
+    search.add_single_causes(&kinds, given.p_values.any() < SEEN_LEVEL);
     stage("fitting unknown laws");
     search.add_free_laws();
     stage("fitting pairs of mechanisms");
@@ -218,7 +218,7 @@ fn compared_models<'a>(
             search.add_outliers(single, kind);
         }
     }
-    Some(search)
+    Some((search, given))
 }
 
 /// The fit of a model, with the deviations of its mechanisms' laws held at their most probable values.

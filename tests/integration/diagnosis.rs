@@ -159,9 +159,14 @@ fn the_first_of_two_causes_is_chosen_again_once_the_second_is_known() {
     let lag = ("torque_lag", serde_json::json!({ "cutoff_hz": 150.0 }));
     let slack = ("interface_slack", serde_json::json!({ "half_width_rad": 0.0004 }));
     let found = Workspace::new().diagnosis_of(&[lag, slack], "1");
-    let mechanism = |place: usize| found["causes"][place]["mechanism"].as_str();
-    let causes = [mechanism(0), mechanism(1), mechanism(2)];
-    assert_eq!(causes, [Some("torque_lag"), Some("interface_slack"), None], "{found:#}");
+    // A drive that lags and a torque that lags are near twins: the lag may be among what cannot be told from it.
+    let could_be = |place: usize, mechanism: &str| {
+        let cause = &found["causes"][place];
+        let others = cause["indistinguishable"].as_array().into_iter().flatten();
+        others.chain([&cause["mechanism"]]).any(|own| own == mechanism)
+    };
+    assert!(could_be(0, "torque_lag") && could_be(1, "interface_slack"), "{found:#}");
+    assert_eq!(found["causes"].as_array().map(Vec::len), Some(2), "{found:#}");
     assert_ne!(found["verdict"], "unexplained", "{found:#}");
 }
 

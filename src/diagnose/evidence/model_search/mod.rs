@@ -5,12 +5,12 @@
 //! | `linear_estimate` | what a further mechanism would add to a model, to first order |
 //! | `single_causes` | models of one cause, and of a free law each |
 //! | `pairs` | models of two causes |
-//! | `outliers` | trials that do not belong |
+//! | `trial_outliers` | trials that do not belong |
 
 mod linear_estimate;
-mod outliers;
 mod pairs;
 mod single_causes;
+mod trial_outliers;
 
 use rayon::prelude::*;
 

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::linear_estimate::LinearModel;
 use super::{ComparedModel, ModelSearch, NEGLIGIBLE_LOG_ODDS, starting_at};
 use crate::diagnose::evidence::model_posterior::ModelPosterior;
-use crate::fit::{ExtensionSearch, Model};
+use crate::fit::{ExtensionSearch, Model, ScreenedExtension};
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// Number of mechanisms that are fitted first. What they gain says how far the others need to be followed.
@@ -13,6 +13,12 @@ const LEADING: usize = 4;
 
 /// Part of the best gain below which a mechanism is not followed to its optimum: half of what is within reach for a law that deviates.
 const PURSUED_PART: f64 = 0.25;
+
+/// Part of the session's trials on which extensions are screened.
+const SCREENED_PART: f64 = 1.0 / 3.0;
+
+/// Standard errors by which an estimate from a part of the trials may be wrong before a model is given up.
+const SCREENING_ERRORS: f64 = 4.0;
 
 /// Where a fit of a mechanism starts.
 struct Start {
@@ -57,8 +63,9 @@ impl ModelSearch<'_> {
     /// Adds the models of one cause each.
     ///
     /// Each mechanism is fitted from the probe that promises most to first order. Further starts follow where they promise more than that
-    /// fit has found, and from fits of a part of the session where the mechanism is within reach of the best.
-    pub fn add_single_causes(&mut self, kinds: &[MechanismKind]) {
+    /// fit has found. If the model as given `leaves_misfit`, or something is found, all start once more from fits of a part of the session:
+    /// a large effect may be far from linear.
+    pub fn add_single_causes(&mut self, kinds: &[MechanismKind], leaves_misfit: bool) {
         let kinds: Vec<MechanismKind> =
             kinds.iter().copied().filter(|kind| kind.evidence() != EvidenceSource::SingleTrials).collect();
         let none = &self.models[0].posterior;
@@ -89,13 +96,10 @@ impl ModelSearch<'_> {
         let least_now = least(&found);
         let more = self.started_at(more.into_iter(), least_now);
         found.extend(more);
-        if found.best() - self.none_evidence > NEGLIGIBLE_LOG_ODDS {
-            let least_now = least(&found);
-            let within_reach = |kind: &&MechanismKind| {
-                kind.evidence() == EvidenceSource::Trace && found.of(**kind) > least_now
-            };
-            let reached: Vec<MechanismKind> = kinds.iter().filter(within_reach).copied().collect();
-            let more = self.started_from_parts(&reached);
+        if leaves_misfit || found.best() > self.none_evidence {
+            let within: Vec<MechanismKind> =
+                kinds.iter().copied().filter(|kind| kind.evidence() == EvidenceSource::Trace).collect();
+            let more = self.started_from_parts(&within);
             found.extend(more);
         }
         let plain = kinds.iter().filter_map(|kind| found.take(*kind)).collect();
@@ -114,18 +118,26 @@ impl ModelSearch<'_> {
         starts.par_iter().filter_map(posterior).collect()
     }
 
-    /// Posteriors from the optima that a third of the session has, searched from several starting values each.
+    /// Posteriors from the optima that a third of the session has, searched from several starting values each, of the mechanisms that are
+    /// within reach of the best by what they gain there.
     fn started_from_parts(&self, kinds: &[MechanismKind]) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let search = ExtensionSearch::new(observations, self.before);
-        let posterior = |kind: &MechanismKind| {
+        let screened = |kind: &MechanismKind| {
             let model = |values: Vec<f64>| starting_at(self.before.model.clone().with(*kind), &values);
             let models: Vec<Model> = kind.probes(&prior.context).into_iter().map(model).collect();
-            let start = search.complete(&search.screen(&models));
+            (*kind, search.screen(&models))
+        };
+        let screened: Vec<_> = kinds.par_iter().map(screened).collect();
+        let promised = screened.iter().map(|(_, own)| own.predicted_gain).fold(0.0, f64::max);
+        let error = libm::sqrt(4.0 * promised * (1.0 / SCREENED_PART - 1.0));
+        let least = promised - 2.0 * NEGLIGIBLE_LOG_ODDS - SCREENING_ERRORS * error;
+        let posterior = |(kind, own): &(MechanismKind, ScreenedExtension)| {
+            let start = search.complete(own);
             let (spreads, least) = (Some(&none.spreads), f64::NEG_INFINITY);
             ModelPosterior::with_exact_laws(observations, prior, &start, &[*kind], spreads, least)
         };
-        kinds.par_iter().filter_map(posterior).collect()
+        screened.par_iter().filter(|(_, own)| own.predicted_gain > least).filter_map(posterior).collect()
     }
 
     /// Adds the models of a free law each.
