@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
+use crate::dataset;
 use crate::json_file;
 
 use super::failure::Failure;
@@ -17,7 +18,16 @@ pub fn read_diagnosis(session: &Path) -> Result<Value, Failure> {
             "{session}: has no diagnosis yet; get it with: ramphold diagnose {session}"
         )));
     }
-    Ok(json_file::read(&path, "the file of a diagnosis")?)
+    let diagnosis: Value = json_file::read(&path, "the file of a diagnosis")?;
+    if let Some(digest) = diagnosis.pointer("/made_from/session_sha256").and_then(Value::as_str)
+        && digest != dataset::load(session)?.digest()
+    {
+        let session = session.display();
+        return Err(Failure::Usage(format!(
+            "{session}: its diagnosis was made before the session was changed; make it again with: ramphold diagnose {session}"
+        )));
+    }
+    Ok(diagnosis)
 }
 
 /// The causes of a diagnosis: for each its entry, and the ids of the mechanisms that it can be, the best first.

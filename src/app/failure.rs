@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::consistency::Contradictions;
 use crate::console::ConsoleError;
 use crate::dataset::{DatasetError, RecordError, ResumeError};
 use crate::export::ExportError;
@@ -34,6 +35,14 @@ pub enum Failure {
         session: String,
         /// The reason.
         source: PreprocessingError,
+    },
+    /// The signals of a session contradict its table.
+    #[error("{session}: {found}")]
+    Contradicts {
+        /// The session's folder.
+        session: String,
+        /// What they contradict.
+        found: Contradictions,
     },
     /// A model file cannot be used.
     #[error("{file}: {source}")]
@@ -177,6 +186,7 @@ impl Failure {
             | Self::Draw(_)
             | Self::Dataset(_)
             | Self::Prepare { .. }
+            | Self::Contradicts { .. }
             | Self::Model { .. }
             | Self::Json(_)
             | Self::Read { .. }

@@ -4,6 +4,7 @@
 
 mod analysis;
 mod background_messages;
+mod checked_session;
 mod command_line_operator;
 mod console;
 mod console_options;
@@ -16,6 +17,8 @@ mod motor_operator;
 mod new_session;
 mod pace;
 mod question;
+mod results_folder;
+mod seed;
 mod session_report;
 mod session_results;
 mod session_rig;
@@ -23,6 +26,7 @@ mod session_runner;
 mod signals;
 
 pub use analysis::{FitRequest, preprocess_and_fit, preprocessing_settings};
+pub use checked_session::{CheckedSession, load_checked};
 pub use console::Console;
 pub use console_options::{ConsoleOptions, PageOptions, SessionDescription};
 pub use diagnosis_file::{named_causes, read_diagnosis};
@@ -32,7 +36,9 @@ pub use folders::session_folders;
 pub use model_file::{add_mechanisms_of_model, read_model};
 pub use new_session::{draw_seed, new_folder, subject_number};
 pub use pace::Pace;
-pub use session_report::write_report;
+pub use results_folder::{folder_of_diagnosis, folder_of_fit};
+pub use seed::parse_seed;
+pub use session_report::{tell_foreign_results, write_report, write_report_to};
 pub use session_results::finish_session;
 pub use session_rig::{
     SessionRig, StoredVirtualRig, is_can_rig_file, open_seal, ran_on_can_motor, read_stored_virtual_rig,

@@ -37,7 +37,12 @@ pub fn finish_session(
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
         return Err(Failure::Ended { folder: folder.to_owned(), left: machine.progress().queue().len() });
     }
-    let (_, results, _) = preprocess_and_fit(folder, &FitRequest::default())?;
+    let fitted = preprocess_and_fit(folder, &FitRequest::default());
+    if fitted.is_err() {
+        // What was measured is complete, whatever the analysis says of it.
+        Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
+    }
+    let (_, results, _) = fitted?;
     results.write(&disk, &folder.join("results"))?;
     write_report(folder, &folder.join("results"), console)?;
     // The manifest comes last: a session without it is not complete.

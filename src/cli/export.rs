@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure, session_folders};
+use crate::app::{Console, Failure, session_folders, tell_foreign_results};
 use crate::export::{self, Participant, Rows};
 
 use super::verb::Verb;
@@ -39,6 +39,9 @@ pub struct ExportArgs {
 impl Verb for ExportArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let folders = session_folders(&self.sessions)?;
+        for folder in &folders {
+            tell_foreign_results(folder, console)?;
+        }
         if let Some(file) = &self.parquet {
             let rows = if self.trials { Rows::Trials } else { Rows::Samples };
             export::write_parquet(&folders, file, rows)?;

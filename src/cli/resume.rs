@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::app::{
     Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, confirm_motion,
-    finish_session,
+    finish_session, parse_seed,
 };
 use crate::dataset::{self, Disk, Resumable, Resumed};
 use crate::protocol::ValidProtocol;
@@ -29,7 +29,7 @@ pub struct ResumeArgs {
     #[arg(long)]
     home_here: bool,
     /// Seed that was given to `run --hide`, if the session has a hidden effect.
-    #[arg(long, value_name = "SEED")]
+    #[arg(long, value_name = "SEED", allow_negative_numbers = true, value_parser = parse_seed)]
     hide: Option<u64>,
     /// Run in real time [default: as fast as possible].
     #[arg(long, conflicts_with = "speed")]

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use crate::app::{
     Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun,
-    add_mechanisms_of_model, draw_seed, is_can_rig_file, new_folder, subject_number, with_hidden_effect,
+    add_mechanisms_of_model, draw_seed, is_can_rig_file, new_folder, parse_seed, subject_number,
+    with_hidden_effect,
 };
 use crate::dataset::{Disk, NewSession, RecordError};
 use crate::protocol::ValidProtocol;
@@ -26,7 +27,7 @@ pub struct RunArgs {
     /// The protocol file.
     protocol: PathBuf,
     /// Seed of all random numbers [default: a new seed, which is printed].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     seed: Option<u64>,
     /// Subject: an identifier, or the JSON file of a virtual subject. A virtual subject is drawn from its identifier [default:
     /// the average virtual subject]. Required with a motor.
@@ -49,7 +50,7 @@ pub struct RunArgs {
     model: Option<PathBuf>,
     /// Hide an effect of the catalogue in the virtual wrist, drawn with this seed. The session's folder does not say which;
     /// `ramphold reveal` does, and checks the diagnosis.
-    #[arg(long, value_name = "SEED")]
+    #[arg(long, value_name = "SEED", allow_negative_numbers = true, value_parser = parse_seed)]
     hide: Option<u64>,
     /// Confirm that a motor may be armed, instead of being asked. A virtual rig needs no confirmation.
     #[arg(long)]

@@ -15,6 +15,7 @@ mod recorder;
 mod recovery;
 mod replay;
 mod resume;
+mod session_digest;
 mod tables;
 mod trial_csv_reader;
 mod trial_csv_writer;

@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::belonging::{foreign_diagnosis, foreign_fit};
 use super::error::ReportError;
 use super::fitted::Fitted;
 use super::journal::{SessionTimes, times};
@@ -31,6 +32,8 @@ pub struct ReportInput {
     pub fitted: Option<Fitted>,
     /// The measured and fitted traces of the trials.
     pub traces: Vec<Trace>,
+    /// A second fit to lay beside the first, with its name.
+    pub beside: Option<(String, Fitted)>,
     /// The content of `diagnosis.json`.
     pub diagnosis: Option<Value>,
     /// What is missing from this report, the reasons, and how to get it.
@@ -55,22 +58,42 @@ impl ReportInput {
     ///
     /// # Errors
     /// If the session or a result file that is there cannot be read.
-    pub fn read(folder: &Path, results: &Path) -> Result<Self, ReportError> {
+    pub fn read(folder: &Path, results: &Path, beside: Option<&Path>) -> Result<Self, ReportError> {
         let session = dataset::load(folder)?;
         let mut missing = Vec::new();
         let protocol = protocol(folder, &mut missing);
         let times = text(&folder.join(JOURNAL))?.map(|text| times(&text, session.sample_rate_hz));
         let lateness = lateness(folder, &mut missing)?;
-        let fitted = fitted(&results.join("fit.json"))?;
-        let diagnosis = diagnosis(&results.join("diagnosis.json"))?;
-        if fitted.is_none() {
+        let mut fitted = read_fit(&results.join("fit.json"))?;
+        let mut diagnosis = diagnosis(&results.join("diagnosis.json"))?;
+        let digest = session.digest();
+        let has_results = (fitted.is_some(), diagnosis.is_some());
+        if let Some(reason) = fitted.as_ref().and_then(|fit| foreign_fit(fit, &digest)) {
+            missing.push(format!("{reason} It is not shown."));
+            fitted = None;
+        }
+        if let Some(reason) =
+            diagnosis.as_ref().and_then(|own| foreign_diagnosis(own, fitted.as_ref(), &digest))
+        {
+            missing.push(format!("{reason} It is not shown."));
+            diagnosis = None;
+        }
+        let beside = match beside {
+            Some(folder) => Some((
+                folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                read_fit(&folder.join("fit.json"))?
+                    .ok_or_else(|| ReportError::NoFit { folder: folder.into() })?,
+            )),
+            None => None,
+        };
+        if !has_results.0 {
             missing.push("There is no fit yet, so there are no parameters and no fitted torque. Run: ramphold fit SESSION".into());
         }
-        if diagnosis.is_none() {
+        if !has_results.1 {
             missing.push("There is no diagnosis yet. Run: ramphold diagnose SESSION".into());
         }
         let traces = traces(&session, fitted.as_ref(), protocol.as_ref(), &mut missing);
-        Ok(Self { session, protocol, times, lateness, fitted, traces, diagnosis, missing })
+        Ok(Self { session, protocol, times, lateness, fitted, traces, beside, diagnosis, missing })
     }
 
     /// The analysed window, s.
@@ -78,6 +101,20 @@ impl ReportInput {
         let of_fit = self.fitted.as_ref().map(|fitted| fitted.settings.window_s);
         of_fit.or(self.protocol.as_ref().map(|protocol| protocol.window_s)).unwrap_or(0.040)
     }
+}
+
+/// Why results in the folder `results/` of a session do not belong to the session as it is now, or to each other.
+///
+/// # Errors
+/// If the session or a result file that is there cannot be read.
+pub fn foreign_results(folder: &Path) -> Result<Vec<String>, ReportError> {
+    let results = folder.join("results");
+    let fitted = read_fit(&results.join("fit.json"))?;
+    let diagnosis = diagnosis(&results.join("diagnosis.json"))?;
+    let digest = dataset::load(folder)?.digest();
+    let of_fit = fitted.as_ref().and_then(|fit| foreign_fit(fit, &digest));
+    let of_diagnosis = diagnosis.and_then(|own| foreign_diagnosis(&own, fitted.as_ref(), &digest));
+    Ok(of_fit.into_iter().chain(of_diagnosis).collect())
 }
 
 /// The text of a file, or `None` if there is no such file.
@@ -114,7 +151,7 @@ fn lateness(folder: &Path, missing: &mut Vec<String>) -> Result<Option<LatenessS
         .ok())
 }
 
-fn fitted(path: &Path) -> Result<Option<Fitted>, ReportError> {
+fn read_fit(path: &Path) -> Result<Option<Fitted>, ReportError> {
     let Some(text) = text(path)? else { return Ok(None) };
     let fitted: Fitted = json_file::parse(&text, path, FIT_FORMAT)
         .map_err(|source| ReportError::Content { source, verb: "fit" })?;

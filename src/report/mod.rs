@@ -3,6 +3,7 @@
 //! All content comes from the session's folder and its results. A report needs no second fit, and it lists what is
 //! missing. It contains neither time nor machine, so that the same session gives the same bytes.
 
+mod belonging;
 mod chart;
 mod derived;
 mod error;
@@ -21,6 +22,7 @@ use std::path::{Path, PathBuf};
 
 pub use error::ReportError;
 pub use figures::{EffectCurve, PowerCurve, mechanism as mechanism_figure, power as power_figure};
+pub use input::foreign_results;
 
 use crate::dataset::Disk;
 use input::ReportInput;
@@ -42,13 +44,20 @@ pub struct WrittenReport {
     pub missing: Vec<String>,
 }
 
-/// Writes the report of the session in `folder`, whose results are in `results`, beside those results.
+/// Writes the report of the session in `folder`, whose results are in `results`, into the folder `out`; a second fit, in the folder
+/// `beside`, is laid beside the first.
 ///
 /// # Errors
 /// If the session, or a result file that is there, cannot be read, or the report cannot be written.
-pub fn write(folder: &Path, results: &Path, disk: &Disk) -> Result<WrittenReport, ReportError> {
-    let input = ReportInput::read(folder, results)?;
-    let sections = [
+pub fn write(
+    folder: &Path,
+    results: &Path,
+    beside: Option<&Path>,
+    out: &Path,
+    disk: &Disk,
+) -> Result<WrittenReport, ReportError> {
+    let input = ReportInput::read(folder, results, beside)?;
+    let mut sections = vec![
         sections::overview(&input),
         sections::trials(&input),
         sections::parameters(&input),
@@ -57,7 +66,10 @@ pub fn write(folder: &Path, results: &Path, disk: &Disk) -> Result<WrittenReport
         sections::diagnosis(&input),
         sections::uncertainty(&input),
     ];
-    let figures_folder = results.join(FIGURES);
+    if input.beside.is_some() {
+        sections.insert(1, sections::comparison(&input));
+    }
+    let figures_folder = out.join(FIGURES);
     let at = |path: &Path| {
         let path = path.to_owned();
         move |source| ReportError::Unwritable { path, source }
@@ -69,7 +81,7 @@ pub fn write(folder: &Path, results: &Path, disk: &Disk) -> Result<WrittenReport
         disk.write(&path, figure.file().as_bytes()).map_err(at(&path))?;
         figures += 1;
     }
-    let page = results.join(REPORT);
+    let page = out.join(REPORT);
     disk.write(&page, page::html(&input, &sections).as_bytes()).map_err(at(&page))?;
     Ok(WrittenReport { page, figures, missing: input.missing })
 }

@@ -2,6 +2,7 @@
 
 use super::ReportSection;
 use crate::dataset::Status;
+use crate::fit::DESCRIBING_VAF;
 use crate::report::figures;
 use crate::report::input::ReportInput;
 use crate::report::scale::{escape, milliseconds, significant};
@@ -10,6 +11,7 @@ use crate::report::table::{Cell, HtmlTable};
 /// The section: subject, protocol, duration, missing results, rejected trials and their reasons.
 pub fn overview(input: &ReportInput) -> ReportSection {
     let mut section = ReportSection::new("session", "Overview of the session");
+    section.html += &warnings(input);
     section.html += &facts(input);
     if !input.missing.is_empty() {
         section.html += "<div class=\"missing\"><b>Not in this report</b><ul>";
@@ -40,6 +42,27 @@ pub fn overview(input: &ReportInput) -> ReportSection {
     }
     section.html += "</div>";
     section
+}
+
+/// What a reader must know before any number: a model that describes nothing, and contradictions that were accepted.
+fn warnings(input: &ReportInput) -> String {
+    let mut warnings = Vec::new();
+    let Some(fitted) = &input.fitted else { return String::new() };
+    if let Some(best) = fitted.best_vaf().filter(|best| *best < DESCRIBING_VAF) {
+        warnings.push(format!(
+            "The model does not describe these data: the best VAF of any trial is {}. Its parameters mean nothing.",
+            significant(best, 2)
+        ));
+    }
+    for accepted in &fitted.accepted {
+        warnings.push(format!(
+            "Accepted with --accept {}: {}; expected {}.",
+            accepted.check, accepted.measured, accepted.stated
+        ));
+    }
+    let paragraphs =
+        warnings.iter().map(|warning| format!("<p class=\"verdict\"><b>{}</b></p>", escape(warning)));
+    paragraphs.collect()
 }
 
 fn facts(input: &ReportInput) -> String {
