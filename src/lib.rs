@@ -72,6 +72,7 @@
 //! | session | [`session`] | the experiment as a state machine, and the control loop around it |
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
+//! | import | [`import`] | sessions from foreign recordings |
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
 //! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |
 //! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what adding a mechanism gains |
@@ -93,6 +94,7 @@ pub mod dataset;
 pub mod diagnose;
 pub mod export;
 pub mod fit;
+pub mod import;
 pub mod json_file;
 pub mod number;
 pub mod protocol;

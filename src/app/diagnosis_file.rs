@@ -1,4 +1,4 @@
-//! The diagnosis in a session's folder.
+//! Fit and diagnosis in a session's folder.
 
 use std::path::Path;
 
@@ -28,6 +28,12 @@ pub fn read_diagnosis(session: &Path) -> Result<Value, Failure> {
         )));
     }
     Ok(diagnosis)
+}
+
+/// The content of `results/fit.json` of a session, if it has been fitted.
+pub fn read_stored_fit(session: &Path) -> Result<Option<Value>, Failure> {
+    let path = session.join("results").join("fit.json");
+    Ok(if path.exists() { Some(json_file::read(&path, "the file of a fit")?) } else { None })
 }
 
 /// The causes of a diagnosis: for each its entry, and the ids of the mechanisms that it can be, the best first.

@@ -8,6 +8,7 @@ use crate::console::ConsoleError;
 use crate::dataset::{DatasetError, RecordError, ResumeError};
 use crate::export::ExportError;
 use crate::fit::{ModelError, PreprocessingError, WriteError};
+use crate::import::ImportError;
 use crate::json_file::JsonFileError;
 use crate::protocol::{ProtocolError, TooShort};
 use crate::report::ReportError;
@@ -80,6 +81,9 @@ pub enum Failure {
         /// All sessions.
         of: usize,
     },
+    /// A recording cannot be imported.
+    #[error(transparent)]
+    Import(#[from] ImportError),
     /// The study cannot be done.
     #[error(transparent)]
     Study(#[from] StudyError),
@@ -147,9 +151,12 @@ pub enum Failure {
     /// A session cannot be resumed.
     #[error(transparent)]
     Resume(#[from] ResumeError),
-    /// The operator did not consent that the motor moves.
-    #[error("nothing was moved: the rig needs the operator's consent. Answer yes when asked, or give --yes")]
-    NoWord,
+    /// No variant of a protocol gains anything.
+    #[error("{}: not written, since no change of the protocol is expected to gain anything", .out.display())]
+    NothingToGain {
+        /// The file that was asked for.
+        out: PathBuf,
+    },
     /// A replay differs from the record.
     #[error("{}: the replay differs from the record", .session.display())]
     Differs {
@@ -191,7 +198,7 @@ impl Failure {
             | Self::Json(_)
             | Self::Read { .. }
             | Self::Usage(_)
-            | Self::NoWord
+            | Self::Import(_)
             | Self::Resume(ResumeError::Dataset(_) | ResumeError::NotAsItWas { .. })
             | Self::TooShort(_)
             | Self::Person(_)
@@ -227,6 +234,7 @@ impl Failure {
             | Self::Unit(_)
             | Self::Record(_)
             | Self::Resume(_)
+            | Self::NothingToGain { .. }
             | Self::Differs { .. }
             | Self::NotAsItWas { .. }
             | Self::Ended { .. }

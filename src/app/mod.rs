@@ -12,6 +12,7 @@ mod diagnosis_file;
 mod failure;
 mod fit_table;
 mod folders;
+mod import_questions;
 mod model_file;
 mod motor_operator;
 mod new_session;
@@ -24,15 +25,17 @@ mod session_results;
 mod session_rig;
 mod session_runner;
 mod signals;
+mod wall_clock;
 
 pub use analysis::{FitRequest, preprocess_and_fit, preprocessing_settings};
 pub use checked_session::{CheckedSession, load_checked};
 pub use console::Console;
 pub use console_options::{ConsoleOptions, PageOptions, SessionDescription};
-pub use diagnosis_file::{named_causes, read_diagnosis};
+pub use diagnosis_file::{named_causes, read_diagnosis, read_stored_fit};
 pub use failure::Failure;
 pub use fit_table::fit_table;
 pub use folders::session_folders;
+pub use import_questions::ask_for_mapping;
 pub use model_file::{add_mechanisms_of_model, read_model};
 pub use new_session::{draw_seed, new_folder, subject_number};
 pub use pace::Pace;
@@ -44,5 +47,6 @@ pub use session_rig::{
     SessionRig, StoredVirtualRig, is_can_rig_file, open_seal, ran_on_can_motor, read_stored_virtual_rig,
     with_hidden_effect,
 };
-pub use session_runner::{SessionRun, confirm_motion};
+pub use session_runner::SessionRun;
 pub use signals::stop_on_signals;
+pub use wall_clock::{now_utc, operator_name, utc_offset_s};

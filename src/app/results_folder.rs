@@ -10,7 +10,8 @@ use crate::wrist::mechanisms::CATALOGUE;
 const SHARED: [&str; 2] = ["/settings/window_s", "/model"];
 
 /// What makes two fits the same.
-const OF_FIT: [&str; 4] = ["/settings/window_s", "/model", "/settings/weighting", "/settings/independent"];
+const OF_FIT: [&str; 4] =
+    ["/settings/window_s", "/model", "/settings/weighting_asked", "/settings/independent"];
 
 /// The folder for a fit of `session`: its `results/`, or a named folder in it if that holds results of other settings.
 pub fn folder_of_fit(session: &Path, fit: &Value) -> PathBuf {
@@ -46,7 +47,7 @@ fn choose(session: &Path, own: &Value, is_free: impl Fn(&Path) -> bool) -> PathB
 fn name(own: &Value) -> String {
     let window_ms = 1e3 * own.pointer("/settings/window_s").and_then(Value::as_f64).unwrap_or(0.0);
     let mut parts = vec![format!("window-{}ms", (10.0 * window_ms).round() / 10.0)];
-    if own.pointer("/settings/weighting").and_then(Value::as_str) == Some("plain") {
+    if own.pointer("/settings/weighting_asked").and_then(Value::as_str) == Some("plain") {
         parts.push("plain".into());
     }
     if own.pointer("/settings/independent").and_then(Value::as_bool) == Some(true) {
@@ -90,7 +91,7 @@ mod tests {
     use serde_json::json;
 
     fn fit(window_s: f64, weighting: &str) -> Value {
-        json!({ "settings": { "window_s": window_s, "weighting": weighting, "independent": false },
+        json!({ "settings": { "window_s": window_s, "weighting_asked": weighting, "independent": false },
                 "model": { "mechanisms": [] } })
     }
 

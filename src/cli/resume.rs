@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use crate::app::{
-    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, confirm_motion,
-    finish_session, parse_seed,
+    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, finish_session,
+    parse_seed,
 };
 use crate::dataset::{self, Disk, Resumable, Resumed};
 use crate::protocol::ValidProtocol;
@@ -54,7 +54,7 @@ impl Verb for ResumeArgs {
             ));
             return Ok(());
         }
-        let (subject, seed, left) = (session.subject().to_owned(), session.seed(), session.left());
+        let (subject, seed) = (session.subject().to_owned(), session.seed());
         // The rig is checked before anything in the folder is changed.
         let rig = match session.is_finished() {
             true => None,
@@ -67,9 +67,6 @@ impl Verb for ResumeArgs {
                 console,
             )?),
         };
-        if let (Some(SessionRig::Virtual { .. }), false) = (&rig, has_console) {
-            confirm_motion(self.yes, &format!("subject {subject}: {left} trials left to do"))?;
-        }
         let Resumed { recorder, machine, interrupted, torn } = session.resume()?;
         if let Some(torn) = torn {
             console.message(format_args!(
@@ -86,7 +83,7 @@ impl Verb for ResumeArgs {
         let Some(rig) = rig else {
             console.message("every trial is done; making the results");
             drop(recorder);
-            return finish_session(&machine, true, &self.session, console);
+            return finish_session(&machine, true, false, &self.session, console);
         };
         console.message(format_args!("session {}, subject {subject}, seed {seed}", self.session.display()));
         let setup = if has_console {

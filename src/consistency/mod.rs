@@ -21,6 +21,7 @@ mod signal_check;
 mod trial_list;
 
 pub use contradiction::{Contradiction, Contradictions};
+pub use measured_trial::MeasuredTrial;
 pub use session_check::{check, contradictions};
 pub use signal_check::{SignalCheck, UnknownCheck};
 

@@ -7,11 +7,13 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::amendments::AMENDMENTS;
 use super::csv_input::SessionFolder;
+use super::description_json::parse_json;
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::folder::{Description, PROGRAM, pretty, sha256};
-use super::load::parse_json;
+use super::journal::JOURNAL;
 use super::recorder::RecordError;
 
 /// Name of the manifest in a session folder.
@@ -100,8 +102,12 @@ impl Manifest {
         if !folder.join(MANIFEST).exists() {
             // Of a folder that is no session, nothing could be brought to its end.
             opened.text("session.json", None)?;
-            let expected =
-                "the manifest that is written when a session ends; ramphold resume brings it to its end";
+            let expected = if folder.join(JOURNAL).exists() {
+                "the manifest that is written when a session ends; ramphold resume brings it to its end"
+            } else {
+                "the manifest of a session that this program ran; this one was measured elsewhere, so there is nothing to compare \
+                 its files with. ramphold trials lists its trials, and ramphold fit checks them"
+            };
             return Err(DatasetError::Missing { at: FilePlace::file(name), expected: expected.to_owned() });
         }
         let text = opened.text(MANIFEST, None)?;
@@ -153,14 +159,26 @@ impl Manifest {
     /// # Errors
     /// If the folder cannot be read or written.
     pub fn renew_results(disk: &Disk, folder: &Path) -> Result<(), RecordError> {
+        Self::renew(disk, folder, |file| file.starts_with("results/"))
+    }
+
+    /// Takes note of judgements on trials that the operator gave; see [`Amendments`](super::Amendments).
+    ///
+    /// # Errors
+    /// As [`Manifest::renew_results`].
+    pub fn renew_amendments(disk: &Disk, folder: &Path) -> Result<(), RecordError> {
+        Self::renew(disk, folder, |file| file == AMENDMENTS)
+    }
+
+    fn renew(disk: &Disk, folder: &Path, is_renewed: impl Fn(&str) -> bool) -> Result<(), RecordError> {
         let path = folder.join(MANIFEST);
         if !path.exists() {
             return Ok(());
         }
         let renewed = || -> Result<Self, DatasetError> {
             let mut manifest = Self::read(folder)?;
-            manifest.files.retain(|file, _| !file.starts_with("results/"));
-            let results = stock(folder)?.into_iter().filter(|(file, _)| file.starts_with("results/"));
+            manifest.files.retain(|file, _| !is_renewed(file));
+            let results = stock(folder)?.into_iter().filter(|(file, _)| is_renewed(file));
             manifest.files.extend(results);
             Ok(manifest)
         };

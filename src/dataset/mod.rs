@@ -1,8 +1,10 @@
 //! Session folders: reading what was measured, writing what was run.
 
+mod amendments;
 mod audit;
 mod background_recorder;
 mod csv_input;
+mod description_json;
 mod disk;
 mod error;
 mod folder;
@@ -15,7 +17,9 @@ mod recorder;
 mod recovery;
 mod replay;
 mod resume;
+mod session_about;
 mod session_digest;
+mod session_schema;
 mod tables;
 mod trial_csv_reader;
 mod trial_csv_writer;
@@ -23,19 +27,23 @@ mod trial_csv_writer;
 use std::collections::BTreeMap;
 
 pub use crate::session::Status;
+pub use amendments::{AMENDMENTS, Amendment, Amendments};
 pub use audit::{ActionOrigin, AuditEntry, LONGEST_NOTE, OperatorAction, Wrist};
 pub use background_recorder::{AuditSender, BackgroundRecorder};
 pub use disk::Disk;
 pub use error::{DatasetError, FilePlace};
 pub use folder::{NewSession, PROGRAM};
 pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalLine, JournalText};
-pub use load::load;
+pub use load::{load, load_amended};
 pub use manifest::{Change, MANIFEST, Manifest};
 pub use memory_recorder::MemoryRecorder;
 pub use recorder::{RecordError, Recorder};
 pub use recovery::operator_actions;
 pub use replay::{Difference, Replay, StepObserver, replay, replay_watched};
 pub use resume::{Resumable, ResumeError, Resumed};
+pub use session_about::{SessionAbout, SessionCard, SubjectCard};
+pub use session_schema::session_schema_text;
+
 use serde::{Deserialize, Serialize};
 
 use crate::signal::FilterSpec;

@@ -7,7 +7,7 @@
 use serde_json::{Map, Value, json};
 
 use super::source::{JsonContent, JsonNode};
-use super::{Problem, units};
+use super::{Problem, ProtocolError, units};
 
 /// What a document is walked against.
 pub(crate) struct Shape<'a> {
@@ -36,6 +36,21 @@ impl Shape<'_> {
         let repaired = walk.value(document, self.schema, "");
         Walked { problems: walk.problems, repaired }
     }
+}
+
+/// Everything in which the JSON `text` of a file differs from `schema`; `example` names a complete file of its kind.
+///
+/// # Errors
+/// If the text is not JSON.
+pub fn check_shape(
+    text: &str,
+    file: &str,
+    schema: &Value,
+    example: &'static str,
+) -> Result<Vec<Problem>, ProtocolError> {
+    let document = JsonNode::parse(text, file)?;
+    let shape = Shape { schema, example, format_error: |_, _| None, format_example: |_| None };
+    Ok(shape.walk(&document).problems)
 }
 
 struct Walk<'a> {

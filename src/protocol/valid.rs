@@ -114,7 +114,7 @@ fn other_kind(source: &JsonNode, file: &str) -> Option<(&'static str, String)> {
             "the description of a session",
             "Give the path of a protocol, such as protocols/quick.json".into(),
         )),
-        "" if text("kind").is_some_and(|kind| kind.is_string()) => {
+        "" if text("kind").is_some_and(|kind| kind == "virtual" || kind == "can") => {
             Some(("a rig", format!("Give it with: ramphold run PROTOCOL --rig {file}")))
         }
         _ => None,

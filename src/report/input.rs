@@ -12,7 +12,7 @@ use super::error::ReportError;
 use super::fitted::Fitted;
 use super::journal::{SessionTimes, times};
 use super::traces::{Trace, traces};
-use crate::dataset::{self, JOURNAL, Session};
+use crate::dataset::{self, JOURNAL, Session, SessionCard};
 use crate::fit::FIT_FORMAT;
 use crate::json_file;
 use crate::protocol::ValidProtocol;
@@ -22,6 +22,10 @@ use crate::protocol::ValidProtocol;
 pub struct ReportInput {
     /// The session.
     pub session: Session,
+    /// When, who and what.
+    pub card: SessionCard,
+    /// Whether nobody was measured: the wrist is a virtual one.
+    pub is_virtual: bool,
     /// Its protocol.
     pub protocol: Option<ValidProtocol>,
     /// Gate times, duration and incidents, from the journal.
@@ -60,6 +64,8 @@ impl ReportInput {
     /// If the session or a result file that is there cannot be read.
     pub fn read(folder: &Path, results: &Path, beside: Option<&Path>) -> Result<Self, ReportError> {
         let session = dataset::load(folder)?;
+        let card = SessionCard::read(folder)?;
+        let is_virtual = ran_on_virtual_wrist(folder);
         let mut missing = Vec::new();
         let protocol = protocol(folder, &mut missing);
         let times = text(&folder.join(JOURNAL))?.map(|text| times(&text, session.sample_rate_hz));
@@ -93,7 +99,19 @@ impl ReportInput {
             missing.push("There is no diagnosis yet. Run: ramphold diagnose SESSION".into());
         }
         let traces = traces(&session, fitted.as_ref(), protocol.as_ref(), &mut missing);
-        Ok(Self { session, protocol, times, lateness, fitted, traces, beside, diagnosis, missing })
+        Ok(Self {
+            session,
+            card,
+            is_virtual,
+            protocol,
+            times,
+            lateness,
+            fitted,
+            traces,
+            beside,
+            diagnosis,
+            missing,
+        })
     }
 
     /// The analysed window, s.
@@ -135,6 +153,13 @@ fn protocol(folder: &Path, missing: &mut Vec<String>) -> Option<ValidProtocol> {
     ValidProtocol::read(&path)
         .map_err(|error| missing.push(format!("The protocol cannot be read: {error}")))
         .ok()
+}
+
+/// Whether `rig.json` describes a virtual wrist.
+fn ran_on_virtual_wrist(folder: &Path) -> bool {
+    let rig =
+        fs::read(folder.join("rig.json")).ok().and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
+    rig.is_some_and(|rig| rig.pointer("/rig/kind").and_then(Value::as_str) == Some("virtual"))
 }
 
 fn lateness(folder: &Path, missing: &mut Vec<String>) -> Result<Option<LatenessSummary>, ReportError> {

@@ -131,6 +131,8 @@ pub fn simulate_unit(unit: &Unit, storage: SessionStorage) -> Result<Option<Sess
                 subject: &unit.subject,
                 lever: setup.lever,
                 rig: &rig,
+                about: &Default::default(),
+                subject_fields: &Default::default(),
                 motion_delay_samples: 0,
             };
             let mut recorder = new.create(&path, Disk::default())?;

@@ -99,6 +99,8 @@ impl Results {
     pub fn add_input(&mut self, digest: &str, independent: bool, accepted: &[impl serde::Serialize]) {
         self.json["made_from"] = json!({ "session_sha256": digest, "program": PROGRAM });
         self.json["settings"]["independent"] = json!(independent);
+        // The weighting that was used depends on the data: without noise to measure there is only one.
+        self.json["settings"]["weighting_asked"] = json!(self.weighting);
         self.json["accepted"] = json!(accepted);
     }
 
