@@ -8,6 +8,7 @@ mod conditions;
 mod cut;
 mod error;
 mod mapping;
+#[cfg(feature = "matlab")]
 mod mat_array;
 #[cfg(feature = "matlab")]
 mod mat_v5;
