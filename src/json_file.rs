@@ -2,11 +2,12 @@
 //!
 //! A protocol and a rig file of a CAN motor are read by [`protocol`](crate::protocol), which lists all their mistakes at once.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
+
+use crate::files::{self, limits};
 
 /// Why a JSON file cannot be used. `expected` says what the file should be.
 #[derive(Debug, thiserror::Error)]
@@ -85,7 +86,7 @@ pub fn read<T: DeserializeOwned>(file: &Path, expected: &'static str) -> Result<
 /// # Errors
 /// If the file cannot be read or is not UTF-8.
 pub fn read_text(file: &Path, expected: &'static str) -> Result<String, JsonFileError> {
-    fs::read_to_string(file).map_err(|source| JsonFileError::Unreadable {
+    files::read_text(file, limits::SETTINGS_BYTES).map_err(|source| JsonFileError::Unreadable {
         file: file.to_owned(),
         expected,
         source,

@@ -60,6 +60,7 @@
 //!
 //! | noun | module | what it is |
 //! |---|---|---|
+//! | file | [`files`] | the only place that opens files: no links, no devices, limits of size |
 //! | JSON file | [`json_file`] | reads JSON files, with errors that name the file, the line and the field |
 //! | number | [`number`] | numbers with derivatives, and vectors of numbers |
 //! | random numbers | [`random`] | streams of random numbers, one for each purpose, all derived from one seed |
@@ -93,6 +94,7 @@ pub mod console;
 pub mod dataset;
 pub mod diagnose;
 pub mod export;
+pub mod files;
 pub mod fit;
 pub mod import;
 pub mod json_file;

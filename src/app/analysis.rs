@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use crate::consistency::SignalCheck;
+use crate::dataset;
 use crate::diagnose::remove_hum;
 use crate::fit::{
     Fit, Model, NoSessionModel, Observations, PreprocessingSettings, Results, SessionFit, Weighting,
 };
-use crate::protocol::ValidProtocol;
 
 use super::checked_session::{CheckedSession, load_checked};
 use super::failure::Failure;
@@ -58,10 +58,8 @@ pub fn preprocessing_settings(
     folder: &Path,
     window_s: Option<f64>,
 ) -> Result<PreprocessingSettings, Failure> {
-    let file = folder.join("protocol.json");
     let mut settings = PreprocessingSettings::default();
-    if file.exists() {
-        let protocol = ValidProtocol::read(&file)?;
+    if let Some(protocol) = dataset::stored_protocol(folder)? {
         settings = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
     }
     if let Some(window_s) = window_s {

@@ -7,6 +7,11 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use tracing::Level;
 
+use super::safe_output::SafeOutput;
+
+/// Longest message: longer than any list of problems that a person reads.
+const LONGEST_MESSAGE_BYTES: usize = 64 << 10;
+
 /// The standard streams, with the verbosity that the user chose.
 #[derive(Debug, Clone, Copy)]
 pub struct Console {
@@ -24,7 +29,7 @@ impl Console {
         };
         tracing_subscriber::fmt()
             .with_max_level(level)
-            .with_writer(io::stderr)
+            .with_writer(|| SafeOutput(io::stderr()))
             .without_time()
             .with_target(false)
             .with_ansi(false)
@@ -39,9 +44,10 @@ impl Console {
         Self { quiet: true }
     }
 
-    /// Standard output. A reader that went away ends the program in silence, see [`super::failure::Failure`].
-    pub fn results(&self) -> StdoutLock<'static> {
-        io::stdout().lock()
+    /// Standard output, on which control characters from files are written as numbers. A reader that went away ends the
+    /// program in silence, see [`super::failure::Failure`].
+    pub fn results(&self) -> SafeOutput<StdoutLock<'static>> {
+        SafeOutput(io::stdout().lock())
     }
 
     /// Prints a line on standard error, except with `--quiet`.
@@ -90,5 +96,10 @@ impl Console {
 
 /// Prints on standard error; an error there is ignored, because there is no other place to report it.
 fn to_stderr(message: &dyn Display) {
-    let _ = writeln!(io::stderr().lock(), "{message}");
+    let mut text = message.to_string();
+    if text.len() > LONGEST_MESSAGE_BYTES {
+        let end = text.floor_char_boundary(LONGEST_MESSAGE_BYTES);
+        text.replace_range(end.., " ... (the rest is left out)");
+    }
+    let _ = writeln!(SafeOutput(io::stderr().lock()), "{text}");
 }

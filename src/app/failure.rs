@@ -7,6 +7,7 @@ use crate::consistency::Contradictions;
 use crate::console::ConsoleError;
 use crate::dataset::{DatasetError, RecordError, ResumeError};
 use crate::export::ExportError;
+use crate::files::is_refusal;
 use crate::fit::{ModelError, PreprocessingError, WriteError};
 use crate::import::ImportError;
 use crate::json_file::JsonFileError;
@@ -61,6 +62,14 @@ pub enum Failure {
     Read {
         /// The file.
         file: String,
+        /// The reason.
+        source: io::Error,
+    },
+    /// The folder of results cannot be opened or made.
+    #[error("{}: cannot be written: {source}", .path.display())]
+    ResultsFolder {
+        /// The folder.
+        path: PathBuf,
         /// The reason.
         source: io::Error,
     },
@@ -226,7 +235,21 @@ impl Failure {
                     1
                 }
             }
-            Self::Report(ReportError::Unwritable { .. }) => 1,
+            Self::Report(ReportError::Unwritable { source, .. }) => {
+                if is_refusal(source) {
+                    2
+                } else {
+                    1
+                }
+            }
+            Self::ResultsFolder { source, .. }
+            | Self::Record(RecordError::Unwritable { source, .. })
+            | Self::Resume(ResumeError::Record(RecordError::Unwritable { source, .. }))
+                if is_refusal(source) =>
+            {
+                2
+            }
+            Self::ResultsFolder { .. } => 1,
             Self::Report(_) => 2,
             Self::Write(_)
             | Self::Some { .. }

@@ -8,6 +8,7 @@ use crate::import::{
 use crate::wrist::Lever;
 
 use super::failure::Failure;
+use super::safe_output::SafeOutput;
 
 const TIME_UNITS: [SignalUnit; 3] = [SignalUnit::Second, SignalUnit::Millisecond, SignalUnit::Microsecond];
 const ANGLE_UNITS: [SignalUnit; 4] =
@@ -31,7 +32,7 @@ pub fn ask_for_mapping(table: &SourceTable) -> Result<Option<Mapping>, Failure> 
     if !stdin.is_terminal() {
         return Ok(None);
     }
-    Questions { input: stdin.lock(), output: io::stderr(), table }.mapping().map(Some)
+    Questions { input: stdin.lock(), output: SafeOutput(io::stderr()), table }.mapping().map(Some)
 }
 
 struct Questions<'a, I, O> {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::files::{self, limits};
 use crate::fit::{AddedMechanism, Model, ModelError, ParameterSpec, Scope};
 use crate::rig::virtual_wrist::{MechanismList, Person, Setup};
 use crate::wrist::BASE_PARAMETERS;
@@ -13,8 +14,8 @@ use super::failure::Failure;
 pub fn read_model(file: Option<&Path>) -> Result<Model, Failure> {
     let Some(path) = file else { return Ok(Model::paper()) };
     let file = path.display().to_string();
-    let text =
-        std::fs::read_to_string(path).map_err(|source| Failure::Read { file: file.clone(), source })?;
+    let text = files::read_text(path, limits::SETTINGS_BYTES)
+        .map_err(|source| Failure::Read { file: file.clone(), source })?;
     Model::parse(&text).map_err(|source| Failure::Model { file, source })
 }
 

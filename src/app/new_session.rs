@@ -3,13 +3,15 @@
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 
+use crate::files;
+
 /// `path` if it does not exist; otherwise the first of `path-2`, `path-3`, ... that does not exist.
 pub fn new_folder(path: &Path) -> PathBuf {
     let numbered = |number: u32| PathBuf::from(format!("{}-{number}", path.display()));
-    if !path.exists() {
+    if !files::exists(path) {
         return path.to_owned();
     }
-    (2..).map(numbered).find(|path| !path.exists()).unwrap_or_else(|| path.to_owned())
+    (2..).map(numbered).find(|path| !files::exists(path)).unwrap_or_else(|| path.to_owned())
 }
 
 /// The number at the end of a subject's identifier, from 1: 3 for `S03`.

@@ -6,6 +6,8 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
+use crate::files::without_controls;
+
 /// Time between two looks at whether the operator has stopped the program.
 const ANSWER_POLL: Duration = Duration::from_millis(50);
 
@@ -13,7 +15,7 @@ const ANSWER_POLL: Duration = Duration::from_millis(50);
 /// answer, or there is no terminal any more.
 pub fn ask(question: &str, stop: &AtomicBool) -> Option<String> {
     let mut stderr = io::stderr().lock();
-    write!(stderr, "{question}").and_then(|()| stderr.flush()).ok()?;
+    write!(stderr, "{}", without_controls(question)).and_then(|()| stderr.flush()).ok()?;
     drop(stderr);
     let (answers, answer) = mpsc::channel();
     // A read cannot be broken off: after a stop it waits on, and ends with the program.

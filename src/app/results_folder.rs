@@ -1,111 +1,97 @@
-//! Where results go: results that were made with other settings are never replaced.
+//! The folder that results go into: the session's own, one inside it, or one that the operator named.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use crate::dataset::open_session;
+use crate::files::{self, Folder};
 
-use crate::wrist::mechanisms::CATALOGUE;
+use super::failure::Failure;
 
-/// What a fit and a diagnosis must have in common to stand beside each other.
-const SHARED: [&str; 2] = ["/settings/window_s", "/model"];
+/// Name of the folder of results in a session.
+pub(super) const RESULTS: &str = "results";
 
-/// What makes two fits the same.
-const OF_FIT: [&str; 4] =
-    ["/settings/window_s", "/model", "/settings/weighting_asked", "/settings/independent"];
-
-/// The folder for a fit of `session`: its `results/`, or a named folder in it if that holds results of other settings.
-pub fn folder_of_fit(session: &Path, fit: &Value) -> PathBuf {
-    choose(session, fit, |folder| {
-        agrees(&read(&folder.join("fit.json")), fit, &OF_FIT)
-            && agrees(&read(&folder.join("diagnosis.json")), fit, &SHARED)
-    })
+/// Where the results of a session go.
+#[derive(Debug, Clone)]
+pub enum ResultsFolder {
+    /// The folder of results of the session in this folder; new results replace the last ones.
+    OfSession(PathBuf),
+    /// A folder inside that of the session, for results of other settings than those there.
+    Named {
+        /// The session's folder.
+        session: PathBuf,
+        /// Name inside the folder of results.
+        name: String,
+    },
+    /// A folder that the operator named with `--out`; nothing in it is replaced.
+    Given(PathBuf),
 }
 
-/// The folder for a diagnosis of `session`, as [`folder_of_fit`].
-pub fn folder_of_diagnosis(session: &Path, diagnosis: &Value) -> PathBuf {
-    choose(session, diagnosis, |folder| {
-        ["fit.json", "diagnosis.json"]
-            .iter()
-            .all(|file| agrees(&read(&folder.join(file)), diagnosis, &SHARED))
-    })
-}
-
-fn choose(session: &Path, own: &Value, is_free: impl Fn(&Path) -> bool) -> PathBuf {
-    let results = session.join("results");
-    if is_free(&results) {
-        return results;
+impl ResultsFolder {
+    /// Its path.
+    pub fn path(&self) -> PathBuf {
+        match self {
+            Self::OfSession(session) => session.join(RESULTS),
+            Self::Named { session, name } => session.join(RESULTS).join(name),
+            Self::Given(path) => path.clone(),
+        }
     }
-    let name = name(own);
-    let numbered = |number: u32| match number {
-        1 => results.join(&name),
-        _ => results.join(format!("{name}-{number}")),
-    };
-    (1..).map(numbered).find(|folder| is_free(folder)).unwrap_or(results)
-}
 
-/// Name of the folder for results of these settings: `window-300ms-plain`.
-fn name(own: &Value) -> String {
-    let window_ms = 1e3 * own.pointer("/settings/window_s").and_then(Value::as_f64).unwrap_or(0.0);
-    let mut parts = vec![format!("window-{}ms", (10.0 * window_ms).round() / 10.0)];
-    if own.pointer("/settings/weighting_asked").and_then(Value::as_str) == Some("plain") {
-        parts.push("plain".into());
-    }
-    if own.pointer("/settings/independent").and_then(Value::as_bool) == Some(true) {
-        parts.push("independent".into());
-    }
-    let mechanisms = own.pointer("/model/mechanisms").and_then(Value::as_array);
-    // Ids of the catalogue only: a name comes from a file.
-    let known = |mechanism: &Value| {
-        let id = mechanism["mechanism"].as_str()?;
-        CATALOGUE.iter().find(|kind| kind.id() == id).map(|kind| kind.id().to_owned())
-    };
-    parts.extend(mechanisms.into_iter().flatten().filter_map(known));
-    parts.join("-")
-}
-
-/// The JSON file at `path`, if it is there and is JSON.
-fn read(path: &Path) -> Option<Value> {
-    serde_json::from_slice(&std::fs::read(path).ok()?).ok()
-}
-
-/// Whether `stored` is not there, or has the settings of `own` at `paths`. What an older program did not write counts as equal.
-fn agrees(stored: &Option<Value>, own: &Value, paths: &[&str]) -> bool {
-    let Some(stored) = stored else { return true };
-    paths.iter().all(|path| match (stored.pointer(path), own.pointer(path)) {
-        (Some(stored), Some(own)) => same(stored, own),
-        _ => true,
-    })
-}
-
-/// Equality of settings; a window that went through a file may differ in its last digit.
-fn same(a: &Value, b: &Value) -> bool {
-    match (a.as_f64(), b.as_f64()) {
-        (Some(a), Some(b)) => (a - b).abs() <= 1e-9 * a.abs().max(b.abs()),
-        _ => a == b,
+    /// Opens the folder, and makes it if it is not there.
+    ///
+    /// # Errors
+    /// If it cannot be made, or the session's own is a link.
+    pub fn open(&self) -> Result<Folder, Failure> {
+        let opened = match self {
+            Self::OfSession(session) => open_session(session)?.folder_made(RESULTS),
+            Self::Named { session, name } => {
+                open_session(session)?.folder_made(RESULTS).and_then(|results| results.folder_made(name))
+            }
+            Self::Given(path) => open_given(path),
+        };
+        opened.map_err(|source| Failure::ResultsFolder { path: self.path(), source })
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use serde_json::json;
+/// Opens a folder that the operator named, and makes it if it is not there.
+fn open_given(path: &Path) -> io::Result<Folder> {
+    files::make_folders(path)?;
+    Folder::open(path)
+}
 
-    fn fit(window_s: f64, weighting: &str) -> Value {
-        json!({ "settings": { "window_s": window_s, "weighting_asked": weighting, "independent": false },
-                "model": { "mechanisms": [] } })
+/// Checks a folder or file that the operator named for output: it must not be the root of the file system, nor lie in a
+/// session, which consists of what was measured and its own results.
+///
+/// # Errors
+/// If it is or does.
+pub fn check_out(option: &str, path: &Path) -> Result<(), Failure> {
+    let refuse = |why: String| Err(Failure::Usage(format!("{option} {}: {why}", path.display())));
+    // Of a path that is not there yet, the part that is there decides.
+    let absolute = std::path::absolute(path)?;
+    let there = absolute.ancestors().find_map(|part| part.canonicalize().ok()).unwrap_or(absolute.clone());
+    if absolute.parent().is_none() || (there.parent().is_none() && files::exists(path)) {
+        return refuse("is the root of the file system; give a new folder".to_owned());
     }
+    match there.ancestors().find(|folder| files::exists(&folder.join("session.json"))) {
+        Some(session) => refuse(format!(
+            "lies in the session {}, which keeps only what was measured and its own results; give a folder outside it",
+            session.display()
+        )),
+        None => Ok(()),
+    }
+}
 
-    #[test]
-    fn a_fit_with_other_settings_gets_a_folder_of_its_own() {
-        let session = tempfile::tempdir().unwrap();
-        let results = session.path().join("results");
-        assert_eq!(folder_of_fit(session.path(), &fit(0.3, "plain")), results, "nothing is there yet");
-        std::fs::create_dir_all(&results).unwrap();
-        std::fs::write(results.join("fit.json"), fit(0.04, "measured_noise").to_string()).unwrap();
-        assert_eq!(folder_of_fit(session.path(), &fit(0.04, "measured_noise")), results);
-        let other = folder_of_fit(session.path(), &fit(0.3, "plain"));
-        assert_eq!(other, results.join("window-300ms-plain"));
-        let diagnosis = json!({ "settings": { "window_s": 0.3 }, "model": { "mechanisms": [] } });
-        assert_eq!(folder_of_diagnosis(session.path(), &diagnosis), results.join("window-300ms"));
+/// Checks that a folder that the operator named has none of the files or folders with these names, so that nothing is
+/// replaced and nothing of one session stands beside results of another.
+///
+/// # Errors
+/// If it has.
+pub fn check_has_none(option: &str, folder: &Path, names: &[&str]) -> Result<(), Failure> {
+    match names.iter().find(|name| files::exists(&folder.join(name))) {
+        None => Ok(()),
+        Some(name) => Err(Failure::Usage(format!(
+            "{}: contains the results of an earlier run ({name}), which are not overwritten; give another {option}",
+            folder.display()
+        ))),
     }
 }

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use crate::dataset::Disk;
+use crate::files::Folder;
 use crate::report;
 
 use super::console::Console;
 use super::failure::Failure;
 
 /// Writes the report of a session into the folder of its results and prints what the report lacks; gives the page's path.
-pub fn write_report(session: &Path, results: &Path, console: &Console) -> Result<PathBuf, Failure> {
+pub fn write_report(session: &Path, results: &Folder, console: &Console) -> Result<PathBuf, Failure> {
     write_report_to(session, results, None, results, console)
 }
 
@@ -28,9 +29,9 @@ pub fn tell_foreign_results(session: &Path, console: &Console) -> Result<(), Fai
 /// As [`write_report`], with a second fit laid beside the first, and into another folder than that of the results.
 pub fn write_report_to(
     session: &Path,
-    results: &Path,
-    beside: Option<&Path>,
-    out: &Path,
+    results: &Folder,
+    beside: Option<&Folder>,
+    out: &Folder,
     console: &Console,
 ) -> Result<PathBuf, Failure> {
     let written = report::write(session, results, beside, out, &Disk::default())?;

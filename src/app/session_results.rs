@@ -5,7 +5,10 @@ use std::path::Path;
 use crate::dataset::{Disk, Manifest, Resumable};
 use crate::session::{Machine, Phase, Status};
 
-use super::{Console, Failure, FitRequest, fit_table, preprocess_and_fit, ran_on_can_motor, write_report};
+use super::{
+    Console, Failure, FitRequest, ResultsFolder, fit_table, preprocess_and_fit, ran_on_can_motor,
+    write_report,
+};
 
 /// Results of a session that the operator ended before its last trial, from the trials that there are.
 fn finish_early(left: usize, is_virtual: bool, folder: &Path, console: &Console) -> Result<(), Failure> {
@@ -13,8 +16,9 @@ fn finish_early(left: usize, is_virtual: bool, folder: &Path, console: &Console)
     let shown = folder.display();
     let fitted = preprocess_and_fit(folder, &FitRequest::default());
     if let Ok((_, results, _)) = &fitted {
-        results.write(&disk, &folder.join("results"))?;
-        write_report(folder, &folder.join("results"), console)?;
+        let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
+        results.write(&disk, &own)?;
+        write_report(folder, &own, console)?;
     }
     Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
     console.message(format_args!(
@@ -71,8 +75,9 @@ pub fn finish_session(
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
     }
     let (_, results, _) = fitted?;
-    results.write(&disk, &folder.join("results"))?;
-    write_report(folder, &folder.join("results"), console)?;
+    let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
+    results.write(&disk, &own)?;
+    write_report(folder, &own, console)?;
     // The manifest comes last: a session without it is not complete.
     Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
     fit_table(console, &results)

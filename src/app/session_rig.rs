@@ -1,13 +1,12 @@
 //! The rig of a session: from its rig file, or as the session's folder keeps it.
 
-use std::fs;
 use std::io::{self, IsTerminal};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use crate::dataset::{Disk, RecordError, Resumable};
+use crate::dataset::{self, Disk, RecordError, Resumable};
+use crate::files::{self, Folder, limits};
 use crate::json_file;
-use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
 use crate::rig::can::{CanMotor, Connection, DryRun, OriginError, ResumedOrigin, Summary};
 use crate::rig::virtual_wrist::{MechanismList, Person, RigFile, Seal, SealError, Setup, VirtualWrist};
@@ -72,8 +71,11 @@ impl SessionRig {
         home_here: bool,
         console: &Console,
     ) -> Result<Self, Failure> {
-        let rig = ValidRigFile::read(&folder.join(RIG_FILE))?;
-        let protocol = ValidProtocol::read(&folder.join("protocol.json"))?;
+        let path = folder.join(RIG_FILE);
+        let rig = ValidRigFile::parse(&read_rig_text(folder)?, &path.display().to_string())?;
+        let Some(protocol) = dataset::stored_protocol(folder)? else {
+            return Err(Failure::Usage(format!("{}: has no protocol.json; put it back", folder.display())));
+        };
         let dry_run = DryRun::of(&protocol, &rig)?;
         let mut motor = CanMotor::new(Connection::open(rig)?, dry_run);
         if motor.motion_delay_samples() != session.motion_delay_samples() {
@@ -142,16 +144,22 @@ const AT_START: &str = "at the start position";
 
 /// Whether a rig file describes a motor on a CAN bus. The rest of the file is not checked here.
 pub fn is_can_rig_file(file: &Path) -> bool {
-    let text = fs::read_to_string(file).unwrap_or_default();
+    let text = files::read_text(file, limits::SETTINGS_BYTES).unwrap_or_default();
     let kind = serde_json::from_str::<Value>(&text).ok().and_then(|rig| rig.get("kind").cloned());
     // A file without a kind, or that is not JSON, goes to the motor's reader, which says what is wrong with it.
     kind.is_none_or(|kind| kind != "virtual")
 }
 
+/// The text of the rig file in a session's folder.
+fn read_rig_text(session: &Path) -> Result<String, Failure> {
+    let text = Folder::open(session).and_then(|folder| folder.read_text(RIG_FILE, limits::SETTINGS_BYTES));
+    text.map_err(|source| Failure::Read { file: session.join(RIG_FILE).display().to_string(), source })
+}
+
 /// Whether the session in a folder ran on a motor.
 pub fn ran_on_can_motor(session: &Path) -> bool {
     // The rig of a virtual session is one level down in its rig.json, beside the virtual subject.
-    let text = fs::read_to_string(session.join(RIG_FILE)).unwrap_or_default();
+    let text = read_rig_text(session).unwrap_or_default();
     serde_json::from_str::<Value>(&text).is_ok_and(|rig| rig.get("kind").is_some())
 }
 
@@ -190,7 +198,7 @@ struct RigRecord {
 /// If `rig.json` cannot be read or describes no virtual rig.
 pub fn read_stored_virtual_rig(session: &Path) -> Result<StoredVirtualRig, Failure> {
     let path = session.join(RIG_FILE);
-    let stored: RigRecord = json_file::read(&path, RIG_RECORD)?;
+    let stored: RigRecord = json_file::parse(&read_rig_text(session)?, &path, RIG_RECORD)?;
     Ok(StoredVirtualRig {
         rig: RigFile::parse(&stored.rig.to_string(), &path)?,
         subject: Person::parse(&stored.person.to_string(), &path)?,
@@ -230,9 +238,9 @@ pub fn open_seal(
 pub(super) fn write_bus_summary(summary: &Summary, folder: &Path, console: &Console) -> Result<(), Failure> {
     console.message(summary);
     let name = |run: u32| if run == 1 { "bus.json".to_owned() } else { format!("bus-{run}.json") };
-    let path = (1..).map(|run| folder.join(name(run))).find(|path| !path.exists());
-    let path = path.unwrap_or_else(|| folder.join(name(1)));
+    let opened = Folder::open(folder).map_err(RecordError::at(folder))?;
+    let name = (1..).map(name).find(|name| !opened.contains(name)).unwrap_or_else(|| name(1));
     let mut bytes = serde_json::to_vec_pretty(summary).unwrap_or_default();
     bytes.push(b'\n');
-    Ok(Disk::default().write(&path, &bytes).map_err(RecordError::at(&path))?)
+    Ok(Disk::default().write(&opened, &name, &bytes).map_err(RecordError::at(&folder.join(&name)))?)
 }

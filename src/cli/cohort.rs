@@ -3,7 +3,8 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, draw_seed, new_folder, parse_seed};
+use crate::app::{Console, Failure, check_out, draw_seed, new_folder, parse_seed};
+use crate::files::{self, limits};
 use crate::fit::QUANTITIES;
 use crate::study::{
     ResultTables, SessionStorage, Study, StudyFolder, StudyPart, StudySummary, effect_name, tables_from_csv,
@@ -51,6 +52,9 @@ pub struct CohortArgs {
 
 impl Verb for CohortArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
+        if let Some(out) = &self.out {
+            check_out("--out", out)?;
+        }
         if self.study.extension().is_some_and(|extension| extension == "csv") {
             return self.only_tables(console);
         }
@@ -113,7 +117,7 @@ impl CohortArgs {
         if !self.keep {
             return Ok(SessionStorage::Memory);
         }
-        std::fs::create_dir_all(sessions).map_err(crate::study::StudyError::at(sessions))?;
+        files::make_folders(sessions).map_err(crate::study::StudyError::at(sessions))?;
         Ok(SessionStorage::Folder(sessions))
     }
 
@@ -155,7 +159,7 @@ impl CohortArgs {
     ) -> Result<(), Failure> {
         if self.json {
             let file = folder.join("study.json");
-            let text = std::fs::read_to_string(&file)
+            let text = files::read_text(&file, limits::STUDY_BYTES)
                 .map_err(|source| Failure::Read { file: file.display().to_string(), source })?;
             write!(console.results(), "{text}")?;
         } else {

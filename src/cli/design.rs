@@ -1,12 +1,12 @@
 //! `ramphold design`: the protocol that best separates mechanisms which a diagnosis could not tell apart.
 
-use std::fs;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, named_causes, read_diagnosis};
+use crate::app::{Console, Failure, check_out, named_causes, read_diagnosis};
 use crate::dataset;
 use crate::diagnose::{ProtocolProposal, inseparable, propose_protocols, worthwhile};
+use crate::files::{self, Folder};
 use crate::protocol::ValidProtocol;
 use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind};
 
@@ -40,7 +40,10 @@ const MAX_MECHANISMS: usize = 3;
 impl Verb for DesignArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let causes = if self.between.is_empty() { self.left_open()? } else { self.asked_for()? };
-        if let Some(out) = self.out.as_ref().filter(|out| out.exists()) {
+        if let Some(out) = &self.out {
+            check_out("--out", out)?;
+        }
+        if let Some(out) = self.out.as_ref().filter(|out| files::exists(out)) {
             return Err(Failure::Usage(format!(
                 "{}: exists already and is not overwritten; give another --out",
                 out.display()
@@ -68,7 +71,10 @@ impl Verb for DesignArgs {
         match (&self.out, proposals.first()) {
             (Some(out), Some(_)) if proposals.len() < 2 => Err(Failure::NothingToGain { out: out.clone() }),
             (Some(out), Some(best)) => {
-                fs::write(out, best.protocol.text())?;
+                let written = Folder::open(out.parent().unwrap_or(Path::new(""))).and_then(|folder| {
+                    folder.write(out.file_name().unwrap_or_default(), best.protocol.text().as_bytes())
+                });
+                written.map_err(|source| Failure::ResultsFolder { path: out.clone(), source })?;
                 console.message(format_args!("{}: {}", out.display(), best.change));
                 Ok(())
             }
@@ -79,10 +85,11 @@ impl Verb for DesignArgs {
 
 impl DesignArgs {
     fn protocol(&self) -> Result<ValidProtocol, Failure> {
-        let own = self.session.join("protocol.json");
-        match &self.protocol {
-            Some(file) => Ok(ValidProtocol::read(file)?),
-            None if own.exists() => Ok(ValidProtocol::read(&own)?),
+        if let Some(file) = &self.protocol {
+            return Ok(ValidProtocol::read(file)?);
+        }
+        match dataset::stored_protocol(&self.session)? {
+            Some(protocol) => Ok(protocol),
             None => Err(Failure::Usage(format!(
                 "{}: has no protocol.json to start from; give one with --protocol FILE",
                 self.session.display()

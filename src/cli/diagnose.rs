@@ -4,16 +4,17 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{
-    CheckedSession, Console, Failure, folder_of_diagnosis, load_checked, parse_seed, preprocessing_settings,
-    read_model, write_report,
+    CheckedSession, Console, Failure, ResultsFolder, check_has_none, check_out, folder_of_diagnosis,
+    load_checked, parse_seed, preprocessing_settings, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
-use crate::dataset::{Disk, Manifest, PROGRAM};
+use crate::dataset::{Disk, Manifest, PROGRAM, Session};
 use crate::diagnose::{
     Cause, CauseEvidence, Diagnosis, DiagnosisInput, FoundLaw, Verdict, diagnose, picture,
 };
 use crate::fit::NoiseSource;
 use crate::protocol::significant;
+use crate::report;
 use serde_json::{Value, json};
 
 use super::verb::Verb;
@@ -55,6 +56,7 @@ impl Verb for DiagnoseArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
         let CheckedSession { session, accepted } = load_checked(&self.session, &self.accept)?;
+        let given = self.given_folder(&session)?;
         let settings = preprocessing_settings(&self.session, self.window)?;
         let input = DiagnosisInput::new(&session, settings, &model)
             .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
@@ -70,13 +72,17 @@ impl Verb for DiagnoseArgs {
         json["settings"] = json!({ "window_s": settings.window_s, "seed": self.seed });
         json["model"] = model.json();
         json["made_from"] = json!({ "session_sha256": session.digest(), "program": PROGRAM });
-        let folder = self.out.clone().unwrap_or_else(|| folder_of_diagnosis(&self.session, &json));
-        if self.out.is_none() && folder != self.session.join("results") {
+        let folder = match given {
+            Some(folder) => folder,
+            None => folder_of_diagnosis(&self.session, &json)?,
+        };
+        if matches!(folder, ResultsFolder::Named { .. }) {
             console.announce(format_args!(
                 "results/ holds results of another window or model, which are kept; this diagnosis is in {}",
-                folder.display()
+                folder.path().display()
             ));
         }
+        let folder = folder.open()?;
         diagnosis.write(prepared, &json, &Disk::default(), &folder)?;
         write_report(&self.session, &folder, console)?;
         if self.out.is_none() {
@@ -87,6 +93,23 @@ impl Verb for DiagnoseArgs {
             return Ok(());
         }
         summary(console, &diagnosis, &json)
+    }
+}
+
+impl DiagnoseArgs {
+    /// The folder in `--out`, where nothing is replaced. A fit may stand there already if it is of the same trials: the report
+    /// shows both. `None` without `--out`: the diagnosis then decides.
+    fn given_folder(&self, session: &Session) -> Result<Option<ResultsFolder>, Failure> {
+        let Some(out) = &self.out else { return Ok(None) };
+        check_out("--out", out)?;
+        check_has_none("--out", out, &["diagnosis.json", "model.json"])?;
+        if !report::is_of_session(out, session)? {
+            return Err(Failure::Usage(format!(
+                "{}: contains a fit of other trials, beside which this diagnosis would be read wrongly; give another --out",
+                out.display()
+            )));
+        }
+        Ok(Some(ResultsFolder::Given(out.clone())))
     }
 }
 
@@ -184,6 +207,11 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
         }
         let number = |key: &str| value[key].as_f64().map_or("?".into(), significant);
         writeln!(out, "  {name} = {} (95 %: {} to {})", number("value"), number("low"), number("high"))?;
+    }
+    if let Some(law) = &cause.law {
+        let agrees = if law.is_within_band() { "lies within" } else { "leaves" };
+        let title = law.free.kind.title();
+        writeln!(out, "  its law {agrees} the 95 % band of what the session shows without one ({title})")?;
     }
     match &cause.evidence {
         CauseEvidence::WithinTrial { gain, .. } => writeln!(

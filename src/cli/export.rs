@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure, session_folders, tell_foreign_results};
+use crate::app::{Console, Failure, check_out, tell_foreign_results};
+use crate::dataset::session_folders;
 use crate::export::{self, Participant, Rows};
 
 use super::verb::Verb;
@@ -43,11 +44,13 @@ impl Verb for ExportArgs {
             tell_foreign_results(folder, console)?;
         }
         if let Some(file) = &self.parquet {
+            check_out("--parquet", file)?;
             let rows = if self.trials { Rows::Trials } else { Rows::Samples };
             export::write_parquet(&folders, file, rows)?;
             console.message(format_args!("{} sessions in {}", folders.len(), file.display()));
         }
         if let Some(target) = &self.bids {
+            check_out("--bids", target)?;
             if self.participant.is_some() && folders.len() > 1 {
                 return Err(Failure::Usage(format!(
                     "--participant labels the subject of one session, but {} sessions are given",

@@ -4,11 +4,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::app::{
-    Console, Failure, FitRequest, fit_table, folder_of_fit, parse_seed, preprocess_and_fit, read_model,
-    session_folders, write_report,
+    Console, Failure, FitRequest, ResultsFolder, check_has_none, check_out, fit_table, folder_of_fit,
+    parse_seed, preprocess_and_fit, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
-use crate::dataset::{Disk, Manifest};
+use crate::dataset::{Disk, Manifest, session_folders};
 use crate::fit::{self, Model, Results, Weighting};
 use rayon::prelude::*;
 
@@ -60,6 +60,19 @@ pub struct FitArgs {
     json: bool,
 }
 
+/// Files of results, of a fit or of a diagnosis, beside which a fit is not written.
+const FIT_RESULTS: [&str; 9] = [
+    "fit.json",
+    "fit.csv",
+    "conditions.csv",
+    "fit-independent.csv",
+    "conditions-independent.csv",
+    "diagnosis.json",
+    "model.json",
+    "report.html",
+    "figures",
+];
+
 impl Verb for FitArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
@@ -67,7 +80,7 @@ impl Verb for FitArgs {
         let folders = self.result_folders(&sessions)?;
         if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
             let results = self.fit(session, &model)?;
-            self.write(session, folder.as_deref(), &results, console)?;
+            self.write(session, folder.as_ref(), &results, console)?;
             return self.show(console, &results);
         }
         self.fit_many(console, &sessions, &folders, &model)
@@ -95,8 +108,9 @@ impl FitArgs {
     }
 
     /// The results folder of each session in `--out`, where nothing is replaced; none without `--out`: the fit then decides.
-    fn result_folders(&self, sessions: &[PathBuf]) -> Result<Vec<Option<PathBuf>>, Failure> {
+    fn result_folders(&self, sessions: &[PathBuf]) -> Result<Vec<Option<ResultsFolder>>, Failure> {
         let Some(out) = &self.out else { return Ok(vec![None; sessions.len()]) };
+        check_out("--out", out)?;
         let folder = |session: &PathBuf| match session.file_name() {
             Some(name) if sessions.len() > 1 => out.join(name),
             _ => out.clone(),
@@ -109,14 +123,9 @@ impl FitArgs {
                     folder.file_name().unwrap_or_default().display()
                 )));
             }
-            if folder.join("fit.json").exists() {
-                return Err(Failure::Usage(format!(
-                    "{}: contains the results of an earlier fit, which are not overwritten; give another --out",
-                    folder.display()
-                )));
-            }
+            check_has_none("--out", folder, &FIT_RESULTS)?;
         }
-        Ok(folders.into_iter().map(Some).collect())
+        Ok(folders.into_iter().map(|folder| Some(ResultsFolder::Given(folder))).collect())
     }
 
     /// Fits many sessions on all cores. An error in one session is printed, and the others are still fitted.
@@ -124,7 +133,7 @@ impl FitArgs {
         &self,
         console: &Console,
         sessions: &[PathBuf],
-        folders: &[Option<PathBuf>],
+        folders: &[Option<ResultsFolder>],
         model: &Model,
     ) -> Result<(), Failure> {
         let progress = console.progress(sessions.len() as u64, "fitting");
@@ -132,7 +141,7 @@ impl FitArgs {
             .into_par_iter()
             .map(|(session, folder)| {
                 let done = self.fit(session, model).and_then(|results| {
-                    self.write(session, folder.as_deref(), &results, &console.silent())?;
+                    self.write(session, folder.as_ref(), &results, &console.silent())?;
                     Ok(results.json)
                 });
                 progress.inc(1);
@@ -155,19 +164,23 @@ impl FitArgs {
     fn write(
         &self,
         session: &Path,
-        folder: Option<&Path>,
+        folder: Option<&ResultsFolder>,
         results: &Results,
         console: &Console,
     ) -> Result<(), Failure> {
-        let folder = &folder.map_or_else(|| folder_of_fit(session, &results.json), Path::to_owned);
-        if self.out.is_none() && *folder != session.join("results") {
+        let folder = match folder {
+            Some(folder) => folder.clone(),
+            None => folder_of_fit(session, &results.json)?,
+        };
+        if matches!(folder, ResultsFolder::Named { .. }) {
             console.announce(format_args!(
                 "results/ holds results of other settings, which are kept; this fit is in {}",
-                folder.display()
+                folder.path().display()
             ));
         }
-        results.write(&Disk::default(), folder)?;
-        write_report(session, folder, console)?;
+        let folder = folder.open()?;
+        results.write(&Disk::default(), &folder)?;
+        write_report(session, &folder, console)?;
         if self.out.is_none() {
             Manifest::renew_results(&Disk::default(), session)?;
         }

@@ -3,8 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, ask_for_mapping, new_folder};
+use crate::app::{Console, Failure, ask_for_mapping, check_out, new_folder};
 use crate::consistency;
+use crate::files::{self, Folder};
 use crate::import::{ImportedSession, Mapping, SourceTable, import, read_source};
 
 use super::verb::Verb;
@@ -37,6 +38,11 @@ pub struct ImportArgs {
 
 impl Verb for ImportArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
+        for (option, path) in [("--out", &self.out), ("--save-mapping", &self.save_mapping)] {
+            if let Some(path) = path {
+                check_out(option, path)?;
+            }
+        }
         // A wrong mapping is told before a large recording is read.
         let given = self.mapping.as_deref().map(Mapping::read).transpose()?;
         let tables = read_source(&self.source)?;
@@ -73,14 +79,16 @@ impl ImportArgs {
             )));
         };
         if let Some(file) = &self.save_mapping {
-            if file.exists() {
+            if files::exists(file) {
                 return Err(Failure::Usage(format!(
                     "{}: exists already and is not overwritten",
                     file.display()
                 )));
             }
             let text = serde_json::to_string_pretty(&mapping).unwrap_or_default() + "\n";
-            std::fs::write(file, text)?;
+            let written = Folder::open(file.parent().unwrap_or(Path::new("")))
+                .and_then(|folder| folder.write(file.file_name().unwrap_or_default(), text.as_bytes()));
+            written.map_err(|source| Failure::ResultsFolder { path: file.clone(), source })?;
         }
         Ok(mapping)
     }

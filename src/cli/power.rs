@@ -4,7 +4,9 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, draw_seed, new_folder, parse_seed};
+use crate::app::{
+    Console, Failure, ResultsFolder, check_has_none, check_out, draw_seed, new_folder, parse_seed,
+};
 use crate::dataset::Disk;
 use crate::fit::{QUANTITIES, write_files};
 use crate::report::{PowerCurve, power_figure};
@@ -78,6 +80,9 @@ enum TrueLimit {
     Angle,
 }
 
+/// Files of a power analysis.
+const POWER_RESULTS: [&str; 3] = ["power.csv", "power.svg", "pool.csv"];
+
 impl Verb for PowerArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let seed = self.seed.unwrap_or_else(draw_seed);
@@ -87,12 +92,8 @@ impl Verb for PowerArgs {
             .out
             .clone()
             .unwrap_or_else(|| new_folder(&Path::new("sessions").join(format!("power-{seed}"))));
-        if folder.join("power.csv").exists() {
-            return Err(Failure::Usage(format!(
-                "{}: contains the results of an earlier run, which are not overwritten; give another --out",
-                folder.display()
-            )));
-        }
+        check_out("--out", &folder)?;
+        check_has_none("--out", &folder, &POWER_RESULTS)?;
         let groups = if self.limit.is_some() || self.mechanism.is_some() { 1 } else { 2 };
         console.message(format_args!(
             "study {}, seed {seed}, {} sessions",
@@ -141,7 +142,7 @@ impl Verb for PowerArgs {
         progress.finish_and_clear();
         let files: Vec<(&str, &str)> =
             result.files.iter().map(|(name, text)| (*name, text.as_str())).collect();
-        write_files(&Disk::default(), &folder, &files)?;
+        write_files(&Disk::default(), &ResultsFolder::Given(folder.clone()).open()?, &files)?;
         write!(console.results(), "{}", result.text)?;
         console.message(format_args!("{}", folder.display()));
         Ok(())

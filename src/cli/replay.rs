@@ -23,13 +23,19 @@ impl Verb for ReplayArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let replay = dataset::replay(&self.session)?;
         let mut out = console.results();
+        for file in &replay.changed_files {
+            writeln!(out, "{file} since the session, as the journal shows")?;
+        }
+        for garbage in &replay.garbage {
+            writeln!(out, "{garbage}")?;
+        }
         let Some(difference) = &replay.difference else {
             writeln!(
                 out,
                 "replayed {} samples, {} events, {} starts: no difference",
                 replay.steps, replay.events, replay.starts
             )?;
-            return Ok(());
+            return if replay.is_sound() { Ok(()) } else { Err(Failure::Differs { session: self.session }) };
         };
         writeln!(out, "first difference at {difference}")?;
         writeln!(out, "{} events before it agree with the record", replay.events)?;

@@ -1,9 +1,11 @@
 //! `ramphold report`: pictures and tables of sessions for a person.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, session_folders, write_report_to};
+use crate::app::{Console, Failure, ResultsFolder, check_out, write_report_to};
+use crate::dataset::session_folders;
+use crate::files::{EntryKind, Folder};
 
 use super::verb::Verb;
 
@@ -29,22 +31,32 @@ pub struct ReportArgs {
 
 impl Verb for ReportArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
+        if let Some(out) = &self.out {
+            check_out("--out", out)?;
+        }
         let sessions = session_folders(&self.sessions)?;
         for session in &sessions {
-            let results = session.join("results");
+            let results = ResultsFolder::OfSession(session.clone()).open()?;
+            let beside = self.beside.as_deref().map(|beside| second_results(&results, beside)).transpose()?;
             let out = match (&self.out, session.file_name()) {
                 (None, _) => results.clone(),
-                (Some(out), Some(name)) if sessions.len() > 1 => out.join(name),
-                (Some(out), _) => out.clone(),
+                (Some(out), Some(name)) if sessions.len() > 1 => {
+                    ResultsFolder::Given(out.join(name)).open()?
+                }
+                (Some(out), _) => ResultsFolder::Given(out.clone()).open()?,
             };
-            let named = |folder: &PathBuf| match results.join(folder) {
-                inside if inside.is_dir() => inside,
-                _ => folder.clone(),
-            };
-            let beside = self.beside.as_ref().map(named);
-            let page = write_report_to(session, &results, beside.as_deref(), &out, console)?;
+            let page = write_report_to(session, &results, beside.as_ref(), &out, console)?;
             writeln!(console.results(), "{}", page.display())?;
         }
         Ok(())
     }
+}
+
+/// The folder `beside`: one inside the results of the session, or one that the operator named.
+fn second_results(results: &Folder, beside: &Path) -> Result<Folder, Failure> {
+    let opened = match results.kind(beside) {
+        Ok(Some(EntryKind::Folder)) => results.folder(beside),
+        _ => Folder::open(beside),
+    };
+    opened.map_err(|source| Failure::Read { file: beside.display().to_string(), source })
 }

@@ -7,7 +7,6 @@ use crate::app::{
     parse_seed,
 };
 use crate::dataset::{self, Disk, Resumable, Resumed};
-use crate::protocol::ValidProtocol;
 
 use super::verb::Verb;
 
@@ -54,6 +53,12 @@ impl Verb for ResumeArgs {
             ));
             return Ok(());
         }
+        if session.lacks_sums() {
+            console.message(
+                "the journal was begun by an older version, which did not note what the files of the session were; whether \
+                 rig, order and subject are those of the beginning cannot be told. From now on the journal has it",
+            );
+        }
         let (subject, seed) = (session.subject().to_owned(), session.seed());
         // The rig is checked before anything in the folder is changed.
         let rig = match session.is_finished() {
@@ -87,7 +92,10 @@ impl Verb for ResumeArgs {
         };
         console.message(format_args!("session {}, subject {subject}, seed {seed}", self.session.display()));
         let setup = if has_console {
-            let protocol = ValidProtocol::read(&self.session.join("protocol.json"))?;
+            let Some(protocol) = dataset::stored_protocol(&self.session)? else {
+                let session = self.session.display();
+                return Err(Failure::Usage(format!("{session}: has no protocol.json; put it back")));
+            };
             let description = SessionDescription {
                 protocol: &protocol,
                 subject: &subject,

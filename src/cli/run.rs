@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use crate::app::{
     Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun,
-    add_mechanisms_of_model, draw_seed, is_can_rig_file, new_folder, now_utc, parse_seed, subject_number,
-    utc_offset_s, with_hidden_effect,
+    add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc, parse_seed,
+    subject_number, utc_offset_s, with_hidden_effect,
 };
 use crate::dataset::{Disk, NewSession, RecordError, SessionAbout, Wrist};
+use crate::files;
 use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
 use crate::rig::can::{CanMotor, Connection, DryRun};
@@ -171,6 +172,13 @@ impl RunArgs {
     fn start(&self, protocol: &ValidProtocol, plan: Plan, console: &Console) -> Result<(), Failure> {
         let Plan { seed, subject, order, settings, rig, rig_json, lever } = plan;
         let folder = self.folder(subject, seed)?;
+        if files::exists(&folder) {
+            return Err(RecordError::Exists(folder).into());
+        }
+        check_out("--out", &folder)?;
+        if let Some(parent) = folder.parent() {
+            files::make_folders(parent).map_err(RecordError::at(parent))?;
+        }
         let recorder = NewSession {
             protocol,
             order: &order,
@@ -222,7 +230,7 @@ impl RunArgs {
         self.about.iter().map(|(field, text)| (field.clone(), value(text))).collect()
     }
 
-    /// The session's folder; makes the folder above it.
+    /// The session's folder, which is not there yet.
     fn folder(&self, subject: &str, seed: u64) -> Result<PathBuf, Failure> {
         let folder = match &self.out {
             Some(folder) => folder.clone(),
@@ -233,9 +241,6 @@ impl RunArgs {
                 new_folder(&Path::new("sessions").join(format!("{stem}-{subject}-{seed}")))
             }
         };
-        if let Some(parent) = folder.parent().filter(|parent| !parent.as_os_str().is_empty()) {
-            std::fs::create_dir_all(parent).map_err(RecordError::at(parent))?;
-        }
         Ok(folder)
     }
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::app::{Console, Failure, now_utc, operator_name, read_stored_fit};
 use crate::dataset::{self, Amendment, Amendments, Disk, Manifest, Status, Trial};
+use crate::files;
 
 use super::verb::Verb;
 
@@ -71,7 +72,7 @@ impl TrialsArgs {
         dataset::load_amended(&self.session, &amendments)?;
         amendments.write(&Disk::default(), &self.session)?;
         Manifest::renew_amendments(&Disk::default(), &self.session)?;
-        if self.session.join("results").exists() {
+        if files::exists(&self.session.join("results")) {
             let session = self.session.display();
             console.message(format_args!(
                 "results/ was made before this; make it again with: ramphold fit {session}; ramphold diagnose {session}"

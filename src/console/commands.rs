@@ -125,6 +125,11 @@ impl CommandSender {
         }
     }
 
+    /// Shows the operator something that needs attention.
+    pub fn alarm(&self, text: &str) {
+        self.notify(OperatorNotice::Alarm(text.to_owned()));
+    }
+
     fn notify(&self, notice: OperatorNotice) {
         // The receiver is gone once the console is closed.
         let _ = self.0.notices.lock().unwrap_or_else(PoisonError::into_inner).send(notice);

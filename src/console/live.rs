@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use rtrb::Consumer;
 
+use super::coming_and_going::ComingAndGoing;
 use super::commands::{CommandReceiver, CommandSender, OperatorNotice, needs_confirmation};
 use super::controls::{Controls, Request};
 use super::display_latency::DisplayLatencies;
@@ -93,7 +94,11 @@ impl Live {
         let (mut view, views) = ViewModel::new(settings.clone(), machine.progress().clone(), fitter, None);
         view.fit(setup.earlier_trials);
         let presence = Presence::new(setup.missed_after);
-        let controls = Arc::new(SessionControls { commands: commands.clone(), presence: presence.clone() });
+        let controls = Arc::new(SessionControls {
+            commands: commands.clone(),
+            presence: presence.clone(),
+            pages: Mutex::new(ComingAndGoing::new(Instant::now())),
+        });
         let latencies = DisplayLatencies::default();
         let content = PageContent {
             welcome: welcome_messages(&setup.info, &settings, setup.wrist, None),
@@ -247,6 +252,7 @@ fn free_bytes(_folder: &Path) -> Option<u64> {
 struct SessionControls {
     commands: CommandSender,
     presence: Presence,
+    pages: Mutex<ComingAndGoing>,
 }
 
 impl Controls for SessionControls {
@@ -274,12 +280,20 @@ impl Controls for SessionControls {
 
     fn joined(&self, origin: ActionOrigin) {
         self.presence.opened();
-        self.commands.record(OperatorAction::Joined, origin);
+        let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
+        if pages.keeps_opening(Instant::now()) {
+            self.commands.record(OperatorAction::Joined, origin);
+        } else if pages.is_full_for_the_first_time() {
+            self.commands
+                .alarm("an operator's page is opened again and again: the journal keeps no more of that");
+        }
     }
 
     fn left(&self, origin: ActionOrigin) {
         self.presence.closed();
-        self.commands.record(OperatorAction::Left, origin);
+        if self.pages.lock().unwrap_or_else(PoisonError::into_inner).keeps_closing() {
+            self.commands.record(OperatorAction::Left, origin);
+        }
     }
 }
 

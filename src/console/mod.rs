@@ -6,6 +6,7 @@
 //!
 //! Layers, bottom up: step_feed, commands, controls -> view_model -> web, terminal -> live, player.
 
+mod coming_and_going;
 mod commands;
 mod controls;
 mod display_latency;

@@ -10,6 +10,7 @@ use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::folder::pretty;
 use super::recorder::RecordError;
+use crate::files::{Folder, excerpt, limits};
 use crate::session::Status;
 
 /// Name of the file in a session folder.
@@ -59,7 +60,7 @@ impl Amendments {
     }
 
     pub(super) fn of(folder: &SessionFolder) -> Result<Self, DatasetError> {
-        let text = match folder.text(AMENDMENTS, None) {
+        let text = match folder.text(AMENDMENTS, limits::SETTINGS_BYTES, None) {
             Err(DatasetError::Missing { .. }) => return Ok(Self::default()),
             text => text?,
         };
@@ -68,7 +69,7 @@ impl Amendments {
         if read.format != AMENDMENTS_FORMAT {
             return Err(DatasetError::UnknownFormat {
                 at: FilePlace::field(name, "format"),
-                found: read.format,
+                found: excerpt(&read.format).into_owned(),
                 expected: AMENDMENTS_FORMAT,
             });
         }
@@ -85,7 +86,7 @@ impl Amendments {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), RecordError> {
-        let path = folder.join(AMENDMENTS);
-        disk.write(&path, &pretty(self)).map_err(RecordError::at(&path))
+        let write = || disk.write(&Folder::open(folder)?, AMENDMENTS, &pretty(self));
+        write().map_err(RecordError::at(&folder.join(AMENDMENTS)))
     }
 }

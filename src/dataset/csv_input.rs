@@ -1,27 +1,24 @@
 //! Reading a text file of a session folder without leaving the folder, and a table out of it.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::io::ErrorKind;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
 use super::error::{DatasetError, FilePlace};
+use crate::files::{FileRefusal, Folder, excerpt, limits};
 
 /// A session folder that is being read; no file outside it is ever opened.
 #[derive(Debug, Clone)]
-pub(super) struct SessionFolder {
-    shown: PathBuf,
-    real: PathBuf,
-}
+pub(super) struct SessionFolder(Folder);
 
 impl SessionFolder {
-    /// Resolves the folder and its links, so that paths outside the folder can be refused.
+    /// Opens the folder.
     pub fn open(path: &Path) -> Result<Self, DatasetError> {
         let at = || FilePlace::file(path.display().to_string());
         let expected = "a session folder with session.json, trials.csv and the records";
-        match fs::canonicalize(path) {
-            Ok(real) if real.is_dir() => Ok(Self { shown: path.to_owned(), real }),
-            Ok(_) => Err(DatasetError::Value {
+        match Folder::open(path) {
+            Ok(folder) => Ok(Self(folder)),
+            Err(error) if error.kind() == ErrorKind::NotADirectory => Err(DatasetError::Value {
                 at: at(),
                 found: "a file".to_owned(),
                 expected: expected.to_owned(),
@@ -33,44 +30,40 @@ impl SessionFolder {
         }
     }
 
-    /// How a file of the folder is called in messages.
-    pub fn name(&self, file: &str) -> String {
-        self.shown.join(file).display().to_string()
+    /// The folder itself.
+    pub fn folder(&self) -> &Folder {
+        &self.0
     }
 
-    /// The text of `file`, a path with `/` inside the folder; `named_at` is who asks for it.
+    /// How a file of the folder is called in messages.
+    pub fn name(&self, file: &str) -> String {
+        self.0.path_of(file).display().to_string()
+    }
+
+    /// The text of `file`, a path with `/` inside the folder, of at most `limit` bytes; `named_at` is who asks for it.
     ///
     /// A byte order mark at the start is taken off: spreadsheets write it.
-    pub fn text(&self, file: &str, named_at: Option<&FilePlace>) -> Result<String, DatasetError> {
-        let at = named_at.cloned().unwrap_or_else(|| FilePlace::file(self.name(file)));
-        let outside = || DatasetError::Outside { at: at.clone(), found: file.to_owned() };
-        if !stays_inside(file) {
-            return Err(outside());
-        }
-        let real = match fs::canonicalize(self.real.join(file)) {
-            Ok(real) => real,
-            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
-                let expected = match named_at {
-                    Some(place) => format!("a file of the session, which {place} names"),
-                    None if file == "session.json" => "it in every session folder; is this one?".to_owned(),
-                    None => "a file of the session".to_owned(),
-                };
-                return Err(DatasetError::Missing { at: FilePlace::file(self.name(file)), expected });
+    pub fn text(&self, file: &str, limit: u64, named_at: Option<&FilePlace>) -> Result<String, DatasetError> {
+        let mut bytes = self.0.read(file, limit).map_err(|error| {
+            let refusal = error.get_ref().and_then(|inner| inner.downcast_ref::<FileRefusal>());
+            match (error.kind(), refusal) {
+                (ErrorKind::NotFound | ErrorKind::NotADirectory, _) => {
+                    let expected = match named_at {
+                        Some(place) => format!("a file of the session, which {place} names"),
+                        None if file == "session.json" => {
+                            "it in every session folder; is this one?".to_owned()
+                        }
+                        None => "a file of the session".to_owned(),
+                    };
+                    DatasetError::Missing { at: FilePlace::file(self.name(file)), expected }
+                }
+                (_, Some(FileRefusal::Outside)) => {
+                    let at = named_at.cloned().unwrap_or_else(|| FilePlace::file(self.name(file)));
+                    DatasetError::Outside { at, found: excerpt(file).into_owned() }
+                }
+                _ => self.unreadable(file, error),
             }
-            Err(source) => return Err(self.unreadable(file, source)),
-        };
-        if !real.starts_with(&self.real) {
-            return Err(outside());
-        }
-        // A pipe or a device would make the reader wait for ever.
-        if !real.is_file() {
-            return Err(DatasetError::Value {
-                at,
-                found: file.to_owned(),
-                expected: "an ordinary file".to_owned(),
-            });
-        }
-        let mut bytes = fs::read(&real).map_err(|source| self.unreadable(file, source))?;
+        })?;
         if bytes.starts_with(b"\xEF\xBB\xBF") {
             bytes.drain(..3);
         }
@@ -81,26 +74,20 @@ impl SessionFolder {
         })
     }
 
-    fn unreadable(&self, file: &str, source: std::io::Error) -> DatasetError {
+    /// A file of the folder that cannot be read.
+    pub fn unreadable(&self, file: &str, source: std::io::Error) -> DatasetError {
         DatasetError::Unreadable { at: FilePlace::file(self.name(file)), source }
     }
 }
 
-/// Whether a relative path never climbs above where it starts, links aside.
-fn stays_inside(file: &str) -> bool {
-    let mut depth = 0i32;
-    for component in Path::new(file).components() {
-        match component {
-            Component::Normal(_) => depth += 1,
-            Component::CurDir => {}
-            Component::ParentDir => depth -= 1,
-            Component::RootDir | Component::Prefix(_) => return false,
-        }
-        if depth < 0 {
-            return false;
-        }
-    }
-    depth > 0
+/// Opens the folder of a session, which must have a description.
+///
+/// # Errors
+/// If it is no session folder.
+pub fn open_session(path: &Path) -> Result<Folder, DatasetError> {
+    let folder = SessionFolder::open(path)?;
+    folder.text("session.json", limits::SETTINGS_BYTES, None)?;
+    Ok(folder.0)
 }
 
 /// A table with a header line, read row by row.
@@ -124,14 +111,21 @@ impl<'text> CsvTable<'text> {
             Ok(header) => header.iter().map(|name| name.trim().to_owned()).collect(),
             Err(_) => return Err(DatasetError::NotText { at: FilePlace::line(file, 1) }),
         };
+        if header.len() > limits::MAX_COLUMNS {
+            return Err(DatasetError::TooMany {
+                at: FilePlace::line(file, 1),
+                what: "columns",
+                limit: limits::MAX_COLUMNS,
+            });
+        }
         let mut places = BTreeMap::new();
         for (place, name) in header.iter().enumerate() {
             if places.insert(name.clone(), place).is_some() && !name.is_empty() {
                 return Err(DatasetError::Column {
                     at: FilePlace::line(file, 1),
-                    column: name.clone(),
+                    column: excerpt(name).into_owned(),
                     problem: "there twice",
-                    header: header.join(","),
+                    header: excerpt(&header.join(",")).into_owned(),
                 });
             }
         }
@@ -149,7 +143,7 @@ impl<'text> CsvTable<'text> {
             at: FilePlace::line(self.file.clone(), 1),
             column: column.to_owned(),
             problem: "missing",
-            header: self.header.join(","),
+            header: excerpt(&self.header.join(",")).into_owned(),
         })
     }
 
@@ -201,14 +195,14 @@ impl<'text> CsvTable<'text> {
 
     /// File, line and column of a cell of the present row.
     pub fn place(&self, column: usize) -> FilePlace {
-        FilePlace::cell(self.file.clone(), self.line(), format!("column {}", self.header[column]))
+        FilePlace::cell(self.file.clone(), self.line(), format!("column {}", excerpt(&self.header[column])))
     }
 
     /// The error for a cell of the present row that is not as `expected`.
     pub fn invalid(&self, column: usize, expected: &str) -> DatasetError {
         DatasetError::Value {
             at: self.place(column),
-            found: self.text(column).to_owned(),
+            found: excerpt(self.text(column)).into_owned(),
             expected: expected.to_owned(),
         }
     }

@@ -1,10 +1,12 @@
 //! Writing so that what was said to be written is there after a crash.
 
 use std::cell::Cell;
-use std::fs::{self, File, OpenOptions};
+use std::fs::File;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 use std::time::Duration;
+
+use crate::files::Folder;
 
 /// All writing of a session goes through here; a test can make any of its operations fail.
 #[derive(Debug, Default)]
@@ -42,22 +44,23 @@ impl Disk {
     }
 
     /// Makes a new folder; one that is there is an error.
-    pub fn create_folder(&self, path: &Path) -> io::Result<()> {
+    pub fn create_folder(&self, parent: &Folder, name: impl AsRef<Path>) -> io::Result<Folder> {
         self.operate()?;
-        fs::create_dir(path)?;
-        self.sync_folder(folder_of(path))
+        let folder = parent.make_folder(name.as_ref())?;
+        self.sync_names(parent, name)?;
+        Ok(folder)
     }
 
     /// Opens a new file for appending; one that is there is an error.
-    pub fn create(&self, path: &Path) -> io::Result<File> {
+    pub fn create(&self, folder: &Folder, name: &str) -> io::Result<File> {
         self.operate()?;
-        OpenOptions::new().append(true).create_new(true).open(path)
+        folder.create_file(name)
     }
 
     /// Opens a file that is there for appending.
-    pub fn open(&self, path: &Path) -> io::Result<File> {
+    pub fn open(&self, folder: &Folder, name: &str) -> io::Result<File> {
         self.operate()?;
-        OpenOptions::new().append(true).open(path)
+        folder.append_to(name)
     }
 
     /// Cuts a file off at `length`.
@@ -67,9 +70,9 @@ impl Disk {
     }
 
     /// Takes away a file that was never finished.
-    pub fn remove(&self, path: &Path) -> io::Result<()> {
+    pub fn remove(&self, folder: &Folder, name: impl AsRef<Path>) -> io::Result<()> {
         self.operate()?;
-        fs::remove_file(path)
+        folder.remove(name)
     }
 
     /// Appends bytes.
@@ -89,33 +92,29 @@ impl Disk {
     }
 
     /// Writes a whole file: the old one, or none, or all of the new one is there, never a part.
-    pub fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        let temporary = path.with_added_extension("new");
+    pub fn write(&self, folder: &Folder, name: impl AsRef<Path>, bytes: &[u8]) -> io::Result<()> {
         self.operate()?;
-        let mut file = File::create(&temporary)?;
-        self.append(&mut file, bytes)?;
-        self.sync(&file)?;
-        self.rename(&temporary, path)
+        let mut file = folder.begin_file(name)?;
+        self.append(file.file(), bytes)?;
+        self.sync(file.file())?;
+        self.operate()?;
+        file.rename()?;
+        self.operate()?;
+        file.finish()
     }
 
     /// Gives a file its name for good.
-    pub fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+    pub fn rename(&self, folder: &Folder, from: &str, to: &str) -> io::Result<()> {
         self.operate()?;
-        fs::rename(from, to)?;
-        self.sync_folder(folder_of(to))
+        folder.rename(from, to)?;
+        self.sync_names(folder, to)
     }
 
-    /// Returns when the names in a folder are on the disk.
-    pub fn sync_folder(&self, path: &Path) -> io::Result<()> {
+    /// Returns when the names in the folder that `name` is in are on the disk.
+    pub fn sync_names(&self, folder: &Folder, name: impl AsRef<Path>) -> io::Result<()> {
         self.operate()?;
-        // Only Unix lets a folder be opened and synchronised; elsewhere the rename itself has to do.
-        if cfg!(unix) { File::open(path)?.sync_all() } else { Ok(()) }
+        folder.sync_names(name)
     }
-}
-
-/// The folder that `path` is in.
-fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]
@@ -124,28 +123,28 @@ mod tests {
 
     #[test]
     fn a_whole_file_is_never_seen_half_written() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("trials.csv");
-        Disk::default().write(&path, b"old").unwrap();
-        let needed = {
-            let disk = Disk::default();
-            disk.write(&path, b"old").unwrap();
-            disk.operations()
-        };
-        for operation in 0..needed - 1 {
-            assert!(Disk::failing_from(operation, ErrorKind::StorageFull).write(&path, b"new").is_err());
-            assert_eq!(fs::read(&path).unwrap(), b"old", "failed at operation {operation}");
+        let place = tempfile::tempdir().unwrap();
+        let folder = Folder::open(place.path()).unwrap();
+        let write = |disk: &Disk, bytes: &[u8]| disk.write(&folder, "trials.csv", bytes);
+        let read = || folder.read("trials.csv", 10).unwrap();
+        let disk = Disk::default();
+        write(&disk, b"old").unwrap();
+        for operation in 0..disk.operations() - 1 {
+            assert!(write(&Disk::failing_from(operation, ErrorKind::StorageFull), b"new").is_err());
+            assert_eq!(read(), b"old", "failed at operation {operation}");
         }
-        Disk::default().write(&path, b"new").unwrap();
-        assert_eq!(fs::read(&path).unwrap(), b"new");
+        write(&Disk::default(), b"new").unwrap();
+        assert_eq!(read(), b"new");
     }
 
     #[test]
     fn what_is_there_is_not_created_again() {
-        let folder = tempfile::tempdir().unwrap();
+        let place = tempfile::tempdir().unwrap();
+        let folder = Folder::open(place.path()).unwrap();
         let disk = Disk::default();
-        assert_eq!(disk.create_folder(folder.path()).unwrap_err().kind(), ErrorKind::AlreadyExists);
-        disk.create(&folder.path().join("journal")).unwrap();
-        assert_eq!(disk.create(&folder.path().join("journal")).unwrap_err().kind(), ErrorKind::AlreadyExists);
+        disk.create_folder(&folder, "trials").unwrap();
+        assert_eq!(disk.create_folder(&folder, "trials").unwrap_err().kind(), ErrorKind::AlreadyExists);
+        disk.create(&folder, "journal").unwrap();
+        assert_eq!(disk.create(&folder, "journal").unwrap_err().kind(), ErrorKind::AlreadyExists);
     }
 }

@@ -215,6 +215,54 @@ pub enum DatasetError {
         /// The path given.
         found: String,
     },
+    /// More of something than a session may have.
+    #[error(
+        "{at}: more than {limit} {what}; expected at most that. Divide the recording into several sessions"
+    )]
+    TooMany {
+        /// Where it became certain.
+        at: FilePlace,
+        /// What there are too many of.
+        what: &'static str,
+        /// Limit.
+        limit: usize,
+    },
+    /// The records of a session together are too large.
+    #[error(
+        "{at}: with this record, the records of the session have more than {limit} bytes; expected at most that. Divide \
+         the recording into several sessions"
+    )]
+    TooMuch {
+        /// The record.
+        at: FilePlace,
+        /// Limit, bytes.
+        limit: u64,
+    },
+    /// Two trials with one record.
+    #[error(
+        "{at}: {file:?} is the record of line {first_line} already; expected a record of its own for each trial"
+    )]
+    SharedRecord {
+        /// Cell of the second.
+        at: FilePlace,
+        /// The record.
+        file: String,
+        /// Line of the first.
+        first_line: u64,
+    },
+    /// Records of the journal that cannot have followed each other.
+    #[error(
+        "{at}: the record at byte {offset} {problem}; expected the records in the order in which the session went. Put the \
+         journal back from a copy. The trials in trials.csv can still be fitted"
+    )]
+    JournalOrder {
+        /// The journal.
+        at: FilePlace,
+        /// First byte of the record.
+        offset: u64,
+        /// What is wrong.
+        problem: String,
+    },
     /// The same trial number twice.
     #[error("{at}: trial {number} is already in line {first_line}; expected each number once")]
     DuplicateTrial {

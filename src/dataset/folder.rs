@@ -1,17 +1,19 @@
 //! Making the folder of a new session.
 
-use std::path::{Path, PathBuf};
+use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
-use sha2::{Digest, Sha256};
 
 use super::SESSION_FORMAT;
 use super::disk::Disk;
+use super::hexadecimal::sha256;
 use super::journal::{JOURNAL_FORMAT, Journal, JournalEntry};
 use super::recorder::{RecordError, RecordNames, Recorder};
 use super::session_about::{SessionAbout, SubjectCard};
+use crate::files::{self, Folder};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
 use crate::session::Settings;
@@ -72,41 +74,53 @@ impl NewSession<'_> {
         let mut settings = Settings::new(self.protocol, self.seed, self.order)?;
         settings.motion_delay_samples = self.motion_delay_samples;
         let settings = Arc::new(settings);
-        if path.symlink_metadata().is_ok() {
+        if files::exists(path) {
             return Err(RecordError::Exists(path.to_owned()));
         }
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+            let unnamed =
+                std::io::Error::new(std::io::ErrorKind::InvalidInput, "it has no name that is text");
+            return Err(RecordError::at(path)(unnamed));
+        };
+        let above = path.parent().unwrap_or(Path::new(""));
+        let above = Folder::open(above).map_err(RecordError::at(above))?;
         // Made under another name, so that a folder with the session's name is a session that can be resumed.
-        let beginning = beginning_of(path);
-        let journal = self.prepare(&beginning, &disk)?;
-        disk.rename(&beginning, path).map_err(|error| match error.kind() {
+        let beginning = format!(".{name}.{}.new", std::process::id());
+        let folder = make(&disk, &above, &beginning)?;
+        let journal = self.prepare(&folder, &disk)?;
+        disk.rename(&above, &beginning, name).map_err(|error| match error.kind() {
             std::io::ErrorKind::DirectoryNotEmpty | std::io::ErrorKind::AlreadyExists => {
                 RecordError::Exists(path.to_owned())
             }
             _ => RecordError::at(path)(error),
         })?;
-        Ok(Recorder::new(path, disk, journal, settings, RecordNames::default()))
+        Ok(Recorder::new(folder.renamed(path), disk, journal, settings, RecordNames::default()))
     }
 
-    fn prepare(&self, path: &Path, disk: &Disk) -> Result<Journal, RecordError> {
-        make(disk, path)?;
-        for folder in ["trials", "familiarisation", "before"] {
-            if folder == "trials" || self.has(folder) {
-                make(disk, &path.join(folder))?;
+    fn prepare(&self, folder: &Folder, disk: &Disk) -> Result<Journal, RecordError> {
+        for inside in ["trials", "familiarisation", "before"] {
+            if inside == "trials" || self.has(inside) {
+                make(disk, folder, inside)?;
             }
         }
         let rate = self.protocol.signal.sample_rate_hz;
-        let write = |name: &str, bytes: &[u8]| {
-            let file = path.join(name);
-            disk.write(&file, bytes).map_err(RecordError::at(&file))
-        };
-        write("protocol.json", self.protocol.text().as_bytes())?;
-        write("schedule.csv", &self.schedule())?;
-        write("rig.json", &pretty(self.rig))?;
-        write("trials.csv", super::tables::empty())?;
-        write("session.json", &pretty(&self.description(rate)))?;
-        let file = path.join(super::JOURNAL);
-        let mut journal = Journal::create(disk, path).map_err(RecordError::at(&file))?;
-        journal.append(disk, &self.first_record()).map_err(RecordError::at(&file))?;
+        let mut sums = BTreeMap::new();
+        for (name, bytes) in [
+            ("protocol.json", self.protocol.text().as_bytes()),
+            ("schedule.csv", &self.schedule()),
+            ("rig.json", &pretty(self.rig)),
+            ("trials.csv", super::tables::empty()),
+            ("session.json", &pretty(&self.description(rate))),
+        ] {
+            disk.write(folder, name, bytes).map_err(RecordError::at(&folder.path_of(name)))?;
+            sums.insert(name.to_owned(), sha256(bytes));
+        }
+        let protocol_sha256 = sums.remove("protocol.json").unwrap_or_default();
+        // The only one of these files that changes: it follows from the journal.
+        sums.remove("trials.csv");
+        let file = folder.path_of(super::JOURNAL);
+        let mut journal = Journal::create(disk, folder).map_err(RecordError::at(&file))?;
+        journal.append(disk, &self.first_record(protocol_sha256, sums)).map_err(RecordError::at(&file))?;
         Ok(journal)
     }
 
@@ -138,28 +152,23 @@ impl NewSession<'_> {
         }
     }
 
-    fn first_record(&self) -> JournalEntry {
+    fn first_record(&self, protocol_sha256: String, files_sha256: BTreeMap<String, String>) -> JournalEntry {
         JournalEntry::Session {
             format: JOURNAL_FORMAT.to_owned(),
             program: PROGRAM.to_owned(),
             seed: self.seed,
-            protocol_sha256: sha256(self.protocol.text().as_bytes()),
+            protocol_sha256,
             rules: RULES,
             motion_delay_samples: self.motion_delay_samples,
+            files_sha256,
         }
     }
 }
 
-/// The hidden folder beside `path` in which a session is made ready.
-fn beginning_of(path: &Path) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.{}.new", std::process::id()))
-}
-
-fn make(disk: &Disk, path: &Path) -> Result<(), RecordError> {
-    disk.create_folder(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => RecordError::Exists(PathBuf::from(path)),
-        _ => RecordError::at(path)(error),
+fn make(disk: &Disk, parent: &Folder, name: &str) -> Result<Folder, RecordError> {
+    disk.create_folder(parent, name).map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => RecordError::Exists(parent.path_of(name)),
+        _ => RecordError::at(&parent.path_of(name))(error),
     })
 }
 
@@ -168,9 +177,4 @@ pub(super) fn pretty(value: &impl Serialize) -> Vec<u8> {
     let mut bytes = serde_json::to_vec_pretty(value).unwrap_or_default();
     bytes.push(b'\n');
     bytes
-}
-
-/// SHA-256 in hexadecimal digits.
-pub(super) fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -5,15 +5,16 @@
 
 mod read;
 
+use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
 use std::io;
-use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::audit::AuditEntry;
 use super::disk::Disk;
+use crate::files::Folder;
 use crate::rig::Origin;
 use crate::session::{Event, TransitionRecord};
 
@@ -45,7 +46,12 @@ pub enum JournalEntry {
         /// By how many samples the motor follows a command later than at the next sample; the virtual wrist does not.
         #[serde(default, skip_serializing_if = "is_none")]
         motion_delay_samples: u64,
+        /// SHA-256 of the other files that the session was begun with; older journals have none.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        files_sha256: BTreeMap<String, String>,
     },
+    /// A record of samples is complete and has its name.
+    Recorded(RecordSum),
     /// A transition of the state machine.
     #[serde(rename = "happened")]
     Transition(TransitionRecord),
@@ -71,6 +77,9 @@ pub enum JournalEntry {
         /// The trial that was under way when the program ended, now aborted.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         interrupted: Option<Interrupted>,
+        /// SHA-256 of the files that the session rests on, where the journal had none before.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        files_sha256: BTreeMap<String, String>,
     },
 }
 
@@ -80,6 +89,17 @@ fn is_none(samples: &u64) -> bool {
 
 fn first_rules() -> u32 {
     1
+}
+
+/// A complete record: everything the session says later rests on these bytes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecordSum {
+    /// Path in the session folder.
+    pub file: String,
+    /// Length.
+    pub bytes: u64,
+    /// SHA-256 in hexadecimal digits.
+    pub sha256: String,
 }
 
 /// A trial that was under way when the program ended.
@@ -104,16 +124,16 @@ pub struct Journal {
 
 impl Journal {
     /// Begins a journal in a new file.
-    pub fn create(disk: &Disk, folder: &Path) -> io::Result<Self> {
-        let file = disk.create(&folder.join(JOURNAL))?;
+    pub fn create(disk: &Disk, folder: &Folder) -> io::Result<Self> {
+        let file = disk.create(folder, JOURNAL)?;
         lock(&file)?;
-        disk.sync_folder(folder)?;
+        disk.sync_names(folder, JOURNAL)?;
         Ok(Self { file, line: Vec::with_capacity(512) })
     }
 
     /// Opens the journal that is in `folder`. [`io::ErrorKind::WouldBlock`] says that another program has it open.
-    pub fn open(disk: &Disk, folder: &Path) -> io::Result<Self> {
-        let file = disk.open(&folder.join(JOURNAL))?;
+    pub fn open(disk: &Disk, folder: &Folder) -> io::Result<Self> {
+        let file = disk.open(folder, JOURNAL)?;
         lock(&file)?;
         Ok(Self { file, line: Vec::with_capacity(512) })
     }

@@ -11,6 +11,7 @@ use super::csv_input::{CsvTable, SessionFolder};
 use super::description_json::parse_json;
 use super::error::{DatasetError, FilePlace};
 use super::{Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
+use crate::files::{excerpt, limits};
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
@@ -39,6 +40,7 @@ pub fn load_amended(folder: &Path, amendments: &Amendments) -> Result<Session, D
     let about = read_description(&folder)?;
     let mut rows = read_table(&folder)?;
     amend(&folder, &mut rows, amendments)?;
+    check_sizes(&folder, &rows)?;
     // Every record is read before the first error is chosen, so that the message does not depend on threads.
     let trials: Vec<Result<Trial, DatasetError>> =
         rows.into_par_iter().map(|row| row.with_record(&folder, about.sample_rate_hz)).collect();
@@ -95,7 +97,7 @@ struct ParsedRigDescription {
 
 fn read_description(folder: &SessionFolder) -> Result<ParsedDescription, DatasetError> {
     let name = folder.name("session.json");
-    let text = folder.text("session.json", None)?;
+    let text = folder.text("session.json", limits::SETTINGS_BYTES, None)?;
     if text.trim().is_empty() {
         let expected = "a JSON object that describes the session".to_owned();
         return Err(DatasetError::Empty { at: FilePlace::file(name), expected });
@@ -105,7 +107,7 @@ fn read_description(folder: &SessionFolder) -> Result<ParsedDescription, Dataset
     if version.format != SESSION_FORMAT {
         return Err(DatasetError::UnknownFormat {
             at: FilePlace::field(name, "format"),
-            found: version.format,
+            found: excerpt(&version.format).into_owned(),
             expected: SESSION_FORMAT,
         });
     }
@@ -140,7 +142,8 @@ fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetErro
         })
     };
     let rate = about.sample_rate_hz;
-    field("sample_rate_hz", rate, rate.is_finite() && rate > 0.0, "a number of samples a second above 0")?;
+    let possible = rate > 0.0 && rate <= limits::MAX_SAMPLE_RATE_HZ;
+    field("sample_rate_hz", rate, possible, "a number of samples a second above 0 and at most 1000000")?;
     if let Some(lever) = &about.rig.lever {
         let positive = |value: f64| value.is_finite() && value > 0.0;
         let (inertia, damping, stiffness) =
@@ -166,7 +169,7 @@ struct Row {
 }
 
 fn read_table(folder: &SessionFolder) -> Result<Vec<Row>, DatasetError> {
-    let text = folder.text("trials.csv", None)?;
+    let text = folder.text("trials.csv", limits::TABLE_BYTES, None)?;
     let header = "a header trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status and a row a trial";
     let mut table = CsvTable::new(folder.name("trials.csv"), &text, header)?;
     let number = table.column("trial")?;
@@ -182,7 +185,12 @@ fn read_table(folder: &SessionFolder) -> Result<Vec<Row>, DatasetError> {
 
     let mut rows = Vec::new();
     let mut seen = BTreeMap::new();
+    let mut records = BTreeMap::new();
     while table.next_row()? {
+        if rows.len() == limits::MAX_SESSION_TRIALS {
+            let at = FilePlace::line(folder.name("trials.csv"), table.line());
+            return Err(DatasetError::TooMany { at, what: "trials", limit: limits::MAX_SESSION_TRIALS });
+        }
         let trial_number = table.count(number)?;
         if let Some(first_line) = seen.insert(trial_number, table.line()) {
             return Err(DatasetError::DuplicateTrial {
@@ -199,6 +207,15 @@ fn read_table(folder: &SessionFolder) -> Result<Vec<Row>, DatasetError> {
         };
         if table.text(file).is_empty() && trial_status == Status::Ok {
             return Err(table.invalid(file, "the path of the trial's record, such as trials/trial-001.csv"));
+        }
+        if let Some(first_line) = records.insert(table.text(file).to_owned(), table.line())
+            && !table.text(file).is_empty()
+        {
+            return Err(DatasetError::SharedRecord {
+                at: table.place(file),
+                file: excerpt(table.text(file)).into_owned(),
+                first_line,
+            });
         }
         let velocity_rad_s = table.number(velocity)?;
         if velocity_rad_s == 0.0 {
@@ -237,12 +254,26 @@ fn read_table(folder: &SessionFolder) -> Result<Vec<Row>, DatasetError> {
     Ok(rows)
 }
 
+/// Refuses records that are too large together, before any of them is read. A record that is not there is an error of its
+/// own, later.
+fn check_sizes(folder: &SessionFolder, rows: &[Row]) -> Result<(), DatasetError> {
+    let mut left = limits::ALL_RECORDS_BYTES;
+    for row in rows.iter().filter(|row| !row.trial.file.is_empty()) {
+        let bytes = folder.folder().length(&row.trial.file).unwrap_or(0).min(limits::RECORD_BYTES);
+        left = left.checked_sub(bytes).ok_or_else(|| DatasetError::TooMuch {
+            at: row.file_at.clone(),
+            limit: limits::ALL_RECORDS_BYTES,
+        })?;
+    }
+    Ok(())
+}
+
 impl Row {
     fn with_record(mut self, folder: &SessionFolder, sample_rate_hz: f64) -> Result<Trial, DatasetError> {
         if self.trial.file.is_empty() {
             return Ok(self.trial);
         }
-        let text = folder.text(&self.trial.file, Some(&self.file_at))?;
+        let text = folder.text(&self.trial.file, limits::RECORD_BYTES, Some(&self.file_at))?;
         let name = folder.name(&self.trial.file);
         self.trial.record = trial_csv_reader::parse(&name, &text, sample_rate_hz)?;
         self.check_onset(&name, sample_rate_hz)?;

@@ -1,8 +1,7 @@
 //! The manifest: what a session consists of and what made it, so that every later change shows.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::io::{self, ErrorKind};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -12,9 +11,10 @@ use super::csv_input::SessionFolder;
 use super::description_json::parse_json;
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
-use super::folder::{Description, PROGRAM, pretty, sha256};
+use super::folder::{Description, PROGRAM, pretty};
 use super::journal::JOURNAL;
 use super::recorder::RecordError;
+use crate::files::{EntryKind, Folder, TreeFile, limits};
 
 /// Name of the manifest in a session folder.
 pub const MANIFEST: &str = "manifest.json";
@@ -71,9 +71,11 @@ impl Manifest {
     /// If a file cannot be read, or this is no session that the program ran.
     pub fn take(folder: &Path, is_virtual: bool) -> Result<Self, DatasetError> {
         let opened = SessionFolder::open(folder)?;
-        let about: Description =
-            parse_json(&opened.name("session.json"), &opened.text("session.json", None)?)?;
-        let files = stock(folder)?;
+        let about: Description = parse_json(
+            &opened.name("session.json"),
+            &opened.text("session.json", limits::SETTINGS_BYTES, None)?,
+        )?;
+        let files = stock(&opened, |_| true)?;
         let sum = |file: &str| files.get(file).map(|kept| kept.sha256.clone());
         Ok(Self {
             format: MANIFEST_FORMAT.to_owned(),
@@ -99,10 +101,10 @@ impl Manifest {
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
         let opened = SessionFolder::open(folder)?;
         let name = opened.name(MANIFEST);
-        if !folder.join(MANIFEST).exists() {
+        if !opened.folder().contains(MANIFEST) {
             // Of a folder that is no session, nothing could be brought to its end.
-            opened.text("session.json", None)?;
-            let expected = if folder.join(JOURNAL).exists() {
+            opened.text("session.json", limits::SETTINGS_BYTES, None)?;
+            let expected = if opened.folder().contains(JOURNAL) {
                 "the manifest that is written when a session ends; ramphold resume brings it to its end"
             } else {
                 "the manifest of a session that this program ran; this one was measured elsewhere, so there is nothing to compare \
@@ -110,7 +112,7 @@ impl Manifest {
             };
             return Err(DatasetError::Missing { at: FilePlace::file(name), expected: expected.to_owned() });
         }
-        let text = opened.text(MANIFEST, None)?;
+        let text = opened.text(MANIFEST, limits::MANIFEST_BYTES, None)?;
         let manifest: Self = parse_json(&name, &text)?;
         if manifest.format != MANIFEST_FORMAT {
             let at = FilePlace::field(name, "format");
@@ -128,27 +130,34 @@ impl Manifest {
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), RecordError> {
-        let path = folder.join(MANIFEST);
-        disk.write(&path, &pretty(self)).map_err(RecordError::at(&path))
+        let write = || disk.write(&Folder::open(folder)?, MANIFEST, &pretty(self));
+        write().map_err(RecordError::at(&folder.join(MANIFEST)))
     }
 
-    /// Every file that is not as the manifest says, by name.
+    /// Every file that is not as the manifest says, by name. A file is read only if its length is the one noted; a link, a
+    /// FIFO or a device is not what was noted, whatever it leads to.
     ///
     /// # Errors
     /// If a file cannot be read.
     pub fn changes(&self, folder: &Path) -> Result<Vec<Change>, DatasetError> {
-        let now = stock(folder)?;
-        let mut changes: Vec<Change> = self
-            .files
-            .iter()
-            .filter_map(|(file, kept)| match now.get(file) {
-                None => Some(Change::Missing(file.clone())),
-                Some(found) if found != kept => Some(Change::Changed(file.clone())),
-                Some(_) => None,
-            })
-            .collect();
-        let added = now.keys().filter(|file| !self.files.contains_key(*file));
-        changes.extend(added.map(|file| Change::Added(file.clone())));
+        let opened = SessionFolder::open(folder)?;
+        let mut changes = Vec::new();
+        let mut found = BTreeSet::new();
+        for (name, file) in files(&opened)? {
+            match self.files.get(&name) {
+                None => changes.push(Change::Added(name)),
+                Some(noted) => {
+                    if !is_as_noted(&opened, &file, noted)
+                        .map_err(|source| opened.unreadable(&name, source))?
+                    {
+                        changes.push(Change::Changed(name.clone()));
+                    }
+                    found.insert(name);
+                }
+            }
+        }
+        let missing = self.files.keys().filter(|file| !found.contains(*file));
+        changes.extend(missing.map(|file| Change::Missing(file.clone())));
         changes.sort_by(|a, b| a.file().cmp(b.file()));
         Ok(changes)
     }
@@ -172,19 +181,20 @@ impl Manifest {
 
     fn renew(disk: &Disk, folder: &Path, is_renewed: impl Fn(&str) -> bool) -> Result<(), RecordError> {
         let path = folder.join(MANIFEST);
-        if !path.exists() {
-            return Ok(());
-        }
-        let renewed = || -> Result<Self, DatasetError> {
+        let renewed = || -> Result<Option<Self>, DatasetError> {
+            let opened = SessionFolder::open(folder)?;
+            if !opened.folder().contains(MANIFEST) {
+                return Ok(None);
+            }
             let mut manifest = Self::read(folder)?;
             manifest.files.retain(|file, _| !is_renewed(file));
-            let results = stock(folder)?.into_iter().filter(|(file, _)| is_renewed(file));
-            manifest.files.extend(results);
-            Ok(manifest)
+            manifest.files.extend(stock(&opened, &is_renewed)?);
+            Ok(Some(manifest))
         };
-        let manifest =
-            renewed().map_err(|error| RecordError::at(&path)(io::Error::other(error.to_string())))?;
-        manifest.write(disk, folder)
+        match renewed().map_err(|error| RecordError::at(&path)(io::Error::other(error.to_string())))? {
+            Some(manifest) => manifest.write(disk, folder),
+            None => Ok(()),
+        }
     }
 }
 
@@ -206,33 +216,39 @@ impl Change {
     }
 }
 
-/// Every file in a folder but the manifest.
-fn stock(folder: &Path) -> Result<BTreeMap<String, ManifestEntry>, DatasetError> {
-    let mut files = BTreeMap::new();
-    let mut folders = vec![String::new()];
-    while let Some(inside) = folders.pop() {
-        let path = folder.join(&inside);
-        let failed =
-            |source| DatasetError::Unreadable { at: FilePlace::file(path.display().to_string()), source };
-        for entry in fs::read_dir(&path).map_err(failed)? {
-            let entry = entry.map_err(failed)?;
-            let name = format!("{inside}{}", entry.file_name().to_string_lossy());
-            if entry.file_type().map_err(failed)?.is_dir() {
-                folders.push(format!("{name}/"));
-            } else if name != MANIFEST {
-                files.insert(name.clone(), kept(&entry.path(), &name)?);
-            }
-        }
-    }
-    Ok(files)
+/// Everything in a folder but the manifest, by its path with `/`.
+fn files(folder: &SessionFolder) -> Result<Vec<(String, TreeFile)>, DatasetError> {
+    let tree = folder.folder().tree().map_err(|source| folder.unreadable("", source))?;
+    let named = tree.into_iter().map(|file| (name_of(&file), file));
+    Ok(named.filter(|(name, _)| name != MANIFEST).collect())
 }
 
-fn kept(path: &Path, name: &str) -> Result<ManifestEntry, DatasetError> {
-    let bytes = match fs::metadata(path) {
-        Ok(about) if about.is_file() => fs::read(path),
-        Ok(_) => Err(io::Error::new(ErrorKind::InvalidInput, "not an ordinary file")),
-        Err(error) => Err(error),
-    };
-    let bytes = bytes.map_err(|source| DatasetError::Unreadable { at: FilePlace::file(name), source })?;
-    Ok(ManifestEntry { bytes: bytes.len() as u64, sha256: sha256(&bytes) })
+fn name_of(file: &TreeFile) -> String {
+    let parts: Vec<_> = file.path.iter().map(|part| part.to_string_lossy()).collect();
+    parts.join("/")
+}
+
+/// Length and sum of the plain files in a folder whose name is wanted. A link is no part of a session; `verify` says that it was
+/// added.
+fn stock(
+    folder: &SessionFolder,
+    is_wanted: impl Fn(&str) -> bool,
+) -> Result<BTreeMap<String, ManifestEntry>, DatasetError> {
+    let wanted =
+        files(folder)?.into_iter().filter(|(name, file)| file.kind == EntryKind::File && is_wanted(name));
+    wanted
+        .map(|(name, file)| {
+            let (bytes, sha256) =
+                folder.folder().sum(&file.path).map_err(|source| folder.unreadable(&name, source))?;
+            Ok((name, ManifestEntry { bytes, sha256 }))
+        })
+        .collect()
+}
+
+fn is_as_noted(folder: &SessionFolder, file: &TreeFile, noted: &ManifestEntry) -> io::Result<bool> {
+    if file.kind != EntryKind::File || folder.folder().length(&file.path)? != noted.bytes {
+        return Ok(false);
+    }
+    let (bytes, sha256) = folder.folder().sum(&file.path)?;
+    Ok(bytes == noted.bytes && sha256 == noted.sha256)
 }

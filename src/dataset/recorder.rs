@@ -6,12 +6,16 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use sha2::{Digest, Sha256};
+
 use super::audit::AuditEntry;
 use super::disk::Disk;
-use super::journal::{Interrupted, Journal, JournalEntry};
+use super::hexadecimal::hexadecimal;
+use super::journal::{Interrupted, Journal, JournalEntry, RecordSum};
 use super::record_splitter::RecordSplitter;
 use super::tables;
 use super::trial_csv_writer::{HEADER, TrialCsvWriter};
+use crate::files::{Folder, is_refusal};
 use crate::protocol::TooShort;
 use crate::rig::{Origin, Sample};
 use crate::session::{
@@ -65,6 +69,7 @@ impl RecordError {
                     "Choose a folder that you may write to with --out"
                 }
                 io::ErrorKind::NotFound => "Make the folder above it first",
+                _ if is_refusal(&source) => "Nothing was written to it",
                 _ => "Check the disk; a session that was under way can be resumed",
             };
             Self::Unwritable { path: path.to_owned(), source, advice }
@@ -75,7 +80,7 @@ impl RecordError {
 /// The folder of a session that is running.
 #[derive(Debug)]
 pub struct Recorder {
-    folder: PathBuf,
+    folder: Folder,
     disk: Disk,
     journal: Journal,
     rows: TrialCsvWriter,
@@ -93,43 +98,56 @@ struct OpenRecord {
     handle: File,
     buffer: Vec<u8>,
     samples: u64,
+    /// Length and sum of what the operating system has.
+    bytes: u64,
+    sum: Sha256,
+}
+
+impl OpenRecord {
+    /// Hands the rows so far to the operating system: the death of the program does not take them any more.
+    fn flush(&mut self, disk: &Disk) -> io::Result<()> {
+        if self.buffer.is_empty() {
+            return Ok(());
+        }
+        disk.append(&mut self.handle, &self.buffer)?;
+        self.bytes += self.buffer.len() as u64;
+        self.sum.update(&self.buffer);
+        self.buffer.clear();
+        Ok(())
+    }
 }
 
 impl Recorder {
     /// Records into `folder`, whose journal has been begun.
     pub(super) fn new(
-        folder: &Path,
+        folder: Folder,
         disk: Disk,
         journal: Journal,
         settings: Arc<Settings>,
         names: RecordNames,
     ) -> Self {
         let rows = TrialCsvWriter::new(settings.sample_rate_hz);
-        Self {
-            folder: folder.to_owned(),
-            disk,
-            journal,
-            rows,
-            settings,
-            names,
-            splitter: RecordSplitter::new(),
-            open: None,
-        }
+        Self { folder, disk, journal, rows, settings, names, splitter: RecordSplitter::new(), open: None }
     }
 
     /// Notes in the journal that the session was resumed.
     pub(super) fn resume(
         &mut self,
+        completed: Option<RecordSum>,
         interrupted: Option<Interrupted>,
+        files_sha256: BTreeMap<String, String>,
         progress: &Progress,
     ) -> Result<(), RecordError> {
-        self.append(&JournalEntry::Resumed { interrupted })?;
+        if let Some(completed) = completed {
+            self.append(&JournalEntry::Recorded(completed))?;
+        }
+        self.append(&JournalEntry::Resumed { interrupted, files_sha256 })?;
         self.write_tables(progress)
     }
 
     /// The session's folder.
     pub fn folder(&self) -> &Path {
-        &self.folder
+        self.folder.path()
     }
 
     /// Writes an operator's action into the journal. It is on disk when this returns.
@@ -138,16 +156,17 @@ impl Recorder {
     }
 
     fn append(&mut self, record: &JournalEntry) -> Result<(), RecordError> {
-        self.journal.append(&self.disk, record).map_err(RecordError::at(&self.folder.join(super::JOURNAL)))
+        self.journal.append(&self.disk, record).map_err(RecordError::at(&self.folder.path_of(super::JOURNAL)))
     }
 
     fn begin(&mut self, target: RecordTarget, progress: &Progress) -> Result<(), RecordError> {
         let Some(file) = self.names.next(target, progress) else { return Ok(()) };
-        let path = self.folder.join(&file).with_added_extension("part");
-        let handle = self.disk.create(&path).map_err(RecordError::at(&path))?;
+        let part = part_of(&file);
+        let handle =
+            self.disk.create(&self.folder, &part).map_err(RecordError::at(&self.folder.path_of(&part)))?;
         let mut buffer = Vec::with_capacity(2 * CHUNK);
         buffer.extend_from_slice(HEADER);
-        self.open = Some(OpenRecord { file, handle, buffer, samples: 0 });
+        self.open = Some(OpenRecord { file, handle, buffer, samples: 0, bytes: 0, sum: Sha256::new() });
         Ok(())
     }
 
@@ -158,32 +177,28 @@ impl Recorder {
         if open.buffer.len() >= CHUNK { self.flush() } else { Ok(()) }
     }
 
-    /// Hands the rows so far to the operating system: the death of the program does not take them any more.
     fn flush(&mut self) -> Result<(), RecordError> {
-        let Some(open) = self.open.as_mut().filter(|open| !open.buffer.is_empty()) else { return Ok(()) };
-        let path = self.folder.join(&open.file);
-        self.disk.append(&mut open.handle, &open.buffer).map_err(RecordError::at(&path))?;
-        open.buffer.clear();
-        Ok(())
+        let Some(open) = &mut self.open else { return Ok(()) };
+        open.flush(&self.disk).map_err(RecordError::at(&self.folder.path_of(&open.file)))
     }
 
-    /// The record is complete, and gets its name only once it is safe.
+    /// The record is complete. It gets its name only once it is safe, and the journal its sum.
     fn finish(&mut self) -> Result<(), RecordError> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
-        let path = self.folder.join(&open.file);
-        let part = path.with_added_extension("part");
         let mut write = || {
-            self.disk.append(&mut open.handle, &open.buffer)?;
+            open.flush(&self.disk)?;
             self.disk.sync(&open.handle)?;
-            self.disk.rename(&part, &path)
+            self.disk.rename(&self.folder, &part_of(&open.file), &open.file)
         };
-        write().map_err(RecordError::at(&path))
+        write().map_err(RecordError::at(&self.folder.path_of(&open.file)))?;
+        let OpenRecord { file, bytes, sum, .. } = open;
+        self.append(&JournalEntry::Recorded(RecordSum { file, bytes, sha256: hexadecimal(sum) }))
     }
 
     pub(super) fn write_tables(&self, progress: &Progress) -> Result<(), RecordError> {
         for (name, bytes) in tables::of_session(progress, &self.settings, &self.rows) {
-            let path = self.folder.join(name);
-            self.disk.write(&path, &bytes).map_err(RecordError::at(&path))?;
+            let path = self.folder.path_of(name);
+            self.disk.write(&self.folder, name, &bytes).map_err(RecordError::at(&path))?;
         }
         Ok(())
     }
@@ -247,6 +262,11 @@ impl RecordNames {
         *times += 1;
         Some(if *times == 1 { format!("{stem}.csv") } else { format!("{stem}-again-{}.csv", *times - 1) })
     }
+}
+
+/// Name of a record that is not complete.
+pub(super) fn part_of(file: &str) -> String {
+    format!("{file}.part")
 }
 
 fn changes_tables(transition: &TransitionRecord) -> bool {

@@ -11,9 +11,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::error::{DatasetError, FilePlace};
-use super::journal::JournalEntry;
+use super::journal::{JOURNAL, JournalEntry};
+use super::recorder::part_of;
 use super::recovery::{RecoveredSession, RecoveredState};
 use super::trial_csv_reader;
+use crate::files::{excerpt, limits};
 use crate::protocol::Limits;
 use crate::rig::{Fault, LimitMonitor, Motor, Sample};
 use crate::session::rules::{RULES, RuleChange, changes_since};
@@ -24,6 +26,9 @@ use crate::session::{
 
 /// Longest plausible wait for the operator, s; a longer one in the journal is an error.
 const LONGEST_WAIT_S: f64 = 7.0 * 86_400.0;
+
+/// Steps between two looks at whether the session only waits for the operator.
+const SETTLING_STEPS: u64 = 1 << 12;
 
 /// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,10 +41,32 @@ pub struct Replay {
     pub starts: usize,
     /// First difference from the record.
     pub difference: Option<Difference>,
+    /// Files that are not as the journal has them, with what became of each.
+    pub changed_files: Vec<String>,
+    /// Bytes behind the journal or a record that belong to neither.
+    pub garbage: Vec<Garbage>,
     /// The program that recorded it.
     pub program: String,
     /// The rules in force when it was recorded.
     pub rules: u32,
+}
+
+/// Bytes behind the end of a file that are no part of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Garbage {
+    /// The file.
+    pub file: String,
+    /// How many bytes.
+    pub bytes: u64,
+    /// The program died while it wrote the file, which explains them.
+    pub is_torn_end: bool,
+}
+
+impl fmt::Display for Garbage {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let why = if self.is_torn_end { ": the program ended while it wrote them" } else { "" };
+        write!(out, "{}: {} bytes behind its end belong to no record{why}", excerpt(&self.file), self.bytes)
+    }
 }
 
 /// First difference between a replay and the record.
@@ -63,6 +90,13 @@ impl Replay {
     /// What has changed in the rules since the session was recorded.
     pub fn changed_rules(&self) -> impl Iterator<Item = &'static RuleChange> {
         changes_since(self.rules)
+    }
+
+    /// Whether the session came out as recorded, from files that are as they were.
+    pub fn is_sound(&self) -> bool {
+        self.difference.is_none()
+            && self.changed_files.is_empty()
+            && self.garbage.iter().all(|garbage| garbage.is_torn_end)
     }
 
     /// Whether the session was recorded by rules that this program does not know yet.
@@ -93,7 +127,7 @@ pub type StepObserver<'a> = dyn FnMut(&Step, &Machine) -> ControlFlow<()> + 'a;
 /// # Errors
 /// If the folder cannot be read, or its journal is damaged in the middle.
 pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
-    replay_watched(folder, &mut |_, _| ControlFlow::Continue(()))
+    replay_session(folder, None)
 }
 
 /// As [`replay`], calling `observer` after each step.
@@ -101,6 +135,10 @@ pub fn replay(folder: &Path) -> Result<Replay, DatasetError> {
 /// # Errors
 /// As [`replay`].
 pub fn replay_watched(folder: &Path, observer: &mut StepObserver) -> Result<Replay, DatasetError> {
+    replay_session(folder, Some(observer))
+}
+
+fn replay_session(folder: &Path, mut observer: Option<&mut StepObserver>) -> Result<Replay, DatasetError> {
     let session = RecoveredSession::read(folder)?;
     session.undamaged()?;
     let mut state = RecoveredState::new(&session.settings);
@@ -109,10 +147,17 @@ pub fn replay_watched(folder: &Path, observer: &mut StepObserver) -> Result<Repl
         events: 0,
         starts: 0,
         difference: None,
+        changed_files: session.changed_files()?,
+        garbage: Vec::new(),
         program: session.program.clone(),
         rules: session.rules,
     };
     let records: Vec<&JournalEntry> = session.journal.records.iter().map(|placed| &placed.record).collect();
+    if let Some(torn) = &session.journal.torn {
+        let lines: Vec<ExpectedStep> = records.iter().filter_map(|record| ExpectedStep::of(record)).collect();
+        let is_torn_end = is_under_way(&lines);
+        replay.garbage.push(Garbage { file: session.folder.name(JOURNAL), bytes: torn.length, is_torn_end });
+    }
     // The first record describes the session.
     for part in records[1..].split_inclusive(|record| matches!(record, JournalEntry::Resumed { .. })) {
         let resumed = part.last().filter(|record| matches!(record, JournalEntry::Resumed { .. }));
@@ -120,7 +165,8 @@ pub fn replay_watched(folder: &Path, observer: &mut StepObserver) -> Result<Repl
         replay.starts += 1;
         let mut player = Replayer::new(&session, state, replay.starts);
         player.ended_well = resumed.is_none() && !is_under_way(&lines);
-        let played = player.play(&lines, observer)?;
+        let played = player.play(&lines, observer.as_deref_mut())?;
+        replay.garbage.append(&mut player.garbage);
         replay.steps += player.machine.sample();
         replay.events += player.events;
         if player.is_stopped {
@@ -173,6 +219,7 @@ impl ExpectedStep {
             JournalEntry::Session { .. }
             | JournalEntry::Resumed { .. }
             | JournalEntry::Console(_)
+            | JournalEntry::Recorded(_)
             | JournalEntry::Origin { .. } => None,
         }
     }
@@ -197,6 +244,7 @@ struct Replayer<'a> {
     /// The program lived to end this start of the session.
     ended_well: bool,
     rows: Option<RecordedSamples>,
+    garbage: Vec<Garbage>,
     angle_rad: f64,
     events: usize,
     /// The observer has ended the replay.
@@ -216,6 +264,7 @@ impl<'a> Replayer<'a> {
             start,
             ended_well: true,
             rows: None,
+            garbage: Vec::new(),
             angle_rad: 0.0,
             events: 0,
             is_stopped: false,
@@ -226,7 +275,7 @@ impl<'a> Replayer<'a> {
     fn play(
         &mut self,
         lines: &[ExpectedStep],
-        observer: &mut StepObserver,
+        mut observer: Option<&mut StepObserver>,
     ) -> Result<Option<Difference>, DatasetError> {
         let longest = (LONGEST_WAIT_S * self.session.settings.sample_rate_hz) as u64;
         let mut lines = lines;
@@ -253,6 +302,9 @@ impl<'a> Replayer<'a> {
                 let recorded = transition.map_or("a state that goes on".to_owned(), |it| describe(&it));
                 return Ok(Some(self.difference(step, recorded, "the end of the record".to_owned())));
             };
+            let before =
+                (observer.is_none() && phase == Phase::Paused && step.is_multiple_of(SETTLING_STEPS))
+                    .then(|| self.machine.clone());
             let output = self.machine.step(&input);
             if due.is_empty() && later.is_empty() && !self.ended_well && !self.rows_are_left() {
                 // The last sample of all may have decided something that never came to be in the journal, and so was not
@@ -270,11 +322,19 @@ impl<'a> Replayer<'a> {
             if let Some(difference) = self.follow(&output)? {
                 return Ok(Some(difference));
             }
-            if observer(&Step::new(&input, &output, &self.machine), &self.machine).is_break() {
+            if let Some(observer) = &mut observer
+                && observer(&Step::new(&input, &output, &self.machine), &self.machine).is_break()
+            {
                 self.is_stopped = true;
                 return Ok(None);
             }
             lines = later;
+            // A pause of days is not stepped through: nothing happens in it.
+            if let (Some(before), Some(next)) = (before, lines.first())
+                && self.machine.only_waits_since(&before)
+            {
+                self.machine.pass(next.sample.saturating_sub(self.machine.sample()));
+            }
         }
     }
 
@@ -391,14 +451,19 @@ impl<'a> Replayer<'a> {
     }
 
     /// The samples of a record, all but the first, which is the one that it began with.
-    fn read(&self, file: &str) -> Result<RecordedSamples, DatasetError> {
-        let folder = super::csv_input::SessionFolder::open(&self.session.path)?;
-        let part = format!("{file}.part");
-        let file = if self.session.path.join(&part).exists() { &part } else { file };
-        let text = folder.text(file, None)?;
+    fn read(&mut self, file: &str) -> Result<RecordedSamples, DatasetError> {
+        let folder = &self.session.folder;
+        let part = part_of(file);
+        let is_part = folder.folder().contains(&part);
+        let file = if is_part { &part } else { file };
+        let text = folder.text(file, limits::RECORD_BYTES, None)?;
         let name = folder.name(file);
         // A record that is still being written may end in the middle of a row.
         let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+        if whole.len() < text.len() {
+            let bytes = (text.len() - whole.len()) as u64;
+            self.garbage.push(Garbage { file: name.clone(), bytes, is_torn_end: is_part });
+        }
         if whole.is_empty() {
             return Ok(RecordedSamples { next: 0, ..RecordedSamples::default() });
         }

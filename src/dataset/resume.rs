@@ -1,16 +1,18 @@
 //! Resuming a session after any end: the open record is completed, and the trial under way is aborted.
 
-use std::fs;
+use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};
 use std::path::Path;
 
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
-use super::journal::{Damage, Interrupted, JOURNAL, Journal};
+use super::hexadecimal::sha256;
+use super::journal::{Damage, Interrupted, JOURNAL, Journal, RecordSum};
 use super::manifest::{Change, MANIFEST, Manifest};
-use super::recorder::{RecordError, Recorder};
+use super::recorder::{RecordError, Recorder, part_of};
 use super::recovery::{RecoveredSession, RecoveredState};
 use super::trial_csv_writer::HEADER;
+use crate::files::{EntryKind, Folder, is_refusal, limits};
 use crate::session::{Machine, Phase};
 
 /// Reason why a session cannot be resumed.
@@ -24,9 +26,11 @@ pub enum ResumeError {
     Record(#[from] RecordError),
     /// Files of the session were changed since it ended.
     #[error(
-        "{folder}: {} not as the session left it: {}. Put it back from a copy; to go on with the session as it is \
-         now, take {MANIFEST} away",
-        if .files.len() == 1 { "a file is" } else { "files are" }, .files.join(", ")
+        "{folder}: {} not as the session left it: {}. Put {} back from a copy; what was measured before cannot be gone on \
+         with otherwise. The trials in trials.csv can still be fitted",
+        if .files.len() == 1 { "a file is" } else { "files are" },
+        .files.join(", "),
+        if .files.len() == 1 { "it" } else { "them" }
     )]
     NotAsItWas {
         /// The session's folder.
@@ -44,6 +48,8 @@ pub struct Resumable {
     journal: Journal,
     disk: Disk,
     has_manifest: bool,
+    /// Sums that the journal is still to get.
+    missing_sums: BTreeMap<String, String>,
 }
 
 /// A resumed session: disarmed, waiting for the operator's start.
@@ -66,8 +72,15 @@ impl Resumable {
     /// If another program is at work in it, its journal is damaged in the middle, or it is no session of this program.
     pub fn open(path: &Path, disk: Disk) -> Result<Self, ResumeError> {
         let at = path.join(JOURNAL);
-        let journal = match Journal::open(&disk, path) {
+        let journal = match Folder::open(path).and_then(|folder| Journal::open(&disk, &folder)) {
             Ok(journal) => journal,
+            Err(source) if is_refusal(&source) => {
+                return Err(DatasetError::Unreadable {
+                    at: FilePlace::file(at.display().to_string()),
+                    source,
+                }
+                .into());
+            }
             Err(error) if error.kind() == ErrorKind::WouldBlock => {
                 return Err(DatasetError::InUse { at: FilePlace::file(path.display().to_string()) }.into());
             }
@@ -80,15 +93,25 @@ impl Resumable {
         };
         let session = RecoveredSession::read(path)?;
         session.undamaged()?;
-        let has_manifest = path.join(MANIFEST).exists();
+        let has_manifest = session.folder.folder().contains(MANIFEST);
+        let state = session.state()?;
+        let mut changed = session.changed_files()?;
         if has_manifest {
-            check_unchanged(path)?;
+            changed.extend(changed_since_the_end(path)?);
         }
-        let mut state = RecoveredState::new(&session.settings);
-        for placed in &session.journal.records {
-            state.apply(&placed.record);
+        if !changed.is_empty() {
+            changed.sort();
+            changed.dedup();
+            return Err(ResumeError::NotAsItWas { folder: path.display().to_string(), files: changed });
         }
-        Ok(Self { session, state, journal, disk, has_manifest })
+        let missing_sums = if session.has_sums() { BTreeMap::new() } else { session.present_sums()? };
+        Ok(Self { session, state, journal, disk, has_manifest, missing_sums })
+    }
+
+    /// Whether the journal, written by an older version of the program, has no sums: whether its files are those that the
+    /// session was begun with cannot be told then.
+    pub fn lacks_sums(&self) -> bool {
+        !self.missing_sums.is_empty()
     }
 
     /// Identifier of the subject.
@@ -138,95 +161,94 @@ impl Resumable {
     /// If the folder cannot be written. It can be tried again.
     pub fn resume(self) -> Result<Resumed, RecordError> {
         let is_finished = self.is_finished();
-        let Self { session, mut state, mut journal, disk, .. } = self;
-        let at = session.path.join(JOURNAL);
+        let Self { session, mut state, mut journal, disk, missing_sums, .. } = self;
+        let folder = session.folder.folder().clone();
+        let at = folder.path_of(JOURNAL);
         // First the manifest, which is invalid once another file has changed.
-        remove_unfinished(&disk, &session.path)?;
+        remove_unfinished(&disk, &folder)?;
         if let Some(torn) = &session.journal.torn {
             journal.cut(&disk, torn.offset).map_err(RecordError::at(&at))?;
         }
-        let samples = match &state.open {
-            Some(file) => complete_record(&disk, &session.path.join(file))?,
-            None => 0,
+        let (samples, completed) = match &state.open {
+            Some(file) => {
+                let (samples, sum) = complete_record(&disk, &folder, file)?;
+                (samples, Some(sum))
+            }
+            None => (0, None),
         };
         let interrupted = state
             .progress
             .interrupt(samples)
             .map(|trial| Interrupted { number: trial.number, samples: trial.samples });
         let machine = Machine::with_progress(session.settings.clone(), state.progress.clone());
-        let mut recorder = Recorder::new(&session.path, disk, journal, session.settings, state.names);
+        let mut recorder = Recorder::new(folder, disk, journal, session.settings, state.names);
         if is_finished {
             recorder.write_tables(&state.progress)?;
         } else {
-            recorder.resume(interrupted, &state.progress)?;
+            recorder.resume(completed, interrupted, missing_sums, &state.progress)?;
         }
         Ok(Resumed { recorder, machine, interrupted, torn: session.journal.torn })
     }
 }
 
-/// Compares the measured files with the manifest. Results and added files, such as exports, are not compared.
-fn check_unchanged(folder: &Path) -> Result<(), ResumeError> {
+/// The measured files that are not as the manifest has them. Results and added files, such as exports, are not compared.
+fn changed_since_the_end(folder: &Path) -> Result<impl Iterator<Item = String>, ResumeError> {
     let changes = Manifest::read(folder)?.changes(folder)?;
-    let files: Vec<String> = changes
-        .iter()
-        .filter(|change| !matches!(change, Change::Added(_)) && !change.file().starts_with("results/"))
-        .map(|change| format!("{} {}", change.file(), change.word()))
-        .collect();
-    if files.is_empty() {
-        return Ok(());
-    }
-    Err(ResumeError::NotAsItWas { folder: folder.display().to_string(), files })
+    let is_measured =
+        |change: &Change| !matches!(change, Change::Added(_)) && !change.file().starts_with("results/");
+    let changes = changes.into_iter().filter(is_measured);
+    Ok(changes.map(|change| format!("{} {}", change.file(), change.word())))
 }
 
-/// Removes unfinished files of [`Disk::write`] and the manifest.
-fn remove_unfinished(disk: &Disk, folder: &Path) -> Result<(), RecordError> {
-    for folder in [folder.to_owned(), folder.join("results")] {
-        let entries = match fs::read_dir(&folder) {
-            Ok(entries) => entries,
-            Err(error) if error.kind() == ErrorKind::NotFound => continue,
-            Err(error) => return Err(RecordError::at(&folder)(error)),
-        };
-        for entry in entries {
-            let path = entry.map_err(RecordError::at(&folder))?.path();
-            let is_manifest = path.file_name().is_some_and(|name| name == MANIFEST);
-            if is_manifest || is_half_written(&path) {
-                disk.remove(&path).map_err(RecordError::at(&path))?;
-            }
+/// Removes unfinished files and the manifest.
+fn remove_unfinished(disk: &Disk, folder: &Folder) -> Result<(), RecordError> {
+    let mut places: Vec<String> = ["", "results", "results/figures"].map(str::to_owned).into();
+    if let Ok(entries) = folder.folder("results").and_then(|results| results.entries()) {
+        let inside = entries.into_iter().filter(|entry| entry.kind == EntryKind::Folder);
+        for name in inside.filter_map(|entry| entry.name.into_string().ok()).filter(|name| name != "figures")
+        {
+            places.push(format!("results/{name}"));
+            places.push(format!("results/{name}/figures"));
         }
+    }
+    for inside in &places {
+        let remove = || -> io::Result<()> {
+            let inside = match folder.folder(inside) {
+                Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+                opened => opened?,
+            };
+            if inside.contains(MANIFEST) {
+                disk.remove(&inside, MANIFEST)?;
+            }
+            inside.unfinished_files()?.into_iter().try_for_each(|name| disk.remove(&inside, name))
+        };
+        remove().map_err(RecordError::at(&folder.path_of(inside)))?;
     }
     Ok(())
 }
 
-/// `trials.csv.new` and the like.
-fn is_half_written(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    [".csv.new", ".json.new", ".html.new"].iter().any(|ending| name.ends_with(ending))
-}
-
-/// Completes the record that was being written: keeps its complete rows under its final name. Returns their number.
-fn complete_record(disk: &Disk, path: &Path) -> Result<u64, RecordError> {
-    let part = path.with_added_extension("part");
-    let read = |path: &Path| match fs::read(path) {
-        Ok(bytes) => Ok(Some(bytes)),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error),
-    };
-    let complete = || -> io::Result<u64> {
-        let (bytes, has_name) = match (read(&part)?, read(path)?) {
+/// Completes the record that was being written: keeps its complete rows under its final name. Returns their number, and the
+/// sum of the record.
+fn complete_record(disk: &Disk, folder: &Folder, file: &str) -> Result<(u64, RecordSum), RecordError> {
+    let part = part_of(file);
+    let complete = || -> io::Result<(u64, RecordSum)> {
+        let read = |name: &str| folder.read_if_there(name, limits::RECORD_BYTES);
+        let (bytes, has_name) = match (read(&part)?, read(file)?) {
             (Some(bytes), _) => (bytes, false),
             (None, Some(bytes)) => (bytes, true),
             (None, None) => (Vec::new(), false),
         };
         let (good, samples) = complete_rows(&bytes);
         if !has_name || good.len() != bytes.len() {
-            disk.write(path, &good)?;
+            disk.write(folder, file, &good)?;
         }
-        if part.exists() {
-            disk.remove(&part)?;
+        if folder.contains(&part) {
+            disk.remove(folder, &part)?;
         }
-        Ok(samples)
+        let (bytes, sha256) = (good.len() as u64, sha256(&good));
+        Ok((samples, RecordSum { file: file.to_owned(), bytes, sha256 }))
     };
-    complete().map_err(RecordError::at(path))
+    complete().map_err(RecordError::at(&folder.path_of(file)))
 }
 
 /// The header and the complete rows of a record, and the number of rows.
@@ -256,4 +278,4 @@ fn is_complete_row(row: &[u8]) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -9,6 +9,7 @@ use super::audit::Wrist;
 use super::csv_input::SessionFolder;
 use super::description_json::parse_json;
 use super::error::DatasetError;
+use crate::files::limits;
 
 /// When, who and what of a session. A virtual session has none of it but what was given.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -60,6 +61,6 @@ impl SessionCard {
     /// If `session.json` cannot be read, or one of these fields has another type.
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
         let opened = SessionFolder::open(folder)?;
-        parse_json(&opened.name("session.json"), &opened.text("session.json", None)?)
+        parse_json(&opened.name("session.json"), &opened.text("session.json", limits::SETTINGS_BYTES, None)?)
     }
 }

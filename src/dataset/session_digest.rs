@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use sha2::{Digest, Sha256};
 
+use super::hexadecimal::hexadecimal;
 use super::{Session, Trial};
 
 impl Session {
@@ -35,7 +36,7 @@ impl Session {
                 put(&samples.flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>());
             }
         }
-        sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+        hexadecimal(sum)
     }
 }
 

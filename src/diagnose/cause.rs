@@ -2,6 +2,7 @@
 
 use super::across_trials::covariate_regression::CovariateEffect;
 use super::across_trials::outliers::Outlier;
+use super::evidence::found_law::LawCheck;
 use super::interval::Interval;
 use super::mains_hum::DetectedHum;
 use super::within_trial::cross_validation::Gain;
@@ -52,6 +53,8 @@ pub struct Cause {
     pub alternatives: Vec<(MechanismKind, f64)>,
     /// The mechanism's parameters.
     pub values: Vec<Interval>,
+    /// Its law beside what the session shows without a law, where a free law acts at its place.
+    pub law: Option<LawCheck>,
     /// The evidence.
     pub evidence: CauseEvidence,
 }

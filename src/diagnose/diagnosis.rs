@@ -13,7 +13,7 @@ use super::cause::{Cause, CauseEvidence};
 use super::evidence::answer::{
     AnsweredCause, CauseProbabilities, NAMED_PROBABILITY, answered_causes, most_probable_model,
 };
-use super::evidence::found_law::FoundLaw;
+use super::evidence::found_law::{FoundLaw, LawCheck};
 use super::evidence::model_posterior::ModelPosterior;
 use super::evidence::model_prior::compared;
 use super::evidence::model_search::{ComparedModel, ModelSearch};
@@ -330,6 +330,7 @@ impl FitChain<'_> {
             p_value: chi_square_tail(chi_square_gain, fitted as f64),
             alternatives: own.alternatives,
             values: whole.posterior.intervals(own.kind),
+            law: LawCheck::of(self.search, whole, own.kind),
             evidence,
         }
     }
@@ -366,6 +367,7 @@ fn hum_cause(
         p_value: hum.p_value,
         alternatives: Vec::new(),
         values: hum.intervals(),
+        law: None,
         evidence: CauseEvidence::Hold { hum: *hum, before, after, gain },
     }
 }

@@ -36,7 +36,7 @@ pub use across_trials::outliers::Outlier;
 pub use cause::{Cause, CauseEvidence};
 pub use diagnosis::{Diagnosis, Verdict, diagnose};
 pub use evidence::answer::CauseProbabilities;
-pub use evidence::found_law::FoundLaw;
+pub use evidence::found_law::{FoundLaw, LawCheck};
 pub use interval::Interval;
 pub use mains_hum::{DetectedHum, remove_hum};
 pub use output::{DIAGNOSIS_FORMAT, picture};

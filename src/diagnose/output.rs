@@ -1,17 +1,16 @@
 //! Writes `diagnosis.json` and `model.json`, and draws the residuals for the terminal.
 
-use std::path::Path;
-
 use serde_json::{Map, Value, json};
 
 use super::across_trials::covariate_regression::without_effect;
 use super::across_trials::elastic_limit_law::ElasticLimitLaw;
 use super::cause::{Cause, CauseEvidence};
 use super::diagnosis::Diagnosis;
-use super::evidence::found_law::FoundLaw;
+use super::evidence::found_law::{FoundLaw, LawCheck};
 use super::predicted_torque::residuals;
 use super::residual_correlation::residual_by_trial;
 use crate::dataset::Disk;
+use crate::files::Folder;
 use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
@@ -65,6 +64,7 @@ impl Diagnosis {
             .map(|(kind, probability)| json!({ "mechanism": kind.id(), "probability": probability }))
             .collect();
         entry.insert("alternatives".into(), json!(alternatives));
+        entry.insert("law".into(), json!(cause.law.as_ref().map(LawCheck::to_json)));
         match &cause.evidence {
             CauseEvidence::WithinTrial { before, after, chi_square_gain, gain } => {
                 entry.insert("worth_chi_square".into(), json!(chi_square_gain));
@@ -238,7 +238,7 @@ impl Diagnosis {
         observations: &Observations,
         json: &Value,
         disk: &Disk,
-        folder: &Path,
+        folder: &Folder,
     ) -> Result<(), WriteError> {
         let text = serde_json::to_string_pretty(json).unwrap_or_default() + "\n";
         let model =

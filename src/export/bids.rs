@@ -1,7 +1,7 @@
 //! A BIDS dataset of sessions: `emg` recordings where there is EMG, `motion` recordings where there is none.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -10,6 +10,7 @@ use super::bdf::{self, BdfChannel};
 use super::error::ExportError;
 use super::sidecars::{self, TASK};
 use crate::dataset::{self, Session, SessionCard, Trial};
+use crate::files::{self, Folder};
 
 /// A session to export, with the label of its subject.
 #[derive(Debug, Clone)]
@@ -36,20 +37,25 @@ struct Entry {
 /// If a session cannot be read, the identifier of a subject cannot be part of a file name, or the target is not empty or
 /// cannot be written. All checks are done before anything is written.
 pub fn write(participants: &[Participant], target: &Path) -> Result<(), ExportError> {
-    if target.exists() && fs::read_dir(target).map_err(ExportError::at(target))?.next().is_some() {
+    let is_empty = || Folder::open(target)?.entries().map(|entries| entries.is_empty());
+    if files::exists(target) && !is_empty().map_err(ExportError::at(target))? {
         return Err(ExportError::NotEmpty(target.into()));
     }
     let entries = load(participants)?;
-    fs::create_dir_all(target).map_err(ExportError::at(target))?;
-    put_json(&target.join("dataset_description.json"), &sidecars::dataset())?;
-    put(&target.join("README.md"), sidecars::README)?;
-    put_json(&target.join(format!("task-{TASK}_events.json")), &sidecars::events_meaning())?;
+    let open = || {
+        files::make_folders(target)?;
+        Folder::open(target)
+    };
+    let target = BidsFolder(open().map_err(ExportError::at(target))?);
+    target.put_json("dataset_description.json", &sidecars::dataset())?;
+    target.put("README.md", sidecars::README)?;
+    target.put_json(&format!("task-{TASK}_events.json"), &sidecars::events_meaning())?;
     let people: BTreeSet<&str> = entries.iter().map(|entry| entry.label.as_str()).collect();
     let (table, meaning) = participants_table(&people, &entries);
-    put(&target.join("participants.tsv"), &table)?;
-    put_json(&target.join("participants.json"), &meaning)?;
-    put_json(&target.join("derivatives/ramphold/dataset_description.json"), &sidecars::derivatives())?;
-    entries.iter().try_for_each(|entry| entry.write(target))
+    target.put("participants.tsv", &table)?;
+    target.put_json("participants.json", &meaning)?;
+    target.put_json("derivatives/ramphold/dataset_description.json", &sidecars::derivatives())?;
+    entries.iter().try_for_each(|entry| entry.write(&target))
 }
 
 /// `participants.tsv` and `participants.json`: the identifiers, and every field that a session has of its subject.
@@ -127,42 +133,43 @@ impl Entry {
         format!("sub-{}{session}", self.label)
     }
 
-    fn write(&self, target: &Path) -> Result<(), ExportError> {
+    fn write(&self, target: &BidsFolder) -> Result<(), ExportError> {
         let stem = format!("{}_task-{TASK}", self.folder().replace('/', "_"));
         let mut scans = Vec::new();
         for trial in self.session.trials.iter().filter(|trial| !trial.record.theta_m_rad.is_empty()) {
             let has_emg = trial.record.emg_fcr_mvc.is_some() || trial.record.emg_ecr_mvc.is_some();
             let (kind, track) = if has_emg { ("emg", "") } else { ("motion", "_tracksys-motor") };
-            let folder = target.join(self.folder()).join(kind);
+            let folder = format!("{}/{kind}", self.folder());
             let run = format!("run-{:03}", trial.number);
-            put(&folder.join(format!("{stem}_{run}_events.tsv")), &sidecars::events(trial))?;
-            let name = |suffix: &str| folder.join(format!("{stem}{track}_{run}_{suffix}"));
+            target.put(&format!("{folder}/{stem}_{run}_events.tsv"), &sidecars::events(trial))?;
+            let name = |suffix: &str| format!("{folder}/{stem}{track}_{run}_{suffix}");
             let signal = if has_emg { "emg.bdf" } else { "motion.tsv" };
             scans.push(format!("{kind}/{stem}{track}_{run}_{signal}"));
-            if has_emg { self.emg(trial, name)? } else { self.motion(trial, name)? }
+            if has_emg { self.emg(trial, target, name)? } else { self.motion(trial, target, name)? }
         }
         if let Some(started) = &self.card.about.started_utc {
-            let path =
-                target.join(self.folder()).join(format!("{}_scans.tsv", self.folder().replace('/', "_")));
-            put(
-                &path,
-                &format!(
-                    "filename\tacq_time\n{}",
-                    scans.iter().map(|scan| format!("{scan}\t{started}\n")).collect::<String>()
-                ),
-            )?;
+            let own = self.folder();
+            let rows: String = scans.iter().map(|scan| format!("{scan}\t{started}\n")).collect();
+            let table = format!("filename\tacq_time\n{rows}");
+            target.put(&format!("{own}/{}_scans.tsv", own.replace('/', "_")), &table)?;
         }
-        copy(&self.folder, &target.join("sourcedata").join(self.folder()), &|path| {
-            !path.ends_with("results")
-        })?;
-        let results = self.folder.join("results");
-        if results.is_dir() {
-            copy(&results, &target.join("derivatives/ramphold").join(self.folder()), &|_| true)?;
+        let from = Folder::open(&self.folder).map_err(ExportError::at(&self.folder))?;
+        for file in dataset::session_files(&self.folder, &self.session)? {
+            let to = match file.strip_prefix("results/") {
+                Some(result) => format!("derivatives/ramphold/{}/{result}", self.folder()),
+                None => format!("sourcedata/{}/{file}", self.folder()),
+            };
+            target.copy(&from, &file, &to)?;
         }
         Ok(())
     }
 
-    fn emg(&self, trial: &Trial, name: impl Fn(&str) -> PathBuf) -> Result<(), ExportError> {
+    fn emg(
+        &self,
+        trial: &Trial,
+        target: &BidsFolder,
+        name: impl Fn(&str) -> String,
+    ) -> Result<(), ExportError> {
         let record = &trial.record;
         let muscles = [("emg_fcr", &record.emg_fcr_mvc), ("emg_ecr", &record.emg_ecr_mvc)];
         let measured = muscles.iter().filter_map(|(label, values)| Some((*label, "MVC", values.as_ref()?)));
@@ -172,56 +179,69 @@ impl Entry {
         let path = name("emg.bdf");
         let bytes = bdf::recording(&self.label, self.session.sample_rate_hz, &channels).map_err(
             |(place, value)| ExportError::OutOfRange {
-                path: path.clone(),
+                path: target.0.path_of(&path),
                 channel: channels[place].label,
                 value,
                 limit: bdf::LARGEST_VALUE,
             },
         )?;
-        fs::write(&path, bytes).map_err(ExportError::at(&path))?;
-        put_json(
+        target.put_bytes(&path, &bytes)?;
+        target.put_json(
             &name("emg.json"),
             &sidecars::emg(&self.session, record.theta_m_rad.len(), channels.len() - 2),
         )?;
-        put(&name("channels.tsv"), &sidecars::emg_channels(channels.iter().map(|channel| channel.label)))
+        target
+            .put(&name("channels.tsv"), &sidecars::emg_channels(channels.iter().map(|channel| channel.label)))
     }
 
-    fn motion(&self, trial: &Trial, name: impl Fn(&str) -> PathBuf) -> Result<(), ExportError> {
+    fn motion(
+        &self,
+        trial: &Trial,
+        target: &BidsFolder,
+        name: impl Fn(&str) -> String,
+    ) -> Result<(), ExportError> {
         let record = &trial.record;
         let rows = record.theta_m_rad.iter().zip(&record.torque_l_nm);
         let text: String = rows.map(|(angle, torque)| format!("{angle}\t{torque}\n")).collect();
-        put(&name("motion.tsv"), &text)?;
-        put_json(&name("motion.json"), &sidecars::motion(&self.session))?;
-        put(&name("channels.tsv"), sidecars::MOTION_CHANNELS)
+        target.put(&name("motion.tsv"), &text)?;
+        target.put_json(&name("motion.json"), &sidecars::motion(&self.session))?;
+        target.put(&name("channels.tsv"), sidecars::MOTION_CHANNELS)
     }
 }
 
-fn put(path: &Path, text: &str) -> Result<(), ExportError> {
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(ExportError::at(folder))?;
+/// The folder of the dataset.
+struct BidsFolder(Folder);
+
+impl BidsFolder {
+    fn put(&self, name: &str, text: &str) -> Result<(), ExportError> {
+        self.put_bytes(name, text.as_bytes())
     }
-    fs::write(path, text).map_err(ExportError::at(path))
-}
 
-fn put_json(path: &Path, value: &Value) -> Result<(), ExportError> {
-    put(path, &format!("{value:#}\n"))
-}
+    fn put_json(&self, name: &str, value: &Value) -> Result<(), ExportError> {
+        self.put(name, &format!("{value:#}\n"))
+    }
 
-/// Copies a folder, without unwanted files and without symbolic links, which could point outside it.
-fn copy(from: &Path, to: &Path, wanted: &dyn Fn(&Path) -> bool) -> Result<(), ExportError> {
-    fs::create_dir_all(to).map_err(ExportError::at(to))?;
-    for entry in fs::read_dir(from).map_err(ExportError::at(from))? {
-        let entry = entry.map_err(ExportError::at(from))?;
-        let (source, target) = (entry.path(), to.join(entry.file_name()));
-        let kind = entry.file_type().map_err(ExportError::at(&source))?;
-        if !wanted(&source) {
-            continue;
+    fn put_bytes(&self, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
+        self.make_folder_of(name)?;
+        self.0.write(name, bytes).map_err(ExportError::at(self.0.path_of(name)))
+    }
+
+    /// Copies a plain file, piece by piece.
+    fn copy(&self, from: &Folder, file: &str, to: &str) -> Result<(), ExportError> {
+        self.make_folder_of(to)?;
+        let mut source = from.open_file(file).map_err(ExportError::at(from.path_of(file)))?;
+        let mut copy = || {
+            let mut target = self.0.begin_file(to)?;
+            io::copy(&mut source, target.file())?;
+            target.finish()
+        };
+        copy().map_err(ExportError::at(self.0.path_of(to)))
+    }
+
+    fn make_folder_of(&self, name: &str) -> Result<(), ExportError> {
+        for (end, _) in name.match_indices('/') {
+            self.0.folder_made(&name[..end]).map_err(ExportError::at(self.0.path_of(&name[..end])))?;
         }
-        if kind.is_dir() {
-            copy(&source, &target, wanted)?;
-        } else if kind.is_file() {
-            fs::copy(&source, &target).map_err(ExportError::at(&source))?;
-        }
+        Ok(())
     }
-    Ok(())
 }

@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::dataset::DatasetError;
+use crate::files::is_refusal;
 
 /// Why an export failed.
 #[derive(Debug, thiserror::Error)]
@@ -92,6 +93,10 @@ impl ExportError {
 
     /// Whether the input is wrong, so that the exit code is 2.
     pub fn is_bad_input(&self) -> bool {
-        !matches!(self, Self::File { .. } | Self::Parquet { .. })
+        match self {
+            Self::File { source, .. } => is_refusal(source),
+            Self::Parquet { .. } => false,
+            _ => true,
+        }
     }
 }

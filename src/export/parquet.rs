@@ -1,7 +1,7 @@
 //! Tidy Parquet tables with one row per sample or one row per trial.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,6 +15,7 @@ use parquet::schema::types::Type;
 use super::error::ExportError;
 use super::rows::Rows;
 use crate::dataset::{self, Session, Trial};
+use crate::files::{self, Folder, limits};
 
 /// A column of the table.
 enum Column {
@@ -30,7 +31,7 @@ type ParquetColumns = Vec<(String, Column)>;
 /// # Errors
 /// If a session or its `fit.csv` cannot be read, or the file exists already or cannot be written.
 pub fn write(folders: &[PathBuf], file: &Path, rows: Rows) -> Result<(), ExportError> {
-    if file.exists() {
+    if files::exists(file) {
         return Err(ExportError::Exists(file.into()));
     }
     let sessions: Vec<(PathBuf, Session)> = folders
@@ -42,12 +43,14 @@ pub fn write(folders: &[PathBuf], file: &Path, rows: Rows) -> Result<(), ExportE
         Rows::Samples => sessions.iter().map(|(folder, session)| samples(&name(folder), session)).collect(),
         Rows::Trials => vec![trials(&sessions)?],
     };
-    let partial = file.with_added_extension("new");
-    let output = File::create(&partial).map_err(ExportError::at(&partial))?;
+    let above = Folder::open(file.parent().unwrap_or(Path::new("")));
+    let mut output = above
+        .and_then(|above| above.begin_file(file.file_name().unwrap_or_default()))
+        .map_err(ExportError::at(file))?;
     let refused =
         |error: ParquetError| ExportError::Parquet { path: file.into(), message: error.to_string() };
-    write_groups(output, &groups).map_err(refused)?;
-    fs::rename(&partial, file).map_err(ExportError::at(file))
+    write_groups(output.file(), &groups).map_err(refused)?;
+    output.finish().map_err(ExportError::at(file))
 }
 
 fn name(folder: &Path) -> String {
@@ -109,7 +112,7 @@ fn trials(sessions: &[(PathBuf, Session)]) -> Result<ParquetColumns, ExportError
             append(&mut columns, own)
         }
         onsets.extend(session.trials.iter().map(|trial| trial.onset_s));
-        let fits = fits(&folder.join("results/fit.csv"))?;
+        let fits = fits(folder)?;
         more.extend(session.trials.iter().map(|trial| {
             let mut row = trial.extra.clone();
             row.extend(fits.get(&trial.number).cloned().unwrap_or_default());
@@ -147,12 +150,17 @@ fn append(columns: &mut ParquetColumns, more: ParquetColumns) {
 }
 
 /// The rows of `fit.csv` by trial; none without that file.
-fn fits(path: &Path) -> Result<BTreeMap<u32, BTreeMap<String, String>>, ExportError> {
-    if !path.exists() {
-        return Ok(BTreeMap::new());
+fn fits(session: &Path) -> Result<BTreeMap<u32, BTreeMap<String, String>>, ExportError> {
+    const FIT: &str = "results/fit.csv";
+    let path = session.join(FIT);
+    let bytes = Folder::open(session).and_then(|folder| folder.read_if_there(FIT, limits::FIT_BYTES));
+    let Some(bytes) = bytes.map_err(ExportError::at(&path))? else { return Ok(BTreeMap::new()) };
+    let bad = |message: String| ExportError::Table { path: path.clone(), message };
+    let mut reader = csv::Reader::from_reader(bytes.as_slice());
+    let columns = reader.headers().map_err(|error| bad(error.to_string()))?.len();
+    if columns > limits::MAX_COLUMNS {
+        return Err(bad(format!("{columns} columns; expected at most {}", limits::MAX_COLUMNS)));
     }
-    let bad = |message: String| ExportError::Table { path: path.into(), message };
-    let mut reader = csv::Reader::from_path(path).map_err(|error| bad(error.to_string()))?;
     let mut fits = BTreeMap::new();
     for row in reader.deserialize() {
         let row: BTreeMap<String, String> = row.map_err(|error| bad(error.to_string()))?;
@@ -162,7 +170,7 @@ fn fits(path: &Path) -> Result<BTreeMap<u32, BTreeMap<String, String>>, ExportEr
     Ok(fits)
 }
 
-fn write_groups(file: File, groups: &[ParquetColumns]) -> Result<(), ParquetError> {
+fn write_groups(file: &mut File, groups: &[ParquetColumns]) -> Result<(), ParquetError> {
     let fields = groups.first().into_iter().flatten().map(|(name, column)| {
         let builder = match column {
             Column::Text(_) => Type::primitive_type_builder(name, Physical::BYTE_ARRAY)

@@ -1,6 +1,5 @@
 //! Reads the numeric columns of a Parquet table.
 
-use std::fs::File;
 use std::path::Path;
 
 use parquet::errors::ParquetError;
@@ -9,10 +8,16 @@ use parquet::record::{Field, Row};
 
 use super::error::ImportError;
 use super::source_table::SourceTable;
+use crate::files::{self, FileRefusal, limits};
 
 /// Reads the table in `path`; columns that are not numbers are left out.
 pub fn read(path: &Path) -> Result<Vec<SourceTable>, ImportError> {
-    let file = File::open(path).map_err(|source| ImportError::Unreadable { path: path.into(), source })?;
+    let unreadable = |source| ImportError::Unreadable { path: path.into(), source };
+    // The library reads the file itself, in pieces.
+    let file = files::open(path).map_err(unreadable)?;
+    if file.metadata().map_err(unreadable)?.len() > limits::RECORDING_BYTES {
+        return Err(unreadable(FileRefusal::TooLarge { limit: limits::RECORDING_BYTES }.into()));
+    }
     let broken = |error: ParquetError| ImportError::Source {
         path: path.into(),
         found: format!("no Parquet table that can be read ({error})"),

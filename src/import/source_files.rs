@@ -1,10 +1,11 @@
 //! Reading the files of a source into tables.
 
-use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::error::ImportError;
 use super::source_table::SourceTable;
+use crate::files::{self, Folder, limits};
 
 /// Kinds of files that are read.
 const KINDS: &str = "a folder of .csv or .mat files, or a .csv, .txt, .tsv, .mat or .parquet file";
@@ -15,15 +16,15 @@ const KINDS: &str = "a folder of .csv or .mat files, or a .csv, .txt, .tsv, .mat
 /// If the source cannot be read, or is of no kind that is known.
 pub fn read_source(source: &Path) -> Result<Vec<SourceTable>, ImportError> {
     let unreadable = |source_error| ImportError::Unreadable { path: source.into(), source: source_error };
-    if !fs::metadata(source).map_err(unreadable)?.is_dir() {
-        return read_file(source);
-    }
-    let entries = fs::read_dir(source).map_err(unreadable)?;
-    let mut files: Vec<PathBuf> =
-        entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| is_known(path)).collect();
-    files.sort();
+    let folder = match Folder::open(source) {
+        Err(error) if error.kind() == ErrorKind::NotADirectory => return read_file(source),
+        opened => opened.map_err(unreadable)?,
+    };
+    let entries = folder.entries().map_err(unreadable)?;
+    let recordings: Vec<PathBuf> =
+        entries.into_iter().map(|entry| folder.path_of(entry.name)).filter(|path| is_known(path)).collect();
     let mut tables = Vec::new();
-    for file in files {
+    for file in recordings {
         tables.extend(read_file(&file)?);
     }
     if tables.is_empty() {
@@ -60,7 +61,7 @@ fn read_file(path: &Path) -> Result<Vec<SourceTable>, ImportError> {
 #[cfg(feature = "matlab")]
 fn read_mat(path: &Path) -> Result<Vec<SourceTable>, ImportError> {
     let unreadable = |source| ImportError::Unreadable { path: path.into(), source };
-    let bytes = fs::read(path).map_err(unreadable)?;
+    let bytes = files::read(path, limits::RECORDING_BYTES).map_err(unreadable)?;
     let arrays = if super::mat_v73::is_hdf5(&bytes) {
         super::mat_v73::read(bytes, path)?
     } else {
@@ -95,7 +96,7 @@ fn read_parquet(path: &Path) -> Result<Vec<SourceTable>, ImportError> {
 /// Reads a table with a header line; the separator is what the header has most of: comma, semicolon or tab.
 fn read_text_table(path: &Path) -> Result<SourceTable, ImportError> {
     let unreadable = |source| ImportError::Unreadable { path: path.into(), source };
-    let text = String::from_utf8_lossy(&fs::read(path).map_err(unreadable)?)
+    let text = String::from_utf8_lossy(&files::read(path, limits::RECORDING_BYTES).map_err(unreadable)?)
         .trim_start_matches('\u{feff}')
         .to_owned();
     let head = text.lines().next().unwrap_or_default();

@@ -1,7 +1,6 @@
 //! Writing an imported session.
 
 use std::fmt::Write as _;
-use std::fs;
 use std::path::Path;
 
 use serde_json::json;
@@ -11,6 +10,7 @@ use super::mapping::Mapping;
 use super::picture::picture;
 use super::session_build::ImportedSession;
 use crate::dataset::{Disk, PROGRAM, Record, SESSION_FORMAT};
+use crate::files::{self, Folder};
 
 /// Name of the picture of the first trials.
 pub const PICTURE: &str = "import.svg";
@@ -28,16 +28,20 @@ impl ImportedSession {
                 reason: format!("cannot be written: {error}"),
             }
         };
-        if folder.symlink_metadata().is_ok() {
+        if files::exists(folder) {
             let reason = "exists already and is not overwritten; give another --out".to_owned();
             return Err(ImportError::Write { path: folder.into(), reason });
         }
-        let trials = folder.join("trials");
-        fs::create_dir_all(&trials).map_err(failed(&trials))?;
+        let open = || {
+            files::make_folders(folder)?;
+            let opened = Folder::open(folder)?;
+            opened.make_folder("trials")?;
+            Ok(opened)
+        };
+        let opened = open().map_err(failed(folder))?;
         let disk = Disk::default();
         let put = |name: &str, text: &str| {
-            let path = folder.join(name);
-            disk.write(&path, text.as_bytes()).map_err(failed(&path))
+            disk.write(&opened, name, text.as_bytes()).map_err(failed(&opened.path_of(name)))
         };
         for trial in &self.session.trials {
             put(&trial.file, &record_text(&trial.record, self.session.sample_rate_hz))?;

@@ -1,6 +1,5 @@
 //! Parsing of protocols: a parsed protocol is a valid protocol.
 
-use std::fs;
 use std::ops::Deref;
 use std::path::Path;
 
@@ -8,6 +7,7 @@ use super::schema::SCHEMA;
 use super::shape::Shape;
 use super::source::JsonNode;
 use super::{Duration, Problem, Protocol, ProtocolError, RampAndHold, TooShort, rules};
+use crate::files::{self, limits};
 
 /// A [`Protocol`] that passed every check, and the text it was read from.
 ///
@@ -36,8 +36,8 @@ impl ValidProtocol {
     /// Reads a protocol file.
     pub fn read(path: &Path) -> Result<Self, ProtocolError> {
         let file = path.display().to_string();
-        let bytes =
-            fs::read(path).map_err(|source| ProtocolError::Unreadable { file: file.clone(), source })?;
+        let bytes = files::read(path, limits::SETTINGS_BYTES)
+            .map_err(|source| ProtocolError::Unreadable { file: file.clone(), source })?;
         let text = String::from_utf8(bytes).map_err(|error| {
             let text = &error.as_bytes()[..error.utf8_error().valid_up_to()];
             let line = 1 + text.iter().filter(|byte| **byte == b'\n').count();

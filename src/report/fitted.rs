@@ -7,6 +7,8 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::error::ReportError;
+use crate::dataset::Session;
+use crate::files::{excerpt, limits};
 use crate::fit::{FIT_FORMAT, Model, QUANTITIES};
 use crate::json_file::JsonFileError;
 use crate::signal::FilterSpec;
@@ -17,6 +19,8 @@ use crate::wrist::BASE_PARAMETERS;
 pub struct Fitted {
     /// Format and version, [`FIT_FORMAT`].
     pub format: String,
+    /// Id of the subject.
+    pub subject: Option<String>,
     /// Version of the program that fitted.
     pub version: String,
     /// The settings of the preprocessing.
@@ -169,31 +173,51 @@ impl Fitted {
         self.session_model.as_ref().is_some_and(|model| model.used)
     }
 
-    /// Checks that the file has the format that this program writes.
-    pub fn check_format(&self, path: &Path) -> Result<(), ReportError> {
-        if self.format == FIT_FORMAT {
-            return Ok(());
-        }
-        let source = JsonFileError::Value {
-            file: path.to_owned(),
-            line: 1,
-            field: "format".into(),
-            message: format!("{:?} is not known", self.format),
-            expected: FIT_FORMAT,
+    /// Checks that the file has the format that this program writes, and a window that can be drawn.
+    pub fn check(&self, path: &Path) -> Result<(), ReportError> {
+        let refuse = |field: &str, message: String| {
+            let (file, field) = (path.to_owned(), field.to_owned());
+            let source = JsonFileError::Value { file, line: 1, field, message, expected: FIT_FORMAT };
+            Err(ReportError::Content { source, verb: "fit" })
         };
-        Err(ReportError::Content { source, verb: "fit" })
+        if self.format != FIT_FORMAT {
+            return refuse("format", format!("{:?} is not known", excerpt(&self.format)));
+        }
+        let window_s = self.settings.window_s;
+        if !(window_s > 0.0 && window_s <= limits::MAX_WINDOW_S) {
+            let range = format!("more than 0 and at most {}", limits::MAX_WINDOW_S);
+            return refuse("settings.window_s", format!("{window_s} is no window; expected {range}"));
+        }
+        Ok(())
     }
 
-    /// The model and all parameters of a trial in the model's order; `None` if the file lacks one.
-    pub fn parameters(&self, trial: &FittedTrial) -> Option<(Model, Vec<f64>)> {
-        let model = Model::parse(&self.model.to_string()).ok()?;
+    /// Whether it is of the subject and the trials of a session.
+    pub fn is_of(&self, session: &Session) -> bool {
+        let conditions: BTreeMap<u32, [f64; 2]> = session
+            .trials
+            .iter()
+            .map(|trial| (trial.number, [trial.velocity_rad_s, trial.torque_nm]))
+            .collect();
+        self.subject.as_ref().is_none_or(|subject| *subject == session.subject.id)
+            && self
+                .trials
+                .iter()
+                .all(|own| conditions.get(&own.trial) == Some(&[own.velocity_rad_s, own.torque_nm]))
+    }
+
+    /// The model of the fit; `None` if the file holds none.
+    pub fn model(&self) -> Option<Model> {
+        Model::parse(&self.model.to_string()).ok()
+    }
+
+    /// All parameters of a trial in the order of its `model`; `None` if the file lacks one.
+    pub fn parameters(&self, model: &Model, trial: &FittedTrial) -> Option<Vec<f64>> {
         let shared = self.mechanism_values.as_ref();
         let value = |name: &String| match trial.values.get(name) {
             Some(value) => *value,
             None => shared.and_then(|values| values.get(name).copied()),
         };
-        let values = model.parameter_names().iter().map(value).collect::<Option<Vec<f64>>>()?;
-        Some((model, values))
+        model.parameter_names().iter().map(value).collect()
     }
 }
 

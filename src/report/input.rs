@@ -1,6 +1,5 @@
 //! The input of a report, read from a session's folder.
 
-use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -13,6 +12,7 @@ use super::fitted::Fitted;
 use super::journal::{SessionTimes, times};
 use super::traces::{Trace, traces};
 use crate::dataset::{self, JOURNAL, Session, SessionCard};
+use crate::files::{Folder, limits};
 use crate::fit::FIT_FORMAT;
 use crate::json_file;
 use crate::protocol::ValidProtocol;
@@ -62,16 +62,18 @@ impl ReportInput {
     ///
     /// # Errors
     /// If the session or a result file that is there cannot be read.
-    pub fn read(folder: &Path, results: &Path, beside: Option<&Path>) -> Result<Self, ReportError> {
+    pub fn read(folder: &Path, results: &Folder, beside: Option<&Folder>) -> Result<Self, ReportError> {
         let session = dataset::load(folder)?;
         let card = SessionCard::read(folder)?;
-        let is_virtual = ran_on_virtual_wrist(folder);
         let mut missing = Vec::new();
         let protocol = protocol(folder, &mut missing);
-        let times = text(&folder.join(JOURNAL))?.map(|text| times(&text, session.sample_rate_hz));
-        let lateness = lateness(folder, &mut missing)?;
-        let mut fitted = read_fit(&results.join("fit.json"))?;
-        let mut diagnosis = diagnosis(&results.join("diagnosis.json"))?;
+        let opened = open(folder)?;
+        let is_virtual = ran_on_virtual_wrist(&opened);
+        let journal = text(&opened, JOURNAL, limits::JOURNAL_BYTES)?;
+        let times = journal.map(|text| times(&text, session.sample_rate_hz));
+        let lateness = lateness(&opened, &mut missing)?;
+        let mut fitted = read_fit(results)?;
+        let mut diagnosis = diagnosis(results)?;
         let digest = session.digest();
         let has_results = (fitted.is_some(), diagnosis.is_some());
         if let Some(reason) = fitted.as_ref().and_then(|fit| foreign_fit(fit, &digest)) {
@@ -86,9 +88,8 @@ impl ReportInput {
         }
         let beside = match beside {
             Some(folder) => Some((
-                folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-                read_fit(&folder.join("fit.json"))?
-                    .ok_or_else(|| ReportError::NoFit { folder: folder.into() })?,
+                folder.path().file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                read_fit(folder)?.ok_or_else(|| ReportError::NoFit { folder: folder.path().into() })?,
             )),
             None => None,
         };
@@ -126,49 +127,54 @@ impl ReportInput {
 /// # Errors
 /// If the session or a result file that is there cannot be read.
 pub fn foreign_results(folder: &Path) -> Result<Vec<String>, ReportError> {
-    let results = folder.join("results");
-    let fitted = read_fit(&results.join("fit.json"))?;
-    let diagnosis = diagnosis(&results.join("diagnosis.json"))?;
+    let results = match open(folder)?.folder("results") {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        opened => {
+            opened.map_err(|source| ReportError::Unreadable { path: folder.join("results"), source })?
+        }
+    };
+    let fitted = read_fit(&results)?;
+    let diagnosis = diagnosis(&results)?;
     let digest = dataset::load(folder)?.digest();
     let of_fit = fitted.as_ref().and_then(|fit| foreign_fit(fit, &digest));
     let of_diagnosis = diagnosis.and_then(|own| foreign_diagnosis(&own, fitted.as_ref(), &digest));
     Ok(of_fit.into_iter().chain(of_diagnosis).collect())
 }
 
+fn open(folder: &Path) -> Result<Folder, ReportError> {
+    Folder::open(folder).map_err(|source| ReportError::Unreadable { path: folder.into(), source })
+}
+
 /// The text of a file, or `None` if there is no such file.
-fn text(path: &Path) -> Result<Option<String>, ReportError> {
-    match fs::read(path) {
-        Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        Err(source) => Err(ReportError::Unreadable { path: path.into(), source }),
-    }
+fn text(folder: &Folder, name: &str, limit: u64) -> Result<Option<String>, ReportError> {
+    let bytes = folder.read_if_there(name, limit);
+    let bytes = bytes.map_err(|source| ReportError::Unreadable { path: folder.path_of(name), source })?;
+    Ok(bytes.map(|bytes| String::from_utf8_lossy(&bytes).into_owned()))
 }
 
 fn protocol(folder: &Path, missing: &mut Vec<String>) -> Option<ValidProtocol> {
-    let path = folder.join("protocol.json");
-    if !path.exists() {
-        missing.push("The session has no protocol.json: it was not run by this program.".into());
-        return None;
+    match dataset::stored_protocol(folder) {
+        Ok(Some(protocol)) => return Some(protocol),
+        Ok(None) => missing.push("The session has no protocol.json: it was not run by this program.".into()),
+        Err(error) => missing.push(format!("The protocol cannot be read: {error}")),
     }
-    ValidProtocol::read(&path)
-        .map_err(|error| missing.push(format!("The protocol cannot be read: {error}")))
-        .ok()
+    None
 }
 
 /// Whether `rig.json` describes a virtual wrist.
-fn ran_on_virtual_wrist(folder: &Path) -> bool {
-    let rig =
-        fs::read(folder.join("rig.json")).ok().and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
+fn ran_on_virtual_wrist(folder: &Folder) -> bool {
+    let rig = folder.read("rig.json", limits::SETTINGS_BYTES).ok();
+    let rig = rig.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
     rig.is_some_and(|rig| rig.pointer("/rig/kind").and_then(Value::as_str) == Some("virtual"))
 }
 
-fn lateness(folder: &Path, missing: &mut Vec<String>) -> Result<Option<LatenessSummary>, ReportError> {
+fn lateness(folder: &Folder, missing: &mut Vec<String>) -> Result<Option<LatenessSummary>, ReportError> {
     #[derive(Deserialize)]
     struct Bus {
         lateness: LatenessSummary,
     }
-    let path = folder.join("bus.json");
-    let Some(text) = text(&path)? else { return Ok(None) };
+    let Some(text) = text(folder, "bus.json", limits::BUS_BYTES)? else { return Ok(None) };
+    let path = folder.path_of("bus.json");
     let bus: Result<Bus, _> = json_file::parse(&text, &path, "the summary of a CAN session");
     Ok(bus
         .map(|bus| bus.lateness)
@@ -176,16 +182,22 @@ fn lateness(folder: &Path, missing: &mut Vec<String>) -> Result<Option<LatenessS
         .ok())
 }
 
-fn read_fit(path: &Path) -> Result<Option<Fitted>, ReportError> {
-    let Some(text) = text(path)? else { return Ok(None) };
-    let fitted: Fitted = json_file::parse(&text, path, FIT_FORMAT)
-        .map_err(|source| ReportError::Content { source, verb: "fit" })?;
-    fitted.check_format(path)?;
-    Ok(Some(fitted))
+/// Reads `fit.json` of a folder of results, if there is one.
+pub fn read_fit(results: &Folder) -> Result<Option<Fitted>, ReportError> {
+    let Some(text) = text(results, "fit.json", limits::FIT_BYTES)? else { return Ok(None) };
+    parse_fit(&text, &results.path_of("fit.json")).map(Some)
 }
 
-fn diagnosis(path: &Path) -> Result<Option<Value>, ReportError> {
-    let Some(text) = text(path)? else { return Ok(None) };
-    let diagnosis = json_file::parse(&text, path, "ramphold-diagnosis/1");
+/// Parses and checks the text of `fit.json`; `path` is its name for messages.
+pub fn parse_fit(text: &str, path: &Path) -> Result<Fitted, ReportError> {
+    let fitted: Fitted = json_file::parse(text, path, FIT_FORMAT)
+        .map_err(|source| ReportError::Content { source, verb: "fit" })?;
+    fitted.check(path)?;
+    Ok(fitted)
+}
+
+fn diagnosis(results: &Folder) -> Result<Option<Value>, ReportError> {
+    let Some(text) = text(results, "diagnosis.json", limits::DIAGNOSIS_BYTES)? else { return Ok(None) };
+    let diagnosis = json_file::parse(&text, &results.path_of("diagnosis.json"), "ramphold-diagnosis/1");
     diagnosis.map(Some).map_err(|source| ReportError::Content { source, verb: "diagnose" })
 }

@@ -24,8 +24,9 @@ pub use error::ReportError;
 pub use figures::{EffectCurve, PowerCurve, mechanism as mechanism_figure, power as power_figure};
 pub use input::foreign_results;
 
-use crate::dataset::Disk;
-use input::ReportInput;
+use crate::dataset::{Disk, Session};
+use crate::files::Folder;
+use input::{ReportInput, read_fit};
 
 /// File name of the page in a results folder.
 pub const REPORT: &str = "report.html";
@@ -44,6 +45,19 @@ pub struct WrittenReport {
     pub missing: Vec<String>,
 }
 
+/// Whether the fit in a folder of results, if there is one, is of the trials of `session`.
+///
+/// # Errors
+/// If `fit.json` is there and cannot be read.
+pub fn is_of_session(results: &Path, session: &Session) -> Result<bool, ReportError> {
+    let unreadable = |source| ReportError::Unreadable { path: results.into(), source };
+    let folder = match Folder::open(results) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(true),
+        opened => opened.map_err(unreadable)?,
+    };
+    Ok(read_fit(&folder)?.is_none_or(|fitted| fitted.is_of(session)))
+}
+
 /// Writes the report of the session in `folder`, whose results are in `results`, into the folder `out`; a second fit, in the folder
 /// `beside`, is laid beside the first.
 ///
@@ -51,9 +65,9 @@ pub struct WrittenReport {
 /// If the session, or a result file that is there, cannot be read, or the report cannot be written.
 pub fn write(
     folder: &Path,
-    results: &Path,
-    beside: Option<&Path>,
-    out: &Path,
+    results: &Folder,
+    beside: Option<&Folder>,
+    out: &Folder,
     disk: &Disk,
 ) -> Result<WrittenReport, ReportError> {
     let input = ReportInput::read(folder, results, beside)?;
@@ -69,19 +83,16 @@ pub fn write(
     if input.beside.is_some() {
         sections.insert(1, sections::comparison(&input));
     }
-    let figures_folder = out.join(FIGURES);
-    let at = |path: &Path| {
-        let path = path.to_owned();
-        move |source| ReportError::Unwritable { path, source }
-    };
-    std::fs::create_dir_all(&figures_folder).map_err(at(&figures_folder))?;
+    let at = |path: PathBuf| move |source| ReportError::Unwritable { path, source };
+    let figures_folder = out.folder_made(FIGURES).map_err(at(out.path_of(FIGURES)))?;
     let mut figures = 0;
     for figure in sections.iter().flat_map(|section| &section.figures) {
-        let path = figures_folder.join(format!("{}.svg", figure.id));
-        disk.write(&path, figure.file().as_bytes()).map_err(at(&path))?;
+        let name = format!("{}.svg", figure.id);
+        disk.write(&figures_folder, &name, figure.file().as_bytes())
+            .map_err(at(figures_folder.path_of(&name)))?;
         figures += 1;
     }
-    let page = out.join(REPORT);
-    disk.write(&page, page::html(&input, &sections).as_bytes()).map_err(at(&page))?;
+    let page = out.path_of(REPORT);
+    disk.write(out, REPORT, page::html(&input, &sections).as_bytes()).map_err(at(page.clone()))?;
     Ok(WrittenReport { page, figures, missing: input.missing })
 }

@@ -1,5 +1,8 @@
 //! The HTML page: one file with its style and script, which needs no network.
 
+use data_encoding::BASE64;
+use sha2::{Digest, Sha256};
+
 use super::figure;
 use super::input::ReportInput;
 use super::scale::escape;
@@ -13,14 +16,21 @@ const SCRIPT: &str = include_str!("page.js");
 pub fn html(input: &ReportInput, sections: &[ReportSection]) -> String {
     let subject = escape(&input.session.subject.id);
     let protocol = input.protocol.as_ref().map_or(String::new(), |own| format!(" · {}", escape(&own.name)));
+    // Only what is written here is a style or a script of the page. Whatever else a session's texts may bring in is neither.
+    let style = format!("\n{}{PAGE_STYLE}", figure::STYLE);
+    let script = format!("\n{SCRIPT}");
+    let policy = format!(
+        "default-src 'none'; style-src '{}'; script-src '{}'; base-uri 'none'; form-action 'none'",
+        source_of(&style),
+        source_of(&script)
+    );
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\
          <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><meta name=\"color-scheme\" content=\"light dark\">\
          <meta name=\"generator\" content=\"{PROGRAM}\"><title>{subject}: ramp-and-hold report</title>\
-         <style>\n{}{PAGE_STYLE}</style></head><body><header><h1>{subject}{protocol}</h1>\
-         <nav aria-label=\"sections\">",
-        figure::STYLE
+         <style>{style}</style></head><body><header><h1>{subject}{protocol}</h1>\
+         <nav aria-label=\"sections\">"
     );
     for section in sections {
         page += &format!("<a href=\"#{}\">{}</a>", section.id, short(section.heading));
@@ -37,8 +47,13 @@ pub fn html(input: &ReportInput, sections: &[ReportSection]) -> String {
     page + &format!(
         "</main><footer>Written by {PROGRAM}. SI units. The figures are also in the folder figures beside this page. Paper: \
          E. de Vlugt et al., Short range stiffness elastic limit depends on joint velocity, 2011.</footer>\
-         <script>\n{SCRIPT}</script></body></html>\n"
+         <script>{script}</script></body></html>\n"
     )
+}
+
+/// A style or a script by its sum, as a content security policy names it.
+fn source_of(text: &str) -> String {
+    format!("sha256-{}", BASE64.encode(&Sha256::digest(text)))
 }
 
 /// A heading without the part in brackets or after a colon.

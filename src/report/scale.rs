@@ -1,5 +1,10 @@
 //! Axes with round numbers on them, and numbers with sensible digits.
 
+/// Whether a value can have a place on an axis.
+fn is_drawable(value: f64) -> bool {
+    value.abs() < 1e100
+}
+
 /// One axis of a chart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
@@ -14,14 +19,17 @@ pub struct Axis {
 impl Axis {
     /// From `low` to `high` as they are.
     pub fn new(label: &str, low: f64, high: f64) -> Self {
-        let high = if high > low { high } else { low + 1.0 };
+        // What cannot be told apart in double precision has no place on an axis either.
+        let (low, high) = if is_drawable(low) && is_drawable(high) { (low, high) } else { (0.0, 1.0) };
+        let smallest = (1e-9 * low.abs().max(high.abs())).max(1e-99);
+        let high = if high - low > smallest { high } else { low + smallest.max(1.0) };
         Self { label: label.into(), low, high }
     }
 
     /// Wide enough for all finite `values`, with a little room and round ends.
     pub fn around(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for value in values.into_iter().filter(|value| value.is_finite()) {
+        for value in values.into_iter().filter(|value| is_drawable(*value)) {
             low = low.min(value);
             high = high.max(value);
         }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::fitted::{Fitted, FittedTrial};
 use crate::dataset::{Session, Status};
-use crate::fit::{Observations, PreprocessingSettings, TrialObservation};
+use crate::fit::{Model, Observations, PreprocessingSettings, TrialObservation};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
 use crate::wrist::{self, SimulatedTorque, SimulationSettings, TraceSample, simulate, substeps};
@@ -70,8 +70,10 @@ pub fn traces(
     for left in &prepared.excluded_trials {
         missing.push(format!("Trial {} is not drawn: {}.", left.trial, left.reason));
     }
+    let fitted_model = fitted.and_then(|fitted| Some((fitted, fitted.model()?)));
+    let fit = fitted_model.as_ref().map(|(fitted, model)| (*fitted, model));
     let traces: Vec<Trace> =
-        prepared.trials.par_iter().map(|trial| one(session, &prepared, trial, fitted)).collect();
+        prepared.trials.par_iter().map(|trial| one(session, &prepared, trial, fitted, fit)).collect();
     let bare = traces.iter().filter(|trace| trace.instants.is_empty()).count();
     if fitted.is_some() && bare > 0 {
         missing.push(format!(
@@ -87,11 +89,13 @@ fn one(
     prepared: &Observations,
     trial: &TrialObservation,
     fitted: Option<&Fitted>,
+    fit: Option<(&Fitted, &Model)>,
 ) -> Trace {
     let mut trace = recorded(session, prepared, trial);
     let Some(fitted) = fitted else { return trace };
     trace.fit = fitted.trials.iter().find(|fit| fit.trial == trial.number).cloned();
-    let Some((model, parameters)) = trace.fit.as_ref().and_then(|fit| fitted.parameters(fit)) else {
+    let Some((fitted, model)) = fit else { return trace };
+    let Some(parameters) = trace.fit.as_ref().and_then(|own| fitted.parameters(model, own)) else {
         return trace;
     };
     let kinds = model.kinds();

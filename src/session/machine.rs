@@ -146,6 +146,30 @@ impl Machine {
         }
     }
 
+    /// Whether the session only waits for the operator, and the step since `before` changed nothing but the counts of samples:
+    /// every further step with the same input does the same.
+    pub fn only_waits_since(&self, before: &Self) -> bool {
+        let mut waited = before.clone();
+        waited.pass(1);
+        // Of a sample that is given again and again, it only counts how often.
+        waited.limit_monitor.clone_from(&self.limit_monitor);
+        self.phase == Phase::Paused && waited == *self
+    }
+
+    /// Counts samples that change nothing else, see [`Machine::only_waits_since`].
+    pub fn pass(&mut self, samples: u64) {
+        for count in [
+            &mut self.sample,
+            &mut self.in_phase,
+            &mut self.at_home,
+            &mut self.in_trial,
+            &mut self.since_onset,
+        ] {
+            *count += samples;
+        }
+        self.limit_monitor.skip(samples);
+    }
+
     fn count(&mut self) {
         self.in_phase += 1;
         self.at_home += 1;

@@ -6,7 +6,6 @@
 
 mod correlation;
 mod distribution;
-mod extreme_value;
 mod groups;
 mod least_squares;
 mod moments;
@@ -17,7 +16,6 @@ mod welch;
 
 pub use correlation::rank_correlation;
 pub use distribution::{chi_square_tail, f_tail, t_quantile, t_two_sided, wilson};
-pub use extreme_value::gumbel_tail;
 pub use groups::group_indices;
 pub use least_squares::{WeightedRegression, slope_through_origin};
 pub use moments::{Contrast, MeanCovariance, MeanVariance};

@@ -190,15 +190,3 @@ fn slope_through_origin_is_that_of_a_line() {
     assert_eq!(slope_through_origin([(1.0, 2.0), (-2.0, -4.0)]), 2.0);
     assert!(slope_through_origin([(0.0, 1.0)]).is_nan());
 }
-
-#[test]
-fn gumbel_tail_matches_its_quantiles_and_is_bounded_below() {
-    // Quantiles of the standard Gumbel distribution: -ln(-ln(q)).
-    let maxima: Vec<f64> = (0..2000).map(|i| -(-((f64::from(i) + 0.5) / 2000.0).ln()).ln()).collect();
-    assert_near(gumbel_tail(&maxima, -(-(0.95_f64).ln()).ln()), 0.05, 0.05);
-    assert_eq!(gumbel_tail(&maxima, 1e3), SMALLEST);
-    const SMALLEST: f64 = 0.05 / 2000.0;
-    assert_eq!(gumbel_tail(&[1.0, 1.0], 0.5), 1.0);
-    assert!(gumbel_tail(&maxima, f64::NAN).is_nan(), "what is not a number is no strong evidence");
-    assert!(gumbel_tail(&[1.0, f64::NAN], 5.0).is_nan());
-}

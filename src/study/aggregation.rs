@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::collections::HashSet;
-use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -11,6 +10,7 @@ use super::error::{StudyError, StudyIssue};
 use super::part::{StudyPart, header};
 use super::plan::Study;
 use super::table_reader::{CellMeans, StudyTableReader, SubjectRows};
+use crate::files::Folder;
 use crate::fit::QUANTITIES;
 use crate::statistics::{MeanCovariance, MeanVariance};
 
@@ -43,21 +43,21 @@ pub struct StudySummary {
 /// Writes `study.csv` in `folder` from the parts there. Returns the sessions that failed.
 pub fn assemble_table(study: &Study, folder: &Path) -> Result<Vec<StudyIssue>, StudyError> {
     let path = folder.join("study.csv");
-    let partial = path.with_added_extension("new");
     let mut failed = Vec::new();
-    let file = File::create(&partial).map_err(StudyError::at(&partial))?;
-    let mut out = BufWriter::new(file);
-    let put = |out: &mut BufWriter<File>, text: &str| {
-        out.write_all(text.as_bytes()).map_err(StudyError::at(&partial))
-    };
-    put(&mut out, &header())?;
+    let mut file = Folder::open(folder)
+        .and_then(|folder| folder.begin_file("study.csv"))
+        .map_err(StudyError::at(&path))?;
+    let mut out = BufWriter::new(file.file());
+    let mut put = |text: &str| out.write_all(text.as_bytes()).map_err(StudyError::at(&path));
+    put(&header())?;
     for number in 0..study.parts() {
         let contents = StudyPart::of(folder, number).read(study)?;
-        put(&mut out, &contents.rows)?;
+        put(&contents.rows)?;
         failed.extend(contents.failed.into_iter().take(LISTED_ISSUES.saturating_sub(failed.len())));
     }
-    out.flush().map_err(StudyError::at(&partial))?;
-    std::fs::rename(&partial, &path).map_err(StudyError::at(&path))?;
+    out.flush().map_err(StudyError::at(&path))?;
+    drop(out);
+    file.finish().map_err(StudyError::at(&path))?;
     Ok(failed)
 }
 

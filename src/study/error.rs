@@ -60,6 +60,9 @@ pub enum StudyError {
     /// A part that was finished is missing or damaged.
     #[error(transparent)]
     Part(#[from] PartError),
+    /// A folder of measured sessions that cannot be read.
+    #[error(transparent)]
+    Dataset(#[from] DatasetError),
     /// A `study.csv` that cannot be used.
     #[error("{}, line {line}: {message}", .file.display())]
     ResultTable {

@@ -4,8 +4,7 @@
 //! SHA-256 of everything above. A part is written to a temporary file that is renamed once it is complete: a worker that is killed
 //! leaves no part that looks finished, and two workers that do the same part write the same bytes.
 
-use std::fs;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -14,13 +13,11 @@ use sha2::{Digest, Sha256};
 use super::error::{PartError, StudyError, StudyIssue};
 use super::plan::Study;
 use super::unit_session::{SessionStorage, UnitEstimates, fit_unit};
+use crate::files::{self, Folder, csv_cell, limits};
 use crate::fit::{TrialEstimate, fit_header, fit_row};
 
 /// Name of the folder of the parts, inside the study's folder.
 pub const PARTS_FOLDER: &str = "parts";
-
-/// Prefix of the names of files that are being written.
-pub(super) const TEMPORARY_PREFIX: &str = ".new-";
 
 /// A part of a study, finished or not.
 #[derive(Debug, Clone)]
@@ -77,7 +74,8 @@ impl StudyPart {
     /// If the file is missing, damaged, or of another study.
     pub fn read(&self, study: &Study) -> Result<PartContents, PartError> {
         let wrong = |problem| PartError { path: self.path.clone(), problem };
-        let text = fs::read_to_string(&self.path).map_err(|_| wrong("is missing or cannot be read"))?;
+        let text = files::read_text(&self.path, limits::STUDY_BYTES)
+            .map_err(|_| wrong("is missing or cannot be read"))?;
         let broken = || wrong("is damaged: its checksum is missing or does not match");
         let (body, sum) = text.rsplit_once("# sha256 ").ok_or_else(broken)?;
         let sha256 = hex(body.as_bytes());
@@ -114,7 +112,8 @@ fn file_text(study: &Study, part: u64, storage: SessionStorage, done: impl Fn() 
                 format!("# failed {}\n", serde_json::json!([unit.subject, unit.session, reason]))
             });
             done();
-            let subject = cell(&unit.subject);
+            // A row is a line, and a line that begins with # is a comment.
+            let subject = csv_cell(&unit.subject.replace(['\n', '\r'], " "));
             rows.map(|UnitEstimates { trials, fit }| {
                 let line = |estimate: &TrialEstimate| {
                     format!("{subject},{},{},{}\n", fit_row(estimate), unit.session, fit.name())
@@ -131,15 +130,6 @@ fn file_text(study: &Study, part: u64, storage: SessionStorage, done: impl Fn() 
     text + &format!("# sha256 {sum}\n")
 }
 
-/// A text as a CSV cell, quoted where needed, also before `#`, which begins a comment.
-fn cell(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r', '#']) {
-        format!("\"{}\"", text.replace('"', "\"\"").replace(['\n', '\r'], " "))
-    } else {
-        text.into()
-    }
-}
-
 fn parse_failed(record: &str) -> Option<StudyIssue> {
     let (subject, session, reason) = serde_json::from_str(record).ok()?;
     Some(StudyIssue::SessionFailed { subject, session, reason })
@@ -151,14 +141,5 @@ fn hex(bytes: &[u8]) -> String {
 
 /// Writes a file atomically: readers see the whole file or none, even if two processes on two machines write it at once.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(TEMPORARY_PREFIX);
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
-    let mut file = builder.tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_data()?;
-    file.persist(path).map_err(|error| error.error)?;
-    Ok(())
+    Folder::open(path.parent().unwrap_or(Path::new("")))?.write(path.file_name().unwrap_or_default(), bytes)
 }

@@ -1,7 +1,6 @@
 //! The list of a study's units: its sessions, with the subject and the seed of each.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -11,7 +10,8 @@ use super::error::{StudyError, StudyIssue};
 use super::population::{Population, subject_id};
 use super::study_file::{MeasuredSessions, StudyFile, StudyFit, Subjects, VirtualSubjects};
 use crate::consistency::SignalCheck;
-use crate::dataset::PROGRAM;
+use crate::dataset::{PROGRAM, session_folders, stored_protocol};
+use crate::files::{Folder, limits};
 use crate::fit::Weighting;
 use crate::protocol::ValidProtocol;
 use crate::random::Stream;
@@ -253,7 +253,9 @@ fn measured_units(
     let mut issues = Vec::new();
     let mut subjects: Vec<(String, Vec<PathBuf>)> = Vec::new();
     let mut places: BTreeMap<String, usize> = BTreeMap::new();
-    for session in session_folders(measured, folder)? {
+    for session in
+        session_folders(&measured.folders.iter().map(|given| folder.join(given)).collect::<Vec<_>>())?
+    {
         let subject = subject_of(&session);
         let place = *places.entry(subject.clone()).or_insert_with(|| {
             subjects.push((subject, Vec::new()));
@@ -270,7 +272,7 @@ fn measured_units(
                 let place = folder.display().to_string();
                 issues.push(StudyIssue::DuplicateSubject { subject: subject.clone(), place });
             }
-            let protocol = ValidProtocol::read(&folder.join("protocol.json")).ok();
+            let protocol = stored_protocol(&folder).ok().flatten();
             match (&reference, protocol) {
                 (None, Some(protocol)) => reference = Some((subject.clone(), protocol)),
                 (Some((first, expected)), Some(protocol)) => {
@@ -288,32 +290,11 @@ fn measured_units(
     Ok((units, issues))
 }
 
-/// The folders that are session folders, and the session folders inside the others, sorted by name.
-fn session_folders(measured: &MeasuredSessions, folder: &Path) -> Result<Vec<PathBuf>, StudyError> {
-    let is_session = |folder: &Path| folder.join("session.json").exists();
-    let mut found = Vec::new();
-    for given in &measured.folders {
-        let given = folder.join(given);
-        let mut inside = Vec::new();
-        if given.is_dir() && !is_session(&given) {
-            for entry in fs::read_dir(&given).map_err(StudyError::at(&given))? {
-                let path = entry.map_err(StudyError::at(&given))?.path();
-                if is_session(&path) {
-                    inside.push(path);
-                }
-            }
-            inside.sort();
-        }
-        // A folder without any session is kept: loading it will report what is missing.
-        if inside.is_empty() { found.push(given) } else { found.append(&mut inside) }
-    }
-    Ok(found)
-}
-
 /// The subject's identifier in a session folder; the folder's path if it has none, which loading it will report.
 fn subject_of(session: &Path) -> String {
-    let text = fs::read_to_string(session.join("session.json")).unwrap_or_default();
-    let value: Value = serde_json::from_str(&text).unwrap_or_default();
+    let text =
+        Folder::open(session).and_then(|folder| folder.read_text("session.json", limits::SETTINGS_BYTES));
+    let value: Value = serde_json::from_str(&text.unwrap_or_default()).unwrap_or_default();
     let own = value["subject"]["id"].as_str().map(str::to_owned);
     own.unwrap_or_else(|| session.display().to_string())
 }

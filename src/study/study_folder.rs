@@ -1,16 +1,16 @@
 //! The folder of a study: its plan, its parts and its tables.
 
 use std::ffi::OsStr;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::aggregation::{StudySummary, TableOrigin, assemble_table, summarise};
 use super::error::{StudyError, StudyIssue};
-use super::part::{PARTS_FOLDER, StudyPart, TEMPORARY_PREFIX, write_whole};
+use super::part::{PARTS_FOLDER, StudyPart, write_whole};
 use super::plan::Study;
 use super::result_tables::{RESULTS_FORMAT, ResultTables};
+use crate::files::{self, Folder, limits};
 use crate::fit::QUANTITIES;
 
 /// Name of the file that identifies the study; it is written first.
@@ -33,7 +33,7 @@ impl StudyFolder {
         let refuse = |found: &str, advice| {
             Err(StudyError::Folder { folder: path.to_owned(), found: found.to_owned(), advice })
         };
-        if let Ok(there) = fs::read_to_string(&file) {
+        if let Ok(there) = files::read_text(&file, limits::SETTINGS_BYTES) {
             if there != plan {
                 return refuse(
                     "contains another study, or this study with another seed or version of the program",
@@ -47,22 +47,22 @@ impl StudyFolder {
                 );
             }
         } else {
-            let empty = fs::read_dir(path).map_or(true, |mut entries| {
-                // Another worker may be creating the folder at this moment.
-                entries.all(|entry| entry.is_ok_and(|entry| resume && is_study_file(&entry.file_name())))
-            });
+            let entries = Folder::open(path).and_then(|folder| folder.entries());
+            // Another worker may be creating the folder at this moment.
+            let empty = entries
+                .map_or(true, |entries| entries.iter().all(|entry| resume && is_study_file(&entry.name)));
             if !empty {
                 return refuse("exists and is not empty", "give a new folder with --out");
             }
         }
-        fs::create_dir_all(path.join(PARTS_FOLDER)).map_err(StudyError::at(path))?;
+        files::make_folders(&path.join(PARTS_FOLDER)).map_err(StudyError::at(path))?;
         write_whole(&file, plan.as_bytes()).map_err(StudyError::at(&file))?;
         Ok(Self { path: path.to_owned() })
     }
 
     /// The seed of the study that was started in `path`; `None` if there is none.
     pub fn seed(path: &Path) -> Option<u64> {
-        let text = fs::read_to_string(path.join(PLAN_FILE)).ok()?;
+        let text = files::read_text(&path.join(PLAN_FILE), limits::SETTINGS_BYTES).ok()?;
         serde_json::from_str::<Value>(&text).ok()?["seed"].as_u64()
     }
 
@@ -102,21 +102,22 @@ impl StudyFolder {
 pub fn tables_from_csv(table: &Path, folder: &Path) -> Result<(StudySummary, ResultTables), StudyError> {
     let summary = summarise(table, TableOrigin::External, |_, _| false, Vec::new())?;
     let tables = ResultTables::of(&summary);
-    if folder.join("study.json").exists() {
+    let is_taken = |name: &str| files::exists(&folder.join(name));
+    if is_taken("study.json") || tables.files.iter().any(|table| is_taken(table.name)) {
         return Err(StudyError::Folder {
             folder: folder.to_owned(),
             found: "contains the tables of a study".to_owned(),
             advice: "give another folder with --out",
         });
     }
-    fs::create_dir_all(folder).map_err(StudyError::at(folder))?;
+    files::make_folders(folder).map_err(StudyError::at(folder))?;
     write(folder, &summary, &tables, &json!({}))?;
     Ok((summary, tables))
 }
 
 /// Whether a file belongs to a study whose plan is still being written.
 fn is_study_file(name: &OsStr) -> bool {
-    name == PARTS_FOLDER || name == PLAN_FILE || name.to_string_lossy().starts_with(TEMPORARY_PREFIX)
+    name == PARTS_FOLDER || name == PLAN_FILE || files::is_unfinished(name)
 }
 
 fn plan(study: &Study) -> String {

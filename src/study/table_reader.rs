@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::error::StudyError;
 use super::study_file::StudyFit;
+use crate::files::{self, text_of_cell};
 use crate::fit::QUANTITIES;
 
 /// A row of `study.csv` as the tables need it.
@@ -58,8 +59,7 @@ impl StudyTableReader {
             |line: u64, message: String| StudyError::ResultTable { file: file.to_owned(), line, message };
         let mut reader = csv::ReaderBuilder::new()
             .comment(Some(b'#'))
-            .from_path(file)
-            .map_err(|error| wrong(1, error.to_string()))?;
+            .from_reader(files::open(file).map_err(|error| wrong(1, error.to_string()))?);
         let header = reader.headers().map_err(|error| wrong(1, error.to_string()))?.clone();
         let find = |name: &str| header.iter().position(|column| column.trim() == name);
         let must = |name: &str| {
@@ -137,15 +137,17 @@ impl StudyTableReader {
         Ok(StudyRow { session, is_independent, condition: (velocity, torque), values })
     }
 
+    fn subject(&self) -> &str {
+        text_of_cell(self.record.get(self.columns.subject).unwrap_or_default().trim())
+    }
+
     fn next_subject(&mut self) -> Result<Option<SubjectRows>, StudyError> {
         if !self.has_record {
             return Ok(None);
         }
-        let subject = self.record.get(self.columns.subject).unwrap_or_default().trim().to_owned();
+        let subject = self.subject().to_owned();
         let mut own = SubjectRows { line: self.line(), rows: Vec::new(), subject };
-        while self.has_record
-            && self.record.get(self.columns.subject).unwrap_or_default().trim() == own.subject
-        {
+        while self.has_record && self.subject() == own.subject {
             own.rows.push(self.row()?);
             self.advance()?;
         }

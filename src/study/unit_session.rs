@@ -69,12 +69,7 @@ fn read_or_simulate(
             Ok((session, view(protocol)))
         }
         UnitSource::Measured(folder) => {
-            let file = folder.join("protocol.json");
-            let view = if file.exists() {
-                view(&ValidProtocol::read(&file)?)
-            } else {
-                PreprocessingSettings::default()
-            };
+            let view = dataset::stored_protocol(folder)?.as_ref().map_or_else(Default::default, view);
             let session = dataset::load(folder)?;
             consistency::check(&session, &study.accept)?;
             Ok((session, view))

@@ -106,3 +106,30 @@ fn the_subjects_rigs_and_models_of_the_book_can_be_run() {
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
+
+/// The constants of `src/files/limits.rs` that are one number, and their values.
+fn limits() -> Vec<(String, f64)> {
+    let text = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/src/files/limits.rs")).unwrap();
+    let value = |text: &str| match text.split_once(" << ") {
+        Some((number, bits)) => {
+            number.parse::<f64>().unwrap() * f64::from(1u32 << bits.parse::<u32>().unwrap())
+        }
+        None => text.replace('_', "").parse().unwrap(),
+    };
+    let constant = |line: &'static str| line.strip_prefix("pub const ")?.strip_suffix(';')?.split_once(" = ");
+    let constants = text.leak().lines().filter_map(constant).filter(|(_, value)| !value.starts_with('['));
+    constants.map(|(name, number)| (name.split(':').next().unwrap().to_owned(), value(number))).collect()
+}
+
+#[test]
+fn the_page_on_security_has_every_limit_with_its_value() {
+    let page =
+        fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/explanation/security.md")).unwrap();
+    assert!(limits().len() > 15);
+    for (name, value) in limits() {
+        let row = page.lines().find(|line| line.ends_with(&format!("| `{name}` |")));
+        let row = row.unwrap_or_else(|| panic!("{name} is not in the table"));
+        let shown = row.split('|').nth(2).unwrap().trim().split(' ').next().unwrap();
+        assert_eq!(shown.parse::<f64>().unwrap(), value, "{name}");
+    }
+}

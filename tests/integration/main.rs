@@ -24,6 +24,7 @@ mod run;
 mod schedule;
 mod session_fit;
 mod source_rules;
+mod stranger;
 mod supply_chain;
 mod trials;
 mod workspace;

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::{Value, json};
+use sha2::Digest;
 
 use crate::workspace::{QUICK, Workspace};
 
@@ -65,6 +66,17 @@ fn the_page_needs_nothing_from_outside_and_is_the_same_when_made_again() {
     let workspace = Workspace::with_session();
     let page = workspace.page();
     assert!(page.contains("Content-Security-Policy") && page.contains("default-src 'none'"));
+    // Escaping is not all that protects the page: only its own script and style are allowed, by their sums.
+    assert!(!page.contains("unsafe-inline"));
+    for (tag, source) in [("script", "script-src"), ("style", "style-src")] {
+        let text = page
+            .split(&format!("<{tag}>"))
+            .nth(1)
+            .and_then(|rest| rest.split(&format!("</{tag}>")).next())
+            .unwrap();
+        let sum = data_encoding::BASE64.encode(&sha2::Sha256::digest(text));
+        assert!(page.contains(&format!("{source} 'sha256-{sum}'")), "{tag}: {sum}");
+    }
     for outside in ["http:", "https:", "src=", "@import", "url("] {
         assert!(!page.contains(outside), "{outside} is in the page");
     }

@@ -28,7 +28,7 @@ def study(tmp_path):
 
 def files(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*"))
-            if path.is_file() and not path.name.startswith(".new-")}
+            if path.is_file() and not path.name.endswith(".new")}
 
 
 def on_dask(study, out, *more):

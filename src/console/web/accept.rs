@@ -10,10 +10,12 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
+use tokio::runtime::Handle;
 use tokio::sync::watch;
 use tokio::task::AbortHandle;
 
 use super::limits::{CLOSING_TIME, CONNECTIONS, LONGEST_HEAD, REQUEST_TIMEOUT};
+use super::metered::Metered;
 use super::tls::TlsAcceptor;
 
 /// Pause after the system refused a connection, usually because too many files are open.
@@ -24,6 +26,7 @@ pub async fn serve(
     listener: TcpListener,
     tls: Option<TlsAcceptor>,
     router: Router,
+    operators: Handle,
     mut stopped: watch::Receiver<bool>,
 ) {
     let listener = match tokio::net::TcpListener::from_std(listener) {
@@ -47,24 +50,54 @@ pub async fn serve(
         {
             oldest.abort();
         }
-        open.push_back(tokio::spawn(connection(stream, tls.clone(), router.clone())).abort_handle());
+        let connection = connection(stream, tls.clone(), router.clone(), operators.clone());
+        open.push_back(tokio::spawn(connection).abort_handle());
     }
     drop(listener);
     tokio::time::sleep(CLOSING_TIME).await;
 }
 
-async fn connection(stream: TcpStream, tls: Option<TlsAcceptor>, router: Router) {
+async fn connection(stream: TcpStream, tls: Option<TlsAcceptor>, router: Router, operators: Handle) {
     // A snapshot is one small packet, which must not wait for the next one (Nagle's algorithm).
     if stream.set_nodelay(true).is_err() {
         return;
     }
     match tls {
+        None if begins_as_operator(&stream).await => {
+            let Ok(stream) = stream.into_std() else { return };
+            let served = operators.spawn(async move {
+                if let Ok(stream) = TcpStream::from_std(stream) {
+                    requests(stream, router).await;
+                }
+            });
+            // Ended together with this task.
+            let _ended = AbortOnDrop(served.abort_handle());
+            let _ = served.await;
+        }
         None => requests(stream, router).await,
         Some(tls) => {
             if let Ok(Ok(stream)) = tokio::time::timeout(REQUEST_TIMEOUT, tls.accept(stream)).await {
                 requests(stream, router).await;
             }
         }
+    }
+}
+
+/// Whether a connection begins by asking for the operator's page. It is served on a thread of its own then, which no page
+/// that only looks can keep busy; the token is checked there. An encrypted connection does not show what it asks for.
+async fn begins_as_operator(stream: &TcpStream) -> bool {
+    const BEGINNING: &[u8] = b"GET /operator/";
+    let mut begin = [0; BEGINNING.len()];
+    let peeked = tokio::time::timeout(REQUEST_TIMEOUT, stream.peek(&mut begin)).await;
+    matches!(peeked, Ok(Ok(_))) && begin == BEGINNING
+}
+
+/// Ends a task when dropped.
+struct AbortOnDrop(AbortHandle);
+
+impl Drop for AbortOnDrop {
+    fn drop(&mut self) {
+        self.0.abort();
     }
 }
 
@@ -77,7 +110,7 @@ where
         .header_read_timeout(REQUEST_TIMEOUT)
         .max_buf_size(LONGEST_HEAD)
         .max_headers(64)
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router))
+        .serve_connection(TokioIo::new(Metered::new(stream)), TowerToHyperService::new(router))
         .with_upgrades();
     // A connection that became a page's web socket has shown its token and continues in a task of its own.
     let _ = tokio::time::timeout(2 * REQUEST_TIMEOUT, served).await;

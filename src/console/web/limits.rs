@@ -6,6 +6,12 @@ use std::time::{Duration, Instant};
 pub const LONGEST_MESSAGE: usize = 4096;
 /// Longest head of a request, bytes.
 pub const LONGEST_HEAD: usize = 8192;
+/// Bytes that a connection may send at once, and each second in the long run. They count as they arrive, so that frames count
+/// too that never become a message: a frame has at least 6 bytes.
+pub const RECEIVED_BYTES: [f64; 2] = [49_152.0, 32_768.0];
+/// Messages that a page of the operator and one of the subject may send at once, and each second in the long run. A page
+/// acknowledges 30 or 250 snapshots a second; the subject's also tells when it has drawn them.
+pub const MESSAGES: [[f64; 2]; 2] = [[240.0, 120.0], [1200.0, 600.0]];
 /// Largest number of connections that have not shown a token.
 pub const CONNECTIONS: usize = 64;
 /// Largest number of open pages of one role.
@@ -36,12 +42,17 @@ impl RateLimiter {
 
     /// Whether one more message is allowed at time `now`; if so, it is counted.
     pub fn allows(&mut self, now: Instant) -> bool {
+        self.allows_many(1.0, now)
+    }
+
+    /// Whether `count` more are allowed at time `now`; if so, they are counted.
+    pub fn allows_many(&mut self, count: f64, now: Instant) -> bool {
         let passed_s = now.saturating_duration_since(self.at).as_secs_f64();
         self.at = now;
         self.tokens = (self.tokens + passed_s * self.per_s).min(self.burst);
-        let allows = self.tokens >= 1.0;
+        let allows = self.tokens >= count;
         if allows {
-            self.tokens -= 1.0;
+            self.tokens -= count;
         }
         allows
     }

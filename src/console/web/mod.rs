@@ -6,6 +6,7 @@ mod address;
 mod assets;
 mod content;
 mod limits;
+mod metered;
 mod server;
 mod socket;
 #[cfg(feature = "tls")]

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use tokio::runtime::Runtime;
 use tokio::sync::watch;
 
 use super::super::error::ConsoleError;
@@ -12,6 +13,7 @@ use super::super::thread_priority::lower_thread_priority;
 use super::access_control::{AccessControl, Role, Tokens};
 use super::address::Address;
 use super::content::PageContent;
+use super::limits::CLOSING_TIME;
 use super::{accept, socket};
 
 /// Addresses of the two pages. Whoever knows an address has its role.
@@ -31,7 +33,7 @@ pub struct Server {
     host: String,
     tokens: Tokens,
     stop: watch::Sender<bool>,
-    thread: Option<JoinHandle<()>>,
+    threads: Vec<JoinHandle<()>>,
 }
 
 impl Server {
@@ -53,19 +55,21 @@ impl Server {
         let host = access.first_host().to_owned();
         let (stop, stopped) = watch::channel(false);
         let router = socket::router(Arc::new(access), Arc::new(content), stopped.clone());
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(ConsoleError::Start)?;
-        let serve = move || {
-            lower_thread_priority();
-            runtime.block_on(accept::serve(listener, tls, router, stopped));
-            // Time for messages that are still being sent.
-            runtime.shutdown_timeout(Duration::from_millis(100));
+        let runtime = || tokio::runtime::Builder::new_current_thread().enable_all().build();
+        let (pages, operators) =
+            (runtime().map_err(ConsoleError::Start)?, runtime().map_err(ConsoleError::Start)?);
+        let handle = operators.handle().clone();
+        let mut over = stopped.clone();
+        let for_operators = async move {
+            // An error means that the server was dropped, which also stops it.
+            let _ = over.wait_for(|stopped| *stopped).await;
+            tokio::time::sleep(CLOSING_TIME).await;
         };
-        let thread =
-            thread::Builder::new().name("console".to_owned()).spawn(serve).map_err(ConsoleError::Start)?;
-        Ok(Self { address: bound, scheme, host, tokens, stop, thread: Some(thread) })
+        let threads = vec![
+            start_thread("console", pages, accept::serve(listener, tls, router, handle, stopped))?,
+            start_thread("console operator", operators, for_operators)?,
+        ];
+        Ok(Self { address: bound, scheme, host, tokens, stop, threads })
     }
 
     /// Address on which the server listens.
@@ -84,11 +88,26 @@ impl Server {
     }
 }
 
+/// Runs a task on a thread of its own, until it ends.
+fn start_thread(
+    name: &str,
+    runtime: Runtime,
+    task: impl Future<Output = ()> + Send + 'static,
+) -> Result<JoinHandle<()>, ConsoleError> {
+    let run = move || {
+        lower_thread_priority();
+        runtime.block_on(task);
+        // Time for messages that are still being sent.
+        runtime.shutdown_timeout(Duration::from_millis(100));
+    };
+    thread::Builder::new().name(name.to_owned()).spawn(run).map_err(ConsoleError::Start)
+}
+
 impl Drop for Server {
     /// Closes all pages.
     fn drop(&mut self) {
         self.stop.send_replace(true);
-        if let Some(thread) = self.thread.take() {
+        for thread in self.threads.drain(..) {
             // If the thread panicked, there is nothing left to close.
             let _ = thread.join();
         }

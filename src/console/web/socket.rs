@@ -25,7 +25,7 @@ use super::access_control::{AccessControl, Role};
 use super::assets;
 use super::content::PageContent;
 use super::limits::{
-    CLOSING_TIME, LONGEST_MESSAGE, PAGE_TIMEOUT, PAGES_PER_ROLE, REQUEST_TIMEOUT, RateLimiter,
+    CLOSING_TIME, LONGEST_MESSAGE, MESSAGES, PAGE_TIMEOUT, PAGES_PER_ROLE, REQUEST_TIMEOUT, RateLimiter,
     UNACKNOWLEDGED_SNAPSHOTS,
 };
 use crate::dataset::ActionOrigin;
@@ -209,6 +209,7 @@ struct PageConnection {
 impl PageConnection {
     fn new(role: Role, content: Arc<PageContent>) -> Self {
         let now = Instant::now();
+        let [burst, per_s] = MESSAGES[role as usize];
         Self {
             role,
             content,
@@ -217,7 +218,7 @@ impl PageConnection {
             acknowledged_at: now,
             next_bin: 0,
             measured: VecDeque::with_capacity(SAMPLE_TIMES),
-            messages: RateLimiter::new(1200.0, 600.0, now),
+            messages: RateLimiter::new(burst, per_s, now),
             requests: RateLimiter::new(20.0, 10.0, now),
         }
     }

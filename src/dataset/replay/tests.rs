@@ -10,6 +10,40 @@ use crate::rig::{Armed, ArmingConsent, Command, Origin, Punctuality, Rig};
 use crate::schedule;
 use crate::session::{Status, Unpaced, run_control_loop};
 
+/// Six pauses of 160 h in a journal of 4 kB took 25 s: every sample of them was stepped through.
+#[test]
+fn a_pause_of_days_takes_no_time() {
+    const DAYS: u64 = 160 * 3600 * 2500;
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("s");
+    crate::dataset::recorder::tests::run(&folder, Disk::default()).unwrap();
+    let mut entries = crate::dataset::resume::tests::journal_of(&folder);
+    let event = |sample, from, event, to| {
+        JournalEntry::Transition(TransitionRecord { sample, from, event, to, detail: None })
+    };
+    // The rest before the first trial begins with the session's first sample, and anew after a pause.
+    let mut pauses = Vec::new();
+    for pause in 0..6 {
+        let began = 1 + pause * (DAYS + 1);
+        pauses.push(event(began, Phase::Rest, Event::Pause, Phase::Paused));
+        pauses.push(event(began + DAYS, Phase::Paused, Event::Resume, Phase::Rest));
+    }
+    let shift = 6 * (DAYS + 1);
+    for entry in &mut entries[2..] {
+        if let JournalEntry::Transition(transition) = entry {
+            transition.sample += shift;
+        }
+    }
+    entries.splice(2..2, pauses);
+    crate::dataset::resume::tests::rewrite_journal(&folder, &entries);
+    let begun = std::time::Instant::now();
+    let found = replay(&folder).unwrap();
+    assert!(begun.elapsed() < std::time::Duration::from_secs(20), "{:?}", begun.elapsed());
+    // Where the rest ends is not what this test is about; all pauses were passed before it.
+    assert!(found.events >= 13, "{found:?}");
+    assert!(found.steps >= 6 * DAYS, "{found:?}");
+}
+
 /// A virtual wrist on a rig with a clock. In the first movement of the session it loses periods, or is too slow.
 struct Clocked<R> {
     rig: R,

@@ -1,11 +1,12 @@
 //! A session is interrupted at every operation of the disk, and resumed.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::io::ErrorKind;
 use std::time::Duration;
 
 use super::*;
-use crate::dataset::journal::JournalText;
+use crate::dataset::journal::{JournalEntry, JournalText};
 use crate::dataset::recorder::tests::{Starter, run};
 use crate::dataset::{BackgroundRecorder, Manifest, Status, load, replay};
 use crate::protocol::Limits;
@@ -118,7 +119,7 @@ fn the_ramp_waits_for_a_slow_disk_and_the_replay_knows_it() {
 
     let journal = JournalText::parse(&fs::read(folder.join(JOURNAL)).unwrap());
     let waited = journal.records.iter().filter_map(|placed| match placed.record {
-        super::super::journal::JournalEntry::Transition(transition) => match transition.detail {
+        JournalEntry::Transition(transition) => match transition.detail {
             Some(TransitionDetail::Onset { waited_samples, .. }) => Some(waited_samples),
             _ => None,
         },
@@ -165,14 +166,64 @@ fn a_record_is_settled_under_its_name_whatever_was_there() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("trial-001.csv");
     let part = folder.path().join("trial-001.csv.part");
-    let disk = Disk::default();
-    assert_eq!(complete_record(&disk, &path).unwrap(), 0);
+    let opened = Folder::open(folder.path()).unwrap();
+    let complete_record = || super::complete_record(&Disk::default(), &opened, "trial-001.csv");
+    assert_eq!(complete_record().unwrap().0, 0);
     assert_eq!(fs::read(&path).unwrap(), HEADER);
     fs::write(&part, [HEADER, b"0.0,0.0,2.1,0,0\n0.1,0."].concat()).unwrap();
-    assert_eq!(complete_record(&disk, &path).unwrap(), 1);
+    assert_eq!(complete_record().unwrap().0, 1);
     assert_eq!(fs::read(&path).unwrap(), [HEADER, b"0.0,0.0,2.1,0,0\n"].concat());
     assert!(!part.exists());
-    assert_eq!(complete_record(&disk, &path).unwrap(), 1, "settling twice changes nothing");
+    let (samples, sum) = complete_record().unwrap();
+    assert_eq!(samples, 1, "settling twice changes nothing");
+    assert_eq!(sum.sha256, sha256(&fs::read(&path).unwrap()));
+}
+
+/// Writes a journal of these entries in place of the one in `folder`.
+pub fn rewrite_journal(folder: &Path, entries: &[JournalEntry]) {
+    fs::remove_file(folder.join(JOURNAL)).unwrap();
+    let (disk, opened) = (Disk::default(), Folder::open(folder).unwrap());
+    let mut journal = Journal::create(&disk, &opened).unwrap();
+    entries.iter().for_each(|entry| journal.append(&disk, entry).unwrap());
+}
+
+/// The entries of the journal in `folder`.
+pub fn journal_of(folder: &Path) -> Vec<JournalEntry> {
+    let text = JournalText::parse(&fs::read(folder.join(JOURNAL)).unwrap());
+    text.records.into_iter().map(|placed| placed.record).collect()
+}
+
+/// Every checksum of such a journal is right; `trials.csv` was rewritten from it into one that did not load any more.
+#[test]
+fn a_journal_whose_records_cannot_have_followed_each_other_is_refused() {
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let folder = folder_of_sessions.path().join("s");
+    run(&folder, Disk::failing_from(70, ErrorKind::Other)).unwrap_err();
+    let entries = journal_of(&folder);
+    let table = fs::read(folder.join("trials.csv")).unwrap();
+    let with_number = |number: u32| {
+        let mut forged = entries.clone();
+        for entry in &mut forged {
+            if let JournalEntry::Transition(transition) = entry
+                && let Some(TransitionDetail::Began { number: own, .. }) = &mut transition.detail
+            {
+                *own = number;
+            }
+        }
+        forged
+    };
+    let mut reversed = entries.clone();
+    reversed[1..].reverse();
+    let mut doubled = entries.clone();
+    doubled.push(entries[0].clone());
+    for forged in [reversed, doubled, with_number(0), with_number(u32::MAX)] {
+        rewrite_journal(&folder, &forged);
+        let error = Resumable::open(&folder, Disk::default()).unwrap_err().to_string();
+        assert!(error.contains("journal.log: the record at byte"), "{error}");
+        assert_eq!(fs::read(folder.join("trials.csv")).unwrap(), table);
+    }
+    rewrite_journal(&folder, &entries);
+    go_on(&folder, Disk::default()).unwrap();
 }
 
 /// A virtual wrist that fails once, at a given sample.

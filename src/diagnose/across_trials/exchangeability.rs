@@ -18,7 +18,8 @@ const TRIAL_COVARIATES: [fn(&Covariates) -> f64; 4] =
 /// Probability that trials which differ by chance alone show a correlation at least as large with any covariate; `None` where too few
 /// trials are repeated.
 ///
-/// Deviations of k_srs from the condition's mean are exchangeable if nothing goes with the covariates.
+/// The deviations of k_srs within a condition are exchangeable if nothing goes with the covariates. Between conditions they are not: both a
+/// stiffness and an EMG vary more where the torque is larger.
 pub fn remaining_correlation(
     observations: &Observations,
     posterior: &ModelPosterior,
@@ -60,7 +61,11 @@ pub fn remaining_correlation(
     let mut stream = Stream::new(seed, "exchangeable trials");
     let mut reached = 0;
     for _ in 0..PERMUTATIONS {
-        stream.shuffle(&mut order);
+        for trials in &groups {
+            let mut shuffled = trials.clone();
+            stream.shuffle(&mut shuffled);
+            trials.iter().zip(shuffled).for_each(|(trial, from)| order[*trial] = from);
+        }
         if largest(&order) >= observed {
             reached += 1;
         }

@@ -10,7 +10,8 @@ use crate::statistics::group_indices;
 /// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
 const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
 
-/// Standard deviation of what smoothing the motion has changed, by what smoothing it once more changes: of the same size.
+/// Standard deviation of what smoothing the motion has changed, in the first terms of its series (see [`smoothing_errors`]), each of
+/// which has the coefficient 1.
 const SMOOTHING_SD: f64 = 1.0;
 
 /// A direction of the mean motion's error is left out if it moves the mean residual of a velocity by less than this, in standard errors.
@@ -23,6 +24,8 @@ pub struct AngleErrors {
     pub columns: Vec<DMatrix<f64>>,
     /// Variance of each error.
     pub variances: DVector<f64>,
+    /// The trials that share each error of the place of rest. These errors come first, then those of smoothing.
+    at_rest: Vec<Vec<usize>>,
 }
 
 impl AngleErrors {
@@ -42,17 +45,21 @@ impl AngleErrors {
         };
         // Each error: its variance, the trials that share it, and each trial's change.
         let mut errors: Vec<(f64, Vec<usize>, Vec<DVector<f64>>)> = Vec::new();
+        let mut at_rest = Vec::new();
         if observations.angle_step_rad > 0.0 {
             let changes = rounding_at_rest(observations, fit);
             // The variance of a uniform distribution of width one.
             let variance = 1.0 / 12.0;
+            at_rest.push((0..trials).collect());
             errors.push((variance, (0..trials).collect(), changes.clone()));
             for own in &velocities {
+                at_rest.push(own.clone());
                 errors.push((variance / own.len() as f64, own.clone(), changes.clone()));
             }
         }
-        let smoothing = change(observations, &observations.smoothed_again(), fit);
-        errors.push((SMOOTHING_SD * SMOOTHING_SD, (0..trials).collect(), smoothing));
+        for changes in smoothing_errors(observations, fit) {
+            errors.push((SMOOTHING_SD * SMOOTHING_SD, (0..trials).collect(), changes));
+        }
         for direction in mean_motion_errors(observations, fit) {
             let changes: Vec<DVector<f64>> = (0..trials)
                 .map(|trial| fit.objective.whiten(observations.noise_index[trial], &direction))
@@ -74,7 +81,26 @@ impl AngleErrors {
             own
         };
         let variances = DVector::from_iterator(errors.len(), errors.iter().map(|(variance, ..)| *variance));
-        Self { columns: (0..trials).map(column).collect(), variances }
+        Self { columns: (0..trials).map(column).collect(), variances, at_rest }
+    }
+
+    /// The same errors about another model: a torque that is recorded late, for example, shows them late.
+    pub fn about(&self, observations: &Observations, fit: &Fit) -> Self {
+        let mut moved = self.clone();
+        let mut set = |place: usize, shared_by: &[usize], changes: &[DVector<f64>]| {
+            for trial in shared_by {
+                moved.columns[*trial].set_column(place, &changes[*trial]);
+            }
+        };
+        if !self.at_rest.is_empty() {
+            let changes = rounding_at_rest(observations, fit);
+            self.at_rest.iter().enumerate().for_each(|(place, shared_by)| set(place, shared_by, &changes));
+        }
+        let all: Vec<usize> = (0..self.columns.len()).collect();
+        for (place, changes) in smoothing_errors(observations, fit).iter().enumerate() {
+            set(self.at_rest.len() + place, &all, changes);
+        }
+        moved
     }
 }
 
@@ -95,8 +121,21 @@ fn mean_motion_errors(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     eigen.eigenvalues.iter().enumerate().map(direction).collect()
 }
 
+/// Changes of the whitened predictions by what smoothing has taken out of the motion.
+///
+/// With S for smoothing, A = 1 - S and the smoothed motion y, the motion was y + A y + A^2 y + ...: its first two terms, of which the
+/// effect is taken to be linear.
+fn smoothing_errors(observations: &Observations, fit: &Fit) -> [Vec<DVector<f64>>; 2] {
+    let once = observations.smoothed_again();
+    let twice = once.smoothed_again();
+    let first = change(observations, &once, fit);
+    let both = change(observations, &twice, fit);
+    let second = first.iter().zip(&both).map(|(first, both)| first * 2.0 - both).collect();
+    [first, second]
+}
+
 /// Change of the whitened predictions if the angle at rest is wrong by one encoder step.
-pub fn rounding_at_rest(observations: &Observations, fit: &Fit) -> Vec<DVector<f64>> {
+fn rounding_at_rest(observations: &Observations, fit: &Fit) -> Vec<DVector<f64>> {
     let mut shifted = observations.clone();
     for trial in &mut shifted.trials {
         let onset = trial.input.onset;

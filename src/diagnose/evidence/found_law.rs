@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::answer::CauseProbabilities;
 use super::model_posterior::ModelPosterior;
-use super::model_search::ModelSearch;
+use super::model_search::{ComparedModel, ModelSearch};
 use crate::fit::mechanism_ranges;
 use crate::wrist::mechanisms::{Argument, FreeLaw, MechanismKind, Place};
 
@@ -87,6 +87,61 @@ impl FoundLaw {
             "at": self.argument, "value": self.value, "low": self.band[0], "high": self.band[1],
         });
         entry
+    }
+}
+
+/// The law of a named mechanism beside an unknown law at the same place and of the same argument, fitted in its stead.
+#[derive(Debug, Clone)]
+pub struct LawCheck {
+    /// The unknown law that the session shows there.
+    pub free: FoundLaw,
+    /// What it would show if the catalogued law were right.
+    pub catalogued: Vec<f64>,
+}
+
+impl LawCheck {
+    /// The check of the mechanism `kind` of `model`; `None` where no free law acts at its place.
+    pub fn of(search: &ModelSearch, model: &ComparedModel, kind: MechanismKind) -> Option<Self> {
+        let space = kind.law_space();
+        let acts_there = |own: &MechanismKind| {
+            own.free_law().is_some_and(|law| law.place == space.place && Some(law.argument) == space.argument)
+        };
+        let free = search.prior.ranges.kinds().find(acts_there)?;
+        let posterior = search.with_free_law_in_place_of(model, kind, free)?;
+        let law = free.free_law()?;
+        let place = posterior.fit.kinds.iter().position(|own| *own == free)?;
+        let first = mechanism_ranges(&posterior.fit.kinds)[place].start;
+        let shown = posterior.most_probable_common(&search.effect_of(model, kind)?)?;
+        let mut parameters =
+            posterior.fit.parameters[0][mechanism_ranges(&posterior.fit.kinds)[place].clone()].to_vec();
+        for index in law.coefficients.clone() {
+            parameters[index] = shown[posterior.place_of_parameter(first + index)?];
+        }
+        let free = FoundLaw::curve(search, &posterior, free)?;
+        let catalogued = free.argument.iter().map(|u| law.curve(&parameters, *u)).collect();
+        Some(Self { free, catalogued })
+    }
+
+    /// Whether the catalogued law lies within the band at every argument.
+    pub fn is_within_band(&self) -> bool {
+        let [low, high] = &self.free.band;
+        self.catalogued.iter().zip(low.iter().zip(high)).all(|(own, (low, high))| low <= own && own <= high)
+    }
+
+    /// The entry of `diagnosis.json`.
+    pub fn to_json(&self) -> Value {
+        let law = self.free.kind.free_law();
+        json!({
+            "mechanism": self.free.kind.id(),
+            "title": self.free.kind.title(),
+            "place": law.as_ref().map(|law| law.place),
+            "argument": law.as_ref().map(|law| law.argument),
+            "within_band": self.is_within_band(),
+            "curve": {
+                "at": self.free.argument, "value": self.free.value, "low": self.free.band[0], "high": self.free.band[1],
+                "catalogued": self.catalogued,
+            },
+        })
     }
 }
 

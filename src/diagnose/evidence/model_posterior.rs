@@ -13,14 +13,17 @@ use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::MechanismKind;
 
 /// Largest number of linearisations.
-const MAX_LINEARISATIONS: usize = 20;
+const MAX_LINEARISATIONS: usize = 40;
 
 /// Largest number of steps of expectation maximisation for one linearisation, and the change of a variance's logarithm that ends them.
 const MAX_SPREAD_STEPS: usize = 6;
 const SPREAD_TOLERANCE: f64 = 0.02;
 
 /// A predicted decrease of the cost, in units of log likelihood, below which the optimum is reached.
-const COST_TOLERANCE: f64 = 0.02;
+const COST_TOLERANCE: f64 = 0.1;
+
+/// Number of linearisations after which a model is given up if it does not promise to be worth it.
+const LINEARISATIONS_TO_PROMISE: usize = 3;
 
 /// Longest step of a logarithm.
 const LONGEST_LOG_STEP: f64 = 0.5;
@@ -65,15 +68,17 @@ pub struct ModelPosterior {
 
 impl ModelPosterior {
     /// The posterior that is reached from the parameters of `start`, a fit whose model has the mechanisms `added`, with their laws as
-    /// catalogued. `None` if the approximation fails there.
+    /// catalogued. `None` if the approximation fails there. The search ends early where it does not promise a logarithm of the evidence of
+    /// `least`; what it has reached by then is returned.
     pub fn with_exact_laws(
         observations: &Observations,
         prior: &SessionPrior,
         start: &Fit,
         added: &[MechanismKind],
         spreads: Option<&Spreads>,
+        least: f64,
     ) -> Option<Self> {
-        Self::settled(observations, prior, start.clone(), added, spreads, None)
+        Self::settled(observations, prior, start.clone(), added, spreads, None, least)
     }
 
     /// This posterior where the laws of the mechanisms may deviate from the catalogued ones; `None` if none of them can, or if the
@@ -83,7 +88,7 @@ impl ModelPosterior {
         if fit.kinds.len() == self.fit.kinds.len() {
             return None;
         }
-        Self::settled(observations, prior, fit, &self.added, Some(&self.spreads), None)
+        Self::settled(observations, prior, fit, &self.added, Some(&self.spreads), None, f64::NEG_INFINITY)
     }
 
     /// This posterior where trials have other variances about their condition.
@@ -94,7 +99,16 @@ impl ModelPosterior {
         variance_factor: &[f64],
     ) -> Option<Self> {
         let fit = self.fit.clone();
-        Self::settled(observations, prior, fit, &self.added, Some(&self.spreads), Some(variance_factor))
+        let least = f64::NEG_INFINITY;
+        Self::settled(
+            observations,
+            prior,
+            fit,
+            &self.added,
+            Some(&self.spreads),
+            Some(variance_factor),
+            least,
+        )
     }
 
     fn settled(
@@ -104,10 +118,11 @@ impl ModelPosterior {
         added: &[MechanismKind],
         spreads: Option<&Spreads>,
         variance_factor: Option<&[f64]>,
+        least: f64,
     ) -> Option<Self> {
         let unknowns = Unknowns::of(&fit);
         let effect = |kind: MechanismKind| prior.effect_nm(observations, &fit, kind);
-        let columns = AddedColumns::new(prior, &fit, added, &effect);
+        let columns = AddedColumns::new(prior, observations, &fit, added, &effect);
         let mut design = prior.design(observations, &fit, &unknowns, &columns);
         if let Some(factors) = variance_factor {
             design.variance_factor = factors.to_vec();
@@ -128,6 +143,10 @@ impl ModelPosterior {
             let Some(next) = here.stepped(context, &spreads, &quadratic, &mut damping) else { break };
             here = next;
             (quadratic, held) = here.quadratic(&unknowns, &design, &mut spreads)?;
+            // What a step promises is in the evidence already; curvature may add as much again.
+            if steps >= LINEARISATIONS_TO_PROMISE && quadratic.log_evidence + quadratic.decrease < least {
+                break;
+            }
         }
         // Where the search stopped early, the minimum of the quadratic is no optimum: the evidence is at least that of the point.
         let shortfall = if quadratic.decrease > TRUSTED_DECREASE { quadratic.decrease } else { 0.0 };
@@ -159,24 +178,34 @@ impl ModelPosterior {
 
     /// Errors of each trial's own coordinates in `count` sessions that differ from this one by their noise alone.
     pub fn simulated_errors(&self, count: usize, stream: &mut Stream) -> Vec<Vec<DVector<f64>>> {
-        let products = Products::new(&self.linear);
-        let about = Point {
-            common: self.design.common_mean.clone(),
-            coefficients: DVector::zeros(self.point.coefficients.len()),
-            means: self.point.means.iter().map(|own| own * 0.0).collect(),
-            own: self.point.own.iter().map(|own| own * 0.0).collect(),
-        };
         let sd = libm::sqrt(self.spreads.noise);
+        let products = Products::new(&self.linear);
         let error = |_| {
             let residuals: Vec<DVector<f64>> = self
                 .linear
                 .iter()
                 .map(|trial| DVector::from_fn(trial.residual.len(), |_, _| sd * stream.normal()))
                 .collect();
-            let products = products.clone().with_residuals(&self.linear, &residuals);
-            self.design.without_ratio().quadratic(&self.spreads, &about, &products).map(|own| own.step.own)
+            self.most_probable_change(&products, &residuals).map(|own| own.own)
         };
         (0..count).filter_map(error).collect()
+    }
+
+    /// Most probable values of the common unknowns, relative to their prior, if the session differed from its model's prior mean by
+    /// `residuals`.
+    pub fn most_probable_common(&self, residuals: &[DVector<f64>]) -> Option<DVector<f64>> {
+        self.most_probable_change(&Products::new(&self.linear), residuals).map(|own| own.common)
+    }
+
+    fn most_probable_change(&self, products: &Products, residuals: &[DVector<f64>]) -> Option<Point> {
+        let about = Point {
+            common: self.design.common_mean.clone(),
+            coefficients: DVector::zeros(self.point.coefficients.len()),
+            means: self.point.means.iter().map(|own| own * 0.0).collect(),
+            own: self.point.own.iter().map(|own| own * 0.0).collect(),
+        };
+        let products = products.clone().with_residuals(&self.linear, residuals);
+        self.design.without_ratio().quadratic(&self.spreads, &about, &products).map(|own| own.step)
     }
 
     /// Place among the common unknowns of a parameter that all trials share.
@@ -250,7 +279,7 @@ impl Here {
         }
         let design = design.holding(&held, &self.point);
         for _ in 0..MAX_SPREAD_STEPS {
-            let (next, change) = quadratic.spreads(&design, spreads);
+            let (next, change) = quadratic.expected.spreads(design.law.as_ref(), spreads);
             *spreads = next;
             quadratic = design.quadratic(spreads, &self.point, &self.products)?;
             if change < SPREAD_TOLERANCE {
@@ -327,7 +356,7 @@ impl Here {
         quadratic: &Quadratic,
         part: f64,
     ) -> Option<Self> {
-        let mut point = self.point.moved(quadratic, part);
+        let mut point = self.point.moved(&quadratic.step, part);
         let mut coordinates = self.fit.solution.coordinates.clone();
         for (own, values) in unknowns.own.iter().zip(&point.own) {
             own.iter().zip(values.iter()).for_each(|(index, value)| coordinates[*index] = *value);

@@ -257,6 +257,8 @@ pub fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
 /// Unknowns beside the coordinates of a fit, in which the torque is linear.
 pub struct AddedColumns<'a> {
     prior: &'a SessionPrior,
+    /// Errors of the angle that trials share, about this model.
+    angle_errors: AngleErrors,
     /// For each mechanism whose size may drift: its first parameter, and the coordinate without effect, if it has one.
     drifting: Vec<(usize, Option<f64>)>,
     /// Free laws that are deviations from a mechanism's law, with the standard deviation of their coefficients.
@@ -267,6 +269,7 @@ impl<'a> AddedColumns<'a> {
     /// The columns of `fit`, whose mechanisms `added` are in question.
     pub fn new(
         prior: &'a SessionPrior,
+        observations: &Observations,
         fit: &Fit,
         added: &[MechanismKind],
         effect: &dyn Fn(MechanismKind) -> f64,
@@ -288,12 +291,12 @@ impl<'a> AddedColumns<'a> {
                 }
             }
         }
-        Self { prior, drifting, deviations }
+        Self { prior, angle_errors: prior.angle_errors.about(observations, fit), drifting, deviations }
     }
 
     /// Their number.
     pub fn count(&self) -> usize {
-        self.prior.angle_errors.variances.len() + SIZE_DRIFTS * self.drifting.len()
+        self.angle_errors.variances.len() + SIZE_DRIFTS * self.drifting.len()
     }
 
     fn deviation_sd(&self, law: MechanismKind) -> Option<f64> {
@@ -301,7 +304,7 @@ impl<'a> AddedColumns<'a> {
     }
 
     fn precision(&self) -> DMatrix<f64> {
-        let errors = &self.prior.angle_errors.variances;
+        let errors = &self.angle_errors.variances;
         let variance = |place: usize| errors.get(place).copied().unwrap_or(SIZE_DRIFT_SD * SIZE_DRIFT_SD);
         DMatrix::from_diagonal(&DVector::from_fn(self.count(), |place, _| 1.0 / variance(place)))
     }
@@ -309,13 +312,11 @@ impl<'a> AddedColumns<'a> {
     /// Adds the columns to the session that is `linear` at `fit`, and takes what they explain at `common` out of its residuals.
     pub fn add_to(&self, fit: &Fit, unknowns: &Unknowns, common: &DVector<f64>, linear: &mut [LinearTrial]) {
         let coordinates = unknowns.common.len();
-        let errors = self.prior.angle_errors.variances.len();
+        let errors = self.angle_errors.variances.len();
         let values = common.rows(coordinates, self.count()).into_owned();
         for (trial, own) in linear.iter_mut().enumerate() {
             let mut added = DMatrix::zeros(own.residual.len(), self.count());
-            added
-                .view_mut((0, 0), (own.residual.len(), errors))
-                .copy_from(&self.prior.angle_errors.columns[trial]);
+            added.view_mut((0, 0), (own.residual.len(), errors)).copy_from(&self.angle_errors.columns[trial]);
             for (number, (parameter, absent)) in self.drifting.iter().enumerate() {
                 let place = unknowns
                     .common

@@ -29,6 +29,9 @@ impl MisfitStatistics {
 }
 
 /// Computes the misfit statistics of `residuals`.
+///
+/// Scores are of known directions, so that the angle's errors are part of their noise. The pattern is of any shape: what the angle's errors
+/// add to it is in its null distribution alone, since their own shape is not known as well as that.
 pub fn misfit_statistics(
     observations: &Observations,
     tangent: &ResidualProjection,
@@ -39,7 +42,8 @@ pub fn misfit_statistics(
     let squares: f64 = residuals.iter().map(DVector::norm_squared).sum();
     let freedom = tangent.freedom() - pattern.count as f64;
     let scatter = (squares - pattern.squares) / freedom.max(1.0);
-    let largest = probes.iter().map(|probe| score(probe, residuals, scatter).abs()).fold(0.0, f64::max);
+    let whitened = tangent.whitened(residuals.clone());
+    let largest = probes.iter().map(|probe| score(probe, &whitened, scatter).abs()).fold(0.0, f64::max);
     let count = pattern.count.max(1) as f64;
     MisfitStatistics { largest, excess: (pattern.statistic - count) / libm::sqrt(2.0 * count), scatter }
 }

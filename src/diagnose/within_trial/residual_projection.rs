@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnose::evidence::angle_error::rounding_at_rest;
+use crate::diagnose::evidence::angle_error::AngleErrors;
 use crate::fit::{Component, Fit, Observations, Position, Prediction, Transform, predictions};
 
 /// Residuals and tangent space of a fit, component by component.
@@ -12,9 +12,75 @@ pub struct ResidualProjection {
     /// Number of whitened values of each trial, and how many of them stand for coordinates with a prior.
     rows: Vec<usize>,
     known: Vec<usize>,
-    /// Projected effect, of unit norm, of the encoder's rounding of the angle at rest, which is common to all trials.
-    at_rest: Option<WhitenedTrials>,
+    angle_errors: SharedErrors,
 }
+
+/// Errors that trials share, as independent directions of unit norm in all projected values. Each adds to the noise along its direction.
+struct SharedErrors {
+    /// For each trial, its part of each direction.
+    directions: Vec<DMatrix<f64>>,
+    /// What whitening takes off along each direction: 1 less the inverse of the standard deviation there.
+    excess: DVector<f64>,
+}
+
+impl SharedErrors {
+    fn none(trials: usize) -> Self {
+        Self { directions: vec![DMatrix::zeros(0, 0); trials], excess: DVector::zeros(0) }
+    }
+
+    /// The errors whose projected effects are `effects`, for each error one of unit standard deviation.
+    fn of(effects: &[WhitenedTrials], rows: &[usize]) -> Option<Self> {
+        let mut stacked = DMatrix::zeros(rows.iter().sum(), effects.len());
+        for (mut column, effect) in stacked.column_iter_mut().zip(effects) {
+            let mut first = 0;
+            for own in effect {
+                column.rows_mut(first, own.len()).copy_from(own);
+                first += own.len();
+            }
+        }
+        // Principal directions: eigenvectors of the small matrix of products.
+        let eigen = (stacked.transpose() * &stacked).symmetric_eigen();
+        let kept: Vec<usize> =
+            (0..effects.len()).filter(|place| eigen.eigenvalues[*place] > SMALLEST_VARIANCE).collect();
+        let variances =
+            DVector::from_iterator(kept.len(), kept.iter().map(|place| eigen.eigenvalues[*place]));
+        if kept.is_empty() {
+            return None;
+        }
+        let mut directions = stacked * eigen.eigenvectors.select_columns(&kept);
+        for (mut column, variance) in directions.column_iter_mut().zip(variances.iter()) {
+            column /= libm::sqrt(*variance);
+        }
+        let mut first = 0;
+        let own = |rows: &usize| {
+            first += rows;
+            directions.rows(first - rows, *rows).into_owned()
+        };
+        Some(Self {
+            directions: rows.iter().map(own).collect(),
+            excess: variances.map(|variance| 1.0 - 1.0 / libm::sqrt(1.0 + variance)),
+        })
+    }
+
+    /// `values` in units of the standard deviation of noise and errors together.
+    fn whiten(&self, mut values: WhitenedTrials) -> WhitenedTrials {
+        if self.excess.is_empty() {
+            return values;
+        }
+        let mut along = DVector::zeros(self.excess.len());
+        for (own, directions) in values.iter().zip(&self.directions) {
+            along.gemv_tr(1.0, directions, own, 1.0);
+        }
+        along.component_mul_assign(&self.excess);
+        for (own, directions) in values.iter_mut().zip(&self.directions) {
+            own.gemv(-1.0, directions, &along, 1.0);
+        }
+        values
+    }
+}
+
+/// Variance of an error's effect, by that of the noise, below which it is left out.
+const SMALLEST_VARIANCE: f64 = 1e-6;
 
 /// One component: trials that share parameters, block by block.
 struct ProjectedComponent {
@@ -52,8 +118,8 @@ impl ProjectedComponent {
 pub type WhitenedTrials = Vec<DVector<f64>>;
 
 impl ResidualProjection {
-    /// The tangent space of `fit`.
-    pub fn new(observations: &Observations, fit: &Fit) -> Self {
+    /// The tangent space of `fit`, and `angle_errors` that trials share.
+    pub fn new(observations: &Observations, fit: &Fit, angle_errors: &AngleErrors) -> Self {
         let predictions = predictions(observations, fit);
         let count = observations.trials.len();
         let known: Vec<Vec<usize>> = (0..count).map(|trial| known(fit, trial)).collect();
@@ -68,25 +134,26 @@ impl ResidualProjection {
         };
         let parts = fit.parameterisation.components.iter().map(part).collect();
         let known = known.iter().map(Vec::len).collect();
-        let mut tangent = Self { parts, rows, known, at_rest: None };
-        if observations.angle_step_rad > 0.0 {
-            let direction = tangent.project(&rounding_at_rest(observations, fit));
-            let length = libm::sqrt(direction.iter().map(DVector::norm_squared).sum());
-            if length > 1e-6 {
-                tangent.at_rest = Some(direction.into_iter().map(|own| own / length).collect());
-            }
+        let mut tangent = Self { parts, rows, known, angle_errors: SharedErrors::none(count) };
+        let effect = |place: usize| {
+            let sd = libm::sqrt(angle_errors.variances[place]);
+            tangent.project(&angle_errors.columns.iter().map(|own| own.column(place) * sd).collect())
+        };
+        let effects: Vec<WhitenedTrials> = (0..angle_errors.variances.len()).map(effect).collect();
+        if let Some(shared) = SharedErrors::of(&effects, &tangent.rows) {
+            tangent.angle_errors = shared;
         }
         tangent
     }
 
     /// The whitened residuals by trial.
     pub fn residuals(&self) -> WhitenedTrials {
-        self.without_rounding(self.by_trial(|part| part.residual.clone()))
+        self.by_trial(|part| part.residual.clone())
     }
 
     /// Subtracts from `change` what the free parameters can absorb.
     pub fn project(&self, change: &WhitenedTrials) -> WhitenedTrials {
-        let projected = self.by_trial(|part| {
+        self.by_trial(|part| {
             let mut stacked = DVector::zeros(part.residual.len());
             let mut first = 0;
             for trial in &part.trials {
@@ -95,18 +162,12 @@ impl ResidualProjection {
             }
             part.project(&mut stacked);
             stacked
-        });
-        self.without_rounding(projected)
+        })
     }
 
-    fn without_rounding(&self, mut values: WhitenedTrials) -> WhitenedTrials {
-        if let Some(at_rest) = &self.at_rest {
-            let along: f64 = at_rest.iter().zip(&values).map(|(unit, own)| unit.dot(own)).sum();
-            for (own, unit) in values.iter_mut().zip(at_rest) {
-                *own -= along * unit;
-            }
-        }
-        values
+    /// Projected `values` in units of the noise and the angle's errors together.
+    pub fn whitened(&self, values: WhitenedTrials) -> WhitenedTrials {
+        self.angle_errors.whiten(values)
     }
 
     /// Degrees of freedom of the residuals: number of values less number of parameters.

@@ -102,7 +102,7 @@ fn probe(
             fit.objective.whiten(observations.noise_index[trial], &by)
         })
         .collect();
-    let direction = tangent.project(&change);
+    let direction = tangent.whitened(tangent.project(&change));
     let size = (length(&change), length(&direction));
     Probe { direction, size }
 }

@@ -17,9 +17,10 @@ pub struct TestedFit {
 }
 
 impl TestedFit {
-    /// Tests the residuals of `fit`.
+    /// Tests the residuals of `fit`, where trials share `angle_errors`.
     pub fn new(observations: &Observations, fit: &Fit, angle_errors: &AngleErrors, seed: u64) -> Self {
-        let tangent = ResidualProjection::new(observations, fit);
+        let angle_errors = &angle_errors.about(observations, fit);
+        let tangent = ResidualProjection::new(observations, fit, angle_errors);
         let (probes, undetectable) = probes(observations, fit, &tangent);
         let misfit = misfit_statistics(observations, &tangent, &probes, &tangent.residuals());
         let noise_alone = NullDistribution::new(observations, &tangent, angle_errors, &probes, seed);

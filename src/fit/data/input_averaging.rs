@@ -5,7 +5,6 @@
 //! of the servo, too much damping of the lever) would then seem to improve the model.
 
 use super::observations::{Observations, TrialObservation};
-use crate::random::Stream;
 use crate::wrist::{Kinematics, Smoothing};
 
 /// Smoothing of the mean angle; it passes the rise of a ramp and the response of a servo.
@@ -42,28 +41,6 @@ impl Observations {
             smoothed.average_motion();
         }
         smoothed
-    }
-
-    /// Draws the error of the recorded angle anew: the rest position of the motor within a step of its encoder, or white noise if the
-    /// angle is not quantised.
-    pub fn redraw_angle_error(&mut self, stream: &mut Stream) {
-        let step = self.angle_step_rad;
-        for trial in &mut self.trials {
-            let rest = step * (stream.uniform() - 0.5);
-            let noise = self.angle_noise_rad;
-            let mut recorded = |theta: f64| {
-                if step > 0.0 {
-                    step * libm::round((theta + rest) / step)
-                } else {
-                    theta + noise * stream.normal()
-                }
-            };
-            trial.angle_rad = trial.input.motion.iter().map(|knot| recorded(knot.theta)).collect();
-            trial.input.motion = Smoothing::ONE_RECORD.motion(&trial.angle_rad, self.period_s);
-        }
-        if self.angle_smoothings.len() > 1 {
-            self.average_motion();
-        }
     }
 
     /// Averages the motion over the trials `alike`, aligned at the onset.

@@ -5,6 +5,7 @@ use super::covariates::{number_conditions, set_covariates};
 use super::hold_noise::{angle_error, noise_stride};
 use super::observations::{ExcludedTrial, Observations, TrialObservation, mean};
 use crate::dataset::{Session, Status, Trial};
+use crate::files::limits;
 use crate::signal::{FilterError, FilterSpec, filter, onset};
 use crate::wrist::mechanisms::Covariates;
 use crate::wrist::{self, Smoothing};
@@ -47,6 +48,9 @@ impl Observations {
         };
         if session.recorded_filter.is_none() && settings.filter.zero_phase() {
             return Err(PreprocessingError::ZeroPhase);
+        }
+        if !(settings.window_s > 0.0 && settings.window_s <= limits::MAX_WINDOW_S) {
+            return Err(PreprocessingError::Window { window_s: settings.window_s });
         }
         let samples = libm::round(settings.window_s / period_s) as usize;
         if samples < MIN_SAMPLES {
@@ -178,6 +182,15 @@ pub enum PreprocessingError {
          use \"zero_phase\": false"
     )]
     ZeroPhase,
+    /// A window that is no time, or longer than any.
+    #[error(
+        "a window of {window_s} s cannot be analysed; expected more than 0 and at most {} s",
+        limits::MAX_WINDOW_S
+    )]
+    Window {
+        /// Length of the window, s.
+        window_s: f64,
+    },
     /// The window has too few samples for six parameters.
     #[error("a window of {window_s} s holds {samples} samples here; at least {MIN_SAMPLES} are needed")]
     WindowTooShort {

@@ -189,6 +189,11 @@ fn check(path: &str, spec: &ParameterSpec, bounds: (f64, f64)) -> Result<(), Mod
     if spec.scope == Scope::Fixed && !spec.law.is_empty() {
         return wrong("a fixed parameter has no law; give its scope as \"session\" or \"repetition\"".into());
     }
+    if let Some(term) =
+        spec.law.iter().enumerate().find_map(|(at, term)| spec.law[..at].contains(term).then_some(term))
+    {
+        return wrong(format!("the law has the term {term:?} twice; expected each term once"));
+    }
     let (low, high) = (spec.low.unwrap_or(bounds.0), spec.high.unwrap_or(bounds.1));
     if low >= high {
         return wrong(format!("low {low} is not below high {high}"));

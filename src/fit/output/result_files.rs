@@ -1,11 +1,12 @@
 //! Result files of a fit: `fit.csv`, `conditions.csv` and `fit.json`, and the tables of the fit of each trial on its own.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::{Map, Value, json};
 
 use super::estimates::{ConditionEstimate, TrialEstimate, by_condition, estimates, session_estimates};
 use crate::dataset::{Disk, PROGRAM};
+use crate::files::{Folder, csv_cell};
 use crate::fit::data::observations::{ExcludedTrial, Observations};
 use crate::fit::data::preprocessing::PreprocessingSettings;
 use crate::fit::fitted::fit::Fit;
@@ -123,7 +124,7 @@ impl Results {
     ///
     /// # Errors
     /// If a file cannot be written; the message names the file.
-    pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), WriteError> {
+    pub fn write(&self, disk: &Disk, folder: &Folder) -> Result<(), WriteError> {
         let json = serde_json::to_string_pretty(&self.json).unwrap_or_default() + "\n";
         let files = [
             ("fit.csv", fit_csv(&self.estimates)),
@@ -136,15 +137,14 @@ impl Results {
     }
 }
 
-/// Writes files, given as name and text, into `folder`, which is created if it does not exist; each file is replaced atomically.
+/// Writes files, given as name and text, into `folder`; each file is replaced atomically.
 ///
 /// # Errors
-/// If the folder or a file cannot be written; the message names the path.
-pub fn write_files(disk: &Disk, folder: &Path, files: &[(&str, &str)]) -> Result<(), WriteError> {
-    std::fs::create_dir_all(folder).map_err(|source| WriteError { path: folder.into(), source })?;
+/// If a file cannot be written; the message names the path.
+pub fn write_files(disk: &Disk, folder: &Folder, files: &[(&str, &str)]) -> Result<(), WriteError> {
     for (name, text) in files {
-        let path = folder.join(name);
-        disk.write(&path, text.as_bytes()).map_err(|source| WriteError { path, source })?;
+        disk.write(folder, name, text.as_bytes())
+            .map_err(|source| WriteError { path: folder.path_of(name), source })?;
     }
     Ok(())
 }
@@ -190,16 +190,11 @@ fn fit_csv(estimates: &[TrialEstimate]) -> String {
     for estimate in estimates {
         text += &fit_row(estimate);
         if labelled {
-            text += &format!(",{}", quoted(estimate.condition.as_deref().unwrap_or("")));
+            text += &format!(",{}", csv_cell(estimate.condition.as_deref().unwrap_or("")));
         }
         text += "\n";
     }
     text
-}
-
-/// A text as a cell of a CSV table, in quotes if necessary.
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
 }
 
 /// Text of `conditions.csv`.
@@ -222,7 +217,7 @@ fn conditions_csv(conditions: &[ConditionEstimate]) -> String {
             text += &format!(",{}", cell(se));
         }
         if labelled {
-            text += &format!(",{}", quoted(condition.condition.as_deref().unwrap_or("")));
+            text += &format!(",{}", csv_cell(condition.condition.as_deref().unwrap_or("")));
         }
         text += "\n";
     }

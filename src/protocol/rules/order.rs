@@ -4,7 +4,7 @@ use super::context::Rules;
 use crate::protocol::source::{JsonContent, JsonNode};
 
 /// Largest number of trials of a protocol, more than a subject can do in a day. Assumed.
-const MAX_PROTOCOL_TRIALS: f64 = 10_000.0;
+pub(super) const MAX_PROTOCOL_TRIALS: f64 = 10_000.0;
 
 pub(super) fn check(rules: &mut Rules) {
     let (velocities, torques) = (rules.numbers("velocities_rad_s"), rules.numbers("torques_nm"));

@@ -1,6 +1,7 @@
 //! The figures of the report.
 
 mod balance;
+mod law;
 mod mechanism;
 mod parameters;
 mod power;
@@ -10,6 +11,7 @@ mod stiffness;
 mod trial;
 
 pub use balance::balance;
+pub use law::law;
 pub use mechanism::{EffectCurve, mechanism};
 pub use parameters::parameters;
 pub use power::{PowerCurve, power};

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use serde_json::Value;
 
 use super::by_condition;
+use crate::files::limits;
 use crate::report::chart::{HEIGHT, Panel, WIDTH};
 use crate::report::derived::mean_sd;
 use crate::report::figure::Figure;
@@ -54,6 +55,10 @@ impl ResidualMap {
             ..Self::default()
         };
         let conditions = block["conditions"].as_array().ok_or("conditions is not a list")?;
+        let [most_conditions, most_samples] = limits::RESIDUAL_MAP;
+        if conditions.len() > most_conditions || map.time_s.len() > most_samples {
+            return Err(format!("more than {most_conditions} conditions or {most_samples} samples"));
+        }
         for (index, condition) in conditions.iter().enumerate() {
             let row = |name: &str| -> Result<Vec<f64>, String> {
                 let row = numbers(&condition[name])

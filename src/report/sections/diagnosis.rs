@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::ReportSection;
-use crate::report::figures::{ResidualMap, residual_map};
+use crate::report::figures::{ResidualMap, law, residual_map};
 use crate::report::input::ReportInput;
 use crate::report::scale::{escape, significant};
 use crate::report::table::{Cell, HtmlTable};
@@ -114,18 +114,18 @@ fn verdict(section: &mut ReportSection, file: &mut File) {
 
 /// Place, argument and curve of an unknown law, if the diagnosis found one.
 fn free_law(section: &mut ReportSection, root: &Value) {
-    let Some(law) = root.get("free_law").filter(|law| !law.is_null()) else { return };
+    let Some(entry) = root.get("free_law").filter(|law| !law.is_null()) else { return };
     let title =
         |law: &Value| law["title"].as_str().or_else(|| law["mechanism"].as_str()).unwrap_or("?").to_owned();
-    let others: Vec<String> = law["alternatives"].as_array().into_iter().flatten().map(title).collect();
+    let others: Vec<String> = entry["alternatives"].as_array().into_iter().flatten().map(title).collect();
     let or =
         if others.is_empty() { String::new() } else { format!(" It could also be: {}.", others.join("; ")) };
     section.paragraph(&format!(
         "An unknown law explains the session better than the catalogue: {}.{or}",
-        title(law)
+        title(entry)
     ));
     let column = |name: &str| -> Vec<Option<f64>> {
-        law["curve"][name].as_array().into_iter().flatten().map(Value::as_f64).collect()
+        entry["curve"][name].as_array().into_iter().flatten().map(Value::as_f64).collect()
     };
     let columns = ["at", "value", "low", "high"].map(column);
     let count = columns.iter().map(Vec::len).min().unwrap_or(0);
@@ -134,9 +134,12 @@ fn free_law(section: &mut ReportSection, root: &Value) {
         .map(|row| columns.iter().map(|column| Cell::number(column[row], 3)).collect())
         .collect();
     if !rows.is_empty() {
-        let argument = law["argument"].as_str().unwrap_or("argument").to_owned();
+        let argument = entry["argument"].as_str().unwrap_or("argument").to_owned();
         let head = vec![argument, "law".into(), "95 % from".into(), "95 % to".into()];
         section.html += &HtmlTable { caption: "The unknown law".into(), head, rows }.html();
+    }
+    if let Some(figure) = law("unknown-law", "The unknown law", entry) {
+        section.figure(figure);
     }
 }
 
@@ -152,6 +155,12 @@ fn causes(section: &mut ReportSection, file: &mut File) {
         let mechanism = file.text(&format!("{at}/mechanism"));
         named.push(cause(file, &at, mechanism));
         shifts.extend(shift(file, &at, mechanism));
+    }
+    for (index, cause) in causes.iter().enumerate() {
+        let title = format!("Law of {}", cause["mechanism"].as_str().unwrap_or("the cause"));
+        if let Some(figure) = law(&format!("law-of-cause-{}", index + 1), &title, &cause["law"]) {
+            section.figure(figure);
+        }
     }
     if named.is_empty() {
         section.paragraph("The diagnosis names no cause.");

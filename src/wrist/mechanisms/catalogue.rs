@@ -84,11 +84,6 @@ macro_rules! catalogue {
                 match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::ALTERS_ANGLE,)* Self::Free(law) => matches!(law, FreeLawKind::AngleChannelAngle) }
             }
 
-            /// Whether its functional form is certain; see [`Mechanism::KNOWN_FORM`].
-            pub fn has_known_form(self) -> bool {
-                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::KNOWN_FORM,)* Self::Free(_) => false }
-            }
-
             /// How long before the onset it may begin to act, s.
             pub fn before_onset_s(self) -> f64 {
                 match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::BEFORE_ONSET_S,)* Self::Free(_) => 0.0 }
@@ -117,11 +112,6 @@ macro_rules! catalogue {
             /// Range of the first parameter when hidden; see [`Mechanism::hidden_range`].
             pub fn hidden_range(self, lever: Option<Lever>) -> Option<(f64, f64)> {
                 match self { $($(#[$condition])? Self::$name => $module::$name::hidden_range(lever),)* Self::Free(_) => None }
-            }
-
-            /// Mean delay of a lag, s; `None` for a mechanism that is no lag.
-            pub fn delay_s(self, p: &[f64]) -> Option<f64> {
-                match self { $($(#[$condition])? Self::$name => $module::$name::delay_s(p),)* Self::Free(_) => None }
             }
 
             /// Moves the start of an effect that begins before the onset to the onset.

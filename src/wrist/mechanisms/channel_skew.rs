@@ -30,7 +30,6 @@ impl Mechanism for ChannelSkew {
         (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::AngleChannel, argument: None, sd: 0.0 };
     const ALTERS_ANGLE: bool = true;
-    const KNOWN_FORM: bool = true;
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [-0.0005, 0.0005].map(|delay| vec![delay]).to_vec()

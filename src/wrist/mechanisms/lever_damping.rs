@@ -31,7 +31,6 @@ impl Mechanism for LeverDamping {
         (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Handle, argument: None, sd: 0.0 };
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::Lever];
-    const KNOWN_FORM: bool = true;
 
     /// The value that the session states.
     fn starting_value(parameter: usize, lever: Option<Lever>) -> f64 {

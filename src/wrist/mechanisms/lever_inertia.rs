@@ -30,7 +30,6 @@ impl Mechanism for LeverInertia {
         "About the value that the session states, within a factor of 1.6: a constant read off a drawing (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Handle, argument: None, sd: 0.0 };
     const NEEDS: &'static [DataRequirement] = &[DataRequirement::Lever];
-    const KNOWN_FORM: bool = true;
 
     /// The value that the session states.
     fn starting_value(parameter: usize, lever: Option<Lever>) -> f64 {

@@ -79,8 +79,6 @@ pub trait Mechanism {
     const STATES: usize = 0;
     /// Whether it overrides [`Mechanism::alter_channels`].
     const ALTERS_ANGLE: bool = false;
-    /// Whether only a constant is wrong and the functional form is certain, so that the form adds no discrepancy.
-    const KNOWN_FORM: bool = false;
     /// How long before the onset it may begin to act, s.
     const BEFORE_ONSET_S: f64 = 0.0;
     /// Index of the parameter that is the frequency (Hz) of a sinusoid to subtract from the records before a fit.
@@ -102,12 +100,6 @@ pub trait Mechanism {
     fn probes(session: &ProbeContext) -> Vec<Vec<f64>> {
         let _ = session;
         vec![Self::PARAMETERS.iter().map(|parameter| parameter.typical).collect()]
-    }
-
-    /// Mean delay of a lag, s; `None` for a mechanism that is no lag. A discrepancy of the lag's form keeps this delay.
-    fn delay_s(p: &[f64]) -> Option<f64> {
-        let _ = p;
-        None
     }
 
     /// Moves the start of an effect that begins before the onset to the onset: a subject does not know of the ramp before.

@@ -32,10 +32,6 @@ impl Mechanism for ServoFollowing {
         LawSpace { place: Place::AngleChannel, argument: Some(Argument::PastSpeed), sd: 0.1 };
     const ALTERS_ANGLE: bool = true;
 
-    fn delay_s(p: &[f64]) -> Option<f64> {
-        Some(2.0 / (std::f64::consts::TAU * p[0]))
-    }
-
     fn hidden_range(_lever: Option<Lever>) -> Option<(f64, f64)> {
         Some((100.0, 180.0))
     }

@@ -30,7 +30,6 @@ impl Mechanism for TorqueGain {
         A calibration is seldom off by more than 20 % (assumed; a calibrated gauge itself is within 1 %, \
         so a larger error is one of unit, arm or amplifier)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::TorqueChannel, argument: None, sd: 0.0 };
-    const KNOWN_FORM: bool = true;
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [0.87, 1.15].map(|factor| vec![factor]).to_vec()

@@ -33,10 +33,6 @@ impl Mechanism for TorqueLag {
         LawSpace { place: Place::TorqueChannel, argument: Some(Argument::PastTorque), sd: 0.1 };
     const STATES: usize = 1;
 
-    fn delay_s(p: &[f64]) -> Option<f64> {
-        Some(1.0 / (std::f64::consts::TAU * p[0]))
-    }
-
     fn hidden_range(_lever: Option<Lever>) -> Option<(f64, f64)> {
         Some((80.0, 160.0))
     }

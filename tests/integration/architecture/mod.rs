@@ -193,3 +193,62 @@ fn no_constant_name_stands_for_two_values() {
     let found = names::constants_with_two_values(&program_sources()).expect("the crate can be parsed");
     assert!(found.is_empty(), "constants of one name and different values: {found:#?}");
 }
+
+/// Files beside the module `files` that may open something, what they open, and why.
+const OPENERS: [(&str, &str, &str); 3] = [
+    ("app/signals.rs", "fs::read_to_string", "/proc, which says whether a signal is ignored"),
+    ("cli/run.rs", ".is_file()", "whether the operator typed the name of a file or an identifier"),
+    ("console/web/tls.rs", "from_pem_file", "the certificate of the console, which the operator names"),
+];
+
+/// What opens, makes, removes or looks at a file.
+const OPENING: [&str; 22] = [
+    "fs::read",
+    "fs::write",
+    "fs::copy",
+    "fs::rename",
+    "fs::remove",
+    "fs::create_dir",
+    "fs::metadata",
+    "fs::canonicalize",
+    "fs::symlink_metadata",
+    "fs::hard_link",
+    "fs::open",
+    "fs::mkdir",
+    "File::open",
+    "File::create",
+    "File::options",
+    "OpenOptions",
+    "from_path(",
+    "from_pem_file",
+    ".is_dir()",
+    ".is_file()",
+    ".exists()",
+    ".read_dir()",
+];
+
+/// The program of a file, without its tests and comments.
+fn program_text(text: &str) -> String {
+    let program = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let program = program.split("#[cfg(all(test").next().unwrap_or_default();
+    let lines = program.lines().filter(|line| !line.trim_start().starts_with("//"));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// A folder of a stranger is opened by the rules of one module: no links, no devices, limits of size.
+#[test]
+fn only_the_module_files_opens_files() {
+    let mut found = Vec::new();
+    for (file, text) in program_sources().iter().filter(|(file, _)| !file.starts_with("files/")) {
+        let text = program_text(text);
+        for opening in OPENING.iter().filter(|opening| text.contains(**opening)) {
+            let is_known = OPENERS
+                .iter()
+                .any(|(known, what, _)| known == file && what.contains(opening.trim_end_matches('(')));
+            if !is_known {
+                found.push(format!("{file}: {opening}"));
+            }
+        }
+    }
+    assert_eq!(found, Vec::<String>::new(), "use the module files instead");
+}

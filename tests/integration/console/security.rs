@@ -184,6 +184,41 @@ fn who_sends_too_much_is_sent_away() {
     assert_eq!(status(&page.send(post.as_bytes())), "405");
 }
 
+/// Frames count, not messages: a message that never ends made the operator wait for 2 s.
+#[test]
+fn who_begins_a_message_and_never_ends_it_is_sent_away_and_the_operator_does_not_wait() {
+    use std::io::Write;
+    let program = Program::run(&["--speed", "1"]);
+    let flood = |mut socket: Socket| {
+        // Masked frames of text without any bytes: the first one begins a message, the others go on with it.
+        let more = [0x00, 0x80, 1, 2, 3, 4].repeat(1000);
+        let stream = socket.0.get_mut();
+        let mut sent = stream.write_all(&[0x01, 0x80, 1, 2, 3, 4]);
+        let mut frames = 1;
+        while sent.is_ok() && frames < 10_000_000 {
+            sent = stream.write_all(&more);
+            frames += 1000;
+        }
+        (frames, sent.is_err())
+    };
+    let looking: Vec<Socket> = (0..8).map(|_| program.subject.live()).collect();
+    let mut operator = program.operator.live();
+    operator.word("start");
+    operator.phase("rest");
+    let floods: Vec<_> =
+        looking.into_iter().map(|socket| std::thread::spawn(move || flood(socket))).collect();
+    let asked = std::time::Instant::now();
+    operator.word("pause");
+    operator.phase("paused");
+    let waited = asked.elapsed();
+    for flood in floods {
+        let (frames, was_sent_away) = flood.join().unwrap();
+        assert!(was_sent_away, "{frames} frames were taken");
+    }
+    // On an idle machine 40 ms.
+    assert!(waited < Duration::from_secs(30), "{waited:?}");
+}
+
 #[test]
 fn no_more_pages_are_open_than_anybody_needs() {
     let program = Program::run(&[]);

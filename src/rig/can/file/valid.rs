@@ -1,8 +1,8 @@
 //! Reads and checks a rig file.
 
-use std::fs;
 use std::path::Path;
 
+use crate::files::{self, limits};
 use crate::protocol::Problem;
 use crate::protocol::shape::{Shape, Walked};
 use crate::protocol::source::JsonNode;
@@ -33,7 +33,7 @@ impl ValidRigFile {
     /// Everything that is wrong with it, at once.
     pub fn read(path: &Path) -> Result<Self, CanRigFileError> {
         let file = path.display().to_string();
-        let text = fs::read_to_string(path)
+        let text = files::read_text(path, limits::SETTINGS_BYTES)
             .map_err(|source| CanRigFileError::Unreadable { file: file.clone(), source })?;
         Self::parse(&text, &file)
     }

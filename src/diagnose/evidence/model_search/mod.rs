@@ -1,0 +1,185 @@
+//! The models that are compared: none, each mechanism, pairs of mechanisms, and free laws.
+//!
+//! | file | story |
+//! |---|---|
+//! | `linear_estimate` | what a further mechanism would add to a model, to first order |
+//! | `single_causes` | models of one cause, and of a free law each |
+//! | `pairs` | models of two causes |
+//! | `outliers` | trials that do not belong |
+
+mod linear_estimate;
+mod outliers;
+mod pairs;
+mod single_causes;
+
+use rayon::prelude::*;
+
+use super::model_posterior::ModelPosterior;
+use super::model_prior::ModelPrior;
+use super::session_prior::SessionPrior;
+use crate::fit::{Fit, K_DEC, K_SRS, Model, Observations, ParameterSpec, Transform, X_E};
+use crate::wrist::mechanisms::MechanismKind;
+
+/// Elastic limits from which all trials start once more, as parts of the largest motor angle in the window; k_dec is 0.6 of k_srs there.
+const LIMIT_RESTARTS: [f64; 2] = [0.4, 0.6];
+
+/// A model whose probability, relative to the best, is estimated to be below e to the minus this is not computed exactly: together they
+/// have less than a thousandth.
+const NEGLIGIBLE_LOG_ODDS: f64 = 14.0;
+
+/// Part of the best model's gain below which a model is not within reach, whatever its laws: a law that is off by a fifth leaves a
+/// twenty-fifth of what it explains.
+const DEVIATION_REACH: f64 = 0.5;
+
+/// A model with its posterior.
+#[derive(Debug, Clone)]
+pub struct ComparedModel {
+    /// The causes.
+    pub causes: Vec<MechanismKind>,
+    /// Logarithm of evidence and prior odds, against no cause.
+    pub log_odds: f64,
+    /// The posterior.
+    pub posterior: ModelPosterior,
+    /// The trials that do not belong, if that is a cause.
+    pub outliers: Vec<usize>,
+}
+
+/// All models that were compared.
+pub struct ModelSearch<'a> {
+    observations: &'a Observations,
+    /// The priors.
+    pub prior: SessionPrior,
+    model_prior: ModelPrior,
+    before: &'a Fit,
+    /// The models, none of the causes first.
+    pub models: Vec<ComparedModel>,
+    none_evidence: f64,
+}
+
+impl<'a> ModelSearch<'a> {
+    /// The search about `before`, the fit of the model as given. `None` if even that has no posterior.
+    pub fn new(
+        observations: &'a Observations,
+        before: &'a Fit,
+        prior: SessionPrior,
+        applicable: &[MechanismKind],
+    ) -> Option<Self> {
+        let starts = limit_restarts(observations, before);
+        let none = best(starts.par_iter().map(|start| {
+            ModelPosterior::with_exact_laws(observations, &prior, start, &[], None, f64::NEG_INFINITY)
+        }))?;
+        let none_evidence = none.log_evidence;
+        tracing::debug!(none_evidence, noise = none.spreads.noise, "no cause");
+        let mut all = applicable.to_vec();
+        all.extend(prior.ranges.kinds());
+        let models =
+            vec![ComparedModel { causes: Vec::new(), log_odds: 0.0, posterior: none, outliers: Vec::new() }];
+        Some(Self { observations, prior, model_prior: ModelPrior::new(&all), before, models, none_evidence })
+    }
+
+    fn add(&mut self, causes: Vec<MechanismKind>, posterior: ModelPosterior, outliers: Vec<usize>) {
+        let log_odds = posterior.log_evidence - self.none_evidence + self.model_prior.log_odds(&causes);
+        tracing::debug!(
+            ?causes,
+            log_odds,
+            noise = posterior.spreads.noise,
+            ?outliers,
+            steps = posterior.steps,
+            decrease = posterior.quadratic.decrease
+        );
+        self.models.push(ComparedModel { causes, log_odds, posterior, outliers });
+    }
+
+    /// The largest log odds so far.
+    pub fn best_log_odds(&self) -> f64 {
+        self.models.iter().map(|own| own.log_odds).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Index of the most probable model with `count` causes of the catalogue; 0 if there is none.
+    pub fn best_with(&self, count: usize) -> usize {
+        let wanted = |index: &usize| {
+            let causes = &self.models[*index].causes;
+            causes.len() == count && causes.iter().all(|kind| !kind.is_free_law())
+        };
+        let candidates = (0..self.models.len()).filter(wanted);
+        candidates.max_by(|a, b| self.models[*a].log_odds.total_cmp(&self.models[*b].log_odds)).unwrap_or(0)
+    }
+
+    /// The session.
+    pub fn observations(&self) -> &'a Observations {
+        self.observations
+    }
+
+    /// Adds posteriors with exact laws, after the laws of those within reach of the best may deviate. One that explains nothing has no law
+    /// that could.
+    fn add_with_deviations(&mut self, plain: Vec<ModelPosterior>) {
+        let gain = |own: &ModelPosterior| own.log_evidence - self.none_evidence;
+        let best = plain.iter().map(gain).fold(self.best_log_odds(), f64::max);
+        let is_near =
+            |own: &ModelPosterior| gain(own) > (DEVIATION_REACH * best - NEGLIGIBLE_LOG_ODDS).max(0.0);
+        let (observations, prior) = (self.observations, &self.prior);
+        let all: Vec<ModelPosterior> = plain
+            .into_par_iter()
+            .map(|own| {
+                let deviating = is_near(&own).then(|| own.with_deviating_laws(observations, prior)).flatten();
+                deviating.unwrap_or(own)
+            })
+            .collect();
+        for posterior in all {
+            self.add(posterior.added.clone(), posterior, Vec::new());
+        }
+    }
+
+    /// The fit of a posterior without the free laws by which its mechanisms' laws deviate.
+    pub fn without_deviations(&self, posterior: &ModelPosterior) -> Fit {
+        let is_deviation = |kind: &MechanismKind| {
+            kind.is_free_law() && !posterior.added.contains(kind) && !self.before.kinds.contains(kind)
+        };
+        let mut fit = posterior.fit.clone();
+        for kind in posterior.fit.kinds.iter().filter(|kind| is_deviation(kind)) {
+            fit = fit.with_mechanism_removed(self.observations, *kind);
+        }
+        fit
+    }
+
+    /// The fit of `posterior` with the mechanism `kind` at `values` in addition.
+    fn start_with(&self, posterior: &ModelPosterior, kind: MechanismKind, values: &[f64]) -> Fit {
+        let base = self.without_deviations(posterior);
+        let model = starting_at(base.model.clone().with(kind), values);
+        base.with_model(self.observations, &model)
+    }
+}
+
+/// `model`, whose last mechanism starts at `values`.
+fn starting_at(mut model: Model, values: &[f64]) -> Model {
+    if let Some(added) = model.mechanisms.last_mut() {
+        for (spec, value) in added.parameters.iter_mut().zip(values) {
+            *spec = ParameterSpec { value: Some(*value), ..spec.clone() };
+        }
+    }
+    model
+}
+
+/// `fit`, and the same with the elastic limits of all trials elsewhere.
+fn limit_restarts(observations: &Observations, fit: &Fit) -> Vec<Fit> {
+    let mut starts = vec![fit.clone()];
+    for part in LIMIT_RESTARTS {
+        let mut solution = fit.solution.clone();
+        for (trial, transforms) in fit.parameterisation.transforms.iter().enumerate() {
+            let mut set = |parameter: usize, value: f64| {
+                if let Transform::Logarithmic { coordinate, factor } = transforms[parameter] {
+                    solution.coordinates[coordinate] = libm::log(value / factor);
+                }
+            };
+            set(X_E, part * observations.peak_angle_rad(trial));
+            set(K_DEC, 0.6 * fit.parameters[trial][K_SRS]);
+        }
+        starts.push(fit.at_solution(solution));
+    }
+    starts
+}
+
+fn best(posteriors: impl ParallelIterator<Item = Option<ModelPosterior>>) -> Option<ModelPosterior> {
+    let all: Vec<ModelPosterior> = posteriors.flatten().collect();
+    all.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence))
+}

@@ -1,0 +1,163 @@
+//! Models of one cause, and of a free law each.
+
+use rayon::prelude::*;
+
+use super::linear_estimate::LinearModel;
+use super::{ComparedModel, ModelSearch, NEGLIGIBLE_LOG_ODDS, starting_at};
+use crate::diagnose::evidence::model_posterior::ModelPosterior;
+use crate::fit::{ExtensionSearch, Model};
+use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
+
+/// Number of mechanisms that are fitted first. What they gain says how far the others need to be followed.
+const LEADING: usize = 4;
+
+/// Part of the best gain below which a mechanism is not followed to its optimum: half of what is within reach for a law that deviates.
+const PURSUED_PART: f64 = 0.25;
+
+/// Where a fit of a mechanism starts.
+struct Start {
+    kind: MechanismKind,
+    /// What it adds to the log evidence, to first order.
+    promise: f64,
+    values: Vec<f64>,
+}
+
+/// The best posterior of each mechanism so far.
+#[derive(Default)]
+struct Found(Vec<ModelPosterior>);
+
+impl Found {
+    fn extend(&mut self, posteriors: Vec<ModelPosterior>) {
+        for posterior in posteriors {
+            match self.0.iter_mut().find(|own| own.added == posterior.added) {
+                Some(own) if own.log_evidence < posterior.log_evidence => *own = posterior,
+                Some(_) => {}
+                None => self.0.push(posterior),
+            }
+        }
+    }
+
+    /// The largest log evidence.
+    fn best(&self) -> f64 {
+        self.0.iter().map(|own| own.log_evidence).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// The log evidence of a mechanism.
+    fn of(&self, kind: MechanismKind) -> f64 {
+        self.0.iter().find(|own| own.added == [kind]).map_or(f64::NEG_INFINITY, |own| own.log_evidence)
+    }
+
+    fn take(&mut self, kind: MechanismKind) -> Option<ModelPosterior> {
+        let place = self.0.iter().position(|own| own.added == [kind])?;
+        Some(self.0.swap_remove(place))
+    }
+}
+
+impl ModelSearch<'_> {
+    /// Adds the models of one cause each.
+    ///
+    /// Each mechanism is fitted from the probe that promises most to first order. Further starts follow where they promise more than that
+    /// fit has found, and from fits of a part of the session where the mechanism is within reach of the best.
+    pub fn add_single_causes(&mut self, kinds: &[MechanismKind]) {
+        let kinds: Vec<MechanismKind> =
+            kinds.iter().copied().filter(|kind| kind.evidence() != EvidenceSource::SingleTrials).collect();
+        let none = &self.models[0].posterior;
+        let Some(about_none) = LinearModel::new(none) else { return };
+        let mut starts: Vec<Start> = self
+            .directions(none, &kinds)
+            .par_iter()
+            .filter_map(|own| {
+                let (promise, values) = self.linear_gain(&about_none, own)?;
+                Some(Start { kind: own.kind, promise, values })
+            })
+            .collect();
+        starts.sort_by(|a, b| b.promise.total_cmp(&a.promise));
+        let is_first = |place: &usize| !starts[..*place].iter().any(|own| own.kind == starts[*place].kind);
+        let (firsts, others): (Vec<usize>, Vec<usize>) = (0..starts.len()).partition(is_first);
+        let (leading, rest) = firsts.split_at(LEADING.min(firsts.len()));
+        let mut found = Found::default();
+        found.extend(self.started_at(leading.iter().map(|place| &starts[*place]), f64::NEG_INFINITY));
+        // What is far below is not fitted to the end.
+        let least = |found: &Found| {
+            PURSUED_PART * found.best().max(self.none_evidence) + (1.0 - PURSUED_PART) * self.none_evidence
+                - NEGLIGIBLE_LOG_ODDS
+        };
+        let least_now = least(&found);
+        found.extend(self.started_at(rest.iter().map(|place| &starts[*place]), least_now));
+        let promises_more = |own: &&Start| own.promise > found.of(own.kind) - self.none_evidence;
+        let more: Vec<&Start> = others.iter().map(|place| &starts[*place]).filter(promises_more).collect();
+        let least_now = least(&found);
+        let more = self.started_at(more.into_iter(), least_now);
+        found.extend(more);
+        if found.best() - self.none_evidence > NEGLIGIBLE_LOG_ODDS {
+            let least_now = least(&found);
+            let within_reach = |kind: &&MechanismKind| {
+                kind.evidence() == EvidenceSource::Trace && found.of(**kind) > least_now
+            };
+            let reached: Vec<MechanismKind> = kinds.iter().filter(within_reach).copied().collect();
+            let more = self.started_from_parts(&reached);
+            found.extend(more);
+        }
+        let plain = kinds.iter().filter_map(|kind| found.take(*kind)).collect();
+        self.add_with_deviations(plain);
+    }
+
+    /// Posteriors from `starts`, given up where they do not promise the log evidence `least`.
+    fn started_at<'b>(&self, starts: impl Iterator<Item = &'b Start>, least: f64) -> Vec<ModelPosterior> {
+        let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
+        let starts: Vec<&Start> = starts.collect();
+        let posterior = |own: &&Start| {
+            let start = self.start_with(none, own.kind, &own.values);
+            let spreads = Some(&none.spreads);
+            ModelPosterior::with_exact_laws(observations, prior, &start, &[own.kind], spreads, least)
+        };
+        starts.par_iter().filter_map(posterior).collect()
+    }
+
+    /// Posteriors from the optima that a third of the session has, searched from several starting values each.
+    fn started_from_parts(&self, kinds: &[MechanismKind]) -> Vec<ModelPosterior> {
+        let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
+        let search = ExtensionSearch::new(observations, self.before);
+        let posterior = |kind: &MechanismKind| {
+            let model = |values: Vec<f64>| starting_at(self.before.model.clone().with(*kind), &values);
+            let models: Vec<Model> = kind.probes(&prior.context).into_iter().map(model).collect();
+            let start = search.complete(&search.screen(&models));
+            let (spreads, least) = (Some(&none.spreads), f64::NEG_INFINITY);
+            ModelPosterior::with_exact_laws(observations, prior, &start, &[*kind], spreads, least)
+        };
+        kinds.par_iter().filter_map(posterior).collect()
+    }
+
+    /// Adds the models of a free law each.
+    pub fn add_free_laws(&mut self) {
+        let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
+        let least = self.none_evidence + self.best_log_odds() - NEGLIGIBLE_LOG_ODDS;
+        let kinds: Vec<MechanismKind> =
+            prior.ranges.kinds().filter(|kind| !self.before.kinds.contains(kind)).collect();
+        let base = self.without_deviations(none);
+        let posterior = |kind: MechanismKind| {
+            let start = base.with_model(observations, &prior.ranges.with_free_law(base.model.clone(), kind));
+            ModelPosterior::with_exact_laws(observations, prior, &start, &[kind], Some(&none.spreads), least)
+        };
+        let found: Vec<ModelPosterior> = kinds.into_par_iter().filter_map(posterior).collect();
+        for posterior in found {
+            self.add(posterior.added.clone(), posterior, Vec::new());
+        }
+    }
+
+    /// The posterior of `model` with the free law `free` in place of its cause `kind`.
+    pub fn with_free_law_in_place_of(
+        &self,
+        model: &ComparedModel,
+        kind: MechanismKind,
+        free: MechanismKind,
+    ) -> Option<ModelPosterior> {
+        let (observations, prior) = (self.observations, &self.prior);
+        let base = self.without_deviations(&model.posterior).with_mechanism_removed(observations, kind);
+        let start = base.with_model(observations, &prior.ranges.with_free_law(base.model.clone(), free));
+        let others = model.causes.iter().copied().filter(|own| *own != kind);
+        let causes: Vec<MechanismKind> = others.chain([free]).collect();
+        let (spreads, least) = (Some(&model.posterior.spreads), f64::NEG_INFINITY);
+        ModelPosterior::with_exact_laws(observations, prior, &start, &causes, spreads, least)
+    }
+}

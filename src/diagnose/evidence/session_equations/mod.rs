@@ -1,0 +1,17 @@
+//! The marginal likelihood of a session whose torque is linear in what is unknown.
+//!
+//! Own coordinates of the trials are random effects: a trial lies about its condition, a condition about a regression on log velocity
+//! and log torque. Everything is Gaussian given the spreads, so that the integral over all unknowns is a determinant. The unknowns of
+//! one condition (its trials and its mean) form a block; regression and common coordinates are the border of an arrowhead.
+
+mod design;
+mod products;
+mod quadratic;
+mod spreads;
+#[cfg(test)]
+mod tests;
+
+pub use design::{Design, Point, REGRESSORS, cost};
+pub use products::Products;
+pub use quadratic::Quadratic;
+pub use spreads::{FreeLawPrior, Spreads};
