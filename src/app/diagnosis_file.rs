@@ -38,9 +38,9 @@ pub fn read_diagnosis(session: &Path) -> Result<Value, Failure> {
 
 /// The content of `results/fit.json` of a session, if it has been fitted.
 pub fn read_stored_fit(session: &Path) -> Result<Option<Value>, Failure> {
-    const FIT: &str = "results/fit.json";
-    let path = session.join(FIT);
-    let bytes = Folder::open(session).and_then(|folder| folder.read_if_there(FIT, limits::FIT_BYTES));
+    const STORED_FIT: &str = "results/fit.json";
+    let path = session.join(STORED_FIT);
+    let bytes = Folder::open(session).and_then(|folder| folder.read_if_there(STORED_FIT, limits::FIT_BYTES));
     let bytes = bytes.map_err(|source| Failure::Read { file: path.display().to_string(), source })?;
     let parse =
         |bytes: Vec<u8>| json_file::parse(&String::from_utf8_lossy(&bytes), &path, "the file of a fit");
