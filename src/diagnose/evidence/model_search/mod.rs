@@ -5,10 +5,10 @@
 //! | `linear_estimate` | what a further mechanism would add to a model, to first order |
 //! | `single_causes` | models of one cause, and of a free law each |
 //! | `pairs` | models of two causes |
-//! | `outliers` | trials that do not belong |
+//! | `outlying_trials` | trials that do not belong |
 
 mod linear_estimate;
-mod outliers;
+mod outlying_trials;
 mod pairs;
 mod single_causes;
 
