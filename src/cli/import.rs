@@ -39,7 +39,8 @@ pub struct ImportArgs {
 impl Verb for ImportArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         for (option, path) in [("--out", &self.out), ("--save-mapping", &self.save_mapping)] {
-            if let Some(path) = path {
+            // One that is there is refused as such.
+            if let Some(path) = path.as_ref().filter(|path| !files::exists(path)) {
                 check_out(option, path)?;
             }
         }

@@ -1,11 +1,12 @@
 //! `ramphold report`: pictures and tables of sessions for a person.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use crate::app::{Console, Failure, ResultsFolder, check_out, write_report_to};
 use crate::dataset::session_folders;
 use crate::files::{EntryKind, Folder};
+use crate::report::ReportError;
 
 use super::verb::Verb;
 
@@ -58,5 +59,8 @@ fn second_results(results: &Folder, beside: &Path) -> Result<Folder, Failure> {
         Ok(Some(EntryKind::Folder)) => results.folder(beside),
         _ => Folder::open(beside),
     };
-    opened.map_err(|source| Failure::Read { file: beside.display().to_string(), source })
+    opened.map_err(|source| match source.kind() {
+        ErrorKind::NotFound => ReportError::NoFit { folder: beside.to_owned() }.into(),
+        _ => Failure::Read { file: beside.display().to_string(), source },
+    })
 }
