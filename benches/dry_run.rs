@@ -91,6 +91,8 @@ fn main() {
             subject: "V00",
             lever: Setup::default().lever,
             rig: &serde_json::Value::Null,
+            about: &Default::default(),
+            subject_fields: &Default::default(),
             motion_delay_samples: 0,
         };
         let mut recorder =

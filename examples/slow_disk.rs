@@ -51,6 +51,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             subject: "V00",
             lever: Setup::default().lever,
             rig: &serde_json::Value::Null,
+            about: &Default::default(),
+            subject_fields: &Default::default(),
             motion_delay_samples: 0,
         };
         let disk = Disk::slow(Duration::from_millis(disk_takes));

@@ -72,6 +72,8 @@
 //! | rig | [`rig`] | what moves the wrist and measures it: the virtual wrist, or a motor on a CAN bus |
 //! | session | [`session`] | the experiment as a state machine, and the control loop around it |
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
+//! | consistency | [`consistency`] | what the signals of a session say against its table |
+//! | import | [`import`] | sessions from foreign recordings |
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
 //! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |
 //! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what adding a mechanism gains |
@@ -87,12 +89,14 @@
 
 pub mod app;
 pub mod cli;
+pub mod consistency;
 pub mod console;
 pub mod dataset;
 pub mod diagnose;
 pub mod export;
 pub mod files;
 pub mod fit;
+pub mod import;
 pub mod json_file;
 pub mod number;
 pub mod protocol;

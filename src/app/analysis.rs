@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use crate::consistency::SignalCheck;
 use crate::dataset;
 use crate::diagnose::remove_hum;
 use crate::fit::{
     Fit, Model, NoSessionModel, Observations, PreprocessingSettings, Results, SessionFit, Weighting,
 };
 
+use super::checked_session::{CheckedSession, load_checked};
 use super::failure::Failure;
 
 /// What a fit is asked for.
@@ -22,6 +24,8 @@ pub struct FitRequest {
     pub weighting: Weighting,
     /// Each trial on its own, as in the paper.
     pub independent: bool,
+    /// Contradictions between the signals and the table that are known and meant.
+    pub accept: Vec<SignalCheck>,
 }
 
 /// Reads, preprocesses and fits a session: the observations, the results as they are written, and the fit of each trial on its own.
@@ -29,8 +33,9 @@ pub fn preprocess_and_fit(
     folder: &Path,
     asked: &FitRequest,
 ) -> Result<(Observations, Results, Fit), Failure> {
-    let FitRequest { model, window_s, weighting, independent } = asked;
-    let mut session = dataset::load(folder)?;
+    let FitRequest { model, window_s, weighting, independent, accept } = asked;
+    let CheckedSession { mut session, accepted } = load_checked(folder, accept)?;
+    let digest = session.digest();
     if let Some(frequency_hz) = model.hum_hz() {
         session = remove_hum(&session, frequency_hz);
     }
@@ -40,7 +45,9 @@ pub fn preprocess_and_fit(
     let fit = Fit::new(&observations, model, *weighting);
     let of_session =
         if *independent { Err(NoSessionModel::NotAsked) } else { SessionFit::new(&observations, &fit) };
-    let results = Results::new(&session.subject.id, &observations, (&fit, &of_session), settings, *weighting);
+    let mut results =
+        Results::new(&session.subject.id, &observations, (&fit, &of_session), settings, *weighting);
+    results.add_input(&digest, *independent, &accepted);
     Ok((observations, results, fit))
 }
 

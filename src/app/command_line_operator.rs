@@ -24,7 +24,7 @@ impl CommandLineOperator {
     pub fn new(stop: Arc<AtomicBool>, machine: &Machine, console: &Console) -> Self {
         let target =
             if console.is_quiet() { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        let planned = machine.progress().queue().len() as u64;
+        let planned = (ok_trials(machine) + machine.progress().queue().len()) as u64;
         let bar = ProgressBar::with_draw_target(Some(planned), target);
         let style = ProgressStyle::with_template("{bar:30} trial {pos} of {len}, {eta} left: {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -41,12 +41,16 @@ impl CommandLineOperator {
     }
 }
 
+/// Measured trials that are done, those before a resume included.
+fn ok_trials(machine: &Machine) -> usize {
+    let measured = machine.progress().attempts().iter().filter(|attempt| !attempt.planned.key.practice);
+    measured.filter(|attempt| matches!(attempt.ended, Some((Status::Ok, _)))).count()
+}
+
 impl Operator for CommandLineOperator {
     fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
         if machine.sample().is_multiple_of(PROGRESS_PERIOD_SAMPLES) {
-            let ended = machine.progress().attempts().iter().filter_map(|attempt| attempt.ended);
-            let ok = ended.filter(|(status, _)| *status == Status::Ok).count();
-            self.bar.set_position(ok as u64);
+            self.bar.set_position(ok_trials(machine) as u64);
             self.bar.set_message(machine.phase().name());
         }
         self.is_stopped().then_some(Event::Abort)

@@ -3,11 +3,13 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::consistency::Contradictions;
 use crate::console::ConsoleError;
 use crate::dataset::{DatasetError, RecordError, ResumeError};
 use crate::export::ExportError;
 use crate::files::is_refusal;
 use crate::fit::{ModelError, PreprocessingError, WriteError};
+use crate::import::ImportError;
 use crate::json_file::JsonFileError;
 use crate::protocol::{ProtocolError, TooShort};
 use crate::report::ReportError;
@@ -35,6 +37,14 @@ pub enum Failure {
         session: String,
         /// The reason.
         source: PreprocessingError,
+    },
+    /// The signals of a session contradict its table.
+    #[error("{session}: {found}")]
+    Contradicts {
+        /// The session's folder.
+        session: String,
+        /// What they contradict.
+        found: Contradictions,
     },
     /// A model file cannot be used.
     #[error("{file}: {source}")]
@@ -80,6 +90,9 @@ pub enum Failure {
         /// All sessions.
         of: usize,
     },
+    /// A recording cannot be imported.
+    #[error(transparent)]
+    Import(#[from] ImportError),
     /// The study cannot be done.
     #[error(transparent)]
     Study(#[from] StudyError),
@@ -147,9 +160,12 @@ pub enum Failure {
     /// A session cannot be resumed.
     #[error(transparent)]
     Resume(#[from] ResumeError),
-    /// The operator did not consent that the motor moves.
-    #[error("nothing was moved: the rig needs the operator's consent. Answer yes when asked, or give --yes")]
-    NoWord,
+    /// No variant of a protocol gains anything.
+    #[error("{}: not written, since no change of the protocol is expected to gain anything", .out.display())]
+    NothingToGain {
+        /// The file that was asked for.
+        out: PathBuf,
+    },
     /// A replay differs from the record.
     #[error("{}: the replay differs from the record", .session.display())]
     Differs {
@@ -186,11 +202,12 @@ impl Failure {
             | Self::Draw(_)
             | Self::Dataset(_)
             | Self::Prepare { .. }
+            | Self::Contradicts { .. }
             | Self::Model { .. }
             | Self::Json(_)
             | Self::Read { .. }
             | Self::Usage(_)
-            | Self::NoWord
+            | Self::Import(_)
             | Self::Resume(ResumeError::Dataset(_) | ResumeError::NotAsItWas { .. })
             | Self::TooShort(_)
             | Self::Person(_)
@@ -240,6 +257,7 @@ impl Failure {
             | Self::Unit(_)
             | Self::Record(_)
             | Self::Resume(_)
+            | Self::NothingToGain { .. }
             | Self::Differs { .. }
             | Self::NotAsItWas { .. }
             | Self::Ended { .. }

@@ -2,7 +2,8 @@
 
 use std::io::Write;
 
-use crate::fit::{ConditionEstimate, Results};
+use crate::fit::{ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, torque_falls};
+use crate::wrist::BASE_PARAMETERS;
 
 use super::console::Console;
 use super::failure::Failure;
@@ -25,6 +26,14 @@ const SHOWN_TRIALS: usize = 12;
 /// Prints the table of parameters by condition: mean and standard deviation over repetitions, with remarks.
 pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
     let mut out = console.results();
+    if results.best_vaf() < DESCRIBING_VAF {
+        writeln!(
+            out,
+            "THE MODEL DOES NOT DESCRIBE THESE DATA: the best VAF of any trial is {:.2}, below {DESCRIBING_VAF}. The numbers below \
+             mean nothing; look at the trials in the report first",
+            results.best_vaf()
+        )?;
+    }
     let repetitions = results.conditions.iter().map(|c| c.repetitions).max().unwrap_or(0);
     writeln!(
         out,
@@ -84,13 +93,13 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
         )?,
         Some(_) => {}
     }
-    let falling =
-        results.conditions.iter().filter(|c| c.mean[6].is_some_and(|k_after| k_after < 0.0)).count();
+    bounds(&mut out, results)?;
+    let falling = results.conditions.iter().filter(|condition| falls(condition)).count();
     if falling > 0 {
         writeln!(
             out,
-            "k_after is below zero in {falling} of {} conditions: there the torque falls beyond the elastic limit, which no \
-             stiffness explains (relaxation or a reflex in the window; `ramphold diagnose` looks for it)",
+            "k_after is below zero by more than 3 standard errors in {falling} of {} conditions: there the torque falls beyond \
+             the elastic limit, which no stiffness explains; `ramphold diagnose` looks for the cause",
             results.conditions.len()
         )?;
     }
@@ -103,6 +112,35 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
         )?;
     }
     Ok(())
+}
+
+/// Says which parameters ended at a bound, and in how many trials: their values are not averaged.
+fn bounds(out: &mut impl Write, results: &Results) -> Result<(), Failure> {
+    for (parameter, name) in BASE_PARAMETERS.iter().enumerate() {
+        let at_bound: Vec<String> = results
+            .estimates
+            .iter()
+            .filter(|estimate| !estimate.determined[parameter])
+            .map(|estimate| estimate.trial.to_string())
+            .collect();
+        if !at_bound.is_empty() {
+            let some = at_bound.iter().take(SHOWN_TRIALS).map(String::as_str).collect::<Vec<_>>().join(", ");
+            let more = if at_bound.len() > SHOWN_TRIALS { ", ..." } else { "" };
+            writeln!(
+                out,
+                "{name} ended at its bound in {} of {} trials, whose data do not determine it (not averaged): {some}{more}",
+                at_bound.len(),
+                results.estimates.len()
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether the mean stiffness beyond the elastic limit of a condition is below zero beyond its standard error.
+fn falls(condition: &ConditionEstimate) -> bool {
+    let [Some(k_srs), Some(k_dec)] = [condition.mean[K_SRS], condition.mean[K_DEC]] else { return false };
+    torque_falls([k_srs, k_dec], [condition.se[K_SRS], condition.se[K_DEC]])
 }
 
 /// Symbols and units.

@@ -4,40 +4,50 @@
 
 mod analysis;
 mod background_messages;
+mod checked_session;
 mod command_line_operator;
 mod console;
 mod console_options;
 mod diagnosis_file;
 mod failure;
 mod fit_table;
+mod import_questions;
 mod model_file;
 mod motor_operator;
+mod named_results;
 mod new_session;
 mod pace;
 mod question;
 mod results_folder;
 mod safe_output;
+mod seed;
 mod session_report;
 mod session_results;
 mod session_rig;
 mod session_runner;
 mod signals;
+mod wall_clock;
 
 pub use analysis::{FitRequest, preprocess_and_fit, preprocessing_settings};
+pub use checked_session::{CheckedSession, load_checked};
 pub use console::Console;
 pub use console_options::{ConsoleOptions, PageOptions, SessionDescription};
-pub use diagnosis_file::{named_causes, read_diagnosis};
+pub use diagnosis_file::{named_causes, read_diagnosis, read_stored_fit};
 pub use failure::Failure;
 pub use fit_table::fit_table;
+pub use import_questions::ask_for_mapping;
 pub use model_file::{add_mechanisms_of_model, read_model};
+pub use named_results::{folder_of_diagnosis, folder_of_fit};
 pub use new_session::{draw_seed, new_folder, subject_number};
 pub use pace::Pace;
 pub use results_folder::{ResultsFolder, check_has_none, check_out};
-pub use session_report::write_report;
+pub use seed::parse_seed;
+pub use session_report::{tell_foreign_results, write_report, write_report_to};
 pub use session_results::finish_session;
 pub use session_rig::{
     SessionRig, StoredVirtualRig, is_can_rig_file, open_seal, ran_on_can_motor, read_stored_virtual_rig,
     with_hidden_effect,
 };
-pub use session_runner::{SessionRun, confirm_motion};
+pub use session_runner::SessionRun;
 pub use signals::stop_on_signals;
+pub use wall_clock::{now_utc, operator_name, utc_offset_s};

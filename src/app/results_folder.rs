@@ -1,4 +1,4 @@
-//! The folder that results go into: the session's own, or one that the operator named.
+//! The folder that results go into: the session's own, one inside it, or one that the operator named.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,13 +9,20 @@ use crate::files::{self, Folder};
 use super::failure::Failure;
 
 /// Name of the folder of results in a session.
-const RESULTS: &str = "results";
+pub(super) const RESULTS: &str = "results";
 
 /// Where the results of a session go.
 #[derive(Debug, Clone)]
 pub enum ResultsFolder {
     /// The folder of results of the session in this folder; new results replace the last ones.
     OfSession(PathBuf),
+    /// A folder inside that of the session, for results of other settings than those there.
+    Named {
+        /// The session's folder.
+        session: PathBuf,
+        /// Name inside the folder of results.
+        name: String,
+    },
     /// A folder that the operator named with `--out`; nothing in it is replaced.
     Given(PathBuf),
 }
@@ -25,6 +32,7 @@ impl ResultsFolder {
     pub fn path(&self) -> PathBuf {
         match self {
             Self::OfSession(session) => session.join(RESULTS),
+            Self::Named { session, name } => session.join(RESULTS).join(name),
             Self::Given(path) => path.clone(),
         }
     }
@@ -36,6 +44,9 @@ impl ResultsFolder {
     pub fn open(&self) -> Result<Folder, Failure> {
         let opened = match self {
             Self::OfSession(session) => open_session(session)?.folder_made(RESULTS),
+            Self::Named { session, name } => {
+                open_session(session)?.folder_made(RESULTS).and_then(|results| results.folder_made(name))
+            }
             Self::Given(path) => open_given(path),
         };
         opened.map_err(|source| Failure::ResultsFolder { path: self.path(), source })

@@ -11,9 +11,33 @@ use super::failure::Failure;
 
 /// Writes the report of a session into the folder of its results and prints what the report lacks; gives the page's path.
 pub fn write_report(session: &Path, results: &Folder, console: &Console) -> Result<PathBuf, Failure> {
-    let written = report::write(session, results, &Disk::default())?;
+    write_report_to(session, results, None, results, console)
+}
+
+/// Says on standard error which results of a session do not belong to it as it is now, or to each other.
+///
+/// # Errors
+/// If the session or its results cannot be read.
+pub fn tell_foreign_results(session: &Path, console: &Console) -> Result<(), Failure> {
+    for reason in report::foreign_results(session)? {
+        let named = reason.replace("SESSION", &session.display().to_string());
+        console.announce(format_args!("{}: {named}", session.display()));
+    }
+    Ok(())
+}
+
+/// As [`write_report`], with a second fit laid beside the first, and into another folder than that of the results.
+pub fn write_report_to(
+    session: &Path,
+    results: &Folder,
+    beside: Option<&Folder>,
+    out: &Folder,
+    console: &Console,
+) -> Result<PathBuf, Failure> {
+    let written = report::write(session, results, beside, out, &Disk::default())?;
     for missing in &written.missing {
-        console.message(missing);
+        // The page names no folder, so that equal sessions give equal pages.
+        console.message(missing.replace("SESSION", &session.display().to_string()));
     }
     Ok(written.page)
 }

@@ -10,6 +10,30 @@ use super::{
     write_report,
 };
 
+/// Results of a session that the operator ended before its last trial, from the trials that there are.
+fn finish_early(left: usize, is_virtual: bool, folder: &Path, console: &Console) -> Result<(), Failure> {
+    let disk = Disk::default();
+    let shown = folder.display();
+    let fitted = preprocess_and_fit(folder, &FitRequest::default());
+    if let Ok((_, results, _)) = &fitted {
+        let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
+        results.write(&disk, &own)?;
+        write_report(folder, &own, console)?;
+    }
+    Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
+    console.message(format_args!(
+        "the session was ended with {left} trials left to do. Go on with: ramphold resume {shown}"
+    ));
+    match fitted {
+        Ok((_, results, _)) => fit_table(console, &results),
+        Err(reason) => {
+            console
+                .message(format_args!("there is no fit yet: {reason}. Make it with: ramphold fit {shown}"));
+            Ok(())
+        }
+    }
+}
+
 /// Prints how many trials have which status; fits the session if every trial is done, and writes results, report and
 /// manifest.
 ///
@@ -18,6 +42,7 @@ use super::{
 pub fn finish_session(
     machine: &Machine,
     was_finished: bool,
+    on_purpose: bool,
     folder: &Path,
     console: &Console,
 ) -> Result<(), Failure> {
@@ -37,10 +62,19 @@ pub fn finish_session(
     let disk = Disk::default();
     let is_virtual = !ran_on_can_motor(folder);
     if !was_finished && machine.phase() != Phase::Finished {
+        let left = machine.progress().queue().len();
+        if on_purpose {
+            return finish_early(left, is_virtual, folder, console);
+        }
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
         return Err(Failure::Ended { folder: folder.to_owned(), left: machine.progress().queue().len() });
     }
-    let (_, results, _) = preprocess_and_fit(folder, &FitRequest::default())?;
+    let fitted = preprocess_and_fit(folder, &FitRequest::default());
+    if fitted.is_err() {
+        // What was measured is complete, whatever the analysis says of it.
+        Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
+    }
+    let (_, results, _) = fitted?;
     let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
     results.write(&disk, &own)?;
     write_report(folder, &own, console)?;

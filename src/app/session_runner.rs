@@ -1,15 +1,13 @@
 //! Runs a session, new or resumed, on any rig, with or without a console, and makes its results.
 
-use std::io::{self, BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::console::{ConsoleSetup, Live};
 use crate::dataset::{BackgroundRecorder, Recorder};
-use crate::files::without_controls;
 use crate::rig::Rig;
-use crate::session::{Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
+use crate::session::{Event, Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
 use super::command_line_operator::CommandLineOperator;
 use super::motor_operator::{MotorOperator, SETS_ORIGIN_HERE};
@@ -42,8 +40,17 @@ impl SessionRun<'_> {
     /// If the session cannot be recorded, ends before its last trial, or cannot be fitted.
     pub fn run(self, console: &Console) -> Result<(), Failure> {
         let folder = self.folder.clone();
-        let (machine, live) = self.run_to_the_end(console)?;
-        let finished = finish_session(&machine, false, &folder, console);
+        let stop = stop_on_signals()?;
+        let has_console = self.setup.is_some();
+        let (machine, live) = self.run_to_the_end(stop.clone(), console)?;
+        // An operator's page ended the session; a signal, or a fault that nobody could mend, did not.
+        let was_faulted = machine
+            .progress()
+            .attempts()
+            .iter()
+            .any(|attempt| matches!(attempt.ended, Some((_, Event::Fault))));
+        let on_purpose = has_console && !stop.load(Ordering::Relaxed) && !was_faulted;
+        let finished = finish_session(&machine, false, on_purpose, &folder, console);
         if let Some(live) = live {
             live.close(&match &finished {
                 Ok(()) => format!("the results are in {}", folder.join("results").display()),
@@ -54,10 +61,13 @@ impl SessionRun<'_> {
     }
 
     /// Runs the session; the console stays open for the closing message.
-    fn run_to_the_end(self, console: &Console) -> Result<(Machine, Option<Live>), Failure> {
+    fn run_to_the_end(
+        self,
+        stop: Arc<AtomicBool>,
+        console: &Console,
+    ) -> Result<(Machine, Option<Live>), Failure> {
         let Self { folder, rig, mut machine, recorder, setup, options, is_confirmed } = self;
         let rate_hz = machine.settings().sample_rate_hz;
-        let stop = stop_on_signals()?;
         let work = Work { machine: &mut machine, recorder, setup, options, console, stop: stop.clone() };
         let live = match rig {
             SessionRig::Virtual { wrist, pace: Pace::Unlimited, .. } => work.without_deadlines(*wrist)?,
@@ -181,23 +191,4 @@ fn with_console<R: Rig>(
     let rig = ended?;
     written?;
     Ok((rig, live))
-}
-
-/// Asks at the terminal whether the motor may move, unless that was confirmed on the command line.
-///
-/// # Errors
-/// If the answer is not yes, or nobody can be asked.
-pub fn confirm_motion(is_confirmed: bool, session: &str) -> Result<(), Failure> {
-    if is_confirmed {
-        return Ok(());
-    }
-    let (stdin, mut stderr) = (io::stdin(), io::stderr());
-    if !stdin.is_terminal() {
-        return Err(Failure::NoWord);
-    }
-    write!(stderr, "{}. May the motor move? Type yes: ", without_controls(session))?;
-    stderr.flush()?;
-    let mut answer = String::new();
-    stdin.lock().read_line(&mut answer)?;
-    if answer.trim() == "yes" { Ok(()) } else { Err(Failure::NoWord) }
 }

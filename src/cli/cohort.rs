@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, check_out, draw_seed, new_folder};
+use crate::app::{Console, Failure, check_out, draw_seed, new_folder, parse_seed};
 use crate::files::{self, limits};
 use crate::fit::QUANTITIES;
 use crate::study::{
@@ -28,7 +28,7 @@ pub struct CohortArgs {
     /// The study file, or a study.csv.
     study: PathBuf,
     /// Seed of all random draws [default: drawn and printed].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     seed: Option<u64>,
     /// The study's folder, which must not exist yet [default: a new folder under sessions/].
     #[arg(long, value_name = "DIR")]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::app::{Console, Failure, check_out, named_causes, read_diagnosis};
 use crate::dataset;
-use crate::diagnose::{ProtocolProposal, propose_protocols};
+use crate::diagnose::{ProtocolProposal, inseparable, propose_protocols, worthwhile};
 use crate::files::{self, Folder};
 use crate::protocol::ValidProtocol;
 use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind};
@@ -15,7 +15,8 @@ use super::verb::Verb;
 /// Propose the protocol that best separates the mechanisms which a session's diagnosis could not tell apart.
 ///
 /// The verb varies the ramp and the conditions of a protocol, simulates each variant with each mechanism, and prints the
-/// power: the probability that the wrong mechanism is ruled out. The variants are listed from the best to the worst.
+/// power: the probability that the wrong mechanism is ruled out. Variants that gain something are listed from the best to the worst;
+/// a pair of mechanisms that no variant separates is named.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold diagnose sessions/S01\n  \
                         ramphold design sessions/S01 --out next.json\n  ramphold check next.json")]
@@ -53,15 +54,32 @@ impl Verb for DesignArgs {
         console.message(format_args!("fitting {} mechanisms to each candidate protocol ...", causes.len()));
         let proposals = propose_protocols(&session, &protocol, &causes)
             .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
-        table(console, &proposals)?;
-        if let (Some(out), Some(best)) = (&self.out, proposals.first()) {
-            let written = Folder::open(out.parent().unwrap_or(Path::new(""))).and_then(|folder| {
-                folder.write(out.file_name().unwrap_or_default(), best.protocol.text().as_bytes())
-            });
-            written.map_err(|source| Failure::ResultsFolder { path: out.clone(), source })?;
-            console.message(format_args!("{}: {}", out.display(), best.change));
+        for (one, other, power) in inseparable(&proposals) {
+            writeln!(
+                console.results(),
+                "no protocol of this rig is expected to separate {} from {}: the wrong one is ruled out with a probability of at \
+                 most {power:.2}",
+                one.id(),
+                other.id()
+            )?;
         }
-        Ok(())
+        let proposals = worthwhile(proposals);
+        table(console, &proposals)?;
+        if proposals.len() < 2 {
+            writeln!(console.results(), "no change of the protocol is expected to gain anything")?;
+        }
+        match (&self.out, proposals.first()) {
+            (Some(out), Some(_)) if proposals.len() < 2 => Err(Failure::NothingToGain { out: out.clone() }),
+            (Some(out), Some(best)) => {
+                let written = Folder::open(out.parent().unwrap_or(Path::new(""))).and_then(|folder| {
+                    folder.write(out.file_name().unwrap_or_default(), best.protocol.text().as_bytes())
+                });
+                written.map_err(|source| Failure::ResultsFolder { path: out.clone(), source })?;
+                console.message(format_args!("{}: {}", out.display(), best.change));
+                Ok(())
+            }
+            _ => Ok(()),
+        }
     }
 }
 

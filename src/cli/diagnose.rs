@@ -4,17 +4,18 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{
-    Console, Failure, ResultsFolder, check_has_none, check_out, preprocessing_settings, read_model,
-    write_report,
+    CheckedSession, Console, Failure, ResultsFolder, check_has_none, check_out, folder_of_diagnosis,
+    load_checked, parse_seed, preprocessing_settings, read_model, write_report,
 };
-use crate::dataset::{self, Disk, Manifest, Session};
+use crate::consistency::SignalCheck;
+use crate::dataset::{Disk, Manifest, PROGRAM, Session};
 use crate::diagnose::{
     Cause, CauseEvidence, Diagnosis, DiagnosisInput, FoundLaw, Verdict, diagnose, picture,
 };
 use crate::fit::NoiseSource;
 use crate::protocol::significant;
 use crate::report;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::verb::Verb;
 
@@ -34,12 +35,16 @@ pub struct DiagnoseArgs {
     #[arg(long, value_name = "S")]
     window: Option<f64>,
     /// Seed of the draws of noise that give the null distributions.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed, default_value_t = 1)]
     seed: u64,
     /// The model file that the diagnosis starts from [default: the model of the paper].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// Folder for the results [default: the session's folder results/].
+    /// Analyse although a check of the signals against the table fails; the results keep it. Names as in `ramphold fit`.
+    #[arg(long, value_name = "CHECKS", value_delimiter = ',')]
+    accept: Vec<SignalCheck>,
+    /// Folder for the results [default: results/ in the session's folder, or a named folder in it if results/ holds a fit or a
+    /// diagnosis of another window or model].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print diagnosis.json instead of the summary.
@@ -50,11 +55,11 @@ pub struct DiagnoseArgs {
 impl Verb for DiagnoseArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
-        let session = dataset::load(&self.session)?;
-        let folder = self.results_folder(&session)?;
-        let input =
-            DiagnosisInput::new(&session, preprocessing_settings(&self.session, self.window)?, &model)
-                .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
+        let CheckedSession { session, accepted } = load_checked(&self.session, &self.accept)?;
+        let given = self.given_folder(&session)?;
+        let settings = preprocessing_settings(&self.session, self.window)?;
+        let input = DiagnosisInput::new(&session, settings, &model)
+            .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
         let prepared = &input.observations;
         if prepared.noise_source != Some(NoiseSource::Holds) {
             console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
@@ -62,7 +67,21 @@ impl Verb for DiagnoseArgs {
         let stages = console.stages();
         let diagnosis = diagnose(&input, &model, self.seed, &|stage| stages.set_message(stage));
         stages.finish_and_clear();
-        let json = diagnosis.to_json(prepared);
+        let mut json = diagnosis.to_json(prepared);
+        json["accepted"] = json!(accepted);
+        json["settings"] = json!({ "window_s": settings.window_s, "seed": self.seed });
+        json["model"] = model.json();
+        json["made_from"] = json!({ "session_sha256": session.digest(), "program": PROGRAM });
+        let folder = match given {
+            Some(folder) => folder,
+            None => folder_of_diagnosis(&self.session, &json)?,
+        };
+        if matches!(folder, ResultsFolder::Named { .. }) {
+            console.announce(format_args!(
+                "results/ holds results of another window or model, which are kept; this diagnosis is in {}",
+                folder.path().display()
+            ));
+        }
         let folder = folder.open()?;
         diagnosis.write(prepared, &json, &Disk::default(), &folder)?;
         write_report(&self.session, &folder, console)?;
@@ -78,10 +97,10 @@ impl Verb for DiagnoseArgs {
 }
 
 impl DiagnoseArgs {
-    /// The session's own folder of results, or the one in `--out`, where nothing is replaced. A fit may stand there already if
-    /// it is of the same trials: the report shows both.
-    fn results_folder(&self, session: &Session) -> Result<ResultsFolder, Failure> {
-        let Some(out) = &self.out else { return Ok(ResultsFolder::OfSession(self.session.clone())) };
+    /// The folder in `--out`, where nothing is replaced. A fit may stand there already if it is of the same trials: the report
+    /// shows both. `None` without `--out`: the diagnosis then decides.
+    fn given_folder(&self, session: &Session) -> Result<Option<ResultsFolder>, Failure> {
+        let Some(out) = &self.out else { return Ok(None) };
         check_out("--out", out)?;
         check_has_none("--out", out, &["diagnosis.json", "model.json"])?;
         if !report::is_of_session(out, session)? {
@@ -90,7 +109,7 @@ impl DiagnoseArgs {
                 out.display()
             )));
         }
-        Ok(ResultsFolder::Given(out.clone()))
+        Ok(Some(ResultsFolder::Given(out.clone())))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure, check_out};
+use crate::app::{Console, Failure, check_out, tell_foreign_results};
 use crate::dataset::session_folders;
 use crate::export::{self, Participant, Rows};
 
@@ -40,6 +40,9 @@ pub struct ExportArgs {
 impl Verb for ExportArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let folders = session_folders(&self.sessions)?;
+        for folder in &folders {
+            tell_foreign_results(folder, console)?;
+        }
         if let Some(file) = &self.parquet {
             check_out("--parquet", file)?;
             let rows = if self.trials { Rows::Trials } else { Rows::Samples };

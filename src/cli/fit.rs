@@ -4,9 +4,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::app::{
-    Console, Failure, FitRequest, ResultsFolder, check_has_none, check_out, fit_table, preprocess_and_fit,
-    read_model, write_report,
+    Console, Failure, FitRequest, ResultsFolder, check_has_none, check_out, fit_table, folder_of_fit,
+    parse_seed, preprocess_and_fit, read_model, write_report,
 };
+use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, session_folders};
 use crate::fit::{self, Model, Results, Weighting};
 use rayon::prelude::*;
@@ -44,9 +45,14 @@ pub struct FitArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
     bootstrap: Option<u32>,
     /// Seed of the bootstrap.
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "bootstrap")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed, default_value_t = 1, requires = "bootstrap")]
     seed: u64,
-    /// Folder for the results [default: the session's folder results/]. Earlier results there are not overwritten.
+    /// Analyse although a check of the signals against the table fails; the results keep it. Names, separated by commas:
+    /// ramp-speed, ramp-direction, onset, steady-torque, resistance, angle-range, emg, lever.
+    #[arg(long, value_name = "CHECKS", value_delimiter = ',')]
+    accept: Vec<SignalCheck>,
+    /// Folder for the results; earlier results there are not overwritten [default: results/ in the session's folder, or a named
+    /// folder in it if results/ holds a fit or a diagnosis of other settings].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print fit.json instead of a table.
@@ -74,7 +80,7 @@ impl Verb for FitArgs {
         let folders = self.result_folders(&sessions)?;
         if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
             let results = self.fit(session, &model)?;
-            self.write(session, folder, &results, console)?;
+            self.write(session, folder.as_ref(), &results, console)?;
             return self.show(console, &results);
         }
         self.fit_many(console, &sessions, &folders, &model)
@@ -97,15 +103,13 @@ impl FitArgs {
             window_s: self.window,
             weighting: if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise },
             independent: self.independent,
+            accept: self.accept.clone(),
         }
     }
 
-    /// The results folder of each session: its own, where a new fit replaces the last, or one in `--out`, where nothing
-    /// is replaced.
-    fn result_folders(&self, sessions: &[PathBuf]) -> Result<Vec<ResultsFolder>, Failure> {
-        let Some(out) = &self.out else {
-            return Ok(sessions.iter().cloned().map(ResultsFolder::OfSession).collect());
-        };
+    /// The results folder of each session in `--out`, where nothing is replaced; none without `--out`: the fit then decides.
+    fn result_folders(&self, sessions: &[PathBuf]) -> Result<Vec<Option<ResultsFolder>>, Failure> {
+        let Some(out) = &self.out else { return Ok(vec![None; sessions.len()]) };
         check_out("--out", out)?;
         let folder = |session: &PathBuf| match session.file_name() {
             Some(name) if sessions.len() > 1 => out.join(name),
@@ -121,7 +125,7 @@ impl FitArgs {
             }
             check_has_none("--out", folder, &FIT_RESULTS)?;
         }
-        Ok(folders.into_iter().map(ResultsFolder::Given).collect())
+        Ok(folders.into_iter().map(|folder| Some(ResultsFolder::Given(folder))).collect())
     }
 
     /// Fits many sessions on all cores. An error in one session is printed, and the others are still fitted.
@@ -129,7 +133,7 @@ impl FitArgs {
         &self,
         console: &Console,
         sessions: &[PathBuf],
-        folders: &[ResultsFolder],
+        folders: &[Option<ResultsFolder>],
         model: &Model,
     ) -> Result<(), Failure> {
         let progress = console.progress(sessions.len() as u64, "fitting");
@@ -137,7 +141,7 @@ impl FitArgs {
             .into_par_iter()
             .map(|(session, folder)| {
                 let done = self.fit(session, model).and_then(|results| {
-                    self.write(session, folder, &results, &console.silent())?;
+                    self.write(session, folder.as_ref(), &results, &console.silent())?;
                     Ok(results.json)
                 });
                 progress.inc(1);
@@ -155,14 +159,25 @@ impl FitArgs {
         if failed == 0 { Ok(()) } else { Err(Failure::Some { failed, of: sessions.len() }) }
     }
 
-    /// Writes results and report, and updates the session's manifest.
+    /// Writes results and report, and updates the session's manifest. Without `folder`, the session's results are replaced only by
+    /// those of the same settings.
     fn write(
         &self,
         session: &Path,
-        folder: &ResultsFolder,
+        folder: Option<&ResultsFolder>,
         results: &Results,
         console: &Console,
     ) -> Result<(), Failure> {
+        let folder = match folder {
+            Some(folder) => folder.clone(),
+            None => folder_of_fit(session, &results.json)?,
+        };
+        if matches!(folder, ResultsFolder::Named { .. }) {
+            console.announce(format_args!(
+                "results/ holds results of other settings, which are kept; this fit is in {}",
+                folder.path().display()
+            ));
+        }
         let folder = folder.open()?;
         results.write(&Disk::default(), &folder)?;
         write_report(session, &folder, console)?;

@@ -4,7 +4,9 @@ use std::fmt::Write as _;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, ResultsFolder, check_has_none, check_out, draw_seed, new_folder};
+use crate::app::{
+    Console, Failure, ResultsFolder, check_has_none, check_out, draw_seed, new_folder, parse_seed,
+};
 use crate::dataset::Disk;
 use crate::fit::{QUANTITIES, write_files};
 use crate::report::{PowerCurve, power_figure};
@@ -62,7 +64,7 @@ pub struct PowerArgs {
     #[arg(long, default_value_t = 0.05)]
     alpha: f64,
     /// Seed of all random draws [default: drawn and printed].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     seed: Option<u64>,
     /// Folder for the results [default: a new folder under sessions/].
     #[arg(long, value_name = "DIR")]

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use crate::app::{
-    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, confirm_motion,
-    finish_session,
+    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, finish_session,
+    parse_seed,
 };
 use crate::dataset::{self, Disk, Resumable, Resumed};
 
@@ -28,7 +28,7 @@ pub struct ResumeArgs {
     #[arg(long)]
     home_here: bool,
     /// Seed that was given to `run --hide`, if the session has a hidden effect.
-    #[arg(long, value_name = "SEED")]
+    #[arg(long, value_name = "SEED", allow_negative_numbers = true, value_parser = parse_seed)]
     hide: Option<u64>,
     /// Run in real time [default: as fast as possible].
     #[arg(long, conflicts_with = "speed")]
@@ -59,7 +59,7 @@ impl Verb for ResumeArgs {
                  rig, order and subject are those of the beginning cannot be told. From now on the journal has it",
             );
         }
-        let (subject, seed, left) = (session.subject().to_owned(), session.seed(), session.left());
+        let (subject, seed) = (session.subject().to_owned(), session.seed());
         // The rig is checked before anything in the folder is changed.
         let rig = match session.is_finished() {
             true => None,
@@ -72,9 +72,6 @@ impl Verb for ResumeArgs {
                 console,
             )?),
         };
-        if let (Some(SessionRig::Virtual { .. }), false) = (&rig, has_console) {
-            confirm_motion(self.yes, &format!("subject {subject}: {left} trials left to do"))?;
-        }
         let Resumed { recorder, machine, interrupted, torn } = session.resume()?;
         if let Some(torn) = torn {
             console.message(format_args!(
@@ -91,7 +88,7 @@ impl Verb for ResumeArgs {
         let Some(rig) = rig else {
             console.message("every trial is done; making the results");
             drop(recorder);
-            return finish_session(&machine, true, &self.session, console);
+            return finish_session(&machine, true, false, &self.session, console);
         };
         console.message(format_args!("session {}, subject {subject}, seed {seed}", self.session.display()));
         let setup = if has_console {

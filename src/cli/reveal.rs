@@ -4,7 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{
-    Console, Failure, StoredVirtualRig, named_causes, open_seal, read_diagnosis, read_stored_virtual_rig,
+    Console, Failure, StoredVirtualRig, named_causes, open_seal, parse_seed, read_diagnosis,
+    read_stored_virtual_rig,
 };
 use crate::protocol::significant;
 use crate::rig::virtual_wrist::RigFile;
@@ -22,7 +23,7 @@ pub struct RevealArgs {
     /// The session's folder.
     session: PathBuf,
     /// The seed that was given to `run --hide`.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     seed: u64,
 }
 

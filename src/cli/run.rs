@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use crate::app::{
     Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun,
-    add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, subject_number,
-    with_hidden_effect,
+    add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc, parse_seed,
+    subject_number, utc_offset_s, with_hidden_effect,
 };
-use crate::dataset::{Disk, NewSession, RecordError};
+use crate::dataset::{Disk, NewSession, RecordError, SessionAbout, Wrist};
 use crate::files;
 use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
@@ -28,7 +28,7 @@ pub struct RunArgs {
     /// The protocol file.
     protocol: PathBuf,
     /// Seed of all random numbers [default: a new seed, which is printed].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     seed: Option<u64>,
     /// Subject: an identifier, or the JSON file of a virtual subject. A virtual subject is drawn from its identifier [default:
     /// the average virtual subject]. Required with a motor.
@@ -51,13 +51,42 @@ pub struct RunArgs {
     model: Option<PathBuf>,
     /// Hide an effect of the catalogue in the virtual wrist, drawn with this seed. The session's folder does not say which;
     /// `ramphold reveal` does, and checks the diagnosis.
-    #[arg(long, value_name = "SEED")]
+    #[arg(long, value_name = "SEED", allow_negative_numbers = true, value_parser = parse_seed)]
     hide: Option<u64>,
     /// Confirm that a motor may be armed, instead of being asked. A virtual rig needs no confirmation.
     #[arg(long)]
     yes: bool,
+    /// Who runs the session; kept in session.json.
+    #[arg(long, value_name = "NAME")]
+    operator: Option<String>,
+    /// The hand that is measured, left or right; kept in session.json.
+    #[arg(long, value_name = "HAND", value_enum)]
+    hand: Option<Hand>,
+    /// A field of the subject that session.json keeps, such as age=31 or condition=fatigued. May be given several times.
+    #[arg(long, value_name = "FIELD=VALUE", value_parser = subject_field)]
+    about: Vec<(String, String)>,
     #[command(flatten)]
     console: ConsoleOptions,
+}
+
+/// The hand that is measured.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Hand {
+    /// The left hand.
+    Left,
+    /// The right hand.
+    Right,
+}
+
+/// Reads `FIELD=VALUE`.
+fn subject_field(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some(("id", _)) => Err("the identifier is given with --subject".to_owned()),
+        Some((field, value)) if !field.trim().is_empty() => {
+            Ok((field.trim().to_owned(), value.trim().to_owned()))
+        }
+        _ => Err("expected FIELD=VALUE, such as age=31".to_owned()),
+    }
 }
 
 impl Verb for RunArgs {
@@ -157,6 +186,8 @@ impl RunArgs {
             subject,
             lever,
             rig: &rig_json,
+            about: &self.about(&rig),
+            subject_fields: &self.subject_fields(),
             motion_delay_samples: settings.motion_delay_samples,
         }
         .create(&folder, Disk::default())?;
@@ -173,6 +204,30 @@ impl RunArgs {
         let machine = Machine::new(Arc::new(settings));
         let (options, is_confirmed) = (&self.console, self.yes);
         SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed }.run(console)
+    }
+
+    /// When, who and what. A virtual session does not say when it was run: equal sessions have equal files.
+    fn about(&self, rig: &SessionRig) -> SessionAbout {
+        let is_virtual = matches!(rig, SessionRig::Virtual { .. });
+        SessionAbout {
+            started_utc: (!is_virtual).then(now_utc),
+            utc_offset_s: if is_virtual { None } else { utc_offset_s() },
+            clock: (!is_virtual).then(|| "system clock".to_owned()),
+            operator: self.operator.clone(),
+            hand: self.hand.map(|hand| match hand {
+                Hand::Left => Wrist::Left,
+                Hand::Right => Wrist::Right,
+            }),
+        }
+    }
+
+    /// The fields of the subject; a number is kept as a number.
+    fn subject_fields(&self) -> serde_json::Map<String, serde_json::Value> {
+        let value = |text: &str| match text.parse::<f64>() {
+            Ok(number) if number.is_finite() => serde_json::from_str(text).unwrap_or_else(|_| text.into()),
+            _ => text.into(),
+        };
+        self.about.iter().map(|(field, text)| (field.clone(), value(text))).collect()
     }
 
     /// The session's folder, which is not there yet.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure};
+use crate::app::{Console, Failure, parse_seed};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
 
@@ -17,7 +17,7 @@ pub struct ScheduleArgs {
     /// The protocol file.
     protocol: PathBuf,
     /// Seed of the order.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed)]
     seed: u64,
     /// The subject's number, from 1; needed for an order of kind "williams", whose row it selects.
     #[arg(long, value_name = "K")]

@@ -3,13 +3,15 @@
 use std::io::Write;
 
 use crate::app::{Console, Failure};
+use crate::dataset;
+use crate::import;
 use crate::protocol;
 use crate::rig::{self, virtual_wrist};
 use crate::study;
 
 use super::verb::Verb;
 
-/// Print the JSON schema of protocols, virtual subjects, rigs or studies.
+/// Print the JSON schema of protocols, virtual subjects, rigs, studies, sessions or mappings.
 ///
 /// The files protocols/*.schema.json contain this output. An editor that reads them completes field names and marks
 /// mistakes.
@@ -31,6 +33,10 @@ enum SchemaKind {
     Rig,
     /// A study, for `cohort`.
     Study,
+    /// The description of a session that was measured elsewhere: its `session.json`.
+    Session,
+    /// A mapping, for `import`.
+    Import,
 }
 
 impl Verb for SchemaArgs {
@@ -40,6 +46,8 @@ impl Verb for SchemaArgs {
             SchemaKind::Person => virtual_wrist::person_schema_text(),
             SchemaKind::Rig => rig::schema_text(),
             SchemaKind::Study => study::schema_text(),
+            SchemaKind::Session => dataset::session_schema_text(),
+            SchemaKind::Import => import::schema_text(),
         };
         Ok(console.results().write_all(text.as_bytes())?)
     }

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{Console, Failure};
-use crate::dataset::Manifest;
+use crate::dataset::{Amendments, Manifest};
 
 use super::verb::Verb;
 
@@ -26,6 +26,17 @@ impl Verb for VerifyArgs {
         let mut out = console.results();
         for change in &changes {
             writeln!(out, "{:8} {}", change.word(), change.file())?;
+        }
+        for amendment in &Amendments::read(&self.session)?.amendments {
+            writeln!(
+                out,
+                "trial {} {} by {}, {}: {}",
+                amendment.trial,
+                amendment.status.name(),
+                amendment.by,
+                amendment.at_utc,
+                amendment.because
+            )?;
         }
         if !changes.is_empty() {
             return Err(Failure::NotAsItWas { session: self.session, files: changes.len() });

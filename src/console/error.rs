@@ -65,6 +65,12 @@ pub enum ConsoleError {
     /// The recorded session has no samples.
     #[error("{}: the session has no events; there is nothing to play", .0.display())]
     Empty(PathBuf),
+    /// The session was measured elsewhere, and has no journal to play.
+    #[error(
+        "{}: was measured elsewhere, so there is no journal to play; ramphold report shows its trials",
+        .0.display()
+    )]
+    Foreign(PathBuf),
     /// The terminal cannot be drawn on.
     #[error("the terminal cannot be drawn on: {0}. Is this a terminal? Leave --tui out otherwise")]
     Terminal(io::Error),
@@ -82,6 +88,7 @@ impl ConsoleError {
                 | Self::Session(_)
                 | Self::Protocol(_)
                 | Self::Empty(_)
+                | Self::Foreign(_)
         )
     }
 }

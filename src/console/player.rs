@@ -18,7 +18,7 @@ use super::thread_priority::lower_thread_priority;
 use super::view_model::{ViewModel, Views};
 use super::web::{Address, PageAddresses, PageContent, Server};
 use super::welcome::{SessionInfo, welcome_messages};
-use crate::dataset::{self, ActionOrigin, AuditEntry, OperatorAction, Wrist, replay_watched};
+use crate::dataset::{self, ActionOrigin, AuditEntry, JOURNAL, OperatorAction, Wrist, replay_watched};
 use crate::fit::PreprocessingSettings;
 use crate::session::{Progress, Settings};
 
@@ -48,8 +48,11 @@ impl RecordedSession {
     /// Reads the session and replays it once.
     fn read(folder: &Path, wrist: Option<Wrist>) -> Result<(Self, ViewModel, Views), ConsoleError> {
         let session = dataset::load(folder)?;
+        if !dataset::open_session(folder)?.contains(JOURNAL) {
+            return Err(ConsoleError::Foreign(folder.to_owned()));
+        }
         let protocol =
-            dataset::stored_protocol(folder)?.ok_or_else(|| ConsoleError::Empty(folder.to_owned()))?;
+            dataset::stored_protocol(folder)?.ok_or_else(|| ConsoleError::Foreign(folder.to_owned()))?;
         let actions: Vec<_> =
             dataset::operator_actions(folder)?.into_iter().map(|(start, entry)| (start - 1, entry)).collect();
         let (mut settings, mut steps, mut starts) = (None, 0u64, Vec::new());

@@ -49,6 +49,15 @@ impl fmt::Display for FilePlace {
     }
 }
 
+/// Asks whether a column is in milliseconds, if a `ratio` that would be 1 then is near it.
+fn milliseconds(ratio: f64, column: &str) -> String {
+    if (ratio - 1.0).abs() < 0.1 {
+        format!(". Is {column} in milliseconds? Give it in s")
+    } else {
+        String::new()
+    }
+}
+
 /// Why a session folder cannot be read. The message names file, line, column and what was expected.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
@@ -89,6 +98,14 @@ pub enum DatasetError {
         at: FilePlace,
         /// The parser's words.
         message: String,
+    },
+    /// Fields of `session.json` that must be there are not.
+    #[error("{at}: the fields {fields} are missing; ramphold schema session describes the file")]
+    MissingFields {
+        /// The file.
+        at: FilePlace,
+        /// Their paths.
+        fields: String,
     },
     /// Written in a version of the format that this program does not know.
     #[error("{at}: format version {found:?} is not known; expected {expected:?}, or a newer program")]
@@ -158,7 +175,8 @@ pub enum DatasetError {
     },
     /// The times in a record do not go at the session's rate.
     #[error(
-        "{at}: the times run at {found_hz:.6} samples a second; expected the sample_rate_hz of session.json, {expected_hz}"
+        "{at}: the times run at {found_hz:.6} samples a second; expected the sample_rate_hz of session.json, {expected_hz}{}",
+        milliseconds(*found_hz * 1e3 / *expected_hz, "t_s")
     )]
     Rate {
         /// The row where it became certain.
@@ -170,7 +188,8 @@ pub enum DatasetError {
     },
     /// The onset is not inside the record, or too near its end to be analysed.
     #[error(
-        "{at}: onset at {onset_s} s; expected it {expected}, the record {record} runs from {first_s} s to {last_s} s"
+        "{at}: onset at {onset_s} s; expected it {expected}, the record {record} runs from {first_s} s to {last_s} s{}",
+        if *onset_s > *last_s && (*first_s..=*last_s).contains(&(*onset_s / 1e3)) { milliseconds(1.0, "onset_s") } else { "".into() }
     )]
     Onset {
         /// Cell of the table.

@@ -5,12 +5,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
+use super::SESSION_FORMAT;
 use super::disk::Disk;
 use super::hexadecimal::sha256;
 use super::journal::{JOURNAL_FORMAT, Journal, JournalEntry};
 use super::recorder::{RecordError, RecordNames, Recorder};
-use super::{SESSION_FORMAT, Subject};
+use super::session_about::{SessionAbout, SubjectCard};
 use crate::files::{self, Folder};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
@@ -33,6 +35,10 @@ pub struct NewSession<'a> {
     pub lever: Option<Lever>,
     /// The rig, with all that it takes to make it again.
     pub rig: &'a serde_json::Value,
+    /// When, who and what; empty for a virtual session.
+    pub about: &'a SessionAbout,
+    /// Further fields of the subject.
+    pub subject_fields: &'a Map<String, Value>,
     /// By how many samples the motor follows a command later than at the next sample.
     pub motion_delay_samples: u64,
 }
@@ -41,7 +47,9 @@ pub struct NewSession<'a> {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Description {
     pub format: String,
-    pub subject: Subject,
+    pub subject: SubjectCard,
+    #[serde(flatten)]
+    pub about: SessionAbout,
     sample_rate_hz: f64,
     rig: RigDescription,
     recorded_filter: Option<crate::signal::FilterSpec>,
@@ -134,7 +142,8 @@ impl NewSession<'_> {
     fn description(&self, sample_rate_hz: f64) -> Description {
         Description {
             format: SESSION_FORMAT.to_owned(),
-            subject: Subject { id: self.subject.to_owned() },
+            subject: SubjectCard { id: self.subject.to_owned(), fields: self.subject_fields.clone() },
+            about: self.about.clone(),
             sample_rate_hz,
             rig: RigDescription { lever: self.lever },
             recorded_filter: None,

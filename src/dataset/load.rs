@@ -5,13 +5,13 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 
+use super::amendments::{AMENDMENTS, Amendments};
 use super::csv_input::{CsvTable, SessionFolder};
+use super::description_json::parse_json;
 use super::error::{DatasetError, FilePlace};
 use super::{Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
 use crate::files::{excerpt, limits};
-use crate::json_file;
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
@@ -27,9 +27,19 @@ const AROUND_ONSET_S: f64 = 0.040;
 /// The first thing wrong, in the order session.json, trials.csv, records; it names file, line, column and what was
 /// expected. No file is changed, none outside the folder is opened.
 pub fn load(folder: &Path) -> Result<Session, DatasetError> {
+    let amendments = Amendments::of(&SessionFolder::open(folder)?)?;
+    load_amended(folder, &amendments)
+}
+
+/// As [`load`], with other judgements on the trials than those in the folder.
+///
+/// # Errors
+/// As [`load`], and if a judgement is on a trial that is not there, or accepts one that cannot be analysed.
+pub fn load_amended(folder: &Path, amendments: &Amendments) -> Result<Session, DatasetError> {
     let folder = SessionFolder::open(folder)?;
     let about = read_description(&folder)?;
-    let rows = read_table(&folder)?;
+    let mut rows = read_table(&folder)?;
+    amend(&folder, &mut rows, amendments)?;
     check_sizes(&folder, &rows)?;
     // Every record is read before the first error is chosen, so that the message does not depend on threads.
     let trials: Vec<Result<Trial, DatasetError>> =
@@ -41,6 +51,26 @@ pub fn load(folder: &Path) -> Result<Session, DatasetError> {
         recorded_filter: about.recorded_filter,
         trials: trials.into_iter().collect::<Result<_, _>>()?,
     })
+}
+
+/// Gives each trial the status of the last judgement on it.
+fn amend(folder: &SessionFolder, rows: &mut [Row], amendments: &Amendments) -> Result<(), DatasetError> {
+    for (index, amendment) in amendments.amendments.iter().enumerate() {
+        let at = || FilePlace::field(folder.name(AMENDMENTS), &format!("amendments[{index}].trial"));
+        let row = rows.iter_mut().find(|row| row.trial.number == amendment.trial);
+        let Some(row) = row else {
+            let expected = "the number of a trial in trials.csv".to_owned();
+            return Err(DatasetError::Value { at: at(), found: amendment.trial.to_string(), expected });
+        };
+        if amendment.status == Status::Ok && row.trial.file.is_empty() {
+            let expected = "a trial with a record; this one has no file in trials.csv".to_owned();
+            return Err(DatasetError::Value { at: at(), found: amendment.trial.to_string(), expected });
+        }
+        row.trial.status = amendment.status;
+        let reason = format!("{} ({})", amendment.because, amendment.by);
+        row.trial.extra.insert("reason".to_owned(), reason);
+    }
+    Ok(())
 }
 
 #[derive(Deserialize)]
@@ -81,18 +111,23 @@ fn read_description(folder: &SessionFolder) -> Result<ParsedDescription, Dataset
             expected: SESSION_FORMAT,
         });
     }
+    missing_fields(&name, &text)?;
     let about: ParsedDescription = parse_json(&name, &text)?;
     check_values(&name, &about)?;
     Ok(about)
 }
 
-pub(super) fn parse_json<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, DatasetError> {
-    json_file::parse(text, Path::new(name), "a session description").map_err(|error| {
-        let (path, message) = error.field_and_message();
-        let column = (path != ".").then(|| format!("field {path}").into());
-        let place = FilePlace { file: name.into(), line: Some(error.line() as u64), column };
-        DatasetError::Json { at: place, message }
-    })
+/// Tells of all missing fields at once.
+fn missing_fields(name: &str, text: &str) -> Result<(), DatasetError> {
+    const FIELDS: [&str; 4] = ["subject.id", "sample_rate_hz", "rig.lever", "recorded_filter"];
+    let about: serde_json::Value = parse_json(name, text)?;
+    let is_missing = |path: &&str| about.pointer(&format!("/{}", path.replace('.', "/"))).is_none();
+    let missing: Vec<&str> = FIELDS.into_iter().filter(is_missing).collect();
+    if missing.len() < 2 {
+        // One is told by the parser, with its line.
+        return Ok(());
+    }
+    Err(DatasetError::MissingFields { at: FilePlace::file(name), fields: missing.join(", ") })
 }
 
 fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetError> {

@@ -6,11 +6,13 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::amendments::AMENDMENTS;
 use super::csv_input::SessionFolder;
+use super::description_json::parse_json;
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::folder::{Description, PROGRAM, pretty};
-use super::load::parse_json;
+use super::journal::JOURNAL;
 use super::recorder::RecordError;
 use crate::files::{EntryKind, Folder, TreeFile, limits};
 
@@ -102,8 +104,12 @@ impl Manifest {
         if !opened.folder().contains(MANIFEST) {
             // Of a folder that is no session, nothing could be brought to its end.
             opened.text("session.json", limits::SETTINGS_BYTES, None)?;
-            let expected =
-                "the manifest that is written when a session ends; ramphold resume brings it to its end";
+            let expected = if opened.folder().contains(JOURNAL) {
+                "the manifest that is written when a session ends; ramphold resume brings it to its end"
+            } else {
+                "the manifest of a session that this program ran; this one was measured elsewhere, so there is nothing to compare \
+                 its files with. ramphold trials lists its trials, and ramphold fit checks them"
+            };
             return Err(DatasetError::Missing { at: FilePlace::file(name), expected: expected.to_owned() });
         }
         let text = opened.text(MANIFEST, limits::MANIFEST_BYTES, None)?;
@@ -162,6 +168,18 @@ impl Manifest {
     /// # Errors
     /// If the folder cannot be read or written.
     pub fn renew_results(disk: &Disk, folder: &Path) -> Result<(), RecordError> {
+        Self::renew(disk, folder, |file| file.starts_with("results/"))
+    }
+
+    /// Takes note of judgements on trials that the operator gave; see [`Amendments`](super::Amendments).
+    ///
+    /// # Errors
+    /// As [`Manifest::renew_results`].
+    pub fn renew_amendments(disk: &Disk, folder: &Path) -> Result<(), RecordError> {
+        Self::renew(disk, folder, |file| file == AMENDMENTS)
+    }
+
+    fn renew(disk: &Disk, folder: &Path, is_renewed: impl Fn(&str) -> bool) -> Result<(), RecordError> {
         let path = folder.join(MANIFEST);
         let renewed = || -> Result<Option<Self>, DatasetError> {
             let opened = SessionFolder::open(folder)?;
@@ -169,9 +187,8 @@ impl Manifest {
                 return Ok(None);
             }
             let mut manifest = Self::read(folder)?;
-            let is_result = |file: &str| file.starts_with("results/");
-            manifest.files.retain(|file, _| !is_result(file));
-            manifest.files.extend(stock(&opened, is_result)?);
+            manifest.files.retain(|file, _| !is_renewed(file));
+            manifest.files.extend(stock(&opened, &is_renewed)?);
             Ok(Some(manifest))
         };
         match renewed().map_err(|error| RecordError::at(&path)(io::Error::other(error.to_string())))? {

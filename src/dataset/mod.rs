@@ -1,8 +1,10 @@
 //! Session folders: reading what was measured, writing what was run.
 
+mod amendments;
 mod audit;
 mod background_recorder;
 mod csv_input;
+mod description_json;
 mod disk;
 mod error;
 mod folder;
@@ -16,8 +18,11 @@ mod recorder;
 mod recovery;
 mod replay;
 mod resume;
+mod session_about;
+mod session_digest;
 mod session_files;
 mod session_folders;
+mod session_schema;
 mod stored_protocol;
 mod tables;
 mod trial_csv_reader;
@@ -26,6 +31,7 @@ mod trial_csv_writer;
 use std::collections::BTreeMap;
 
 pub use crate::session::Status;
+pub use amendments::{AMENDMENTS, Amendment, Amendments};
 pub use audit::{ActionOrigin, AuditEntry, LONGEST_NOTE, OperatorAction, Wrist};
 pub use background_recorder::{AuditSender, BackgroundRecorder};
 pub use csv_input::open_session;
@@ -33,13 +39,16 @@ pub use disk::Disk;
 pub use error::{DatasetError, FilePlace};
 pub use folder::{NewSession, PROGRAM};
 pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalLine, JournalText, RecordSum};
-pub use load::load;
+pub use load::{load, load_amended};
 pub use manifest::{Change, MANIFEST, Manifest};
 pub use memory_recorder::MemoryRecorder;
 pub use recorder::{RecordError, Recorder};
 pub use recovery::operator_actions;
 pub use replay::{Difference, Garbage, Replay, StepObserver, replay, replay_watched};
 pub use resume::{Resumable, ResumeError, Resumed};
+pub use session_about::{SessionAbout, SessionCard, SubjectCard};
+pub use session_schema::session_schema_text;
+
 use serde::{Deserialize, Serialize};
 pub use session_files::session_files;
 pub use session_folders::session_folders;

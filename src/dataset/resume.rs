@@ -12,7 +12,7 @@ use super::manifest::{Change, MANIFEST, Manifest};
 use super::recorder::{RecordError, Recorder, part_of};
 use super::recovery::{RecoveredSession, RecoveredState};
 use super::trial_csv_writer::HEADER;
-use crate::files::{Folder, is_refusal, limits};
+use crate::files::{EntryKind, Folder, is_refusal, limits};
 use crate::session::{Machine, Phase};
 
 /// Reason why a session cannot be resumed.
@@ -202,7 +202,16 @@ fn changed_since_the_end(folder: &Path) -> Result<impl Iterator<Item = String>, 
 
 /// Removes unfinished files and the manifest.
 fn remove_unfinished(disk: &Disk, folder: &Folder) -> Result<(), RecordError> {
-    for inside in ["", "results", "results/figures"] {
+    let mut places: Vec<String> = ["", "results", "results/figures"].map(str::to_owned).into();
+    if let Ok(entries) = folder.folder("results").and_then(|results| results.entries()) {
+        let inside = entries.into_iter().filter(|entry| entry.kind == EntryKind::Folder);
+        for name in inside.filter_map(|entry| entry.name.into_string().ok()).filter(|name| name != "figures")
+        {
+            places.push(format!("results/{name}"));
+            places.push(format!("results/{name}/figures"));
+        }
+    }
+    for inside in &places {
         let remove = || -> io::Result<()> {
             let inside = match folder.folder(inside) {
                 Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),

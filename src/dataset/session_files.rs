@@ -6,17 +6,20 @@ use std::path::Path;
 use super::csv_input::SessionFolder;
 use super::error::DatasetError;
 use super::manifest::{MANIFEST, Manifest};
-use super::{JOURNAL, Session};
+use super::{AMENDMENTS, JOURNAL, Session};
 use crate::files::EntryKind;
 
 /// Files at the top of a session folder.
-const OF_SESSION: [&str; 8] = [
+const OF_SESSION: [&str; 11] = [
     "session.json",
     "trials.csv",
     "familiarisation.csv",
     "protocol.json",
     "schedule.csv",
     "rig.json",
+    AMENDMENTS,
+    "import.json",
+    "import.svg",
     JOURNAL,
     MANIFEST,
 ];
@@ -79,10 +82,19 @@ fn is_of_format(file: &str) -> bool {
             stem_end.is_some_and(|end| end.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-'))
         }),
         Some(("results", name)) => match name.split_once('/') {
-            None => OF_RESULTS.contains(&name),
-            Some(("figures", figure)) => figure.ends_with(".svg") && !figure.contains('/'),
-            Some(_) => false,
+            // Results of other settings have a folder of their own.
+            Some((folder, name)) if folder.starts_with("window-") => is_result(name),
+            _ => is_result(name),
         },
+        Some(_) => false,
+    }
+}
+
+/// Whether a file of a folder of results is one of them.
+fn is_result(name: &str) -> bool {
+    match name.split_once('/') {
+        None => OF_RESULTS.contains(&name),
+        Some(("figures", figure)) => figure.ends_with(".svg") && !figure.contains('/'),
         Some(_) => false,
     }
 }

@@ -40,6 +40,39 @@ impl ProtocolProposal {
     }
 }
 
+/// A variant is worth offering if it raises the smallest power by this much over that of the session's protocol.
+const WORTHWHILE_POWER: f64 = 0.05;
+
+/// Two causes count as separable if a protocol rules out the wrong one with this probability, whichever is true.
+const SEPARATING_POWER: f64 = 0.5;
+
+/// The proposals that are expected to gain something over the protocol as it is, and that protocol itself, in the order given.
+pub fn worthwhile(proposals: Vec<ProtocolProposal>) -> Vec<ProtocolProposal> {
+    let now = proposals.iter().find(|own| own.change == UNCHANGED).map_or(0.0, ProtocolProposal::least_power);
+    let gains = |own: &ProtocolProposal| own.least_power() >= now + WORTHWHILE_POWER;
+    proposals.into_iter().filter(|own| own.change == UNCHANGED || gains(own)).collect()
+}
+
+/// Pairs of causes that none of the proposals separates, with the largest power that any of them has.
+pub fn inseparable(proposals: &[ProtocolProposal]) -> Vec<(MechanismKind, MechanismKind, f64)> {
+    let Some(first) = proposals.first() else { return Vec::new() };
+    let pairs = first.power.iter().filter(|(one, other, _)| one.id() < other.id());
+    let best = |(one, other, _): &(MechanismKind, MechanismKind, f64)| {
+        let of = |proposal: &ProtocolProposal| {
+            let own = proposal
+                .power
+                .iter()
+                .filter(|(a, b, _)| (a == one && b == other) || (a == other && b == one));
+            own.map(|(_, _, power)| *power).fold(1.0, f64::min)
+        };
+        (*one, *other, proposals.iter().map(of).fold(0.0, f64::max))
+    };
+    pairs.map(best).filter(|(_, _, power)| *power < SEPARATING_POWER).collect()
+}
+
+/// Name of the proposal that is the session's protocol as it is.
+const UNCHANGED: &str = "unchanged";
+
 /// Candidate protocols that separate `causes`, the largest power first and the shorter first at equal power. `now` is the protocol of
 /// the session. Protocols that are not valid are left out.
 ///
@@ -123,7 +156,7 @@ fn variants(now: &ValidProtocol) -> Vec<(String, ValidProtocol)> {
     let wide_velocities = spread(&now.velocities_rad_s, 0.5, 1.15);
     let wide_torques = spread(&now.torques_nm, 0.6, 1.5);
     let candidates = [
-        ("unchanged".to_string(), (**now).clone()),
+        (UNCHANGED.to_string(), (**now).clone()),
         ("twice the repetitions".into(), change(&|own| own.repetitions *= 2)),
         (
             format!("velocities {wide_velocities:?} rad/s"),
@@ -289,3 +322,38 @@ fn at_conditions(planned: &Observations, observations: &Observations, fit: &Fit)
 
 /// Penalty on the squared coefficients, so that a factor that does not vary has coefficient zero.
 const RIDGE: f64 = 1e-6;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wrist::mechanisms::CATALOGUE;
+
+    fn proposal(change: &str, [one, other]: [f64; 2]) -> ProtocolProposal {
+        let protocol =
+            ValidProtocol::parse(include_str!("../../protocols/quick.json"), "quick.json").unwrap();
+        let (a, b) = (CATALOGUE[0], CATALOGUE[1]);
+        ProtocolProposal { change: change.into(), protocol, power: vec![(a, b, one), (b, a, other)] }
+    }
+
+    #[test]
+    fn what_gains_nothing_is_not_offered() {
+        let all = vec![
+            proposal("twice", [0.9, 0.8]),
+            proposal(UNCHANGED, [0.5, 0.6]),
+            proposal("half", [0.52, 0.9]),
+        ];
+        let offered: Vec<String> = worthwhile(all).into_iter().map(|own| own.change).collect();
+        assert_eq!(offered, ["twice", UNCHANGED]);
+    }
+
+    #[test]
+    fn a_pair_that_no_protocol_separates_is_named() {
+        assert!(inseparable(&[proposal(UNCHANGED, [0.1, 0.9]), proposal("twice", [0.7, 0.6])]).is_empty());
+        let [(_, _, power)] =
+            inseparable(&[proposal(UNCHANGED, [0.1, 0.9]), proposal("twice", [0.3, 1.0])])[..]
+        else {
+            panic!("one pair")
+        };
+        assert_eq!(power, 0.3);
+    }
+}

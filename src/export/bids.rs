@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::bdf::{self, BdfChannel};
 use super::error::ExportError;
 use super::sidecars::{self, TASK};
-use crate::dataset::{self, Session, Trial};
+use crate::dataset::{self, Session, SessionCard, Trial};
 use crate::files::{self, Folder};
 
 /// A session to export, with the label of its subject.
@@ -23,6 +23,7 @@ pub struct Participant {
 
 /// A session that was read, with its position in the dataset.
 struct Entry {
+    card: SessionCard,
     folder: PathBuf,
     session: Session,
     label: String,
@@ -50,12 +51,41 @@ pub fn write(participants: &[Participant], target: &Path) -> Result<(), ExportEr
     target.put("README.md", sidecars::README)?;
     target.put_json(&format!("task-{TASK}_events.json"), &sidecars::events_meaning())?;
     let people: BTreeSet<&str> = entries.iter().map(|entry| entry.label.as_str()).collect();
-    let rows: String = people.iter().map(|label| format!("sub-{label}\n")).collect();
-    target.put("participants.tsv", &format!("participant_id\n{rows}"))?;
-    let meaning = serde_json::json!({ "participant_id": { "Description": "Identifier of the subject" } });
+    let (table, meaning) = participants_table(&people, &entries);
+    target.put("participants.tsv", &table)?;
     target.put_json("participants.json", &meaning)?;
     target.put_json("derivatives/ramphold/dataset_description.json", &sidecars::derivatives())?;
     entries.iter().try_for_each(|entry| entry.write(&target))
+}
+
+/// `participants.tsv` and `participants.json`: the identifiers, and every field that a session has of its subject.
+fn participants_table(people: &BTreeSet<&str>, entries: &[Entry]) -> (String, Value) {
+    let fields: BTreeSet<&str> =
+        entries.iter().flat_map(|entry| entry.card.subject.fields.keys()).map(String::as_str).collect();
+    let mut meaning = serde_json::json!({ "participant_id": { "Description": "Identifier of the subject" } });
+    for field in &fields {
+        meaning[*field] = serde_json::json!({ "Description": "As the operator gave it in session.json" });
+    }
+    // A tab or a line end would be another cell.
+    let cell = |value: &Value| {
+        value.as_str().map_or_else(|| value.to_string(), str::to_owned).replace(['\t', '\n', '\r'], " ")
+    };
+    let row = |label: &&str| {
+        let value = |field: &&str| {
+            let own = entries.iter().filter(|entry| entry.label == **label);
+            own.filter_map(|entry| entry.card.subject.fields.get(*field))
+                .map(cell)
+                .next()
+                .unwrap_or_else(|| "n/a".to_owned())
+        };
+        let cells: Vec<String> =
+            std::iter::once(format!("sub-{label}")).chain(fields.iter().map(value)).collect();
+        cells.join("\t") + "\n"
+    };
+    let head: Vec<String> = std::iter::once("participant_id".to_owned())
+        .chain(fields.iter().map(|field| cell(&Value::from(*field))))
+        .collect();
+    (head.join("\t") + "\n" + &people.iter().map(row).collect::<String>(), meaning)
 }
 
 fn load(participants: &[Participant]) -> Result<Vec<Entry>, ExportError> {
@@ -69,7 +99,14 @@ fn load(participants: &[Participant]) -> Result<Vec<Entry>, ExportError> {
         }
         let number = sessions_of.entry(label.clone()).or_default();
         *number += 1;
-        entries.push(Entry { folder: participant.folder.clone(), session, label, number: Some(*number) });
+        let card = SessionCard::read(&participant.folder)?;
+        entries.push(Entry {
+            folder: participant.folder.clone(),
+            card,
+            session,
+            label,
+            number: Some(*number),
+        });
     }
     // BIDS names sessions either everywhere or nowhere.
     if sessions_of.values().all(|count| *count == 1) {
@@ -98,6 +135,7 @@ impl Entry {
 
     fn write(&self, target: &BidsFolder) -> Result<(), ExportError> {
         let stem = format!("{}_task-{TASK}", self.folder().replace('/', "_"));
+        let mut scans = Vec::new();
         for trial in self.session.trials.iter().filter(|trial| !trial.record.theta_m_rad.is_empty()) {
             let has_emg = trial.record.emg_fcr_mvc.is_some() || trial.record.emg_ecr_mvc.is_some();
             let (kind, track) = if has_emg { ("emg", "") } else { ("motion", "_tracksys-motor") };
@@ -105,7 +143,15 @@ impl Entry {
             let run = format!("run-{:03}", trial.number);
             target.put(&format!("{folder}/{stem}_{run}_events.tsv"), &sidecars::events(trial))?;
             let name = |suffix: &str| format!("{folder}/{stem}{track}_{run}_{suffix}");
+            let signal = if has_emg { "emg.bdf" } else { "motion.tsv" };
+            scans.push(format!("{kind}/{stem}{track}_{run}_{signal}"));
             if has_emg { self.emg(trial, target, name)? } else { self.motion(trial, target, name)? }
+        }
+        if let Some(started) = &self.card.about.started_utc {
+            let own = self.folder();
+            let rows: String = scans.iter().map(|scan| format!("{scan}\t{started}\n")).collect();
+            let table = format!("filename\tacq_time\n{rows}");
+            target.put(&format!("{own}/{}_scans.tsv", own.replace('/', "_")), &table)?;
         }
         let from = Folder::open(&self.folder).map_err(ExportError::at(&self.folder))?;
         for file in dataset::session_files(&self.folder, &self.session)? {

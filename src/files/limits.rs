@@ -8,6 +8,8 @@ pub const TABLE_BYTES: u64 = 16 << 20;
 pub const RECORD_BYTES: u64 = 256 << 20;
 /// Bytes of all records of a session together.
 pub const ALL_RECORDS_BYTES: u64 = 1 << 30;
+/// Bytes of a file of a foreign recording, as `import` reads it.
+pub const RECORDING_BYTES: u64 = 1 << 30;
 /// Bytes of a journal.
 pub const JOURNAL_BYTES: u64 = 64 << 20;
 /// Bytes of a manifest.

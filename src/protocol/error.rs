@@ -37,6 +37,16 @@ pub enum ProtocolError {
         /// What to do.
         advice: &'static str,
     },
+    /// The file is of another kind that this program knows.
+    #[error("{file}: is {what}, not a protocol. {advice}")]
+    OtherKind {
+        /// The name of the file as it was given.
+        file: String,
+        /// What it is.
+        what: &'static str,
+        /// What to do.
+        advice: String,
+    },
     /// The file is JSON, but not a protocol that can be run.
     #[error("{file}: {}", ProblemList(problems))]
     Invalid {

@@ -7,7 +7,7 @@
 use serde_json::{Map, Value, json};
 
 use super::source::{JsonContent, JsonNode};
-use super::{Problem, units};
+use super::{Problem, ProtocolError, units};
 
 /// What a document is walked against.
 pub(crate) struct Shape<'a> {
@@ -36,6 +36,21 @@ impl Shape<'_> {
         let repaired = walk.value(document, self.schema, "");
         Walked { problems: walk.problems, repaired }
     }
+}
+
+/// Everything in which the JSON `text` of a file differs from `schema`; `example` names a complete file of its kind.
+///
+/// # Errors
+/// If the text is not JSON.
+pub fn check_shape(
+    text: &str,
+    file: &str,
+    schema: &Value,
+    example: &'static str,
+) -> Result<Vec<Problem>, ProtocolError> {
+    let document = JsonNode::parse(text, file)?;
+    let shape = Shape { schema, example, format_error: |_, _| None, format_example: |_| None };
+    Ok(shape.walk(&document).problems)
 }
 
 struct Walk<'a> {
@@ -325,6 +340,21 @@ fn description(schema: &Value) -> &str {
     schema["description"].as_str().unwrap_or("see ramphold schema")
 }
 
+/// What a value of several shapes can be, as text.
+fn variants(schema: &Value) -> String {
+    let tag = |variant: &Value| {
+        let (name, property) =
+            variant["properties"].as_object()?.iter().find(|(_, own)| own["const"].is_string())?;
+        Some(format!("{{\"{name}\": {}, ...}}", property["const"]))
+    };
+    let alternatives = schema["oneOf"].as_array().into_iter().flatten();
+    let shown: Vec<String> = match schema["oneOf"].as_array().and_then(|own| choices(own)) {
+        Some(choices) => choices.iter().map(Value::to_string).collect(),
+        None => alternatives.filter_map(tag).collect(),
+    };
+    if shown.is_empty() { "another value".to_owned() } else { shown.join(" or ") }
+}
+
 /// The expected value of a field, as text: "a number from 0.001 to 1: Amplitude: the angle by which the motor turns, rad."
 fn expectation(schema: &Value) -> String {
     if let Some(only) = schema.get("const") {
@@ -348,7 +378,9 @@ fn expectation(schema: &Value) -> String {
         "boolean" => "true or false".to_owned(),
         other => other.to_owned(),
     });
-    format!("{}: {}", words.collect::<Vec<_>>().join(" or "), description(schema))
+    let words: Vec<String> = words.collect();
+    let words = if words.is_empty() { variants(schema) } else { words.join(" or ") };
+    format!("{words}: {}", description(schema))
 }
 
 /// The known name that is most similar to `name`, if one is similar enough.

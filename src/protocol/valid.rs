@@ -49,6 +49,9 @@ impl ValidProtocol {
     /// Reads a protocol from its JSON `text`; `file` is the name for messages.
     pub fn parse(text: &str, file: &str) -> Result<Self, ProtocolError> {
         let source = JsonNode::parse(text, file)?;
+        if let Some((what, advice)) = other_kind(&source, file) {
+            return Err(ProtocolError::OtherKind { file: file.to_owned(), what, advice });
+        }
         let shape = Shape {
             schema: &SCHEMA,
             example: "protocols/quick.json",
@@ -93,6 +96,28 @@ impl Deref for ValidProtocol {
 
     fn deref(&self) -> &Protocol {
         &self.protocol
+    }
+}
+
+/// What a file is, and what to do with it, if it is a file of this program but no protocol.
+fn other_kind(source: &JsonNode, file: &str) -> Option<(&'static str, String)> {
+    let text = |member: &str| source.member(member).map(|node| node.value());
+    let format = text("format").unwrap_or_default();
+    let format = format.as_str().unwrap_or_default().split('/').next().unwrap_or_default().to_owned();
+    match format.as_str() {
+        "ramphold-study" => Some(("a study", format!("Run it with: ramphold cohort {file}"))),
+        "ramphold-person" => {
+            Some(("a virtual subject", format!("Give it with: ramphold run PROTOCOL --subject {file}")))
+        }
+        "ramphold-model" => Some(("a model", format!("Give it with --model {file}"))),
+        "ramphold-session" => Some((
+            "the description of a session",
+            "Give the path of a protocol, such as protocols/quick.json".into(),
+        )),
+        "" if text("kind").is_some_and(|kind| kind == "virtual" || kind == "can") => {
+            Some(("a rig", format!("Give it with: ramphold run PROTOCOL --rig {file}")))
+        }
+        _ => None,
     }
 }
 

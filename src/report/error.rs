@@ -28,6 +28,12 @@ pub enum ReportError {
         /// The verb that writes the file.
         verb: &'static str,
     },
+    /// The folder that is to be laid beside holds no fit.
+    #[error("{}: has no fit.json to lay beside; give the folder of another fit, such as results/window-300ms", folder.display())]
+    NoFit {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// The report cannot be written.
     #[error("{}: cannot be written: {source}", path.display())]
     Unwritable {

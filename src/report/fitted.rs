@@ -35,6 +35,29 @@ pub struct Fitted {
     pub conditions: Vec<ConditionFit>,
     /// The model of the session, or why there is none.
     pub session_model: Option<SessionModel>,
+    /// What the fit was made from; older programs did not write it.
+    pub made_from: Option<MadeFrom>,
+    /// Contradictions between the signals and the table that were accepted.
+    #[serde(default)]
+    pub accepted: Vec<AcceptedContradiction>,
+}
+
+/// What a fit was made from.
+#[derive(Debug, Clone, Deserialize)]
+pub struct MadeFrom {
+    /// Sum of the session.
+    pub session_sha256: String,
+}
+
+/// A contradiction between the signals and the table that the operator accepted.
+#[derive(Debug, Clone, Deserialize)]
+pub struct AcceptedContradiction {
+    /// Name of the check.
+    pub check: String,
+    /// What was measured.
+    pub measured: String,
+    /// What was expected.
+    pub stated: String,
 }
 
 /// Whether the trials were fitted together.
@@ -137,6 +160,14 @@ impl ConditionFit {
 }
 
 impl Fitted {
+    /// Largest variance accounted for of any trial; `None` without trials.
+    pub fn best_vaf(&self) -> Option<f64> {
+        self.trials
+            .iter()
+            .filter_map(|trial| trial.values.get("vaf").copied().flatten())
+            .max_by(f64::total_cmp)
+    }
+
     /// Whether the trials were fitted together.
     pub fn is_together(&self) -> bool {
         self.session_model.as_ref().is_some_and(|model| model.used)

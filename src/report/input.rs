@@ -1,15 +1,17 @@
 //! The input of a report, read from a session's folder.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::belonging::{foreign_diagnosis, foreign_fit};
 use super::error::ReportError;
 use super::fitted::Fitted;
 use super::journal::{SessionTimes, times};
 use super::traces::{Trace, traces};
-use crate::dataset::{self, JOURNAL, Session};
+use crate::dataset::{self, JOURNAL, Session, SessionCard};
 use crate::files::{Folder, limits};
 use crate::fit::FIT_FORMAT;
 use crate::json_file;
@@ -20,6 +22,10 @@ use crate::protocol::ValidProtocol;
 pub struct ReportInput {
     /// The session.
     pub session: Session,
+    /// When, who and what.
+    pub card: SessionCard,
+    /// Whether nobody was measured: the wrist is a virtual one.
+    pub is_virtual: bool,
     /// Its protocol.
     pub protocol: Option<ValidProtocol>,
     /// Gate times, duration and incidents, from the journal.
@@ -30,6 +36,8 @@ pub struct ReportInput {
     pub fitted: Option<Fitted>,
     /// The measured and fitted traces of the trials.
     pub traces: Vec<Trace>,
+    /// A second fit to lay beside the first, with its name.
+    pub beside: Option<(String, Fitted)>,
     /// The content of `diagnosis.json`.
     pub diagnosis: Option<Value>,
     /// What is missing from this report, the reasons, and how to get it.
@@ -54,25 +62,57 @@ impl ReportInput {
     ///
     /// # Errors
     /// If the session or a result file that is there cannot be read.
-    pub fn read(folder: &Path, results: &Folder) -> Result<Self, ReportError> {
+    pub fn read(folder: &Path, results: &Folder, beside: Option<&Folder>) -> Result<Self, ReportError> {
         let session = dataset::load(folder)?;
+        let card = SessionCard::read(folder)?;
         let mut missing = Vec::new();
         let protocol = protocol(folder, &mut missing);
-        let opened =
-            Folder::open(folder).map_err(|source| ReportError::Unreadable { path: folder.into(), source })?;
+        let opened = open(folder)?;
+        let is_virtual = ran_on_virtual_wrist(&opened);
         let journal = text(&opened, JOURNAL, limits::JOURNAL_BYTES)?;
         let times = journal.map(|text| times(&text, session.sample_rate_hz));
         let lateness = lateness(&opened, &mut missing)?;
-        let fitted = read_fit(results)?;
-        let diagnosis = diagnosis(results)?;
-        if fitted.is_none() {
+        let mut fitted = read_fit(results)?;
+        let mut diagnosis = diagnosis(results)?;
+        let digest = session.digest();
+        let has_results = (fitted.is_some(), diagnosis.is_some());
+        if let Some(reason) = fitted.as_ref().and_then(|fit| foreign_fit(fit, &digest)) {
+            missing.push(format!("{reason} It is not shown."));
+            fitted = None;
+        }
+        if let Some(reason) =
+            diagnosis.as_ref().and_then(|own| foreign_diagnosis(own, fitted.as_ref(), &digest))
+        {
+            missing.push(format!("{reason} It is not shown."));
+            diagnosis = None;
+        }
+        let beside = match beside {
+            Some(folder) => Some((
+                folder.path().file_name().unwrap_or_default().to_string_lossy().into_owned(),
+                read_fit(folder)?.ok_or_else(|| ReportError::NoFit { folder: folder.path().into() })?,
+            )),
+            None => None,
+        };
+        if !has_results.0 {
             missing.push("There is no fit yet, so there are no parameters and no fitted torque. Run: ramphold fit SESSION".into());
         }
-        if diagnosis.is_none() {
+        if !has_results.1 {
             missing.push("There is no diagnosis yet. Run: ramphold diagnose SESSION".into());
         }
         let traces = traces(&session, fitted.as_ref(), protocol.as_ref(), &mut missing);
-        Ok(Self { session, protocol, times, lateness, fitted, traces, diagnosis, missing })
+        Ok(Self {
+            session,
+            card,
+            is_virtual,
+            protocol,
+            times,
+            lateness,
+            fitted,
+            traces,
+            beside,
+            diagnosis,
+            missing,
+        })
     }
 
     /// The analysed window, s.
@@ -80,6 +120,29 @@ impl ReportInput {
         let of_fit = self.fitted.as_ref().map(|fitted| fitted.settings.window_s);
         of_fit.or(self.protocol.as_ref().map(|protocol| protocol.window_s)).unwrap_or(0.040)
     }
+}
+
+/// Why results in the folder `results/` of a session do not belong to the session as it is now, or to each other.
+///
+/// # Errors
+/// If the session or a result file that is there cannot be read.
+pub fn foreign_results(folder: &Path) -> Result<Vec<String>, ReportError> {
+    let results = match open(folder)?.folder("results") {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        opened => {
+            opened.map_err(|source| ReportError::Unreadable { path: folder.join("results"), source })?
+        }
+    };
+    let fitted = read_fit(&results)?;
+    let diagnosis = diagnosis(&results)?;
+    let digest = dataset::load(folder)?.digest();
+    let of_fit = fitted.as_ref().and_then(|fit| foreign_fit(fit, &digest));
+    let of_diagnosis = diagnosis.and_then(|own| foreign_diagnosis(&own, fitted.as_ref(), &digest));
+    Ok(of_fit.into_iter().chain(of_diagnosis).collect())
+}
+
+fn open(folder: &Path) -> Result<Folder, ReportError> {
+    Folder::open(folder).map_err(|source| ReportError::Unreadable { path: folder.into(), source })
 }
 
 /// The text of a file, or `None` if there is no such file.
@@ -96,6 +159,13 @@ fn protocol(folder: &Path, missing: &mut Vec<String>) -> Option<ValidProtocol> {
         Err(error) => missing.push(format!("The protocol cannot be read: {error}")),
     }
     None
+}
+
+/// Whether `rig.json` describes a virtual wrist.
+fn ran_on_virtual_wrist(folder: &Folder) -> bool {
+    let rig = folder.read("rig.json", limits::SETTINGS_BYTES).ok();
+    let rig = rig.and_then(|bytes| serde_json::from_slice::<Value>(&bytes).ok());
+    rig.is_some_and(|rig| rig.pointer("/rig/kind").and_then(Value::as_str) == Some("virtual"))
 }
 
 fn lateness(folder: &Folder, missing: &mut Vec<String>) -> Result<Option<LatenessSummary>, ReportError> {

@@ -3,6 +3,7 @@
 //! All content comes from the session's folder and its results. A report needs no second fit, and it lists what is
 //! missing. It contains neither time nor machine, so that the same session gives the same bytes.
 
+mod belonging;
 mod chart;
 mod derived;
 mod error;
@@ -21,6 +22,7 @@ use std::path::{Path, PathBuf};
 
 pub use error::ReportError;
 pub use figures::{EffectCurve, PowerCurve, mechanism as mechanism_figure, power as power_figure};
+pub use input::foreign_results;
 
 use crate::dataset::{Disk, Session};
 use crate::files::Folder;
@@ -56,13 +58,20 @@ pub fn is_of_session(results: &Path, session: &Session) -> Result<bool, ReportEr
     Ok(read_fit(&folder)?.is_none_or(|fitted| fitted.is_of(session)))
 }
 
-/// Writes the report of the session in `folder`, whose results are in `results`, beside those results.
+/// Writes the report of the session in `folder`, whose results are in `results`, into the folder `out`; a second fit, in the folder
+/// `beside`, is laid beside the first.
 ///
 /// # Errors
 /// If the session, or a result file that is there, cannot be read, or the report cannot be written.
-pub fn write(folder: &Path, results: &Folder, disk: &Disk) -> Result<WrittenReport, ReportError> {
-    let input = ReportInput::read(folder, results)?;
-    let sections = [
+pub fn write(
+    folder: &Path,
+    results: &Folder,
+    beside: Option<&Folder>,
+    out: &Folder,
+    disk: &Disk,
+) -> Result<WrittenReport, ReportError> {
+    let input = ReportInput::read(folder, results, beside)?;
+    let mut sections = vec![
         sections::overview(&input),
         sections::trials(&input),
         sections::parameters(&input),
@@ -71,8 +80,11 @@ pub fn write(folder: &Path, results: &Folder, disk: &Disk) -> Result<WrittenRepo
         sections::diagnosis(&input),
         sections::uncertainty(&input),
     ];
+    if input.beside.is_some() {
+        sections.insert(1, sections::comparison(&input));
+    }
     let at = |path: PathBuf| move |source| ReportError::Unwritable { path, source };
-    let figures_folder = results.folder_made(FIGURES).map_err(at(results.path_of(FIGURES)))?;
+    let figures_folder = out.folder_made(FIGURES).map_err(at(out.path_of(FIGURES)))?;
     let mut figures = 0;
     for figure in sections.iter().flat_map(|section| &section.figures) {
         let name = format!("{}.svg", figure.id);
@@ -80,7 +92,7 @@ pub fn write(folder: &Path, results: &Folder, disk: &Disk) -> Result<WrittenRepo
             .map_err(at(figures_folder.path_of(&name)))?;
         figures += 1;
     }
-    let page = results.path_of(REPORT);
-    disk.write(results, REPORT, page::html(&input, &sections).as_bytes()).map_err(at(page.clone()))?;
+    let page = out.path_of(REPORT);
+    disk.write(out, REPORT, page::html(&input, &sections).as_bytes()).map_err(at(page.clone()))?;
     Ok(WrittenReport { page, figures, missing: input.missing })
 }

@@ -4,6 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use super::distribution::{t_quantile, t_two_sided};
 
+/// Squares below this fraction of the squared means are rounding errors.
+pub(super) const ROUNDING_OF_SQUARES: f64 = 1e-24;
+
 /// Count, mean and variance of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MeanVariance {
@@ -121,16 +124,18 @@ impl MeanCovariance {
         (self.count > 1).then(|| &self.scatter / (self.count as f64 - 1.0))
     }
 
-    /// Mean over subjects of the sum of the cells weighted by `weights`; `None` with fewer than two subjects.
+    /// Mean over subjects of the sum of the cells weighted by `weights`; `None` with fewer than two subjects, and of cells that
+    /// are equal in each subject: what is left of these is the rounding of the arithmetic.
     pub fn contrast(&self, weights: &[f64]) -> Option<Contrast> {
         let covariance = self.covariance()?;
         let weights = DVector::from_column_slice(weights);
         let variance = (weights.transpose() * covariance * &weights)[(0, 0)].max(0.0);
-        Some(Contrast {
-            estimate: weights.dot(&self.mean),
-            se: (variance / self.count as f64).sqrt(),
-            df: self.count as f64 - 1.0,
-        })
+        let estimate = weights.dot(&self.mean);
+        let rounding = ROUNDING_OF_SQUARES * weights.norm_squared() * self.mean.norm_squared();
+        if estimate * estimate + variance <= rounding {
+            return None;
+        }
+        Some(Contrast { estimate, se: (variance / self.count as f64).sqrt(), df: self.count as f64 - 1.0 })
     }
 }
 

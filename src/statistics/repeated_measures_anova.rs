@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::distribution::{chi_square_tail, f_tail};
-use super::moments::MeanCovariance;
+use super::moments::{MeanCovariance, ROUNDING_OF_SQUARES};
 
 /// Numbers of levels of the two factors. A subject's cells are ordered by the first factor, then by the second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,9 +61,6 @@ pub struct Mauchly {
     /// p-value, with the second term of Box's expansion (Anderson 2003).
     pub p: f64,
 }
-
-/// Sums of squares below this fraction of the sum of squared cell means are rounding errors.
-const ROUNDING_OF_SQUARES: f64 = 1e-24;
 
 /// The effects of both factors and of their interaction. A factor with one level has no effect, and a quantity that is equal in
 /// all cells has none. `None` with fewer than two subjects.

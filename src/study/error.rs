@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::consistency::Contradictions;
 use crate::dataset::{DatasetError, RecordError};
 use crate::fit::PreprocessingError;
 use crate::json_file::JsonFileError;
@@ -123,6 +124,9 @@ pub enum UnitError {
     /// The session's protocol, which sets the filter and the analysed window, cannot be read.
     #[error(transparent)]
     Protocol(#[from] ProtocolError),
+    /// The signals of the session contradict its table.
+    #[error(transparent)]
+    Contradicts(#[from] Contradictions),
     /// The session cannot be preprocessed for the fit.
     #[error(transparent)]
     Prepare(#[from] PreprocessingError),

@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use super::error::{StudyError, StudyIssue};
 use super::population::{Population, subject_id};
 use super::study_file::{MeasuredSessions, StudyFile, StudyFit, Subjects, VirtualSubjects};
+use crate::consistency::SignalCheck;
 use crate::dataset::{PROGRAM, session_folders, stored_protocol};
 use crate::files::{Folder, limits};
 use crate::fit::Weighting;
@@ -27,6 +28,8 @@ pub struct Study {
     pub weighting: Weighting,
     /// The fit whose values are tested.
     pub fit: StudyFit,
+    /// Checks of the signals against the sessions' tables that may fail.
+    pub accept: Vec<SignalCheck>,
     /// Issues with the list of subjects, found before any session is fitted.
     pub issues: Vec<StudyIssue>,
     source: StudySource,
@@ -122,6 +125,10 @@ impl Study {
             seed,
             weighting: study.weighting,
             fit: study.fit,
+            accept: match &study.subjects {
+                Subjects::Virtual(_) => Vec::new(),
+                Subjects::Measured(measured) => measured.accept.clone(),
+            },
             issues,
             source,
             units_per_part: study.units_per_part,

@@ -137,15 +137,15 @@ fn contrasts_table(grid: &ConditionGrid, moments: &[MeanCovariance]) -> String {
         for (factor, (factor_name, levels)) in grid.factors().into_iter().enumerate() {
             let pairs: Vec<(usize, usize)> =
                 (0..levels.len()).flat_map(|a| (a + 1..levels.len()).map(move |b| (a, b))).collect();
-            let found: Vec<Contrast> = pairs
+            let found: Vec<((usize, usize), Contrast)> = pairs
                 .iter()
                 .filter_map(|(a, b)| {
                     let sign = |level: usize| f64::from(level == *b) - f64::from(level == *a);
-                    moments.contrast(&grid.weights(factor, sign))
+                    Some(((*a, *b), moments.contrast(&grid.weights(factor, sign))?))
                 })
                 .collect();
-            let adjusted = holm(&found.iter().map(Contrast::p).collect::<Vec<f64>>());
-            for (((a, b), contrast), p_holm) in pairs.iter().zip(&found).zip(adjusted) {
+            let adjusted = holm(&found.iter().map(|(_, contrast)| contrast.p()).collect::<Vec<f64>>());
+            for (((a, b), contrast), p_holm) in found.iter().zip(adjusted) {
                 let (low, high) = contrast.interval();
                 let difference =
                     [contrast.estimate, low, high, contrast.t(), contrast.df, contrast.p(), p_holm];

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::StudyError;
 use super::population::SubjectSpread;
+use crate::consistency::SignalCheck;
 use crate::fit::Weighting;
 use crate::json_file;
 
@@ -125,6 +126,9 @@ pub struct MeasuredSessions {
     /// Whether several sessions of one subject are repeated measurements, in the order of the list. If not, only the first is used.
     #[serde(default)]
     pub repeated: bool,
+    /// Checks of the signals against the sessions' tables that may fail, by the names of `ramphold fit --accept`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub accept: Vec<SignalCheck>,
 }
 
 /// What the file should be, for messages.

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::error::UnitError;
 use super::plan::{Study, Unit, UnitSource};
 use super::study_file::StudyFit;
+use crate::consistency;
 use crate::dataset::{self, Disk, Manifest, MemoryRecorder, NewSession, Session};
 use crate::fit::{
     Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate, estimates_without_profiles,
@@ -38,7 +39,7 @@ pub struct UnitEstimates {
 
 /// Simulates or reads the session of a unit and fits it.
 pub fn fit_unit(study: &Study, unit: &Unit, storage: SessionStorage) -> Result<UnitEstimates, UnitError> {
-    let (session, settings) = read_or_simulate(unit, storage)?;
+    let (session, settings) = read_or_simulate(study, unit, storage)?;
     fit_session(study, &session, settings)
 }
 
@@ -48,7 +49,7 @@ pub(super) fn fit_repetitions(
     unit: &Unit,
     repetitions: &[u32],
 ) -> Result<Vec<UnitEstimates>, UnitError> {
-    let (session, settings) = read_or_simulate(unit, SessionStorage::Memory)?;
+    let (session, settings) = read_or_simulate(study, unit, SessionStorage::Memory)?;
     let fit = |most: &u32| {
         let mut part = session.clone();
         part.trials.retain(|trial| trial.repetition <= *most);
@@ -58,6 +59,7 @@ pub(super) fn fit_repetitions(
 }
 
 fn read_or_simulate(
+    study: &Study,
     unit: &Unit,
     storage: SessionStorage,
 ) -> Result<(Session, PreprocessingSettings), UnitError> {
@@ -68,7 +70,9 @@ fn read_or_simulate(
         }
         UnitSource::Measured(folder) => {
             let view = dataset::stored_protocol(folder)?.as_ref().map_or_else(Default::default, view);
-            Ok((dataset::load(folder)?, view))
+            let session = dataset::load(folder)?;
+            consistency::check(&session, &study.accept)?;
+            Ok((session, view))
         }
     }
 }
@@ -122,6 +126,8 @@ pub fn simulate_unit(unit: &Unit, storage: SessionStorage) -> Result<Option<Sess
                 subject: &unit.subject,
                 lever: setup.lever,
                 rig: &rig,
+                about: &Default::default(),
+                subject_fields: &Default::default(),
                 motion_delay_samples: 0,
             };
             let mut recorder = new.create(&path, Disk::default())?;

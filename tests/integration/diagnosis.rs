@@ -110,7 +110,8 @@ fn no_cause_is_named_where_the_model_does_not_describe_the_data_at_all() {
             }
             fs::write(path, changed).unwrap();
         }
-        let (told, _) = workspace.call(0, &["diagnose", "s"]);
+        let (told, _) =
+            workspace.call(0, &["diagnose", "s", "--accept", "ramp-speed,steady-torque,resistance"]);
         assert!(told.contains("no cause was looked for") && told.contains(says), "{told}");
         let found = workspace.diagnosis("s/results/diagnosis.json");
         assert_eq!(found["verdict"], "unexplained");

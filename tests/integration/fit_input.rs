@@ -23,10 +23,10 @@ trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status
 ";
 
 /// 0.3 s of hold, a ramp of 0.1 s against a spring, 0.1 s after it.
-fn record() -> String {
+fn record(velocity_rad_s: f64) -> String {
     let mut text = "t_s,theta_m_rad,torque_l_nm\n".to_owned();
     for sample in 0..500 {
-        let angle_rad = 0.0013 * f64::from((sample - 300).clamp(0, 100));
+        let angle_rad = 1e-3 * velocity_rad_s * f64::from((sample - 300).clamp(0, 100));
         let torque_nm = 0.9 + 15.0 * angle_rad + 0.001 * f64::from((sample * 7919) % 13);
         text += &format!("{:.3},{angle_rad:.6},{torque_nm:.6}\n", f64::from(sample) / 1000.0);
     }
@@ -34,14 +34,14 @@ fn record() -> String {
 }
 
 /// A sound session under `session`, beside it whatever else is there.
-fn sound() -> Workspace {
+pub fn sound() -> Workspace {
     let workspace = Workspace::new();
     fs::create_dir_all(workspace.path("session/trials")).unwrap();
     let session = workspace.path("session");
     fs::write(session.join("session.json"), SESSION).unwrap();
     fs::write(session.join("trials.csv"), TRIALS).unwrap();
-    for number in [1, 2] {
-        fs::write(session.join(format!("trials/trial-00{number}.csv")), record()).unwrap();
+    for (number, velocity_rad_s) in [(1, 1.3), (2, 2.6)] {
+        fs::write(session.join(format!("trials/trial-00{number}.csv")), record(velocity_rad_s)).unwrap();
     }
     workspace
 }
@@ -152,7 +152,7 @@ fn an_onset_outside_the_trace_is_refused() {
 fn a_path_that_leaves_the_folder_is_refused() {
     for path in ["../outside.csv", "/etc/passwd", "trials/../../outside.csv"] {
         let spoil = |session: &Path| {
-            fs::write(session.parent().unwrap().join("outside.csv"), record()).unwrap();
+            fs::write(session.parent().unwrap().join("outside.csv"), record(1.3)).unwrap();
             replace("trials.csv", "trials/trial-001.csv", path)(session);
         };
         assert_refused(spoil, &["trials.csv, line 2", path, "inside"]);
@@ -278,7 +278,7 @@ fn a_trial_of_constant_torque_is_said_to_tell_nothing_and_the_other_is_estimated
     let workspace = sound();
     let mut flat = "t_s,theta_m_rad,torque_l_nm\n".to_owned();
     for sample in 0..500 {
-        let angle_rad = 0.0013 * f64::from((sample - 300).clamp(0, 100));
+        let angle_rad = 0.0026 * f64::from((sample - 300).clamp(0, 100));
         flat += &format!("{:.3},{angle_rad:.6},0.9\n", f64::from(sample) / 1000.0);
     }
     fs::write(workspace.path("session/trials/trial-002.csv"), flat).unwrap();

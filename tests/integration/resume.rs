@@ -84,13 +84,11 @@ fn a_killed_session_goes_on_where_it_was_and_keeps_what_it_had() {
 }
 
 #[test]
-fn nothing_moves_and_nothing_changes_without_the_operators_word() {
+fn a_virtual_wrist_is_resumed_without_a_question() {
     let workspace = Workspace::with_short_protocol();
-    let session = workspace.killed_session();
-    let before = files(&session);
-    let (_, said) = workspace.call(2, &["resume", "s"]);
-    assert!(said.contains("the rig needs the operator's consent") && said.contains("--yes"), "{said}");
-    assert!(files(&session) == before);
+    workspace.killed_session();
+    let (_, said) = workspace.call(0, &["resume", "s"]);
+    assert!(!said.contains("motor"), "{said}");
 }
 
 #[test]

@@ -135,6 +135,8 @@ fn session(lost_periods: u64, measured_fraction: f64) -> (tempfile::TempDir, std
         subject: "V00",
         lever: Setup::default().lever,
         rig: &serde_json::Value::Null,
+        about: &Default::default(),
+        subject_fields: &Default::default(),
         motion_delay_samples: 0,
     }
     .create(&folder, Disk::default())

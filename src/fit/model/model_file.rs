@@ -150,6 +150,11 @@ impl Model {
         Ok(model)
     }
 
+    /// The model file as a JSON value, as results keep it.
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::from_str(&self.to_json(None)).unwrap_or_default()
+    }
+
     /// The text of a model file, which [`Model::parse`] reads; `note` is stored with the model.
     pub fn to_json(&self, note: Option<&str>) -> String {
         let file = ModelFile {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::{Map, Value, json};
 
 use super::estimates::{ConditionEstimate, TrialEstimate, by_condition, estimates, session_estimates};
-use crate::dataset::Disk;
+use crate::dataset::{Disk, PROGRAM};
 use crate::files::{Folder, csv_cell};
 use crate::fit::data::observations::{ExcludedTrial, Observations};
 use crate::fit::data::preprocessing::PreprocessingSettings;
@@ -13,7 +13,6 @@ use crate::fit::fitted::fit::Fit;
 use crate::fit::fitted::quantities::QUANTITIES;
 use crate::fit::inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread};
 use crate::fit::inference::profile::{PROFILED_PARAMETERS, ProfileInterval};
-use crate::fit::model::specification::Model;
 use crate::fit::population::no_session_model::NoSessionModel;
 use crate::fit::population::other_optimum::OtherOptimum;
 use crate::fit::population::session_fit::SessionFit;
@@ -23,6 +22,9 @@ use crate::wrist::BASE_PARAMETERS;
 
 /// Version of the format of `fit.json` that this program writes.
 pub const FIT_FORMAT: &str = "ramphold-fit/1";
+
+/// A model that accounts for less of the variance of every trial than this describes none of them.
+pub const DESCRIBING_VAF: f64 = 0.5;
 
 /// Results of a fit together with its settings: the contents of the result files.
 #[derive(Debug, Clone)]
@@ -91,6 +93,21 @@ impl Results {
             });
             trial["bootstrap"] = named.collect::<Map<_, _>>().into();
         }
+    }
+
+    /// Adds what the results were made from: the sum of the session, whether the fit of each trial alone was asked for, and the
+    /// contradictions between signals and table that were accepted.
+    pub fn add_input(&mut self, digest: &str, independent: bool, accepted: &[impl serde::Serialize]) {
+        self.json["made_from"] = json!({ "session_sha256": digest, "program": PROGRAM });
+        self.json["settings"]["independent"] = json!(independent);
+        // The weighting that was used depends on the data: without noise to measure there is only one.
+        self.json["settings"]["weighting_asked"] = json!(self.weighting);
+        self.json["accepted"] = json!(accepted);
+    }
+
+    /// Largest variance accounted for of any trial.
+    pub fn best_vaf(&self) -> f64 {
+        self.estimates.iter().map(|estimate| estimate.vaf).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Whether the trials were fitted together.
@@ -263,7 +280,7 @@ fn json(
             "lever": observations.lever,
             "sample_rate_hz": 1.0 / observations.period_s,
         },
-        "model": model_json(&fit.model),
+        "model": fit.model.json(),
         "mechanism_values": mechanism_values(fit),
         "components": fit.solution.outcomes.iter().map(|outcome| json!({
             "cost": outcome.cost, "stop": outcome.termination, "iterations": outcome.iterations,
@@ -338,10 +355,6 @@ fn weighting_used(asked: Weighting, fit: &Fit) -> Weighting {
         Objective::LeastSquares => Weighting::Plain,
         Objective::Whitened(_) => asked,
     }
-}
-
-fn model_json(model: &Model) -> Value {
-    serde_json::from_str(&model.to_json(None)).unwrap_or(Value::Null)
 }
 
 /// Parameters of mechanisms that have the same value in all trials, by name.

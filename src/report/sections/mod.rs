@@ -1,10 +1,12 @@
 //! The sections of the page, in the order in which they are read.
 
+mod comparison;
 mod diagnosis;
 mod overview;
 mod parameters;
 mod trials;
 
+pub use comparison::comparison;
 pub use diagnosis::diagnosis;
 pub use overview::overview;
 pub use parameters::{balance, parameters, stiffness, uncertainty};

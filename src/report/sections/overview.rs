@@ -2,6 +2,7 @@
 
 use super::ReportSection;
 use crate::dataset::Status;
+use crate::fit::DESCRIBING_VAF;
 use crate::report::figures;
 use crate::report::input::ReportInput;
 use crate::report::scale::{escape, milliseconds, significant};
@@ -10,6 +11,8 @@ use crate::report::table::{Cell, HtmlTable};
 /// The section: subject, protocol, duration, missing results, rejected trials and their reasons.
 pub fn overview(input: &ReportInput) -> ReportSection {
     let mut section = ReportSection::new("session", "Overview of the session");
+    section.html += &virtual_wrist(input);
+    section.html += &warnings(input);
     section.html += &facts(input);
     if !input.missing.is_empty() {
         section.html += "<div class=\"missing\"><b>Not in this report</b><ul>";
@@ -42,10 +45,68 @@ pub fn overview(input: &ReportInput) -> ReportSection {
     section
 }
 
+/// Says that nobody was measured, with the seed of the simulation.
+fn virtual_wrist(input: &ReportInput) -> String {
+    if !input.is_virtual {
+        return String::new();
+    }
+    let seed = input.card.seed.map_or(String::new(), |seed| format!(", seed {seed}"));
+    format!(
+        "<p class=\"verdict\"><b>VIRTUAL WRIST{seed}.</b> This session is a simulation; nobody was measured.</p>"
+    )
+}
+
+/// When, who and what, as far as the session says it.
+fn card(input: &ReportInput) -> Vec<(&'static str, String)> {
+    let about = &input.card.about;
+    let mut facts = Vec::new();
+    if let Some(started) = &about.started_utc {
+        let offset = about.utc_offset_s.map_or(String::new(), |offset| {
+            let sign = if offset < 0 { '-' } else { '+' };
+            format!(", local time {sign}{:02}:{:02}", offset.abs() / 3600, offset.abs() / 60 % 60)
+        });
+        let clock = about.clock.as_ref().map_or(String::new(), |clock| format!(" ({clock})"));
+        facts.push(("Started", format!("{started}{offset}{clock}")));
+    }
+    facts.extend(about.operator.clone().map(|operator| ("Operator", operator)));
+    facts.extend(about.hand.map(|hand| ("Hand", format!("{hand:?}").to_lowercase())));
+    let fields = &input.card.subject.fields;
+    if !fields.is_empty() {
+        let text = |(field, value): (&String, &serde_json::Value)| match value.as_str() {
+            Some(value) => format!("{field} {value}"),
+            None => format!("{field} {value}"),
+        };
+        facts.push(("About the subject", fields.iter().map(text).collect::<Vec<_>>().join(", ")));
+    }
+    facts
+}
+
+/// What a reader must know before any number: a model that describes nothing, and contradictions that were accepted.
+fn warnings(input: &ReportInput) -> String {
+    let mut warnings = Vec::new();
+    let Some(fitted) = &input.fitted else { return String::new() };
+    if let Some(best) = fitted.best_vaf().filter(|best| *best < DESCRIBING_VAF) {
+        warnings.push(format!(
+            "The model does not describe these data: the best VAF of any trial is {}. Its parameters mean nothing.",
+            significant(best, 2)
+        ));
+    }
+    for accepted in &fitted.accepted {
+        warnings.push(format!(
+            "Accepted with --accept {}: {}; expected {}.",
+            accepted.check, accepted.measured, accepted.stated
+        ));
+    }
+    let paragraphs =
+        warnings.iter().map(|warning| format!("<p class=\"verdict\"><b>{}</b></p>", escape(warning)));
+    paragraphs.collect()
+}
+
 fn facts(input: &ReportInput) -> String {
     let session = &input.session;
     let count = |status: Status| session.trials.iter().filter(|trial| trial.status == status).count();
     let mut facts = vec![("Subject", session.subject.id.clone())];
+    facts.extend(card(input));
     match &input.protocol {
         Some(protocol) => {
             facts.push(("Protocol", protocol.name.clone()));

@@ -1,0 +1,137 @@
+//! Where results go: results that were made with other settings are never replaced.
+
+use std::io::ErrorKind;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::dataset::open_session;
+use crate::files::{Folder, limits};
+use crate::wrist::mechanisms::CATALOGUE;
+
+use super::failure::Failure;
+use super::results_folder::{RESULTS, ResultsFolder};
+
+/// What a fit and a diagnosis must have in common to stand beside each other.
+const SHARED: [&str; 2] = ["/settings/window_s", "/model"];
+
+/// What makes two fits the same.
+const OF_FIT: [&str; 4] =
+    ["/settings/window_s", "/model", "/settings/weighting_asked", "/settings/independent"];
+
+/// The folder for a fit of `session`: its `results/`, or a named folder in it if that holds results of other settings.
+///
+/// # Errors
+/// If it is no session folder.
+pub fn folder_of_fit(session: &Path, fit: &Value) -> Result<ResultsFolder, Failure> {
+    choose(session, fit, |folder| {
+        agrees(&stored_fit(folder), fit, &OF_FIT) && agrees(&stored_diagnosis(folder), fit, &SHARED)
+    })
+}
+
+/// The folder for a diagnosis of `session`, as [`folder_of_fit`].
+///
+/// # Errors
+/// As [`folder_of_fit`].
+pub fn folder_of_diagnosis(session: &Path, diagnosis: &Value) -> Result<ResultsFolder, Failure> {
+    choose(session, diagnosis, |folder| {
+        [stored_fit(folder), stored_diagnosis(folder)].iter().all(|stored| agrees(stored, diagnosis, &SHARED))
+    })
+}
+
+fn choose(session: &Path, own: &Value, is_free: impl Fn(&Folder) -> bool) -> Result<ResultsFolder, Failure> {
+    let of_session = ResultsFolder::OfSession(session.to_owned());
+    // Of a folder that cannot be opened, the reason is told where it is opened for writing.
+    let Ok(results) = open_session(session)?.folder(RESULTS) else { return Ok(of_session) };
+    if is_free(&results) {
+        return Ok(of_session);
+    }
+    let name = name(own);
+    let numbered = |number: u32| if number == 1 { name.clone() } else { format!("{name}-{number}") };
+    let is_usable = |name: &String| match results.folder(name) {
+        Ok(folder) => is_free(&folder),
+        Err(error) => error.kind() == ErrorKind::NotFound,
+    };
+    let found = (1..).map(numbered).find(is_usable);
+    Ok(found.map_or(of_session, |name| ResultsFolder::Named { session: session.to_owned(), name }))
+}
+
+/// Name of the folder for results of these settings: `window-300ms-plain`.
+fn name(own: &Value) -> String {
+    let window_ms = 1e3 * own.pointer("/settings/window_s").and_then(Value::as_f64).unwrap_or(0.0);
+    let mut parts = vec![format!("window-{}ms", (10.0 * window_ms).round() / 10.0)];
+    if own.pointer("/settings/weighting_asked").and_then(Value::as_str) == Some("plain") {
+        parts.push("plain".into());
+    }
+    if own.pointer("/settings/independent").and_then(Value::as_bool) == Some(true) {
+        parts.push("independent".into());
+    }
+    let mechanisms = own.pointer("/model/mechanisms").and_then(Value::as_array);
+    // Ids of the catalogue only: a name comes from a file.
+    let known = |mechanism: &Value| {
+        let id = mechanism["mechanism"].as_str()?;
+        CATALOGUE.iter().find(|kind| kind.id() == id).map(|kind| kind.id().to_owned())
+    };
+    parts.extend(mechanisms.into_iter().flatten().filter_map(known));
+    parts.join("-")
+}
+
+fn stored_fit(folder: &Folder) -> Option<Value> {
+    read(folder, "fit.json", limits::FIT_BYTES)
+}
+
+fn stored_diagnosis(folder: &Folder) -> Option<Value> {
+    read(folder, "diagnosis.json", limits::DIAGNOSIS_BYTES)
+}
+
+/// A JSON file of a folder, if it is there and is JSON.
+fn read(folder: &Folder, name: &str, limit: u64) -> Option<Value> {
+    serde_json::from_slice(&folder.read(name, limit).ok()?).ok()
+}
+
+/// Whether `stored` is not there, or has the settings of `own` at `paths`. What an older program did not write counts as equal.
+fn agrees(stored: &Option<Value>, own: &Value, paths: &[&str]) -> bool {
+    let Some(stored) = stored else { return true };
+    paths.iter().all(|path| match (stored.pointer(path), own.pointer(path)) {
+        (Some(stored), Some(own)) => same(stored, own),
+        _ => true,
+    })
+}
+
+/// Equality of settings; a window that went through a file may differ in its last digit.
+fn same(a: &Value, b: &Value) -> bool {
+    match (a.as_f64(), b.as_f64()) {
+        (Some(a), Some(b)) => (a - b).abs() <= 1e-9 * a.abs().max(b.abs()),
+        _ => a == b,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn fit(window_s: f64, weighting: &str) -> Value {
+        json!({ "settings": { "window_s": window_s, "weighting_asked": weighting, "independent": false },
+                "model": { "mechanisms": [] } })
+    }
+
+    #[test]
+    fn a_fit_with_other_settings_gets_a_folder_of_its_own() {
+        let session = tempfile::tempdir().unwrap();
+        let results = session.path().join("results");
+        std::fs::write(session.path().join("session.json"), "{}").unwrap();
+        let folder_of_fit = |fit: &Value| folder_of_fit(session.path(), fit).unwrap().path();
+        assert_eq!(folder_of_fit(&fit(0.3, "plain")), results, "nothing is there yet");
+        std::fs::create_dir_all(&results).unwrap();
+        std::fs::write(results.join("fit.json"), fit(0.04, "measured_noise").to_string()).unwrap();
+        assert_eq!(folder_of_fit(&fit(0.04, "measured_noise")), results);
+        let other = folder_of_fit(&fit(0.3, "plain"));
+        assert_eq!(other, results.join("window-300ms-plain"));
+        let diagnosis = json!({ "settings": { "window_s": 0.3 }, "model": { "mechanisms": [] } });
+        assert_eq!(
+            folder_of_diagnosis(session.path(), &diagnosis).unwrap().path(),
+            results.join("window-300ms")
+        );
+    }
+}

@@ -1,0 +1,29 @@
+//! What a session's signals say against its own table, before anything is fitted.
+//!
+//! A session that parses can still be wrong: degrees for radians, a torque of the wrong sign, an onset 20 ms early. Any of
+//! these gives a fit with numbers in it. Each [`SignalCheck`] measures something in the records that the table states too, or that
+//! a wrist cannot do, and [`contradictions`] lists what disagrees with its likely cause.
+//!
+//! The limits lie between what honest rigs, gauges and subjects do and what mistakes of units, signs and times do.
+//! `docs/explanation/input-checks.md` gives the reason of each.
+
+mod contradiction;
+mod emg;
+mod hold;
+mod lever;
+mod likely_mistake;
+mod measured_trial;
+mod onset;
+mod ramp;
+mod resistance;
+mod session_check;
+mod signal_check;
+mod trial_list;
+
+pub use contradiction::{Contradiction, Contradictions};
+pub use measured_trial::MeasuredTrial;
+pub use session_check::{check, contradictions};
+pub use signal_check::{SignalCheck, UnknownCheck};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,216 @@
+//! Mistakes that a session can have and still parse, each made in a sound session.
+
+use super::{SignalCheck, contradictions};
+use crate::dataset::{Record, Session, Status, Subject, Trial};
+use crate::wrist::Lever;
+
+const RATE_HZ: f64 = 2000.0;
+const ONSET_S: f64 = 0.6;
+
+/// Three torques, two speeds, two repetitions; ramps that rise in 16 ms, a wrist of inertia, damping and stiffness.
+fn sound() -> Session {
+    let mut trials = Vec::new();
+    for (velocity_rad_s, torque_nm) in [1.3, 3.0].into_iter().flat_map(|v| [0.9, 1.5, 2.1].map(|t| (v, t))) {
+        for repetition in [1, 2] {
+            let number = trials.len() as u32 + 1;
+            trials.push(Trial {
+                number,
+                file: format!("trials/trial-{number:03}.csv"),
+                velocity_rad_s,
+                torque_nm,
+                repetition,
+                condition: None,
+                onset_s: Some(ONSET_S),
+                status: Status::Ok,
+                extra: Default::default(),
+                record: record(velocity_rad_s, torque_nm, f64::from(number)),
+            });
+        }
+    }
+    Session {
+        subject: Subject { id: "S01".into() },
+        sample_rate_hz: RATE_HZ,
+        lever: Some(Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 }),
+        recorded_filter: None,
+        trials,
+    }
+}
+
+fn record(velocity_rad_s: f64, torque_nm: f64, phase: f64) -> Record {
+    let samples = 1600;
+    let time = |i: usize| i as f64 / RATE_HZ - ONSET_S;
+    let smooth = |t: f64| {
+        if t < 0.0 {
+            0.0
+        } else if t < 0.016 {
+            t * t / 0.032
+        } else {
+            t - 0.008
+        }
+    };
+    let angle = |t: f64| velocity_rad_s * (smooth(t) - smooth(t - 0.12 / velocity_rad_s));
+    let step = 1.0 / RATE_HZ;
+    let speed = |t: f64| (angle(t + step) - angle(t - step)) / (2.0 * step);
+    let tremor = |i: usize| 0.004 * libm::sin(0.03 * i as f64 + phase);
+    let torque =
+        |i: usize| torque_nm * (1.0 + tremor(i)) + 0.3 + 15.0 * angle(time(i)) + 0.5 * speed(time(i));
+    // Rectified noise of a muscle.
+    let active = |i: usize, level: f64| level * libm::sin(1.7 * i as f64 + phase).abs();
+    Record {
+        start_s: 0.0,
+        theta_m_rad: (0..samples).map(|i| -0.07 + angle(time(i)) + 1e-5 * libm::sin(i as f64)).collect(),
+        torque_l_nm: (0..samples).map(torque).collect(),
+        emg_fcr_mvc: Some((0..samples).map(|i| active(i, 0.2)).collect()),
+        emg_ecr_mvc: Some((0..samples).map(|i| active(i, 0.05)).collect()),
+    }
+}
+
+/// The checks that fail after `spoil`.
+fn failed(spoil: impl Fn(&mut Session)) -> Vec<SignalCheck> {
+    let mut session = sound();
+    spoil(&mut session);
+    contradictions(&session).iter().map(|one| one.check).collect()
+}
+
+fn each(spoil: impl Fn(&mut Trial)) -> impl Fn(&mut Session) {
+    move |session| session.trials.iter_mut().for_each(&spoil)
+}
+
+/// The likely mistake that is named after `spoil`.
+#[track_caller]
+fn assert_named(spoil: impl Fn(&mut Session), check: SignalCheck, words: &str) {
+    let mut session = sound();
+    spoil(&mut session);
+    let found = contradictions(&session);
+    let one = found.iter().find(|one| one.check == check).unwrap_or_else(|| panic!("{check}: {found:?}"));
+    assert!(one.to_string().contains(words), "{words:?} is not in: {one}");
+}
+
+fn scale(values: &mut [f64], factor: f64) {
+    values.iter_mut().for_each(|value| *value *= factor);
+}
+
+#[test]
+fn a_sound_session_is_not_refused() {
+    assert_eq!(failed(|_| ()), []);
+}
+
+#[test]
+fn a_left_hand_recorded_as_such_is_not_refused() {
+    let mirrored = each(|trial| {
+        scale(&mut trial.record.theta_m_rad, -1.0);
+        scale(&mut trial.record.torque_l_nm, -1.0);
+        (trial.velocity_rad_s, trial.torque_nm) = (-trial.velocity_rad_s, -trial.torque_nm);
+    });
+    assert_eq!(failed(mirrored), []);
+}
+
+#[test]
+fn an_offset_of_the_gauge_is_not_refused() {
+    assert_eq!(failed(each(|trial| trial.record.torque_l_nm.iter_mut().for_each(|x| *x -= 3.0))), []);
+}
+
+#[test]
+fn units_of_the_angle() {
+    assert_named(
+        each(|t| scale(&mut t.record.theta_m_rad, 57.2958)),
+        SignalCheck::RampSpeed,
+        "57.34 times as fast as stated",
+    );
+    assert_named(each(|t| scale(&mut t.record.theta_m_rad, 57.2958)), SignalCheck::RampSpeed, "in degrees?");
+    assert_named(each(|t| scale(&mut t.record.theta_m_rad, 1000.0)), SignalCheck::RampSpeed, "milliradians");
+    assert_named(each(|t| t.velocity_rad_s *= 57.2958), SignalCheck::RampSpeed, "degrees a second");
+}
+
+#[test]
+fn units_of_the_time() {
+    let milliseconds = |session: &mut Session| {
+        session.sample_rate_hz /= 1000.0;
+        for trial in &mut session.trials {
+            trial.onset_s = trial.onset_s.map(|onset| onset * 1000.0);
+        }
+    };
+    assert_named(milliseconds, SignalCheck::RampSpeed, "t_s in milliseconds");
+}
+
+#[test]
+fn units_of_the_torque() {
+    assert_named(each(|t| scale(&mut t.record.torque_l_nm, 100.0)), SignalCheck::SteadyTorque, "N cm");
+    assert_named(each(|t| scale(&mut t.record.torque_l_nm, 1000.0)), SignalCheck::SteadyTorque, "mN m");
+    assert_named(each(|t| t.torque_nm *= 100.0), SignalCheck::SteadyTorque, "torque_nm in N cm");
+}
+
+#[test]
+fn signs() {
+    let torque = each(|t| scale(&mut t.record.torque_l_nm, -1.0));
+    assert_eq!(failed(torque), [SignalCheck::SteadyTorque, SignalCheck::Resistance]);
+    let angle = each(|t| scale(&mut t.record.theta_m_rad, -1.0));
+    assert_eq!(failed(angle), [SignalCheck::RampDirection, SignalCheck::Resistance]);
+    let left = each(|t| {
+        scale(&mut t.record.theta_m_rad, -1.0);
+        scale(&mut t.record.torque_l_nm, -1.0);
+    });
+    assert_eq!(failed(&left), [SignalCheck::RampDirection, SignalCheck::SteadyTorque]);
+    assert_named(left, SignalCheck::RampDirection, "left hand");
+}
+
+#[test]
+fn onsets() {
+    for (shift_s, words) in [(0.1, "ms late"), (0.02, "ms late"), (-0.02, "ms early"), (-0.1, "ms early")] {
+        let shifted = each(move |t| t.onset_s = t.onset_s.map(|onset| onset + shift_s));
+        assert_eq!(failed(&shifted), [SignalCheck::Onset], "{shift_s}");
+        assert_named(shifted, SignalCheck::Onset, words);
+    }
+    // One trial is enough: its numbers would be nonsense.
+    assert_eq!(failed(|session| session.trials[4].onset_s = Some(ONSET_S + 0.02)), [SignalCheck::Onset]);
+}
+
+#[test]
+fn columns_and_rows() {
+    let swapped = each(|t| std::mem::swap(&mut t.record.theta_m_rad, &mut t.record.torque_l_nm));
+    assert_named(swapped, SignalCheck::RampSpeed, "swapped");
+    let of_the_table = each(|t| std::mem::swap(&mut t.velocity_rad_s, &mut t.torque_nm));
+    assert!(failed(of_the_table).contains(&SignalCheck::RampSpeed));
+    let rows = |session: &mut Session| {
+        let velocities: Vec<f64> = session.trials.iter().map(|t| t.velocity_rad_s).collect();
+        let count = velocities.len();
+        for (index, trial) in session.trials.iter_mut().enumerate() {
+            trial.velocity_rad_s = velocities[(index + 3) % count];
+        }
+    };
+    assert_named(rows, SignalCheck::RampSpeed, "another order than the records");
+}
+
+#[test]
+fn an_angle_that_no_wrist_has() {
+    let elsewhere = each(|t| t.record.theta_m_rad.iter_mut().for_each(|x| *x += std::f64::consts::PI));
+    assert_named(elsewhere, SignalCheck::AngleRange, "zeroed elsewhere");
+}
+
+#[test]
+fn emg_that_has_an_offset_or_is_no_fraction() {
+    let raw = |offset: f64| {
+        each(move |t| {
+            let signal = t.record.emg_fcr_mvc.as_mut().unwrap();
+            let sign = |i: usize| if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+            signal.iter_mut().enumerate().for_each(|(i, x)| *x = offset + *x * sign(i));
+        })
+    };
+    assert_eq!(failed(raw(0.0)), [], "the analysis rectifies raw EMG");
+    assert_named(raw(0.1), SignalCheck::Emg, "offset");
+    let both = |factor: f64| {
+        each(move |t| {
+            scale(t.record.emg_fcr_mvc.as_mut().unwrap(), factor);
+            scale(t.record.emg_ecr_mvc.as_mut().unwrap(), factor);
+        })
+    };
+    assert_named(both(100.0), SignalCheck::Emg, "percent");
+    assert_named(both(1e-3), SignalCheck::Emg, "volts");
+    assert_eq!(failed(each(|t| (t.record.emg_fcr_mvc, t.record.emg_ecr_mvc) = (None, None))), []);
+}
+
+#[test]
+fn units_of_the_lever() {
+    let lever = |session: &mut Session| session.lever.as_mut().unwrap().inertia_kg_m2 *= 1e4;
+    assert_named(lever, SignalCheck::Lever, "kg cm2");
+}

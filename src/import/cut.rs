@@ -1,0 +1,95 @@
+//! Cutting one long record into trials.
+
+use super::error::ImportError;
+use super::mapping::{LongRecord, Mapping};
+use super::source_table::SourceTable;
+
+/// The speed of an angle is taken over this time, s.
+const SPEED_OVER_S: f64 = 0.008;
+
+/// A ramp is where the speed is above this part of the largest.
+const RAMP_SHARE: f64 = 0.3;
+
+/// Cuts `table` at its ramps, or by the column that tells trials apart; a table that is one trial stays as it is.
+pub fn cut(table: SourceTable, mapping: &Mapping, rate_hz: f64) -> Result<Vec<SourceTable>, ImportError> {
+    if let Some(column) = &mapping.trial_column {
+        return by_column(&table, column);
+    }
+    match &mapping.long_record {
+        Some(long) => by_ramps(&table, mapping, long, rate_hz),
+        None => Ok(vec![table]),
+    }
+}
+
+fn by_column(table: &SourceTable, column: &str) -> Result<Vec<SourceTable>, ImportError> {
+    let values = needed(table, column, "the number of the trial")?;
+    let mut first = 0;
+    Ok(values
+        .chunk_by(|a, b| a == b)
+        .map(|run| {
+            let part = part(table, first, first + run.len(), &format!("{column} {}", run[0]));
+            first += run.len();
+            part
+        })
+        .collect())
+}
+
+fn by_ramps(
+    table: &SourceTable,
+    mapping: &Mapping,
+    long: &LongRecord,
+    rate_hz: f64,
+) -> Result<Vec<SourceTable>, ImportError> {
+    let starts = match &long.ramp_column {
+        Some(column) => rises(needed(table, column, "the signal of the ramps")?, long.threshold),
+        None => {
+            let angle = needed(table, &mapping.columns.angle.column, "the angle")?;
+            let span = (libm::round(SPEED_OVER_S * rate_hz) as usize).max(1);
+            let speed: Vec<f64> = angle.windows(span + 1).map(|own| (own[span] - own[0]).abs()).collect();
+            let largest = speed.iter().copied().fold(0.0, f64::max);
+            rises(&speed, RAMP_SHARE * largest)
+        }
+    };
+    let samples = table.columns.first().map_or(0, |(_, values)| values.len());
+    let [before, after] = [long.before_s, long.after_s].map(|time_s| libm::round(time_s * rate_hz) as usize);
+    let mut parts = Vec::new();
+    let mut free = 0;
+    for start in starts {
+        // A ramp within the last trial is its return, not a trial of its own.
+        if start < free || start < before || start + after > samples {
+            continue;
+        }
+        parts.push(part(table, start - before, start + after, &format!("ramp {}", parts.len() + 1)));
+        free = start + after;
+    }
+    if parts.is_empty() {
+        let reason = format!(
+            "{}: no ramp with {} s before and {} s after it; shorten long_record.before_s and after_s, or correct ramp_column and \
+             threshold",
+            table.name, long.before_s, long.after_s
+        );
+        return Err(ImportError::NoTrial { reason });
+    }
+    Ok(parts)
+}
+
+/// Samples at which `values` rise through `threshold`.
+fn rises(values: &[f64], threshold: f64) -> Vec<usize> {
+    let rises = values.windows(2).enumerate().filter(|(_, pair)| pair[0] <= threshold && pair[1] > threshold);
+    rises.map(|(sample, _)| sample + 1).collect()
+}
+
+fn needed<'a>(table: &'a SourceTable, column: &str, role: &'static str) -> Result<&'a [f64], ImportError> {
+    table.column(column).ok_or_else(|| ImportError::NoColumn {
+        table: table.name.clone(),
+        column: column.to_owned(),
+        role,
+        columns: table.names(),
+    })
+}
+
+fn part(table: &SourceTable, from: usize, to: usize, name: &str) -> SourceTable {
+    let columns =
+        table.columns.iter().map(|(name, values)| (name.clone(), values[from..to].to_vec())).collect();
+    SourceTable { name: format!("{}, {name}", table.name), columns }
+}

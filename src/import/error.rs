@@ -1,0 +1,94 @@
+//! Errors of an import: file, column, what was expected, what to do.
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+
+use crate::json_file::JsonFileError;
+use crate::protocol::{Problem, ProtocolError};
+
+/// Why a recording cannot be imported.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// The source cannot be read.
+    #[error("{}: cannot be read: {source}; give a folder of CSV files, a .csv, .mat or .parquet file", path.display())]
+    Unreadable {
+        /// The file or folder.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// The source is of a kind that is not read.
+    #[error("{}: {found}; expected {expected}", path.display())]
+    Source {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was found.
+        found: String,
+        /// What was expected, and what to do.
+        expected: &'static str,
+    },
+    /// A cell of a table is no number.
+    #[error("{}, line {line}, column {column}: {found:?} is no number; remove the row, or write the number with a point", path.display())]
+    Cell {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: u64,
+        /// Name of the column.
+        column: String,
+        /// What stands there.
+        found: String,
+    },
+    /// The mapping cannot be read.
+    #[error(transparent)]
+    Json(#[from] JsonFileError),
+    /// The mapping is not JSON.
+    #[error(transparent)]
+    NotJson(ProtocolError),
+    /// The mapping has wrong or missing fields; all are told.
+    #[error("{file}: {}", MappingProblems(problems))]
+    Mapping {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        problems: Vec<Problem>,
+    },
+    /// A column that the mapping names is not in the source.
+    #[error(
+        "{table}: has no column {column:?}, which the mapping names as {role}; its columns are {columns}"
+    )]
+    NoColumn {
+        /// The table.
+        table: String,
+        /// The column.
+        column: String,
+        /// What the mapping takes it for.
+        role: &'static str,
+        /// The columns that there are.
+        columns: String,
+    },
+    /// No trial was found.
+    #[error("no trial found: {reason}")]
+    NoTrial {
+        /// Why, and what to do.
+        reason: String,
+    },
+    /// The session's folder is there already, or cannot be written.
+    #[error("{}: {reason}", path.display())]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+struct MappingProblems<'a>(&'a [Problem]);
+
+impl fmt::Display for MappingProblems<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "the mapping has {} mistakes", self.0.len())?;
+        self.0.iter().try_for_each(|problem| write!(formatter, "\n  {problem}"))
+    }
+}

@@ -1,0 +1,108 @@
+//! Reads the numeric arrays of a .mat file of version 5, which MATLAB writes up to `-v7`.
+//!
+//! "MAT-File Format", The MathWorks: a header of 128 bytes, then elements with a tag of type and length; a matrix is an element with
+//! the elements flags, dimensions, name and values.
+
+use std::io::Read;
+use std::path::Path;
+
+use flate2::read::ZlibDecoder;
+
+use super::error::ImportError;
+use super::mat_array::MatArray;
+
+const FILE_HEADER: usize = 128;
+const MATRIX: u32 = 14;
+const COMPRESSED: u32 = 15;
+/// Classes of numeric arrays: double, single, and integers of 8 to 64 bits.
+const NUMERIC_CLASSES: std::ops::RangeInclusive<u8> = 6..=15;
+/// A file that unpacks to more than this is not read, bytes.
+const LARGEST: u64 = 1 << 32;
+
+/// Reads the real numeric arrays in `bytes`; `path` is for messages. Structs and cells are passed over.
+pub fn read(bytes: &[u8], path: &Path) -> Result<Vec<MatArray>, ImportError> {
+    let broken = |found: &str| ImportError::Source {
+        path: path.into(),
+        found: found.to_owned(),
+        expected: "a .mat file of version 5 or 7.3; write it again with: save('file.mat', '-v7')",
+    };
+    if bytes.len() < FILE_HEADER || !bytes.starts_with(b"MATLAB 5.0") {
+        return Err(broken("no .mat file of version 5"));
+    }
+    if &bytes[126..128] != b"IM" {
+        return Err(broken("a .mat file with the bytes in the other order"));
+    }
+    let mut arrays = Vec::new();
+    let mut rest = &bytes[FILE_HEADER..];
+    while let Some((kind, data, after)) = element(rest) {
+        if kind == COMPRESSED {
+            let mut unpacked = Vec::new();
+            let read = ZlibDecoder::new(data).take(LARGEST).read_to_end(&mut unpacked);
+            read.map_err(|_| broken("a damaged compressed element"))?;
+            if let Some((MATRIX, matrix, _)) = element(&unpacked) {
+                arrays.extend(array(matrix));
+            }
+        } else if kind == MATRIX {
+            arrays.extend(array(data));
+        }
+        rest = after;
+    }
+    Ok(arrays)
+}
+
+/// Type and data of the first element, and what follows it; `None` at the end or if the element is cut off.
+fn element(bytes: &[u8]) -> Option<(u32, &[u8], &[u8])> {
+    let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
+    let first = word(0)?;
+    if first >> 16 != 0 {
+        // A short element has its length in the upper half of the type, and four bytes of data.
+        let length = (first >> 16) as usize;
+        return Some((first & 0xffff, bytes.get(4..4 + length.min(4))?, bytes.get(8..)?));
+    }
+    let length = word(4)? as usize;
+    let data = bytes.get(8..8usize.checked_add(length)?)?;
+    // Elements begin at multiples of eight bytes; a compressed one is not padded.
+    let padded = if first == COMPRESSED { length } else { length.next_multiple_of(8) };
+    Some((first, data, bytes.get(8 + padded..).unwrap_or_default()))
+}
+
+/// The array of a matrix element; `None` if it is not real and numeric.
+fn array(matrix: &[u8]) -> Option<MatArray> {
+    let (_, flags, rest) = element(matrix)?;
+    let (_, dimensions, rest) = element(rest)?;
+    let (_, name, rest) = element(rest)?;
+    let (kind, data, _) = element(rest)?;
+    let (class, is_complex) = (*flags.first()?, flags.get(1)? & 0x08 != 0);
+    if !NUMERIC_CLASSES.contains(&class) || is_complex {
+        return None;
+    }
+    let rows = u32::from_le_bytes(dimensions.get(..4)?.try_into().ok()?) as usize;
+    Some(MatArray { name: String::from_utf8_lossy(name).into_owned(), rows, values: numbers(kind, data)? })
+}
+
+/// Values of an element of a numeric type; whole doubles are often stored as integers.
+fn numbers(kind: u32, data: &[u8]) -> Option<Vec<f64>> {
+    macro_rules! read {
+        ($number:ty) => {{
+            const SIZE: usize = size_of::<$number>();
+            data.chunks_exact(SIZE)
+                .map(|bytes| {
+                    bytes.try_into().map_or(f64::NAN, |bytes| <$number>::from_le_bytes(bytes) as f64)
+                })
+                .collect()
+        }};
+    }
+    Some(match kind {
+        1 => read!(i8),
+        2 => read!(u8),
+        3 => read!(i16),
+        4 => read!(u16),
+        5 => read!(i32),
+        6 => read!(u32),
+        7 => read!(f32),
+        9 => read!(f64),
+        12 => read!(i64),
+        13 => read!(u64),
+        _ => return None,
+    })
+}

@@ -1,0 +1,32 @@
+//! Sessions from foreign recordings: a folder of CSV files, a `.mat` file, a Parquet table, or one long record with a ramp signal.
+//!
+//! A [`Mapping`] says which column is what, in which unit and with which sign. [`import`] reads the tables, converts them, cuts a
+//! long record into trials, finds the onsets and groups speeds and torques into conditions. Nothing is written before
+//! [`ImportedSession::write`].
+
+mod conditions;
+mod cut;
+mod error;
+mod mapping;
+#[cfg(feature = "matlab")]
+mod mat_array;
+#[cfg(feature = "matlab")]
+mod mat_v5;
+#[cfg(feature = "matlab")]
+mod mat_v73;
+#[cfg(feature = "parquet")]
+mod parquet_source;
+mod picture;
+mod session_build;
+mod source_files;
+mod source_table;
+mod write;
+
+pub use error::ImportError;
+pub use mapping::{IMPORT_FORMAT, LongRecord, MappedSignal, Mapping, SignalColumns, SignalUnit, schema_text};
+pub use session_build::{ImportedSession, import};
+pub use source_files::read_source;
+pub use source_table::SourceTable;
+
+#[cfg(test)]
+mod tests;

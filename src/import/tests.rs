@@ -1,0 +1,223 @@
+//! The same two ramps as a folder of CSV files, as .mat files of both versions, as Parquet, and as one long record.
+
+use std::fs;
+use std::path::Path;
+
+use super::{ImportedSession, LongRecord, Mapping, SourceTable, import, read_source};
+use crate::consistency::contradictions;
+use crate::dataset;
+
+const RATE_HZ: f64 = 1000.0;
+const SAMPLES: usize = 800;
+
+/// Time in ms, angle in degrees with the sign turned, torque in N cm.
+fn columns(speed_rad_s: f64) -> [Vec<f64>; 3] {
+    let time = |i: usize| i as f64 / RATE_HZ;
+    let way = |t: f64| {
+        let t = (t - 0.5).max(0.0);
+        let risen = if t < 0.016 { t * t / 0.032 } else { t - 0.008 };
+        (speed_rad_s * risen).min(0.14)
+    };
+    let angle = (0..SAMPLES).map(|i| -way(time(i)).to_degrees() + 5.0 + 1e-4 * libm::sin(i as f64)).collect();
+    let torque = (0..SAMPLES)
+        .map(|i| 100.0 * (1.5 + 0.01 * libm::sin(0.06 * i as f64) + 15.0 * way(time(i))))
+        .collect();
+    [(0..SAMPLES).map(|i| 1e3 * time(i)).collect(), angle, torque]
+}
+
+const NAMES: [&str; 3] = ["Time", "Pos", "Tq"];
+
+fn mapping() -> Mapping {
+    let text = r#"{
+      "format": "ramphold-import/1", "subject": "S09",
+      "columns": {
+        "time": { "column": "Time", "unit": "ms" },
+        "angle": { "column": "Pos", "unit": "deg", "sign": -1, "zero": 5 },
+        "torque": { "column": "Tq", "unit": "N cm" }
+      },
+      "lever": { "inertia_kg_m2": 0.0016, "damping_nm_s_per_rad": 0.4, "stiffness_nm_per_rad": 900 }
+    }"#;
+    Mapping::parse(text, Path::new("mapping.json")).unwrap()
+}
+
+fn table(name: &str, columns: [Vec<f64>; 3]) -> SourceTable {
+    let columns = NAMES.iter().zip(columns).map(|(name, values)| ((*name).to_owned(), values)).collect();
+    SourceTable { name: name.to_owned(), columns }
+}
+
+fn csv(table: &SourceTable) -> String {
+    let mut text = NAMES.join(",") + "\n";
+    for row in 0..table.columns[0].1.len() {
+        let cells: Vec<String> = table.columns.iter().map(|(_, values)| values[row].to_string()).collect();
+        text += &(cells.join(",") + "\n");
+    }
+    text
+}
+
+#[track_caller]
+fn assert_two_trials(imported: &ImportedSession) {
+    let session = &imported.session;
+    assert_eq!(session.sample_rate_hz, RATE_HZ);
+    let speeds: Vec<f64> = session.trials.iter().map(|trial| trial.velocity_rad_s).collect();
+    assert_eq!(speeds, [1.3, 2.6]);
+    for trial in &session.trials {
+        assert_eq!(trial.torque_nm, 1.5);
+        let onset_s = trial.onset_s.unwrap();
+        assert!((onset_s - 0.5).abs() < 0.004, "{onset_s}");
+        assert!(trial.record.theta_m_rad[0].abs() < 1e-3);
+    }
+    assert_eq!(contradictions(session), []);
+}
+
+#[test]
+fn a_folder_of_csv_files_becomes_a_session_that_loads() {
+    let folder = tempfile::tempdir().unwrap();
+    for (number, speed) in [(1, 1.3), (2, 2.6)] {
+        fs::write(folder.path().join(format!("t{number}.csv")), csv(&table("", columns(speed)))).unwrap();
+    }
+    let imported = import(read_source(folder.path()).unwrap(), &mapping()).unwrap();
+    assert_two_trials(&imported);
+    let written = folder.path().join("session");
+    imported.write(&mapping(), &written).unwrap();
+    let loaded = dataset::load(&written).unwrap();
+    assert_eq!(loaded.trials.len(), 2);
+    assert_eq!(loaded.trials[1].velocity_rad_s, 2.6);
+    assert!(fs::read_to_string(written.join("import.svg")).unwrap().contains("trial 2: 2.6 rad/s"));
+    let kept: serde_json::Value =
+        serde_json::from_slice(&fs::read(written.join("import.json")).unwrap()).unwrap();
+    let again: Mapping = serde_json::from_value(kept["mapping"].clone()).unwrap();
+    assert_eq!(again, mapping(), "the mapping can be used again");
+    assert!(imported.write(&mapping(), &written).unwrap_err().to_string().contains("not overwritten"));
+}
+
+#[test]
+fn one_long_record_is_cut_at_the_trigger_or_at_the_ramps() {
+    let long = columns(1.3).into_iter().zip(columns(2.6)).map(|(first, second)| [first, second].concat());
+    let mut long = table("long", long.collect::<Vec<_>>().try_into().unwrap());
+    long.columns[0].1 = (0..2 * SAMPLES).map(|i| i as f64).collect();
+    // The second ramp begins where the first one ended.
+    long.columns[1].1[SAMPLES..].iter_mut().for_each(|angle| *angle -= 0.14_f64.to_degrees());
+    let trigger =
+        (0..2 * SAMPLES).map(|i| if (500..560).contains(&(i % SAMPLES)) { 5.0 } else { 0.0 }).collect();
+    long.columns.push(("Trigger".into(), trigger));
+    for ramp_column in [Some("Trigger".to_owned()), None] {
+        let long_record = Some(LongRecord { ramp_column, threshold: 2.5, before_s: 0.4, after_s: 0.25 });
+        let imported = import(vec![long.clone()], &Mapping { long_record, ..mapping() }).unwrap();
+        let speeds: Vec<f64> = imported.session.trials.iter().map(|trial| trial.velocity_rad_s).collect();
+        assert_eq!(speeds, [1.3, 2.6]);
+        assert_eq!(imported.session.trials[0].record.theta_m_rad.len(), 650);
+    }
+}
+
+#[test]
+fn trials_in_one_table_are_told_apart_by_a_column() {
+    let long = columns(1.3).into_iter().zip(columns(2.6)).map(|(first, second)| [first, second].concat());
+    let mut long = table("long", long.collect::<Vec<_>>().try_into().unwrap());
+    long.columns.push(("Trial".into(), (0..2 * SAMPLES).map(|i| (i / SAMPLES) as f64).collect()));
+    let mapping = Mapping { trial_column: Some("Trial".into()), sample_rate_hz: Some(RATE_HZ), ..mapping() };
+    assert_two_trials(&import(vec![long], &mapping).unwrap());
+}
+
+#[test]
+fn every_mistake_of_a_mapping_is_told_at_once() {
+    let text =
+        r#"{ "format": "ramphold-import/1", "columns": { "angle": { "unit": "degrees" } }, "speed": 1 }"#;
+    let told = Mapping::parse(text, Path::new("m.json")).unwrap_err().to_string();
+    for part in
+        ["subject", "columns.torque", "columns.angle.column", "columns.angle.unit", "speed", "\"deg\""]
+    {
+        assert!(told.contains(part), "{part} is not in: {told}");
+    }
+}
+
+#[test]
+fn a_column_that_is_not_there_is_named_with_those_that_are() {
+    let mut wrong = mapping();
+    wrong.columns.torque.column = "Torque".into();
+    let told = import(vec![table("t1.csv", columns(1.3))], &wrong).unwrap_err().to_string();
+    assert!(
+        told.contains("t1.csv") && told.contains("\"Torque\"") && told.contains("Time, Pos, Tq"),
+        "{told}"
+    );
+}
+
+/// Elements of a .mat file of version 5.
+#[cfg(feature = "matlab")]
+mod mat {
+    use std::io::Write;
+
+    use super::*;
+
+    fn element(kind: u32, data: &[u8]) -> Vec<u8> {
+        let mut bytes = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
+        bytes.extend(data);
+        bytes.resize(8 + data.len().next_multiple_of(8), 0);
+        bytes
+    }
+
+    fn matrix(name: &str, rows: usize, values: &[f64]) -> Vec<u8> {
+        let columns = values.len() / rows;
+        let dimensions = [(rows as i32).to_le_bytes(), (columns as i32).to_le_bytes()].concat();
+        let values: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let parts = [
+            element(6, &[6, 0, 0, 0, 0, 0, 0, 0]),
+            element(5, &dimensions),
+            element(1, name.as_bytes()),
+            element(9, &values),
+        ];
+        element(14, &parts.concat())
+    }
+
+    /// The variables of both trials as matrices with a column for each.
+    fn variables() -> [(&'static str, usize, Vec<f64>); 3] {
+        let [time, one_angle, one_torque] = columns(1.3);
+        let [_, other_angle, other_torque] = columns(2.6);
+        [
+            ("Time", SAMPLES, time),
+            ("Pos", SAMPLES, [one_angle, other_angle].concat()),
+            ("Tq", SAMPLES, [one_torque, other_torque].concat()),
+        ]
+    }
+
+    #[test]
+    fn a_mat_file_of_version_5_with_a_column_for_each_trial() {
+        let folder = tempfile::tempdir().unwrap();
+        for is_compressed in [false, true] {
+            let mut bytes = b"MATLAB 5.0 MAT-file".to_vec();
+            bytes.resize(124, b' ');
+            bytes.extend([0x00, 0x01, b'I', b'M']);
+            for (name, rows, values) in variables() {
+                let own = matrix(name, rows, &values);
+                if is_compressed {
+                    let mut packer = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+                    packer.write_all(&own).unwrap();
+                    let packed = packer.finish().unwrap();
+                    bytes.extend(15u32.to_le_bytes());
+                    bytes.extend((packed.len() as u32).to_le_bytes());
+                    bytes.extend(packed);
+                } else {
+                    bytes.extend(own);
+                }
+            }
+            let file = folder.path().join("trials.mat");
+            fs::write(&file, bytes).unwrap();
+            assert_two_trials(&import(read_source(&file).unwrap(), &mapping()).unwrap());
+        }
+        fs::write(folder.path().join("cut.mat"), b"MATLAB 5.0").unwrap();
+        let told = read_source(&folder.path().join("cut.mat")).unwrap_err().to_string();
+        assert!(told.contains("cut.mat") && told.contains("-v7"), "{told}");
+    }
+
+    #[test]
+    fn a_mat_file_of_version_7_3_with_a_column_for_each_trial() {
+        let mut builder = hdf5_pure::FileBuilder::new();
+        for (name, rows, values) in variables() {
+            let columns = (values.len() / rows) as u64;
+            builder.create_dataset(name).with_f64_data(&values).with_shape(&[columns, rows as u64]);
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("trials.mat");
+        builder.write(&file).unwrap();
+        assert_two_trials(&import(read_source(&file).unwrap(), &mapping()).unwrap());
+    }
+}

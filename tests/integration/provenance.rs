@@ -1,0 +1,78 @@
+//! Results know what they were made from, and are neither replaced by others nor shown beside them.
+
+use std::fs;
+
+use serde_json::{Value, json};
+
+use crate::fit_input::sound;
+use crate::workspace::Workspace;
+
+fn page(workspace: &Workspace, folder: &str) -> String {
+    fs::read_to_string(workspace.path(folder).join("report.html")).unwrap()
+}
+
+/// The sound session with its fit.
+fn fitted() -> Workspace {
+    let workspace = sound();
+    workspace.call(0, &["fit", "session"]);
+    workspace
+}
+
+/// A diagnosis of the fit beside it, as far as the report reads it.
+fn write_diagnosis(workspace: &Workspace, window_s: f64) {
+    let fit: Value =
+        serde_json::from_slice(&fs::read(workspace.path("session/results/fit.json")).unwrap()).unwrap();
+    let diagnosis = json!({
+        "format": "ramphold-diagnosis/1", "verdict": "adequate", "misfit": { "statistic": 1.0, "p_value": 0.5 }, "causes": [],
+        "left_over": { "p_value": 0.5 }, "settings": { "window_s": window_s }, "model": fit["model"], "made_from": fit["made_from"],
+    });
+    workspace.write("session/results/diagnosis.json", &diagnosis);
+}
+
+#[test]
+fn a_fit_with_another_window_does_not_replace_the_first() {
+    let workspace = fitted();
+    let first = fs::read(workspace.path("session/results/fit.csv")).unwrap();
+    let (_, told) = workspace.call(0, &["fit", "session", "--window", "0.05"]);
+    assert!(told.contains("session/results/window-50ms"), "{told}");
+    assert_eq!(fs::read(workspace.path("session/results/fit.csv")).unwrap(), first);
+    assert!(workspace.path("session/results/window-50ms/report.html").is_file());
+    // The same settings again replace what they made.
+    workspace.call(0, &["fit", "session", "--window", "0.05"]);
+    assert!(!workspace.path("session/results/window-50ms-2").exists());
+
+    workspace.call(0, &["report", "session", "--beside", "window-50ms", "--out", "both"]);
+    let both = page(&workspace, "both");
+    assert!(both.contains("Two fits beside each other") && both.contains("window-50ms"));
+    let (_, told) = workspace.call(2, &["report", "session", "--beside", "nowhere"]);
+    assert!(told.contains("nowhere") && told.contains("fit.json"), "{told}");
+}
+
+#[test]
+fn a_diagnosis_of_another_window_is_not_shown_beside_the_fit() {
+    let workspace = fitted();
+    write_diagnosis(&workspace, 0.04);
+    workspace.call(0, &["report", "session"]);
+    assert!(page(&workspace, "session/results").contains("The residuals do not exceed the measured noise"));
+    write_diagnosis(&workspace, 0.3);
+    let (_, told) = workspace.call(0, &["report", "session"]);
+    assert!(told.contains("ramphold diagnose session --window 0.04"), "the command can be typed: {told}");
+    let page = page(&workspace, "session/results");
+    assert!(page.contains("do not belong together"));
+    assert!(!page.contains("The residuals do not exceed the measured noise"));
+}
+
+#[test]
+fn results_of_a_session_that_was_changed_since_are_not_shown() {
+    let workspace = fitted();
+    write_diagnosis(&workspace, 0.04);
+    let table = workspace.path("session/trials.csv");
+    let text = fs::read_to_string(&table).unwrap();
+    fs::write(&table, text.replace("2.6,0.9,1,0.3,ok", "2.6,0.9,1,0.3,rejected")).unwrap();
+    let (_, told) = workspace.call(0, &["report", "session"]);
+    assert!(told.contains("The fit was made before the session was changed"), "{told}");
+    assert!(told.contains("The diagnosis was made before the session was changed"), "{told}");
+    assert!(!page(&workspace, "session/results").contains("k_srs (N m/rad)"), "no number of the old fit");
+    let (_, told) = workspace.call(0, &["export", "session", "--bids", "bids"]);
+    assert!(told.contains("The fit was made before the session was changed"), "{told}");
+}

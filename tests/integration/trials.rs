@@ -1,0 +1,97 @@
+//! Judgements on trials after the session, and what a session says of when, who and what.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::fit_input::sound;
+use crate::workspace::{QUICK, Workspace, files};
+
+#[test]
+fn a_trial_rejected_after_looking_is_analysed_no_more_and_the_raw_data_stay() {
+    let workspace = sound();
+    let before = files(&workspace.path("session"));
+    workspace.call(0, &["fit", "session"]);
+    let (listed, told) = workspace
+        .call(0, &["trials", "session", "--reject", "2", "--because", "hand slipped", "--by", "A. B."]);
+    assert!(listed.contains("rejected by A. B.") && listed.contains("hand slipped"), "{listed}");
+    assert!(told.contains("ramphold fit session"), "the results are of before: {told}");
+    for (file, bytes) in &before {
+        assert!(fs::read(workspace.path("session").join(file)).unwrap() == *bytes, "{file} was changed");
+    }
+    let (_, told) = workspace.call(0, &["report", "session"]);
+    assert!(told.contains("before the session was changed"), "{told}");
+    workspace.call(0, &["fit", "session"]);
+    let table = fs::read_to_string(workspace.path("session/results/fit.csv")).unwrap();
+    assert_eq!(table.lines().count(), 2, "only trial 1 has estimates: {table}");
+    let report = fs::read_to_string(workspace.path("session/results/report.html")).unwrap();
+    assert!(report.contains("hand slipped (A. B.)"));
+
+    workspace.call(0, &["trials", "session", "--accept", "2", "--because", "it did not"]);
+    workspace.call(0, &["fit", "session"]);
+    let table = fs::read_to_string(workspace.path("session/results/fit.csv")).unwrap();
+    assert_eq!(table.lines().count(), 3, "{table}");
+    let kept: Value =
+        serde_json::from_slice(&fs::read(workspace.path("session/amendments.json")).unwrap()).unwrap();
+    assert_eq!(kept["amendments"].as_array().unwrap().len(), 2, "nothing is deleted: {kept}");
+    assert!(kept["amendments"][0]["at_utc"].as_str().unwrap().ends_with('Z'));
+}
+
+#[test]
+fn a_judgement_on_no_trial_or_without_a_reason_is_refused() {
+    let workspace = sound();
+    let (_, told) = workspace.call(2, &["trials", "session", "--reject", "9", "--because", "x"]);
+    assert!(told.contains("has no trial 9") && told.contains("1 to 2"), "{told}");
+    workspace.call(2, &["trials", "session", "--reject", "1"]);
+    assert!(!workspace.path("session/amendments.json").exists());
+    fs::write(
+        workspace.path("session/amendments.json"),
+        r#"{"format":"ramphold-amendments/1","amendments":[{"trial":9,"status":"ok","because":"","by":"","at_utc":""}]}"#,
+    )
+    .unwrap();
+    let (_, told) = workspace.call(2, &["fit", "session"]);
+    assert!(told.contains("amendments.json, field amendments[0].trial"), "{told}");
+}
+
+#[test]
+fn verify_lists_judgements_and_does_not_call_them_changes() {
+    let workspace = Workspace::new();
+    workspace.call(0, &["run", QUICK, "--seed", "1", "--out", "s"]);
+    workspace.call(0, &["trials", "s", "--reject", "3", "--because", "sneezed"]);
+    let (told, _) = workspace.call(0, &["verify", "s"]);
+    assert!(told.contains("trial 3 rejected by") && told.contains("sneezed"), "{told}");
+    let file = workspace.path("s/amendments.json");
+    fs::write(&file, fs::read_to_string(&file).unwrap().replace("sneezed", "coughed")).unwrap();
+    let (told, _) = workspace.call(1, &["verify", "s"]);
+    assert!(told.contains("changed  amendments.json"), "{told}");
+}
+
+#[test]
+fn a_session_measured_elsewhere_is_told_why_there_is_nothing_to_verify() {
+    let workspace = sound();
+    let (_, told) = workspace.call(2, &["verify", "session"]);
+    assert!(told.contains("measured elsewhere") && told.contains("ramphold fit"), "{told}");
+}
+
+#[test]
+fn who_and_what_are_kept_and_a_virtual_session_says_that_it_is_one() {
+    let workspace = Workspace::new();
+    let about =
+        ["--operator", "A. B.", "--hand", "left", "--about", "age=31", "--about", "condition=fatigued"];
+    workspace.call(0, &[&["run", QUICK, "--seed", "1", "--out", "a"][..], &about].concat());
+    workspace.call(0, &[&["run", QUICK, "--seed", "1", "--out", "b"][..], &about].concat());
+    let card: Value = serde_json::from_slice(&fs::read(workspace.path("a/session.json")).unwrap()).unwrap();
+    assert_eq!((&card["operator"], &card["hand"]), (&"A. B.".into(), &"left".into()));
+    assert_eq!((&card["subject"]["age"], &card["subject"]["condition"]), (&31.into(), &"fatigued".into()));
+    assert!(card.get("started_utc").is_none(), "a virtual session has no time of day");
+    assert!(
+        files(&workspace.path("a")) == files(&workspace.path("b")),
+        "virtual sessions are equal to the last byte"
+    );
+    let report = fs::read_to_string(workspace.path("a/results/report.html")).unwrap();
+    assert!(report.contains("VIRTUAL WRIST, seed 1"));
+    assert!(report.contains("A. B.") && report.contains("age 31, condition fatigued"));
+    workspace.call(0, &["export", "a", "--bids", "bids"]);
+    let people = fs::read_to_string(workspace.path("bids/participants.tsv")).unwrap();
+    assert_eq!(people, "participant_id\tage\tcondition\nsub-V00\t31\tfatigued\n");
+}
