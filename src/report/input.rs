@@ -12,7 +12,7 @@ use super::fitted::Fitted;
 use super::journal::{SessionTimes, times};
 use super::traces::{Trace, traces};
 use crate::dataset::{self, JOURNAL, Session, SessionCard};
-use crate::files::{Folder, limits};
+use crate::files::{Folder, is_refusal, limits};
 use crate::fit::FIT_FORMAT;
 use crate::json_file;
 use crate::protocol::ValidProtocol;
@@ -128,7 +128,8 @@ impl ReportInput {
 /// If the session or a result file that is there cannot be read.
 pub fn foreign_results(folder: &Path) -> Result<Vec<String>, ReportError> {
     let results = match open(folder)?.folder("results") {
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        // What a link leads to is no result of the session.
+        Err(error) if error.kind() == ErrorKind::NotFound || is_refusal(&error) => return Ok(Vec::new()),
         opened => {
             opened.map_err(|source| ReportError::Unreadable { path: folder.join("results"), source })?
         }

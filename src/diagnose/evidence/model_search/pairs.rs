@@ -72,18 +72,23 @@ impl ModelSearch<'_> {
         }
         self.fit_pairs(&chosen);
         // What is best beside either cause of the best pair may have been estimated badly beside the other.
-        let best = self.models[self.best_with(2)].causes.clone();
-        let mut chosen: Vec<&PairEstimate> = Vec::new();
-        for cause in best.iter().filter(|_| leaves_misfit && best.len() == 2) {
-            for own in estimates.iter().filter(|own| own.causes[0] == *cause) {
+        let mut searched: Vec<MechanismKind> = Vec::new();
+        loop {
+            let best = self.models[self.best_with(2)].causes.clone();
+            if !leaves_misfit || best.len() != 2 || best == searched {
+                break;
+            }
+            let mut chosen: Vec<&PairEstimate> = Vec::new();
+            for own in estimates.iter().filter(|own| best.contains(&own.causes[0])) {
                 let is_known = self.models.iter().any(|model| own.is_of(&model.causes))
                     || chosen.iter().any(|other| other.is_same_pair(own));
                 if !is_known {
                     chosen.push(own);
                 }
             }
+            self.fit_pairs(&chosen);
+            searched = best;
         }
-        self.fit_pairs(&chosen);
     }
 
     /// Fits pairs from their estimated values; of several starts of a pair the best counts.
