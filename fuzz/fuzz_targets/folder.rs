@@ -55,14 +55,18 @@ fuzz_target!(|text: &[u8]| {
     let _ = dataset::load(&session);
     let _ = dataset::replay(&session);
     let _ = Manifest::read(&session).map(|manifest| manifest.changes(&session));
-    let _ = write_bids(&[Participant { folder: session.clone(), label: Some("01".into()) }], &place.path().join("bids"));
+    let _ = write_bids(
+        &[Participant { folder: session.clone(), label: Some("01".into()) }],
+        &place.path().join("bids"),
+    );
     if let Ok(results) = Folder::open(&session).and_then(|folder| folder.folder_made("results")) {
-        let _ = report::write(&session, &results, &Disk::default());
+        let _ = report::write(&session, &results, None, &results, &Disk::default());
     }
     let _ = Manifest::renew_results(&Disk::default(), &session);
     let _ = Resumable::open(&session, Disk::default()).map(|session| session.resume());
     let _ = Manifest::take(&session, true).map(|manifest| manifest.write(&Disk::default(), &session));
-    let left: Vec<_> = fs::read_dir(&outside).expect("the folder").map(|entry| entry.expect("an entry").path()).collect();
+    let left: Vec<_> =
+        fs::read_dir(&outside).expect("the folder").map(|entry| entry.expect("an entry").path()).collect();
     assert_eq!(left.len(), 3, "{left:?}");
     assert!(left.iter().all(|path| fs::read(path).expect("the file") == VICTIM));
 });
@@ -83,7 +87,8 @@ fn apply(line: &str, session: &Path) {
     match kind {
         "f" => drop(fs::write(&path, content.replace("\\n", "\n"))),
         "a" => {
-            let is_small = path.symlink_metadata().is_ok_and(|about| about.is_file() && about.len() < 1 << 20);
+            let is_small =
+                path.symlink_metadata().is_ok_and(|about| about.is_file() && about.len() < 1 << 20);
             let before = if is_small { fs::read(&path).unwrap_or_default() } else { Vec::new() };
             let _ = fs::remove_file(&path);
             let _ = fs::write(&path, [&before[..], content.replace("\\n", "\n").as_bytes()].concat());

@@ -27,7 +27,7 @@ fuzz_target!(|text: &[u8]| {
             }
         }
         let results = Folder::open(session).and_then(|folder| folder.folder("results")).expect("a folder");
-        if let Ok(written) = report::write(session, &results, &Disk::default()) {
+        if let Ok(written) = report::write(session, &results, None, &results, &Disk::default()) {
             let page = fs::read_to_string(written.page).expect("the page");
             assert_eq!(page.matches("<script>").count(), 1, "a text became a script");
         }
