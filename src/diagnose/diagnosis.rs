@@ -113,7 +113,8 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         remarks.push(format!("no cause was looked for: {reason}"));
         return Diagnosis::without_causes(before, remarks);
     }
-    let Some((search, given)) = compared_models(observations, &before, seed, stage) else {
+    let Some(Comparison { search, given, single }) = compared_models(observations, &before, seed, stage)
+    else {
         remarks.push("no cause was looked for: the likelihood of the model cannot be approximated".into());
         return Diagnosis::without_causes(before, remarks);
     };
@@ -129,8 +130,14 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     let best = if nothing { 0 } else { most_probable };
     let explains = probabilities.none_of_these < 0.5;
     let free = (!nothing && !explains).then(|| FoundLaw::of(&search, &probabilities)).flatten();
-    let extended = extended_fit(&search, &models[best]);
-    let tested = (best > 0).then(|| TestedFit::new(observations, &extended, angle_errors, seed));
+    let (extended, tested) = match single {
+        (index, fit, test) if index == best => (fit, (best > 0).then_some(test)),
+        _ => {
+            let fit = extended_fit(&search, &models[best]);
+            let test = (best > 0).then(|| TestedFit::new(observations, &fit, angle_errors, seed));
+            (fit, test)
+        }
+    };
     let left = tested.as_ref().unwrap_or(&given);
     if !given.misfit.is_finite() || !left.misfit.is_finite() {
         remarks.push("no cause was looked for: the misfit is not a finite number".into());
@@ -189,13 +196,22 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     }
 }
 
-/// The models that are compared, each with its evidence, and the test of the model as given.
+/// The models that are compared, each with its evidence.
+struct Comparison<'a> {
+    search: ModelSearch<'a>,
+    /// The test of the model as given.
+    given: TestedFit,
+    /// The best model of one cause, or that of none: its index, its fit and the test of it.
+    single: (usize, Fit, TestedFit),
+}
+
+/// Fits and compares the models.
 fn compared_models<'a>(
     observations: &'a Observations,
     before: &'a Fit,
     seed: u64,
     stage: &dyn Fn(&'static str),
-) -> Option<(ModelSearch<'a>, TestedFit)> {
+) -> Option<Comparison<'a>> {
     let kinds = compared(|kind| before.kinds.contains(&kind) || missing(observations, kind).is_some());
     let prior = SessionPrior::new(observations, before, probe_context(observations));
     let mut search = ModelSearch::new(observations, before, prior, &kinds)?;
@@ -218,7 +234,7 @@ fn compared_models<'a>(
             search.add_outliers(single, kind);
         }
     }
-    Some((search, given))
+    Some(Comparison { search, given, single: (best, fit, tested) })
 }
 
 /// The fit of a model, with the deviations of its mechanisms' laws held at their most probable values.

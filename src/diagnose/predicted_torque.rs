@@ -1,5 +1,7 @@
 //! Predicted torques, residuals and variance accounted for of all trials.
 
+use nalgebra::DVector;
+
 use crate::fit::{Fit, Observations, predict, variance_accounted_for};
 use crate::wrist::SimulatedTorque;
 use crate::wrist::mechanisms::MechanismKind;
@@ -15,6 +17,20 @@ pub fn torques(
     let mut response = SimulatedTorque::default();
     predict(observations, kinds, &[], &trials, &flat, &mut response);
     response.torque_nm.chunks_exact(observations.samples).map(<[f64]>::to_vec).collect()
+}
+
+/// By how much the whitened torques of all trials change `from` those of one model `to` those of another.
+pub fn whitened_change(
+    observations: &Observations,
+    fit: &Fit,
+    from: &[Vec<f64>],
+    to: &[Vec<f64>],
+) -> Vec<DVector<f64>> {
+    let change = |trial: usize| {
+        let by: Vec<f64> = to[trial].iter().zip(&from[trial]).map(|(to, from)| to - from).collect();
+        fit.objective.whiten(observations.noise_index[trial], &by)
+    };
+    (0..from.len()).map(change).collect()
 }
 
 /// Residual torques (measured less predicted) of all trials, N m.

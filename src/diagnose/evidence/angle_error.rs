@@ -1,16 +1,18 @@
 //! Errors of the angle that trials have in common: the angle at rest between two steps of the encoder, which nobody sees before the motor
 //! moves; what smoothing takes out of the motion; and the error of the mean motion of each velocity.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnose::predicted_torque::torques;
+use crate::diagnose::predicted_torque::{torques, whitened_change};
 use crate::fit::{Fit, Observations, common_input_error_covariance, median};
 use crate::statistics::group_indices;
 
 /// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
 const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
 
-/// Standard deviation of what smoothing the motion has changed, in the first terms of its series (see [`smoothing_errors`]), each of
+/// Standard deviation of what smoothing the motion has changed, in the first terms of its series (see [`MovedSessions::changes`]), each of
 /// which has the coefficient 1.
 const SMOOTHING_SD: f64 = 1.0;
 
@@ -26,6 +28,46 @@ pub struct AngleErrors {
     pub variances: DVector<f64>,
     /// The trials that share each error of the place of rest. These errors come first, then those of smoothing.
     at_rest: Vec<Vec<usize>>,
+    moved: Arc<MovedSessions>,
+}
+
+/// The session with other motions, which do not depend on the model.
+#[derive(Debug)]
+struct MovedSessions {
+    /// The angle at rest wrong by one encoder step, if it has steps.
+    at_rest: Option<Observations>,
+    /// Smoothed once more, and twice more.
+    smoothed: [Observations; 2],
+}
+
+/// What the motions of [`MovedSessions`] change.
+struct Changes {
+    at_rest: Option<Vec<DVector<f64>>>,
+    smoothing: [Vec<DVector<f64>>; 2],
+}
+
+impl MovedSessions {
+    fn of(observations: &Observations) -> Self {
+        let once = observations.smoothed_again();
+        let twice = once.smoothed_again();
+        let at_rest = (observations.angle_step_rad > 0.0).then(|| rounded_at_rest(observations));
+        Self { at_rest, smoothed: [once, twice] }
+    }
+
+    /// Changes of the whitened predictions of `fit`.
+    ///
+    /// With S for smoothing, A = 1 - S and the smoothed motion y, the motion was y + A y + A^2 y + ...: `smoothing` is of its first two
+    /// terms, of which the effect is taken to be linear.
+    fn changes(&self, observations: &Observations, fit: &Fit) -> Changes {
+        let from = torques(observations, &fit.kinds, &fit.parameters);
+        let change = |moved: &Observations| {
+            let to = torques(moved, &fit.kinds, &fit.parameters);
+            whitened_change(observations, fit, &from, &to)
+        };
+        let [first, both] = self.smoothed.each_ref().map(change);
+        let second = first.iter().zip(&both).map(|(first, both)| first * 2.0 - both).collect();
+        Changes { at_rest: self.at_rest.as_ref().map(change), smoothing: [first, second] }
+    }
 }
 
 impl AngleErrors {
@@ -46,8 +88,9 @@ impl AngleErrors {
         // Each error: its variance, the trials that share it, and each trial's change.
         let mut errors: Vec<(f64, Vec<usize>, Vec<DVector<f64>>)> = Vec::new();
         let mut at_rest = Vec::new();
-        if observations.angle_step_rad > 0.0 {
-            let changes = rounding_at_rest(observations, fit);
+        let moved = MovedSessions::of(observations);
+        let changes = moved.changes(observations, fit);
+        if let Some(changes) = changes.at_rest {
             // The variance of a uniform distribution of width one.
             let variance = 1.0 / 12.0;
             at_rest.push((0..trials).collect());
@@ -57,7 +100,7 @@ impl AngleErrors {
                 errors.push((variance / own.len() as f64, own.clone(), changes.clone()));
             }
         }
-        for changes in smoothing_errors(observations, fit) {
+        for changes in changes.smoothing {
             errors.push((SMOOTHING_SD * SMOOTHING_SD, (0..trials).collect(), changes));
         }
         for direction in mean_motion_errors(observations, fit) {
@@ -81,26 +124,26 @@ impl AngleErrors {
             own
         };
         let variances = DVector::from_iterator(errors.len(), errors.iter().map(|(variance, ..)| *variance));
-        Self { columns: (0..trials).map(column).collect(), variances, at_rest }
+        Self { columns: (0..trials).map(column).collect(), variances, at_rest, moved: Arc::new(moved) }
     }
 
     /// The same errors about another model: a torque that is recorded late, for example, shows them late.
     pub fn about(&self, observations: &Observations, fit: &Fit) -> Self {
-        let mut moved = self.clone();
+        let mut errors = self.clone();
         let mut set = |place: usize, shared_by: &[usize], changes: &[DVector<f64>]| {
             for trial in shared_by {
-                moved.columns[*trial].set_column(place, &changes[*trial]);
+                errors.columns[*trial].set_column(place, &changes[*trial]);
             }
         };
-        if !self.at_rest.is_empty() {
-            let changes = rounding_at_rest(observations, fit);
-            self.at_rest.iter().enumerate().for_each(|(place, shared_by)| set(place, shared_by, &changes));
+        let Changes { at_rest, smoothing } = self.moved.changes(observations, fit);
+        for (place, shared_by) in self.at_rest.iter().enumerate() {
+            at_rest.iter().for_each(|changes| set(place, shared_by, changes));
         }
         let all: Vec<usize> = (0..self.columns.len()).collect();
-        for (place, changes) in smoothing_errors(observations, fit).iter().enumerate() {
+        for (place, changes) in smoothing.iter().enumerate() {
             set(self.at_rest.len() + place, &all, changes);
         }
-        moved
+        errors
     }
 }
 
@@ -121,21 +164,8 @@ fn mean_motion_errors(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     eigen.eigenvalues.iter().enumerate().map(direction).collect()
 }
 
-/// Changes of the whitened predictions by what smoothing has taken out of the motion.
-///
-/// With S for smoothing, A = 1 - S and the smoothed motion y, the motion was y + A y + A^2 y + ...: its first two terms, of which the
-/// effect is taken to be linear.
-fn smoothing_errors(observations: &Observations, fit: &Fit) -> [Vec<DVector<f64>>; 2] {
-    let once = observations.smoothed_again();
-    let twice = once.smoothed_again();
-    let first = change(observations, &once, fit);
-    let both = change(observations, &twice, fit);
-    let second = first.iter().zip(&both).map(|(first, both)| first * 2.0 - both).collect();
-    [first, second]
-}
-
-/// Change of the whitened predictions if the angle at rest is wrong by one encoder step.
-fn rounding_at_rest(observations: &Observations, fit: &Fit) -> Vec<DVector<f64>> {
+/// The session where the angle at rest is wrong by one encoder step.
+fn rounded_at_rest(observations: &Observations) -> Observations {
     let mut shifted = observations.clone();
     for trial in &mut shifted.trials {
         let onset = trial.input.onset;
@@ -149,18 +179,5 @@ fn rounding_at_rest(observations: &Observations, fit: &Fit) -> Vec<DVector<f64>>
             knot.omega += step * 0.5 * libm::sin(phase) * std::f64::consts::PI / (to - from);
         }
     }
-    change(observations, &shifted, fit)
-}
-
-/// Change of the whitened predictions of `fit` where the motion is that of `moved`.
-fn change(observations: &Observations, moved: &Observations, fit: &Fit) -> Vec<DVector<f64>> {
-    let before = torques(observations, &fit.kinds, &fit.parameters);
-    let after = torques(moved, &fit.kinds, &fit.parameters);
-    (0..before.len())
-        .map(|trial| {
-            let change: Vec<f64> =
-                after[trial].iter().zip(&before[trial]).map(|(to, from)| to - from).collect();
-            fit.objective.whiten(observations.noise_index[trial], &change)
-        })
-        .collect()
+    shifted
 }

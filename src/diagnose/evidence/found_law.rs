@@ -71,18 +71,21 @@ impl FoundLaw {
 
     /// The entry of `diagnosis.json`.
     pub fn to_json(&self) -> Value {
-        let named = |(kind, probability): &(MechanismKind, f64)| {
-            let law = kind.free_law();
-            json!({
-                "mechanism": kind.id(),
-                "place": law.as_ref().map(|law| law.place),
-                "argument": law.as_ref().map(|law| law.argument),
-                "probability": probability,
-            })
+        let with_probability = |(kind, probability): &(MechanismKind, f64)| {
+            let mut entry = what_and_where(*kind);
+            entry["probability"] = json!(probability);
+            entry
         };
-        let mut entry = named(&(self.kind, self.probability));
+        let mut entry = self.law_to_json();
+        entry["probability"] = json!(self.probability);
+        entry["alternatives"] = self.alternatives.iter().map(with_probability).collect();
+        entry
+    }
+
+    /// The law without what it could be instead.
+    fn law_to_json(&self) -> Value {
+        let mut entry = what_and_where(self.kind);
         entry["title"] = json!(self.kind.title());
-        entry["alternatives"] = self.alternatives.iter().map(named).collect();
         entry["curve"] = json!({
             "at": self.argument, "value": self.value, "low": self.band[0], "high": self.band[1],
         });
@@ -130,19 +133,21 @@ impl LawCheck {
 
     /// The entry of `diagnosis.json`.
     pub fn to_json(&self) -> Value {
-        let law = self.free.kind.free_law();
-        json!({
-            "mechanism": self.free.kind.id(),
-            "title": self.free.kind.title(),
-            "place": law.as_ref().map(|law| law.place),
-            "argument": law.as_ref().map(|law| law.argument),
-            "within_band": self.is_within_band(),
-            "curve": {
-                "at": self.free.argument, "value": self.free.value, "low": self.free.band[0], "high": self.free.band[1],
-                "catalogued": self.catalogued,
-            },
-        })
+        let mut entry = self.free.law_to_json();
+        entry["within_band"] = json!(self.is_within_band());
+        entry["curve"]["catalogued"] = json!(self.catalogued);
+        entry
     }
+}
+
+/// Id, place and argument of a free law.
+fn what_and_where(kind: MechanismKind) -> Value {
+    let law = kind.free_law();
+    json!({
+        "mechanism": kind.id(),
+        "place": law.as_ref().map(|law| law.place),
+        "argument": law.as_ref().map(|law| law.argument),
+    })
 }
 
 /// Standard deviation of a law at `u`, which is linear in its coefficients.

@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use super::residual_projection::{ResidualProjection, WhitenedTrials};
 use crate::diagnose::applicability::missing;
-use crate::diagnose::predicted_torque::torques;
+use crate::diagnose::predicted_torque::{torques, whitened_change};
 use crate::fit::{Fit, Observations};
 use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismClass, MechanismKind, ProbeContext};
 
@@ -96,12 +96,7 @@ fn probe(
     let parameters: Vec<Vec<f64>> =
         fit.parameters.iter().map(|own| own.iter().chain(&values).copied().collect()).collect();
     let changed = torques(observations, &kinds, &parameters);
-    let change: WhitenedTrials = (0..base.len())
-        .map(|trial| {
-            let by: Vec<f64> = changed[trial].iter().zip(&base[trial]).map(|(to, from)| to - from).collect();
-            fit.objective.whiten(observations.noise_index[trial], &by)
-        })
-        .collect();
+    let change: WhitenedTrials = whitened_change(observations, fit, base, &changed);
     let direction = tangent.whitened(tangent.project(&change));
     let size = (length(&change), length(&direction));
     Probe { direction, size }

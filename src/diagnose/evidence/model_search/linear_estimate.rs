@@ -6,7 +6,7 @@ use super::{ComparedModel, ModelSearch};
 use crate::diagnose::evidence::model_posterior::ModelPosterior;
 use crate::diagnose::evidence::session_equations::{Products, Quadratic};
 use crate::diagnose::evidence::session_prior::value_without_effect;
-use crate::diagnose::predicted_torque::torques;
+use crate::diagnose::predicted_torque::{torques, whitened_change};
 use crate::wrist::mechanisms::{MechanismKind, Prior};
 
 /// Smallest size at which a one-sided mechanism starts, and largest multiple of a logarithm, in units of the probe.
@@ -53,13 +53,7 @@ impl ModelSearch<'_> {
                 let with = |own: &Vec<f64>| own.iter().chain(&values).copied().collect();
                 let parameters: Vec<Vec<f64>> = fit.parameters.iter().map(with).collect();
                 let changed = torques(observations, &all, &parameters);
-                let change = (0..base.len())
-                    .map(|trial| {
-                        let by: Vec<f64> =
-                            changed[trial].iter().zip(&base[trial]).map(|(to, from)| to - from).collect();
-                        fit.objective.whiten(observations.noise_index[trial], &by)
-                    })
-                    .collect();
+                let change = whitened_change(observations, fit, &base, &changed);
                 directions.push(ProbedChange { kind: *kind, values, change });
             }
         }
@@ -72,11 +66,7 @@ impl ModelSearch<'_> {
         let without = fit.with_mechanism_removed(self.observations, kind);
         let with = torques(self.observations, &fit.kinds, &fit.parameters);
         let without = torques(self.observations, &without.kinds, &without.parameters);
-        let change = |trial: usize| {
-            let by: Vec<f64> = with[trial].iter().zip(&without[trial]).map(|(to, from)| to - from).collect();
-            fit.objective.whiten(self.observations.noise_index[trial], &by)
-        };
-        let changes: Vec<DVector<f64>> = (0..with.len()).map(change).collect();
+        let changes = whitened_change(self.observations, &fit, &without, &with);
         changes.iter().all(|own| own.iter().all(|value| value.is_finite())).then_some(changes)
     }
 
