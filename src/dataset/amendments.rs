@@ -5,12 +5,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::csv_input::SessionFolder;
-use super::description_json::parse_json;
+use super::description_json::{check_format, parse_json};
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::folder::pretty;
 use super::recorder::RecordError;
-use crate::files::{Folder, excerpt, limits};
+use crate::files::{Folder, limits};
 use crate::session::Status;
 
 /// Name of the file in a session folder.
@@ -66,13 +66,7 @@ impl Amendments {
         };
         let name = folder.name(AMENDMENTS);
         let read: Self = parse_json(&name, &text)?;
-        if read.format != AMENDMENTS_FORMAT {
-            return Err(DatasetError::UnknownFormat {
-                at: FilePlace::field(name, "format"),
-                found: excerpt(&read.format).into_owned(),
-                expected: AMENDMENTS_FORMAT,
-            });
-        }
+        check_format(|| FilePlace::field(name, "format"), &read.format, AMENDMENTS_FORMAT)?;
         Ok(read)
     }
 

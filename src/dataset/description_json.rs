@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use super::error::{DatasetError, FilePlace};
+use crate::files::excerpt;
 use crate::json_file;
 
 /// Parses the text of a JSON file of a session; `name` is the file's name for messages.
@@ -15,4 +16,16 @@ pub(super) fn parse_json<T: DeserializeOwned>(name: &str, text: &str) -> Result<
         let place = FilePlace { file: name.into(), line: Some(error.line() as u64), column };
         DatasetError::Json { at: place, message }
     })
+}
+
+/// Checks the field `format` of a file of a session, which is at `at`.
+pub(super) fn check_format(
+    at: impl FnOnce() -> FilePlace,
+    found: &str,
+    expected: &'static str,
+) -> Result<(), DatasetError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(DatasetError::UnknownFormat { at: at(), found: excerpt(found).into_owned(), expected })
 }

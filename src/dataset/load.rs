@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use super::amendments::{AMENDMENTS, Amendments};
 use super::csv_input::{CsvTable, SessionFolder};
-use super::description_json::parse_json;
+use super::description_json::{check_format, parse_json};
 use super::error::{DatasetError, FilePlace};
 use super::{Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
 use crate::files::{excerpt, limits};
@@ -104,13 +104,7 @@ fn read_description(folder: &SessionFolder) -> Result<ParsedDescription, Dataset
     }
     // The version comes before everything else: of an unknown one, no field can be judged.
     let version: Version = parse_json(&name, &text)?;
-    if version.format != SESSION_FORMAT {
-        return Err(DatasetError::UnknownFormat {
-            at: FilePlace::field(name, "format"),
-            found: excerpt(&version.format).into_owned(),
-            expected: SESSION_FORMAT,
-        });
-    }
+    check_format(|| FilePlace::field(name.clone(), "format"), &version.format, SESSION_FORMAT)?;
     missing_fields(&name, &text)?;
     let about: ParsedDescription = parse_json(&name, &text)?;
     check_values(&name, &about)?;
@@ -124,7 +118,7 @@ fn missing_fields(name: &str, text: &str) -> Result<(), DatasetError> {
     let is_missing = |path: &&str| about.pointer(&format!("/{}", path.replace('.', "/"))).is_none();
     let missing: Vec<&str> = FIELDS.into_iter().filter(is_missing).collect();
     if missing.len() < 2 {
-        // One is told by the parser, with its line.
+        // If only one is missing, the parser reports it, with its line.
         return Ok(());
     }
     Err(DatasetError::MissingFields { at: FilePlace::file(name), fields: missing.join(", ") })

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::amendments::AMENDMENTS;
 use super::csv_input::SessionFolder;
-use super::description_json::parse_json;
+use super::description_json::{check_format, parse_json};
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::folder::{Description, PROGRAM, pretty};
@@ -114,14 +114,7 @@ impl Manifest {
         }
         let text = opened.text(MANIFEST, limits::MANIFEST_BYTES, None)?;
         let manifest: Self = parse_json(&name, &text)?;
-        if manifest.format != MANIFEST_FORMAT {
-            let at = FilePlace::field(name, "format");
-            return Err(DatasetError::UnknownFormat {
-                at,
-                found: manifest.format,
-                expected: MANIFEST_FORMAT,
-            });
-        }
+        check_format(|| FilePlace::field(name, "format"), &manifest.format, MANIFEST_FORMAT)?;
         Ok(manifest)
     }
 

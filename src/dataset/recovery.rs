@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::SESSION_FORMAT;
 use super::audit::AuditEntry;
 use super::csv_input::SessionFolder;
-use super::description_json::parse_json;
+use super::description_json::{check_format, parse_json};
 use super::error::{DatasetError, FilePlace};
 use super::folder::Description;
 use super::hexadecimal::sha256;
@@ -62,18 +62,10 @@ impl RecoveredSession {
             let problem = "its first record is not there or not readable".to_owned();
             return Err(DatasetError::NoJournal { at: at(), problem });
         };
-        if format != JOURNAL_FORMAT {
-            return Err(DatasetError::UnknownFormat {
-                at: at(),
-                found: excerpt(format).into_owned(),
-                expected: JOURNAL_FORMAT,
-            });
-        }
+        check_format(at, format, JOURNAL_FORMAT)?;
         let about: Description = parse_json(&folder.name("session.json"), &text)?;
-        if about.format != SESSION_FORMAT {
-            let at = FilePlace::field(folder.name("session.json"), "format");
-            return Err(DatasetError::UnknownFormat { at, found: about.format, expected: SESSION_FORMAT });
-        }
+        let format_at = || FilePlace::field(folder.name("session.json"), "format");
+        check_format(format_at, &about.format, SESSION_FORMAT)?;
         let (seed, program, rules, delay) = (*seed, program.clone(), *rules, *motion_delay_samples);
         let (protocol, text) = read_protocol(&folder)?;
         let found = sha256(text.as_bytes());
