@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use crate::fit::{ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, torque_falls};
+use crate::fit::{ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, torque_falls};
 use crate::wrist::BASE_PARAMETERS;
 
 use super::console::Console;
@@ -61,20 +61,15 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
         )?,
         Some(reason) => writeln!(out, "each trial fitted on its own: {reason}")?,
     }
-    let several: Vec<String> = results
-        .estimates
-        .iter()
-        .filter(|e| !e.other_optima.is_empty())
-        .map(|e| e.trial.to_string())
-        .collect();
+    let several: Vec<&TrialEstimate> =
+        results.estimates.iter().filter(|e| !e.other_optima.is_empty()).collect();
     if !several.is_empty() {
-        let some = several.iter().take(SHOWN_TRIALS).map(String::as_str).collect::<Vec<_>>().join(", ");
-        let more = if several.len() > SHOWN_TRIALS { ", ..." } else { "" };
         writeln!(
             out,
-            "another optimum fits within the noise in {} of {} trials: {some}{more} (fit.json has its values and probability)",
+            "another optimum fits within the noise in {} of {} trials: {} (fit.json has its values and probability)",
             several.len(),
-            results.estimates.len()
+            results.estimates.len(),
+            first_of(&several)
         )?;
     }
     let failed: Vec<String> =
@@ -114,23 +109,24 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The numbers of the first of `trials`.
+fn first_of(trials: &[&TrialEstimate]) -> String {
+    let numbers: Vec<String> = trials.iter().take(SHOWN_TRIALS).map(|own| own.trial.to_string()).collect();
+    numbers.join(", ") + if trials.len() > SHOWN_TRIALS { ", ..." } else { "" }
+}
+
 /// Says which parameters ended at a bound, and in how many trials: their values are not averaged.
 fn bounds(out: &mut impl Write, results: &Results) -> Result<(), Failure> {
     for (parameter, name) in BASE_PARAMETERS.iter().enumerate() {
-        let at_bound: Vec<String> = results
-            .estimates
-            .iter()
-            .filter(|estimate| !estimate.determined[parameter])
-            .map(|estimate| estimate.trial.to_string())
-            .collect();
+        let at_bound: Vec<&TrialEstimate> =
+            results.estimates.iter().filter(|estimate| !estimate.determined[parameter]).collect();
         if !at_bound.is_empty() {
-            let some = at_bound.iter().take(SHOWN_TRIALS).map(String::as_str).collect::<Vec<_>>().join(", ");
-            let more = if at_bound.len() > SHOWN_TRIALS { ", ..." } else { "" };
             writeln!(
                 out,
-                "{name} ended at its bound in {} of {} trials, whose data do not determine it (not averaged): {some}{more}",
+                "{name} ended at its bound in {} of {} trials, whose data do not determine it (not averaged): {}",
                 at_bound.len(),
-                results.estimates.len()
+                results.estimates.len(),
+                first_of(&at_bound)
             )?;
         }
     }

@@ -99,21 +99,12 @@ fn of_rows(trials: &[MeasuredTrial], middle: f64) -> Option<Contradiction> {
     if 3 * off.len() <= trials.len() {
         return None;
     }
-    let first = off[0];
     Some(Contradiction {
-        check: SignalCheck::RampSpeed,
-        place: PLACE.into(),
-        trials: off.iter().map(|trial| trial.number).collect(),
-        measured: format!(
-            "the ramp of trial {} has {} rad/s",
-            first.number,
-            rounded(first.speed_rad_s.abs())
-        ),
-        stated: format!("{} rad/s", first.stated_speed_rad_s.abs()),
         likely_mistake: Some(
             "The speeds are those of other rows: are the rows in another order than the records?".into(),
         ),
         remedy: "Correct the columns file and velocity_rad_s.".into(),
+        ..of_some(&off)
     })
 }
 

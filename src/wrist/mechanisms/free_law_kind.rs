@@ -139,8 +139,20 @@ const fn spline(ends: [&'static str; 2], range: (f64, f64), of: Coefficients) ->
     parameters[1] = constant(ends[1], "upper end of the argument's range", (-100.0, 100.0), range.1);
     let mut k = 0;
     while k < 8 {
-        parameters[2 + k].name = of.names[k];
         parameters[2 + k].typical = of.typical * (k as f64 + 1.0);
+        k += 1;
+    }
+    named(parameters, &of.names)
+}
+
+/// `parameters`, of which the last have the names `names`.
+const fn named<const N: usize>(
+    mut parameters: [MechanismParameter; N],
+    names: &[&'static str],
+) -> [MechanismParameter; N] {
+    let mut k = 0;
+    while k < names.len() {
+        parameters[N - names.len() + k].name = names[k];
         k += 1;
     }
     parameters
@@ -161,23 +173,12 @@ const fn past_speed() -> [MechanismParameter; 9] {
     let mut parameters =
         [coefficient("", "weight of the mean speed in an interval of the memory", 100.0, 0.02); 9];
     parameters[0] = constant("to_s", "length of the memory", (0.001, 1.0), 0.04);
-    let mut k = 0;
-    while k < 8 {
-        parameters[1 + k].name = names[k];
-        k += 1;
-    }
-    parameters
+    named(parameters, &names)
 }
 
 /// The parameters of a law of past torque: the memory, then the weights of the lags.
 const fn past_torque() -> [MechanismParameter; 5] {
-    let names = ["c1", "c2", "c3", "c4"];
     let mut parameters = [coefficient("", "weight of a lag, the shortest first", 100.0, 0.05); 5];
     parameters[0] = constant("to_s", "longest time constant", (0.01, 1.0), 0.04);
-    let mut k = 0;
-    while k < 4 {
-        parameters[1 + k].name = names[k];
-        k += 1;
-    }
-    parameters
+    named(parameters, &["c1", "c2", "c3", "c4"])
 }
