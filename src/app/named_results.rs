@@ -41,7 +41,7 @@ pub fn folder_of_diagnosis(session: &Path, diagnosis: &Value) -> Result<ResultsF
 
 fn choose(session: &Path, own: &Value, is_free: impl Fn(&Folder) -> bool) -> Result<ResultsFolder, Failure> {
     let of_session = ResultsFolder::OfSession(session.to_owned());
-    // Of a folder that cannot be opened, the reason is told where it is opened for writing.
+    // If the folder cannot be opened, the error comes where it is opened for writing.
     let Ok(results) = open_session(session)?.folder(RESULTS) else { return Ok(of_session) };
     if is_free(&results) {
         return Ok(of_session);

@@ -44,7 +44,7 @@ impl Verb for ImportArgs {
                 check_out(option, path)?;
             }
         }
-        // A wrong mapping is told before a large recording is read.
+        // The mapping is checked before a large recording is read.
         let given = self.mapping.as_deref().map(Mapping::read).transpose()?;
         let tables = read_source(&self.source)?;
         let mapping = match given {

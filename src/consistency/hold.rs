@@ -13,7 +13,7 @@ const GAIN_FACTOR: f64 = 1.5;
 /// Largest factor where there is one torque level, so that an offset of the gauge can be part of it.
 const ONE_LEVEL_FACTOR: f64 = 5.0;
 
-/// Torque levels are told apart if they differ by this part of the largest one.
+/// Two torques are different levels if they differ by this part of the largest one.
 const LEVEL_SPREAD: f64 = 0.2;
 
 /// A gain counts as off if it is beyond the limit by this many standard errors.

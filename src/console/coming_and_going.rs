@@ -46,7 +46,7 @@ impl ComingAndGoing {
         keeps
     }
 
-    /// Whether an opening was not kept for the first time, of which the operator is told.
+    /// Whether this is the first opening that the journal does not keep; the operator gets a message about it.
     pub fn is_full_for_the_first_time(&mut self) -> bool {
         !std::mem::replace(&mut self.was_full, true)
     }

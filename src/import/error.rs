@@ -46,7 +46,7 @@ pub enum ImportError {
     /// The mapping is not JSON.
     #[error(transparent)]
     NotJson(ProtocolError),
-    /// The mapping has wrong or missing fields; all are told.
+    /// The mapping has wrong or missing fields; the message lists all of them.
     #[error("{file}: {}", MappingProblems(problems))]
     Mapping {
         /// The file.

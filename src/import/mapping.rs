@@ -227,7 +227,7 @@ fn after_s() -> f64 {
 }
 
 impl Mapping {
-    /// Reads a mapping; all wrong and missing fields are told at once.
+    /// Reads a mapping; the error lists all wrong and missing fields.
     ///
     /// # Errors
     /// If the file cannot be read, or is no mapping.
