@@ -52,10 +52,13 @@ fn early_onset(early: &[(&MeasuredTrial, f64)]) -> Option<Contradiction> {
             "the motor hardly moves in the {:.0} ms after the onset: trial {} from {} s on",
             1e3 * LATEST_S,
             first.number,
-            rounded(first.motion_s)
+            rounded(first.noticed_s)
         ),
         stated: format!("motion from {onset_s} s on"),
-        likely_mistake: Some(format!("Is the onset about {:.0} ms early?", 1e3 * (first.motion_s - onset_s))),
+        likely_mistake: Some(format!(
+            "Is the onset about {:.0} ms early?",
+            1e3 * (first.noticed_s - onset_s)
+        )),
         remedy: remedy(),
     })
 }

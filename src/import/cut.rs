@@ -10,11 +10,20 @@ const SPEED_OVER_S: f64 = 0.008;
 /// A ramp is where the speed is above this part of the largest.
 const RAMP_SHARE: f64 = 0.3;
 
-/// Cuts `table` at its ramps, or by the column that tells trials apart; a table that is one trial stays as it is.
-pub fn cut(table: SourceTable, mapping: &Mapping, rate_hz: f64) -> Result<Vec<SourceTable>, ImportError> {
-    if let Some(column) = &mapping.trial_column {
-        return by_column(&table, column);
+/// Cuts `table` by the column that tells trials apart, if the mapping names one.
+pub fn into_trials(table: SourceTable, mapping: &Mapping) -> Result<Vec<SourceTable>, ImportError> {
+    match &mapping.trial_column {
+        Some(column) => by_column(&table, column),
+        None => Ok(vec![table]),
     }
+}
+
+/// Cuts `table` at its ramps, if the mapping says that it is one long record.
+pub fn at_ramps(
+    table: SourceTable,
+    mapping: &Mapping,
+    rate_hz: f64,
+) -> Result<Vec<SourceTable>, ImportError> {
     match &mapping.long_record {
         Some(long) => by_ramps(&table, mapping, long, rate_hz),
         None => Ok(vec![table]),

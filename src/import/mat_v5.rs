@@ -13,13 +13,14 @@ use super::mat_array::MatArray;
 
 const FILE_HEADER: usize = 128;
 const MATRIX: u32 = 14;
+const STRUCT_CLASS: u8 = 2;
 const COMPRESSED: u32 = 15;
 /// Classes of numeric arrays: double, single, and integers of 8 to 64 bits.
 const NUMERIC_CLASSES: std::ops::RangeInclusive<u8> = 6..=15;
 /// A file that unpacks to more than this is not read, bytes.
 const LARGEST: u64 = 1 << 32;
 
-/// Reads the real numeric arrays in `bytes`; `path` is for messages. Structs and cells are passed over.
+/// Reads the real numeric arrays in `bytes`, and those in the fields of structs; `path` is for messages. Cells are passed over.
 pub fn read(bytes: &[u8], path: &Path) -> Result<Vec<MatArray>, ImportError> {
     let broken = |found: &str| ImportError::Source {
         path: path.into(),
@@ -40,10 +41,10 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Vec<MatArray>, ImportError> {
             let read = ZlibDecoder::new(data).take(LARGEST).read_to_end(&mut unpacked);
             read.map_err(|_| broken("a damaged compressed element"))?;
             if let Some((MATRIX, matrix, _)) = element(&unpacked) {
-                arrays.extend(array(matrix));
+                arrays.extend(numeric_arrays(matrix));
             }
         } else if kind == MATRIX {
-            arrays.extend(array(data));
+            arrays.extend(numeric_arrays(data));
         }
         rest = after;
     }
@@ -66,18 +67,47 @@ fn element(bytes: &[u8]) -> Option<(u32, &[u8], &[u8])> {
     Some((first, data, bytes.get(8 + padded..).unwrap_or_default()))
 }
 
-/// The array of a matrix element; `None` if it is not real and numeric.
-fn array(matrix: &[u8]) -> Option<MatArray> {
+/// The array of a matrix element, or those in the fields of a struct; none if it is neither real and numeric nor a struct.
+fn numeric_arrays(matrix: &[u8]) -> Vec<MatArray> {
+    read_matrix(matrix).unwrap_or_default()
+}
+
+fn read_matrix(matrix: &[u8]) -> Option<Vec<MatArray>> {
     let (_, flags, rest) = element(matrix)?;
     let (_, dimensions, rest) = element(rest)?;
     let (_, name, rest) = element(rest)?;
-    let (kind, data, _) = element(rest)?;
+    let name = String::from_utf8_lossy(name).into_owned();
     let (class, is_complex) = (*flags.first()?, flags.get(1)? & 0x08 != 0);
+    if class == STRUCT_CLASS {
+        return fields(&name, rest);
+    }
     if !NUMERIC_CLASSES.contains(&class) || is_complex {
         return None;
     }
+    let (kind, data, _) = element(rest)?;
     let rows = u32::from_le_bytes(dimensions.get(..4)?.try_into().ok()?) as usize;
-    Some(MatArray { name: String::from_utf8_lossy(name).into_owned(), rows, values: numbers(kind, data)? })
+    Some(vec![MatArray { name, rows, values: numbers(kind, data)? }])
+}
+
+/// The numeric arrays among the fields of a struct; those of structs in it are passed over.
+fn fields(of: &str, rest: &[u8]) -> Option<Vec<MatArray>> {
+    let (_, length, rest) = element(rest)?;
+    let length = u32::from_le_bytes(length.get(..4)?.try_into().ok()?) as usize;
+    let (_, names, mut rest) = element(rest)?;
+    let mut arrays = Vec::new();
+    for name in names.chunks(length.max(1)) {
+        let end = name.iter().position(|byte| *byte == 0).unwrap_or(name.len());
+        let (_, matrix, after) = element(rest)?;
+        rest = after;
+        // The elements of fields have no name of their own.
+        let is_struct = element(matrix)?.1.first() == Some(&STRUCT_CLASS);
+        let own = if is_struct { Vec::new() } else { numeric_arrays(matrix) };
+        arrays.extend(own.into_iter().map(|array| MatArray {
+            name: format!("{of}.{}", String::from_utf8_lossy(&name[..end])),
+            ..array
+        }));
+    }
+    Some(arrays)
 }
 
 /// Values of an element of a numeric type; whole doubles are often stored as integers.

@@ -1,12 +1,15 @@
 //! From tables and a mapping to a session.
 
 use super::conditions::{grouped, repetitions};
-use super::cut::cut;
+use super::cut::{at_ramps, into_trials};
 use super::error::ImportError;
 use super::mapping::{MappedSignal, Mapping};
 use super::source_table::SourceTable;
 use crate::consistency::MeasuredTrial;
 use crate::dataset::{Record, Session, Status, Subject, Trial};
+
+/// Rates are whole numbers; times are rounded by up to this part of the record.
+const RATE_ROUNDING: f64 = 1e-3;
 
 /// A session made of a foreign recording, before it is written.
 #[derive(Debug, Clone)]
@@ -24,10 +27,14 @@ pub struct ImportedSession {
 /// # Errors
 /// If a column is missing, the sample rate is not known, or no trial is found.
 pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSession, ImportError> {
-    let rate_hz = sample_rate(&tables, mapping)?;
-    let mut parts = Vec::new();
+    let mut records = Vec::new();
     for table in tables {
-        parts.extend(cut(table, mapping, rate_hz)?);
+        records.extend(into_trials(table, mapping)?);
+    }
+    let rate_hz = sample_rate(&records, mapping)?;
+    let mut parts = Vec::new();
+    for record in records {
+        parts.extend(at_ramps(record, mapping, rate_hz)?);
     }
     let (mut trials, mut sources, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
     let mut measured = Vec::new();
@@ -66,29 +73,65 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
     Ok(ImportedSession { session, sources, left_out })
 }
 
-/// The sample rate that the mapping states, or that of the column of time.
+/// The sample rate that the mapping states, or that of the column of time, which must be the same in every table.
 fn sample_rate(tables: &[SourceTable], mapping: &Mapping) -> Result<f64, ImportError> {
-    if let Some(rate_hz) = mapping.sample_rate_hz {
-        return Ok(rate_hz);
-    }
     let not_known = |reason: String| ImportError::NoTrial { reason };
-    let (Some(time), Some(table)) = (&mapping.columns.time, tables.first()) else {
-        return Err(not_known(
-            "the mapping has neither sample_rate_hz nor columns.time; add one of them".into(),
-        ));
+    let measured = match &mapping.columns.time {
+        Some(time) => tables.iter().map(|table| measured_rate(table, time)).collect::<Result<Vec<_>, _>>()?,
+        None => Vec::new(),
     };
-    let values = column(table, time, "the time")?;
-    let step_s = match values.len() {
-        0 | 1 => f64::NAN,
-        count => time.convert(values[count - 1] - values[0] + time.zero) / (count - 1) as f64,
-    };
-    if step_s.is_nan() || step_s <= 0.0 {
-        return Err(not_known(format!("{}: the column {} does not rise", table.name, time.column)));
+    let rate_hz = mapping.sample_rate_hz.or(measured.first().copied()).ok_or_else(|| {
+        not_known("the mapping has neither sample_rate_hz nor columns.time; add one of them".into())
+    })?;
+    for (own_hz, table) in measured.iter().zip(tables) {
+        if (own_hz - rate_hz).abs() > RATE_ROUNDING * rate_hz {
+            return Err(not_known(format!(
+                "{}: its time has {own_hz:.6} samples a second; expected {rate_hz:.6}, as {}; import recordings of one rate, or correct \
+                 the unit of the time",
+                table.name,
+                if mapping.sample_rate_hz.is_some() { "sample_rate_hz says" } else { "the first table has" },
+            )));
+        }
     }
-    // Rates are whole numbers; what is left is the rounding of the times.
+    Ok(rate_hz)
+}
+
+/// The rate of a column of time without gaps.
+fn measured_rate(table: &SourceTable, time: &MappedSignal) -> Result<f64, ImportError> {
+    let not_known = |what: String| ImportError::NoTrial {
+        reason: format!("{}: the column {} {what}", table.name, time.column),
+    };
+    let times_s: Vec<f64> =
+        column(table, time, "the time")?.iter().map(|value| time.convert(*value)).collect();
+    let (Some(first_s), Some(last_s)) = (times_s.first(), times_s.last()) else {
+        return Err(not_known("is empty".into()));
+    };
+    let step_s = (last_s - first_s) / (times_s.len() - 1) as f64;
+    if step_s.is_nan() || step_s <= 0.0 {
+        return Err(not_known(
+            "does not rise; are these several trials? Then name their column in trial_column".into(),
+        ));
+    }
+    // Times may be rounded to more than a sample, such as whole milliseconds at 2500 a second.
+    let least_s = times_s
+        .windows(2)
+        .map(|pair| pair[1] - pair[0])
+        .filter(|own_s| *own_s > 0.0)
+        .fold(f64::INFINITY, f64::min);
+    let late = times_s
+        .iter()
+        .enumerate()
+        .find(|(sample, own_s)| (*own_s - first_s - *sample as f64 * step_s).abs() > step_s + least_s);
+    if let Some((sample, own_s)) = late {
+        return Err(not_known(format!(
+            "does not rise evenly: {own_s} s at sample {}, where {} s is due; export the recording without gaps",
+            sample + 1,
+            first_s + sample as f64 * step_s
+        )));
+    }
     let rate_hz = 1.0 / step_s;
     let whole = libm::round(rate_hz);
-    Ok(if (rate_hz - whole).abs() < 1e-3 * whole { whole } else { rate_hz })
+    Ok(if (rate_hz - whole).abs() < RATE_ROUNDING * whole { whole } else { rate_hz })
 }
 
 fn record(table: &SourceTable, mapping: &Mapping) -> Result<Record, ImportError> {

@@ -10,7 +10,7 @@ use crate::files::{self, Folder, limits};
 /// Kinds of files that are read.
 const KINDS: &str = "a folder of .csv or .mat files, or a .csv, .txt, .tsv, .mat or .parquet file";
 
-/// Reads the tables of `source`: one of each file of a folder, by name; of a .mat file with matrices one of each of their columns.
+/// Reads the tables of `source`: one of each file of a folder, in the order of their names and numbers; of a .mat file with matrices one of each of their columns.
 ///
 /// # Errors
 /// If the source cannot be read, or is of no kind that is known.
@@ -21,8 +21,10 @@ pub fn read_source(source: &Path) -> Result<Vec<SourceTable>, ImportError> {
         opened => opened.map_err(unreadable)?,
     };
     let entries = folder.entries().map_err(unreadable)?;
-    let recordings: Vec<PathBuf> =
+    let mut recordings: Vec<PathBuf> =
         entries.into_iter().map(|entry| folder.path_of(entry.name)).filter(|path| is_known(path)).collect();
+    // Trial 10 was run after trial 9.
+    recordings.sort_by(|a, b| natord::compare(&a.to_string_lossy(), &b.to_string_lossy()));
     let mut tables = Vec::new();
     for file in recordings {
         tables.extend(read_file(&file)?);

@@ -114,8 +114,36 @@ fn trials_in_one_table_are_told_apart_by_a_column() {
     let long = columns(1.3).into_iter().zip(columns(2.6)).map(|(first, second)| [first, second].concat());
     let mut long = table("long", long.collect::<Vec<_>>().try_into().unwrap());
     long.columns.push(("Trial".into(), (0..2 * SAMPLES).map(|i| (i / SAMPLES) as f64).collect()));
-    let mapping = Mapping { trial_column: Some("Trial".into()), sample_rate_hz: Some(RATE_HZ), ..mapping() };
+    // The time begins anew with each trial.
+    let mapping = Mapping { trial_column: Some("Trial".into()), ..mapping() };
     assert_two_trials(&import(vec![long], &mapping).unwrap());
+}
+
+#[test]
+fn trials_of_a_folder_are_in_the_order_of_their_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    for number in [1, 2, 10] {
+        fs::write(folder.path().join(format!("t{number}.csv")), csv(&table("", columns(1.3)))).unwrap();
+    }
+    let names: Vec<String> =
+        read_source(folder.path()).unwrap().into_iter().map(|table| table.name).collect();
+    assert!(names[1].ends_with("t2.csv") && names[2].ends_with("t10.csv"), "{names:?}");
+}
+
+#[test]
+fn a_table_of_another_rate_or_with_a_gap_is_refused() {
+    let [time, angle, torque] = columns(2.6);
+    let tables = |time: Vec<f64>| {
+        vec![table("t1.csv", columns(1.3)), table("t2.csv", [time, angle.clone(), torque.clone()])]
+    };
+    let told = |time| import(tables(time), &mapping()).unwrap_err().to_string();
+    let twice_as_fast = told(time.iter().map(|ms| 0.5 * ms).collect());
+    assert!(
+        twice_as_fast.contains("t2.csv") && twice_as_fast.contains("2000") && twice_as_fast.contains("1000"),
+        "{twice_as_fast}"
+    );
+    let gap = told(time.iter().map(|ms| if *ms < 300.0 { *ms } else { ms + 20.0 }).collect());
+    assert!(gap.contains("t2.csv") && gap.contains("gap"), "{gap}");
 }
 
 #[test]
@@ -179,13 +207,42 @@ mod mat {
         ]
     }
 
+    fn header() -> Vec<u8> {
+        let mut bytes = b"MATLAB 5.0 MAT-file".to_vec();
+        bytes.resize(124, b' ');
+        bytes.extend([0x00, 0x01, b'I', b'M']);
+        bytes
+    }
+
+    #[test]
+    fn fields_of_a_struct_in_a_mat_file_of_version_5() {
+        let names: Vec<u8> =
+            variables().iter().flat_map(|(name, ..)| format!("{name:\0<8}").into_bytes()).collect();
+        let fields = variables().into_iter().map(|(_, rows, values)| matrix("", rows, &values));
+        let parts = [
+            element(6, &[2, 0, 0, 0, 0, 0, 0, 0]),
+            element(5, &[1, 0, 0, 0, 1, 0, 0, 0]),
+            element(1, b"rec"),
+            [5u32 | 4 << 16, 8].map(u32::to_le_bytes).concat(),
+            element(1, &names),
+            fields.collect::<Vec<_>>().concat(),
+        ];
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("trials.mat");
+        fs::write(&file, [header(), element(14, &parts.concat())].concat()).unwrap();
+        let mut mapping = mapping();
+        let columns = &mut mapping.columns;
+        for signal in [columns.time.as_mut().unwrap(), &mut columns.angle, &mut columns.torque] {
+            signal.column = format!("rec.{}", signal.column);
+        }
+        assert_two_trials(&import(read_source(&file).unwrap(), &mapping).unwrap());
+    }
+
     #[test]
     fn a_mat_file_of_version_5_with_a_column_for_each_trial() {
         let folder = tempfile::tempdir().unwrap();
         for is_compressed in [false, true] {
-            let mut bytes = b"MATLAB 5.0 MAT-file".to_vec();
-            bytes.resize(124, b' ');
-            bytes.extend([0x00, 0x01, b'I', b'M']);
+            let mut bytes = header();
             for (name, rows, values) in variables() {
                 let own = matrix(name, rows, &values);
                 if is_compressed {

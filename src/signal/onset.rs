@@ -20,8 +20,11 @@ pub fn onset(theta_rad: &[f64]) -> Option<usize> {
         return None;
     }
     let moved = theta_rad.iter().position(|x| (x - level) / way > 0.1)?;
-    // The rest just before the movement, not at the start of the record: the angle may have drifted.
-    let near = &theta_rad[moved.saturating_sub(count / 10).min(moved / 2)..=moved / 2 + moved / 4];
+    // The rest just before the ramp, since the angle may have drifted in the hold. A ramp that rises with the third power of time needs
+    // for its first tenth four times as long as for the second.
+    let second_tenth = theta_rad[moved..].iter().position(|x| (x - level) / way > 0.2)?.max(1);
+    let ramp = moved.saturating_sub(6 * second_tenth).max(1);
+    let near = &theta_rad[ramp.saturating_sub(12 * second_tenth)..ramp];
     let level = mean(near);
     let spread = near.iter().map(|x| (x - level).abs()).fold(0.0, f64::max);
     let band = spread.max(3e-4 * way.abs());
@@ -54,6 +57,17 @@ mod tests {
             let found = onset(&ramp(1200, velocity, 1.4e-5)).unwrap();
             assert!((1200..1208).contains(&found), "{velocity} rad/s: {found}");
         }
+    }
+
+    #[test]
+    fn a_hold_in_which_the_angle_drifts_is_no_ramp() {
+        let drifting: Vec<f64> = ramp(1200, 1.3, 1.4e-5)
+            .into_iter()
+            .enumerate()
+            .map(|(sample, angle)| angle + 2e-4 * (sample as f64 / 1200.0).min(1.0))
+            .collect();
+        let found = onset(&drifting).unwrap();
+        assert!((1200..1208).contains(&found), "{found}");
     }
 
     #[test]
