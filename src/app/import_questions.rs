@@ -5,6 +5,7 @@ use std::io::{self, BufRead, IsTerminal, Write};
 use crate::import::{
     IMPORT_FORMAT, LongRecord, MappedSignal, Mapping, SignalColumns, SignalUnit, SourceTable,
 };
+use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
 use super::failure::Failure;
@@ -62,6 +63,8 @@ impl<I: BufRead, O: Write> Questions<'_, I, O> {
         let emg_fcr = self.signal("EMG of the flexor carpi radialis (empty: none)", &EMG_UNITS, true)?;
         let emg_ecr = self.signal("EMG of the extensor carpi radialis (empty: none)", &EMG_UNITS, true)?;
         let lever = self.lever()?;
+        let recorded_filter = self.recorded_filter()?;
+        let trial_column = self.column("Column that tells the trials of one table apart (empty: none)")?;
         let long_record = self.long_record()?;
         Ok(Mapping {
             schema: None,
@@ -70,9 +73,9 @@ impl<I: BufRead, O: Write> Questions<'_, I, O> {
             sample_rate_hz,
             columns: SignalColumns { time, angle, torque, emg_fcr, emg_ecr },
             lever,
-            recorded_filter: None,
+            recorded_filter,
             long_record,
-            trial_column: None,
+            trial_column,
         })
     }
 
@@ -128,15 +131,8 @@ impl<I: BufRead, O: Write> Questions<'_, I, O> {
         if !self.yes("Is this one long record with many ramps?")? {
             return Ok(None);
         }
-        let table = self.table;
         let ramp_column =
-            self.answer("Column that rises at each ramp (empty: find the ramps in the angle)", "", |name| {
-                match table.column(name) {
-                    Some(_) => Ok(Some(name.to_owned())),
-                    None if name.is_empty() => Ok(None),
-                    None => Err(format!("expected one of {}", table.names())),
-                }
-            })?;
+            self.column("Column that rises at each ramp (empty: find the ramps in the angle)")?;
         let threshold = if ramp_column.is_some() { self.number("Its threshold", "0.5")? } else { 0.5 };
         Ok(Some(LongRecord {
             ramp_column,
@@ -144,6 +140,32 @@ impl<I: BufRead, O: Write> Questions<'_, I, O> {
             before_s: self.number("Time to keep before each ramp, s", "1")?,
             after_s: self.number("Time to keep after its begin, s", "0.3")?,
         }))
+    }
+
+    /// The filter that a recorder applied to both channels.
+    fn recorded_filter(&mut self) -> Result<Option<FilterSpec>, Failure> {
+        if !self.yes("Was a low-pass filter applied before the recording?")? {
+            return Ok(None);
+        }
+        let order = self.answer("Order of the Butterworth filter", "", |text| match text.parse::<u32>() {
+            Ok(order) if (1..=8).contains(&order) => Ok(order),
+            _ => Err("expected 1 to 8".to_owned()),
+        })?;
+        Ok(Some(FilterSpec::Butterworth {
+            order,
+            cutoff_hz: self.number("Its cut-off frequency, Hz", "")?,
+            zero_phase: self.yes("Was it applied forwards and backwards?")?,
+        }))
+    }
+
+    /// The name of a column, `None` for an empty answer.
+    fn column(&mut self, question: &str) -> Result<Option<String>, Failure> {
+        let table = self.table;
+        self.answer(question, "", |name| match table.column(name) {
+            Some(_) => Ok(Some(name.to_owned())),
+            None if name.is_empty() => Ok(None),
+            None => Err(format!("expected one of {}", table.names())),
+        })
     }
 
     fn yes(&mut self, question: &str) -> Result<bool, Failure> {
@@ -196,11 +218,13 @@ mod tests {
         let column = |name: &str| (name.to_owned(), vec![0.0, 1.0]);
         let table =
             SourceTable { name: "x.csv".into(), columns: vec![column("Time"), column("Pos"), column("Tq")] };
-        let answers = "S7\nTime\nms\nPosition\nPos\ndeg\n-1\nTq\nN cm\n\n\n\nyes\nno\n";
+        let answers = "S7\nTime\nms\nPosition\nPos\ndeg\n-1\nTq\nN cm\n\n\n\nyes\nyes\n3\n50\nno\n\nno\n";
         let mut said = Vec::new();
         let mapping =
             Questions { input: answers.as_bytes(), output: &mut said, table: &table }.mapping().unwrap();
         assert_eq!(mapping.columns.time.unwrap().unit, SignalUnit::Millisecond);
+        let filter = FilterSpec::Butterworth { order: 3, cutoff_hz: 50.0, zero_phase: false };
+        assert_eq!(mapping.recorded_filter, Some(filter));
         let angle = mapping.columns.angle;
         assert_eq!((angle.column.as_str(), angle.unit, angle.sign), ("Pos", SignalUnit::Degree, -1));
         assert!(

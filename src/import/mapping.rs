@@ -31,11 +31,9 @@ pub struct Mapping {
     /// The columns.
     pub columns: SignalColumns,
     /// The lever between motor and handle; null says that the torque was measured at a rigid handle.
-    #[serde(default)]
     #[schemars(with = "Option<LeverSchema>")]
     pub lever: Option<Lever>,
     /// The filter that both channels passed before they were recorded; null says none.
-    #[serde(default)]
     pub recorded_filter: Option<FilterSpec>,
     /// How one long record is cut into trials; without it, each table is a trial.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -242,7 +240,7 @@ impl Mapping {
     /// If it is no mapping.
     pub fn parse(text: &str, file: &Path) -> Result<Self, ImportError> {
         let name = file.display().to_string();
-        let schema = schema_for!(Self).to_value();
+        let schema = schema();
         let mut problems = check_shape(text, &name, &schema, "the example in docs/how-to/own-data.md")
             .map_err(ImportError::NotJson)?;
         // The walk knows no null beside a value with a kind; here it says that nothing was filtered.
@@ -254,7 +252,16 @@ impl Mapping {
     }
 }
 
+fn schema() -> serde_json::Value {
+    let mut schema = schema_for!(Mapping).to_value();
+    // A rigid handle and the lack of a filter are said, not left out: every stiffness rests on them.
+    if let Some(required) = schema["required"].as_array_mut() {
+        required.extend(["lever".into(), "recorded_filter".into()]);
+    }
+    schema
+}
+
 /// JSON schema of mappings.
 pub fn schema_text() -> String {
-    serde_json::to_string_pretty(&schema_for!(Mapping)).unwrap_or_default() + "\n"
+    serde_json::to_string_pretty(&schema()).unwrap_or_default() + "\n"
 }

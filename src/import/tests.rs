@@ -35,7 +35,8 @@ fn mapping() -> Mapping {
         "angle": { "column": "Pos", "unit": "deg", "sign": -1, "zero": 5 },
         "torque": { "column": "Tq", "unit": "N cm" }
       },
-      "lever": { "inertia_kg_m2": 0.0016, "damping_nm_s_per_rad": 0.4, "stiffness_nm_per_rad": 900 }
+      "lever": { "inertia_kg_m2": 0.0016, "damping_nm_s_per_rad": 0.4, "stiffness_nm_per_rad": 900 },
+      "recorded_filter": null
     }"#;
     Mapping::parse(text, Path::new("mapping.json")).unwrap()
 }
@@ -151,9 +152,16 @@ fn every_mistake_of_a_mapping_is_told_at_once() {
     let text =
         r#"{ "format": "ramphold-import/1", "columns": { "angle": { "unit": "degrees" } }, "speed": 1 }"#;
     let told = Mapping::parse(text, Path::new("m.json")).unwrap_err().to_string();
-    for part in
-        ["subject", "columns.torque", "columns.angle.column", "columns.angle.unit", "speed", "\"deg\""]
-    {
+    for part in [
+        "subject",
+        "lever",
+        "recorded_filter",
+        "columns.torque",
+        "columns.angle.column",
+        "columns.angle.unit",
+        "speed",
+        "\"deg\"",
+    ] {
         assert!(told.contains(part), "{part} is not in: {told}");
     }
 }
