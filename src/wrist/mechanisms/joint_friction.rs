@@ -39,7 +39,7 @@ impl Mechanism for JointFriction {
     const PRIOR_SOURCE: &'static str = "\
         Cartilage and tendon sheaths hold a few per cent of a torque of 1 to 2 N m (assumed); breakaway \
         travel of dry contacts, some 0.1 mm at a radius of a few cm, within a factor of two (assumed)";
-    const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.2 };
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.4 };
     const STATES: usize = 1;
 
     #[inline(always)]

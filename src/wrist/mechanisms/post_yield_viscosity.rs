@@ -30,7 +30,7 @@ impl Mechanism for PostYieldViscosity {
     const PRIOR_SOURCE: &'static str = "\
         Torque after the yield of up to about 1 N m at 3 rad/s (assumed; Rack and Westbury 1974 show \
         that it is viscous)";
-    const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.2 };
+    const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.4 };
 
     #[inline(always)]
     fn add_torques<T: Number>(
