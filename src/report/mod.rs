@@ -4,8 +4,11 @@
 //! missing. It contains neither time nor machine, so that the same session gives the same bytes.
 
 mod belonging;
+mod bias;
 mod chart;
 mod derived;
+mod diagnosed;
+mod emg;
 mod error;
 mod figure;
 mod figures;
@@ -71,18 +74,14 @@ pub fn write(
     disk: &Disk,
 ) -> Result<WrittenReport, ReportError> {
     let input = ReportInput::read(folder, results, beside)?;
-    let mut sections = vec![
-        sections::overview(&input),
-        sections::trials(&input),
-        sections::parameters(&input),
-        sections::balance(&input),
-        sections::stiffness(&input),
-        sections::diagnosis(&input),
-        sections::uncertainty(&input),
-    ];
-    if input.beside.is_some() {
-        sections.insert(1, sections::comparison(&input));
-    }
+    let beside = input.beside.is_some().then(|| sections::comparison(&input));
+    let emg = sections::emg(&input);
+    let mut sections = vec![sections::verdict(&input), sections::overview(&input)];
+    sections.extend(beside);
+    sections.extend([sections::trials(&input), sections::parameters(&input)]);
+    sections.extend([sections::balance(&input), sections::stiffness(&input)]);
+    sections.extend(emg);
+    sections.extend([sections::diagnosis(&input), sections::uncertainty(&input)]);
     let at = |path: PathBuf| move |source| ReportError::Unwritable { path, source };
     let figures_folder = out.folder_made(FIGURES).map_err(at(out.path_of(FIGURES)))?;
     let mut figures = 0;

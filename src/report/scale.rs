@@ -104,6 +104,11 @@ pub fn significant(value: f64, digits: i32) -> String {
     minus(&format!("{:.*}", (digits - 1 - power).max(0) as usize, value))
 }
 
+/// A p-value with its sign: `= 0.034`, or `< 0.0001` where more digits say nothing.
+pub fn p_value(p: f64) -> String {
+    if p < 1e-4 { "< 0.0001".into() } else { format!("= {}", significant(p, 2)) }
+}
+
 /// A time in ms, without digits that say nothing.
 pub fn milliseconds(seconds: f64) -> String {
     let rounded = (seconds * 1e5).round() / 100.0;

@@ -1,16 +1,27 @@
 //! The sections of the page, in the order in which they are read.
 
+mod balance;
 mod comparison;
 mod diagnosis;
+mod emg;
 mod overview;
 mod parameters;
+mod stiffness;
 mod trials;
+mod uncertainty;
+mod values;
+mod verdict;
 
+pub use balance::balance;
 pub use comparison::comparison;
 pub use diagnosis::diagnosis;
+pub use emg::emg;
 pub use overview::overview;
-pub use parameters::{balance, parameters, stiffness, uncertainty};
+pub use parameters::parameters;
+pub use stiffness::stiffness;
 pub use trials::trials;
+pub use uncertainty::uncertainty;
+pub use verdict::verdict;
 
 use super::figure::Figure;
 
