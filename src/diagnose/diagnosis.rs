@@ -55,7 +55,7 @@ pub struct Diagnosis {
     pub probabilities: CauseProbabilities,
     /// The causes, the largest improvement first.
     pub causes: Vec<Cause>,
-    /// Probability of the remaining misfit if the extended model were right.
+    /// Probability of the remaining misfit if the model with the causes were right.
     pub remaining_p_value: f64,
     /// The unknown law that explains the session better than the catalogue, and what else it could be.
     pub free_law: Option<FoundLaw>,
@@ -67,7 +67,7 @@ pub struct Diagnosis {
     pub elastic_limit_law: Option<ElasticLimitLaw>,
     /// The fit of the model as given.
     pub before: Fit,
-    /// The fit of the extended model.
+    /// The fit of the model with the causes.
     pub after: Fit,
     /// Remarks for the reader.
     pub remarks: Vec<String>,
@@ -131,7 +131,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     let (extended, tested) = match single {
         (index, fit, test) if index == best => (fit, (best > 0).then_some(test)),
         _ => {
-            let fit = extended_fit(&search, &models[best]);
+            let fit = fit_with_causes(&search, &models[best]);
             let test = (best > 0).then(|| TestedFit::new(observations, &fit, angle_errors, seed));
             (fit, test)
         }
@@ -221,7 +221,7 @@ fn compared_models<'a>(
     stage("fitting pairs of mechanisms");
     let single = search.best_with(1);
     let best = if search.models[single].log_odds > 0.0 { single } else { 0 };
-    let fit = extended_fit(&search, &search.models[best]);
+    let fit = fit_with_causes(&search, &search.models[best]);
     let tested = TestedFit::new(observations, &fit, &search.prior.angle_errors, seed);
     search.add_pairs(&kinds, tested.p_values.any() < MISFIT_LEVEL);
     stage("looking for trials that do not belong");
@@ -236,7 +236,7 @@ fn compared_models<'a>(
 }
 
 /// The fit of a model, with the deviations of its mechanisms' laws held at their most probable values.
-fn extended_fit(search: &ModelSearch, model: &ComparedModel) -> Fit {
+fn fit_with_causes(search: &ModelSearch, model: &ComparedModel) -> Fit {
     let mut held = model.posterior.fit.model.clone();
     let ranges = held.mechanism_ranges();
     for (added, range) in held.mechanisms.iter_mut().zip(ranges) {
