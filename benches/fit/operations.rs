@@ -5,7 +5,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use ramphold::number::{Jet, Lanes, Number, Plain};
 use ramphold::signal::SectionState;
-use ramphold::wrist::{HermiteSegment, Integrator, Kinematics, Mechanics, NoAddedDynamics, Plant, RecordedInput};
+use ramphold::wrist::{
+    HermiteSegment, Integrator, Kinematics, Mechanics, NoAddedDynamics, Plant, RecordedInput,
+};
 
 use crate::problem::Problem;
 

@@ -131,19 +131,19 @@ fn named(kind: MechanismKind, values: &[Interval]) -> Value {
     named.map(|(parameter, own)| (parameter.name.to_string(), json!(own))).collect::<Map<_, _>>().into()
 }
 
-/// Means over trials of the base parameters and of x_t without and with the added mechanism.
+/// Means over trials of the base parameters and of x_t without and with the added mechanism; `null` where no trial determines it.
 fn shift(observations: &Observations, before: &Fit, after: &Fit) -> Value {
-    let mean = |fit: &Fit, parameter: usize| {
-        fit.parameters.iter().map(|own| own[parameter]).sum::<f64>() / fit.parameters.len() as f64
+    let mean = |all: Vec<f64>| (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
+    let mean_of = |fit: &Fit, parameter: usize| {
+        let determined = (0..fit.parameters.len()).filter(|trial| !fit.at_bound(*trial, parameter));
+        mean(determined.map(|trial| fit.parameters[trial][parameter]).collect())
     };
     let period = |fit: &Fit| {
-        let all: Vec<f64> =
-            (0..fit.parameters.len()).filter_map(|trial| fit.x_t_s(observations, trial)).collect();
-        (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+        mean((0..fit.parameters.len()).filter_map(|trial| fit.x_t_s(observations, trial)).collect())
     };
     let mut entry = Map::new();
     for (parameter, name) in BASE_PARAMETERS.iter().enumerate() {
-        let (from, to) = (mean(before, parameter), mean(after, parameter));
+        let (from, to) = (mean_of(before, parameter), mean_of(after, parameter));
         entry.insert((*name).into(), json!({ "before": from, "after": to }));
     }
     entry.insert("x_t_s".into(), json!({ "before": period(before), "after": period(after) }));

@@ -14,7 +14,7 @@ use super::predicted_torque::torques;
 use super::preprocessing::DiagnosisInput;
 use crate::dataset::Session;
 use crate::fit::{
-    MechanismSearch, Fit, K_SRS, Model, Objective, Observations, ParameterSpec, PreprocessingError,
+    Fit, K_SRS, MechanismSearch, Model, Objective, Observations, ParameterSpec, PreprocessingError,
     PreprocessingSettings, StartingValues, Weighting,
 };
 use crate::protocol::{Protocol, Sweep, ValidProtocol};

@@ -38,12 +38,12 @@ pub fn picture(session: &Session) -> String {
         let _ =
             writeln!(svg, "<text x=\"{}\" y=\"{}\" font-weight=\"bold\">{title}</text>", ROOM.0, top - 8.0);
         let signals = [
-            Signal {
+            DrawnSignal {
                 label: "angle, mrad",
                 values: trial.record.theta_m_rad.iter().map(|own| 1e3 * own).collect(),
                 stated_rate_per_s: Some(1e3 * trial.velocity_rad_s),
             },
-            Signal {
+            DrawnSignal {
                 label: "torque, N m",
                 values: trial.record.torque_l_nm.clone(),
                 stated_rate_per_s: None,
@@ -58,14 +58,14 @@ pub fn picture(session: &Session) -> String {
 }
 
 /// What a panel shows.
-struct Signal {
+struct DrawnSignal {
     label: &'static str,
     values: Vec<f64>,
     /// Rate of the ramp according to the table, in the unit of the values.
     stated_rate_per_s: Option<f64>,
 }
 
-fn panel(trial: &Trial, rate_hz: f64, signal: &Signal, (left, top): (f64, f64)) -> String {
+fn panel(trial: &Trial, rate_hz: f64, signal: &DrawnSignal, (left, top): (f64, f64)) -> String {
     let onset = trial.onset_s.map_or(0.0, |onset_s| (onset_s - trial.record.start_s) * rate_hz);
     let first = (onset - AROUND_S.0 * rate_hz).max(0.0) as usize;
     let last = ((onset + AROUND_S.1 * rate_hz) as usize).min(signal.values.len().saturating_sub(1));

@@ -32,31 +32,32 @@ const LARGEST_RATIO: f64 = 10.0;
 const SMALLEST_SHOWN: f64 = 0.0005;
 
 impl MeanChange {
-    /// The change in per cent; the means themselves where that would say little: with another sign, or many times as large.
-    pub fn in_words(&self, shown: &Shown) -> String {
-        let [low, high] = self.with_causes;
-        let is_ratio =
-            |own: &f64| own / self.as_fitted > 1.0 / LARGEST_RATIO && own / self.as_fitted < LARGEST_RATIO;
-        let range = |texts: [String; 2]| {
-            let [low, high] = texts;
-            if low == high { low } else { format!("{low} to {high}") }
+    /// The change in per cent; `None` where that would say little: with another sign, or many times as large.
+    pub fn percent(&self) -> Option<String> {
+        let ratios = self.with_causes.map(|own| own / self.as_fitted);
+        let percent = |ratio: f64| {
+            let text = significant(100.0 * (ratio - 1.0), 2);
+            if ratio > 1.0 { format!("+{text}") } else { text }
         };
-        if [low, high].iter().all(is_ratio) {
-            let percent = |own: f64| {
-                let part = own / self.as_fitted - 1.0;
-                let text = significant(100.0 * part, 2);
-                if part > 0.0 { format!("+{text}") } else { text }
-            };
-            return format!("{} %", range([percent(low), percent(high)]));
-        }
-        let shown_value = |own: f64| significant(own * shown.factor, 3);
-        let with = range([shown_value(low), shown_value(high)]);
-        format!("{with} instead of {}", shown_value(self.as_fitted))
+        let is_close = |ratio: &f64| *ratio > 1.0 / LARGEST_RATIO && *ratio < LARGEST_RATIO;
+        ratios.iter().all(is_close).then(|| format!("{} %", range(ratios.map(percent))))
+    }
+
+    /// The change in per cent, or else both means.
+    pub fn in_words(&self, shown: &Shown) -> String {
+        let value = |own: f64| significant(own * shown.factor, 3);
+        let means = || format!("{} instead of {}", range(self.with_causes.map(value)), value(self.as_fitted));
+        self.percent().unwrap_or_else(means)
     }
 
     fn is_seen(&self) -> bool {
         self.with_causes.iter().any(|own| (own / self.as_fitted - 1.0).abs() >= SMALLEST_SHOWN)
     }
+}
+
+/// Two ends as a range; one of them where they are the same.
+fn range([low, high]: [String; 2]) -> String {
+    if low == high { low } else { format!("{low} to {high}") }
 }
 
 /// The biases that a diagnosis found.
@@ -128,12 +129,12 @@ pub fn as_fitted(diagnosis: &Diagnosed, fitted: Option<&Fitted>, name: &str) -> 
     let is_analysed =
         |number: u32| diagnosis.trials.is_empty() || diagnosis.trials.contains(&u64::from(number));
     let own = fitted.into_iter().flat_map(|fitted| &fitted.trials).filter(|trial| is_analysed(trial.trial));
-    let values: Vec<f64> = own.filter_map(|trial| trial.values.get(name).copied().flatten()).collect();
+    let values: Vec<f64> = own.filter_map(|trial| trial.determined(name)).collect();
     if !values.is_empty() {
         return Some(values.iter().sum::<f64>() / values.len() as f64);
     }
-    let mut shifts = diagnosis.causes.iter().flat_map(|cause| &cause.candidates).flat_map(|own| &own.shifts);
-    shifts.find(|shift| shift.name == name).map(|shift| shift.before)
+    let all = diagnosis.causes.iter().flat_map(|cause| &cause.candidates);
+    all.filter_map(|own| own.shift(name)).next()?.before
 }
 
 #[cfg(test)]

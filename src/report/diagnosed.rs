@@ -61,22 +61,22 @@ pub struct Candidate {
 pub struct MeanShift {
     /// Name of the quantity.
     pub name: String,
-    /// Mean without it.
-    pub before: f64,
-    /// Mean with it.
-    pub after: f64,
+    /// Mean without it; `None` where no trial determines the quantity.
+    pub before: Option<f64>,
+    /// Mean with it; `None` where no trial determines the quantity.
+    pub after: Option<f64>,
 }
 
 impl Candidate {
-    /// Mean of a quantity with the candidate in the model.
-    pub fn after(&self, name: &str) -> Option<f64> {
-        self.shifts.iter().find(|own| own.name == name).map(|own| own.after)
+    /// What the candidate changes in a quantity; `None` if the diagnosis does not say.
+    pub fn shift(&self, name: &str) -> Option<&MeanShift> {
+        self.shifts.iter().find(|own| own.name == name)
     }
 }
 
 impl DiagnosedCause {
     /// Whether the trace of single trials names it: these trials do not belong.
-    pub fn trials(&self) -> Option<String> {
+    pub fn outliers(&self) -> Option<String> {
         let (_, value) = self.candidates.first()?.parameters.iter().find(|(name, _)| name == "trials")?;
         let numbers = value["value"].as_array()?;
         Some(numbers.iter().map(Value::to_string).collect::<Vec<_>>().join(", "))
@@ -121,18 +121,15 @@ impl Diagnosed {
     pub fn range_with_causes(&self, name: &str) -> Option<[f64; 2]> {
         let mut range: Option<[f64; 2]> = None;
         for cause in &self.causes {
-            let shifts = cause.candidates.iter().flat_map(|own| &own.shifts).filter(|own| own.name == name);
-            let shifts: Vec<&MeanShift> = shifts.filter(|own| own.after.is_finite()).collect();
-            let after = shifts.iter().map(|own| own.after);
+            let shifts: Vec<&MeanShift> = cause.candidates.iter().filter_map(|own| own.shift(name)).collect();
+            let after = shifts.iter().filter_map(|own| own.after).filter(|own| own.is_finite());
             let (Some(low), Some(high)) = (after.clone().reduce(f64::min), after.reduce(f64::max)) else {
                 continue;
             };
-            range = Some(match range {
-                None => [low, high],
+            range = Some(match (range, shifts[0].before) {
                 // The fit before this cause is that with the first candidates of those above it.
-                Some([lowest, highest]) => {
-                    [lowest * low / shifts[0].before, highest * high / shifts[0].before]
-                }
+                (Some([lowest, highest]), Some(before)) => [lowest * low / before, highest * high / before],
+                _ => [low, high],
             });
         }
         range.map(|[a, b]| [a.min(b), a.max(b)])
@@ -240,10 +237,12 @@ impl Reader<'_> {
         let probability = self.number(&format!("{at}/probability"));
         let parameters = self.object(&format!("{at}/parameters"));
         let shifts = self.object(&format!("{at}/parameter_shift"));
-        let shift = |(name, own): (String, Value)| {
-            Some(MeanShift { name, before: own["before"].as_f64()?, after: own["after"].as_f64()? })
+        let shift = |(name, own): (String, Value)| MeanShift {
+            name,
+            before: own["before"].as_f64(),
+            after: own["after"].as_f64(),
         };
-        let shifts = with_k_after(shifts.into_iter().filter_map(shift).collect());
+        let shifts = with_k_after(shifts.into_iter().map(shift).collect());
         let told = self.root.pointer(&format!("{at}/title")).and_then(Value::as_str).map(str::to_owned);
         let title = title_of(&id).or(told).unwrap_or_default();
         Candidate { title, id, class, probability, parameters, shifts }
@@ -255,7 +254,8 @@ fn with_k_after(mut shifts: Vec<MeanShift>) -> Vec<MeanShift> {
     let of = |name: &str| shifts.iter().find(|own| own.name == name);
     if let (Some(k_srs), Some(k_dec)) = (of("k_srs_nm_per_rad"), of("k_dec_nm_per_rad")) {
         let name = "k_after_nm_per_rad".to_owned();
-        let (before, after) = (k_srs.before - k_dec.before, k_srs.after - k_dec.after);
+        let less = |k_srs: Option<f64>, k_dec: Option<f64>| Some(k_srs? - k_dec?);
+        let (before, after) = (less(k_srs.before, k_dec.before), less(k_srs.after, k_dec.after));
         shifts.push(MeanShift { name, before, after });
     }
     shifts

@@ -1,6 +1,5 @@
 //! EMG of the trials for their figures, and the onset of the reflex response of the stretched muscle.
 
-use super::traces::Trace;
 use crate::dataset::Record;
 
 /// Part of the record that is drawn before and after the onset of the ramp, s.
@@ -92,15 +91,14 @@ pub fn trial_emg(record: &Record, onset: usize, velocity_rad_s: f64, period_s: f
 /// Finds the onsets: the first time at which the stretched muscle exceeds the level that its EMG in the holds exceeds in [`CHANCE`]
 /// of the stretches as long as the time sought in. Holds are relative to their own mean, so that all trials share the level. No onset
 /// is found if the holds are too few to have such a level.
-pub fn find_onsets(traces: &mut [Trace]) {
-    let all = traces.iter().filter_map(|trace| trace.emg.as_ref());
-    let mut peaks: Vec<f64> = all.flat_map(|emg| emg.peaks.iter().copied()).collect();
+pub fn find_onsets(trials: &mut [&mut TrialEmg]) {
+    let mut peaks: Vec<f64> = trials.iter().flat_map(|emg| emg.peaks.iter().copied()).collect();
     if peaks.len() < FEWEST_STRETCHES {
         return;
     }
     peaks.sort_by(f64::total_cmp);
     let level = peaks[peaks.len() - 1 - (CHANCE * peaks.len() as f64) as usize];
-    for emg in traces.iter_mut().filter_map(|trace| trace.emg.as_mut()) {
+    for emg in trials {
         let found = emg.after.iter().position(|own| *own > level);
         emg.onset_s = found.map(|sample| sample as f64 * emg.period_s + MEAN_S / 2.0);
     }
@@ -111,46 +109,38 @@ mod tests {
     use super::*;
     use crate::random::Stream;
 
-    /// Trials of 1.5 s at 1 kHz, whose ramp begins at 1 s; with a burst of `times` the level of the hold from 30 ms after it on.
-    fn traces(times: f64) -> Vec<Trace> {
+    /// The onsets in `count` trials of 1.5 s at 1 kHz, whose ramp begins at 1 s; with a burst of `times` the level of the hold from 30 ms
+    /// after it on.
+    fn onsets(count: usize, times: f64) -> Vec<Option<f64>> {
         let mut stream = Stream::new(1, "emg");
-        let record = |stream: &mut Stream| {
+        let mut emg = |_| {
             let level = |sample: usize| if (1030..1060).contains(&sample) { times } else { 1.0 };
             let emg = (0..1500).map(|sample| 0.02 * level(sample) * stream.normal()).collect();
-            Record { emg_fcr_mvc: Some(emg), ..Record::default() }
+            let record = Record { emg_fcr_mvc: Some(emg), ..Record::default() };
+            trial_emg(&record, 1000, 2.0, 1e-3).unwrap()
         };
-        let one = |_| Trace { emg: trial_emg(&record(&mut stream), 1000, 2.0, 1e-3), ..Trace::default() };
-        (0..40).map(one).collect()
+        let mut trials: Vec<TrialEmg> = (0..count).map(&mut emg).collect();
+        find_onsets(&mut trials.iter_mut().collect::<Vec<_>>());
+        trials.iter().map(|emg| emg.onset_s).collect()
     }
 
     #[test]
     fn the_onset_of_a_burst_is_found_where_it_begins() {
-        let mut traces = traces(8.0);
-        find_onsets(&mut traces);
-        let onsets: Vec<f64> = traces
-            .iter()
-            .filter_map(|trace| trace.emg.as_ref()?.onset_s)
-            .map(|onset_s| 1e3 * onset_s)
-            .collect();
-        let near = onsets.iter().filter(|onset| (24.0..36.0).contains(*onset)).count();
+        let onsets = onsets(40, 8.0);
+        let near = onsets.iter().flatten().filter(|onset_s| (0.024..0.036).contains(*onset_s)).count();
         assert!(near >= 36, "{onsets:?}");
     }
 
     #[test]
     fn without_a_response_few_trials_have_an_onset() {
-        let mut traces = traces(1.0);
-        find_onsets(&mut traces);
-        let found = traces.iter().filter(|trace| trace.emg.as_ref().unwrap().onset_s.is_some()).count();
+        let found = onsets(40, 1.0).into_iter().flatten().count();
         // 40 trials at 5 %: 7 or more have a probability below 1 %.
         assert!(found < 7, "{found}");
     }
 
     #[test]
     fn holds_that_are_too_few_give_no_onset_and_a_record_without_emg_no_figure() {
-        let mut traces = traces(8.0);
-        traces.truncate(3);
-        find_onsets(&mut traces);
-        assert!(traces.iter().all(|trace| trace.emg.as_ref().unwrap().onset_s.is_none()));
+        assert!(onsets(3, 8.0).iter().all(Option::is_none));
         assert!(trial_emg(&Record::default(), 10, 1.0, 1e-3).is_none());
     }
 }

@@ -77,7 +77,7 @@ pub fn traces(
     let fit = fitted_model.as_ref().map(|(fitted, model)| (*fitted, model));
     let mut traces: Vec<Trace> =
         prepared.trials.par_iter().map(|trial| one(session, &prepared, trial, fitted, fit)).collect();
-    find_onsets(&mut traces);
+    find_onsets(&mut traces.iter_mut().filter_map(|trace| trace.emg.as_mut()).collect::<Vec<_>>());
     let bare = traces.iter().filter(|trace| trace.instants.is_empty()).count();
     if fitted.is_some() && bare > 0 {
         missing.push(format!(

@@ -92,7 +92,8 @@ impl StudyFolder {
         };
         let summary = summarise(&self.path.join("study.csv"), TableOrigin::ThisProgram, is_excluded, issues)?;
         let tables = ResultTables::of(&summary);
-        let about = json!({ "name": study.name, "seed": study.seed, "weighting": study.weighting, "fit": study.fit, "units": study.units() });
+        let about = json!({ "name": study.name, "seed": study.seed, "weighting": study.weighting, "fit": study.fit, "units": study.units(),
+            "virtual": study.protocol().is_some() });
         write(&self.path, &summary, &tables, &about, &excluded)?;
         Ok((summary, tables))
     }

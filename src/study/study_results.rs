@@ -27,6 +27,8 @@ pub struct StudyResults {
     pub fit: Option<String>,
     /// Number of sessions of the study, whether or not they are in the tables.
     pub units: Option<u64>,
+    /// Whether nobody was measured: the subjects are virtual.
+    pub is_virtual: bool,
     /// Summary of the subjects.
     pub summary: StudySummary,
     /// The tables.
@@ -55,6 +57,8 @@ struct StudyCard {
     seed: Option<u64>,
     fit: Option<String>,
     units: Option<u64>,
+    #[serde(default, rename = "virtual")]
+    is_virtual: bool,
 }
 
 /// Whether `folder` is that of a study, finished or not.
@@ -92,6 +96,7 @@ impl StudyResults {
             seed: file.study.seed,
             fit: file.study.fit,
             units: file.study.units,
+            is_virtual: file.study.is_virtual,
             summary,
             issues: file.problems,
             issue_count: file.problem_count,

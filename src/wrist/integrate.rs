@@ -126,7 +126,8 @@ impl<T: Number> Integrator<T> {
     ) -> (Torques<T>, State<T>) {
         let (mut rates, mut added_rates) = (State::rest(), [T::constant(0.0); MAX_ADDED_STATES]);
         let ExtendedState { base, added } = &self.state;
-        let torques = mechanics.rates(added_dynamics, base, added, motor, time_s, &mut rates, &mut added_rates);
+        let torques =
+            mechanics.rates(added_dynamics, base, added, motor, time_s, &mut rates, &mut added_rates);
         (torques, rates)
     }
 

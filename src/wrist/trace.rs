@@ -62,7 +62,14 @@ pub fn trace(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f6
         }
         let segment =
             CorrectedInput(HermiteSegment::new(motion[sample], motion[sample + 1], settings.period_s));
-        integrator.advance(&mechanics, &added_dynamics, &segment, time_s, settings.period_s, settings.substeps);
+        integrator.advance(
+            &mechanics,
+            &added_dynamics,
+            &segment,
+            time_s,
+            settings.period_s,
+            settings.substeps,
+        );
         let (added, rates) = integrator.sampled();
         history.push(added, rates);
     }

@@ -112,7 +112,7 @@ fn causes(section: &mut ReportSection, diagnosis: &Diagnosed, fitted: Option<&Fi
     section.html += &candidates(diagnosis).html();
     section.html += &gains(diagnosis).html();
     let all = || diagnosis.causes.iter().flat_map(|cause| &cause.candidates);
-    let is_told = |shown: &&Shown| all().any(|own| own.after(shown.name).is_some());
+    let is_told = |shown: &&Shown| all().any(|own| own.shift(shown.name).is_some());
     let told: Vec<&Shown> = SHOWN.iter().filter(is_told).collect();
     for part in told.chunks(4) {
         let signs: Vec<&str> = part.iter().map(|shown| shown.sign).collect();

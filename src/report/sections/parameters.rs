@@ -113,7 +113,7 @@ fn against_paper(fitted: &Fitted, biases: &Biases) -> HtmlTable {
         let means = fitted.conditions.iter().filter_map(|condition| value(&condition.mean, shown.name));
         let means = figures::distinct(means.map(|mean| mean * shown.factor));
         let digits = if shown.name == "vaf" { 4 } else { 3 };
-        let all = mean_sd(fitted.trials.iter().map(|trial| value(&trial.values, shown.name)));
+        let all = mean_sd(fitted.trials.iter().map(|trial| trial.determined(shown.name)));
         vec![
             Cell::text(format!("{}{}, {}", shown.with_unit(), biases.sign(shown.name), shown.meaning)),
             spread_of(all, shown.factor),

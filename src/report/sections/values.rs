@@ -1,13 +1,11 @@
 //! What the sections on the fit share.
 
+use crate::report::derived::is_difference;
 use crate::report::fitted::{ConditionFit, Values, condition_name};
 use crate::report::table::Cell;
 
 /// What stands in place of a section without a fit.
 pub const NO_FIT: &str = "There is no fit yet. Run: ramphold fit SESSION";
-
-/// Deviations of equal values, as a part of them, that come from rounding alone.
-const ROUNDING: f64 = 1e-9;
 
 /// A value by its name.
 pub fn value(values: &Values, name: &str) -> Option<f64> {
@@ -24,7 +22,7 @@ pub fn spread_of(mean_sd: Option<(f64, Option<f64>)>, factor: f64) -> Cell {
     let sd = mean_sd
         .and_then(|(_, sd)| sd)
         .zip(mean_sd)
-        .filter(|(sd, (mean, _))| *sd > ROUNDING * mean.abs())
+        .filter(|(sd, (mean, _))| is_difference(*sd, *mean))
         .map(|own| own.0);
     Cell::Spread(mean_sd.map(|(mean, _)| mean * factor), sd.map(|sd| sd * factor))
 }

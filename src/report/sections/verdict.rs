@@ -95,12 +95,14 @@ fn diagnosed(section: &mut ReportSection, diagnosis: &Diagnosed, fitted: Option<
         ),
         Some("ambiguous") => (
             "The model is not adequate, and the session does not tell the cause from others.",
-            format!("It misfits beyond the measured noise{p}. Of the candidates for a cause, one is right."),
+            format!(
+                "It misfits beyond the measured noise{p}. The candidates for a cause hold it with a probability of at least 0.95."
+            ),
         ),
         Some("unexplained") => (
-            "The model is not adequate, and no known mechanism explains why.",
+            "The model is not adequate, and no known mechanism explains all of its misfit.",
             format!(
-                "A misfit beyond the measured noise remains{p}. Its effect on k_srs and x_e is not known."
+                "It misfits beyond the measured noise{p}. How much that changes k_srs and x_e is not known, beyond what is told below."
             ),
         ),
         Some(other) => ("The verdict is not known to this version of the program:", format!("{other}.")),
@@ -127,7 +129,7 @@ fn diagnosed(section: &mut ReportSection, diagnosis: &Diagnosed, fitted: Option<
 
 /// What is wrong, in a sentence.
 fn in_words(cause: &DiagnosedCause) -> String {
-    if let Some(trials) = cause.trials() {
+    if let Some(trials) = cause.outliers() {
         return format!("Trials that do not belong to the others: {trials}.");
     }
     let one = |own: &Candidate| {
@@ -163,26 +165,37 @@ pub fn changes(
             Cell::Number(String::new()),
         ]);
     }
-    let row = |place: usize, own: &Candidate| {
-        let also = if place == 0 { "with" } else { "and with" };
+    let row = |also: &str, own: &Candidate| {
         let mut row = vec![Cell::text(format!("{also} {}", own.id))];
         for shown in shown {
-            let after = own.after(shown.name);
-            let change = without(shown).zip(after).map(|(as_fitted, after)| {
-                MeanChange { as_fitted, with_causes: [after, after] }.in_words(shown)
+            let told = own.shift(shown.name);
+            let after = told.and_then(|shift| shift.after);
+            let change = without(shown).zip(after).and_then(|(as_fitted, after)| {
+                MeanChange { as_fitted, with_causes: [after, after] }.percent()
             });
-            row.push(Cell::number(after.map(|own| own * shown.factor), 3));
+            row.push(match (told, after) {
+                (Some(_), None) => Cell::Number("not determined".into()),
+                _ => Cell::number(after.map(|own| own * shown.factor), 3),
+            });
             row.push(Cell::Number(change.unwrap_or("–".into())));
         }
         row
     };
     let mut rows = vec![first];
-    for (place, cause) in diagnosis.causes.iter().enumerate() {
-        let changing = |own: &&Candidate| shown.iter().any(|shown| own.after(shown.name).is_some());
-        rows.extend(cause.candidates.iter().filter(changing).map(|own| row(place, own)));
+    for cause in &diagnosis.causes {
+        let also = if rows.len() == 1 { "with" } else { "and with" };
+        let changing = |own: &&Candidate| shown.iter().any(|shown| own.shift(shown.name).is_some());
+        rows.extend(cause.candidates.iter().filter(changing).map(|own| row(also, own)));
     }
-    let several = diagnosis.causes.len() > 1;
-    let note = several.then(|| "Each cause is added to the first candidates of those above it.".into());
+    let mut notes = Vec::new();
+    if diagnosis.causes.len() > 1 {
+        notes.push("Each cause is added to the first candidates of those above it.".to_owned());
+    }
+    let (analysed, all) = (diagnosis.trials.len(), fitted.map_or(0, |fitted| fitted.trials.len()));
+    if analysed > 0 && analysed < all {
+        notes.push(format!("Means over the {analysed} of {all} trials that the diagnosis analysed."));
+    }
+    let note = (!notes.is_empty()).then(|| notes.join(" "));
     HtmlTable { caption: caption.into(), head, rows, note }
 }
 

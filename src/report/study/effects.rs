@@ -17,6 +17,9 @@ const LEVEL: f64 = 0.05;
 /// The section that begins the page.
 pub fn found(study: &StudyResults) -> ReportSection {
     let mut section = ReportSection::new("verdict", "What the study found");
+    if study.is_virtual {
+        section.html += "<p class=\"verdict\"><b>VIRTUAL SUBJECTS.</b> This study is a simulation; nobody was measured.</p>";
+    }
     let summary = &study.summary;
     section.paragraph(&format!(
         "{} subjects, {} velocities × {} torques{}.",
@@ -41,7 +44,8 @@ pub fn found(study: &StudyResults) -> ReportSection {
     section.html += "</ul>";
     section.paragraph(&format!(
         "An effect is called found at p < {LEVEL} after the correction of Greenhouse and Geisser. The size is partial eta squared: the \
-         part of the variation within subjects that the effect explains."
+         part of the variation within subjects that the effect explains. The sessions are fitted and not diagnosed here: what the model \
+         gets wrong in all of them is in these means; `ramphold diagnose` finds it in a session."
     ));
     section
 }

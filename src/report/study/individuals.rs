@@ -2,11 +2,18 @@
 
 use super::measured::measured;
 use crate::report::chart::{COLOURS, Chart, Mark, Panel, Sign, Stroke};
+use crate::report::derived::is_difference;
 use crate::report::figure::Figure;
 use crate::report::fitted::Shown;
 use crate::report::scale::Axis;
 use crate::report::sections::ReportSection;
 use crate::study::{StudyResults, SubjectMeans};
+
+/// Places in the table of quantities of those that come first: k_srs, x_e, x_t.
+const FIRST: [usize; 3] = [3, 5, 7];
+
+/// Place of the variance accounted for, which tells of the fit and not of the subject.
+const VAF: usize = 8;
 
 /// The factors of a study: their index, the label of their axis, and what is averaged over.
 const FACTORS: [(usize, &str, &str); 2] =
@@ -19,7 +26,11 @@ pub fn individuals(study: &StudyResults) -> ReportSection {
     let (drawn, all) = (study.summary.individuals.len() as u64, study.summary.subjects);
     let which =
         if drawn < all { format!(" {drawn} of the {all} subjects are drawn.") } else { String::new() };
-    for (quantity, shown) in measured(study) {
+    let mut quantities: Vec<(usize, &Shown)> = measured(study).filter(|own| varies(study, own.0)).collect();
+    // What the study is about comes first.
+    quantities
+        .sort_by_key(|(quantity, _)| FIRST.iter().position(|own| own == quantity).unwrap_or(FIRST.len()));
+    for (quantity, shown) in quantities {
         let panels: Vec<Panel> =
             FACTORS.iter().filter_map(|factor| panel(study, quantity, shown, *factor)).collect();
         if panels.is_empty() {
@@ -37,6 +48,16 @@ pub fn individuals(study: &StudyResults) -> ReportSection {
         });
     }
     section
+}
+
+/// Whether a quantity that is estimated differs between the conditions of any subject: one that a session has once has no curve.
+fn varies(study: &StudyResults, quantity: usize) -> bool {
+    let differs = |own: &SubjectMeans| {
+        let cells = 0..study.summary.grid.conditions.len();
+        let values: Vec<f64> = cells.filter_map(|cell| own.cells.mean(quantity, cell)).collect();
+        values.iter().any(|value| is_difference(value - values[0], *value))
+    };
+    quantity != VAF && study.summary.individuals.iter().any(differs)
 }
 
 /// The levels of a factor.

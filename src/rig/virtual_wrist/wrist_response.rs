@@ -266,7 +266,14 @@ impl Moving {
         start_s: f64,
         end_s: f64,
     ) -> Torques<f64> {
-        self.integrator.advance(&self.mechanics, added_dynamics, input, start_s, end_s - start_s, self.substeps);
+        self.integrator.advance(
+            &self.mechanics,
+            added_dynamics,
+            input,
+            start_s,
+            end_s - start_s,
+            self.substeps,
+        );
         self.integrator.torques(&self.mechanics, added_dynamics, to, end_s).0
     }
 }

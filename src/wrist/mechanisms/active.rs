@@ -6,7 +6,7 @@ use super::covariates::Covariates;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::history::History;
-use crate::wrist::mechanics::{Context, AddedDynamics, Torques};
+use crate::wrist::mechanics::{AddedDynamics, Context, Torques};
 use crate::wrist::plant::Plant;
 
 /// Mechanisms that are switched on in a trial, with their parameters.
