@@ -15,7 +15,7 @@ pub enum ReportError {
     Dataset(#[from] DatasetError),
     /// The study cannot be read.
     #[error(transparent)]
-    Study(#[from] StudyError),
+    Study(Box<StudyError>),
     /// A file exists but cannot be read.
     #[error("{}: cannot be read ({source}); make it readable or remove it", path.display())]
     Unreadable {
@@ -46,4 +46,10 @@ pub enum ReportError {
         /// The operating system's reason.
         source: io::Error,
     },
+}
+
+impl From<StudyError> for ReportError {
+    fn from(error: StudyError) -> Self {
+        Self::Study(Box::new(error))
+    }
 }
