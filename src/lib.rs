@@ -77,9 +77,9 @@
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
 //! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |
 //! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what adding a mechanism gains |
-//! | report | [`report`] | figures and tables of a session |
-//! | console | [`console`] | what operator and subject see while a session runs, and the operator's commands |
 //! | study | [`study`] | many subjects through one protocol |
+//! | report | [`report`] | figures and tables of a session or a study |
+//! | console | [`console`] | what operator and subject see while a session runs, and the operator's commands |
 //! | export | [`export`] | sessions in the formats of other tools |
 //! | application | [`app`] | what the verbs share: messages, errors, folders, seeds |
 //! | command line | [`cli`] | the command line, one file per verb |

@@ -5,7 +5,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use ramphold::number::{Jet, Lanes, Number, Plain};
 use ramphold::signal::SectionState;
-use ramphold::wrist::{HermiteSegment, Integrator, Kinematics, Mechanics, NoExtension, Plant, RecordedInput};
+use ramphold::wrist::{
+    HermiteSegment, Integrator, Kinematics, Mechanics, NoAddedDynamics, Plant, RecordedInput,
+};
 
 use crate::problem::Problem;
 
@@ -110,7 +112,7 @@ fn count<T: Number<Plain = Counting>>(problem: &Problem) -> u64 {
     for sample in 0..prepared.lead_samples + prepared.samples {
         let drive = RecordedInput(HermiteSegment::new(knot(sample), knot(sample + 1), prepared.period_s));
         let mut torque =
-            walk.advance(&mechanics, &NoExtension, &drive, 0.0, prepared.period_s, problem.substeps());
+            walk.advance(&mechanics, &NoAddedDynamics, &drive, 0.0, prepared.period_s, problem.substeps());
         for (section, memory) in prepared.sections.iter().zip(&mut memories) {
             torque = section.step(memory, torque);
         }

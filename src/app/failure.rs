@@ -235,6 +235,7 @@ impl Failure {
                     1
                 }
             }
+            Self::Report(ReportError::Study(error)) if !error.is_bad_input() => 1,
             Self::Report(ReportError::Unwritable { source, .. }) => {
                 if is_refusal(source) {
                     2

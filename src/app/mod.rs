@@ -42,7 +42,7 @@ pub use new_session::{draw_seed, new_folder, subject_number};
 pub use pace::Pace;
 pub use results_folder::{ResultsFolder, check_has_none, check_out};
 pub use seed::parse_seed;
-pub use session_report::{tell_foreign_results, write_report, write_report_to};
+pub use session_report::{tell_foreign_results, write_report, write_report_to, write_study_report};
 pub use session_results::finish_session;
 pub use session_rig::{
     SessionRig, StoredVirtualRig, is_can_rig_file, open_seal, ran_on_can_motor, read_stored_virtual_rig,

@@ -1,4 +1,4 @@
-//! The report of a session.
+//! The reports of sessions and studies.
 
 use std::path::{Path, PathBuf};
 
@@ -12,6 +12,11 @@ use super::failure::Failure;
 /// Writes the report of a session into the folder of its results and prints what the report lacks; gives the page's path.
 pub fn write_report(session: &Path, results: &Folder, console: &Console) -> Result<PathBuf, Failure> {
     write_report_to(session, results, None, results, console)
+}
+
+/// Writes the report of the study in `folder` into the folder `out`; gives the page's path.
+pub fn write_study_report(folder: &Path, out: &Folder) -> Result<PathBuf, Failure> {
+    Ok(report::write_study(folder, out, &Disk::default())?.page)
 }
 
 /// Says on standard error which results of a session do not belong to it as it is now, or to each other.

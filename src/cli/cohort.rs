@@ -3,7 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, check_out, draw_seed, new_folder, parse_seed};
+use crate::app::{
+    Console, Failure, ResultsFolder, check_out, draw_seed, new_folder, parse_seed, write_study_report,
+};
 use crate::files::{self, limits};
 use crate::fit::QUANTITIES;
 use crate::study::{
@@ -13,11 +15,11 @@ use rayon::prelude::*;
 
 use super::verb::Verb;
 
-/// Run or read the sessions of many subjects, fit them all, and write the tables of the study.
+/// Run or read the sessions of many subjects, fit them all, and write the tables and the report of the study.
 ///
 /// STUDY is a study file (`ramphold schema study` prints its schema), or the study.csv of an earlier study, whose tables
-/// are then computed again. The study's folder receives study.csv (one row per subject and condition), study.json, and
-/// the tables of the repeated-measures analysis.
+/// are then computed again. The study's folder receives study.csv (one row per subject and condition), study.json, the tables of the
+/// repeated-measures analysis, and report.html.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  ramphold cohort protocols/de-vlugt-2011-study.json --seed 1 --out eight\n  \
@@ -157,6 +159,7 @@ impl CohortArgs {
         summary: &StudySummary,
         tables: &ResultTables,
     ) -> Result<(), Failure> {
+        write_study_report(folder, &ResultsFolder::Given(folder.to_owned()).open()?)?;
         if self.json {
             let file = folder.join("study.json");
             let text = files::read_text(&file, limits::STUDY_BYTES)
@@ -184,7 +187,7 @@ impl CohortArgs {
 fn table(console: &Console, summary: &StudySummary, tables: &ResultTables) -> Result<(), Failure> {
     let mut out = console.results();
     let (velocities, torques) = (summary.grid.velocities_rad_s.len(), summary.grid.torques_nm.len());
-    writeln!(out, "{} persons, {velocities} velocities x {torques} torques", summary.subjects)?;
+    writeln!(out, "{} subjects, {velocities} velocities x {torques} torques", summary.subjects)?;
     writeln!(
         out,
         "{:<22} {:<19} {:>9} {:>12} {:>9} {:>9} {:>9}",

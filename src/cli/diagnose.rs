@@ -127,11 +127,18 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
     }
     writeln!(
         out,
-        "misfit: largest score {:.1} standard errors, pattern {:.1} standard deviations, p = {:.4}; after the extension p = {:.3}",
-        diagnosis.misfit.largest, diagnosis.misfit.excess, diagnosis.p_value, diagnosis.remaining_p_value
+        "misfit: largest score {:.1} standard errors, pattern {:.1} standard deviations, p = {:.4}",
+        diagnosis.misfit.largest, diagnosis.misfit.excess, diagnosis.p_value
     )?;
     for (cause, entry) in diagnosis.causes.iter().zip(json["causes"].as_array().into_iter().flatten()) {
         print_cause(&mut out, cause, entry)?;
+    }
+    if !diagnosis.causes.is_empty() {
+        writeln!(
+            out,
+            "misfit that remains with the causes in the model: p = {:.3}",
+            diagnosis.remaining_p_value
+        )?;
     }
     let probabilities = &diagnosis.probabilities;
     writeln!(
@@ -195,18 +202,50 @@ fn notes(out: &mut impl Write, diagnosis: &Diagnosis) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(), Failure> {
-    write!(out, "cause: {} ({}, {:?})", cause.kind.id(), cause.kind.title(), cause.kind.class())?;
-    for (kind, _) in &cause.alternatives {
-        write!(out, " or {}", kind.id())?;
-    }
-    writeln!(out, ", probability {:.3}", cause.probability)?;
+/// The parameters of a candidate, and how much k_srs and x_e change with it.
+fn print_candidate(out: &mut impl Write, entry: &Value) -> Result<(), Failure> {
     for (name, value) in entry["parameters"].as_object().into_iter().flatten() {
         if !value["value"].is_number() {
             continue;
         }
         let number = |key: &str| value[key].as_f64().map_or("?".into(), significant);
         writeln!(out, "  {name} = {} (95 %: {} to {})", number("value"), number("low"), number("high"))?;
+    }
+    for (name, field, unit, factor) in
+        [("k_srs", "k_srs_nm_per_rad", "N m/rad", 1.0), ("x_e", "x_e_rad", "mrad", 1e3)]
+    {
+        let shift = &entry["parameter_shift"][field];
+        if let (Some(before), Some(after)) = (shift["before"].as_f64(), shift["after"].as_f64()) {
+            writeln!(
+                out,
+                "  with it in the model, {name} is {} {unit} instead of {} ({:+.1} %)",
+                significant(factor * after),
+                significant(factor * before),
+                100.0 * (after - before) / before
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(), Failure> {
+    write!(out, "cause: {} ({}, {:?})", cause.kind.id(), cause.kind.title(), cause.kind.class())?;
+    for own in &cause.alternatives {
+        write!(out, " or {}", own.kind.id())?;
+    }
+    writeln!(out, ", probability {:.3}", cause.probability)?;
+    print_candidate(out, entry)?;
+    for own in entry["alternatives"].as_array().into_iter().flatten() {
+        let text = |key: &str| own[key].as_str().unwrap_or("?");
+        let probability = own["probability"].as_f64().unwrap_or(f64::NAN);
+        writeln!(
+            out,
+            "  or {} ({}, {}), probability in its place {probability:.3}",
+            text("mechanism"),
+            text("title"),
+            text("class")
+        )?;
+        print_candidate(out, own)?;
     }
     if let Some(law) = &cause.law {
         let agrees = if law.is_within_band() { "lies within" } else { "leaves" };

@@ -48,7 +48,7 @@ pub struct PowerArgs {
     /// torque_drift:slope_nm_per_s=1,start_s=0.005. Each session is diagnosed, which takes long: start with --pool 8.
     #[arg(long, value_name = "ID:PARAMETER=VALUE,...", group = "sought", value_parser = mechanism)]
     mechanism: Option<MechanismList>,
-    /// Numbers of subjects in each group.
+    /// Numbers of subjects: in each group for --difference, of the study otherwise.
     #[arg(long, value_delimiter = ',', default_value = "3,4,5,6,8,10,12,16,20,24,32,40")]
     persons: Vec<u32>,
     /// Numbers of repetitions, at most that of the protocol.
@@ -118,6 +118,7 @@ impl Verb for PowerArgs {
                     parameter: ids.join("+"),
                     by: values.join(" "),
                     quantity: "share of sessions that name it",
+                    per_group: false,
                 };
                 let mut output = curves(&labels, &resampling, &detection_power(&study, &named, &resampling));
                 output.files.push(("pool.csv", named_table(&named)));
@@ -206,6 +207,8 @@ struct EffectLabels {
     parameter: String,
     by: String,
     quantity: &'static str,
+    /// What the numbers of subjects are: of the study, or of each of its groups.
+    per_group: bool,
 }
 
 impl EffectLabels {
@@ -221,13 +224,15 @@ impl EffectLabels {
             parameter: parameter.into(),
             by: by.into(),
             quantity: QUANTITIES[shift.parameter.quantity()],
+            per_group: matches!(sought, SoughtEffect::Difference(_)),
         }
     }
 }
 
 /// The power curves, by subjects and repetitions.
 fn curves(labels: &EffectLabels, resampling: &ResamplingPlan, found: &[PowerEstimate]) -> PowerOutput {
-    let EffectLabels { kind, parameter, by, quantity } = labels;
+    let EffectLabels { kind, parameter, by, quantity, per_group } = labels;
+    let subjects = if *per_group { "subjects in each group" } else { "subjects" };
     let mut csv =
         "sought,parameter,by,quantity,repetitions,persons,studies,found,power,low,high,mean_effect\n"
             .to_owned();
@@ -246,9 +251,9 @@ fn curves(labels: &EffectLabels, resampling: &ResamplingPlan, found: &[PowerEsti
         }
         let enough = own.iter().find(|found| found.power().0 >= 0.8).map(|found| found.subjects);
         let needed = match (enough, own.last()) {
-            (Some(persons), _) => format!("{persons} subjects"),
+            (Some(persons), _) => format!("{persons} {subjects}"),
             (None, Some(last)) => {
-                format!("more than {} subjects (power {:.2} with these)", last.subjects, last.power().0)
+                format!("more than {} {subjects} (power {:.2} with these)", last.subjects, last.power().0)
             }
             (None, None) => String::new(),
         };
@@ -261,12 +266,13 @@ fn curves(labels: &EffectLabels, resampling: &ResamplingPlan, found: &[PowerEsti
         curves.push(PowerCurve { label, points: own.iter().map(point).collect() });
     }
     let caption = format!(
-        "Shares of {} studies drawn from {} virtual subjects in each group, with 95 % intervals. Grey line: power 0.8.",
+        "Shares of {} studies drawn from {} virtual {subjects}, with 95 % intervals. Grey line: power 0.8.",
         resampling.studies, resampling.pool
     );
     let figure = power_figure(
         &format!("Power: {kind} of {parameter}={by}, p < {}", resampling.alpha),
         &caption,
+        subjects,
         &curves,
     );
     PowerOutput { files: vec![("power.csv", csv), ("power.svg", figure)], text }

@@ -1,31 +1,36 @@
-//! `ramphold report`: pictures and tables of sessions for a person.
+//! `ramphold report`: figures and tables of sessions and studies for a reader.
 
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use crate::app::{Console, Failure, ResultsFolder, check_out, write_report_to};
+use crate::app::{Console, Failure, ResultsFolder, check_out, write_report_to, write_study_report};
 use crate::dataset::session_folders;
 use crate::files::{EntryKind, Folder};
 use crate::report::ReportError;
+use crate::study::is_study;
 
 use super::verb::Verb;
 
-/// Write the report of sessions: one HTML page that needs no network, and its figures as SVG.
+/// Write the report of sessions or studies: one HTML page that needs no network, and its figures as SVG.
 ///
-/// The report shows the session, its fit (`ramphold fit`) and its diagnosis (`ramphold diagnose`), and lists what is
+/// The report of a session begins with its verdict: whether the model is adequate, what is wrong, and how much that changes k_srs and
+/// x_e. It shows the session, its fit (`ramphold fit`) and its diagnosis (`ramphold diagnose`), and lists what is
 /// missing. Results that were made from other inputs, or with other settings than those beside them, are named and not shown. The
-/// report is written to results/report.html in the session's folder; its path is printed.
+/// report is written to results/report.html in the session's folder; its path is printed. The report of a study (a folder that
+/// `ramphold cohort` wrote) shows means with the curves of single subjects, the effects with their sizes, and who was left out and why; it
+/// is written to report.html in the study's folder.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold report sessions/S01\n  \
-                        ramphold report sessions/S01 --beside window-300ms --out compared")]
+                        ramphold report sessions/S01 --beside window-300ms --out compared\n  \
+                        ramphold report eight")]
 pub struct ReportArgs {
-    /// Session folders, or folders of session folders.
-    #[arg(required = true, value_name = "SESSION")]
+    /// Session folders, folders of session folders, or folders of studies.
+    #[arg(required = true, value_name = "SESSION|STUDY")]
     sessions: Vec<PathBuf>,
     /// Lay a second fit beside the first: a folder inside results/, or a folder that `fit --out` wrote.
     #[arg(long, value_name = "DIR")]
     beside: Option<PathBuf>,
-    /// Folder for the report [default: results/ in the session's folder]. With several sessions, a folder in it for each.
+    /// Folder for the report [default: results/ in the session's folder, or the study's folder]. With several, a folder in it for each.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -35,21 +40,41 @@ impl Verb for ReportArgs {
         if let Some(out) = &self.out {
             check_out("--out", out)?;
         }
-        let sessions = session_folders(&self.sessions)?;
+        let (studies, sessions): (Vec<PathBuf>, Vec<PathBuf>) =
+            self.sessions.iter().cloned().partition(|folder| is_study(folder));
+        if self.beside.is_some() && !studies.is_empty() {
+            let study = studies[0].display();
+            return Err(Failure::Usage(format!(
+                "--beside: {study} is a study, which has no second fit; give the folder of a session"
+            )));
+        }
+        let sessions = if sessions.is_empty() { sessions } else { session_folders(&sessions)? };
+        let several = sessions.len() + studies.len() > 1;
+        for study in &studies {
+            let out = self.out_of(study, several).unwrap_or_else(|| study.clone());
+            let page = write_study_report(study, &ResultsFolder::Given(out).open()?)?;
+            writeln!(console.results(), "{}", page.display())?;
+        }
         for session in &sessions {
             let results = ResultsFolder::OfSession(session.clone()).open()?;
             let beside = self.beside.as_deref().map(|beside| second_results(&results, beside)).transpose()?;
-            let out = match (&self.out, session.file_name()) {
-                (None, _) => results.clone(),
-                (Some(out), Some(name)) if sessions.len() > 1 => {
-                    ResultsFolder::Given(out.join(name)).open()?
-                }
-                (Some(out), _) => ResultsFolder::Given(out.clone()).open()?,
+            let out = match self.out_of(session, several) {
+                None => results.clone(),
+                Some(out) => ResultsFolder::Given(out).open()?,
             };
             let page = write_report_to(session, &results, beside.as_ref(), &out, console)?;
             writeln!(console.results(), "{}", page.display())?;
         }
         Ok(())
+    }
+}
+
+impl ReportArgs {
+    /// The folder in `--out` for the report of `folder`: one in it where there are `several` reports.
+    fn out_of(&self, folder: &Path, several: bool) -> Option<PathBuf> {
+        let out = self.out.as_ref()?;
+        let name = folder.file_name().filter(|_| several);
+        Some(name.map_or_else(|| out.clone(), |name| out.join(name)))
     }
 }
 

@@ -95,7 +95,7 @@ fn a_diagnosis_names_the_example_mechanism() {
     let diagnosis = diagnose(&look, &Model::paper(), 1, &|_| {});
     let names = diagnosis.causes.iter().flat_map(|cause| {
         std::iter::once(cause.kind)
-            .chain(cause.alternatives.iter().map(|(kind, _)| *kind))
+            .chain(cause.alternatives.iter().map(|own| own.kind))
             .map(MechanismKind::id)
     });
     let names: Vec<&str> = names.collect();

@@ -40,6 +40,20 @@ pub enum CauseEvidence {
     Outliers(Vec<Outlier>),
 }
 
+/// A mechanism that could be in place of a cause.
+#[derive(Debug, Clone)]
+pub struct AlternativeCause {
+    /// The mechanism.
+    pub kind: MechanismKind,
+    /// Probability that it is the one in this place.
+    pub probability: f64,
+    /// Its parameters, where it takes the place.
+    pub values: Vec<Interval>,
+    /// The fits without and with it; `None` where that pair of models was not compared, or where the mechanism acts on the trials'
+    /// stiffnesses rather than within the trials.
+    pub fits: Option<Box<(Fit, Fit)>>,
+}
+
 /// A cause of misfit.
 #[derive(Debug, Clone)]
 pub struct Cause {
@@ -49,8 +63,8 @@ pub struct Cause {
     pub probability: f64,
     /// Probability of a likelihood ratio at least as large if this cause were not at work and all others of the answer were.
     pub p_value: f64,
-    /// Other mechanisms that could be in place of this one, with their probabilities there.
-    pub alternatives: Vec<(MechanismKind, f64)>,
+    /// Other mechanisms that could be in place of this one, the most probable first.
+    pub alternatives: Vec<AlternativeCause>,
     /// The mechanism's parameters.
     pub values: Vec<Interval>,
     /// Its law beside what the session shows without a law, where a free law acts at its place.

@@ -9,10 +9,8 @@ use super::across_trials::outliers::outliers;
 use super::across_trials::stiffness_table::StiffnessTable;
 use super::applicability::missing;
 use super::base_model::not_described;
-use super::cause::{Cause, CauseEvidence};
-use super::evidence::answer::{
-    AnsweredCause, CauseProbabilities, NAMED_PROBABILITY, answered_causes, most_probable_model,
-};
+use super::cause::{AlternativeCause, Cause, CauseEvidence};
+use super::evidence::answer::{CauseProbabilities, NAMED_PROBABILITY, answered_causes, most_probable_model};
 use super::evidence::found_law::{FoundLaw, LawCheck};
 use super::evidence::model_posterior::ModelPosterior;
 use super::evidence::model_prior::compared;
@@ -57,7 +55,7 @@ pub struct Diagnosis {
     pub probabilities: CauseProbabilities,
     /// The causes, the largest improvement first.
     pub causes: Vec<Cause>,
-    /// Probability of the remaining misfit if the extended model were right.
+    /// Probability of the remaining misfit if the model with the causes were right.
     pub remaining_p_value: f64,
     /// The unknown law that explains the session better than the catalogue, and what else it could be.
     pub free_law: Option<FoundLaw>,
@@ -69,7 +67,7 @@ pub struct Diagnosis {
     pub elastic_limit_law: Option<ElasticLimitLaw>,
     /// The fit of the model as given.
     pub before: Fit,
-    /// The fit of the extended model.
+    /// The fit of the model with the causes.
     pub after: Fit,
     /// Remarks for the reader.
     pub remarks: Vec<String>,
@@ -133,7 +131,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     let (extended, tested) = match single {
         (index, fit, test) if index == best => (fit, (best > 0).then_some(test)),
         _ => {
-            let fit = extended_fit(&search, &models[best]);
+            let fit = fit_with_causes(&search, &models[best]);
             let test = (best > 0).then(|| TestedFit::new(observations, &fit, angle_errors, seed));
             (fit, test)
         }
@@ -223,7 +221,7 @@ fn compared_models<'a>(
     stage("fitting pairs of mechanisms");
     let single = search.best_with(1);
     let best = if search.models[single].log_odds > 0.0 { single } else { 0 };
-    let fit = extended_fit(&search, &search.models[best]);
+    let fit = fit_with_causes(&search, &search.models[best]);
     let tested = TestedFit::new(observations, &fit, &search.prior.angle_errors, seed);
     search.add_pairs(&kinds, tested.p_values.any() < MISFIT_LEVEL);
     stage("looking for trials that do not belong");
@@ -238,7 +236,7 @@ fn compared_models<'a>(
 }
 
 /// The fit of a model, with the deviations of its mechanisms' laws held at their most probable values.
-fn extended_fit(search: &ModelSearch, model: &ComparedModel) -> Fit {
+fn fit_with_causes(search: &ModelSearch, model: &ComparedModel) -> Fit {
     let mut held = model.posterior.fit.model.clone();
     let ranges = held.mechanism_ranges();
     for (added, range) in held.mechanisms.iter_mut().zip(ranges) {
@@ -298,15 +296,41 @@ impl FitChain<'_> {
         let mut so_far = self.fit_of(&models[0]);
         let mut kinds = Vec::new();
         for own in answered {
+            let alternatives = own
+                .alternatives
+                .iter()
+                .map(|other| self.alternative(*other, own.kind, whole, (&kinds, &so_far)));
+            let alternatives = alternatives.collect();
             kinds.push(own.kind);
-            let model = models.iter().find(|model| {
-                model.causes.len() == kinds.len() && kinds.iter().all(|kind| model.causes.contains(kind))
-            });
-            let after = self.fit_of(model.unwrap_or(whole));
-            causes.push(self.cause(own, whole, &so_far, &after));
+            let after = self.fit_of(self.model_of(&kinds).unwrap_or(whole));
+            causes.push(self.cause(own.kind, alternatives, whole, &so_far, &after));
             so_far = after;
         }
         causes
+    }
+
+    /// The model with exactly these causes, if it was compared.
+    fn model_of(&self, kinds: &[MechanismKind]) -> Option<&ComparedModel> {
+        self.search.models.iter().find(|model| {
+            model.causes.len() == kinds.len() && kinds.iter().all(|kind| model.causes.contains(kind))
+        })
+    }
+
+    /// A mechanism that could be in place of the cause `of` of the model `whole`; `before` are the causes added so far, and their fit.
+    fn alternative(
+        &self,
+        (kind, probability): (MechanismKind, f64),
+        of: MechanismKind,
+        whole: &ComparedModel,
+        before: (&[MechanismKind], &Fit),
+    ) -> AlternativeCause {
+        let in_place: Vec<MechanismKind> =
+            whole.causes.iter().map(|own| if *own == of { kind } else { *own }).collect();
+        let values = self.model_of(&in_place).map_or(Vec::new(), |model| model.posterior.intervals(kind));
+        let added: Vec<MechanismKind> = before.0.iter().copied().chain([kind]).collect();
+        let model = self.model_of(&added).filter(|_| kind.evidence() == EvidenceSource::Trace);
+        let fits = model.map(|model| Box::new((before.1.clone(), self.fit_of(model))));
+        AlternativeCause { kind, probability, values, fits }
     }
 
     /// The fit of a model; what acts across the trials is in their parameters.
@@ -316,24 +340,31 @@ impl FitChain<'_> {
         across.fold(fit, |fit, kind| with_effect_in_parameters(self.search.observations(), &fit, *kind))
     }
 
-    fn cause(&self, own: AnsweredCause, whole: &ComparedModel, before: &Fit, after: &Fit) -> Cause {
+    fn cause(
+        &self,
+        kind: MechanismKind,
+        alternatives: Vec<AlternativeCause>,
+        whole: &ComparedModel,
+        before: &Fit,
+        after: &Fit,
+    ) -> Cause {
         let observations = self.search.observations();
         let models = &self.search.models;
         let without = models.iter().find(|model| {
             model.causes.len() + 1 == whole.causes.len()
-                && model.causes.iter().all(|kind| whole.causes.contains(kind) && *kind != own.kind)
+                && model.causes.iter().all(|own| whole.causes.contains(own) && *own != kind)
         });
         let likelihood = |posterior: &ModelPosterior| -posterior.quadratic.cost;
         let chi_square_gain =
             2.0 * (likelihood(&whole.posterior) - without.map_or(0.0, |model| likelihood(&model.posterior)));
-        let fitted = own.kind.parameters().iter().filter(|parameter| parameter.fitted).count().max(1);
-        let evidence = match own.kind.evidence() {
+        let fitted = kind.parameters().iter().filter(|parameter| parameter.fitted).count().max(1);
+        let evidence = match kind.evidence() {
             EvidenceSource::SingleTrials => {
                 CauseEvidence::Outliers(outliers(observations, &whole.posterior.fit, &whole.outliers))
             }
             EvidenceSource::AcrossTrials => {
                 let table = StiffnessTable::new(observations, before, &[]);
-                match table.and_then(|table| covariate_effect_of(observations, before, &table, own.kind)) {
+                match table.and_then(|table| covariate_effect_of(observations, before, &table, kind)) {
                     Some(effect) => CauseEvidence::AcrossTrials(effect),
                     None => self.within(before, after, chi_square_gain),
                 }
@@ -341,12 +372,12 @@ impl FitChain<'_> {
             _ => self.within(before, after, chi_square_gain),
         };
         Cause {
-            kind: own.kind,
-            probability: self.probabilities.of_cause(own.kind),
+            kind,
+            probability: self.probabilities.of_cause(kind),
             p_value: chi_square_tail(chi_square_gain, fitted as f64),
-            alternatives: own.alternatives,
-            values: whole.posterior.intervals(own.kind),
-            law: LawCheck::of(self.search, whole, own.kind),
+            alternatives,
+            values: whole.posterior.intervals(kind),
+            law: LawCheck::of(self.search, whole, kind),
             evidence,
         }
     }

@@ -33,7 +33,7 @@ mod within_trial;
 pub use across_trials::covariate_regression::CovariateEffect;
 pub use across_trials::elastic_limit_law::{ElasticLimitLaw, LimitForm};
 pub use across_trials::outliers::Outlier;
-pub use cause::{Cause, CauseEvidence};
+pub use cause::{AlternativeCause, Cause, CauseEvidence};
 pub use diagnosis::{Diagnosis, Verdict, diagnose};
 pub use evidence::answer::CauseProbabilities;
 pub use evidence::found_law::{FoundLaw, LawCheck};

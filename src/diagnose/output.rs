@@ -4,9 +4,10 @@ use serde_json::{Map, Value, json};
 
 use super::across_trials::covariate_regression::without_effect;
 use super::across_trials::elastic_limit_law::ElasticLimitLaw;
-use super::cause::{Cause, CauseEvidence};
+use super::cause::{AlternativeCause, Cause, CauseEvidence};
 use super::diagnosis::Diagnosis;
 use super::evidence::found_law::{FoundLaw, LawCheck};
+use super::interval::Interval;
 use super::predicted_torque::residuals;
 use super::residual_correlation::residual_by_trial;
 use crate::dataset::Disk;
@@ -14,6 +15,7 @@ use crate::files::Folder;
 use crate::fit::{AddedMechanism, Fit, K_SRS, Model, Observations, ParameterSpec, WriteError, write_files};
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
+use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// Format and version of `diagnosis.json`.
 pub const DIAGNOSIS_FORMAT: &str = "ramphold-diagnosis/1";
@@ -56,13 +58,10 @@ impl Diagnosis {
         entry.insert("probability".into(), json!(cause.probability));
         entry.insert("parameters".into(), parameters(observations, cause));
         entry.insert("p_value".into(), json!(cause.p_value));
-        let ids: Vec<&str> = cause.alternatives.iter().map(|(kind, _)| kind.id()).collect();
+        let ids: Vec<&str> = cause.alternatives.iter().map(|own| own.kind.id()).collect();
         entry.insert("indistinguishable".into(), json!(ids));
-        let alternatives: Vec<Value> = cause
-            .alternatives
-            .iter()
-            .map(|(kind, probability)| json!({ "mechanism": kind.id(), "probability": probability }))
-            .collect();
+        let alternatives: Vec<Value> =
+            cause.alternatives.iter().map(|own| self.alternative(observations, own)).collect();
         entry.insert("alternatives".into(), json!(alternatives));
         entry.insert("law".into(), json!(cause.law.as_ref().map(LawCheck::to_json)));
         match &cause.evidence {
@@ -82,7 +81,8 @@ impl Diagnosis {
                     json!({ "held_out_rmse_ratio": { "value": ratio, "low": null, "high": null },
                             "of": "the trials' k_srs about the other repetitions" }),
                 );
-                entry.insert("parameter_shift".into(), stiffness_shift(observations, &self.before, cause));
+                let shift = stiffness_shift(observations, &self.before, cause.kind, &cause.values);
+                entry.insert("parameter_shift".into(), shift);
             }
             CauseEvidence::Outliers(outliers) => {
                 let trials: Vec<Value> = outliers
@@ -95,6 +95,25 @@ impl Diagnosis {
         }
         Value::Object(entry)
     }
+
+    /// A candidate in place of a cause: what it would be, and how the parameters would change with it.
+    fn alternative(&self, observations: &Observations, own: &AlternativeCause) -> Value {
+        let shift = match &own.fits {
+            Some(fits) => shift(observations, &fits.0, &fits.1),
+            None if own.kind.evidence() == EvidenceSource::AcrossTrials => {
+                stiffness_shift(observations, &self.before, own.kind, &own.values)
+            }
+            None => json!({}),
+        };
+        json!({
+            "mechanism": own.kind.id(),
+            "title": own.kind.title(),
+            "class": own.kind.class(),
+            "probability": own.probability,
+            "parameters": named(own.kind, &own.values),
+            "parameter_shift": shift,
+        })
+    }
 }
 
 /// Parameters of a cause with their 95 % intervals.
@@ -103,42 +122,52 @@ fn parameters(observations: &Observations, cause: &Cause) -> Value {
         let trials: Vec<u32> = outliers.iter().map(|own| observations.trials[own.trial].number).collect();
         return json!({ "trials": { "value": trials } });
     }
-    let named = cause.kind.parameters().iter().zip(&cause.values);
+    named(cause.kind, &cause.values)
+}
+
+/// The values of a mechanism's parameters by their names.
+fn named(kind: MechanismKind, values: &[Interval]) -> Value {
+    let named = kind.parameters().iter().zip(values);
     named.map(|(parameter, own)| (parameter.name.to_string(), json!(own))).collect::<Map<_, _>>().into()
 }
 
-/// Means over trials of k_srs, k_dec, x_e and x_t without and with the added mechanism.
+/// Means over trials of the base parameters and of x_t without and with the added mechanism; `null` where no trial determines it.
 fn shift(observations: &Observations, before: &Fit, after: &Fit) -> Value {
-    let mean = |fit: &Fit, parameter: usize| {
-        fit.parameters.iter().map(|own| own[parameter]).sum::<f64>() / fit.parameters.len() as f64
+    let mean = |all: Vec<f64>| (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
+    let mean_of = |fit: &Fit, parameter: usize| {
+        let determined = (0..fit.parameters.len()).filter(|trial| !fit.at_bound(*trial, parameter));
+        mean(determined.map(|trial| fit.parameters[trial][parameter]).collect())
     };
     let period = |fit: &Fit| {
-        let all: Vec<f64> =
-            (0..fit.parameters.len()).filter_map(|trial| fit.x_t_s(observations, trial)).collect();
-        (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+        mean((0..fit.parameters.len()).filter_map(|trial| fit.x_t_s(observations, trial)).collect())
     };
     let mut entry = Map::new();
-    for parameter in [3, 4, 5] {
-        let (from, to) = (mean(before, parameter), mean(after, parameter));
-        entry.insert(BASE_PARAMETERS[parameter].into(), json!({ "before": from, "after": to }));
+    for (parameter, name) in BASE_PARAMETERS.iter().enumerate() {
+        let (from, to) = (mean_of(before, parameter), mean_of(after, parameter));
+        entry.insert((*name).into(), json!({ "before": from, "after": to }));
     }
     entry.insert("x_t_s".into(), json!({ "before": period(before), "after": period(after) }));
     Value::Object(entry)
 }
 
 /// Mean of k_srs as fitted, and with the effect of the mechanism removed from each trial.
-fn stiffness_shift(observations: &Observations, fit: &Fit, cause: &Cause) -> Value {
+fn stiffness_shift(
+    observations: &Observations,
+    fit: &Fit,
+    kind: MechanismKind,
+    values: &[Interval],
+) -> Value {
     let count = fit.parameters.len() as f64;
-    let values: Vec<f64> = cause.values.iter().map(|own| own.value).collect();
+    let values: Vec<f64> = values.iter().map(|own| own.value).collect();
     let (mut before, mut after) = (0.0, 0.0);
     for (trial, own) in fit.parameters.iter().enumerate() {
         before += own[K_SRS] / count;
-        after += without_effect(observations, fit, trial, cause.kind, &values) / count;
+        after += without_effect(observations, fit, trial, kind, &values) / count;
     }
     json!({ "k_srs_nm_per_rad": { "before": before, "after": after } })
 }
 
-/// Mean residual over time of each condition, with its noise band, before and after the extension.
+/// Mean residual over time of each condition, with its noise band, without and with the added mechanisms.
 fn residual_map(observations: &Observations, before: &Fit, after: &Fit) -> Value {
     let step = observations.samples.div_ceil(50);
     let samples: Vec<usize> = (0..observations.samples).step_by(step).collect();
@@ -176,7 +205,8 @@ fn residual_map(observations: &Observations, before: &Fit, after: &Fit) -> Value
     })
 }
 
-/// Draws the mean residual of each condition over time as a line of block characters, before and after the extension.
+/// Draws the mean residual of each condition over time as a line of block characters, without and with the added
+/// mechanisms.
 pub fn picture(map: &Value) -> String {
     const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let numbers = |value: &Value| -> Vec<f64> {
@@ -189,8 +219,10 @@ pub fn picture(map: &Value) -> String {
         let block = |x: f64| BLOCKS[(((x / largest + 1.0) / 2.0 * 7.0) + 0.5).clamp(0.0, 7.0) as usize];
         values.into_iter().map(block).collect()
     };
-    let mut text =
-        format!("mean residual over the window, full scale +-{:.1} mN m; before | after\n", largest * 1e3);
+    let mut text = format!(
+        "mean residual over the window, full scale +-{:.1} mN m; without | with the added mechanisms\n",
+        largest * 1e3
+    );
     for row in rows {
         let label = row["condition"].as_str().map_or_else(
             || {

@@ -14,7 +14,7 @@ use super::predicted_torque::torques;
 use super::preprocessing::DiagnosisInput;
 use crate::dataset::Session;
 use crate::fit::{
-    ExtensionSearch, Fit, K_SRS, Model, Objective, Observations, ParameterSpec, PreprocessingError,
+    Fit, K_SRS, MechanismSearch, Model, Objective, Observations, ParameterSpec, PreprocessingError,
     PreprocessingSettings, StartingValues, Weighting,
 };
 use crate::protocol::{Protocol, Sweep, ValidProtocol};
@@ -122,7 +122,7 @@ impl CausesInWindow {
         let view = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
         let observations = DiagnosisInput::new(session, view, &Model::paper())?.observations;
         let base = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
-        let search = ExtensionSearch::new(&observations, &base);
+        let search = MechanismSearch::new(&observations, &base);
         let with = |kind: &MechanismKind| {
             let model = Model::paper().with(*kind);
             search.complete(&search.screen(slice::from_ref(&model))).refined(&observations)

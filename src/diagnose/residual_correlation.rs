@@ -20,8 +20,8 @@ const COVARIATES: [Covariate; 6] = [
     ("extensor_emg_mvc", |observations, trial| observations.trials[trial].input.covariates.extensor_emg_mvc),
 ];
 
-/// A row for each trial with its covariates and its root mean square residual before and after the extension, and Spearman's
-/// rank correlation of the residuals with each covariate (`null` where it does not vary).
+/// A row for each trial with its covariates and its root mean square residual without and with the added mechanisms, and
+/// Spearman's rank correlation of the residuals with each covariate (`null` where it does not vary).
 pub fn residual_by_trial(observations: &Observations, before: &Fit, after: &Fit) -> Value {
     let rms = |fit: &Fit| -> Vec<f64> {
         let of = |own: &Vec<f64>| libm::sqrt(own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64);

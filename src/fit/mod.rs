@@ -11,7 +11,7 @@
 //! | `residuals` | predicted torque, covariance of the residuals, objective and whitening |
 //! | `solver` | normal equations in arrowhead form, Levenberg-Marquardt method |
 //! | `fitted` | [`Fit`], its predictions and standard errors, fits that start at its optimum, block subproblems |
-//! | `search` | starting values, multistart, shrinkage, extension by a mechanism |
+//! | `search` | starting values, multistart, shrinkage, starts of an added mechanism |
 //! | `population` | the model of a session: spreads and regression of the trials' parameters, and the fit with it |
 //! | `pipeline` | [`Fit::new`]: all steps for one session |
 //! | `inference` | profile likelihood, parametric bootstrap |
@@ -64,7 +64,7 @@ pub use residuals::input_error::common_input_error_covariance;
 pub use residuals::objective::{Objective, Weighting};
 pub use residuals::prediction::predict;
 pub use residuals::residual_covariance::precision_factors;
-pub use search::extension_search::{ExtensionSearch, ScreenedExtension};
+pub use search::mechanism_search::{MechanismSearch, ScreenedMechanism};
 pub use search::starting_value_search::StartingValueSearch;
 pub use solver::levenberg_marquardt::{ComponentOutcome, Solution, Termination, solve};
 pub use solver::normal_equations::GaussNewtonEquations;

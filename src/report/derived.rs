@@ -61,6 +61,14 @@ impl ElasticWork {
     }
 }
 
+/// Differences of equal values, as a part of them, that come from rounding alone.
+const EQUAL_WITHIN: f64 = 1e-9;
+
+/// Whether `difference` is more than the rounding of values of the size of `value`.
+pub fn is_difference(difference: f64, value: f64) -> bool {
+    difference.abs() > EQUAL_WITHIN * value.abs()
+}
+
 /// Mean and standard deviation of the values that exist; no standard deviation for fewer than two.
 pub fn mean_sd(values: impl IntoIterator<Item = Option<f64>>) -> Option<(f64, Option<f64>)> {
     let values: Vec<f64> = values.into_iter().flatten().filter(|value| value.is_finite()).collect();

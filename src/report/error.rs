@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::dataset::DatasetError;
 use crate::json_file::JsonFileError;
+use crate::study::StudyError;
 
 /// Why a report cannot be written. Missing results are not an error; the report lists them.
 #[derive(Debug, thiserror::Error)]
@@ -12,6 +13,9 @@ pub enum ReportError {
     /// The session cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// The study cannot be read.
+    #[error(transparent)]
+    Study(Box<StudyError>),
     /// A file exists but cannot be read.
     #[error("{}: cannot be read ({source}); make it readable or remove it", path.display())]
     Unreadable {
@@ -42,4 +46,10 @@ pub enum ReportError {
         /// The operating system's reason.
         source: io::Error,
     },
+}
+
+impl From<StudyError> for ReportError {
+    fn from(error: StudyError) -> Self {
+        Self::Study(Box::new(error))
+    }
 }

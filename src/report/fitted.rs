@@ -159,6 +159,15 @@ impl ConditionFit {
     }
 }
 
+impl FittedTrial {
+    /// A quantity of the trial; `None` if the fit has none, or if it ended at its bound, which the data do not determine.
+    pub fn determined(&self, name: &str) -> Option<f64> {
+        let at_bound = format!("{name} ended at its bound");
+        let is_at_bound = self.remarks.iter().any(|remark| remark.starts_with(&at_bound));
+        self.values.get(name).copied().flatten().filter(|_| !is_at_bound)
+    }
+}
+
 impl Fitted {
     /// Largest variance accounted for of any trial; `None` without trials.
     pub fn best_vaf(&self) -> Option<f64> {

@@ -7,13 +7,15 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::belonging::{foreign_diagnosis, foreign_fit};
+use super::bias::Biases;
+use super::diagnosed::Diagnosed;
 use super::error::ReportError;
 use super::fitted::Fitted;
 use super::journal::{SessionTimes, times};
 use super::traces::{Trace, traces};
-use crate::dataset::{self, JOURNAL, Session, SessionCard};
+use crate::dataset::{self, Amendments, JOURNAL, Session, SessionCard};
 use crate::files::{Folder, is_refusal, limits};
-use crate::fit::FIT_FORMAT;
+use crate::fit::{ExcludedTrial, FIT_FORMAT};
 use crate::json_file;
 use crate::protocol::ValidProtocol;
 
@@ -38,8 +40,14 @@ pub struct ReportInput {
     pub traces: Vec<Trace>,
     /// A second fit to lay beside the first, with its name.
     pub beside: Option<(String, Fitted)>,
-    /// The content of `diagnosis.json`.
-    pub diagnosis: Option<Value>,
+    /// The diagnosis.
+    pub diagnosis: Option<Diagnosed>,
+    /// The numbers that it found biased.
+    pub biases: Biases,
+    /// Judgements on trials after the session.
+    pub amendments: Amendments,
+    /// The trials that the analysis leaves out, with the reasons.
+    pub excluded: Vec<ExcludedTrial>,
     /// What is missing from this report, the reasons, and how to get it.
     pub missing: Vec<String>,
 }
@@ -99,8 +107,12 @@ impl ReportInput {
         if !has_results.1 {
             missing.push("There is no diagnosis yet. Run: ramphold diagnose SESSION".into());
         }
-        let traces = traces(&session, fitted.as_ref(), protocol.as_ref(), &mut missing);
+        let (traces, excluded) = traces(&session, fitted.as_ref(), protocol.as_ref(), &mut missing);
+        let diagnosis = diagnosis.as_ref().map(Diagnosed::of);
         Ok(Self {
+            biases: Biases::of(diagnosis.as_ref(), fitted.as_ref()),
+            amendments: Amendments::read(folder)?,
+            excluded,
             session,
             card,
             is_virtual,

@@ -11,6 +11,8 @@ pub struct SessionTimes {
     pub duration_s: f64,
     /// Number of times the session was resumed.
     pub resumed: usize,
+    /// Notes of the operator, with their time, s.
+    pub notes: Vec<(f64, String)>,
     /// Faults and other incidents, with their time, s.
     pub incidents: Vec<(f64, String)>,
     /// Lines that could not be read.
@@ -38,7 +40,7 @@ pub fn times(text: &str, sample_rate_hz: f64) -> SessionTimes {
         let Some(sample) = record["sample"].as_u64() else { continue };
         last_s = last_s.max(sample as f64 / sample_rate_hz);
         if let Some(note) = record["deed"]["noted"]["text"].as_str() {
-            times.incidents.push((before_s + sample as f64 / sample_rate_hz, format!("note: {note}")));
+            times.notes.push((before_s + sample as f64 / sample_rate_hz, note.to_owned()));
         }
         let detail = &record["detail"];
         if detail["began"]["practice"] == false {

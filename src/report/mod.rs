@@ -1,11 +1,14 @@
-//! The report of a session: `report.html`, one file that needs no network, and its figures as SVG.
+//! The report of a session or of a study: `report.html`, one file that needs no network, and its figures as SVG.
 //!
 //! All content comes from the session's folder and its results. A report needs no second fit, and it lists what is
 //! missing. It contains neither time nor machine, so that the same session gives the same bytes.
 
 mod belonging;
+mod bias;
 mod chart;
 mod derived;
+mod diagnosed;
+mod emg;
 mod error;
 mod figure;
 mod figures;
@@ -15,6 +18,7 @@ mod journal;
 mod page;
 mod scale;
 mod sections;
+mod study;
 mod table;
 mod traces;
 
@@ -26,7 +30,10 @@ pub use input::foreign_results;
 
 use crate::dataset::{Disk, Session};
 use crate::files::Folder;
+use crate::study::StudyResults;
 use input::{ReportInput, read_fit};
+use page::PageHead;
+use sections::ReportSection;
 
 /// File name of the page in a results folder.
 pub const REPORT: &str = "report.html";
@@ -71,18 +78,36 @@ pub fn write(
     disk: &Disk,
 ) -> Result<WrittenReport, ReportError> {
     let input = ReportInput::read(folder, results, beside)?;
-    let mut sections = vec![
-        sections::overview(&input),
-        sections::trials(&input),
-        sections::parameters(&input),
-        sections::balance(&input),
-        sections::stiffness(&input),
-        sections::diagnosis(&input),
-        sections::uncertainty(&input),
-    ];
-    if input.beside.is_some() {
-        sections.insert(1, sections::comparison(&input));
-    }
+    let beside = input.beside.is_some().then(|| sections::comparison(&input));
+    let emg = sections::emg(&input);
+    let mut sections = vec![sections::verdict(&input), sections::overview(&input)];
+    sections.extend(beside);
+    sections.extend([sections::trials(&input), sections::parameters(&input)]);
+    sections.extend([sections::balance(&input), sections::stiffness(&input)]);
+    sections.extend(emg);
+    sections.extend([sections::diagnosis(&input), sections::uncertainty(&input)]);
+    let page = write_page(&PageHead::of_session(&input), &sections, out, disk)?;
+    Ok(WrittenReport { missing: input.missing, ..page })
+}
+
+/// Writes the report of the study in `folder` into the folder `out`.
+///
+/// # Errors
+/// If the study is not finished or its files cannot be read, or the report cannot be written.
+pub fn write_study(folder: &Path, out: &Folder, disk: &Disk) -> Result<WrittenReport, ReportError> {
+    let results = StudyResults::read(folder)?;
+    let name = results.name.clone().unwrap_or_else(|| "Study".into());
+    let head = PageHead { title: format!("{name}: report of a study"), heading: name };
+    write_page(&head, &study::sections(&results), out, disk)
+}
+
+/// Writes a page and its figures.
+fn write_page(
+    head: &PageHead,
+    sections: &[ReportSection],
+    out: &Folder,
+    disk: &Disk,
+) -> Result<WrittenReport, ReportError> {
     let at = |path: PathBuf| move |source| ReportError::Unwritable { path, source };
     let figures_folder = out.folder_made(FIGURES).map_err(at(out.path_of(FIGURES)))?;
     let mut figures = 0;
@@ -93,6 +118,6 @@ pub fn write(
         figures += 1;
     }
     let page = out.path_of(REPORT);
-    disk.write(out, REPORT, page::html(&input, &sections).as_bytes()).map_err(at(page.clone()))?;
-    Ok(WrittenReport { page, figures, missing: input.missing })
+    disk.write(out, REPORT, page::html(head, sections).as_bytes()).map_err(at(page.clone()))?;
+    Ok(WrittenReport { page, figures, missing: Vec::new() })
 }

@@ -12,10 +12,27 @@ use crate::dataset::PROGRAM;
 const PAGE_STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
+/// What stands at the head of a page.
+#[derive(Debug)]
+pub struct PageHead {
+    /// Title of the document.
+    pub title: String,
+    /// Heading of the page.
+    pub heading: String,
+}
+
+impl PageHead {
+    /// That of the report of a session.
+    pub fn of_session(input: &ReportInput) -> Self {
+        let subject = &input.session.subject.id;
+        let protocol = input.protocol.as_ref().map_or(String::new(), |own| format!(" · {}", own.name));
+        Self { title: format!("{subject}: ramp-and-hold report"), heading: format!("{subject}{protocol}") }
+    }
+}
+
 /// Combines the sections into the page.
-pub fn html(input: &ReportInput, sections: &[ReportSection]) -> String {
-    let subject = escape(&input.session.subject.id);
-    let protocol = input.protocol.as_ref().map_or(String::new(), |own| format!(" · {}", escape(&own.name)));
+pub fn html(head: &PageHead, sections: &[ReportSection]) -> String {
+    let (title, heading) = (escape(&head.title), escape(&head.heading));
     // Only what is written here is a style or a script of the page. Whatever else a session's texts may bring in is neither.
     let style = format!("\n{}{PAGE_STYLE}", figure::STYLE);
     let script = format!("\n{SCRIPT}");
@@ -28,8 +45,8 @@ pub fn html(input: &ReportInput, sections: &[ReportSection]) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\
          <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\"><meta name=\"color-scheme\" content=\"light dark\">\
-         <meta name=\"generator\" content=\"{PROGRAM}\"><title>{subject}: ramp-and-hold report</title>\
-         <style>{style}</style></head><body><header><h1>{subject}{protocol}</h1>\
+         <meta name=\"generator\" content=\"{PROGRAM}\"><title>{title}</title>\
+         <style>{style}</style></head><body><header><h1>{heading}</h1>\
          <nav aria-label=\"sections\">"
     );
     for section in sections {
@@ -45,7 +62,7 @@ pub fn html(input: &ReportInput, sections: &[ReportSection]) -> String {
         );
     }
     page + &format!(
-        "</main><footer>Written by {PROGRAM}. SI units. The figures are also in the folder figures beside this page. Paper: \
+        "</main><footer>Written by {PROGRAM}. Angles in mrad, times in ms; other units are SI. The figures are also in the folder figures beside this page. Paper: \
          E. de Vlugt et al., Short range stiffness elastic limit depends on joint velocity, 2011.</footer>\
          <script>{script}</script></body></html>\n"
     )

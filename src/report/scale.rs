@@ -46,6 +46,11 @@ impl Axis {
         Self::new(label, low, high)
     }
 
+    /// From zero to the largest of `values`, which are not negative, with a little room.
+    pub fn from_zero(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
+        Self { low: 0.0, ..Self::around(label, values.into_iter().chain([0.0])) }
+    }
+
     /// Where its ticks are.
     pub fn ticks(&self) -> Vec<f64> {
         let step = step(self.high - self.low);
@@ -104,6 +109,11 @@ pub fn significant(value: f64, digits: i32) -> String {
     minus(&format!("{:.*}", (digits - 1 - power).max(0) as usize, value))
 }
 
+/// A p-value with its sign: `= 0.034`, or `< 0.0001` where more digits say nothing.
+pub fn p_value(p: f64) -> String {
+    if p < 1e-4 { "< 0.0001".into() } else { format!("= {}", significant(p, 2)) }
+}
+
 /// A time in ms, without digits that say nothing.
 pub fn milliseconds(seconds: f64) -> String {
     let rounded = (seconds * 1e5).round() / 100.0;
@@ -156,6 +166,13 @@ mod tests {
         for axis in [Axis::around("x", [3.0]), Axis::around("x", [f64::NAN]), Axis::around("x", [0.0, 0.0])] {
             assert!(axis.high > axis.low && axis.ticks().len() >= 2, "{axis:?}");
         }
+    }
+
+    #[test]
+    fn an_axis_from_zero_has_no_room_below_it() {
+        let axis = Axis::from_zero("subjects in each group", [3.0, 40.0]);
+        assert!(axis.low == 0.0 && axis.high >= 40.0, "{axis:?}");
+        assert!(Axis::around("subjects", [0.0, 3.0, 40.0]).low < 0.0, "the other kind has");
     }
 
     #[test]

@@ -4,6 +4,9 @@ use std::fmt::Write;
 
 use super::scale::{escape, significant, with_spread};
 
+/// Largest number of columns that fit on a sheet of A4 at the size of other tables.
+const WIDE: usize = 8;
+
 /// A cell.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
@@ -24,6 +27,8 @@ pub struct HtmlTable {
     pub head: Vec<String>,
     /// Rows.
     pub rows: Vec<Vec<Cell>>,
+    /// What stands below it.
+    pub note: Option<String>,
 }
 
 impl Cell {
@@ -37,17 +42,19 @@ impl Cell {
         Self::Number(value.map_or("–".into(), |value| significant(value, digits)))
     }
 
-    fn html(&self) -> String {
+    /// As a cell of the table; `head` stands before it on a narrow screen, where each row is a list.
+    fn html(&self, head: &str) -> String {
+        let head = format!(" data-head=\"{}\"", escape(head));
         match self {
-            Self::Text(text) => format!("<td class=\"words\">{}</td>", escape(text)),
-            Self::Number(text) => format!("<td>{}</td>", escape(text)),
-            Self::Spread(None, _) => "<td data-tsv=\"\t\">–</td>".into(),
+            Self::Text(text) => format!("<td class=\"words\"{head}>{}</td>", escape(text)),
+            Self::Number(text) => format!("<td{head}>{}</td>", escape(text)),
+            Self::Spread(None, _) => format!("<td{head} data-tsv=\"\t\">–</td>"),
             Self::Spread(Some(mean), None) => {
-                format!("<td data-tsv=\"{mean}\t\">{}</td>", significant(*mean, 3))
+                format!("<td{head} data-tsv=\"{mean}\t\">{}</td>", significant(*mean, 3))
             }
             Self::Spread(Some(mean), Some(sd)) => {
                 let (shown, spread) = with_spread(*mean, *sd);
-                format!("<td data-tsv=\"{mean}\t{sd}\">{shown}&nbsp;±&nbsp;{spread}</td>")
+                format!("<td{head} data-tsv=\"{mean}\t{sd}\">{shown}&nbsp;±&nbsp;{spread}</td>")
             }
         }
     }
@@ -60,8 +67,9 @@ impl HtmlTable {
             |column: usize| self.rows.iter().any(|row| matches!(row.get(column), Some(Cell::Spread(..))));
         let mut html = format!(
             "<div class=\"table\"><div class=\"bar\"><span>{}</span><button type=\"button\" class=\"copy\">copy</button></div>\
-             <div class=\"scroll\" tabindex=\"0\"><table><thead><tr>",
-            escape(&self.caption)
+             <div class=\"scroll\" tabindex=\"0\"><table{}><thead><tr>",
+            escape(&self.caption),
+            if self.head.len() > WIDE { " class=\"wide\"" } else { "" }
         );
         for (column, name) in self.head.iter().enumerate() {
             let name = escape(name);
@@ -74,12 +82,16 @@ impl HtmlTable {
         html += "</tr></thead><tbody>";
         for row in &self.rows {
             html += "<tr>";
-            for cell in row {
-                html += &cell.html();
+            for (cell, head) in row.iter().zip(&self.head) {
+                html += &cell.html(head);
             }
             html += "</tr>";
         }
-        html + "</tbody></table></div></div>"
+        html += "</tbody></table></div>";
+        if let Some(note) = &self.note {
+            let _ = write!(html, "<p class=\"note\">{}</p>", escape(note));
+        }
+        html + "</div>"
     }
 }
 
@@ -93,9 +105,11 @@ mod tests {
             caption: "<values>".into(),
             head: vec!["condition".into(), "x_e (mrad)".into()],
             rows: vec![vec![Cell::text("a\tb"), Cell::Spread(Some(15.512), Some(0.98))]],
+            note: Some("† biased".into()),
         };
         let html = table.html();
         assert!(html.contains("data-tsv=\"15.512\t0.98\">15.51&nbsp;±&nbsp;0.98"), "{html}");
         assert!(html.contains("data-tsv=\"x_e (mrad)\t± x_e (mrad)\"") && html.contains("&lt;values&gt;"));
+        assert!(html.contains("data-head=\"x_e (mrad)\"") && html.contains("<p class=\"note\">† biased</p>"));
     }
 }

@@ -2,16 +2,17 @@
 
 use rayon::prelude::*;
 
+use super::emg::{TrialEmg, find_onsets, trial_emg};
 use super::fitted::{Fitted, FittedTrial};
 use crate::dataset::{Session, Status};
-use crate::fit::{Model, Observations, PreprocessingSettings, TrialObservation};
+use crate::fit::{ExcludedTrial, Model, Observations, PreprocessingSettings, TrialObservation};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
 use crate::wrist::{self, SimulatedTorque, SimulationSettings, TraceSample, simulate, substeps};
 
 /// The measured and fitted traces of a trial. Torques and angles are changes from the hold, turned so that the
 /// ramp is positive, as in section 2.4 of the paper.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Trace {
     /// Its number.
     pub number: u32,
@@ -35,6 +36,8 @@ pub struct Trace {
     pub residual_nm: Vec<f64>,
     /// The fit of the trial.
     pub fit: Option<FittedTrial>,
+    /// Its EMG, where it was measured.
+    pub emg: Option<TrialEmg>,
 }
 
 /// Number of points of the whole record that are drawn.
@@ -43,13 +46,13 @@ const WHOLE_POINTS: usize = 360;
 /// Part of the record that is drawn before and after the onset, s.
 const WHOLE_S: (f64, f64) = (0.6, 0.5);
 
-/// The traces of all trials that can be analysed, by condition and repetition.
+/// The traces of all trials that can be analysed, by condition and repetition; and the trials that cannot, with the reasons.
 pub fn traces(
     session: &Session,
     fitted: Option<&Fitted>,
     protocol: Option<&ValidProtocol>,
     missing: &mut Vec<String>,
-) -> Vec<Trace> {
+) -> (Vec<Trace>, Vec<ExcludedTrial>) {
     let view = match (fitted, protocol) {
         (Some(fitted), _) => PreprocessingSettings {
             window_s: fitted.settings.window_s,
@@ -64,7 +67,7 @@ pub fn traces(
         Ok(prepared) => prepared,
         Err(error) => {
             missing.push(format!("No trial can be drawn: {error}."));
-            return Vec::new();
+            return Default::default();
         }
     };
     for left in &prepared.excluded_trials {
@@ -72,8 +75,9 @@ pub fn traces(
     }
     let fitted_model = fitted.and_then(|fitted| Some((fitted, fitted.model()?)));
     let fit = fitted_model.as_ref().map(|(fitted, model)| (*fitted, model));
-    let traces: Vec<Trace> =
+    let mut traces: Vec<Trace> =
         prepared.trials.par_iter().map(|trial| one(session, &prepared, trial, fitted, fit)).collect();
+    find_onsets(&mut traces.iter_mut().filter_map(|trace| trace.emg.as_mut()).collect::<Vec<_>>());
     let bare = traces.iter().filter(|trace| trace.instants.is_empty()).count();
     if fitted.is_some() && bare > 0 {
         missing.push(format!(
@@ -81,7 +85,7 @@ pub fn traces(
             traces.len()
         ));
     }
-    traces
+    (traces, prepared.excluded_trials)
 }
 
 fn one(
@@ -123,12 +127,7 @@ fn recorded(session: &Session, prepared: &Observations, trial: &TrialObservation
         velocity_rad_s: trial.velocity_rad_s,
         torque_nm: trial.torque_nm,
         repetition: trial.repetition,
-        whole: Vec::new(),
-        near: Vec::new(),
-        fitted_nm: Vec::new(),
-        instants: Vec::new(),
-        residual_nm: Vec::new(),
-        fit: None,
+        ..Trace::default()
     };
     let of_session = |own: &&crate::dataset::Trial| own.number == trial.number && own.status == Status::Ok;
     let Some(own) = session.trials.iter().find(of_session) else { return trace };
@@ -141,6 +140,7 @@ fn recorded(session: &Session, prepared: &Observations, trial: &TrialObservation
         let last = (onset + to_s / prepared.period_s).max(0.0) as usize;
         first..(last + 1).min(torque.len())
     };
+    trace.emg = trial_emg(record, onset.max(0.0) as usize, trial.velocity_rad_s, prepared.period_s);
     let whole = between(-WHOLE_S.0, WHOLE_S.1);
     let stride = whole.len().div_ceil(WHOLE_POINTS).max(1);
     trace.whole = whole.step_by(stride).map(|i| (time_s(i), record.theta_m_rad[i], torque[i])).collect();

@@ -17,6 +17,18 @@ use crate::statistics::{MeanCovariance, MeanVariance};
 /// Largest number of issues that are listed one by one; all are counted.
 const LISTED_ISSUES: usize = 100;
 
+/// Largest number of subjects whose own means are kept: as many curves as a figure can show.
+const KEPT_INDIVIDUALS: u64 = 60;
+
+/// Means of a subject in the cells of the design.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SubjectMeans {
+    /// The subject's identifier.
+    pub subject: String,
+    /// The means.
+    pub cells: CellMeans,
+}
+
 /// Summary of all subjects, from which the tables are computed.
 #[derive(Debug, Clone)]
 pub struct StudySummary {
@@ -34,6 +46,8 @@ pub struct StudySummary {
     pub cells: Vec<Vec<MeanVariance>>,
     /// By quantity: means and covariance of the session means, over the subjects who have all cells in all sessions.
     pub by_session: Vec<MeanCovariance>,
+    /// Means of single subjects: of all, or of some that are spread evenly over the table.
+    pub individuals: Vec<SubjectMeans>,
     /// Issues that keep subjects out of tables; at most the first hundred.
     pub issues: Vec<StudyIssue>,
     /// Number of all issues.
@@ -112,10 +126,12 @@ pub fn summarise(
         }
     }
     // The set of conditions that most subjects have; of equally frequent sets the largest.
+    let subjects: u64 = designs.values().sum();
     let commonest = designs.into_iter().max_by_key(|(conditions, subjects)| (*subjects, conditions.len()));
     let conditions = commonest.map_or(Vec::new(), |(conditions, _)| conditions);
     let grid = ConditionGrid::of(conditions.into_iter().map(|(v, t)| (f64::from_bits(v), f64::from_bits(t))));
     let mut summary = StudySummary::new(grid, sessions, issues, measured);
+    let stride = subjects.div_ceil(KEPT_INDIVIDUALS).max(1);
     // Values of both fits do not belong in one table.
     let left_out: HashSet<(String, u32)> =
         if has_session_fits { independent.into_iter().collect() } else { HashSet::new() };
@@ -140,7 +156,7 @@ pub fn summarise(
         if subject.rows.is_empty() {
             continue;
         }
-        summary.add(&subject);
+        summary.add(&subject, stride);
     }
     let subjects = summary.complete.iter().map(MeanCovariance::count).max().unwrap_or(0);
     if subjects < 2 {
@@ -165,6 +181,7 @@ impl StudySummary {
             measured,
             subjects: 0,
             sessions,
+            individuals: Vec::new(),
             issue_count: issues.len() as u64,
             issues,
         }
@@ -177,7 +194,8 @@ impl StudySummary {
         }
     }
 
-    fn add(&mut self, subject: &SubjectRows) {
+    /// Adds a subject; the means of each `stride`-th are kept.
+    fn add(&mut self, subject: &SubjectRows, stride: u64) {
         let cells = match CellMeans::of(subject.rows.iter(), &self.grid.conditions) {
             Ok(cells) => cells,
             Err((velocity, torque)) => {
@@ -187,6 +205,9 @@ impl StudySummary {
                 return self.report(StudyIssue::OtherProtocol { subject, difference });
             }
         };
+        if self.subjects.is_multiple_of(stride) {
+            self.individuals.push(SubjectMeans { subject: subject.subject.clone(), cells: cells.clone() });
+        }
         self.subjects += 1;
         for (quantity, of_cells) in self.cells.iter_mut().enumerate() {
             for (cell, sample) in of_cells.iter_mut().enumerate() {

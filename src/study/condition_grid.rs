@@ -45,6 +45,11 @@ impl ConditionGrid {
         (0..self.conditions.len()).map(|cell| of_level(level(cell)) / other).collect()
     }
 
+    /// Weights of the cells for the mean at one level of a factor, velocity (0) or torque (1), over the levels of the other.
+    pub fn level_weights(&self, factor: usize, level: usize) -> Vec<f64> {
+        self.weights(factor, |own| f64::from(u8::from(own == level)))
+    }
+
     /// Weights of the cells for slope and intercept of the regression on a factor, averaged over the other factor. `None` if the factor
     /// has one level.
     pub fn trend_weights(&self, factor: usize) -> Option<[Vec<f64>; 2]> {

@@ -16,10 +16,11 @@ mod result_tables;
 mod simulated_pool;
 mod study_file;
 mod study_folder;
+mod study_results;
 mod table_reader;
 mod unit_session;
 
-pub use aggregation::{StudySummary, TableOrigin, assemble_table, summarise};
+pub use aggregation::{StudySummary, SubjectMeans, TableOrigin, assemble_table, summarise};
 pub use condition_grid::ConditionGrid;
 pub use error::{PartError, StudyError, StudyIssue, UnitError};
 pub use part::{PARTS_FOLDER, PartContents, StudyPart};
@@ -31,6 +32,7 @@ pub use study_file::{
     MeasuredSessions, STUDY_FORMAT, StudyFile, StudyFit, Subjects, VirtualSubjects, schema_text,
 };
 pub use study_folder::{StudyFolder, tables_from_csv};
+pub use study_results::{StudyResults, is_study};
 pub use table_reader::{CellMeans, StudyRow, StudyTableReader, SubjectRows};
 pub use unit_session::{SessionStorage, UnitEstimates, fit_unit, simulate_unit};
 

@@ -92,8 +92,9 @@ impl StudyFolder {
         };
         let summary = summarise(&self.path.join("study.csv"), TableOrigin::ThisProgram, is_excluded, issues)?;
         let tables = ResultTables::of(&summary);
-        let about = json!({ "name": study.name, "seed": study.seed, "weighting": study.weighting, "fit": study.fit, "units": study.units() });
-        write(&self.path, &summary, &tables, &about)?;
+        let about = json!({ "name": study.name, "seed": study.seed, "weighting": study.weighting, "fit": study.fit, "units": study.units(),
+            "virtual": study.protocol().is_some() });
+        write(&self.path, &summary, &tables, &about, &excluded)?;
         Ok((summary, tables))
     }
 }
@@ -103,7 +104,10 @@ pub fn tables_from_csv(table: &Path, folder: &Path) -> Result<(StudySummary, Res
     let summary = summarise(table, TableOrigin::External, |_, _| false, Vec::new())?;
     let tables = ResultTables::of(&summary);
     let is_taken = |name: &str| files::exists(&folder.join(name));
-    if is_taken("study.json") || tables.files.iter().any(|table| is_taken(table.name)) {
+    if is_taken("study.json")
+        || is_taken("study.csv")
+        || tables.files.iter().any(|table| is_taken(table.name))
+    {
         return Err(StudyError::Folder {
             folder: folder.to_owned(),
             found: "contains the tables of a study".to_owned(),
@@ -111,8 +115,20 @@ pub fn tables_from_csv(table: &Path, folder: &Path) -> Result<(StudySummary, Res
         });
     }
     files::make_folders(folder).map_err(StudyError::at(folder))?;
-    write(folder, &summary, &tables, &json!({}))?;
+    copy_table(table, folder)?;
+    write(folder, &summary, &tables, &json!({}), &[])?;
     Ok((summary, tables))
+}
+
+/// Copies the table beside the tables that are made of it, so that the folder holds all that its report shows.
+fn copy_table(table: &Path, folder: &Path) -> Result<(), StudyError> {
+    let path = folder.join("study.csv");
+    let copy = || {
+        let mut file = Folder::open(folder)?.begin_file("study.csv")?;
+        std::io::copy(&mut files::open(table)?, file.file())?;
+        file.finish()
+    };
+    copy().map_err(StudyError::at(&path))
 }
 
 /// Whether a file belongs to a study whose plan is still being written.
@@ -137,6 +153,7 @@ fn write(
     summary: &StudySummary,
     tables: &ResultTables,
     about: &Value,
+    excluded: &[(String, u32)],
 ) -> Result<(), StudyError> {
     for table in &tables.files {
         let path = folder.join(table.name);
@@ -158,6 +175,7 @@ fn write(
         "persons_with_all_conditions": complete,
         "velocities_rad_s": summary.grid.velocities_rad_s,
         "torques_nm": summary.grid.torques_nm,
+        "excluded_sessions": excluded,
         "problem_count": summary.issue_count,
         "problems": issues,
     });

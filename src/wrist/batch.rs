@@ -2,7 +2,7 @@
 
 use super::history::History;
 use super::integrate::{CorrectedInput, HermiteSegment, Integrator, MotorInput, RecordedInput};
-use super::mechanics::{Extension, Kinematics, Mechanics, NoExtension};
+use super::mechanics::{AddedDynamics, Kinematics, Mechanics, NoAddedDynamics};
 use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
 use super::motion::{corrected_motion, gather};
 use super::plant::{BASE_PARAMETERS, Plant};
@@ -104,7 +104,7 @@ fn base<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: &mut SimulatedT
             batch,
             response,
             &mechanics,
-            &NoExtension,
+            &NoAddedDynamics,
             &RecordedInput(HermiteSegment::new(from, to, batch.settings.period_s)),
         );
         from = to;
@@ -131,10 +131,10 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: 
     let has_states = states > 0;
     let mut run = Run::<T>::new(batch, slots);
     while run.sample < run.samples {
-        let extension =
+        let added_dynamics =
             ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
         let segment = HermiteSegment::new(motion[run.sample], motion[run.sample + 1], settings.period_s);
-        run.step(batch, response, &mechanics, &extension, &CorrectedInput(segment));
+        run.step(batch, response, &mechanics, &added_dynamics, &CorrectedInput(segment));
         if has_states {
             let (added, rates) = run.integrator.sampled();
             history.push(added, rates);
@@ -170,19 +170,19 @@ impl<T: Number> Run<T> {
 
     /// Stores the torque of the present sample and integrates to the next.
     #[inline(always)]
-    fn step<C: DerivativeStructure<T>, X: Extension<T>, D: MotorInput<T>>(
+    fn step<C: DerivativeStructure<T>, X: AddedDynamics<T>, D: MotorInput<T>>(
         &mut self,
         batch: &Batch,
         response: &mut SimulatedTorque,
         mechanics: &Mechanics<T, C>,
-        extension: &X,
+        added_dynamics: &X,
         input: &D,
     ) {
         let settings = batch.settings;
         let time_s = self.start_s + self.sample as f64 * settings.period_s;
         let mut torque = self.integrator.advance(
             mechanics,
-            extension,
+            added_dynamics,
             input,
             time_s,
             settings.period_s,

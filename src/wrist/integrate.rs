@@ -1,6 +1,6 @@
 //! Fourth-order Runge-Kutta through the motor's motion between two samples.
 
-use super::mechanics::{Extension, Kinematics, Mechanics, State, Torques};
+use super::mechanics::{AddedDynamics, Kinematics, Mechanics, State, Torques};
 use super::mechanisms::MAX_ADDED_STATES;
 use super::plant::Lever;
 use super::sparse_coefficient::DerivativeStructure;
@@ -117,16 +117,17 @@ impl<T: Number> Integrator<T> {
     }
 
     /// The torques at the present state, with the motor at `motor`, `time_s` after the onset; and the rates of the state.
-    pub fn torques<C: DerivativeStructure<T>, X: Extension<T>>(
+    pub fn torques<C: DerivativeStructure<T>, X: AddedDynamics<T>>(
         &self,
         mechanics: &Mechanics<T, C>,
-        extension: &X,
+        added_dynamics: &X,
         motor: Kinematics<T>,
         time_s: f64,
     ) -> (Torques<T>, State<T>) {
         let (mut rates, mut added_rates) = (State::rest(), [T::constant(0.0); MAX_ADDED_STATES]);
         let ExtendedState { base, added } = &self.state;
-        let torques = mechanics.rates(extension, base, added, motor, time_s, &mut rates, &mut added_rates);
+        let torques =
+            mechanics.rates(added_dynamics, base, added, motor, time_s, &mut rates, &mut added_rates);
         (torques, rates)
     }
 
@@ -136,12 +137,12 @@ impl<T: Number> Integrator<T> {
     /// the model's equations once.
     ///
     /// # Panics
-    /// If the extension adds more than [`MAX_ADDED_STATES`] states: a mechanism is switched on more than once.
+    /// If the added dynamics have more than [`MAX_ADDED_STATES`] states: a mechanism is switched on more than once.
     #[inline(always)]
-    pub fn advance<C: DerivativeStructure<T>, X: Extension<T>, D: MotorInput<T>>(
+    pub fn advance<C: DerivativeStructure<T>, X: AddedDynamics<T>, D: MotorInput<T>>(
         &mut self,
         mechanics: &Mechanics<T, C>,
-        extension: &X,
+        added_dynamics: &X,
         input: &D,
         start_s: f64,
         period_s: f64,
@@ -149,7 +150,7 @@ impl<T: Number> Integrator<T> {
     ) -> T {
         let Self { state, sampled: [first, first_rates], begin, at, rates } = self;
         let step = period_s / substeps as f64;
-        let count = extension.state_count();
+        let count = added_dynamics.state_count();
         assert!(
             count <= MAX_ADDED_STATES,
             "the mechanisms add too many states; each may be switched on once"
@@ -162,7 +163,7 @@ impl<T: Number> Integrator<T> {
             let (substep, stage) = (evaluation / STAGES.len(), evaluation % STAGES.len());
             let u = (substep as f64 + STAGES[stage].0) / substeps as f64;
             let torques = mechanics.rates(
-                extension,
+                added_dynamics,
                 &at.base,
                 &at.added,
                 input.at(u),

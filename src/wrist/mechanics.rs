@@ -143,9 +143,9 @@ impl<T: Number, C: DerivativeStructure<T>> Mechanics<T, C> {
     /// `added_rates`. `rates` must be at rest before the first call. `time_s` counts from the onset.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]
-    pub fn rates<X: Extension<T>>(
+    pub fn rates<X: AddedDynamics<T>>(
         &self,
-        extension: &X,
+        added_dynamics: &X,
         state: &State<T>,
         added: &[T],
         motor: Kinematics<T>,
@@ -168,7 +168,7 @@ impl<T: Number, C: DerivativeStructure<T>> Mechanics<T, C> {
         let mut torques = Torques { lever: lever_torque, interface, joint, beyond, measured: lever_torque };
         if X::ACTIVE {
             let context = Context { plant: &self.plant, state, handle, time_s };
-            extension.add_torques(&context, added, &mut torques, added_rates);
+            added_dynamics.add_torques(&context, added, &mut torques, added_rates);
         }
         rates.omega_j = self.inverse_joint_inertia.multiply(torques.interface - torques.joint); // Eq. 4
         rates.theta_j = state.omega_j;
@@ -180,7 +180,7 @@ impl<T: Number, C: DerivativeStructure<T>> Mechanics<T, C> {
         }
         torques.measured = torques.lever;
         if X::ACTIVE {
-            torques.measured = extension.alter_measurement(added, time_s, torques.lever, added_rates);
+            torques.measured = added_dynamics.alter_measurement(added, time_s, torques.lever, added_rates);
         }
         torques
     }
@@ -199,7 +199,7 @@ pub struct Context<'a, T> {
 }
 
 /// What is added to the base model in every evaluation of the equations.
-pub trait Extension<T: Number> {
+pub trait AddedDynamics<T: Number> {
     /// Whether anything is added.
     const ACTIVE: bool;
 
@@ -214,9 +214,9 @@ pub trait Extension<T: Number> {
 }
 
 /// The base model: nothing is added.
-pub struct NoExtension;
+pub struct NoAddedDynamics;
 
-impl<T: Number> Extension<T> for NoExtension {
+impl<T: Number> AddedDynamics<T> for NoAddedDynamics {
     const ACTIVE: bool = false;
 
     #[inline(always)]

@@ -24,7 +24,7 @@ pub use history::History;
 pub use integrate::{
     CorrectedInput, HermiteSegment, Integrator, LONGEST_STEP, MotorInput, RecordedInput, substeps,
 };
-pub use mechanics::{Context, Extension, Kinematics, Mechanics, NoExtension, State, Torques};
+pub use mechanics::{AddedDynamics, Context, Kinematics, Mechanics, NoAddedDynamics, State, Torques};
 pub use motion::{Smoothing, motor_motion, servo_response};
 pub use plant::{
     BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, LeverCoefficients, Plant, YIELD_SMOOTHNESS_PER_NM,

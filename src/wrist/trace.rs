@@ -3,7 +3,7 @@
 use super::batch::{Batch, motion};
 use super::history::History;
 use super::integrate::{CorrectedInput, HermiteSegment, Integrator};
-use super::mechanics::{Extension, Kinematics, Mechanics, State, Torques};
+use super::mechanics::{AddedDynamics, Kinematics, Mechanics, State, Torques};
 use super::mechanisms::ActiveMechanisms;
 use super::plant::{BASE_PARAMETERS, Plant};
 use super::simulation::{SimulationSettings, TrialInput};
@@ -51,32 +51,39 @@ pub fn trace(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f6
     let mut instants = Vec::with_capacity(settings.samples);
     for sample in 0..settings.lead_samples + settings.samples {
         let time_s = start_s + sample as f64 * settings.period_s;
-        let extension = ActiveMechanisms {
+        let added_dynamics = ActiveMechanisms {
             kinds: settings.kinds,
             parameters: added,
             trial: &trial.covariates,
             history: &history,
         };
         if sample >= settings.lead_samples {
-            instants.push(instant(&mechanics, &extension, &integrator, motion[sample], time_s));
+            instants.push(instant(&mechanics, &added_dynamics, &integrator, motion[sample], time_s));
         }
         let segment =
             CorrectedInput(HermiteSegment::new(motion[sample], motion[sample + 1], settings.period_s));
-        integrator.advance(&mechanics, &extension, &segment, time_s, settings.period_s, settings.substeps);
+        integrator.advance(
+            &mechanics,
+            &added_dynamics,
+            &segment,
+            time_s,
+            settings.period_s,
+            settings.substeps,
+        );
         let (added, rates) = integrator.sampled();
         history.push(added, rates);
     }
     instants
 }
 
-fn instant<X: Extension<f64>>(
+fn instant<X: AddedDynamics<f64>>(
     mechanics: &Mechanics<f64>,
-    extension: &X,
+    added_dynamics: &X,
     integrator: &Integrator<f64>,
     motor: Kinematics<f64>,
     time_s: f64,
 ) -> TraceSample {
-    let (torques, rates) = integrator.torques(mechanics, extension, motor, time_s);
+    let (torques, rates) = integrator.torques(mechanics, added_dynamics, motor, time_s);
     let state = integrator.state();
     TraceSample {
         time_s,

@@ -66,7 +66,7 @@ fn a_study_has_the_rows_of_its_sessions_fits() {
     let workspace = Workspace::with_study(3);
     let output = workspace.succeed(&["cohort", "study.json", "--seed", "7", "--out", "out", "--keep"]);
     let stdout = String::from_utf8(output.stdout).unwrap();
-    assert!(stdout.contains("3 persons, 2 velocities x 2 torques"), "{stdout}");
+    assert!(stdout.contains("3 subjects, 2 velocities x 2 torques"), "{stdout}");
     let table = fs::read_to_string(workspace.path("out/study.csv")).unwrap();
     let mut rows: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for line in table.lines().skip(1) {
@@ -148,6 +148,41 @@ fn a_study_has_the_same_bytes_whatever_the_threads_the_interruptions_and_the_ord
     workspace.refuse(2, &["cohort", "one/study.csv", "--out", "again"], &["contains the tables"]);
 }
 
+#[test]
+fn a_study_ends_with_a_page_which_report_makes_again() {
+    let workspace = Workspace::with_study(3);
+    workspace.succeed(&["cohort", "study.json", "--seed", "7", "--out", "out"]);
+    let page = fs::read_to_string(workspace.path("out/report.html")).unwrap();
+    for part in [
+        "What the study found",
+        "Every session and every subject is in the tables.",
+        "partial η²",
+        "k_srs by torque, mean over velocities",
+        "k_srs by velocity, mean over torques",
+        "By condition: mean ± SD over subjects",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    let figure = fs::read_to_string(workspace.path("out/figures/study-k-srs.svg")).unwrap();
+    assert_eq!(figure.matches("class=\"line thin").count(), 2 * 3, "a curve for each subject in both panels");
+    fs::remove_file(workspace.path("out/report.html")).unwrap();
+    let told = String::from_utf8(workspace.succeed(&["report", "out"]).stdout).unwrap();
+    assert_eq!(told, "out/report.html\n");
+    assert!(fs::read_to_string(workspace.path("out/report.html")).unwrap() == page);
+
+    // From the table alone, the same means.
+    workspace.succeed(&["cohort", "out/study.csv", "--out", "again"]);
+    let again = fs::read_to_string(workspace.path("again/report.html")).unwrap();
+    let means = |page: &str| {
+        page.split("<section id=\"means\">").nth(1).unwrap().split("</section>").next().unwrap().to_owned()
+    };
+    assert!(means(&again) == means(&page));
+
+    workspace.refuse(2, &["report", "out", "--beside", "x"], &["--beside", "is a study"]);
+    fs::remove_file(workspace.path("out/study.json")).unwrap();
+    workspace.refuse(2, &["report", "out"], &["not finished", "--resume"]);
+}
+
 /// A workspace with three measured sessions in `measured`.
 fn measured() -> Workspace {
     let workspace = Workspace::with_study(1);
@@ -216,6 +251,11 @@ fn a_person_who_was_measured_otherwise_or_twice_is_in_study_csv_and_in_no_other_
     let table = fs::read_to_string(workspace.path("out/study.csv")).unwrap();
     assert_eq!(table.lines().filter(|line| line.starts_with("S04,")).count(), 8);
     assert_eq!(table.lines().filter(|line| line.starts_with("S01,")).count(), 16);
+    let page = fs::read_to_string(workspace.path("out/report.html")).unwrap();
+    assert!(
+        page.contains("S04: measured with another protocol") && page.contains("S01: appears twice"),
+        "the page says why"
+    );
     let means = fs::read_to_string(workspace.path("out/means.csv")).unwrap();
     assert!(means.contains("k_srs_nm_per_rad,1.3,0.9,3,"), "{means}");
 
@@ -228,7 +268,7 @@ fn a_person_who_was_measured_otherwise_or_twice_is_in_study_csv_and_in_no_other_
         }),
     );
     let output = workspace.succeed(&["cohort", "study.json", "--seed", "1", "--out", "retest"]);
-    assert!(String::from_utf8(output.stdout).unwrap().starts_with("2 persons"));
+    assert!(String::from_utf8(output.stdout).unwrap().starts_with("2 subjects"));
     assert!(workspace.path("retest/reliability.csv").exists());
 }
 
@@ -303,10 +343,23 @@ fn power_writes_curves_as_table_and_figure_the_same_every_time() {
         ]
     };
     let output = workspace.succeed(&arguments("one"));
-    assert!(String::from_utf8(output.stdout).unwrap().contains("2 repetitions: power 0.8 takes"));
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        told.contains("2 repetitions: power 0.8 takes") && told.contains("subjects in each group"),
+        "{told}"
+    );
     let table = fs::read_to_string(workspace.path("one/power.csv")).unwrap();
     assert_eq!(table.lines().count(), 5, "{table}");
-    assert!(fs::read_to_string(workspace.path("one/power.svg")).unwrap().starts_with("<svg"));
+    let figure = fs::read_to_string(workspace.path("one/power.svg")).unwrap();
+    assert!(figure.starts_with("<svg") && figure.contains(">subjects in each group</text>"));
+    // Both axes begin at zero, with nothing before it.
+    let numbers = figure.split("class=\"tick\"").skip(1).map(|own| own.split(['>', '<']).nth(1).unwrap());
+    assert!(numbers.clone().filter(|own| *own == "0" || *own == "0.0").count() == 2, "{figure}");
+    let first_at = figure.split("text-anchor=\"middle\" x=\"").nth(1).unwrap();
+    assert!(
+        first_at.starts_with("56.0\""),
+        "the first number of the axis is not at its beginning: {first_at}"
+    );
     assert!(workspace.on_threads("1", &arguments("two")).status.success());
     assert_same(&workspace.path("one"), &workspace.path("two"));
     workspace.refuse(2, &arguments("one"), &["not overwritten"]);

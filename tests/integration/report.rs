@@ -137,13 +137,20 @@ fn a_diagnosis_is_shown_and_what_it_does_not_say_is_said() {
     fs::write(&file, diagnosis().to_string()).unwrap();
     workspace.call(0, &["report", "s"]);
     let page = workspace.page();
-    for part in ["channel_skew", "0.000810 [0.000750, 0.000880]", "after the extension", "k_srs_nm_per_rad"] {
+    for part in ["channel_skew", "delay 0.810 ms [0.750, 0.880]", "with the causes in the model"] {
         assert!(page.contains(part), "{part}");
     }
+    // The wrist is extended; a model is not.
+    assert!(!page.to_lowercase().contains("extension"));
     assert!(!page.contains("Missing in diagnosis.json"));
 
     let mut partial = diagnosis();
-    partial["causes"][0]["indistinguishable"] = json!(["lever_stiffness", "torque_gain"]);
+    partial["causes"][0]["indistinguishable"] = json!(["lever_stiffness"]);
+    partial["causes"][0]["alternatives"] = json!([{
+        "mechanism": "lever_stiffness", "class": "rig", "probability": 0.2,
+        "parameters": { "stiffness_nm_per_rad": { "value": 800.0, "low": 790.0, "high": 810.0 } },
+        "parameter_shift": { "k_srs_nm_per_rad": { "before": 19.2, "after": 12.3 } },
+    }]);
     partial["causes"][0].as_object_mut().unwrap().remove("gain");
     partial.as_object_mut().unwrap().remove("misfit");
     partial["residual_map"]["conditions"][0]["mean_nm"] = json!("none");
@@ -152,7 +159,7 @@ fn a_diagnosis_is_shown_and_what_it_does_not_say_is_said() {
     workspace.call(0, &["report", "s"]);
     let page = workspace.page();
     for part in [
-        "lever_stiffness, torque_gain",
+        "with lever_stiffness",
         "Missing in diagnosis.json: misfit.statistic; misfit.p_value; causes.0.gain.held_out_rmse_ratio.value",
         "residual_map (conditions[0].mean_nm is not a list of numbers); the map below is of the fit alone",
         "&lt;b&gt;",
@@ -163,6 +170,103 @@ fn a_diagnosis_is_shown_and_what_it_does_not_say_is_said() {
     fs::write(&file, "[]").unwrap();
     workspace.call(0, &["report", "s"]);
     assert!(workspace.page().contains("Missing in diagnosis.json: verdict;"));
+}
+
+#[test]
+fn the_page_begins_with_its_verdict_and_marks_what_is_biased() {
+    let workspace = Workspace::with_session();
+    let page = workspace.page();
+    assert!(page.contains("It is not known whether the model is adequate."), "without a diagnosis");
+    let first_section =
+        |page: &str| page.split("<section id=\"").nth(1).unwrap().split('"').next().unwrap().to_owned();
+    assert_eq!(first_section(&page), "verdict");
+    assert!(!page.contains('†'), "nothing was found biased");
+
+    let file = workspace.path("s/results/diagnosis.json");
+    let mut ambiguous = diagnosis();
+    ambiguous["verdict"] = json!("ambiguous");
+    ambiguous["causes"][0]["indistinguishable"] = json!(["lever_stiffness"]);
+    ambiguous["causes"][0]["alternatives"] = json!([{
+        "mechanism": "lever_stiffness", "class": "rig", "probability": 0.2,
+        "parameters": { "stiffness_nm_per_rad": { "value": 800.0, "low": 790.0, "high": 810.0 } },
+        "parameter_shift": { "k_srs_nm_per_rad": { "before": 19.2, "after": 12.3 } },
+    }]);
+    fs::write(&file, ambiguous.to_string()).unwrap();
+    workspace.call(0, &["report", "s"]);
+    let page = workspace.page();
+    let verdict = page.split("<section id=\"").nth(1).unwrap();
+    for part in [
+        "The model is not adequate",
+        "with channel_skew",
+        ">18.1<",
+        "stiffness 800 N m/rad [790, 810]",
+        ">12.3<",
+    ] {
+        assert!(verdict.contains(part), "{part} is not in {verdict}");
+    }
+    for part in
+        ["k_srs (N m/rad)\u{a0}†, short range stiffness", "k_srs\u{a0}†: short range stiffness", "† Biased"]
+    {
+        assert!(page.contains(part), "{part}");
+    }
+    assert!(!page.contains("x_e (mrad)\u{a0}†"), "the diagnosis says nothing of x_e");
+
+    let mut adequate = diagnosis();
+    adequate["verdict"] = json!("adequate");
+    adequate["causes"] = json!([]);
+    fs::write(&file, adequate.to_string()).unwrap();
+    workspace.call(0, &["report", "s"]);
+    let page = workspace.page();
+    assert!(page.contains("The model is adequate.") && !page.contains('†'));
+    // Two equal maps say nothing.
+    let map = page.split("<figure id=\"residual-map\">").nth(1).unwrap().split("</figure>").next().unwrap();
+    assert_eq!(map.matches("<svg class=\"panel\"").count(), 1);
+}
+
+#[test]
+fn a_trial_that_was_judged_after_the_session_is_listed_with_who_and_why() {
+    let workspace = Workspace::with_session();
+    workspace.call(0, &["trials", "s", "--reject", "2", "--because", "hand slipped", "--by", "Ada"]);
+    workspace.call(0, &["trials", "s", "--reject", "3", "--because", "cough", "--by", "Ada"]);
+    workspace.call(0, &["trials", "s", "--accept", "3", "--because", "no, it is fine", "--by", "Bo"]);
+    workspace.call(0, &["report", "s"]);
+    let page = workspace.page();
+    for part in [
+        "rejected afterwards by Ada",
+        ": hand slipped",
+        "accepted again",
+        "ok afterwards by Bo",
+        "no, it is fine",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+}
+
+#[test]
+fn notes_stand_apart_from_incidents_and_emg_has_its_panel_and_its_section() {
+    let workspace = Workspace::with_session();
+    let page = workspace.page();
+    assert!(page.contains("E  EMG, rectified") && page.contains("<section id=\"emg\">"));
+    assert!(page.contains("motor angle (mrad)") && !page.contains("angle (rad)"), "one unit for angles");
+    let notes = workspace.path("noted");
+    copy_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/session-with-notes"), &notes);
+    workspace.call(0, &["report", "noted"]);
+    let page = fs::read_to_string(notes.join("results/report.html")).unwrap();
+    assert!(page.contains("Notes of the operator") && page.contains("electrodes checked"));
+    assert!(!page.contains("note: electrodes checked"));
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy_folder(&entry.path(), &target)
+        } else {
+            fs::copy(entry.path(), target).map(|_| ()).unwrap()
+        }
+    }
 }
 
 #[test]

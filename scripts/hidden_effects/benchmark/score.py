@@ -149,7 +149,7 @@ def _covers(estimate, true):
 
 
 def biases(outcome, parameter):
-    """Relative bias of the session's mean before and after the extension, or None where it was not found or told."""
+    """Relative bias of the session's mean without and with the added mechanisms, or None where it was not found or told."""
     shifts = [c.get("parameter_shift", {}).get(parameter) for c in causes(outcome)]
     shifts = [s for s in shifts if s]
     if not shifts or not found(outcome, cause(outcome)) or outcome.truth["hidden"][0]["class"] == "trial":

@@ -115,7 +115,7 @@ def _bias(outcomes):
     tables = [score.bias_table(single, p) for p in ("k_srs_nm_per_rad", "x_e_rad")]
     rows = [[m] + [f"{t[m][i]:.1%}" if m in t else "" for t in tables for i in (0, 1)]
             for m in dict.fromkeys([*tables[0], *tables[1]])]
-    return "## Median bias before and after the extension\n\n" + table(
+    return "## Median bias without and with the added mechanisms\n\n" + table(
         ["hidden", "k_srs before", "k_srs after", "x_e before", "x_e after"], rows)
 
 

@@ -11,25 +11,25 @@ use crate::wrist::mechanisms::EvidenceSource;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LimitForm {
-    /// x_e = v x_t: the muscle yields after a constant time.
+    /// x_e proportional to velocity: the muscle yields after a constant time.
     TimedYield,
     /// x_e = x_0: the muscle yields at a constant angle.
     FixedAngle,
-    /// x_e = x_0 + v x_t with both parts different from zero.
+    /// x_e = x_0 + slope v with both parts different from zero.
     Linear,
     /// The data do not decide between the forms.
     Undecided,
 }
 
-/// Regression x_e = x_0 + v x_t + torque term. Coefficients come with their standard errors.
+/// Regression x_e = x_0 + slope v + torque term; the slope is a time, and not the SRS period x_t. Coefficients come with their standard errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ElasticLimitLaw {
     /// The form that the coefficients support.
     pub law: LimitForm,
     /// x_0 at the mean torque, rad.
     pub x_0_rad: (f64, f64),
-    /// x_t, s.
-    pub x_t_s: (f64, f64),
+    /// Slope of x_e over velocity, s.
+    pub slope_s: (f64, f64),
     /// Slope over torque, rad/(N m).
     pub per_torque_rad_per_nm: (f64, f64),
 }
@@ -91,18 +91,18 @@ pub fn elastic_limit_law(
             plane.variance_between * plane.shares.iter().map(|s| s[index] * s[index]).sum::<f64>();
         Some((coefficients[index], libm::sqrt(in_common + between_trials)))
     };
-    let (x_0, x_t, per_torque) = (value(0)?, value(1)?, value(2)?);
+    let (x_0, slope, per_torque) = (value(0)?, value(1)?, value(2)?);
     // Contributions to the mean limit.
     let limit = mean(&|trial| own[trial]);
     let velocity = mean(&|trial| observations.trials[trial].velocity_rad_s.abs());
     let part = |(value, se): (f64, f64), by: f64| LimitPart::of(by * value / limit, by * se / limit);
-    let law = match (part(x_0, 1.0), part(x_t, velocity)) {
+    let law = match (part(x_0, 1.0), part(slope, velocity)) {
         (LimitPart::Zero, LimitPart::Some) => LimitForm::TimedYield,
         (LimitPart::Some, LimitPart::Zero) => LimitForm::FixedAngle,
         (LimitPart::Some, LimitPart::Some) => LimitForm::Linear,
         _ => LimitForm::Undecided,
     };
-    Some(ElasticLimitLaw { law, x_0_rad: x_0, x_t_s: x_t, per_torque_rad_per_nm: per_torque })
+    Some(ElasticLimitLaw { law, x_0_rad: x_0, slope_s: slope, per_torque_rad_per_nm: per_torque })
 }
 
 /// Whether a trial yields within the window. Otherwise its limit follows from those of other trials.
@@ -205,7 +205,7 @@ impl ElasticLimitLaw {
             "law": self.law,
             "says": self.to_string(),
             "x_0_rad": value(self.x_0_rad),
-            "x_t_s": value(self.x_t_s),
+            "slope_s": value(self.slope_s),
             "per_torque_rad_per_nm": value(self.per_torque_rad_per_nm),
         })
     }
@@ -215,17 +215,19 @@ impl std::fmt::Display for ElasticLimitLaw {
     /// One line for the terminal.
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let says = match self.law {
-            LimitForm::TimedYield => "a time: x_e = v x_t",
-            LimitForm::FixedAngle => "an angle: x_e = x_0",
-            LimitForm::Linear => "x_e = x_0 + v x_t",
-            LimitForm::Undecided => "x_e = x_0 + v x_t, too uncertain to tell a time from an angle",
+            LimitForm::TimedYield => "a time: x_e is proportional to velocity",
+            LimitForm::FixedAngle => "an angle: x_e does not depend on velocity",
+            LimitForm::Linear => {
+                "neither a time nor an angle: x_e rises in a line that does not pass through zero"
+            }
+            LimitForm::Undecided => "too uncertain to tell a time from an angle",
         };
-        let (x_0, x_t) = (self.x_0_rad, self.x_t_s);
+        let (x_0, slope) = (self.x_0_rad, self.slope_s);
         write!(
             formatter,
-            "{says}; x_t = {:.1} ms (+- {:.1}), x_0 = {:.1} mrad (+- {:.1})",
-            1e3 * x_t.0,
-            1e3 * HALF_INTERVAL_95 * x_t.1,
+            "{says}; slope over velocity {:.1} ms (+- {:.1}), intercept {:.1} mrad (+- {:.1})",
+            1e3 * slope.0,
+            1e3 * HALF_INTERVAL_95 * slope.1,
             1e3 * x_0.0,
             1e3 * HALF_INTERVAL_95 * x_0.1
         )

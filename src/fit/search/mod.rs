@@ -1,6 +1,6 @@
 //! Starting values, and the search for the global optimum.
 
-pub mod extension_search;
+pub mod mechanism_search;
 pub mod multistart;
 pub mod pilot_search;
 pub mod pooled_fit;

@@ -1,6 +1,7 @@
 //! The paper's Fig. 6: inertial and elastic parts of the joint torque at the extremes.
 
 use super::{by_condition, colour};
+use crate::report::bias::Biases;
 use crate::report::chart::{Chart, Mark, Panel, Sign, Stroke};
 use crate::report::derived::{mean_sd, overtaking_s};
 use crate::report::figure::Figure;
@@ -35,7 +36,7 @@ fn extremes(traces: &[Trace]) -> Vec<&[Trace]> {
 }
 
 /// Draws them.
-pub fn balance(traces: &[Trace], window_s: f64) -> Option<Figure> {
+pub fn balance(traces: &[Trace], window_s: f64, biases: &Biases) -> Option<Figure> {
     let extremes = extremes(traces);
     if extremes.is_empty() {
         return None;
@@ -46,10 +47,12 @@ pub fn balance(traces: &[Trace], window_s: f64) -> Option<Figure> {
     Some(Figure {
         id: "fig-6-balance".into(),
         title: "Inertial and elastic torque in the joint (Fig. 6 of the paper)".into(),
-        caption: "Simulated with the fitted parameters; lines: means over repetitions, bands: 3 standard deviations. The \
+        caption: format!(
+            "Simulated with the fitted parameters; lines: means over repetitions, bands: 3 standard deviations. The \
                   dotted line is the moment from which the elastic torque is the greater one (the paper: 23 ms). The area \
-                  under the last panel's curves is the work that the elastic element takes up."
-            .into(),
+                  under the last panel's curves is the work that the elastic element takes up. {}",
+            biases.short_note(&["k_srs_nm_per_rad", "k_dec_nm_per_rad", "x_e_rad"])
+        ),
         panels,
         columns: 3,
     })

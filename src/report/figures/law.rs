@@ -34,7 +34,9 @@ pub fn law(id: &str, title: &str, entry: &Value) -> Option<Figure> {
         legend,
     };
     let caption = match catalogued {
-        Some(_) => "The law without a form, and what it would be if the catalogued law were right.",
+        Some(_) => {
+            "Solid: the law as this session shows it, without an assumed form. Dashed: as it would look if the catalogued law were right."
+        }
         None => "The law that the session shows and no catalogue has.",
     };
     Some(Figure {

@@ -14,8 +14,8 @@ pub struct PowerCurve {
     pub points: Vec<(f64, f64, f64, f64)>,
 }
 
-/// Draws the curves as an SVG file.
-pub fn power(title: &str, caption: &str, curves: &[PowerCurve]) -> String {
+/// Draws the curves as an SVG file; `subjects` says what the numbers of subjects are.
+pub fn power(title: &str, caption: &str, subjects: &str, curves: &[PowerCurve]) -> String {
     let mut marks = vec![Mark::Reference(0.795, 0.805)];
     let mut legend = Vec::new();
     for (place, curve) in curves.iter().enumerate() {
@@ -31,10 +31,10 @@ pub fn power(title: &str, caption: &str, curves: &[PowerCurve]) -> String {
         ));
         legend.push((colour, Sign::Line(Stroke::Solid), curve.label.clone()));
     }
-    let persons = curves.iter().flat_map(|curve| &curve.points).map(|point| point.0);
+    let numbers = curves.iter().flat_map(|curve| &curve.points).map(|point| point.0);
     let chart = Chart {
         title: "share of studies that find the effect".into(),
-        x: Axis::around("persons", persons.chain([0.0])),
+        x: Axis::from_zero(subjects, numbers),
         y: Axis::new("power", 0.0, 1.0),
         marks,
         legend,

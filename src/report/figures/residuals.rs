@@ -16,13 +16,13 @@ use crate::report::traces::Trace;
 /// Mean residuals by condition.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ResidualMap {
-    /// SessionTimes from the onset, s.
+    /// Times from the onset, s.
     pub time_s: Vec<f64>,
     /// Names of the conditions.
     pub names: Vec<String>,
-    /// Before the extension, N m, by condition.
+    /// With the model as fitted, N m, by condition.
     pub before_nm: Vec<Vec<f64>>,
-    /// After the extension; `None` where there is none.
+    /// With the causes in the model; `None` where there are none.
     pub after_nm: Vec<Option<Vec<f64>>>,
 }
 
@@ -79,26 +79,31 @@ impl ResidualMap {
         Ok(map)
     }
 
+    /// The map of the model as fitted alone.
+    pub fn without_causes(self) -> Self {
+        Self { after_nm: vec![None; self.before_nm.len()], ..self }
+    }
+
     fn largest(&self) -> f64 {
         let after = self.after_nm.iter().flatten();
         self.before_nm.iter().chain(after).flatten().fold(0.0, |most, value| f64::max(most, value.abs()))
     }
 }
 
-/// Draws the map before and, where there is one, after the extension.
+/// Draws the map of the model as fitted and, where there are causes, of the model with these.
 pub fn residual_map(map: &ResidualMap) -> Option<Figure> {
     if map.before_nm.is_empty() {
         return None;
     }
     let largest = map.largest();
-    let mut panels = vec![panel("before the extension", map, &map.before_nm, largest)];
+    let mut panels = vec![panel("the model as fitted", map, &map.before_nm, largest)];
     let after: Option<Vec<Vec<f64>>> = map.after_nm.iter().cloned().collect();
     let what = match after {
         Some(after) => {
-            panels.push(panel("after the extension", map, &after, largest));
-            "before and after the extension that the diagnosis names"
+            panels.push(panel("with the causes in the model", map, &after, largest));
+            "with the model as fitted, and with the causes that the diagnosis names"
         }
-        None => "with the model as fitted; there is no extension to compare with",
+        None => "with the model as fitted",
     };
     Some(Figure {
         id: "residual-map".into(),

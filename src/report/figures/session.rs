@@ -63,7 +63,7 @@ pub fn gates(gates: &[(u32, f64)], needed_s: Option<f64>) -> Figure {
     let panel = Chart {
         title: "from target shown to gate open".into(),
         x: Axis::new("trial", 0.0, f64::from(last) + 1.0),
-        y: from_zero("time (s)", gates.iter().map(|(_, time_s)| *time_s)),
+        y: Axis::from_zero("time (s)", gates.iter().map(|(_, time_s)| *time_s)),
         marks,
         legend: Vec::new(),
     };
@@ -76,11 +76,6 @@ pub fn gates(gates: &[(u32, f64)], needed_s: Option<f64>) -> Figure {
         panels: vec![panel.panel()],
         columns: 1,
     }
-}
-
-/// An axis for bars, which starts at zero.
-fn from_zero(label: &str, values: impl IntoIterator<Item = f64>) -> Axis {
-    Axis { low: 0.0, ..Axis::around(label, values.into_iter().chain([0.0])) }
 }
 
 /// Draws the histogram of the lateness of the control cycle, on logarithmic axes.
@@ -96,7 +91,7 @@ pub fn lateness(lateness: &LatenessSummary) -> Figure {
     let panel = Chart {
         title: "lateness of the cycle".into(),
         x: Axis::around("log10 of lateness in µs", bars.iter().flat_map(|bar| [bar.0, bar.1])),
-        y: from_zero("log10 of cycles + 1", bars.iter().map(|bar| bar.2)),
+        y: Axis::from_zero("log10 of cycles + 1", bars.iter().map(|bar| bar.2)),
         marks: vec![Mark::Bars(2, bars)],
         legend: Vec::new(),
     };

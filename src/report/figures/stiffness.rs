@@ -1,6 +1,7 @@
 //! The paper's Fig. 3 with the fitted values: joint stiffness against joint angle.
 
 use super::{colour, distinct};
+use crate::report::bias::Biases;
 use crate::report::chart::{Chart, Mark, Panel, Sign, Stroke};
 use crate::report::figure::Figure;
 use crate::report::fitted::{ConditionFit, condition_name};
@@ -19,7 +20,7 @@ fn slope([k_srs, k_dec, x_e]: [f64; 3], theta_rad: f64) -> f64 {
 }
 
 /// Draws a panel for each torque.
-pub fn stiffness(conditions: &[ConditionFit]) -> Option<Figure> {
+pub fn stiffness(conditions: &[ConditionFit], biases: &Biases) -> Option<Figure> {
     let torques = distinct(conditions.iter().map(|condition| condition.torque_nm));
     let springs = || conditions.iter().filter_map(spring);
     let reach_rad = springs().map(|own| own[2]).reduce(f64::max)? * 1.5;
@@ -52,9 +53,11 @@ pub fn stiffness(conditions: &[ConditionFit]) -> Option<Figure> {
     Some(Figure {
         id: "fig-3-stiffness".into(),
         title: "Stiffness profile (Fig. 3 of the paper)".into(),
-        caption: "Slope of Eq. 2 with the mean parameters of each condition: k_srs up to the elastic limit x_e, k_after = \
-                  k_srs − k_dec beyond it."
-            .into(),
+        caption: format!(
+            "Slope of Eq. 2 with the mean parameters of each condition: k_srs up to the elastic limit x_e, k_after = k_srs − k_dec \
+             beyond it. {}",
+            biases.short_note(&["k_srs_nm_per_rad", "k_dec_nm_per_rad", "x_e_rad"])
+        ),
         panels: torques.iter().map(panel).collect(),
         columns: torques.len().min(3),
     })

@@ -1,21 +1,19 @@
 //! The paper's Fig. 4: a recording and its fit, at both time scales.
 
-use crate::report::chart::{Chart, Mark, Sign, Stroke};
+use crate::report::bias::Biases;
+use crate::report::chart::{Chart, Mark, Panel, Sign, Stroke};
+use crate::report::emg::TrialEmg;
 use crate::report::figure::Figure;
 use crate::report::fitted::condition_name;
 use crate::report::scale::{Axis, milliseconds};
 use crate::report::traces::Trace;
 
 /// Draws one trial.
-pub fn trial(trace: &Trace, window_s: f64) -> Figure {
+pub fn trial(trace: &Trace, window_s: f64, biases: &Biases) -> Figure {
     let name = condition_name(trace.label.as_ref(), trace.velocity_rad_s, trace.torque_nm);
     let vaf = trace.fit.as_ref().and_then(|fit| fit.values.get("vaf").copied().flatten());
-    let remarks: String = trace
-        .fit
-        .iter()
-        .flat_map(|fit| &fit.remarks)
-        .map(|remark| format!(" AuditEntry: {remark}."))
-        .collect();
+    let remarks: String =
+        trace.fit.iter().flat_map(|fit| &fit.remarks).map(|remark| format!(" Remark: {remark}.")).collect();
     let mirrored =
         if trace.velocity_rad_s < 0.0 { " C and D are mirrored, so that the ramp is positive." } else { "" };
     let fitted = match (trace.instants.is_empty(), vaf) {
@@ -23,20 +21,31 @@ pub fn trial(trace: &Trace, window_s: f64) -> Figure {
         (_, Some(vaf)) => format!("Variance accounted for: {vaf:.5}."),
         _ => String::new(),
     };
+    let responses = match trace.emg.as_ref().map(|emg| emg.onset_s) {
+        Some(Some(onset_s)) => {
+            format!(" E: rectified EMG; the stretched muscle responds after {} ms.", milliseconds(onset_s))
+        }
+        Some(None) => " E: rectified EMG; no response of the stretched muscle stands out.".to_owned(),
+        None => String::new(),
+    };
+    let biased = format!(" {}", biases.short_note(&["x_t_s"]));
     Figure {
         id: format!("trial-{:03}", trace.number),
         title: format!("Trial {}: {name}, repetition {}", trace.number, trace.repetition),
         caption: format!(
             "A, B: motor angle and filtered torque as recorded; the shaded area is the analysed window of {} ms. C, D: the same \
-             stretch as a change from the hold, with what the fitted wrist does.{mirrored} {fitted}{remarks}",
+             stretch as a change from the hold, with what the fitted wrist does.{mirrored}{responses} {fitted}{remarks}{biased}",
             milliseconds(window_s)
         ),
-        panels: vec![
-            whole(trace, window_s, "A  angle", "motor angle (rad)", |p| p.1),
+        panels: [
+            whole(trace, window_s, "A  angle", "motor angle (mrad)", |p| p.1 * 1e3),
             whole(trace, window_s, "B  torque", "torque (N m)", |p| p.2),
-            angles(trace, window_s),
+            angles(trace, window_s, biases),
             torques(trace, window_s),
-        ],
+        ]
+        .into_iter()
+        .chain(trace.emg.as_ref().map(|own| emg(own, window_s)))
+        .collect(),
         columns: 2,
     }
 }
@@ -47,7 +56,7 @@ fn whole(
     title: &str,
     unit: &str,
     value: impl Fn(&(f64, f64, f64)) -> f64,
-) -> crate::report::chart::Panel {
+) -> Panel {
     let points: Vec<(f64, f64)> = trace.whole.iter().map(|p| (p.0 * 1e3, value(p))).collect();
     let (first, last) = (points.first().map_or(0.0, |p| p.0), points.last().map_or(1.0, |p| p.0));
     Chart {
@@ -65,7 +74,7 @@ fn near_axis(trace: &Trace, window_s: f64) -> Axis {
     Axis::new("time from the onset (ms)", first * 1e3, 1.3 * window_s * 1e3)
 }
 
-fn angles(trace: &Trace, window_s: f64) -> crate::report::chart::Panel {
+fn angles(trace: &Trace, window_s: f64, biases: &Biases) -> Panel {
     let motor: Vec<_> = trace.near.iter().map(|p| (p.0 * 1e3, p.1 * 1e3)).collect();
     let of = |angle: fn(&crate::wrist::TraceSample) -> f64| -> Vec<(f64, f64)> {
         trace.instants.iter().map(|i| (i.time_s * 1e3, angle(i) * 1e3)).collect()
@@ -81,10 +90,8 @@ fn angles(trace: &Trace, window_s: f64) -> crate::report::chart::Panel {
         }
         marks.push(Mark::Line(1, Stroke::Solid, joint.clone()));
         legend.push((1, Sign::Line(Stroke::Solid), "θj joint".into()));
-        if let Some(x_e) = trace.fit.as_ref().and_then(|fit| fit.values.get("x_e_rad").copied().flatten())
-            && let Some(x_t) = crate::wrist::srs_period_s(&trace.instants, x_e)
-        {
-            marks.push(Mark::At(x_t * 1e3, format!("x_t {:.1} ms", x_t * 1e3)));
+        if let Some(x_t) = trace.fit.as_ref().and_then(|fit| fit.values.get("x_t_s").copied().flatten()) {
+            marks.push(Mark::At(x_t * 1e3, format!("x_t {:.1} ms{}", x_t * 1e3, biases.sign("x_t_s"))));
         }
     }
     Chart {
@@ -97,7 +104,7 @@ fn angles(trace: &Trace, window_s: f64) -> crate::report::chart::Panel {
     .panel()
 }
 
-fn torques(trace: &Trace, window_s: f64) -> crate::report::chart::Panel {
+fn torques(trace: &Trace, window_s: f64) -> Panel {
     let measured: Vec<_> = trace.near.iter().map(|p| (p.0 * 1e3, p.2)).collect();
     let fitted: Vec<_> = trace.fitted_nm.iter().map(|(t, torque)| (t * 1e3, *torque)).collect();
     let hand: Vec<_> = trace.instants.iter().map(|i| (i.time_s * 1e3, i.torques.interface)).collect();
@@ -117,6 +124,39 @@ fn torques(trace: &Trace, window_s: f64) -> crate::report::chart::Panel {
         title: "D  torques".into(),
         x: near_axis(trace, window_s),
         y: Axis::around("change of torque (N m)", values.chain([0.0])),
+        marks,
+        legend,
+    }
+    .panel()
+}
+
+fn emg(emg: &TrialEmg, window_s: f64) -> Panel {
+    let mut marks = vec![Mark::Window(0.0, window_s * 1e3)];
+    let (mut legend, mut ends) = (Vec::new(), vec![0.0]);
+    for (place, name) in ["FCR flexor", "ECR extensor"].into_iter().enumerate() {
+        let own: Vec<(f64, f64)> = emg
+            .time_s
+            .iter()
+            .zip(&emg.rectified_mvc[place])
+            .map(|(t, level)| (t * 1e3, level * 1e2))
+            .collect();
+        if own.is_empty() {
+            continue;
+        }
+        let stroke = if place == 0 { Stroke::Solid } else { Stroke::Dashed };
+        ends.extend(own.iter().map(|p| p.1));
+        marks.push(Mark::Line(1 + place, stroke, own));
+        legend.push((1 + place, Sign::Line(stroke), name.to_owned()));
+    }
+    if let Some(onset_s) = emg.onset_s {
+        marks.push(Mark::At(onset_s * 1e3, format!("response {} ms", milliseconds(onset_s))));
+    }
+    let (first, last) = (emg.time_s.first(), emg.time_s.last());
+    let ms = |time_s: Option<&f64>, otherwise: f64| time_s.map_or(otherwise, |t| t * 1e3);
+    Chart {
+        title: "E  EMG, rectified".into(),
+        x: Axis::new("time from the onset (ms)", ms(first, 0.0), ms(last, 1.0)),
+        y: Axis::around("EMG (% MVC)", ends),
         marks,
         legend,
     }

@@ -25,7 +25,7 @@ pub fn comparison(input: &ReportInput) -> ReportSection {
     );
     let head = ["condition", "quantity", "this fit", "the other", "difference"].map(String::from).to_vec();
     let rows = own.conditions.iter().flat_map(|condition| rows(condition, other)).collect();
-    section.html += &HtmlTable { caption: "Means by condition".into(), head, rows }.html();
+    section.html += &HtmlTable { caption: "Means by condition".into(), head, rows, note: None }.html();
     section
 }
 

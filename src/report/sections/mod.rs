@@ -1,16 +1,28 @@
 //! The sections of the page, in the order in which they are read.
 
+mod balance;
 mod comparison;
 mod diagnosis;
+mod emg;
 mod overview;
 mod parameters;
+mod stiffness;
 mod trials;
+mod uncertainty;
+mod values;
+mod verdict;
 
+pub use balance::balance;
 pub use comparison::comparison;
 pub use diagnosis::diagnosis;
+pub use emg::emg;
 pub use overview::overview;
-pub use parameters::{balance, parameters, stiffness, uncertainty};
+pub use parameters::parameters;
+pub use stiffness::stiffness;
 pub use trials::trials;
+pub use uncertainty::uncertainty;
+pub use values::spread_of;
+pub use verdict::verdict;
 
 use super::figure::Figure;
 
@@ -28,23 +40,24 @@ pub struct ReportSection {
 }
 
 impl ReportSection {
-    fn new(id: &'static str, heading: &'static str) -> Self {
+    /// An empty section.
+    pub fn new(id: &'static str, heading: &'static str) -> Self {
         Self { id, heading, ..Self::default() }
     }
 
     /// Adds a figure to the section and to the files.
-    fn figure(&mut self, figure: Figure) {
+    pub fn figure(&mut self, figure: Figure) {
         self.html += &figure.html();
         self.figures.push(figure);
     }
 
     /// Adds a paragraph about something that is missing.
-    fn absent(&mut self, what: &str) {
+    pub fn absent(&mut self, what: &str) {
         self.html += &format!("<p class=\"absent\">{}</p>", super::scale::escape(what));
     }
 
     /// Adds a paragraph.
-    fn paragraph(&mut self, what: &str) {
+    pub fn paragraph(&mut self, what: &str) {
         self.html += &format!("<p>{}</p>", super::scale::escape(what));
     }
 }

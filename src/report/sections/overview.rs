@@ -1,32 +1,26 @@
 //! Overview of the session.
 
 use super::ReportSection;
-use crate::dataset::Status;
-use crate::fit::DESCRIBING_VAF;
+use crate::dataset::{Amendment, Status, Trial};
+use crate::fit::ExcludedTrial;
 use crate::report::figures;
 use crate::report::input::ReportInput;
+use crate::report::journal::SessionTimes;
 use crate::report::scale::{escape, milliseconds, significant};
 use crate::report::table::{Cell, HtmlTable};
 
-/// The section: subject, protocol, duration, missing results, rejected trials and their reasons.
+/// The section: subject, protocol, duration, trials that were not kept and why, notes.
 pub fn overview(input: &ReportInput) -> ReportSection {
     let mut section = ReportSection::new("session", "Overview of the session");
-    section.html += &virtual_wrist(input);
-    section.html += &warnings(input);
     section.html += &facts(input);
-    if !input.missing.is_empty() {
-        section.html += "<div class=\"missing\"><b>Not in this report</b><ul>";
-        for missing in &input.missing {
-            section.html += &format!("<li>{}</li>", escape(missing));
-        }
-        section.html += "</ul></div>";
-    }
     let discarded = discarded_trials(input);
     if discarded.rows.is_empty() {
         section.paragraph("No trial was rejected or aborted.");
     } else {
         section.html += &discarded.html();
     }
+    let notes = input.times.as_ref().map(notes).filter(|notes| !notes.rows.is_empty());
+    section.html += &notes.map_or(String::new(), |notes| notes.html());
     section.html += "<div class=\"pair\">";
     if !input.session.trials.is_empty() {
         section.figure(figures::order(&input.session));
@@ -36,24 +30,13 @@ pub fn overview(input: &ReportInput) -> ReportSection {
             let needed_s = input.protocol.as_ref().map(|protocol| protocol.gate.duration_s);
             section.figure(figures::gates(&times.gates, needed_s));
         }
-        _ => section.absent("The session has no journal, so gate times are not known."),
+        _ => {}
     }
     if let Some(lateness) = &input.lateness {
         section.figure(figures::lateness(lateness));
     }
     section.html += "</div>";
     section
-}
-
-/// Says that nobody was measured, with the seed of the simulation.
-fn virtual_wrist(input: &ReportInput) -> String {
-    if !input.is_virtual {
-        return String::new();
-    }
-    let seed = input.card.seed.map_or(String::new(), |seed| format!(", seed {seed}"));
-    format!(
-        "<p class=\"verdict\"><b>VIRTUAL WRIST{seed}.</b> This session is a simulation; nobody was measured.</p>"
-    )
 }
 
 /// When, who and what, as far as the session says it.
@@ -81,27 +64,6 @@ fn card(input: &ReportInput) -> Vec<(&'static str, String)> {
     facts
 }
 
-/// What a reader must know before any number: a model that describes nothing, and contradictions that were accepted.
-fn warnings(input: &ReportInput) -> String {
-    let mut warnings = Vec::new();
-    let Some(fitted) = &input.fitted else { return String::new() };
-    if let Some(best) = fitted.best_vaf().filter(|best| *best < DESCRIBING_VAF) {
-        warnings.push(format!(
-            "The model does not describe these data: the best VAF of any trial is {}. Its parameters mean nothing.",
-            significant(best, 2)
-        ));
-    }
-    for accepted in &fitted.accepted {
-        warnings.push(format!(
-            "Accepted with --accept {}: {}; expected {}.",
-            accepted.check, accepted.measured, accepted.stated
-        ));
-    }
-    let paragraphs =
-        warnings.iter().map(|warning| format!("<p class=\"verdict\"><b>{}</b></p>", escape(warning)));
-    paragraphs.collect()
-}
-
 fn facts(input: &ReportInput) -> String {
     let session = &input.session;
     let count = |status: Status| session.trials.iter().filter(|trial| trial.status == status).count();
@@ -127,6 +89,9 @@ fn facts(input: &ReportInput) -> String {
         count(Status::Aborted)
     );
     facts.push(("Trials", trials));
+    if input.times.is_none() {
+        facts.push(("Gate times", "not known: the session has no journal".into()));
+    }
     if let Some(times) = &input.times {
         facts.push(("Duration", minutes(times.duration_s)));
         let gates = figures::distinct(times.gates.iter().map(|(_, time_s)| *time_s));
@@ -174,22 +139,67 @@ fn facts(input: &ReportInput) -> String {
     format!("<dl>{}</dl>", rows.collect::<String>())
 }
 
+/// The trials that were not kept, those that were judged after the session, and those that the analysis leaves out; with the reasons.
 fn discarded_trials(input: &ReportInput) -> HtmlTable {
-    let row = |trial: &crate::dataset::Trial| {
-        let reason =
-            trial.extra.get("reason").map_or("not recorded".into(), |reason| reason.replace('_', " "));
-        vec![
+    let row = |trial: &Trial| {
+        let judged = input.amendments.of_trial(trial.number);
+        let left_out = input.excluded.iter().find(|own| own.trial == trial.number);
+        if trial.status == Status::Ok && judged.is_none() && left_out.is_none() {
+            return None;
+        }
+        let status = match left_out {
+            Some(_) if trial.status == Status::Ok => "kept, not analysed",
+            _ if trial.status == Status::Ok => "accepted again",
+            _ => trial.status.name(),
+        };
+        Some(vec![
             Cell::Number(trial.number.to_string()),
             Cell::Number(trial.velocity_rad_s.to_string()),
             Cell::Number(trial.torque_nm.to_string()),
-            Cell::text(trial.status.name()),
-            Cell::text(reason),
-        ]
+            Cell::text(status),
+            Cell::text(reasons(trial, judged, left_out).join("; ")),
+        ])
     };
     HtmlTable {
-        caption: "Trials that were not kept".into(),
+        caption: "Trials that were not kept, or were judged after the session".into(),
         head: ["trial", "velocity (rad/s)", "torque (N m)", "status", "reason"].map(String::from).to_vec(),
-        rows: input.session.trials.iter().filter(|trial| trial.status != Status::Ok).map(row).collect(),
+        rows: input.session.trials.iter().filter_map(row).collect(),
+        note: None,
+    }
+}
+
+/// Why a trial has its status: what the session recorded, the judgement after it, and what the analysis says.
+fn reasons(trial: &Trial, judged: Option<&Amendment>, left_out: Option<&ExcludedTrial>) -> Vec<String> {
+    let mut reasons = Vec::new();
+    if let Some(reason) = trial.extra.get("reason").filter(|reason| !reason.is_empty()) {
+        let when = if judged.is_some() { " in the session" } else { "" };
+        reasons.push(format!("{}{when}", reason.replace('_', " ")));
+    }
+    if let Some(judged) = judged {
+        let why = if judged.because.is_empty() { "no reason given" } else { &judged.because };
+        reasons.push(format!(
+            "{} afterwards by {}, {}: {why}",
+            judged.status.name(),
+            judged.by,
+            judged.at_utc
+        ));
+    }
+    reasons.extend(left_out.map(|own| own.reason.clone()));
+    if reasons.is_empty() {
+        reasons.push("not recorded".into());
+    }
+    reasons
+}
+
+/// The operator's notes.
+fn notes(times: &SessionTimes) -> HtmlTable {
+    let row =
+        |(time_s, text): &(f64, String)| vec![Cell::Number(minutes(*time_s)), Cell::text(text.as_str())];
+    HtmlTable {
+        caption: "Notes of the operator".into(),
+        head: ["after", "note"].map(String::from).to_vec(),
+        rows: times.notes.iter().map(row).collect(),
+        note: None,
     }
 }
 

@@ -33,7 +33,7 @@ pub fn trials(input: &ReportInput) -> ReportSection {
     section.html +=
         "</select></label><button type=\"button\" data-step=\"1\" aria-label=\"next trial\">▶</button></div>";
     for (index, trace) in input.traces.iter().enumerate() {
-        let figure = figures::trial(trace, window_s);
+        let figure = figures::trial(trace, window_s, &input.biases);
         if index < MAX_SHOWN_TRIALS {
             let hidden = if index == 0 { "" } else { " hidden" };
             section.html += &format!("<div class=\"trial\"{hidden}>{}</div>", figure.html());

@@ -8,7 +8,7 @@ use super::voluntary::TrialSpread;
 use crate::rig::Upcoming;
 use crate::wrist::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
 use crate::wrist::{
-    Extension, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics, NoExtension, Plant,
+    AddedDynamics, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics, NoAddedDynamics, Plant,
     RecordedInput, Torques, substeps,
 };
 
@@ -230,17 +230,17 @@ impl Moving {
         let end_s = (self.sample + 1) as f64 * period_s;
         let input = RecordedInput(HermiteSegment::new(self.from, to, period_s));
         let torques = if mechanisms.kinds.is_empty() {
-            self.run(&NoExtension, &input, to, start_s, end_s)
+            self.run(&NoAddedDynamics, &input, to, start_s, end_s)
         } else {
             let history = std::mem::replace(&mut self.history, History::new(0.0, period_s, 0));
             let covariates = self.covariates;
-            let extension = ActiveMechanisms {
+            let added_dynamics = ActiveMechanisms {
                 kinds: &mechanisms.kinds,
                 parameters: &mechanisms.parameters,
                 trial: &covariates,
                 history: &history,
             };
-            let torques = self.run(&extension, &input, to, start_s, end_s);
+            let torques = self.run(&added_dynamics, &input, to, start_s, end_s);
             self.history = history;
             let (added, rates) = self.integrator.sampled();
             self.history.push(added, rates);
@@ -258,16 +258,23 @@ impl Moving {
         }
     }
 
-    fn run<X: Extension<f64>>(
+    fn run<X: AddedDynamics<f64>>(
         &mut self,
-        extension: &X,
+        added_dynamics: &X,
         input: &RecordedInput<f64>,
         to: Kinematics<f64>,
         start_s: f64,
         end_s: f64,
     ) -> Torques<f64> {
-        self.integrator.advance(&self.mechanics, extension, input, start_s, end_s - start_s, self.substeps);
-        self.integrator.torques(&self.mechanics, extension, to, end_s).0
+        self.integrator.advance(
+            &self.mechanics,
+            added_dynamics,
+            input,
+            start_s,
+            end_s - start_s,
+            self.substeps,
+        );
+        self.integrator.torques(&self.mechanics, added_dynamics, to, end_s).0
     }
 }
 

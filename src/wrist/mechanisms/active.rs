@@ -6,7 +6,7 @@ use super::covariates::Covariates;
 use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::history::History;
-use crate::wrist::mechanics::{Context, Extension, Torques};
+use crate::wrist::mechanics::{AddedDynamics, Context, Torques};
 use crate::wrist::plant::Plant;
 
 /// Mechanisms that are switched on in a trial, with their parameters.
@@ -47,7 +47,7 @@ impl<T: Number> ActiveMechanisms<'_, T> {
     }
 }
 
-impl<T: Number> Extension<T> for ActiveMechanisms<'_, T> {
+impl<T: Number> AddedDynamics<T> for ActiveMechanisms<'_, T> {
     const ACTIVE: bool = true;
 
     #[inline(always)]

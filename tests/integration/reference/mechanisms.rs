@@ -375,7 +375,7 @@ fn picture(effect: &Effect) -> String {
 fn index(effects: &[Effect]) -> String {
     let mut page = "# Mechanisms
 
-A mechanism is a named extension of the [base model](../../explanation/model.md). `run --model`, `fit --model` and `diagnose` know the mechanisms below by their ids. \
+A mechanism is a named addition to the [base model](../../explanation/model.md). `run --model`, `fit --model` and `diagnose` know the mechanisms below by their ids. \
 These pages are generated from the code.
 
 | mechanism | description | class | shown | worth | after absorption |

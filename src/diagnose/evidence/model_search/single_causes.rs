@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::linear_estimate::LinearModel;
 use super::{ComparedModel, ModelSearch, NEGLIGIBLE_LOG_ODDS, starting_at};
 use crate::diagnose::evidence::model_posterior::ModelPosterior;
-use crate::fit::{ExtensionSearch, Model, ScreenedExtension};
+use crate::fit::{MechanismSearch, Model, ScreenedMechanism};
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// Number of mechanisms that are fitted first. What they gain says how far the others need to be followed.
@@ -14,7 +14,7 @@ const LEADING: usize = 4;
 /// Part of the best gain below which a mechanism is not followed to its optimum: half of what is within reach for a law that deviates.
 const PURSUED_PART: f64 = 0.25;
 
-/// Part of the session's trials on which extensions are screened.
+/// Part of the session's trials on which added mechanisms are screened.
 const SCREENED_PART: f64 = 1.0 / 3.0;
 
 /// Standard errors by which an estimate from a part of the trials may be wrong before a model is given up.
@@ -122,7 +122,7 @@ impl ModelSearch<'_> {
     /// within reach of the best by what they gain there.
     fn started_from_parts(&self, kinds: &[MechanismKind]) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
-        let search = ExtensionSearch::new(observations, self.before);
+        let search = MechanismSearch::new(observations, self.before);
         let screened = |kind: &MechanismKind| {
             let model = |values: Vec<f64>| starting_at(self.before.model.clone().with(*kind), &values);
             let models: Vec<Model> = kind.probes(&prior.context).into_iter().map(model).collect();
@@ -132,7 +132,7 @@ impl ModelSearch<'_> {
         let promised = screened.iter().map(|(_, own)| own.predicted_gain).fold(0.0, f64::max);
         let error = libm::sqrt(4.0 * promised * (1.0 / SCREENED_PART - 1.0));
         let least = promised - 2.0 * NEGLIGIBLE_LOG_ODDS - SCREENING_ERRORS * error;
-        let posterior = |(kind, own): &(MechanismKind, ScreenedExtension)| {
+        let posterior = |(kind, own): &(MechanismKind, ScreenedMechanism)| {
             let start = search.complete(own);
             let (spreads, least) = (Some(&none.spreads), f64::NEG_INFINITY);
             ModelPosterior::with_exact_laws(observations, prior, &start, &[*kind], spreads, least)

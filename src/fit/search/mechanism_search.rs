@@ -1,4 +1,4 @@
-//! Extension search: starting values for a fit that adds a mechanism, found in stages on a subset of the trials.
+//! Mechanism search: starting values for a fit that adds a mechanism, found in stages on a subset of the trials.
 //!
 //! First many starts are screened with few iterations on the subset. The best are completed on all trials. The result can be
 //! restarted at the parameters found.
@@ -37,7 +37,7 @@ const RESTART_DECREASE: f64 = 0.005;
 const SUBSET_SIZE: usize = 12;
 
 /// Search for the optimum of models that add a mechanism to a fit.
-pub struct ExtensionSearch<'a> {
+pub struct MechanismSearch<'a> {
     observations: &'a Observations,
     starting_values: StartingValueSearch,
     subset: TrialSubset,
@@ -50,15 +50,15 @@ pub struct ExtensionSearch<'a> {
 }
 
 /// A model that adds a mechanism, after the screening on the subset.
-pub struct ScreenedExtension {
+pub struct ScreenedMechanism {
     /// Fits to the subset from several starts, the best first.
     starts: Vec<Fit>,
     /// Predicted decrease of the sum of squared residuals of the whole session, in units of the noise variance.
     pub predicted_gain: f64,
 }
 
-impl<'a> ExtensionSearch<'a> {
-    /// A search for extensions of `fit`.
+impl<'a> MechanismSearch<'a> {
+    /// A search for added mechanisms of `fit`.
     pub fn new(observations: &'a Observations, fit: &'a Fit) -> Self {
         let starting_values = StartingValueSearch::new(observations, Weighting::MeasuredNoise);
         let subset = TrialSubset::of(observations);
@@ -71,7 +71,7 @@ impl<'a> ExtensionSearch<'a> {
     ///
     /// # Panics
     /// If `models` is empty.
-    pub fn screen(&self, models: &[Model]) -> ScreenedExtension {
+    pub fn screen(&self, models: &[Model]) -> ScreenedMechanism {
         let mut starts: Vec<Fit> = models.iter().flat_map(|model| self.screening_fits(model)).collect();
         sort_by_cost(&mut starts);
         let highest = starts[0].cost() * (1.0 + SCREENING_TOLERANCE);
@@ -81,12 +81,12 @@ impl<'a> ExtensionSearch<'a> {
         starts.insert(0, self.with_components_restarted(starts[0].clone()));
         let best = starts[0].cost();
         let share = self.subset.trials.len() as f64 / self.observations.trials.len() as f64;
-        ScreenedExtension { starts, predicted_gain: 2.0 * (self.base_cost - best) / share }
+        ScreenedMechanism { starts, predicted_gain: 2.0 * (self.base_cost - best) / share }
     }
 
     /// Completes the best starts of `screened` on all trials and returns the best fit, with shrinkage. Other optima along x_e are
     /// searched only by [`Fit::refined`].
-    pub fn complete(&self, screened: &ScreenedExtension) -> Fit {
+    pub fn complete(&self, screened: &ScreenedMechanism) -> Fit {
         let highest = screened.starts[0].cost() + COST_WINDOW;
         let mut distinct: Vec<&Fit> = Vec::new();
         for own in screened.starts.iter().take_while(|own| own.cost() <= highest) {
