@@ -20,7 +20,7 @@ use crate::session::{
 /// Number of log lines that are shown; the journal keeps all.
 const LOG_LINES: usize = 200;
 /// Time between two alarms about missed cycles, s.
-const MISSED_ALARM_PERIOD_S: f64 = 10.0;
+const MISSED_ALARM_PERIOD_S: f64 = 30.0;
 
 /// Log and system status; trials come from the progress of the session.
 #[derive(Debug, Default)]
@@ -180,7 +180,7 @@ impl SessionHistory {
         let (told, told_at_s) = self.missed_told.unwrap_or((0, f64::NEG_INFINITY));
         if missed > told && t_s - told_at_s >= MISSED_ALARM_PERIOD_S {
             let more = missed - told;
-            let text = format!("{more} more cycles of the control loop were missed, {missed} in all");
+            let text = format!("missed cycles of the control loop: {more} more, {missed} in all");
             self.keep(t_s, LogEntry::alarm(&text));
             self.missed_told = Some((missed, t_s));
         }
@@ -329,4 +329,36 @@ fn curve(number: u32, fitted: &TrialFit, settings: &Settings) -> Value {
         "converged": fitted.estimate.converged,
         "remarks": fitted.estimate.remarks,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn status(missed: u64) -> SystemStatus {
+        SystemStatus { vitals: Vitals { missed, ..Vitals::default() }, ..SystemStatus::default() }
+    }
+
+    /// Missed cycles stood among the gauges, and no alarm told of them.
+    #[test]
+    fn each_missed_cycle_is_an_alarm_and_the_log_tells_of_them_now_and_then() {
+        let mut history = SessionHistory::default();
+        history.add(0.5, LogEntry::alarm("the drive is hot"));
+        assert_eq!(history.alarms(), 1);
+        for (t_s, missed) in [(1.0, 2), (2.0, 5), (31.0, 5), (32.0, 6)] {
+            history.set_status(t_s, status(missed));
+        }
+        assert_eq!(history.alarms(), 7);
+        let told: Vec<&str> = history.log.iter().skip(1).map(|line| line.entry.text.as_str()).collect();
+        assert_eq!(
+            told,
+            [
+                "missed cycles of the control loop: 2 more, 2 in all",
+                "missed cycles of the control loop: 3 more, 5 in all",
+            ]
+        );
+        // Lines that the log keeps no more count as well.
+        (0..300).for_each(|_| history.add(40.0, LogEntry::alarm("again")));
+        assert_eq!(history.alarms(), 307);
+    }
 }

@@ -4,7 +4,7 @@
 //! The [`ViewModel`] makes snapshots of the steps. Web pages ([`web`]) and the [`terminal`] draw the latest snapshot. A
 //! recorded session is shown in the same way ([`player`]).
 //!
-//! Layers, bottom up: step_feed, commands, controls -> view_model -> web, terminal -> live, player.
+//! Layers, bottom up: step_feed, commands, controls -> trial_fits, ramps, history -> view_model -> web, terminal -> live, player.
 
 mod coming_and_going;
 mod command_questions;

@@ -47,3 +47,33 @@ pub fn time_left_s(progress: &Progress, settings: &Settings, phase: Phase, in_ph
     };
     (offset_s + efforts_s + under_way_s + trials_s - passed_s).max(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::{Mvc, Protocol};
+    use crate::schedule;
+
+    #[test]
+    fn what_is_left_is_that_of_the_protocol_and_falls_while_time_passes() {
+        let text = include_str!("../../protocols/quick.json");
+        let protocol = Protocol::parse(text, "quick.json").unwrap();
+        let order = schedule::draw(&protocol, 1, None).unwrap();
+        let mut settings = Settings::new(&protocol, 1, &order).unwrap();
+        settings.offset_samples = Some(settings.samples(3.0));
+        settings.mvc = Some(Mvc { efforts: 2, duration_s: 5.0, rest_s: 30.0 });
+        let progress = Progress::new(&settings);
+        let left_s = |phase, in_phase_s| time_left_s(&progress, &settings, phase, in_phase_s);
+        let before_s = 3.0 + 4.0 * 35.0;
+        let trials_s = left_s(Phase::Ready, 0.0) - before_s;
+        let rests_s = settings.plan.len() as f64 * protocol.rest_s;
+        let gates_s = settings.plan.len() as f64 * (APPROACH_S + protocol.gate.duration_s);
+        assert!(trials_s > rests_s + gates_s && trials_s < 2.0 * (rests_s + gates_s), "{trials_s}");
+        assert_eq!(left_s(Phase::Ready, 100.0), left_s(Phase::Ready, 0.0), "a wait is no progress");
+        assert!((left_s(Phase::Offset, 2.0) - (left_s(Phase::Ready, 0.0) - 2.0)).abs() < 1e-9);
+        assert!((left_s(Phase::Rest, 1.0) - left_s(Phase::Rest, 0.0) + 1.0).abs() < 1e-9);
+        settings.plan.clear();
+        settings.mvc = None;
+        assert_eq!(time_left_s(&Progress::new(&settings), &settings, Phase::Rest, 0.0), 0.0);
+    }
+}

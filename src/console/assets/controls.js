@@ -81,7 +81,14 @@ export class Controls {
   }
 
   machineButton() {
-    return element("button", { type: "button", id: "graph", onclick: () => this.machine.showModal() }, "State graph", element("kbd", { "aria-hidden": "true" }, "G"));
+    return element("button", { type: "button", id: "graph", onclick: () => this.toggleMachine() }, "State graph", element("kbd", { "aria-hidden": "true" }, "G"));
+  }
+
+  /// The graph lies beside the charts; all keys go on working, so that a pause needs no other key first.
+  toggleMachine() {
+    if (this.machine.open) this.machine.close();
+    else this.machine.show();
+    document.activeElement?.blur();
   }
 
   helpButton() {
@@ -133,14 +140,14 @@ export class Controls {
   }
 
   press(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || this.confirmDialog.open || this.help.open) return;
     const { key, target } = event;
     if (target === this.note) {
       if (key === "Escape") this.note.blur();
       return;
     }
     if (key === "?") return this.help.showModal();
-    if (key === "g" || key === "G") return this.machine.showModal();
+    if (key === "g" || key === "G") return this.toggleMachine();
     const typed = key.length === 1 ? key.toLowerCase() : key;
     if (this.isRecording ? this.pressPlaybackKey(typed, target) : this.pressCommandKey(typed, target)) event.preventDefault();
   }

@@ -65,7 +65,7 @@ export class Strips {
     for (const [name, canvas] of Object.entries(this.canvases)) canvas.hidden = !signals.has(name);
     if (signals.has("torque")) {
       const target = now.target_nm === null ? "" : ` of ${now.target_nm} ± ${(Math.abs(now.target_nm) * now.band_fraction).toFixed(3)}`;
-      const view = chart("torque", torqueRange(zoom, seen, now), `torque ${now.torque_nm.toFixed(2)}${target} N m`);
+      const view = chart("torque", torqueRange(zoom, seen, now), `torque ${now.torque_nm.toFixed(2).replace(/^-(0\.00)$/, "$1").replace("-", "−")}${target} N m`);
       inside(view, () => this.torque(view, seen, now.band_fraction));
     }
     if (signals.has("angle")) {

@@ -88,11 +88,14 @@ export function tellEfforts({ efforts, efforts_left: left, conditions }) {
   for (const effort of efforts) {
     const row = made.insertRow();
     row.className = effort.is_best ? "ok" : "";
-    const result = effort.is_best ? "best so far" : "";
+    const result = effort.is_best ? "best" : "";
     cells(row, [effort.number, effort.direction, effort.peak_torque_nm.toFixed(2), effort.peak_emg.toFixed(3), result]);
-    row.cells[1].className = row.cells[4].className = "words";
+    row.cells[1].className = "words";
   }
-  by("effort-rows").replaceChildren(...made.rows);
+  const rows = by("effort-rows");
+  const isMore = made.rows.length > rows.rows.length;
+  rows.replaceChildren(...made.rows);
+  if (isMore) rows.closest(".scroll").scrollTop = rows.scrollHeight;
   by("effort-note").textContent = left ? `${left} to come` : "all done";
   const isShown = conditions.length === 0 && efforts.length + left > 0;
   by("efforts").hidden = !isShown;
