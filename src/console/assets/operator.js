@@ -77,6 +77,7 @@ function draw() {
     phases = [phases[1], now.phase];
     machine.show(now.phase, phases[0]);
     text("next", machine.next(now.phase));
+    if (sessionHistory) tellGauges();
   }
   text("phase", now.phase.replaceAll("_", " "));
   by("phase").className = `badge strong ${now.phase === "faulted" ? "bad" : ""}`;

@@ -13,12 +13,20 @@ const DAYS: u64 = 160 * 3600 * 2500;
 /// Makes the pause of a recorded session, and what came after it, 160 h later.
 fn with_a_pause_of_days(program: &Program) {
     let path = program.session.join("journal.log");
-    let (mut longer, mut resumed) = (String::new(), false);
+    let (mut longer, mut resumed, mut began) = (String::new(), false, false);
     for line in fs::read_to_string(&path).unwrap().lines() {
         let mut record: Value = serde_json::from_str(&line[26..]).unwrap();
         resumed |= record["event"] == "resume";
         if resumed && let Some(sample) = record["sample"].as_u64() {
             record["sample"] = (sample + DAYS).into();
+        }
+        // The next trial has rested as long.
+        if resumed
+            && !began
+            && let Some(rest) = record["detail"]["began"]["rest_samples"].as_u64()
+        {
+            record["detail"]["began"]["rest_samples"] = (rest + DAYS).into();
+            began = true;
         }
         let json = record.to_string();
         let sum: String =
