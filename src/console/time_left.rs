@@ -1,28 +1,32 @@
 //! Time that a session is expected to take still.
 
 use crate::protocol::APPROACH_S;
-use crate::session::{Attempt, Phase, PlannedTrial, Progress, Settings, Status};
+use crate::session::{Phase, PlannedTrial, Progress, Settings, Status};
 
 /// Expected time to the end of the session without pauses, s. The time from the target to the end of the hold, and the number of
 /// attempts that a trial takes, are those of the trials so far.
 pub fn time_left_s(progress: &Progress, settings: &Settings, phase: Phase, in_phase_s: f64) -> f64 {
     let seconds = |samples: u64| samples as f64 / settings.sample_rate_hz;
     let rest_s = seconds(settings.rest_samples);
-    let ended: Vec<&Attempt> = progress.attempts().iter().filter(|attempt| attempt.ended.is_some()).collect();
-    let counting =
-        ended.iter().filter(|attempt| matches!(attempt.ended, Some((Status::Ok, _)))).collect::<Vec<_>>();
-    let return_s = |trial: &PlannedTrial| trial.movement.duration_s() - trial.movement.start_of_return_s();
-    let record_s = |trial: &PlannedTrial| match counting.len() {
-        0 => {
-            let [shortest, longest] = settings.delay_samples.map(seconds);
-            let gate_s = (APPROACH_S + settings.gate.duration_s).min(settings.gate.timeout_s);
-            gate_s + (shortest + longest) / 2.0 + trial.movement.start_of_return_s()
+    let (mut ended, mut counting, mut counting_samples) = (0, 0, 0);
+    for attempt in progress.attempts() {
+        ended += u64::from(attempt.ended.is_some());
+        if matches!(attempt.ended, Some((Status::Ok, _))) {
+            (counting, counting_samples) = (counting + 1, counting_samples + attempt.samples);
         }
-        count => counting.iter().map(|attempt| seconds(attempt.samples)).sum::<f64>() / count as f64,
+    }
+    let per_counting = |sum: f64| (counting > 0).then(|| sum / counting as f64);
+    let mean_record_s = per_counting(seconds(counting_samples));
+    let attempts_per_trial = per_counting(ended as f64).unwrap_or(1.0);
+    let return_s = |trial: &PlannedTrial| trial.movement.duration_s() - trial.movement.start_of_return_s();
+    let record_s = |trial: &PlannedTrial| {
+        mean_record_s.unwrap_or_else(|| {
+            let [shortest_s, longest_s] = settings.delay_samples.map(seconds);
+            let gate_s = (APPROACH_S + settings.gate.duration_s).min(settings.gate.timeout_s);
+            gate_s + (shortest_s + longest_s) / 2.0 + trial.movement.start_of_return_s()
+        })
     };
-    let attempts_per_trial =
-        if counting.is_empty() { 1.0 } else { ended.len() as f64 / counting.len() as f64 };
-    let trial_s = |trial: &PlannedTrial| rest_s + attempts_per_trial * (record_s(trial) + return_s(trial));
+    let trial_s = |trial: &PlannedTrial| attempts_per_trial * (rest_s + record_s(trial) + return_s(trial));
     let trials_s: f64 = progress.queue().map(trial_s).sum();
 
     let efforts_s = settings.mvc.as_ref().map_or(0.0, |mvc| {
