@@ -263,8 +263,8 @@ test("the last ramps of a condition are drawn over each other, and the choice st
   // Tables as the report has them.
   await page.locator("#line", { hasText: "session over" }).waitFor();
   assert.match(await page.locator("#condition-note").textContent(), /mean ± its standard error/);
-  assert.match(await page.locator("#condition-rows td").nth(3).textContent(), /^\d+\.\d+ ± \d+\.\d+$/);
-  for (const id of ["trial-heads", "condition-heads"]) assert.match(await page.locator(`#${id}`).textContent(), /k_srsN m\/rad.*x_emrad/);
+  assert.match(await page.locator("#condition-rows td").nth(3).textContent(), /^\d+\.\d+ ±\s\d+\.\d+$/);
+  for (const id of ["trial-heads", "condition-heads"]) assert.match(await page.locator(`#${id}`).textContent(), /k_srsN\sm\/rad.*x_emrad/);
   assert.deepEqual(wrong, []);
   await close();
 });
@@ -273,7 +273,7 @@ test("the last ramps of a condition are drawn over each other, and the choice st
 const cut = (page) => page.evaluate(() => [...document.querySelectorAll("body *")]
   .filter((part) => part.checkVisibility() && !part.closest(".unseen") && !["CANVAS", "OPTION"].includes(part.tagName))
   .filter((part) => part.clientWidth > 0 && part.scrollWidth > part.clientWidth + 1 && getComputedStyle(part).display !== "inline")
-  .map((part) => `${part.tagName} ${part.id}: ${part.scrollWidth} > ${part.clientWidth}`));
+  .map((part) => `${part.getAttribute("aria-label") ?? part.id}: ${part.scrollWidth} > ${part.clientWidth}: ${part.innerText.slice(0, 400)}`));
 
 test("nothing is cut at 1280 pixels, from the first page to the end of the session", async () => {
   const { program } = await session("--speed", "5");

@@ -5,8 +5,11 @@ const by = (id) => document.getElementById(id);
 const OF_TRIALS = ["k_srs_nm_per_rad", "x_e_rad", "vaf"];
 const OF_CONDITIONS = ["k_srs_nm_per_rad", "k_dec_nm_per_rad", "x_e_rad", "x_t_s", "vaf"];
 
+/// A value with its uncertainty is broken before the uncertainty, if at all.
+const unbroken = (text) => String(text).replace("± ", "±\u00a0");
+
 const cells = (row, values) => {
-  for (const value of values) row.insertCell().textContent = value;
+  for (const value of values) row.insertCell().textContent = unbroken(value);
   return row;
 };
 
@@ -20,7 +23,7 @@ function heads(names, quantities) {
     head.append(sign);
     if (unit) {
       const small = document.createElement("small");
-      small.textContent = unit;
+      small.textContent = unit.replaceAll(" ", "\u00a0");
       head.append(document.createElement("br"), small);
     }
     return head;
