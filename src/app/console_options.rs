@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::console::web::Address;
-use crate::console::{ConsoleSetup, PageAddresses, SessionInfo, TrialFitContext, terminal};
+use crate::console::{CommandQuestions, ConsoleSetup, PageAddresses, SessionInfo, TrialFitContext, terminal};
 use crate::dataset::{Trial, Wrist};
 use crate::fit::PreprocessingSettings;
 use crate::protocol::ValidProtocol;
@@ -73,6 +73,8 @@ pub struct SessionDescription<'a> {
     pub lever: Option<Lever>,
     /// Name of the rig.
     pub rig: &'a str,
+    /// What the operator is asked before commands of this rig.
+    pub questions: CommandQuestions,
     /// The session's folder.
     pub folder: &'a Path,
     /// Trials measured before the session was resumed.
@@ -148,6 +150,7 @@ impl ConsoleOptions {
                 .then(|| Duration::from_secs_f64(self.operator_timeout)),
             starts_at_once,
             may_wait,
+            questions: session.questions,
             info: SessionInfo {
                 protocol: protocol.name.clone(),
                 subject: session.subject.to_owned(),

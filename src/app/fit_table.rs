@@ -3,22 +3,11 @@
 use std::io::Write;
 
 use crate::fit::{ConditionEstimate, DESCRIBING_VAF, K_DEC, K_SRS, Results, TrialEstimate, torque_falls};
+use crate::report::SHOWN;
 use crate::wrist::BASE_PARAMETERS;
 
 use super::console::Console;
 use super::failure::Failure;
-
-/// The columns of the table after velocity and torque: symbol, unit, factor to it, digits.
-const TABLE_COLUMNS: [(&str, &str, f64, usize); 8] = [
-    ("I_j", "g m2", 1e3, 2),
-    ("b_h", "N m s/rad", 1.0, 2),
-    ("k_h", "N m/rad", 1.0, 0),
-    ("k_srs", "N m/rad", 1.0, 1),
-    ("k_dec", "N m/rad", 1.0, 1),
-    ("x_e", "mrad", 1e3, 1),
-    ("k_after", "N m/rad", 1.0, 1),
-    ("x_t", "ms", 1e3, 1),
-];
 
 /// So many numbers of trials are listed.
 const SHOWN_TRIALS: usize = 12;
@@ -47,7 +36,7 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
         .into_iter()
         .chain(results.conditions.iter().map(|condition| row(condition, results.is_together())))
         .collect();
-    let widest = |column: usize| rows.iter().map(|row| row[column].len()).max().unwrap_or(0);
+    let widest = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..rows[0].len()).map(widest).collect();
     for row in &rows {
         let cells: Vec<String> =
@@ -139,43 +128,61 @@ fn falls(condition: &ConditionEstimate) -> bool {
     torque_falls([k_srs, k_dec], [condition.se[K_SRS], condition.se[K_DEC]])
 }
 
-/// Symbols and units.
+/// Symbols and units, those of the report.
 fn head() -> [Vec<String>; 2] {
-    let line = |first: [&str; 2],
-                of: fn(&(&'static str, &'static str, f64, usize)) -> &'static str,
-                last: [&str; 2]| {
-        first.into_iter().chain(TABLE_COLUMNS.iter().map(of)).chain(last).map(str::to_owned).collect()
+    let line = |first: [&str; 2], of: fn(&crate::report::Shown) -> String| {
+        first.map(str::to_owned).into_iter().chain(SHOWN.iter().map(of)).chain([String::new()]).collect()
     };
     [
-        line(["velocity", "torque"], |column| column.0, ["VAF", ""]),
-        line(["rad/s", "N m"], |column| column.1, ["", ""]),
+        line(["velocity", "torque"], |shown| shown.sign.to_owned()),
+        line(["rad/s", "N m"], |shown| shown.unit.replace('²', "2")),
     ]
 }
 
+/// A condition with the uncertainty, digits and marks of the report, in the letters of every terminal.
 fn row(condition: &ConditionEstimate, is_together: bool) -> Vec<String> {
     let mut cells = vec![format!("{:.2}", condition.velocity_rad_s), format!("{:.2}", condition.torque_nm)];
-    for (quantity, (_, _, factor, digits)) in TABLE_COLUMNS.into_iter().enumerate() {
-        cells.push(spread(condition, quantity, factor, digits, is_together));
-    }
-    cells.push(condition.mean[8].map_or("-".into(), |vaf| format!("{vaf:.4}")));
+    cells.extend(SHOWN.iter().map(|shown| {
+        let text = shown.text_of_condition(condition, is_together);
+        text.replace('±', "+-").replace(['−', '–'], "-")
+    }));
     cells.push(condition.condition.clone().unwrap_or_default());
     cells
 }
 
-/// The mean and what is known of it: of trials that were fitted together its standard error, since their values are drawn towards each
-/// other; of independent ones the standard deviation.
-fn spread(
-    condition: &ConditionEstimate,
-    quantity: usize,
-    factor: f64,
-    digits: usize,
-    is_together: bool,
-) -> String {
-    let mean = condition.mean[quantity];
-    let error = || Some(mean?.abs() * condition.se.get(quantity).copied().flatten()?);
-    match (mean, if is_together { error() } else { condition.sd[quantity] }) {
-        (Some(mean), Some(sd)) => format!("{:.digits$} +- {:.digits$}", mean * factor, sd * factor),
-        (Some(mean), None) => format!("{:.digits$}", mean * factor),
-        (None, _) => "-".into(),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The table had digits of its own, and a mean over fewer trials than the condition has did not say so.
+    #[test]
+    fn the_table_has_the_uncertainty_and_the_marks_of_the_report() {
+        let mut condition = ConditionEstimate {
+            condition: None,
+            velocity_rad_s: 1.3,
+            torque_nm: 0.9,
+            repetitions: 3,
+            mean: [
+                Some(0.005),
+                Some(1.2),
+                Some(300.0),
+                Some(15.512),
+                Some(9.0),
+                Some(0.0251),
+                None,
+                None,
+                Some(0.99412),
+            ],
+            sd: [None; 9],
+            averaged: [3, 3, 3, 3, 3, 2, 0, 0, 3],
+            se: [Some(0.01); 6],
+        };
+        condition.sd[3] = Some(0.98);
+        let together = row(&condition, true);
+        assert_eq!(together[5], "15.51 +- 0.16");
+        assert_eq!(together[7], "25.10 +- 0.25 (n = 2)");
+        assert_eq!((together[8].as_str(), together[10].as_str()), ("-", "0.9941"));
+        assert_eq!(row(&condition, false)[5], "15.51 +- 0.98");
+        assert_eq!(head()[1][2], "g m2");
     }
 }

@@ -4,6 +4,7 @@ use std::io::{self, IsTerminal};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::console::CommandQuestions;
 use crate::rig::Fault;
 use crate::session::{Event, Machine, MotionDeviation, Operator, Phase};
 
@@ -11,41 +12,35 @@ use super::Console;
 use super::background_messages::BackgroundMessages;
 use super::question::ask;
 
-/// Told before the present place of the handle becomes the start position.
-pub const SETS_ORIGIN_HERE: &str =
-    "The present place of the handle becomes the start position (0 rad) of all movements and limits.";
-
 /// Asks at the terminal before the motor is armed.
 pub struct MotorOperator {
     stop: Arc<AtomicBool>,
     /// Arming was confirmed on the command line (`--yes`).
     is_confirmed: bool,
-    /// The first arming takes the present place of the handle for the start position.
-    sets_origin_here: bool,
+    questions: CommandQuestions,
     messages: BackgroundMessages,
 }
 
 impl MotorOperator {
     /// Ends the session when `stop` is set. With `is_confirmed` the first arming needs no answer.
-    pub fn new(stop: Arc<AtomicBool>, is_confirmed: bool, sets_origin_here: bool, console: &Console) -> Self {
-        Self { stop, is_confirmed, sets_origin_here, messages: BackgroundMessages::start(*console) }
+    pub fn new(
+        stop: Arc<AtomicBool>,
+        is_confirmed: bool,
+        questions: CommandQuestions,
+        console: &Console,
+    ) -> Self {
+        Self { stop, is_confirmed, questions, messages: BackgroundMessages::start(*console) }
     }
 
     fn is_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    fn answers_yes(&self, question: &str) -> bool {
+    /// Whether the operator agrees; without a question there is nothing to agree to.
+    fn answers_yes(&self, question: Option<&str>) -> bool {
+        let Some(question) = question else { return true };
         io::stdin().is_terminal()
             && ask(&format!("{question} Type yes: "), &self.stop).is_some_and(|answer| answer == "yes")
-    }
-
-    fn consents_to_start(&self) -> bool {
-        if self.sets_origin_here {
-            self.messages.note(SETS_ORIGIN_HERE.to_owned());
-            self.messages.flush();
-        }
-        self.is_confirmed || self.answers_yes("The motor will be given power. Is everyone clear of it?")
     }
 }
 
@@ -63,14 +58,9 @@ impl Operator for MotorOperator {
         self.messages.flush();
         let consents = !self.is_stopped()
             && match machine.phase() {
-                Phase::Ready => self.consents_to_start(),
+                Phase::Ready => self.is_confirmed || self.answers_yes(self.questions.start()),
                 // `--yes` confirms one arming; after a fault somebody must look at the motor.
-                Phase::Faulted => {
-                    !self.is_confirmed
-                        && self.answers_yes(
-                            "Has the fault been fixed? The motor will move to the start position.",
-                        )
-                }
+                Phase::Faulted => !self.is_confirmed && self.answers_yes(self.questions.rearm()),
                 _ => false,
             };
         match machine.phase() {

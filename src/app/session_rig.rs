@@ -4,6 +4,7 @@ use std::io::{self, IsTerminal};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use crate::console::CommandQuestions;
 use crate::dataset::{self, Disk, RecordError, Resumable};
 use crate::files::{self, Folder, limits};
 use crate::json_file;
@@ -112,6 +113,14 @@ impl SessionRig {
         match self {
             Self::Virtual { .. } => "virtual wrist",
             Self::Can(motor) => motor.name(),
+        }
+    }
+
+    /// What the operator is asked before the rig is armed.
+    pub fn questions(&self) -> CommandQuestions {
+        match self {
+            Self::Virtual { .. } => CommandQuestions::for_virtual_wrist(),
+            Self::Can(motor) => CommandQuestions::for_motor(motor.sets_origin_here()),
         }
     }
 

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::console::{ConsoleSetup, Live};
+use crate::console::{CommandQuestions, ConsoleSetup, Live, SETS_ORIGIN_HERE};
 use crate::dataset::{BackgroundRecorder, Recorder};
 use crate::rig::Rig;
 use crate::session::{Event, Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
 use super::command_line_operator::CommandLineOperator;
-use super::motor_operator::{MotorOperator, SETS_ORIGIN_HERE};
+use super::motor_operator::MotorOperator;
 use super::session_rig::write_bus_summary;
 use super::signals::{stop_on_signals, stop_when_suspended};
 use super::{Console, ConsoleOptions, Failure, Pace, SessionRig, finish_session};
@@ -82,11 +82,11 @@ impl SessionRun<'_> {
                 stop_when_suspended(&stop)?;
                 motor.stop_on(stop.clone());
                 let sets_origin_here = motor.sets_origin_here();
-                if sets_origin_here && work.setup.is_some() {
+                if sets_origin_here && (is_confirmed || work.setup.is_some()) {
                     console.announce(SETS_ORIGIN_HERE);
                 }
-                let operator =
-                    |_: &Machine| MotorOperator::new(stop, is_confirmed, sets_origin_here, console);
+                let questions = CommandQuestions::for_motor(sets_origin_here);
+                let operator = |_: &Machine| MotorOperator::new(stop, is_confirmed, questions, console);
                 let (motor, live) = work.with_deadlines(*motor, &mut Unpaced, operator)?;
                 write_bus_summary(&motor.summary(), &folder, console)?;
                 live

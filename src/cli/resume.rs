@@ -101,6 +101,7 @@ impl Verb for ResumeArgs {
                 subject: &subject,
                 lever: rig.lever(),
                 rig: rig.name(),
+                questions: rig.questions(),
                 folder: &self.session,
                 earlier_trials: dataset::load(&self.session)?.trials,
             };

@@ -197,6 +197,7 @@ impl RunArgs {
             subject,
             lever,
             rig: rig.name(),
+            questions: rig.questions(),
             folder: &folder,
             earlier_trials: Vec::new(),
         };

@@ -37,6 +37,12 @@ impl DisplayLatencies {
         times.push_back(latency);
     }
 
+    /// Keeps every thread waiting that has a latency to add.
+    #[cfg(test)]
+    pub fn hold(&self) -> std::sync::MutexGuard<'_, VecDeque<Duration>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Statistics of the latest snapshots; `None` before the first.
     pub fn summary(&self) -> Option<DisplayLatency> {
         let mut times: Vec<Duration> =

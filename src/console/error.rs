@@ -72,7 +72,7 @@ pub enum ConsoleError {
     )]
     Foreign(PathBuf),
     /// The terminal cannot be drawn on.
-    #[error("the terminal cannot be drawn on: {0}. Is this a terminal? Leave --tui out otherwise")]
+    #[error("--tui: the terminal cannot be drawn on: {0}; run it in a terminal, or give --console instead")]
     Terminal(io::Error),
 }
 
@@ -85,6 +85,7 @@ impl ConsoleError {
                 | Self::Nameless(_)
                 | Self::Certificate { .. }
                 | Self::NotBuilt { .. }
+                | Self::Terminal(_)
                 | Self::Session(_)
                 | Self::Protocol(_)
                 | Self::Empty(_)

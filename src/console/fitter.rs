@@ -3,7 +3,7 @@
 //! A trial is fitted together with those before it, as the session is in the end; the first few are fitted alone.
 
 use std::collections::VecDeque;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::thread;
 
 use super::thread_priority::lower_thread_priority;
@@ -36,6 +36,28 @@ pub struct TrialFit {
     pub measured_nm: Vec<f64>,
     /// Torque predicted by the model, N m.
     pub predicted_nm: Vec<f64>,
+    /// The fit of all trials that it was fitted together with; `None` if it was fitted alone.
+    pub session: Option<Arc<SessionSoFar>>,
+}
+
+/// The fit of several trials together.
+#[derive(Debug)]
+pub struct SessionSoFar {
+    estimates: Vec<TrialEstimate>,
+    session: SessionFit,
+}
+
+impl SessionSoFar {
+    /// The estimate of a trial, if it is one of those.
+    pub fn estimate(&self, trial: u32) -> Option<&TrialEstimate> {
+        self.estimates.iter().find(|estimate| estimate.trial == trial)
+    }
+
+    /// Covariance of the logarithms of a base parameter in two trials; `None` if one of them is not one of those.
+    pub fn log_covariance(&self, parameter: usize, one: u32, other: u32) -> Option<f64> {
+        let place = |trial| self.estimates.iter().position(|estimate| estimate.trial == trial);
+        self.session.log_covariance(parameter, place(one)?, place(other)?)
+    }
 }
 
 /// The model of a session has three coefficients for each parameter: before there are more trials, it says nothing.
@@ -47,22 +69,39 @@ const MOST_TRIALS: usize = 48;
 /// Number of a trial, and its fit or the reason why there is none.
 pub type TrialFitOutcome = (u32, Result<Box<TrialFit>, String>);
 
+/// Work for the fitting thread.
+#[derive(Debug)]
+enum FitterJob {
+    Fit(Box<Trial>),
+    /// The trial does not count any more, and is no part of later fits.
+    Forget(u32),
+}
+
 /// The fitting thread and its channels.
 #[derive(Debug)]
 pub struct Fitter {
-    jobs: mpsc::Sender<Trial>,
+    window_s: f64,
+    jobs: mpsc::Sender<FitterJob>,
     outcomes: mpsc::Receiver<TrialFitOutcome>,
 }
 
 impl Fitter {
     /// Starts the thread; it ends when this is dropped.
     pub fn start(context: TrialFitContext) -> Self {
-        let (jobs, todo) = mpsc::channel::<Trial>();
+        let window_s = context.preprocessing.window_s;
+        let (jobs, todo) = mpsc::channel::<FitterJob>();
         let (done, outcomes) = mpsc::channel();
         thread::spawn(move || {
             lower_thread_priority();
-            let mut trials = VecDeque::new();
-            for trial in todo {
+            let mut trials = VecDeque::<Trial>::new();
+            for job in todo {
+                let trial = match job {
+                    FitterJob::Fit(trial) => *trial,
+                    FitterJob::Forget(number) => {
+                        trials.retain(|trial| trial.number != number);
+                        continue;
+                    }
+                };
                 let number = trial.number;
                 trials.push_back(trial);
                 if trials.len() > MOST_TRIALS {
@@ -78,12 +117,23 @@ impl Fitter {
                 }
             }
         });
-        Self { jobs, outcomes }
+        Self { window_s, jobs, outcomes }
+    }
+
+    /// The analysed window after the onset, s.
+    pub fn window_s(&self) -> f64 {
+        self.window_s
     }
 
     /// Queues a trial for the fit, if its status is ok. Returns whether there will be an outcome.
     pub fn fit(&self, trial: Trial) -> bool {
-        trial.status == Status::Ok && self.jobs.send(trial).is_ok()
+        trial.status == Status::Ok && self.jobs.send(FitterJob::Fit(Box::new(trial))).is_ok()
+    }
+
+    /// Leaves a trial out of later fits: it does not count any more.
+    pub fn forget(&self, number: u32) {
+        // The thread ends when this is dropped, and not before.
+        let _ = self.jobs.send(FitterJob::Forget(number));
     }
 
     /// The next finished fit, if there is one.
@@ -110,9 +160,9 @@ fn fit(context: &TrialFitContext, trials: &[Trial]) -> Result<Box<TrialFit>, Str
     let independent = Fit::new(&observations, &Model::paper(), Weighting::default());
     let session =
         if used.len() > 1 { SessionFit::while_running(&observations, &independent).ok() } else { None };
-    let (estimates, fit) = match &session {
-        Some(session) => (session_estimates(&observations, session).0, &session.fit),
-        None => (estimates_without_profiles(&observations, &independent), &independent),
+    let estimates = match &session {
+        Some(session) => session_estimates(&observations, session).0,
+        None => estimates_without_profiles(&observations, &independent),
     };
     let place = estimates.iter().position(|estimate| estimate.trial == last.number);
     let place = place.ok_or("the trial could not be prepared")?;
@@ -121,8 +171,10 @@ fn fit(context: &TrialFitContext, trials: &[Trial]) -> Result<Box<TrialFit>, Str
         Some(_) => format!("fitted together with the {} trials before it", estimates.len() - 1),
         None => "fitted alone: the session has shown too little yet".into(),
     });
+    let fit = session.as_ref().map_or(&independent, |session| &session.fit);
     let measured_nm = observations.trials[place].measured_nm.clone();
     let residual_nm = &predictions(&observations, fit)[place].residual_nm;
     let predicted_nm = measured_nm.iter().zip(residual_nm).map(|(measured, left)| measured - left).collect();
-    Ok(Box::new(TrialFit { estimate, measured_nm, predicted_nm }))
+    let session = session.map(|session| Arc::new(SessionSoFar { estimates, session }));
+    Ok(Box::new(TrialFit { estimate, measured_nm, predicted_nm, session }))
 }

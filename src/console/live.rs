@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use rtrb::Consumer;
 
 use super::coming_and_going::ComingAndGoing;
+use super::command_questions::CommandQuestions;
 use super::commands::{CommandReceiver, CommandSender, OperatorNotice, needs_confirmation};
 use super::controls::{Controls, Request};
 use super::display_latency::DisplayLatencies;
@@ -53,6 +54,8 @@ pub struct ConsoleSetup {
     pub starts_at_once: bool,
     /// Whether the control loop has no deadlines and may wait for the disk and the console.
     pub may_wait: bool,
+    /// What the operator is asked before commands of this rig.
+    pub questions: CommandQuestions,
     /// Description of the session for the pages.
     pub info: SessionInfo,
     /// What the fit of a trial needs beside the trial.
@@ -91,7 +94,8 @@ impl Live {
             CommandSender::new(journal, counter.clone(), stop.clone(), setup.starts_at_once);
         let (feed, steps) = StepFeed::new(counter, setup.may_wait);
         let fitter = Fitter::start(setup.fit_context);
-        let (mut view, views) = ViewModel::new(settings.clone(), machine.progress().clone(), fitter, None);
+        let (mut view, views) =
+            ViewModel::new(settings.clone(), machine.progress().clone(), fitter, setup.questions, None);
         view.fit(setup.earlier_trials);
         let presence = Presence::new(setup.missed_after);
         let controls = Arc::new(SessionControls {

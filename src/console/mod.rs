@@ -4,9 +4,10 @@
 //! The [`ViewModel`] makes snapshots of the steps. Web pages ([`web`]) and the [`terminal`] draw the latest snapshot. A
 //! recorded session is shown in the same way ([`player`]).
 //!
-//! Layers, bottom up: step_feed, commands, controls -> view_model -> web, terminal -> live, player.
+//! Layers, bottom up: step_feed, commands, controls -> trial_fits, ramps, history -> view_model -> web, terminal -> live, player.
 
 mod coming_and_going;
+mod command_questions;
 mod commands;
 mod controls;
 mod display_latency;
@@ -14,8 +15,10 @@ mod error;
 mod fitter;
 mod history;
 mod live;
+mod playback_time;
 pub mod player;
 mod presence;
+mod ramps;
 mod snapshot;
 mod step_feed;
 mod strip_chart;
@@ -25,15 +28,18 @@ pub mod terminal;
 #[path = "without_terminal.rs"]
 pub mod terminal;
 mod thread_priority;
+mod time_left;
+mod trial_fits;
 mod view_model;
 pub mod web;
 mod welcome;
 
+pub use command_questions::{CommandQuestions, SETS_ORIGIN_HERE};
 pub use commands::{CommandReceiver, CommandSender, OperatorNotice};
 pub use controls::{Controls, Request};
 pub use display_latency::{DisplayLatencies, DisplayLatency};
 pub use error::ConsoleError;
-pub use fitter::{Fitter, TrialFit, TrialFitContext, TrialFitOutcome};
+pub use fitter::{Fitter, SessionSoFar, TrialFit, TrialFitContext, TrialFitOutcome};
 pub use live::{ConsoleSetup, Live};
 pub use snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot, SubjectView};
 pub use step_feed::{SampleCounter, StepFeed, TimedStep};

@@ -8,10 +8,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use super::command_questions::CommandQuestions;
 use super::controls::{Controls, Request};
 use super::display_latency::DisplayLatencies;
 use super::error::ConsoleError;
 use super::fitter::{Fitter, TrialFitContext};
+use super::playback_time::{PlaybackTime, duration_text};
 use super::snapshot::PlaybackState;
 use super::step_feed::TimedStep;
 use super::thread_priority::lower_thread_priority;
@@ -20,7 +22,7 @@ use super::web::{Address, PageAddresses, PageContent, Server};
 use super::welcome::{SessionInfo, welcome_messages};
 use crate::dataset::{self, ActionOrigin, AuditEntry, JOURNAL, OperatorAction, Wrist, replay_watched};
 use crate::fit::PreprocessingSettings;
-use crate::session::{Progress, Settings};
+use crate::session::{Machine, Progress, Settings, Step};
 
 /// Time between two snapshots.
 const PLAYBACK_SNAPSHOT_PERIOD: Duration = Duration::from_millis(5);
@@ -39,6 +41,7 @@ struct RecordedSession {
     wrist: Wrist,
     /// Time before each start of the session, s.
     before_s: Vec<f64>,
+    /// Length as it is played, s.
     length_s: f64,
     /// Operators' actions, each with the number of its start of the session, from 0.
     actions: Vec<(usize, AuditEntry)>,
@@ -55,13 +58,16 @@ impl RecordedSession {
             dataset::stored_protocol(folder)?.ok_or_else(|| ConsoleError::Foreign(folder.to_owned()))?;
         let actions: Vec<_> =
             dataset::operator_actions(folder)?.into_iter().map(|(start, entry)| (start - 1, entry)).collect();
-        let (mut settings, mut steps, mut starts) = (None, 0u64, Vec::new());
+        let (mut settings, mut time) = (None, PlaybackTime::default());
+        let (mut before, mut sample, mut starts) = (0, 0, Vec::new());
         replay_watched(folder, &mut |_, machine| {
             if machine.sample() == 1 {
-                starts.push(steps);
+                before += sample;
+                starts.push(before);
             }
-            steps += 1;
-            settings.get_or_insert_with(|| machine.settings().clone());
+            sample = machine.sample();
+            let settings = settings.get_or_insert_with(|| machine.settings().clone());
+            time.takes(machine.phase(), sample, settings.sample_rate_hz);
             ControlFlow::Continue(())
         })?;
         let mut settings = settings.ok_or_else(|| ConsoleError::Empty(folder.to_owned()))?;
@@ -81,8 +87,8 @@ impl RecordedSession {
                 rig: "recording".to_owned(),
             },
             wrist: wrist.or(opened).unwrap_or_default(),
-            before_s: starts.iter().map(|steps| *steps as f64 / rate_hz).collect(),
-            length_s: steps as f64 / rate_hz,
+            before_s: starts.iter().map(|samples| *samples as f64 / rate_hz).collect(),
+            length_s: time.position_s(rate_hz),
             settings: Arc::new(settings),
             actions,
         };
@@ -96,8 +102,15 @@ impl RecordedSession {
             },
         });
         let progress = Progress::new(&recording.settings);
-        let playback = PlaybackState { speed: 1.0, is_playing: false, length_s: recording.length_s };
-        let (mut view, views) = ViewModel::new(recording.settings.clone(), progress, fitter, Some(playback));
+        let playback =
+            PlaybackState { speed: 1.0, is_playing: false, position_s: 0.0, length_s: recording.length_s };
+        let (mut view, views) = ViewModel::new(
+            recording.settings.clone(),
+            progress,
+            fitter,
+            CommandQuestions::default(),
+            Some(playback),
+        );
         view.fit(session.trials);
         Ok((recording, view, views))
     }
@@ -108,7 +121,7 @@ impl RecordedSession {
 struct PlaybackRequest {
     speed: f64,
     plays: bool,
-    /// Time to go to, s.
+    /// Time to go to as the recording is played, s.
     seek: Option<f64>,
     over: bool,
 }
@@ -175,6 +188,7 @@ impl Playback {
             controls: controls.clone(),
             start: 0,
             actions_shown: 0,
+            time: PlaybackTime::default(),
             anchor: None,
             published: Instant::now(),
             seek_to_s: 0.0,
@@ -212,7 +226,9 @@ struct Player {
     start: usize,
     /// Number of operators' actions shown so far.
     actions_shown: usize,
-    /// Reference for the pace: wall-clock time, time in the recording in s, and speed.
+    /// Time in the recording as it is played.
+    time: PlaybackTime,
+    /// Reference for the pace: wall-clock time, time in the recording as it is played in s, and speed.
     anchor: Option<(Instant, f64, f64)>,
     published: Instant,
     /// Time in the recording up to which nothing is drawn, s.
@@ -228,6 +244,7 @@ impl Player {
         while !self.controls.current().over {
             let folder = self.recording.folder.clone();
             (self.start, self.actions_shown, self.anchor, self.is_interrupted) = (0, 0, None, false);
+            self.time = PlaybackTime::default();
             self.view.rewind(Progress::new(&self.recording.settings));
             let played = replay_watched(&folder, &mut |step, machine| {
                 if machine.sample() == 1 {
@@ -236,8 +253,7 @@ impl Player {
                     // The first step starts the session and changes no progress.
                     self.view.restart(machine.progress().clone(), before_s);
                 }
-                self.view.take(&TimedStep::now(step));
-                self.keep_pace(machine.sample())
+                self.play_step(step, machine)
             });
             match played {
                 Ok(replay) => {
@@ -255,12 +271,27 @@ impl Player {
         }
     }
 
-    /// After each step: shows the operators' actions at that time, and waits until the next step is due.
-    fn keep_pace(&mut self, sample: u64) -> ControlFlow<()> {
+    /// Shows a step with the operators' actions before it, and waits until the next step is due. The end of a long pause is
+    /// shown at once.
+    fn play_step(&mut self, step: &Step, machine: &Machine) -> ControlFlow<()> {
+        let (sample, rate_hz) = (machine.sample(), machine.settings().sample_rate_hz);
+        self.add_due_actions(sample - 1);
+        let pause_s = self.time.shortened_pause_s(sample, rate_hz);
+        let is_played = self.time.takes(machine.phase(), sample, rate_hz);
+        if !is_played && !step.is_journaled() {
+            return ControlFlow::Continue(());
+        }
+        self.view.take(&TimedStep::now(step));
         self.add_due_actions(sample);
-        let rate_hz = self.recording.settings.sample_rate_hz;
-        let before_s = self.recording.before_s.get(self.start - 1).copied().unwrap_or(0.0);
-        let t_s = before_s + sample as f64 / rate_hz;
+        if let Some(pause_s) = pause_s.filter(|_| is_played) {
+            let lasted = duration_text(pause_s);
+            self.view.add_message(&format!("the pause lasted {lasted}; only its beginning is played"));
+        }
+        self.keep_pace(self.time.position_s(rate_hz))
+    }
+
+    /// Waits until the step at `t_s` in the recording as it is played is due.
+    fn keep_pace(&mut self, t_s: f64) -> ControlFlow<()> {
         if t_s < self.seek_to_s {
             return ControlFlow::Continue(());
         }
@@ -307,6 +338,7 @@ impl Player {
         let playback = PlaybackState {
             speed: requested.speed,
             is_playing: requested.plays,
+            position_s: self.time.position_s(self.recording.settings.sample_rate_hz),
             length_s: self.recording.length_s,
         };
         let changed = self.view.set_playback(playback);

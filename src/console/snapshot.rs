@@ -1,5 +1,6 @@
 //! Snapshot of a session: what the pages draw, renewed up to 250 times a second.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -81,8 +82,12 @@ pub struct Snapshot {
     pub target_nm: Option<f64>,
     /// Trial under way, or the last one.
     pub trial: Option<CurrentTrial>,
+    /// Expected time to the end of the session without pauses, s; `None` once it is over.
+    pub time_left_s: Option<f64>,
     /// Names of the commands that are possible.
     pub possible: Vec<&'static str>,
+    /// Questions before those of the possible commands that ask one.
+    pub questions: BTreeMap<&'static str, String>,
     /// Whether a requested pause is still to come.
     #[serde(rename = "pause_asked")]
     pub pause_requested: bool,
@@ -124,7 +129,9 @@ impl Snapshot {
             torque_nm: 0.0,
             target_nm: None,
             trial: None,
+            time_left_s: None,
             possible: Vec::new(),
+            questions: BTreeMap::new(),
             pause_requested: false,
             missed_steps: 0,
             is_over: false,
@@ -156,6 +163,8 @@ pub struct PlaybackState {
     pub speed: f64,
     /// Whether the recording runs.
     pub is_playing: bool,
-    /// Length of the recording, s.
+    /// Time in the recording as it is played, s: of a pause only the beginning is.
+    pub position_s: f64,
+    /// Length of the recording as it is played, s.
     pub length_s: f64,
 }

@@ -1,20 +1,24 @@
 //! Builds the snapshots and the history that pages draw from the session's steps. Readers get the latest snapshot only, so
 //! that a slow page misses some and delays nobody.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use tokio::sync::watch;
 
-use super::fitter::{Fitter, TrialFitOutcome};
+use super::command_questions::CommandQuestions;
+use super::fitter::Fitter;
 use super::history::{LogEntry, SessionHistory, SystemStatus};
+use super::ramps::Ramps;
 use super::snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot};
 use super::step_feed::TimedStep;
 use super::strip_chart::{Bin, StripChart};
+use super::time_left::time_left_s;
+use super::trial_fits::TrialFits;
 use crate::dataset::{AuditEntry, MemoryRecorder, OperatorAction, Trial};
 use crate::rig::{Cue, Direction};
 use crate::session::{
-    Attempt, Event, Phase, Progress, RecordTarget, Settings, Status, Step, StepConsumer, transitions::Guard,
+    Attempt, Event, Phase, Progress, RecordTarget, Settings, Status, Step, StepConsumer, TransitionDetail,
+    transitions::Guard,
 };
 
 /// Torque of a strong effort as a multiple of the largest target: the full scale of the display without a target.
@@ -25,6 +29,7 @@ const EFFORT_SCALE_TARGETS: f64 = 5.0;
 pub struct Views {
     snapshot: watch::Receiver<Arc<Snapshot>>,
     history: watch::Receiver<Arc<str>>,
+    ramps: watch::Receiver<Arc<str>>,
     strip_chart: Arc<Mutex<StripChart>>,
 }
 
@@ -37,6 +42,11 @@ impl Views {
     /// Receiver of the latest history, as JSON.
     pub fn history(&self) -> watch::Receiver<Arc<str>> {
         self.history.clone()
+    }
+
+    /// Receiver of the last ramps of each condition, as JSON.
+    pub fn ramps(&self) -> watch::Receiver<Arc<str>> {
+        self.ramps.clone()
     }
 
     /// The complete bins of the strip charts from number `next` on, and the number of the bin after them.
@@ -54,9 +64,9 @@ pub struct ViewModel {
     /// Records the trial under way for the fit.
     recorder: MemoryRecorder,
     fitter: Fitter,
-    fits: BTreeMap<u32, TrialFitOutcome>,
-    /// Numbers of the trials whose fit is under way.
-    awaited_fits: BTreeSet<u32>,
+    fits: TrialFits,
+    ramps: Ramps,
+    questions: CommandQuestions,
     snapshot: Snapshot,
     /// Sample at which the phase was entered.
     phase_start: u64,
@@ -73,6 +83,7 @@ pub struct ViewModel {
     strip_chart: Arc<Mutex<StripChart>>,
     snapshot_out: watch::Sender<Arc<Snapshot>>,
     history_out: watch::Sender<Arc<str>>,
+    ramps_out: watch::Sender<Arc<str>>,
 }
 
 impl ViewModel {
@@ -81,20 +92,28 @@ impl ViewModel {
         settings: Arc<Settings>,
         progress: Progress,
         fitter: Fitter,
+        questions: CommandQuestions,
         playback: Option<PlaybackState>,
     ) -> (Self, Views) {
         let snapshot = Snapshot::before_start(playback);
         let strip_chart = Arc::new(Mutex::new(StripChart::default()));
         let (snapshot_out, snapshot_in) = watch::channel(Arc::new(snapshot.clone()));
         let (history_out, history_in) = watch::channel(Arc::from("null"));
-        let views = Views { snapshot: snapshot_in, history: history_in, strip_chart: strip_chart.clone() };
+        let (ramps_out, ramps_in) = watch::channel(Arc::from("null"));
+        let views = Views {
+            snapshot: snapshot_in,
+            history: history_in,
+            ramps: ramps_in,
+            strip_chart: strip_chart.clone(),
+        };
         let mut view = Self {
             progress,
             recorder: MemoryRecorder::new(settings.clone()),
             settings,
             fitter,
-            fits: BTreeMap::new(),
-            awaited_fits: BTreeSet::new(),
+            fits: TrialFits::default(),
+            ramps: Ramps::default(),
+            questions,
             snapshot,
             phase_start: 0,
             last_sample: 0,
@@ -106,6 +125,7 @@ impl ViewModel {
             strip_chart,
             snapshot_out,
             history_out,
+            ramps_out,
         };
         view.count_trials();
         view.publish();
@@ -116,22 +136,29 @@ impl ViewModel {
     pub fn fit(&mut self, trials: impl IntoIterator<Item = Trial>) {
         for trial in trials {
             let number = trial.number;
+            if trial.status == crate::dataset::Status::Ok {
+                self.ramps.add(&trial, self.settings.sample_rate_hz);
+            }
             if self.fitter.fit(trial) {
-                self.awaited_fits.insert(number);
+                self.fits.await_trial(number);
             }
         }
+        self.publish_ramps();
     }
 
     /// Whether the fit of a trial is still under way.
     pub fn awaits_fits(&mut self) -> bool {
         self.collect_fits();
-        !self.awaited_fits.is_empty()
+        self.fits.are_awaited()
+    }
+
+    fn publish_ramps(&self) {
+        self.ramps_out.send_replace(self.ramps.json(self.fitter.window_s()).into());
     }
 
     fn collect_fits(&mut self) {
         while let Some(outcome) = self.fitter.outcome() {
-            self.awaited_fits.remove(&outcome.0);
-            self.fits.insert(outcome.0, outcome);
+            self.fits.add(outcome);
             self.history_changed = true;
         }
     }
@@ -155,15 +182,18 @@ impl ViewModel {
         self.strip_chart.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
-    /// Sets the state of the playback; returns whether it changed.
+    /// Sets the state of the playback; returns whether more than its position changed.
     pub fn set_playback(&mut self, playback: PlaybackState) -> bool {
-        self.snapshot.playback.replace(playback) != Some(playback)
+        let before = self.snapshot.playback.replace(playback);
+        before.map(|before| PlaybackState { position_s: playback.position_s, ..before }) != Some(playback)
     }
 
     /// Takes a step of the session.
     pub fn take(&mut self, timed: &TimedStep) {
         let step = &timed.step;
-        let missed = step.sample.saturating_sub(self.last_sample + 1);
+        // A replay passes over pauses, and misses nothing.
+        let missed =
+            if self.draws_records_only { 0 } else { step.sample.saturating_sub(self.last_sample + 1) };
         self.snapshot.missed_steps += missed;
         self.has_gap |= missed > 0;
         self.last_sample = step.sample;
@@ -183,13 +213,18 @@ impl ViewModel {
         }
         self.show(step, measures);
         if let Some(transition) = step.transition {
-            self.history.add_transition(self.snapshot.t_s, &transition);
+            self.history.add_transition(self.snapshot.t_s, &transition, &self.progress);
             self.history_changed = true;
             if transition.to == Phase::Hold {
                 self.has_gap = false;
             }
             if matches!(transition.event, Event::HoldOver) {
                 self.fit_last_trial();
+            }
+            if let Some(TransitionDetail::TakenBack { number }) = transition.detail {
+                self.fitter.forget(number);
+                self.ramps.remove(number);
+                self.publish_ramps();
             }
         }
         if let Some(command) = step.refused {
@@ -214,18 +249,21 @@ impl ViewModel {
         self.history_changed = true;
     }
 
+    /// Adds a plain message to the history.
+    pub fn add_message(&mut self, text: &str) {
+        self.history.add(self.snapshot.t_s, LogEntry::plain(text));
+        self.history_changed = true;
+    }
+
     /// Sets the timing, disk space and display latency.
     pub fn set_status(&mut self, status: SystemStatus) {
-        self.history_changed |= self.history.set_status(status);
+        self.history_changed |= self.history.set_status(self.snapshot.t_s, status);
     }
 
     /// Marks the session as over, with a closing message for the log. A fit that is still under way is given up.
     pub fn close(&mut self, message: &str) {
         self.collect_fits();
-        for number in std::mem::take(&mut self.awaited_fits) {
-            let why = "the session was over before its fit; see the fit at the end of the session";
-            self.fits.insert(number, (number, Err(why.to_owned())));
-        }
+        self.fits.give_up("the session was over before its fit; see the fit at the end of the session");
         self.snapshot.is_over = true;
         self.history.add(self.snapshot.t_s, LogEntry::plain(message));
         self.history_changed = true;
@@ -239,6 +277,8 @@ impl ViewModel {
         snapshot.subject.n += 1;
         snapshot.in_phase_s =
             (self.last_sample.saturating_sub(self.phase_start)) as f64 / self.settings.sample_rate_hz;
+        snapshot.time_left_s = (!snapshot.phase.is_final())
+            .then(|| time_left_s(progress, &self.settings, snapshot.phase, snapshot.in_phase_s));
         if self.history_changed {
             let possible = |command: &Event| progress.line(snapshot.phase, *command).is_some();
             let commands = COMMANDS.iter().filter(|command| possible(command));
@@ -247,6 +287,7 @@ impl ViewModel {
             } else {
                 commands.map(|command| command.name()).collect()
             };
+            snapshot.questions = self.questions.now(&COMMANDS, snapshot.phase, progress);
             snapshot.pause_requested =
                 (snapshot.pause_requested && snapshot.phase.is_armed() && snapshot.phase != Phase::Paused)
                     || progress.holds(Guard::PauseAsked);
@@ -266,8 +307,8 @@ impl ViewModel {
         let Some(trial) = self.recorder.take_last_trial(&self.progress) else { return };
         if self.has_gap {
             let why = "the console missed some of its samples; see the fit at the end of the session";
-            self.fits.insert(trial.number, (trial.number, Err(why.to_owned())));
-        } else if !self.fits.contains_key(&trial.number) {
+            self.fits.add((trial.number, Err(why.to_owned())));
+        } else if !self.fits.has(trial.number) {
             self.fit([trial]);
         }
     }
@@ -336,8 +377,16 @@ impl ViewModel {
 }
 
 /// Commands of the operator.
-const COMMANDS: [Event; 7] =
-    [Event::Start, Event::Pause, Event::Resume, Event::Skip, Event::Repeat, Event::Abort, Event::Rearm];
+const COMMANDS: [Event; 8] = [
+    Event::Start,
+    Event::Pause,
+    Event::Resume,
+    Event::Skip,
+    Event::Repeat,
+    Event::RepeatEffort,
+    Event::Abort,
+    Event::Rearm,
+];
 
 fn instruction(step: &Step) -> Instruction {
     match (step.phase, step.cue) {

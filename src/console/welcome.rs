@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use super::snapshot::PlaybackState;
 use crate::dataset::Wrist;
+use crate::report::{MARK_MEANING, SHOWN};
 use crate::session::transitions::TRANSITIONS;
 use crate::session::{Phase, Settings};
 
@@ -42,6 +43,13 @@ pub fn welcome_messages(
         "gate_s": settings.gate.duration_s,
         "antagonist_limit_mvc": settings.gate.antagonist_limit_mvc,
         "angle_rad": settings.limits.angle_rad,
+        "quantities": SHOWN.iter().map(|shown| json!({
+            "name": shown.name,
+            "sign": shown.sign,
+            "unit": shown.unit,
+            "meaning": shown.meaning,
+        })).collect::<Vec<_>>(),
+        "mark": MARK_MEANING,
         "tape": playback,
         "phases": Phase::ALL.map(Phase::name),
         "transitions": TRANSITIONS.iter().map(|line| json!({

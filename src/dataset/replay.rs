@@ -119,7 +119,8 @@ impl fmt::Display for Difference {
     }
 }
 
-/// Called after each step that came out as recorded, with the step and the state machine after it. Can end the replay.
+/// Called after each step that came out as recorded, with the step and the state machine after it. Can end the replay. Where
+/// nothing changes in a pause any more, the next step is that which ends the pause.
 pub type StepObserver<'a> = dyn FnMut(&Step, &Machine) -> ControlFlow<()> + 'a;
 
 /// Goes through the session in `folder` again, up to the first difference.
@@ -303,8 +304,7 @@ impl<'a> Replayer<'a> {
                 return Ok(Some(self.difference(step, recorded, "the end of the record".to_owned())));
             };
             let before =
-                (observer.is_none() && phase == Phase::Paused && step.is_multiple_of(SETTLING_STEPS))
-                    .then(|| self.machine.clone());
+                (phase == Phase::Paused && step.is_multiple_of(SETTLING_STEPS)).then(|| self.machine.clone());
             let output = self.machine.step(&input);
             if due.is_empty() && later.is_empty() && !self.ended_well && !self.rows_are_left() {
                 // The last sample of all may have decided something that never came to be in the journal, and so was not

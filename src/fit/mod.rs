@@ -46,8 +46,8 @@ pub use model::model_file::{MODEL_FORMAT, ModelError};
 pub use model::parameter_index::{B_H, I_J, K_DEC, K_H, K_SRS, X_E};
 pub use model::specification::{AddedMechanism, LawTerm, Model, ParameterSpec, Scope, mechanism_ranges};
 pub use output::estimates::{
-    ConditionEstimate, TrialEstimate, by_condition, estimates, estimates_without_profiles, session_estimates,
-    torque_falls,
+    ConditionEstimate, TrialEstimate, by_condition, conditions_with, estimates, estimates_without_profiles,
+    session_estimates, torque_falls,
 };
 pub use output::result_files::{
     DESCRIBING_VAF, FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files,

@@ -4,7 +4,7 @@ use super::{Protocol, RampAndHold};
 
 /// Time that a subject needs to reach the band after the target is shown, s: reaction and approach. Assumed; the paper
 /// says only that its whole experiment took 45 minutes.
-const APPROACH_S: f64 = 2.0;
+pub const APPROACH_S: f64 = 2.0;
 
 /// Duration of a session without pauses and rejected trials, s.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -26,7 +26,7 @@ mod types;
 mod units;
 mod valid;
 
-pub use duration::Duration;
+pub use duration::{APPROACH_S, Duration};
 pub use error::{Problem, ProtocolError};
 pub use schema::schema_text;
 pub use trajectory::{Motion, RampAndHold, Sweep, TooShort};

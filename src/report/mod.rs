@@ -10,6 +10,7 @@ mod derived;
 mod diagnosed;
 mod emg;
 mod error;
+mod estimate_text;
 mod figure;
 mod figures;
 mod fitted;
@@ -25,7 +26,9 @@ mod traces;
 use std::path::{Path, PathBuf};
 
 pub use error::ReportError;
+pub use estimate_text::MARK_MEANING;
 pub use figures::{EffectCurve, PowerCurve, mechanism as mechanism_figure, power as power_figure};
+pub use fitted::{SHOWN, Shown};
 pub use input::foreign_results;
 
 use crate::dataset::{Disk, Session};

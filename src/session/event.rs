@@ -16,6 +16,8 @@ pub enum Event {
     Skip,
     /// Operator: reject the last trial and run it again.
     Repeat,
+    /// Operator: do the last maximal effort once more; the best one counts.
+    RepeatEffort,
     /// Operator: end the session now.
     Abort,
     /// Operator: the fault has been fixed; arm the rig again.
@@ -63,12 +65,13 @@ pub enum Source {
 
 impl Event {
     /// All events.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 21] = [
         Self::Start,
         Self::Pause,
         Self::Resume,
         Self::Skip,
         Self::Repeat,
+        Self::RepeatEffort,
         Self::Abort,
         Self::Rearm,
         Self::OffsetMeasured,
@@ -94,6 +97,7 @@ impl Event {
             Self::Resume => "resume",
             Self::Skip => "skip",
             Self::Repeat => "repeat",
+            Self::RepeatEffort => "repeat_effort",
             Self::Abort => "abort",
             Self::Rearm => "rearm",
             Self::OffsetMeasured => "offset_measured",
@@ -120,6 +124,7 @@ impl Event {
             | Self::Resume
             | Self::Skip
             | Self::Repeat
+            | Self::RepeatEffort
             | Self::Abort
             | Self::Rearm => Source::Operator,
             Self::GateOpened | Self::GateTimedOut | Self::LeftBand | Self::AntagonistActive => {

@@ -6,7 +6,7 @@ use super::event::Event;
 use super::motion::MotionDeviation;
 use super::phase::Phase;
 use super::settings::PlannedTrial;
-use crate::rig::{Command, Fault, Punctuality, Sample};
+use crate::rig::{Command, Direction, Fault, Punctuality, Sample};
 
 /// Input of the state machine at one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -151,6 +151,19 @@ pub enum TransitionDetail {
         /// Its number.
         number: u32,
     },
+}
+
+/// A maximal effort that is done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MaximalEffort {
+    /// Direction in which the subject pushed.
+    pub direction: Direction,
+    /// Highest smoothed torque, offset included, N m, either sign.
+    pub peak_torque_nm: f64,
+    /// Highest smoothed EMG of the flexor, in the units in force.
+    pub peak_fcr: f64,
+    /// Highest smoothed EMG of the extensor, in the units in force.
+    pub peak_ecr: f64,
 }
 
 /// Status of a trial. Only `Ok` trials are analysed; nothing is deleted.

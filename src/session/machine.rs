@@ -358,7 +358,11 @@ impl Machine {
             to: line.to,
             detail: self.detail(line, detail),
         };
+        let had_unit = self.progress.emg_factors().is_some();
         self.progress.apply(&transition);
+        if let (false, Some(factors)) = (had_unit, self.progress.emg_factors()) {
+            self.feedback.rescale_emg(factors);
+        }
         if line.to != line.from {
             self.enter(line);
         }
@@ -426,10 +430,6 @@ impl Machine {
         }
         if line.event == Event::Home {
             self.at_home = 0;
-        }
-        if line.effect == Effect::KeepEffort && self.progress.emg_factors().is_some() {
-            // From here on the EMG has another unit.
-            self.feedback.restart();
         }
     }
 

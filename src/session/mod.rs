@@ -21,7 +21,9 @@ pub mod transitions;
 
 pub use control_loop::{Operator, run_control_loop};
 pub use event::{Event, Source};
-pub use io::{Attempt, Input, Output, Reading, RecordTarget, Status, TransitionDetail, TransitionRecord};
+pub use io::{
+    Attempt, Input, MaximalEffort, Output, Reading, RecordTarget, Status, TransitionDetail, TransitionRecord,
+};
 pub use machine::Machine;
 pub use motion::MotionDeviation;
 pub use pacing::{Pacing, RealTime, Unpaced};

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::event::Event;
-use super::io::{Attempt, RecordTarget, Status, TransitionDetail, TransitionRecord};
+use super::io::{Attempt, MaximalEffort, RecordTarget, Status, TransitionDetail, TransitionRecord};
 use super::phase::Phase;
 use super::settings::{PlannedTrial, Settings};
 use super::transitions::{self, Effect, Guard};
@@ -15,15 +15,22 @@ use crate::schedule;
 pub struct Progress {
     seed: u64,
     offset_due: bool,
-    efforts_planned: u32,
+    efforts_planned: usize,
     queue: VecDeque<PlannedTrial>,
     attempts: Vec<Attempt>,
     offset_nm: f64,
-    efforts: u32,
-    peak_fcr: f64,
-    peak_ecr: f64,
+    efforts: Vec<MaximalEffort>,
+    /// Efforts that the operator added, those that are done.
+    efforts_repeated: usize,
+    /// Whether the next effort repeats the last one.
+    repeats_effort: bool,
+    /// Whether the first rest before a trial has begun after the efforts: from then on EMG is measured in their size.
+    efforts_over: bool,
     pause_asked: bool,
 }
+
+/// Efforts for which there is room: the control loop must not allocate.
+const EFFORTS_EXPECTED: usize = 64;
 
 impl Progress {
     /// The progress of a session that has not begun.
@@ -31,14 +38,15 @@ impl Progress {
         Self {
             seed: settings.seed,
             offset_due: settings.offset_samples.is_some(),
-            efforts_planned: settings.mvc.as_ref().map_or(0, |mvc| 2 * mvc.efforts),
+            efforts_planned: settings.mvc.as_ref().map_or(0, |mvc| 2 * mvc.efforts as usize),
             queue: settings.plan.iter().copied().collect(),
             // Room for several rejections of every trial: the control loop must not allocate.
             attempts: Vec::with_capacity(8 * settings.plan.len() + 64),
             offset_nm: 0.0,
-            efforts: 0,
-            peak_fcr: 0.0,
-            peak_ecr: 0.0,
+            efforts: Vec::with_capacity(EFFORTS_EXPECTED),
+            efforts_repeated: 0,
+            repeats_effort: false,
+            efforts_over: false,
             pause_asked: false,
         }
     }
@@ -63,19 +71,47 @@ impl Progress {
         self.offset_nm
     }
 
-    /// The direction of the next maximal effort: flexion and extension in turn.
+    /// The maximal efforts that are done, in order.
+    pub fn efforts(&self) -> &[MaximalEffort] {
+        &self.efforts
+    }
+
+    /// Number of maximal efforts still to come.
+    pub fn efforts_left(&self) -> usize {
+        self.efforts_planned.saturating_sub(self.efforts_in_turn()) + usize::from(self.repeats_effort)
+    }
+
+    /// The direction of the next maximal effort: flexion and extension in turn, but that of the last one if it is repeated.
     pub fn effort_direction(&self) -> Direction {
-        if self.efforts.is_multiple_of(2) { Direction::Flexion } else { Direction::Extension }
+        match self.efforts.last().filter(|_| self.repeats_effort) {
+            Some(last) => last.direction,
+            None if self.efforts_in_turn().is_multiple_of(2) => Direction::Flexion,
+            None => Direction::Extension,
+        }
     }
 
     /// Number of the maximal effort that is under way or comes next, from 1.
     pub fn effort_number(&self) -> u32 {
-        self.efforts + 1
+        self.efforts.len() as u32 + 1
     }
 
-    /// The size of a maximal effort in the units of EMG used so far (FCR, ECR), once all efforts are done.
+    /// The size of a maximal effort in the units of EMG used so far (FCR, ECR): the best of each direction. `None` until the
+    /// efforts are over.
     pub fn emg_factors(&self) -> Option<[f64; 2]> {
-        (self.efforts > 0 && self.efforts == self.efforts_planned).then_some([self.peak_fcr, self.peak_ecr])
+        let best = |direction, peak: fn(&MaximalEffort) -> f64| {
+            self.efforts.iter().filter(|effort| effort.direction == direction).map(peak).fold(0.0, f64::max)
+        };
+        self.efforts_over.then(|| {
+            [
+                best(Direction::Flexion, |effort| effort.peak_fcr),
+                best(Direction::Extension, |effort| effort.peak_ecr),
+            ]
+        })
+    }
+
+    /// Efforts that were done in the order of the protocol, without those that the operator added.
+    fn efforts_in_turn(&self) -> usize {
+        self.efforts.len() - self.efforts_repeated
     }
 
     /// Whether a guard of the table holds.
@@ -83,7 +119,8 @@ impl Progress {
         match guard {
             Guard::Always => true,
             Guard::OffsetDue => self.offset_due,
-            Guard::EffortsDue => self.efforts < self.efforts_planned,
+            Guard::EffortsDue => self.efforts_left() > 0,
+            Guard::EffortRepeatable => !self.efforts.is_empty() && !self.repeats_effort && !self.efforts_over,
             Guard::TrialsLeft => !self.queue.is_empty(),
             Guard::OneTrialLeft => self.queue.len() == 1,
             Guard::PauseAsked => self.pause_asked,
@@ -104,11 +141,13 @@ impl Progress {
         if line.to == Phase::Paused && line.from != Phase::Paused {
             self.pause_asked = false;
         }
+        self.efforts_over |= line.to == Phase::Rest && !self.efforts.is_empty() && self.efforts_left() == 0;
         match line.effect {
             Effect::None => {}
             Effect::NotePause => self.pause_asked = true,
             Effect::KeepOffset => self.keep_offset(transition),
             Effect::KeepEffort => self.keep_effort(transition),
+            Effect::RepeatEffort => self.repeats_effort = true,
             Effect::Begin => self.begin(transition),
             Effect::Ok => self.end(Status::Ok, transition),
             Effect::Reject => {
@@ -166,12 +205,10 @@ impl Progress {
     }
 
     fn keep_effort(&mut self, transition: &TransitionRecord) {
-        if let Some(TransitionDetail::Effort { peak_fcr, peak_ecr, .. }) = transition.detail {
-            match self.effort_direction() {
-                Direction::Flexion => self.peak_fcr = self.peak_fcr.max(peak_fcr),
-                Direction::Extension => self.peak_ecr = self.peak_ecr.max(peak_ecr),
-            }
-            self.efforts += 1;
+        if let Some(TransitionDetail::Effort { peak_torque_nm, peak_fcr, peak_ecr }) = transition.detail {
+            let direction = self.effort_direction();
+            self.efforts.push(MaximalEffort { direction, peak_torque_nm, peak_fcr, peak_ecr });
+            self.efforts_repeated += usize::from(std::mem::take(&mut self.repeats_effort));
         }
     }
 

@@ -35,10 +35,16 @@ impl FeedbackFilter {
         }
     }
 
-    /// Restarts the filters at the next sample: at the start of a record, whose samples alone must determine its outcome,
-    /// after a change of the EMG's unit, and after the rig was disarmed.
+    /// Restarts the filters at the next sample: at the start of a record, whose samples alone must determine its outcome, and
+    /// after the rig was disarmed.
     pub fn restart(&mut self) {
         self.started = false;
+    }
+
+    /// Goes on with EMG in another unit: the values of FCR and ECR so far are divided by `factors`.
+    pub fn rescale_emg(&mut self, factors: [f64; 2]) {
+        self.fcr_mvc /= factors[0];
+        self.ecr_mvc /= factors[1];
     }
 
     /// Filters one sample.

@@ -28,6 +28,8 @@ pub enum Guard {
     OffsetDue,
     /// The protocol asks for maximal efforts and some are left.
     EffortsDue,
+    /// A maximal effort has been done and can be repeated: no trial was prepared since.
+    EffortRepeatable,
     /// Trials are left to do.
     TrialsLeft,
     /// The next trial is the last one left.
@@ -47,6 +49,8 @@ pub enum Effect {
     KeepOffset,
     /// An effort is done.
     KeepEffort,
+    /// The last effort is done once more, in the same direction; the best one counts.
+    RepeatEffort,
     /// The next trial begins.
     Begin,
     /// The trial is complete and counts.
@@ -72,6 +76,7 @@ impl Guard {
             Self::Always => "",
             Self::OffsetDue => "offset still to be measured",
             Self::EffortsDue => "maximal efforts left",
+            Self::EffortRepeatable => "an effort was done",
             Self::TrialsLeft => "trials left",
             Self::OneTrialLeft => "one trial left",
             Self::PauseAsked => "pause asked for",
@@ -87,6 +92,7 @@ impl Effect {
             Self::None => "",
             Self::KeepOffset => "offset kept",
             Self::KeepEffort => "effort kept",
+            Self::RepeatEffort => "one more effort, best counts",
             Self::Begin => "trial begins",
             Self::Ok => "trial ok",
             Self::Reject => "trial rejected, put back",
@@ -127,6 +133,7 @@ pub const TRANSITIONS: &[Transition] = {
         row(MvcEffort, On::Fault, If::Always, Faulted, Do::None),
         row(MvcRest, On::RestOver, If::EffortsDue, MvcEffort, Do::None),
         row(MvcRest, On::RestOver, If::Always, Rest, Do::None),
+        row(MvcRest, On::RepeatEffort, If::EffortRepeatable, MvcRest, Do::RepeatEffort),
         row(MvcRest, On::Pause, If::Always, Paused, Do::None),
         row(MvcRest, On::Abort, If::Always, Aborted, Do::None),
         row(MvcRest, On::Fault, If::Always, Faulted, Do::None),
@@ -177,6 +184,7 @@ pub const TRANSITIONS: &[Transition] = {
         row(Paused, On::Resume, If::TrialsLeft, Rest, Do::None),
         row(Paused, On::Resume, If::Always, Finished, Do::None),
         row(Paused, On::Skip, If::TrialsLeft, Paused, Do::LeaveOutNext),
+        row(Paused, On::RepeatEffort, If::EffortRepeatable, Paused, Do::RepeatEffort),
         row(Paused, On::Repeat, If::LastTrialCounts, Paused, Do::TakeBack),
         row(Paused, On::Abort, If::Always, Aborted, Do::None),
         row(Paused, On::Fault, If::Always, Faulted, Do::None),

@@ -72,12 +72,12 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   const { page } = operator;
   await ready(page);
   await label(subject.page, "waiting");
-  await button(page, "start").click();
-  // What moves the motor asks first, and no is no.
+  // What ends the session asks first, and no is no.
+  await button(page, "abort").click();
   await page.locator("#confirm button[value=no]").click();
   await phase(page, "ready");
+  // A virtual wrist is armed without a question.
   await button(page, "start").click();
-  await yes(page);
   await phase(page, "hold");
   await label(subject.page, "bring the bar into the band");
   await page.locator("#trial-rows tr.ok").first().waitFor();
@@ -91,7 +91,7 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   await page.locator("#trial-rows tr.rejected", { hasText: "repeat" }).waitFor();
   assert.equal(await page.locator("#trial-rows tr.ok").count(), before - 1);
   await button(page, "skip").click();
-  assert.equal(await page.locator("#effect").textContent(), "next trial left out");
+  assert.equal(await page.locator("#question").textContent(), "Leave out the next trial?");
   await yes(page);
   await page.locator("#progress", { hasText: `${before - 1} of` }).waitFor();
   await page.fill("#note", "electrode <b>re-glued</b>");
@@ -122,8 +122,10 @@ test("the keyboard alone is enough", async () => {
   await page.keyboard.press("x");
   await page.keyboard.press("Escape");
   await page.keyboard.press("s");
-  await page.keyboard.press("Enter");
   await page.locator("#phase", { hasNotText: "ready" }).waitFor();
+  // The graph stands beside the charts, and all keys go on working.
+  await page.keyboard.press("g");
+  assert.ok(await page.locator("#states").isVisible());
   await page.keyboard.press("n");
   // Letters in a note are no commands.
   await page.keyboard.type("x k s b");
@@ -131,6 +133,8 @@ test("the keyboard alone is enough", async () => {
   await page.locator("#lines li.note", { hasText: "x k s b" }).waitFor();
   await page.keyboard.press("e");
   await phase(page, "paused");
+  await page.keyboard.press("g");
+  assert.equal(await page.locator("#states").isVisible(), false);
   await page.keyboard.press("k");
   await page.keyboard.press("Enter");
   await page.keyboard.press("Space");
@@ -165,9 +169,10 @@ describe("accessibility", () => {
       };
       await ready(operator.page);
       assert.deepEqual([...(await check(operator)), ...(await check(subject))], []);
-      await operator.page.keyboard.press("s");
+      await operator.page.keyboard.press("x");
       assert.deepEqual(await check(operator), []);
-      await operator.page.keyboard.press("Enter");
+      await operator.page.keyboard.press("Escape");
+      await operator.page.keyboard.press("s");
       await operator.page.locator("#trial-rows tr.ok").first().waitFor();
       await operator.page.locator("#condition-rows tr").first().waitFor();
       await operator.page.keyboard.press("e");
@@ -184,13 +189,114 @@ test("a page that is loaded again shows the present state at once, and losing it
   const { page, close } = await open(program.operator);
   await ready(page);
   await page.keyboard.press("s");
-  await page.keyboard.press("Enter");
   await page.locator("#trial-rows tr.ok").nth(1).waitFor();
   await page.reload();
   await page.locator("#trial-rows tr.ok").nth(1).waitFor();
   assert.notEqual(await page.locator("#phase").textContent(), "ready");
   await close();
   assert.equal(await program.ended, 0);
+});
+
+test("maximal efforts show their results, and one more can be asked for", async () => {
+  const { out, program } = await session("--speed", "1");
+  const { page, wrong, close } = await open(program.operator);
+  await ready(page);
+  assert.equal(await button(page, "repeat_effort").isVisible(), false);
+  await page.keyboard.press("s");
+  await page.locator("#effort-rows tr").first().waitFor();
+  await page.keyboard.press("b");
+  await page.locator("#effort-rows tr").nth(2).waitFor();
+  const rows = await page.locator("#effort-rows tr").evaluateAll((all) => all.map((row) => [...row.cells].map((cell) => cell.textContent)));
+  const directions = rows.map(([, direction]) => direction);
+  assert.equal(directions.filter((direction) => direction === directions[0]).length, 2, `${directions}`);
+  assert.ok(rows.every(([, , torque, emg]) => Math.abs(Number(torque)) > 1 && Number(emg) > 0.1), JSON.stringify(rows));
+  assert.equal(rows.filter(([, , , , counts]) => counts === "best").length, 2);
+  await page.locator("#progress", { hasText: "to go" }).waitFor();
+  await phase(page, "hold");
+  assert.equal(journal(out).filter(({ event }) => event === "repeat_effort").length, 1);
+  await program.stop();
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
+/// How many rows of a canvas have green in them, the colour of the band, and how many there are.
+const greenRows = (page, id) => page.evaluate((id) => {
+  const canvas = document.getElementById(id);
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const rows = new Set();
+  for (let at = 0; at < data.length; at += 4) if (data[at + 1] - data[at] > 25) rows.add(Math.floor(at / 4 / canvas.width));
+  return { green: rows.size, all: canvas.height };
+}, id);
+
+test("the band is readable in the first trial, beside maximal efforts of twelve times its torque", async () => {
+  const { program } = await session("--speed", "1");
+  const { page, close } = await open(program.operator);
+  await ready(page);
+  await page.keyboard.press("s");
+  await phase(page, "hold");
+  await page.waitForTimeout(400);
+  const inTarget = await greenRows(page, "torque");
+  // 5 % of the target on an axis that goes up to 1.3 to 1.4 times the target.
+  assert.ok(inTarget.green >= 0.02 * inTarget.all, `${inTarget.green} of ${inTarget.all} rows`);
+  await page.selectOption("#zoom", "band");
+  await page.waitForTimeout(100);
+  const inBand = await greenRows(page, "torque");
+  assert.ok(inBand.green > 2.5 * inTarget.green, `${inBand.green} rows`);
+  await page.locator("#signals input[value=angle]").uncheck();
+  await page.locator("#angle").waitFor({ state: "hidden" });
+  await page.selectOption("#span", "60");
+  await program.stop();
+  await close();
+});
+
+test("the last ramps of a condition are drawn over each other, and the choice stays when more come", async () => {
+  const { program } = await session("--speed", "4");
+  const { page, wrong, close } = await open(program.operator);
+  await ready(page);
+  await page.keyboard.press("s");
+  await page.locator("#trial-rows tr.ok").first().waitFor();
+  await page.selectOption("#shown", { index: 1 });
+  const chosen = await page.locator("#shown").inputValue();
+  await phase(page, "finished");
+  assert.equal(await page.locator("#shown").inputValue(), chosen);
+  assert.match(await page.locator("#curve").getAttribute("aria-label"), /ramps of trials \d+, \d+, over each other/);
+  // Tables as the report has them.
+  await page.locator("#line", { hasText: "session over" }).waitFor();
+  assert.match(await page.locator("#condition-note").textContent(), /mean ± its standard error/);
+  assert.match(await page.locator("#condition-rows td").nth(3).textContent(), /^\d+\.\d+ ±\s\d+\.\d+$/);
+  for (const id of ["trial-heads", "condition-heads"]) assert.match(await page.locator(`#${id}`).textContent(), /k_srsN\sm\/rad.*x_emrad/);
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
+/// What is wider than its place, but for charts and what is meant for readers of the page alone.
+const cut = (page) => page.evaluate(() => [...document.querySelectorAll("body *")]
+  .filter((part) => part.checkVisibility() && !part.closest(".unseen") && !["CANVAS", "OPTION"].includes(part.tagName))
+  .filter((part) => part.clientWidth > 0 && part.scrollWidth > part.clientWidth + 1 && getComputedStyle(part).display !== "inline")
+  .map((part) => `${part.getAttribute("aria-label") ?? part.id}: ${part.scrollWidth} > ${part.clientWidth}: ${part.innerText.slice(0, 400)}`));
+
+test("nothing is cut at 1280 pixels, from the first page to the end of the session", async () => {
+  const { program } = await session("--speed", "5");
+  const { page, close } = await open(program.operator);
+  const looked = async () => assert.deepEqual(await cut(page), []);
+  await ready(page);
+  await looked();
+  await page.keyboard.press("s");
+  await page.locator("#effort-rows tr").first().waitFor();
+  await looked();
+  await phase(page, "hold");
+  await looked();
+  await page.locator("#trial-rows tr.ok").nth(4).waitFor();
+  await looked();
+  await page.keyboard.press("e");
+  await phase(page, "paused");
+  await page.keyboard.press("x");
+  await looked();
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("Space");
+  await page.locator("#line", { hasText: "session over" }).waitFor();
+  await looked();
+  await close();
 });
 
 test("everything fits on each screen, and every button is in reach", async () => {

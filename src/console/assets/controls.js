@@ -1,13 +1,14 @@
-// Buttons and keys of the operator. Commands that move the motor or cannot be undone must be confirmed.
+// Buttons and keys of the operator. The program says which commands ask a question first, and what it is.
 const COMMANDS = [
-  { key: "s", command: "start", label: "Arm and start", question: "The motor will be given power. Is everyone clear of it?", style: "go" },
-  { key: "s", command: "rearm", label: "Arm again", question: "Has the fault been fixed? The motor will move to the start position.", style: "go" },
+  { key: "s", command: "start", label: "Arm and start", style: "go" },
+  { key: "s", command: "rearm", label: "Arm again", style: "go" },
   { key: " ", command: "resume", label: "Resume", style: "go" },
   { key: " ", command: "pause", label: "Pause now" },
   { key: "e", request: "pause_after_trial", label: "Pause after the trial", needs: "pause" },
-  { key: "k", command: "skip", label: "Skip", question: "Leave out this trial?" },
-  { key: "b", command: "repeat", label: "Repeat last", question: "Reject the last trial and run it again?" },
-  { key: "x", command: "abort", label: "End session", question: "End the session now?", style: "stop" },
+  { key: "k", command: "skip", label: "Skip" },
+  { key: "b", command: "repeat_effort", label: "One more effort" },
+  { key: "b", command: "repeat", label: "Repeat last" },
+  { key: "x", command: "abort", label: "End session", style: "stop" },
 ];
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 50];
 const named = (key) => (key === " " ? "Space" : key.toUpperCase());
@@ -42,6 +43,7 @@ export class Controls {
     this.foot = document.getElementById("controls");
     this.confirmDialog = document.getElementById("confirm");
     this.help = document.getElementById("help");
+    this.machine = document.getElementById("machine");
     this.note = document.getElementById("note");
     document.getElementById("note-form").addEventListener("submit", (event) => {
       event.preventDefault();
@@ -58,11 +60,11 @@ export class Controls {
     this.hello = hello;
     this.isRecording = hello.tape !== null;
     document.getElementById("note-form").hidden = this.isRecording;
-    this.foot.replaceChildren(...(this.isRecording ? this.playbackControls() : this.commandButtons()), this.helpButton());
+    this.foot.replaceChildren(...(this.isRecording ? this.playbackControls() : this.commandButtons()), this.machineButton(), this.helpButton());
     const keys = this.isRecording
       ? [["Space", "play, stop"], ["← →", "5 s back, forward"], ["↑ ↓", "faster, slower"]]
       : [...COMMANDS.map(({ key, label }) => [named(key), label]), ["N", "write a note"]];
-    const rows = [...keys, ["?", "this list"]].map(([key, what]) =>
+    const rows = [...keys, ["G", "state graph"], ["?", "this list"]].map(([key, what]) =>
       element("div", {}, element("dt", {}, element("kbd", {}, key)), element("dd", {}, what)));
     document.getElementById("keys").replaceChildren(...rows);
   }
@@ -76,6 +78,17 @@ export class Controls {
       return { own, button };
     });
     return this.buttons.map(({ button }) => button);
+  }
+
+  machineButton() {
+    return element("button", { type: "button", id: "graph", onclick: () => this.toggleMachine() }, "State graph", element("kbd", { "aria-hidden": "true" }, "G"));
+  }
+
+  /// The graph lies beside the charts; all keys go on working, so that a pause needs no other key first.
+  toggleMachine() {
+    if (this.machine.open) this.machine.close();
+    else this.machine.show();
+    document.activeElement?.blur();
   }
 
   helpButton() {
@@ -104,19 +117,22 @@ export class Controls {
     if (this.isRecording) return this.showPlayback(now);
     for (const { own, button } of this.buttons ?? []) {
       button.disabled = !this.isPossible(own);
-      // Start and arm again share a key, as do resume and pause; only the one that applies is shown.
+      // Start and arm again share a key, as do resume and pause, and what is repeated; only the one that applies is shown.
       if (own.command === "rearm") button.hidden = now.phase !== "faulted";
       if (own.command === "start") button.hidden = now.phase === "faulted";
       if (own.command === "resume") button.hidden = now.phase !== "paused";
       if (own.command === "pause") button.hidden = now.phase === "paused";
+      const repeatsEffort = now.possible.includes("repeat_effort");
+      if (own.command === "repeat_effort") button.hidden = !repeatsEffort;
+      if (own.command === "repeat") button.hidden = repeatsEffort;
     }
   }
 
-  showPlayback({ t_s: t, tape }) {
+  showPlayback({ tape }) {
     this.play.firstChild.textContent = tape.is_playing ? "Stop" : "Play";
     if (document.activeElement !== this.speed) this.speed.value = tape.speed;
-    if (!this.sought) this.slider.value = t;
-    this.time.textContent = `${t.toFixed(1)} of ${tape.length_s.toFixed(1)} s`;
+    if (!this.sought) this.slider.value = tape.position_s;
+    this.time.textContent = `${tape.position_s.toFixed(1)} of ${tape.length_s.toFixed(1)} s`;
   }
 
   isPossible({ command, needs }) {
@@ -131,6 +147,7 @@ export class Controls {
       return;
     }
     if (key === "?") return this.help.showModal();
+    if (key === "g" || key === "G") return this.toggleMachine();
     const typed = key.length === 1 ? key.toLowerCase() : key;
     if (this.isRecording ? this.pressPlaybackKey(typed, target) : this.pressCommandKey(typed, target)) event.preventDefault();
   }
@@ -150,8 +167,8 @@ export class Controls {
   pressPlaybackKey(key, target) {
     if (target === this.slider || target === this.speed) return false;
     if (key === " " && !isButton(target)) this.toggle();
-    else if (key === "ArrowLeft") this.seek(this.now.t_s - 5);
-    else if (key === "ArrowRight") this.seek(this.now.t_s + 5);
+    else if (key === "ArrowLeft") this.seek(this.now.tape.position_s - 5);
+    else if (key === "ArrowRight") this.seek(this.now.tape.position_s + 5);
     else if (key === "ArrowUp" || key === "ArrowDown") {
       const place = SPEEDS.indexOf(this.now.tape.speed) + (key === "ArrowUp" ? 1 : -1);
       if (SPEEDS[place]) this.setSpeed(SPEEDS[place]);
@@ -159,12 +176,12 @@ export class Controls {
     return true;
   }
 
-  choose({ command, request, question }) {
+  choose({ command, request }) {
     if (request) return this.send(request);
-    if (!question) return this.send({ word: { word: command } });
+    const question = this.now.questions[command];
+    // What asks nothing needs no answer.
+    if (!question) return this.send({ word: { word: command, sure: true } });
     document.getElementById("question").textContent = question;
-    const ways = this.hello.transitions.filter((way) => way.from === this.now.phase && way.event === command);
-    document.getElementById("effect").textContent = [...new Set(ways.map((way) => way.does).filter(Boolean))].join(", or ");
     // On submit rather than on close: the close event comes later, and the next key's command could overtake this one.
     this.confirmDialog.querySelector("form").onsubmit = ({ submitter }) => {
       if (submitter.value === "yes") this.send({ word: { word: command, sure: true } });

@@ -24,19 +24,23 @@ const WARN: Style = Style::new().fg(Color::Yellow);
 /// Draws the whole screen.
 pub fn draw(frame: &mut Frame, snapshot: &Snapshot, history: &str, info: &SessionInfo, input: &KeyInput) {
     let history: Value = serde_json::from_str(history).unwrap_or_default();
+    let question = question(snapshot, input);
+    let width = usize::from(frame.area().width).max(1);
+    // Words are not broken, so that a line is not always full.
+    let question_lines = (question.width() * 10 / 9).div_ceil(width).max(2);
     let [head, bars, lists, foot] = Layout::vertical([
         Constraint::Length(2),
         Constraint::Length(6),
         Constraint::Min(4),
-        Constraint::Length(2),
+        Constraint::Length(u16::try_from(question_lines).unwrap_or(2)),
     ])
     .areas(frame.area());
     frame.render_widget(heading(snapshot, info), head);
     frame.render_widget(Text::from(bar_lines(snapshot, usize::from(bars.width))), bars);
-    let [left, right] = Layout::horizontal([Constraint::Length(44), Constraint::Min(20)]).areas(lists);
+    let [left, right] = Layout::horizontal([Constraint::Length(64), Constraint::Min(14)]).areas(lists);
     trials(frame, left, &history);
     log(frame, right, &history);
-    frame.render_widget(question(snapshot, input), foot);
+    frame.render_widget(Paragraph::new(question).wrap(Wrap { trim: true }), foot);
 }
 
 fn heading<'a>(snapshot: &Snapshot, info: &'a SessionInfo) -> Text<'a> {
@@ -46,12 +50,19 @@ fn heading<'a>(snapshot: &Snapshot, info: &'a SessionInfo) -> Text<'a> {
         let kind = if trial.practice { "practice" } else { "trial" };
         format!("  {kind} {} at {} rad/s", trial.number, trial.velocity_rad_s)
     });
-    let done = format!("  {} of {} done", snapshot.subject.done, snapshot.subject.total);
+    let left =
+        snapshot.time_left_s.map_or(String::new(), |left_s| format!(", about {} left", minutes(left_s)));
+    let done = format!("  {} of {} done{left}", snapshot.subject.done, snapshot.subject.total);
     let pause = Span::styled(if snapshot.pause_requested { "  pause comes" } else { "" }, WARN);
     Text::from(vec![
         Line::from(format!("{} · {} · {}", info.subject, info.protocol, info.folder)),
         Line::from(vec![phase, rest.into(), trial.into(), done.into(), pause]),
     ])
+}
+
+/// A time in whole minutes, or in seconds if it is shorter than one.
+fn minutes(time_s: f64) -> String {
+    if time_s < 60.0 { format!("{time_s:.0} s") } else { format!("{:.0} min", time_s / 60.0) }
 }
 
 fn bar_lines<'a>(snapshot: &Snapshot, width: usize) -> Vec<Line<'a>> {
@@ -98,8 +109,7 @@ fn bar<'a>(fraction: f64, band: Option<[f64; 2]>, room: usize, style: Style) -> 
 fn trials(frame: &mut Frame, area: Rect, history: &Value) {
     let number =
         |trial: &Value, name: &str| trial[name].as_f64().map_or(String::new(), |value| value.to_string());
-    let rounded =
-        |value: &Value, places: usize| value.as_f64().map_or(String::new(), |x| format!("{x:.places$}"));
+    let shown = |trial: &Value, name: &str| trial["shown"][name].as_str().unwrap_or("").to_owned();
     let row = |trial: &Value| {
         let status = trial["status"].as_str().unwrap_or("under way").to_owned();
         let style = match status.as_str() {
@@ -113,17 +123,21 @@ fn trials(frame: &mut Frame, area: Rect, history: &Value) {
             number(trial, "velocity_rad_s"),
             number(trial, "torque_nm"),
             status,
-            rounded(&trial["fit"]["k_srs_nm_per_rad"], 1),
-            rounded(&trial["fit"]["vaf"], 3),
+            shown(trial, "k_srs_nm_per_rad"),
+            shown(trial, "x_e_rad"),
+            shown(trial, "vaf"),
         ])
         .style(style)
     };
     let all = history["trials"].as_array().map_or(&[][..], Vec::as_slice);
     let room = usize::from(area.height.saturating_sub(2));
     let rows = all.iter().skip(all.len().saturating_sub(room)).map(row);
-    let widths = [4, 6, 6, 10, 6, 6].map(Constraint::Length);
-    let head = Row::new(["", "rad/s", "N m", "", "k_srs", "VAF"]).style(SOFT);
-    let block = Block::new().borders(Borders::TOP).title("trials");
+    let widths = [4, 5, 5, 9, 13, 13, 6].map(Constraint::Length);
+    let head = Row::new(["", "rad/s", "N m", "", "k_srs N m/rad", "x_e mrad", "VAF"]).style(SOFT);
+    let marked = all.iter().any(|trial| trial["shown"].to_string().contains('*'));
+    let mark = if marked { "; * at its bound, not averaged" } else { "" };
+    let title = format!("trials ± standard error{mark}");
+    let block = Block::new().borders(Borders::TOP).title(title);
     frame.render_widget(Table::new(rows, widths).header(head).block(block), area);
 }
 
@@ -134,8 +148,12 @@ fn log(frame: &mut Frame, area: Rect, history: &Value) {
     let disk = gauges["disk_free_bytes"]
         .as_f64()
         .map_or(String::new(), |free| format!(", disk {:.1} GB", free / 1e9));
-    let title =
-        format!("late by {} us at most, {} missed{load}{disk}", gauges["latest_us"], gauges["missed"]);
+    let title = format!(
+        "alarms {}, late by {} us at most, {} missed{load}{disk}",
+        gauges["alarms"].as_u64().unwrap_or(0),
+        gauges["latest_us"],
+        gauges["missed"]
+    );
     let line = |line: &Value| {
         let style = match line["kind"].as_str() {
             Some("alarm") => Style::new().fg(Color::Red),
@@ -157,10 +175,11 @@ fn log(frame: &mut Frame, area: Rect, history: &Value) {
 fn question<'a>(snapshot: &Snapshot, input: &'a KeyInput) -> Text<'a> {
     match input {
         KeyInput::Confirming(command) => {
-            Line::styled(format!("{}: sure? Enter or y; any other key: no", command.name()), WARN).into()
+            let question = snapshot.questions.get(command.name()).map_or("Sure?", String::as_str);
+            Line::styled(format!("{question} Enter or y; any other key: no"), WARN).into()
         }
         KeyInput::ConfirmingStop => {
-            Line::styled("End the session snapshot? Ctrl-C again, Enter or y; any other key: no", WARN).into()
+            Line::styled("End the session now? Ctrl-C again, Enter or y; any other key: no", WARN).into()
         }
         KeyInput::Writing(text) => Line::from(format!("note: {text}▏ (Enter keeps it, Esc does not)")).into(),
         KeyInput::Idle => {
@@ -170,6 +189,7 @@ fn question<'a>(snapshot: &Snapshot, input: &'a KeyInput) -> Text<'a> {
                 ("space", "pause", "pause"),
                 ("space", "go on", "resume"),
                 ("k", "skip", "skip"),
+                ("b", "one more effort", "repeat_effort"),
                 ("b", "repeat the last", "repeat"),
                 ("x", "end the session", "abort"),
             ];
@@ -194,16 +214,16 @@ mod tests {
             folder: "sessions/first".to_owned(),
             rig: "virtual wrist".to_owned(),
         };
-        let fit = json!({ "k_srs_nm_per_rad": 22.71, "vaf": 0.9981 });
+        let shown = json!({ "k_srs_nm_per_rad": "22.71 ± 0.42", "x_e_rad": "45.2*", "vaf": "0.9981" });
         let history = json!({
             "trials": [
-                { "number": 1, "velocity_rad_s": 3.25, "torque_nm": 2.1, "status": "ok", "fit": fit },
+                { "number": 1, "velocity_rad_s": 3.25, "torque_nm": 2.1, "status": "ok", "shown": shown },
                 { "number": 2, "velocity_rad_s": 1.3, "torque_nm": 0.9 },
             ],
             "log": [{ "t_s": 12.34, "kind": "note", "text": "electrode re-glued" }],
-            "gauges": { "latest_us": 812, "missed": 0, "bus_load": 0.31, "disk_free_bytes": 6.2e10 },
+            "gauges": { "alarms": 3, "latest_us": 812, "missed": 0, "bus_load": 0.31, "disk_free_bytes": 6.2e10 },
         });
-        let mut screen = Terminal::new(TestBackend::new(110, 20)).unwrap();
+        let mut screen = Terminal::new(TestBackend::new(130, 20)).unwrap();
         screen.draw(|frame| draw(frame, snapshot, &history.to_string(), &info, input)).unwrap();
         screen.backend().to_string()
     }
@@ -220,14 +240,24 @@ mod tests {
     #[test]
     fn torque_gate_trials_and_log_are_on_the_screen() {
         let picture = drawn(&held(0.5), &KeyInput::Idle);
-        for part in
-            ["V00 · a first look", "0.45 N m of 0.9", "22.7", "0.998", "under way", "12.3 electrode re-glued"]
-        {
+        for part in [
+            "V00 · a first look",
+            "0.45 N m of 0.9",
+            "k_srs N m/rad",
+            "22.71 ± 0.42",
+            "45.2*",
+            "0.9981",
+            "not averaged",
+            "under way",
+            "12.3 electrode re-glued",
+        ] {
             assert!(picture.contains(part), "{part} is not in\n{picture}");
         }
-        for part in
-            ["late by 812 us at most, 0 missed, bus 31 %, disk 62.0 GB", "space pause", "x end the session"]
-        {
+        for part in [
+            "alarms 3, late by 812 us at most, 0 missed, bus 31 %, disk 62.0",
+            "space pause",
+            "x end the session",
+        ] {
             assert!(picture.contains(part), "{part} is not in\n{picture}");
         }
         assert!(!picture.contains("k skip"), "what is not possible is offered");
@@ -241,18 +271,23 @@ mod tests {
             (line.matches('█').count(), line.matches('│').count())
         };
         let ((half, _), (whole, _), (over, edges)) = (line(0.5), line(1.0), line(1.2));
-        // 96 cells of which the target is at four fifths.
-        assert_eq!(half, 38);
-        assert!((75..=79).contains(&whole), "{whole}");
-        assert!(over > 90 && edges == 0, "{over} cells, {edges} of the band in front");
+        // 116 cells of which the target is at four fifths.
+        assert_eq!(half, 46);
+        assert!((91..=95).contains(&whole), "{whole}");
+        assert!(over > 110 && edges == 0, "{over} cells, {edges} of the band in front");
         assert!(line(0.5).1 >= 3, "the band is not drawn");
     }
 
     #[test]
     fn what_is_asked_is_on_the_last_line() {
         assert!(
-            drawn(&held(1.0), &KeyInput::Confirming(crate::session::Event::Abort)).contains("abort: sure?")
+            drawn(&held(1.0), &KeyInput::Confirming(crate::session::Event::Abort)).contains("Sure? Enter")
         );
-        assert!(drawn(&held(1.0), &KeyInput::Writing("grip".to_owned())).contains("note: grip"));
+        let mut before_arming = held(1.0);
+        let long = "The motor will move the handle, with the subject's hand in it. ".repeat(4);
+        before_arming.questions.insert("start", long + "Ready?");
+        let asked = drawn(&before_arming, &KeyInput::Confirming(crate::session::Event::Start));
+        let words: Vec<&str> = asked.split(['"', ' ', '\n']).filter(|word| !word.is_empty()).collect();
+        assert!(words.join(" ").ends_with("Ready? Enter or y; any other key: no"), "it is cut:\n{asked}");
     }
 }

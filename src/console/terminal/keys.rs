@@ -2,7 +2,6 @@
 
 use ratatui_crossterm::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
-use crate::console::commands::needs_confirmation;
 use crate::console::controls::Request;
 use crate::console::snapshot::Snapshot;
 use crate::dataset::LONGEST_NOTE;
@@ -59,7 +58,7 @@ impl KeyInput {
             KeyCode::Char('s') => [Event::Start, Event::Rearm].into_iter().find(is_possible)?,
             KeyCode::Char(' ') => [Event::Resume, Event::Pause].into_iter().find(is_possible)?,
             KeyCode::Char('k') => Event::Skip,
-            KeyCode::Char('b') => Event::Repeat,
+            KeyCode::Char('b') => [Event::RepeatEffort, Event::Repeat].into_iter().find(is_possible)?,
             KeyCode::Char('x') => Event::Abort,
             KeyCode::Char('e') => return Some(KeyAction::Request(Request::PauseAfterTrial)),
             KeyCode::Char('n') => {
@@ -71,11 +70,12 @@ impl KeyInput {
         if !is_possible(&command) {
             return None;
         }
-        if needs_confirmation(command) {
+        if snapshot.questions.contains_key(command.name()) {
             *self = Self::Confirming(command);
             return None;
         }
-        Some(KeyAction::Request(Request::Command { command, confirmed: false }))
+        // What asks nothing needs no answer.
+        Some(KeyAction::Request(Request::Command { command, confirmed: true }))
     }
 
     fn write(&mut self, mut text: String, key: KeyCode) -> Option<KeyAction> {
@@ -100,7 +100,9 @@ mod tests {
     use super::*;
 
     fn snapshot(possible: &[&'static str]) -> Snapshot {
-        Snapshot { possible: possible.to_vec(), ..Snapshot::before_start(None) }
+        let asking = possible.iter().filter(|command| ["start", "abort"].contains(command));
+        let questions = asking.map(|command| (*command, "Sure?".to_owned())).collect();
+        Snapshot { possible: possible.to_vec(), questions, ..Snapshot::before_start(None) }
     }
 
     fn press(input: &mut KeyInput, keys: &str, snapshot: &Snapshot) -> Vec<KeyAction> {
@@ -128,11 +130,19 @@ mod tests {
     }
 
     #[test]
+    fn a_command_without_a_question_is_requested_at_once() {
+        let (mut input, mut now) = (KeyInput::default(), snapshot(&["start", "repeat", "repeat_effort"]));
+        now.questions.clear();
+        let request = |command| KeyAction::Request(Request::Command { command, confirmed: true });
+        assert_eq!(press(&mut input, "sb", &now), [request(Event::Start), request(Event::RepeatEffort)]);
+    }
+
+    #[test]
     fn an_impossible_command_is_not_requested() {
         let (mut input, now) = (KeyInput::default(), snapshot(&["pause"]));
         assert_eq!(press(&mut input, "skbx", &now), []);
         assert_eq!(input, KeyInput::Idle);
-        let pause = KeyAction::Request(Request::Command { command: Event::Pause, confirmed: false });
+        let pause = KeyAction::Request(Request::Command { command: Event::Pause, confirmed: true });
         assert_eq!(press(&mut input, " ", &now), [pause]);
     }
 

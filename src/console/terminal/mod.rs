@@ -3,7 +3,7 @@
 mod draw;
 mod keys;
 
-use std::io;
+use std::io::{self, IsTerminal};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
@@ -28,12 +28,15 @@ use keys::{KeyAction, KeyInput};
 /// Time between two drawings.
 const DRAW_PERIOD: Duration = Duration::from_millis(50);
 
-/// Checks that the program can draw on a terminal: that the feature `terminal` is built.
+/// Checks that the program can draw on a terminal: that standard error is one, and lets keys be read.
 ///
 /// # Errors
-/// Never, in a program that is built with the feature.
+/// If it is not, or does not.
 pub fn check() -> Result<(), ConsoleError> {
-    Ok(())
+    if !io::stderr().is_terminal() {
+        return Err(ConsoleError::Terminal(io::Error::other("standard error is no terminal")));
+    }
+    enable_raw_mode().and_then(|()| disable_raw_mode()).map_err(ConsoleError::Terminal)
 }
 
 /// Draws the session in the terminal until it is dropped.

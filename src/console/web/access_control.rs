@@ -170,6 +170,16 @@ impl AccessControl {
         if is_right.into() { Ok(role) } else { Err(Refusal::Token) }
     }
 
+    /// The beginning of a request for anything of the operator's page.
+    pub fn operators_request(&self) -> String {
+        format!("GET /{}/{}/", Role::Operator.name(), self.tokens.of(Role::Operator))
+    }
+
+    /// Whether a request that begins with `begin` has the operator's token. The comparison takes constant time.
+    pub fn is_operators_request(&self, begin: &[u8]) -> bool {
+        self.operators_request().as_bytes().ct_eq(begin).into()
+    }
+
     fn is_own(&self, origin: &str, host: &str) -> bool {
         let from = origin.strip_prefix(self.scheme).and_then(|rest| rest.strip_prefix("://"));
         from.is_some_and(|from| from.eq_ignore_ascii_case(host))
@@ -220,6 +230,22 @@ mod tests {
             ("", &tokens.operator),
         ] {
             assert_eq!(access.role(role, token), Err(Refusal::Token), "{role} {token}");
+        }
+    }
+
+    #[test]
+    fn only_the_operators_token_begins_a_request_of_the_operator() {
+        let access = access("http", "127.0.0.1:8000", &[]);
+        let Tokens { operator, subject } = &access.tokens;
+        assert!(access.is_operators_request(format!("GET /operator/{operator}/").as_bytes()));
+        for other in [
+            format!("GET /operator/{subject}/"),
+            format!("GET /subject/{operator}/"),
+            format!("GET /operator/{}", &operator[1..]),
+            "GET /operator/ HTTP/1.1\r\n".to_owned(),
+            String::new(),
+        ] {
+            assert!(!access.is_operators_request(other.as_bytes()), "{other}");
         }
     }
 

@@ -13,14 +13,16 @@ use super::limits::{RECEIVED_BYTES, RateLimiter};
 #[derive(Debug)]
 pub struct Metered<S> {
     stream: S,
+    /// What was read from the connection before, and is still to be taken.
+    begin: Vec<u8>,
     received: RateLimiter,
 }
 
 impl<S> Metered<S> {
-    /// A connection that has received nothing.
-    pub fn new(stream: S) -> Self {
+    /// A connection of which `begin` has been read.
+    pub fn new(stream: S, begin: Vec<u8>) -> Self {
         let [burst, per_s] = RECEIVED_BYTES;
-        Self { stream, received: RateLimiter::new(burst, per_s, Instant::now()) }
+        Self { stream, begin, received: RateLimiter::new(burst, per_s, Instant::now()) }
     }
 }
 
@@ -31,7 +33,14 @@ impl<S: AsyncRead + Unpin> AsyncRead for Metered<S> {
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
         let before = buffer.filled().len();
-        let read = Pin::new(&mut self.stream).poll_read(context, buffer);
+        let read = if self.begin.is_empty() {
+            Pin::new(&mut self.stream).poll_read(context, buffer)
+        } else {
+            let taken = self.begin.len().min(buffer.remaining());
+            buffer.put_slice(&self.begin[..taken]);
+            self.begin.drain(..taken);
+            Poll::Ready(Ok(()))
+        };
         let bytes = buffer.filled().len() - before;
         if bytes > 0 && !self.received.allows_many(bytes as f64, Instant::now()) {
             return Poll::Ready(Err(io::Error::other("more is sent than any page sends")));

@@ -7,8 +7,11 @@ mod assets;
 mod content;
 mod limits;
 mod metered;
+mod movable_stream;
 mod server;
 mod socket;
+#[cfg(all(test, feature = "tls"))]
+mod tests;
 #[cfg(feature = "tls")]
 mod tls;
 #[cfg(not(feature = "tls"))]

@@ -10,11 +10,12 @@ use tokio::sync::watch;
 
 use super::super::error::ConsoleError;
 use super::super::thread_priority::lower_thread_priority;
+use super::accept::{Door, ServingThread};
 use super::access_control::{AccessControl, Role, Tokens};
 use super::address::Address;
 use super::content::PageContent;
 use super::limits::CLOSING_TIME;
-use super::{accept, socket};
+use super::socket::Site;
 
 /// Addresses of the two pages. Whoever knows an address has its role.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,7 +38,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens on the address and starts the server's thread.
+    /// Listens on the address and starts the server's threads.
     ///
     /// # Errors
     /// If the address is not this machine's own and there is no certificate, if it is taken, or if a file cannot be read.
@@ -54,20 +55,26 @@ impl Server {
         let access = AccessControl::new(tokens.clone(), scheme, bound, &address.hosts);
         let host = access.first_host().to_owned();
         let (stop, stopped) = watch::channel(false);
-        let router = socket::router(Arc::new(access), Arc::new(content), stopped.clone());
-        let runtime = || tokio::runtime::Builder::new_current_thread().enable_all().build();
-        let (pages, operators) =
-            (runtime().map_err(ConsoleError::Start)?, runtime().map_err(ConsoleError::Start)?);
-        let handle = operators.handle().clone();
-        let mut over = stopped.clone();
-        let for_operators = async move {
-            // An error means that the server was dropped, which also stops it.
-            let _ = over.wait_for(|stopped| *stopped).await;
-            tokio::time::sleep(CLOSING_TIME).await;
+        let access = Arc::new(access);
+        let site = Site::new(access.clone(), Arc::new(content), stopped.clone());
+        let runtime = || {
+            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ConsoleError::Start)
+        };
+        let (door, operators, others) = (runtime()?, runtime()?, runtime()?);
+        let serving = |runtime: &Runtime, role| ServingThread {
+            runtime: runtime.handle().clone(),
+            router: site.clone().router(role),
+        };
+        let connections = Door {
+            tls,
+            access,
+            operators: serving(&operators, Role::Operator),
+            others: serving(&others, Role::Subject),
         };
         let threads = vec![
-            start_thread("console", pages, accept::serve(listener, tls, router, handle, stopped))?,
-            start_thread("console operator", operators, for_operators)?,
+            start_thread("console door", door, connections.serve(listener, stopped.clone()))?,
+            start_thread("console operator", operators, closing_time(stopped.clone()))?,
+            start_thread("console pages", others, closing_time(stopped))?,
         ];
         Ok(Self { address: bound, scheme, host, tokens, stop, threads })
     }
@@ -86,6 +93,13 @@ impl Server {
     pub fn url(&self, role: Role) -> String {
         format!("{}://{}/{}/{}/", self.scheme, self.host, role.name(), self.tokens.of(role))
     }
+}
+
+/// Waits until the server was stopped and the pages have had their time to close.
+async fn closing_time(mut stopped: watch::Receiver<bool>) {
+    // An error means that the server was dropped, which also stops it.
+    let _ = stopped.wait_for(|stopped| *stopped).await;
+    tokio::time::sleep(CLOSING_TIME).await;
 }
 
 /// Runs a task on a thread of its own, until it ends.

@@ -53,29 +53,39 @@ const SECURITY_HEADERS: [(header::HeaderName, &str); 7] = [
     (header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
+/// What the pages are made of.
 #[derive(Clone)]
-struct Site {
+pub struct Site {
     access: Arc<AccessControl>,
     content: Arc<PageContent>,
     stopped: watch::Receiver<bool>,
     /// Number of open pages of the operator and of the subject.
     pages: Arc<[AtomicUsize; 2]>,
+    /// Role whose pages are kept open on this thread.
+    thread_of: Role,
 }
 
-/// The routes of the pages.
-pub fn router(
-    access: Arc<AccessControl>,
-    content: Arc<PageContent>,
-    stopped: watch::Receiver<bool>,
-) -> Router {
-    let site = Site { access, content, stopped, pages: Arc::default() };
-    Router::new()
-        .route("/{role}/{token}/", get(page))
-        .route("/{role}/{token}/live", get(live))
-        .route("/{role}/{token}/{file}", get(asset))
-        .fallback(async || StatusCode::FORBIDDEN)
-        .layer(middleware::from_fn_with_state(site.clone(), check))
-        .with_state(site)
+impl Site {
+    /// Pages of `content` that are closed when `stopped`.
+    pub fn new(
+        access: Arc<AccessControl>,
+        content: Arc<PageContent>,
+        stopped: watch::Receiver<bool>,
+    ) -> Self {
+        Self { access, content, stopped, pages: Arc::default(), thread_of: Role::Subject }
+    }
+
+    /// The routes of the pages, on the thread that keeps those of `role` open.
+    pub fn router(self, role: Role) -> Router {
+        let site = Self { thread_of: role, ..self };
+        Router::new()
+            .route("/{role}/{token}/", get(page))
+            .route("/{role}/{token}/live", get(live))
+            .route("/{role}/{token}/{file}", get(asset))
+            .fallback(async || StatusCode::FORBIDDEN)
+            .layer(middleware::from_fn_with_state(site.clone(), check))
+            .with_state(site)
+    }
 }
 
 /// Refuses forged requests and adds the security headers to every response.
@@ -126,6 +136,10 @@ async fn live(
     };
     if let Err(refusal) = site.access.check_socket(&headers) {
         return (refusal.status(), refusal.to_string()).into_response();
+    }
+    // A connection that began with another page's request. Browsers open a new one for each socket.
+    if role != site.thread_of {
+        return (StatusCode::MISDIRECTED_REQUEST, "open a new connection").into_response();
     }
     let upgrade = match upgrade {
         Ok(upgrade) => upgrade,
@@ -253,8 +267,10 @@ impl PageConnection {
         let welcome = &content.welcome[usize::from(self.role == Role::Subject)];
         send(socket, welcome.to_string()).await?;
         let (mut snapshot, mut history) = (content.views.snapshot(), content.views.history());
+        let mut ramps = content.views.ramps();
         snapshot.mark_changed();
         history.mark_changed();
+        ramps.mark_changed();
         let period = if self.role == Role::Operator { OPERATOR_PERIOD } else { SUBJECT_PERIOD };
         let mut due = tokio::time::Instant::now();
         loop {
@@ -267,7 +283,7 @@ impl PageConnection {
                     }
                 }
                 () = until(&mut stopped) => {
-                    self.send_history(socket, &history).await?;
+                    self.send_shared(socket, &history).await?;
                     let last = snapshot.borrow().clone();
                     self.send_snapshot(socket, &last).await?;
                     return Some((close_code::NORMAL, "over"));
@@ -277,27 +293,32 @@ impl PageConnection {
                 }
                 Ok(()) = history.changed(), if may_send && self.role == Role::Operator => {
                     history.mark_unchanged();
-                    self.send_history(socket, &history).await?;
+                    self.send_shared(socket, &history).await?;
                 }
                 Ok(()) = snapshot.changed(), if may_send && due <= tokio::time::Instant::now() => {
                     let latest = snapshot.borrow_and_update().clone();
                     self.send_snapshot(socket, &latest).await?;
                     due = tokio::time::Instant::now() + period;
                 }
+                Ok(()) = ramps.changed(), if may_send && self.role == Role::Operator => {
+                    ramps.mark_unchanged();
+                    self.send_shared(socket, &ramps).await?;
+                }
                 _ = sleep_until(due), if may_send && due > tokio::time::Instant::now() => {}
             }
         }
     }
 
-    async fn send_history(
+    /// Sends what all operators' pages get alike.
+    async fn send_shared(
         &mut self,
         socket: &mut WebSocket,
-        history: &watch::Receiver<Arc<str>>,
+        message: &watch::Receiver<Arc<str>>,
     ) -> Option<()> {
         if self.role == Role::Subject {
             return Some(());
         }
-        let text = history.borrow().to_string();
+        let text = message.borrow().to_string();
         send(socket, text).await
     }
 

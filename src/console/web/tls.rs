@@ -1,5 +1,6 @@
 //! Encryption with a certificate, for addresses that others can reach.
 
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -8,8 +9,16 @@ use tokio_rustls::rustls::ServerConfig;
 use tokio_rustls::rustls::crypto::ring;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
 use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use tokio_rustls::server::TlsStream;
 
 use super::super::error::ConsoleError;
+use super::movable_stream::{Movable, MovableStream};
+
+impl Movable for TlsStream<MovableStream> {
+    fn move_here(&mut self) -> io::Result<()> {
+        self.get_mut().0.move_here()
+    }
+}
 
 /// Reads certificate chain and private key from PEM files.
 pub fn acceptor(chain: &Path, key: &Path) -> Result<TlsAcceptor, ConsoleError> {

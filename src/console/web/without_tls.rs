@@ -3,9 +3,8 @@
 use std::io;
 use std::path::Path;
 
-use tokio::net::TcpStream;
-
 use super::super::error::ConsoleError;
+use super::movable_stream::MovableStream;
 
 /// What encrypts connections: without the feature there is none.
 #[derive(Clone)]
@@ -13,7 +12,7 @@ pub enum TlsAcceptor {}
 
 impl TlsAcceptor {
     /// An encrypted connection.
-    pub async fn accept(&self, _stream: TcpStream) -> io::Result<TcpStream> {
+    pub async fn accept(&self, _stream: MovableStream) -> io::Result<MovableStream> {
         match *self {}
     }
 }

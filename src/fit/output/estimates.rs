@@ -71,6 +71,9 @@ pub struct ConditionEstimate {
     pub mean: [Option<f64>; 9],
     /// Standard deviations, in the order of [`QUANTITIES`]; `None` if fewer than two repetitions have a value.
     pub sd: [Option<f64>; 9],
+    /// Number of repetitions that have a value and are in the mean, in the order of [`QUANTITIES`].
+    #[serde(skip)]
+    pub averaged: [usize; 9],
     /// Standard errors of the means of the six base parameters, relative to them; `None` if a repetition has none.
     pub se: [Option<f64>; 6],
 }
@@ -93,7 +96,7 @@ impl TrialEstimate {
     }
 
     /// The same without those that rest on a parameter that the data do not determine.
-    fn determined_quantities(&self) -> [Option<f64>; 9] {
+    pub fn determined_quantities(&self) -> [Option<f64>; 9] {
         let mut quantities = self.quantities();
         for (parameter, is_determined) in self.determined.iter().enumerate() {
             quantities[parameter] = quantities[parameter].filter(|_| *is_determined);
@@ -136,7 +139,7 @@ pub fn session_estimates(
     }
     let covariance =
         |parameter: usize, one: usize, other: usize| session.log_covariance(parameter, one, other);
-    let conditions = conditions(&estimates, covariance);
+    let conditions = conditions_with(&estimates, covariance);
     (estimates, conditions)
 }
 
@@ -245,14 +248,14 @@ fn remarks(fit: &Fit, index: usize, se: &[Option<f64>; 6], other_optima: &[Other
 /// Means and standard deviations over the repetitions of each condition; `estimates` are ordered by condition. The errors of trials
 /// count as independent.
 pub fn by_condition(estimates: &[TrialEstimate]) -> Vec<ConditionEstimate> {
-    conditions(estimates, |parameter, one, other| {
+    conditions_with(estimates, |parameter, one, other| {
         if one == other { estimates[one].se[parameter].map(|se| se * se) } else { Some(0.0) }
     })
 }
 
-/// Means and standard deviations over the repetitions of each condition. `covariance` is that of the logarithms of a parameter in two
-/// trials, given by index. Undetermined values are not averaged.
-fn conditions(
+/// Means and standard deviations over the repetitions of each condition; `estimates` are ordered by condition. `covariance` is that of
+/// the logarithms of a parameter in two trials, given by index. Undetermined values are not averaged.
+pub fn conditions_with(
     estimates: &[TrialEstimate],
     covariance: impl Fn(usize, usize, usize) -> Option<f64>,
 ) -> Vec<ConditionEstimate> {
@@ -265,11 +268,13 @@ fn conditions(
         .chunk_by(same)
         .map(|group| {
             let (mut means, mut sds, mut ses) = ([None; 9], [None; 9], [None; 6]);
+            let mut averaged = [0; 9];
             for quantity in 0..QUANTITIES.len() {
                 let values: Vec<(usize, f64)> = (first..)
                     .zip(group)
                     .filter_map(|(index, own)| Some((index, own.determined_quantities()[quantity]?)))
                     .collect();
+                averaged[quantity] = values.len();
                 let count = values.len() as f64;
                 if values.is_empty() {
                     continue;
@@ -295,6 +300,7 @@ fn conditions(
                 repetitions: group.len(),
                 mean: means,
                 sd: sds,
+                averaged,
                 se: ses,
             }
         })

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::protocol::{Mvc, Protocol};
-use crate::rig::{Command, Cue, Motor, Punctuality, Sample};
+use crate::rig::{Command, Cue, Direction, Motor, Punctuality, Sample};
 use crate::schedule;
 
 /// The quick protocol with short times: 2 velocities x 2 torques, gate 0.1 s, 500 samples a second.
@@ -54,6 +54,8 @@ struct Bench {
     /// What the torque shows when nothing is asked, N m.
     offset_nm: f64,
     ecr_mvc: f64,
+    /// EMG of a maximal effort.
+    effort_mvc: f64,
     /// Handed over with the next sample.
     punctuality: Option<Punctuality>,
     /// The rig is a motor, whose periods are tied to a clock.
@@ -71,6 +73,7 @@ impl Bench {
             error_nm: 0.0,
             offset_nm: 0.0,
             ecr_mvc: 0.0,
+            effort_mvc: 1.0,
             punctuality: None,
             is_motor: false,
             astray: |_| 0.0,
@@ -110,10 +113,10 @@ impl Bench {
         let (torque_nm, emg) = match self.command.cue {
             Cue::Target { target_nm, .. } => (target_nm + self.error_nm, 0.2),
             Cue::Moving => (2.0, 0.2),
-            Cue::Effort(_) => (8.0, 1.0),
+            Cue::Effort(_) => (8.0, self.effort_mvc),
             Cue::Rest | Cue::Relax => (0.0, 0.0),
         };
-        let ecr = if matches!(self.command.cue, Cue::Effort(_)) { 1.0 } else { self.ecr_mvc };
+        let ecr = if matches!(self.command.cue, Cue::Effort(_)) { self.effort_mvc } else { self.ecr_mvc };
         Sample { theta_m_rad, torque_l_nm: torque_nm + self.offset_nm, emg_fcr_mvc: emg, emg_ecr_mvc: ecr }
     }
 

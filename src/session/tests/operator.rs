@@ -29,6 +29,70 @@ fn maximal_efforts_set_the_unit_of_emg() {
 }
 
 #[test]
+fn an_effort_is_repeated_in_its_direction_and_the_best_counts() {
+    let mut bench = Bench::started(settings_with_everything());
+    let effort = |bench: &mut Bench, level: f64| {
+        bench.run_to(Phase::MvcEffort);
+        bench.effort_mvc = level;
+        bench.run_to(Phase::MvcRest);
+        bench.effort_mvc = 1.0;
+    };
+    effort(&mut bench, 0.5);
+    assert_eq!(bench.say(Event::RepeatEffort).phase, Phase::MvcRest);
+    // Asked for once, not as often as the key is pressed.
+    assert_eq!(bench.say(Event::RepeatEffort).refused, Some(Event::RepeatEffort));
+    effort(&mut bench, 1.0);
+    effort(&mut bench, 0.6);
+    // Asked for in a pause as well, and still due after one that breaks the repeated effort off.
+    bench.say(Event::Pause);
+    assert_eq!(bench.say(Event::RepeatEffort).phase, Phase::Paused);
+    bench.say(Event::Resume);
+    bench.say(Event::Pause);
+    bench.say(Event::Resume);
+    effort(&mut bench, 0.7);
+    assert!(bench.machine.progress().emg_factors().is_none(), "efforts of the protocol are left");
+    bench.run_to(Phase::Rest);
+    let progress = bench.machine.progress();
+    let directions: Vec<Direction> = progress.efforts().iter().map(|effort| effort.direction).collect();
+    use Direction::{Extension, Flexion};
+    assert_eq!(directions, [Flexion, Flexion, Extension, Extension, Flexion, Extension]);
+    let best = |direction, peak: fn(&MaximalEffort) -> f64| {
+        let own = progress.efforts().iter().filter(|effort| effort.direction == direction);
+        own.map(peak).fold(0.0, f64::max)
+    };
+    let factors = progress.emg_factors().unwrap();
+    assert_eq!(factors, [best(Flexion, |own| own.peak_fcr), best(Extension, |own| own.peak_ecr)]);
+    // From here on EMG has their unit, so that it is too late.
+    assert_eq!(bench.say(Event::RepeatEffort).refused, Some(Event::RepeatEffort));
+    bench.run_to(Phase::Finished);
+}
+
+/// The smoothing began anew when the last effort ended: what was shown of the muscles fell to zero, and rose again.
+#[test]
+fn what_is_shown_of_the_muscles_does_not_fall_to_zero_at_the_end_of_the_efforts() {
+    let mut settings = settings_with_everything();
+    settings.mvc = Some(Mvc { efforts: 1, duration_s: 0.5, rest_s: 0.02 });
+    let mut bench = Bench::started(settings);
+    let mut last_mvc = 0.0;
+    while bench.machine.phase() != Phase::Hold {
+        let factors_before = bench.machine.progress().emg_factors();
+        let before_mvc = bench.machine.feedback().ecr_mvc;
+        bench.tick();
+        let factor = match (factors_before, bench.machine.progress().emg_factors()) {
+            (None, Some(factors)) => factors[1],
+            _ => 1.0,
+        };
+        let ecr_mvc = bench.machine.feedback().ecr_mvc * factor;
+        // An effort begins with smoothing of its own; apart from that a sample changes it by at most its share.
+        if !matches!(bench.machine.phase(), Phase::Offset | Phase::MvcEffort) && last_mvc > 0.0 {
+            assert!(ecr_mvc >= 0.97 * before_mvc, "{before_mvc} fell to {ecr_mvc}");
+        }
+        last_mvc = ecr_mvc;
+    }
+    assert!(bench.machine.progress().emg_factors().is_some());
+}
+
+#[test]
 fn nothing_moves_before_the_operators_word() {
     let mut bench = Bench::new(settings());
     for _ in 0..100 {

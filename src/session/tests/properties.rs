@@ -33,6 +33,7 @@ fn stretches() -> impl Strategy<Value = Vec<Stretch>> {
         4 => Just(Some(Event::Resume)),
         1 => Just(Some(Event::Skip)),
         1 => Just(Some(Event::Repeat)),
+        1 => Just(Some(Event::RepeatEffort)),
         4 => Just(Some(Event::Rearm)),
         1 => Just(Some(Event::GateOpened)),
     ];

@@ -7,8 +7,16 @@ use crate::random::Stream;
 use crate::rig::Fault;
 use crate::session::transitions::{self, Effect, Guard, TRANSITIONS};
 
-const WORDS: [Event; 7] =
-    [Event::Start, Event::Pause, Event::Resume, Event::Skip, Event::Repeat, Event::Abort, Event::Rearm];
+const WORDS: [Event; 8] = [
+    Event::Start,
+    Event::Pause,
+    Event::Resume,
+    Event::Skip,
+    Event::Repeat,
+    Event::RepeatEffort,
+    Event::Abort,
+    Event::Rearm,
+];
 
 /// A session in each phase.
 fn in_every_phase() -> Vec<Bench> {
@@ -81,21 +89,21 @@ fn every_word_of_the_operator_in_every_phase_does_what_the_table_says_or_is_refu
 fn a_word_that_the_table_does_not_have_is_refused_whatever_the_guards() {
     // Written out, so that a line added to the table by mistake is noticed.
     let forbidden = [
-        (Phase::Ready, "pause resume skip repeat rearm"),
-        (Phase::Offset, "start resume skip repeat rearm"),
-        (Phase::MvcEffort, "start resume skip repeat rearm"),
+        (Phase::Ready, "pause resume skip repeat repeat_effort rearm"),
+        (Phase::Offset, "start resume skip repeat repeat_effort rearm"),
+        (Phase::MvcEffort, "start resume skip repeat repeat_effort rearm"),
         (Phase::MvcRest, "start resume skip repeat rearm"),
-        (Phase::Rest, "start resume rearm"),
-        (Phase::Hold, "start resume repeat rearm"),
-        (Phase::Delay, "start resume repeat rearm"),
-        (Phase::Ramp, "start resume skip repeat rearm"),
-        (Phase::RampHold, "start resume skip repeat rearm"),
-        (Phase::Return, "start resume skip rearm"),
-        (Phase::Homing, "start pause resume skip repeat rearm"),
+        (Phase::Rest, "start resume repeat_effort rearm"),
+        (Phase::Hold, "start resume repeat repeat_effort rearm"),
+        (Phase::Delay, "start resume repeat repeat_effort rearm"),
+        (Phase::Ramp, "start resume skip repeat repeat_effort rearm"),
+        (Phase::RampHold, "start resume skip repeat repeat_effort rearm"),
+        (Phase::Return, "start resume skip repeat_effort rearm"),
+        (Phase::Homing, "start pause resume skip repeat repeat_effort rearm"),
         (Phase::Paused, "start pause rearm"),
-        (Phase::Faulted, "start pause resume skip repeat"),
-        (Phase::Finished, "start pause resume skip repeat abort rearm"),
-        (Phase::Aborted, "start pause resume skip repeat abort rearm"),
+        (Phase::Faulted, "start pause resume skip repeat repeat_effort"),
+        (Phase::Finished, "start pause resume skip repeat repeat_effort abort rearm"),
+        (Phase::Aborted, "start pause resume skip repeat repeat_effort abort rearm"),
     ];
     for (phase, words) in forbidden {
         let refused: Vec<&str> = WORDS

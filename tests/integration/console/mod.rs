@@ -8,3 +8,4 @@ mod steering;
 mod terminal;
 #[cfg(feature = "tls")]
 mod tls;
+mod watch;

@@ -105,6 +105,23 @@ fn requests_for_other_names_and_of_other_pages_are_turned_away() {
     assert_eq!(status(&page.ask(&page.path, &localhost)), "200");
 }
 
+/// The thread that a connection is served on is that of its first request's page.
+#[test]
+fn an_operators_socket_is_not_opened_on_a_connection_of_another_page() {
+    let program = Program::run(&[]);
+    let (operator, subject) = (&program.operator, &program.subject);
+    let first = format!("GET {} HTTP/1.1\r\nHost: {}\r\n\r\n", subject.path, subject.host);
+    let second = format!(
+        "GET {}live HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n",
+        operator.path,
+        host = operator.host
+    );
+    let answers = subject.send((first + &second).as_bytes());
+    assert!(answers.starts_with("HTTP/1.1 200") && answers.contains("HTTP/1.1 421"), "{answers}");
+    assert!(!answers.contains("HTTP/1.1 101"), "{answers}");
+}
+
 #[test]
 fn the_subjects_page_gives_no_commands() {
     let program = Program::run(&[]);

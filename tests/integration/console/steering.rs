@@ -13,6 +13,8 @@ fn nothing_moves_before_the_operator_says_so() {
     let mut operator = program.operator.live();
     let ready = operator.phase("ready");
     assert_eq!(ready["possible"], json!(["start", "abort"]));
+    // A virtual wrist has no hand to ask about.
+    assert_eq!(ready["questions"], json!({ "abort": "End the session now? It can be resumed." }));
     // Not sure is not said.
     operator.send(&json!({ "word": { "word": "start", "sure": false } }));
     operator.send(&json!({ "note": { "text": "still here", "clock": null } }));

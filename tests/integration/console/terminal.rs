@@ -49,9 +49,8 @@ fn a_session_is_run_from_the_terminal() {
         from += all[from..].find(what).unwrap() + what.len();
     };
     until("torque");
+    // A virtual wrist is armed without a question.
     keys.write_all(b"s").unwrap();
-    until("sure?");
-    keys.write_all(b"\r").unwrap();
     until("under");
     keys.write_all(b"nre-glued\r").unwrap();
     until("re-glued");
@@ -69,4 +68,23 @@ fn a_session_is_run_from_the_terminal() {
         .collect();
     let note = OperatorAction::Noted { text: "re-glued".to_owned(), clock: None };
     assert_eq!(said, [OperatorAction::Commanded { command: Event::Start }, note]);
+}
+
+/// The session's folder was there when the program noticed that it had no terminal to draw on.
+#[test]
+fn without_a_terminal_no_session_is_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    let session = folder.path().join("session");
+    let output = Command::new(PROGRAM)
+        .arg("run")
+        .arg(protocol(folder.path()))
+        .args(["--tui", "--out"])
+        .arg(&session)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("--tui") && said.contains("terminal"), "{said}");
+    assert!(!session.exists(), "a session was begun");
 }
