@@ -4,7 +4,7 @@ use std::io::{self, IsTerminal};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::console::CommandQuestions;
+use crate::console::{CommandQuestions, SETS_ORIGIN_HERE};
 use crate::rig::Fault;
 use crate::session::{Event, Machine, MotionDeviation, Operator, Phase};
 
@@ -22,14 +22,14 @@ pub struct MotorOperator {
 }
 
 impl MotorOperator {
-    /// Ends the session when `stop` is set. With `is_confirmed` the first arming needs no answer.
-    pub fn new(
-        stop: Arc<AtomicBool>,
-        is_confirmed: bool,
-        questions: CommandQuestions,
-        console: &Console,
-    ) -> Self {
-        Self { stop, is_confirmed, questions, messages: BackgroundMessages::start(*console) }
+    /// Ends the session when `stop` is set. With `is_confirmed` the first arming needs no answer; if it takes the present place of the
+    /// handle for the start position, that is told.
+    pub fn new(stop: Arc<AtomicBool>, is_confirmed: bool, sets_origin_here: bool, console: &Console) -> Self {
+        let messages = BackgroundMessages::start(*console);
+        if is_confirmed && sets_origin_here {
+            messages.note(SETS_ORIGIN_HERE.to_owned());
+        }
+        Self { stop, is_confirmed, questions: CommandQuestions::for_motor(sets_origin_here), messages }
     }
 
     fn is_stopped(&self) -> bool {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::console::{CommandQuestions, ConsoleSetup, Live, SETS_ORIGIN_HERE};
+use crate::console::{ConsoleSetup, Live, SETS_ORIGIN_HERE};
 use crate::dataset::{BackgroundRecorder, Recorder};
 use crate::rig::Rig;
 use crate::session::{Event, Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
@@ -82,11 +82,11 @@ impl SessionRun<'_> {
                 stop_when_suspended(&stop)?;
                 motor.stop_on(stop.clone());
                 let sets_origin_here = motor.sets_origin_here();
-                if sets_origin_here && (is_confirmed || work.setup.is_some()) {
+                if sets_origin_here && work.setup.is_some() {
                     console.announce(SETS_ORIGIN_HERE);
                 }
-                let questions = CommandQuestions::for_motor(sets_origin_here);
-                let operator = |_: &Machine| MotorOperator::new(stop, is_confirmed, questions, console);
+                let operator =
+                    |_: &Machine| MotorOperator::new(stop, is_confirmed, sets_origin_here, console);
                 let (motor, live) = work.with_deadlines(*motor, &mut Unpaced, operator)?;
                 write_bus_summary(&motor.summary(), &folder, console)?;
                 live

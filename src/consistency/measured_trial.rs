@@ -23,6 +23,8 @@ pub struct MeasuredTrial {
     pub stated_torque_nm: f64,
     /// Largest speed of the ramp, with its sign, rad/s.
     pub speed_rad_s: f64,
+    /// Mean speed between three and seven tenths of the way, with its sign, rad/s: without rise and overshoot.
+    pub middle_speed_rad_s: f64,
     /// Median angle before the ramp, rad.
     pub hold_rad: f64,
     /// Mean torque before the ramp, N m.
@@ -61,6 +63,11 @@ impl MeasuredTrial {
             .filter(|sample| sample + span <= ramp.end)
             .map(|sample| (angle[sample + span] - angle[sample]) * sample_rate_hz / span as f64)
             .max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+        let (begin, end) = (passed(0.3), passed(0.7));
+        let middle_speed_rad_s = match end - begin {
+            0 => speed_rad_s,
+            samples => (angle[end] - angle[begin]) * sample_rate_hz / samples as f64,
+        };
         let hold = &torque[motion.saturating_sub(libm::round(STEADY_S * sample_rate_hz) as usize)..=motion];
         let hold_nm = mean(hold);
         let squares: f64 = hold.iter().map(|x| (x - hold_nm) * (x - hold_nm)).sum();
@@ -76,6 +83,7 @@ impl MeasuredTrial {
             stated_speed_rad_s: trial.velocity_rad_s,
             stated_torque_nm: trial.torque_nm,
             speed_rad_s,
+            middle_speed_rad_s,
             hold_rad,
             hold_nm,
             unsteadiness_nm: libm::sqrt(squares / hold.len() as f64),

@@ -56,7 +56,7 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
             reason: format!("{reason}; check the column and the unit of the angle"),
         });
     }
-    let speeds = grouped(&measured.iter().map(|own| own.speed_rad_s).collect::<Vec<_>>());
+    let speeds = grouped(&measured.iter().map(|own| own.middle_speed_rad_s).collect::<Vec<_>>());
     let torques = grouped(&measured.iter().map(|own| own.hold_nm).collect::<Vec<_>>());
     let conditions: Vec<(f64, f64)> = speeds.into_iter().zip(torques).collect();
     for ((trial, condition), repetition) in trials.iter_mut().zip(&conditions).zip(repetitions(&conditions)) {

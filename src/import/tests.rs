@@ -121,6 +121,16 @@ fn trials_in_one_table_are_told_apart_by_a_column() {
 }
 
 #[test]
+fn the_velocity_of_a_condition_is_that_of_the_ramp_and_not_of_its_overshoot() {
+    let [time, angle, torque] = columns(1.3);
+    // A motor that catches up: up to 1.8 rad/s while the ramp rises.
+    let hump = |ms: f64| 0.003 * libm::exp(-((ms - 522.0) / 5.0) * ((ms - 522.0) / 5.0));
+    let angle = angle.iter().zip(&time).map(|(degrees, ms)| degrees - hump(*ms).to_degrees()).collect();
+    let imported = import(vec![table("t1.csv", [time, angle, torque])], &mapping()).unwrap();
+    assert_eq!(imported.session.trials[0].velocity_rad_s, 1.3);
+}
+
+#[test]
 fn trials_of_a_folder_are_in_the_order_of_their_numbers() {
     let folder = tempfile::tempdir().unwrap();
     for number in [1, 2, 10] {
