@@ -131,7 +131,8 @@ fn named(kind: MechanismKind, values: &[Interval]) -> Value {
     named.map(|(parameter, own)| (parameter.name.to_string(), json!(own))).collect::<Map<_, _>>().into()
 }
 
-/// Means over trials of the base parameters and of x_t without and with the added mechanism; `null` where no trial determines it.
+/// Means over trials of the base parameters and of x_t without and with the added mechanism, of those that some trial determines in
+/// both.
 fn shift(observations: &Observations, before: &Fit, after: &Fit) -> Value {
     let mean = |all: Vec<f64>| (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64);
     let mean_of = |fit: &Fit, parameter: usize| {
@@ -142,11 +143,15 @@ fn shift(observations: &Observations, before: &Fit, after: &Fit) -> Value {
         mean((0..fit.parameters.len()).filter_map(|trial| fit.x_t_s(observations, trial)).collect())
     };
     let mut entry = Map::new();
+    let mut insert = |name: &str, from: Option<f64>, to: Option<f64>| {
+        if let (Some(from), Some(to)) = (from, to) {
+            entry.insert(name.into(), json!({ "before": from, "after": to }));
+        }
+    };
     for (parameter, name) in BASE_PARAMETERS.iter().enumerate() {
-        let (from, to) = (mean_of(before, parameter), mean_of(after, parameter));
-        entry.insert((*name).into(), json!({ "before": from, "after": to }));
+        insert(name, mean_of(before, parameter), mean_of(after, parameter));
     }
-    entry.insert("x_t_s".into(), json!({ "before": period(before), "after": period(after) }));
+    insert("x_t_s", period(before), period(after));
     Value::Object(entry)
 }
 

@@ -120,16 +120,21 @@ pub fn tables_from_csv(table: &Path, folder: &Path) -> Result<(StudySummary, Res
     Ok((summary, tables))
 }
 
-/// Copies the table beside the tables that are made of it, so that the folder holds all that its report shows.
+/// Keeps the table with the tables that are made of it, so that the folder holds all that its report shows.
 fn copy_table(table: &Path, folder: &Path) -> Result<(), StudyError> {
+    let folder = folder.join(INPUT_FOLDER);
     let path = folder.join("study.csv");
     let copy = || {
-        let mut file = Folder::open(folder)?.begin_file("study.csv")?;
+        files::make_folders(&folder)?;
+        let mut file = Folder::open(&folder)?.begin_file("study.csv")?;
         std::io::copy(&mut files::open(table)?, file.file())?;
         file.finish()
     };
     copy().map_err(StudyError::at(&path))
 }
+
+/// Folder of the table that the tables of a study were made of, where it is not the program's own.
+pub(super) const INPUT_FOLDER: &str = "input";
 
 /// Whether a file belongs to a study whose plan is still being written.
 fn is_study_file(name: &OsStr) -> bool {

@@ -7,6 +7,7 @@ use serde::Deserialize;
 use super::aggregation::{StudySummary, TableOrigin, summarise};
 use super::error::StudyError;
 use super::result_tables::{RESULTS_FORMAT, ResultTables};
+use super::study_folder::INPUT_FOLDER;
 use crate::files;
 use crate::json_file;
 
@@ -88,8 +89,11 @@ impl StudyResults {
         let is_excluded = |subject: &str, session: u32| {
             file.excluded_sessions.iter().any(|(own, number)| own == subject && *number == session)
         };
-        let origin = if file.study.name.is_some() { TableOrigin::ThisProgram } else { TableOrigin::External };
-        let summary = summarise(&folder.join("study.csv"), origin, is_excluded, Vec::new())?;
+        let (origin, table) = match file.study.name {
+            Some(_) => (TableOrigin::ThisProgram, folder.join("study.csv")),
+            None => (TableOrigin::External, folder.join(INPUT_FOLDER).join("study.csv")),
+        };
+        let summary = summarise(&table, origin, is_excluded, Vec::new())?;
         Ok(Self {
             tables: ResultTables::of(&summary),
             name: file.study.name,

@@ -204,6 +204,7 @@ test("maximal efforts show their results, and one more can be asked for", async 
   assert.equal(await button(page, "repeat_effort").isVisible(), false);
   await page.keyboard.press("s");
   await page.locator("#effort-rows tr").first().waitFor();
+  await button(page, "repeat_effort").waitFor();
   await page.keyboard.press("b");
   await page.locator("#effort-rows tr").nth(2).waitFor();
   const rows = await page.locator("#effort-rows tr").evaluateAll((all) => all.map((row) => [...row.cells].map((cell) => cell.textContent)));

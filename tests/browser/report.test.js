@@ -110,7 +110,7 @@ test("the picker shows one trial at a time, by list and by button", async () => 
 
 test("a table is copied with tabs, its deviations in columns of their own", async () => {
   const { page, close } = await open("paper");
-  const table = page.locator(".table", { hasText: "By condition" });
+  const table = page.locator(".table", { hasText: "By condition: mean over repetitions" });
   await table.locator(".copy").click();
   const rows = (await page.evaluate(() => navigator.clipboard.readText())).split("\n").map((row) => row.split("\t"));
   assert.equal(rows.length, 13);
