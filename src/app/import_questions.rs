@@ -148,7 +148,7 @@ impl<I: BufRead, O: Write> Questions<'_, I, O> {
             return Ok(None);
         }
         let order = self.answer("Order of the Butterworth filter", "", |text| match text.parse::<u32>() {
-            Ok(order) if (1..=8).contains(&order) => Ok(order),
+            Ok(order) if FilterSpec::ORDERS.contains(&order) => Ok(order),
             _ => Err("expected 1 to 8".to_owned()),
         })?;
         Ok(Some(FilterSpec::Butterworth {

@@ -22,8 +22,8 @@ pub struct MotorOperator {
 }
 
 impl MotorOperator {
-    /// Ends the session when `stop` is set. With `is_confirmed` the first arming needs no answer; if it takes the present place of the
-    /// handle for the start position, that is told.
+    /// Ends the session when `stop` is set. With `is_confirmed` the first arming needs no answer, and a message says if the
+    /// present place of the handle becomes the start position.
     pub fn new(stop: Arc<AtomicBool>, is_confirmed: bool, sets_origin_here: bool, console: &Console) -> Self {
         let messages = BackgroundMessages::start(*console);
         if is_confirmed && sets_origin_here {

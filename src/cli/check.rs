@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{Console, Failure};
-use crate::protocol::{Order, ValidProtocol};
+use crate::protocol::{Order, ValidProtocol, minutes};
 use crate::schedule;
 
 use super::verb::Verb;
@@ -59,9 +59,4 @@ fn trials(protocol: &ValidProtocol) -> String {
         protocol.torques_nm.len(),
         protocol.repetitions
     )
-}
-
-fn minutes(seconds: f64) -> String {
-    let seconds = seconds.round() as u64;
-    format!("{} min {:02} s", seconds / 60, seconds % 60)
 }

@@ -9,7 +9,8 @@ use crate::app::{
 use crate::files::{self, limits};
 use crate::fit::QUANTITIES;
 use crate::study::{
-    ResultTables, SessionStorage, Study, StudyFolder, StudyPart, StudySummary, effect_name, tables_from_csv,
+    RESULTS_FILE, ResultTables, SessionStorage, Study, StudyFolder, StudyPart, StudySummary, effect_name,
+    tables_from_csv,
 };
 use rayon::prelude::*;
 
@@ -161,7 +162,7 @@ impl CohortArgs {
     ) -> Result<(), Failure> {
         write_study_report(folder, &ResultsFolder::Given(folder.to_owned()).open()?)?;
         if self.json {
-            let file = folder.join("study.json");
+            let file = folder.join(RESULTS_FILE);
             let text = files::read_text(&file, limits::STUDY_BYTES)
                 .map_err(|source| Failure::Read { file: file.display().to_string(), source })?;
             write!(console.results(), "{text}")?;

@@ -63,17 +63,12 @@ impl CommandQuestions {
     }
 
     /// The questions before those of `commands` that are possible in a phase and ask one, by the command's name.
-    pub fn now(
-        &self,
-        commands: &[Event],
-        phase: Phase,
-        progress: &Progress,
-    ) -> BTreeMap<&'static str, String> {
+    pub fn now(&self, phase: Phase, progress: &Progress) -> BTreeMap<&'static str, String> {
         let question = |command: &Event| {
             let line = progress.line(phase, *command)?;
             Some((command.name(), self.before(*command, line.effect)?.to_owned()))
         };
-        commands.iter().filter_map(question).collect()
+        Event::COMMANDS.iter().filter_map(question).collect()
     }
 }
 

@@ -281,13 +281,13 @@ impl ViewModel {
             .then(|| time_left_s(progress, &self.settings, snapshot.phase, snapshot.in_phase_s));
         if self.history_changed {
             let possible = |command: &Event| progress.line(snapshot.phase, *command).is_some();
-            let commands = COMMANDS.iter().filter(|command| possible(command));
+            let commands = Event::COMMANDS.iter().filter(|command| possible(command));
             snapshot.possible = if snapshot.playback.is_some() {
                 Vec::new()
             } else {
                 commands.map(|command| command.name()).collect()
             };
-            snapshot.questions = self.questions.now(&COMMANDS, snapshot.phase, progress);
+            snapshot.questions = self.questions.now(snapshot.phase, progress);
             snapshot.pause_requested =
                 (snapshot.pause_requested && snapshot.phase.is_armed() && snapshot.phase != Phase::Paused)
                     || progress.holds(Guard::PauseAsked);
@@ -375,18 +375,6 @@ impl ViewModel {
         });
     }
 }
-
-/// Commands of the operator.
-const COMMANDS: [Event; 8] = [
-    Event::Start,
-    Event::Pause,
-    Event::Resume,
-    Event::Skip,
-    Event::Repeat,
-    Event::RepeatEffort,
-    Event::Abort,
-    Event::Rearm,
-];
 
 fn instruction(step: &Step) -> Instruction {
     match (step.phase, step.cue) {

@@ -31,5 +31,5 @@ pub use error::{Problem, ProtocolError};
 pub use schema::schema_text;
 pub use trajectory::{Motion, RampAndHold, Sweep, TooShort};
 pub use types::*;
-pub use units::significant;
+pub use units::{minutes, significant};
 pub use valid::ValidProtocol;

@@ -134,7 +134,7 @@ pub fn as_fitted(diagnosis: &Diagnosed, fitted: Option<&Fitted>, name: &str) -> 
         return Some(values.iter().sum::<f64>() / values.len() as f64);
     }
     let all = diagnosis.causes.iter().flat_map(|cause| &cause.candidates);
-    all.filter_map(|own| own.shift(name)).next()?.before
+    all.filter_map(|own| own.shift(name)).next().map(|own| own.before)
 }
 
 #[cfg(test)]

@@ -61,10 +61,10 @@ pub struct Candidate {
 pub struct MeanShift {
     /// Name of the quantity.
     pub name: String,
-    /// Mean without it; `None` where no trial determines the quantity.
-    pub before: Option<f64>,
-    /// Mean with it; `None` where no trial determines the quantity.
-    pub after: Option<f64>,
+    /// Mean without it.
+    pub before: f64,
+    /// Mean with it.
+    pub after: f64,
 }
 
 impl Candidate {
@@ -122,15 +122,16 @@ impl Diagnosed {
         let mut range: Option<[f64; 2]> = None;
         for cause in &self.causes {
             let shifts: Vec<&MeanShift> = cause.candidates.iter().filter_map(|own| own.shift(name)).collect();
-            let after = shifts.iter().filter_map(|own| own.after).filter(|own| own.is_finite());
+            let after = shifts.iter().map(|own| own.after).filter(|own| own.is_finite());
             let (Some(low), Some(high)) = (after.clone().reduce(f64::min), after.reduce(f64::max)) else {
                 continue;
             };
-            range = Some(match (range, shifts[0].before) {
-                // The fit before this cause is that with the first candidates of those above it.
-                (Some([lowest, highest]), Some(before)) => [lowest * low / before, highest * high / before],
-                _ => [low, high],
-            });
+            let before = shifts[0].before;
+            // The fit before this cause is that with the first candidates of those above it.
+            range =
+                Some(range.map_or([low, high], |[lowest, highest]| {
+                    [lowest * low / before, highest * high / before]
+                }));
         }
         range.map(|[a, b]| [a.min(b), a.max(b)])
     }
@@ -237,12 +238,10 @@ impl Reader<'_> {
         let probability = self.number(&format!("{at}/probability"));
         let parameters = self.object(&format!("{at}/parameters"));
         let shifts = self.object(&format!("{at}/parameter_shift"));
-        let shift = |(name, own): (String, Value)| MeanShift {
-            name,
-            before: own["before"].as_f64(),
-            after: own["after"].as_f64(),
+        let shift = |(name, own): (String, Value)| {
+            Some(MeanShift { name, before: own["before"].as_f64()?, after: own["after"].as_f64()? })
         };
-        let shifts = with_k_after(shifts.into_iter().map(shift).collect());
+        let shifts = with_k_after(shifts.into_iter().filter_map(shift).collect());
         let told = self.root.pointer(&format!("{at}/title")).and_then(Value::as_str).map(str::to_owned);
         let title = title_of(&id).or(told).unwrap_or_default();
         Candidate { title, id, class, probability, parameters, shifts }
@@ -254,8 +253,7 @@ fn with_k_after(mut shifts: Vec<MeanShift>) -> Vec<MeanShift> {
     let of = |name: &str| shifts.iter().find(|own| own.name == name);
     if let (Some(k_srs), Some(k_dec)) = (of("k_srs_nm_per_rad"), of("k_dec_nm_per_rad")) {
         let name = "k_after_nm_per_rad".to_owned();
-        let less = |k_srs: Option<f64>, k_dec: Option<f64>| Some(k_srs? - k_dec?);
-        let (before, after) = (less(k_srs.before, k_dec.before), less(k_srs.after, k_dec.after));
+        let (before, after) = (k_srs.before - k_dec.before, k_srs.after - k_dec.after);
         shifts.push(MeanShift { name, before, after });
     }
     shifts

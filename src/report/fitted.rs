@@ -249,6 +249,9 @@ pub struct Shown {
     pub paper_says: &'static str,
 }
 
+/// Places in [`SHOWN`] of what a verdict speaks of: k_srs, x_e and x_t.
+pub const SPOKEN_OF: [usize; 3] = [3, 5, 7];
+
 /// The quantities, in the order of [`QUANTITIES`]; the paper's values are those of its sections 3.1 to 3.3.
 pub const SHOWN: [Shown; 9] = [
     shown(0, "I_j", "inertia of hand and handle part", "g m²", 1e3, None, "not stated"),

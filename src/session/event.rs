@@ -64,6 +64,18 @@ pub enum Source {
 }
 
 impl Event {
+    /// The commands of the operator.
+    pub const COMMANDS: [Self; 8] = [
+        Self::Start,
+        Self::Pause,
+        Self::Resume,
+        Self::Skip,
+        Self::Repeat,
+        Self::RepeatEffort,
+        Self::Abort,
+        Self::Rearm,
+    ];
+
     /// All events.
     pub const ALL: [Self; 21] = [
         Self::Start,
@@ -119,14 +131,7 @@ impl Event {
     /// Origin of the event.
     pub fn source(self) -> Source {
         match self {
-            Self::Start
-            | Self::Pause
-            | Self::Resume
-            | Self::Skip
-            | Self::Repeat
-            | Self::RepeatEffort
-            | Self::Abort
-            | Self::Rearm => Source::Operator,
+            command if Self::COMMANDS.contains(&command) => Source::Operator,
             Self::GateOpened | Self::GateTimedOut | Self::LeftBand | Self::AntagonistActive => {
                 Source::Subject
             }

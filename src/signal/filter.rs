@@ -25,6 +25,9 @@ pub enum FilterSpec {
 }
 
 impl FilterSpec {
+    /// Orders that a filter may have.
+    pub const ORDERS: std::ops::RangeInclusive<u32> = 1..=8;
+
     /// The paper's: third order, 50 Hz, forwards (section 2.1).
     pub const PAPER: Self = Self::Butterworth { order: 3, cutoff_hz: 50.0, zero_phase: false };
 
@@ -34,7 +37,7 @@ impl FilterSpec {
     /// If the order is not 1 to 8, or the cut-off is not between zero and half the rate.
     pub fn sections(&self, sample_rate_hz: f64) -> Result<Vec<Section>, FilterError> {
         let Self::Butterworth { order, cutoff_hz, .. } = *self;
-        if !(1..=8).contains(&order) {
+        if !Self::ORDERS.contains(&order) {
             return Err(FilterError::Order(order));
         }
         if !(cutoff_hz > 0.0 && cutoff_hz < 0.5 * sample_rate_hz) {

@@ -9,7 +9,7 @@ use super::condition_grid::ConditionGrid;
 use super::error::{StudyError, StudyIssue};
 use super::part::{StudyPart, header};
 use super::plan::Study;
-use super::table_reader::{CellMeans, StudyTableReader, SubjectRows};
+use super::table_reader::{CellMeans, StudyTableReader, SubjectRows, TABLE_FILE};
 use crate::files::Folder;
 use crate::fit::QUANTITIES;
 use crate::statistics::{MeanCovariance, MeanVariance};
@@ -56,10 +56,10 @@ pub struct StudySummary {
 
 /// Writes `study.csv` in `folder` from the parts there. Returns the sessions that failed.
 pub fn assemble_table(study: &Study, folder: &Path) -> Result<Vec<StudyIssue>, StudyError> {
-    let path = folder.join("study.csv");
+    let path = folder.join(TABLE_FILE);
     let mut failed = Vec::new();
     let mut file = Folder::open(folder)
-        .and_then(|folder| folder.begin_file("study.csv"))
+        .and_then(|folder| folder.begin_file(TABLE_FILE))
         .map_err(StudyError::at(&path))?;
     let mut out = BufWriter::new(file.file());
     let mut put = |text: &str| out.write_all(text.as_bytes()).map_err(StudyError::at(&path));

@@ -26,7 +26,7 @@ pub use error::{PartError, StudyError, StudyIssue, UnitError};
 pub use part::{PARTS_FOLDER, PartContents, StudyPart};
 pub use plan::{Study, Unit, UnitSource};
 pub use population::{Population, SubjectSpread, SurfaceSpread, subject_id};
-pub use result_tables::{RESULTS_FORMAT, ResultTable, ResultTables, effect_name};
+pub use result_tables::{RESULTS_FILE, RESULTS_FORMAT, ResultTable, ResultTables, effect_name};
 pub use simulated_pool::{PooledSubject, simulate_pool};
 pub use study_file::{
     MeasuredSessions, STUDY_FORMAT, StudyFile, StudyFit, Subjects, VirtualSubjects, schema_text,

@@ -6,6 +6,9 @@ use crate::statistics::{AnovaEffect, Contrast, MeanCovariance, anova, holm, reli
 use super::aggregation::StudySummary;
 use super::condition_grid::ConditionGrid;
 
+/// Name of the file with the results of a study.
+pub const RESULTS_FILE: &str = "study.json";
+
 /// Format and version of `study.json`.
 pub const RESULTS_FORMAT: &str = "ramphold-study-results/1";
 

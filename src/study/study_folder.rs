@@ -9,12 +9,13 @@ use super::aggregation::{StudySummary, TableOrigin, assemble_table, summarise};
 use super::error::{StudyError, StudyIssue};
 use super::part::{PARTS_FOLDER, StudyPart, write_whole};
 use super::plan::Study;
-use super::result_tables::{RESULTS_FORMAT, ResultTables};
+use super::result_tables::{RESULTS_FILE, RESULTS_FORMAT, ResultTables};
+use super::table_reader::TABLE_FILE;
 use crate::files::{self, Folder, limits};
 use crate::fit::QUANTITIES;
 
 /// Name of the file that identifies the study; it is written first.
-const PLAN_FILE: &str = "plan.json";
+pub(super) const PLAN_FILE: &str = "plan.json";
 
 /// A folder that belongs to one study.
 #[derive(Debug, Clone)]
@@ -90,7 +91,7 @@ impl StudyFolder {
         let is_excluded = |subject: &str, session: u32| {
             excluded.binary_search_by(|(s, n)| (s.as_str(), *n).cmp(&(subject, session))).is_ok()
         };
-        let summary = summarise(&self.path.join("study.csv"), TableOrigin::ThisProgram, is_excluded, issues)?;
+        let summary = summarise(&self.path.join(TABLE_FILE), TableOrigin::ThisProgram, is_excluded, issues)?;
         let tables = ResultTables::of(&summary);
         let about = json!({ "name": study.name, "seed": study.seed, "weighting": study.weighting, "fit": study.fit, "units": study.units(),
             "virtual": study.protocol().is_some() });
@@ -104,9 +105,7 @@ pub fn tables_from_csv(table: &Path, folder: &Path) -> Result<(StudySummary, Res
     let summary = summarise(table, TableOrigin::External, |_, _| false, Vec::new())?;
     let tables = ResultTables::of(&summary);
     let is_taken = |name: &str| files::exists(&folder.join(name));
-    if is_taken("study.json")
-        || is_taken("study.csv")
-        || tables.files.iter().any(|table| is_taken(table.name))
+    if is_taken(RESULTS_FILE) || is_taken(TABLE_FILE) || tables.files.iter().any(|table| is_taken(table.name))
     {
         return Err(StudyError::Folder {
             folder: folder.to_owned(),
@@ -123,10 +122,10 @@ pub fn tables_from_csv(table: &Path, folder: &Path) -> Result<(StudySummary, Res
 /// Keeps the table with the tables that are made of it, so that the folder holds all that its report shows.
 fn copy_table(table: &Path, folder: &Path) -> Result<(), StudyError> {
     let folder = folder.join(INPUT_FOLDER);
-    let path = folder.join("study.csv");
+    let path = folder.join(TABLE_FILE);
     let copy = || {
         files::make_folders(&folder)?;
-        let mut file = Folder::open(&folder)?.begin_file("study.csv")?;
+        let mut file = Folder::open(&folder)?.begin_file(TABLE_FILE)?;
         std::io::copy(&mut files::open(table)?, file.file())?;
         file.finish()
     };
@@ -184,6 +183,6 @@ fn write(
         "problem_count": summary.issue_count,
         "problems": issues,
     });
-    let path = folder.join("study.json");
+    let path = folder.join(RESULTS_FILE);
     write_whole(&path, format!("{results:#}\n").as_bytes()).map_err(StudyError::at(&path))
 }

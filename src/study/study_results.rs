@@ -6,13 +6,11 @@ use serde::Deserialize;
 
 use super::aggregation::{StudySummary, TableOrigin, summarise};
 use super::error::StudyError;
-use super::result_tables::{RESULTS_FORMAT, ResultTables};
-use super::study_folder::INPUT_FOLDER;
+use super::result_tables::{RESULTS_FILE, RESULTS_FORMAT, ResultTables};
+use super::study_folder::{INPUT_FOLDER, PLAN_FILE};
+use super::table_reader::TABLE_FILE;
 use crate::files;
 use crate::json_file;
-
-/// Name of the file with the results.
-const RESULTS_FILE: &str = "study.json";
 
 /// What the file should be, for messages.
 const EXPECTED: &str = "the study.json of a study";
@@ -64,7 +62,7 @@ struct StudyCard {
 
 /// Whether `folder` is that of a study, finished or not.
 pub fn is_study(folder: &Path) -> bool {
-    [RESULTS_FILE, "plan.json"].iter().any(|name| files::exists(&folder.join(name)))
+    [RESULTS_FILE, PLAN_FILE].iter().any(|name| files::exists(&folder.join(name)))
 }
 
 impl StudyResults {
@@ -90,8 +88,8 @@ impl StudyResults {
             file.excluded_sessions.iter().any(|(own, number)| own == subject && *number == session)
         };
         let (origin, table) = match file.study.name {
-            Some(_) => (TableOrigin::ThisProgram, folder.join("study.csv")),
-            None => (TableOrigin::External, folder.join(INPUT_FOLDER).join("study.csv")),
+            Some(_) => (TableOrigin::ThisProgram, folder.join(TABLE_FILE)),
+            None => (TableOrigin::External, folder.join(INPUT_FOLDER).join(TABLE_FILE)),
         };
         let summary = summarise(&table, origin, is_excluded, Vec::new())?;
         Ok(Self {

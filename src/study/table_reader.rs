@@ -8,6 +8,9 @@ use super::study_file::StudyFit;
 use crate::files::{self, text_of_cell};
 use crate::fit::QUANTITIES;
 
+/// Name of the table with a row for each trial of each subject.
+pub(super) const TABLE_FILE: &str = "study.csv";
+
 /// A row of `study.csv` as the tables need it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StudyRow {

@@ -3,6 +3,7 @@
 use super::ReportSection;
 use crate::dataset::{Amendment, Status, Trial};
 use crate::fit::ExcludedTrial;
+use crate::protocol::minutes;
 use crate::report::figures;
 use crate::report::input::ReportInput;
 use crate::report::journal::SessionTimes;
@@ -201,9 +202,4 @@ fn notes(times: &SessionTimes) -> HtmlTable {
         rows: times.notes.iter().map(row).collect(),
         note: None,
     }
-}
-
-fn minutes(seconds: f64) -> String {
-    let seconds = seconds.round() as u64;
-    format!("{} min {:02} s", seconds / 60, seconds % 60)
 }

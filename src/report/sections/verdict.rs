@@ -4,13 +4,10 @@ use super::ReportSection;
 use crate::fit::DESCRIBING_VAF;
 use crate::report::bias::{MeanChange, as_fitted};
 use crate::report::diagnosed::{Candidate, Diagnosed, DiagnosedCause, parameter_in_words};
-use crate::report::fitted::{Fitted, SHOWN, Shown};
+use crate::report::fitted::{Fitted, SHOWN, SPOKEN_OF, Shown};
 use crate::report::input::ReportInput;
 use crate::report::scale::{escape, p_value, significant};
 use crate::report::table::{Cell, HtmlTable};
-
-/// The quantities that the verdict speaks of: k_srs, x_e and x_t.
-const SPOKEN_OF: [usize; 3] = [3, 5, 7];
 
 /// The section, the first of the page.
 pub fn verdict(input: &ReportInput) -> ReportSection {
@@ -102,7 +99,7 @@ fn diagnosed(section: &mut ReportSection, diagnosis: &Diagnosed, fitted: Option<
         Some("unexplained") => (
             "The model is not adequate, and no known mechanism explains all of its misfit.",
             format!(
-                "It misfits beyond the measured noise{p}. How much that changes k_srs and x_e is not known, beyond what is told below."
+                "It misfits beyond the measured noise{p}. The changes of k_srs and x_e below are those of the causes that were found; what the rest changes is not known."
             ),
         ),
         Some(other) => ("The verdict is not known to this version of the program:", format!("{other}.")),
@@ -168,15 +165,11 @@ pub fn changes(
     let row = |also: &str, own: &Candidate| {
         let mut row = vec![Cell::text(format!("{also} {}", own.id))];
         for shown in shown {
-            let told = own.shift(shown.name);
-            let after = told.and_then(|shift| shift.after);
+            let after = own.shift(shown.name).map(|shift| shift.after);
             let change = without(shown).zip(after).and_then(|(as_fitted, after)| {
                 MeanChange { as_fitted, with_causes: [after, after] }.percent()
             });
-            row.push(match (told, after) {
-                (Some(_), None) => Cell::Number("not determined".into()),
-                _ => Cell::number(after.map(|own| own * shown.factor), 3),
-            });
+            row.push(Cell::number(after.map(|own| own * shown.factor), 3));
             row.push(Cell::Number(change.unwrap_or("–".into())));
         }
         row

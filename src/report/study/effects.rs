@@ -1,15 +1,12 @@
 //! What a study found: effects of velocity and torque with their sizes, and slopes.
 
 use super::measured::measured;
-use crate::report::fitted::Shown;
+use crate::report::fitted::{SPOKEN_OF, Shown};
 use crate::report::scale::{escape, p_value, significant};
 use crate::report::sections::ReportSection;
 use crate::report::table::{Cell, HtmlTable};
 use crate::statistics::AnovaEffect;
 use crate::study::{StudyResults, effect_name};
-
-/// Places in the table of quantities of those that the verdict speaks of: k_srs, x_e and x_t.
-const SPOKEN_OF: [usize; 3] = [3, 5, 7];
 
 /// Level at which an effect is called found, as in the paper.
 const LEVEL: f64 = 0.05;

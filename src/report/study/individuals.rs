@@ -4,13 +4,10 @@ use super::measured::measured;
 use crate::report::chart::{COLOURS, Chart, Mark, Panel, Sign, Stroke};
 use crate::report::derived::is_difference;
 use crate::report::figure::Figure;
-use crate::report::fitted::Shown;
+use crate::report::fitted::{SPOKEN_OF, Shown};
 use crate::report::scale::Axis;
 use crate::report::sections::ReportSection;
 use crate::study::{StudyResults, SubjectMeans};
-
-/// Places in the table of quantities of those that come first: k_srs, x_e, x_t.
-const FIRST: [usize; 3] = [3, 5, 7];
 
 /// Place of the variance accounted for, which tells of the fit and not of the subject.
 const VAF: usize = 8;
@@ -28,8 +25,9 @@ pub fn individuals(study: &StudyResults) -> ReportSection {
         if drawn < all { format!(" {drawn} of the {all} subjects are drawn.") } else { String::new() };
     let mut quantities: Vec<(usize, &Shown)> = measured(study).filter(|own| varies(study, own.0)).collect();
     // What the study is about comes first.
-    quantities
-        .sort_by_key(|(quantity, _)| FIRST.iter().position(|own| own == quantity).unwrap_or(FIRST.len()));
+    quantities.sort_by_key(|(quantity, _)| {
+        SPOKEN_OF.iter().position(|own| own == quantity).unwrap_or(SPOKEN_OF.len())
+    });
     for (quantity, shown) in quantities {
         let panels: Vec<Panel> =
             FACTORS.iter().filter_map(|factor| panel(study, quantity, shown, *factor)).collect();

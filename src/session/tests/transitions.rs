@@ -7,17 +7,6 @@ use crate::random::Stream;
 use crate::rig::Fault;
 use crate::session::transitions::{self, Effect, Guard, TRANSITIONS};
 
-const WORDS: [Event; 8] = [
-    Event::Start,
-    Event::Pause,
-    Event::Resume,
-    Event::Skip,
-    Event::Repeat,
-    Event::RepeatEffort,
-    Event::Abort,
-    Event::Rearm,
-];
-
 /// A session in each phase.
 fn in_every_phase() -> Vec<Bench> {
     let everything = settings_with_everything;
@@ -59,7 +48,7 @@ fn every_phase_is_reached() {
 #[test]
 fn every_word_of_the_operator_in_every_phase_does_what_the_table_says_or_is_refused() {
     for bench in in_every_phase() {
-        for word in WORDS {
+        for word in Event::COMMANDS {
             let mut bench = bench.clone();
             let from = bench.machine.phase();
             let allowed =
@@ -106,7 +95,7 @@ fn a_word_that_the_table_does_not_have_is_refused_whatever_the_guards() {
         (Phase::Aborted, "start pause resume skip repeat repeat_effort abort rearm"),
     ];
     for (phase, words) in forbidden {
-        let refused: Vec<&str> = WORDS
+        let refused: Vec<&str> = Event::COMMANDS
             .into_iter()
             .filter(|word| transitions::lines(phase, *word).next().is_none())
             .map(Event::name)
@@ -140,7 +129,8 @@ fn random_walk(seed: u64, samples: usize) -> Vec<TransitionRecord> {
     let abort_share = if stream.uniform() < 0.3 { 1.0 } else { 0.02 };
     let mut bench = Bench::new(settings);
     for _ in 0..samples {
-        let word = (stream.uniform() < 0.01).then(|| WORDS[stream.below(WORDS.len() as u64) as usize]);
+        let word = (stream.uniform() < 0.01)
+            .then(|| Event::COMMANDS[stream.below(Event::COMMANDS.len() as u64) as usize]);
         // Aborts are rarer, or no walk would get far.
         let word = word.filter(|word| *word != Event::Abort || stream.uniform() < abort_share);
         if stream.uniform() < 0.02 {

@@ -136,6 +136,15 @@ impl Socket {
         self.until(phase, |message| message["kind"] == "now" && message["phase"] == phase)
     }
 
+    /// Starts the session, and pauses it after its first trial; the message that it is paused.
+    pub fn pause_after_the_first_trial(&mut self) -> Value {
+        self.phase("ready");
+        self.word("start");
+        self.until("a trial that counts", |message| message["done"] == 1);
+        self.send(&json!("pause_after_trial"));
+        self.phase("paused")
+    }
+
     /// Reads until the session is over. The last picture may not be sent any more when the program ends.
     pub fn read_to_the_end(&mut self) {
         let why = loop {

@@ -31,11 +31,7 @@ fn nothing_moves_before_the_operator_says_so() {
 fn a_session_is_paused_skipped_repeated_and_finished() {
     let mut program = Program::run(&["--speed", "20"]);
     let mut operator = program.operator.live();
-    operator.phase("ready");
-    operator.word("start");
-    operator.until("a trial that counts", |message| message["done"] == 1);
-    operator.send(&json!("pause_after_trial"));
-    let paused = operator.phase("paused");
+    let paused = operator.pause_after_the_first_trial();
     assert_eq!(paused["possible"], json!(["resume", "skip", "repeat", "abort"]));
     let total = paused["total"].as_u64().unwrap();
     operator.word("repeat");

@@ -42,11 +42,7 @@ fn with_a_pause_of_days(program: &Program) {
 fn of_a_pause_of_days_only_the_beginning_is_played() {
     let mut program = Program::run(&["--speed", "20"]);
     let mut operator = program.operator.live();
-    operator.phase("ready");
-    operator.word("start");
-    operator.until("a trial that counts", |message| message["done"] == 1);
-    operator.send(&json!("pause_after_trial"));
-    operator.phase("paused");
+    operator.pause_after_the_first_trial();
     operator.word("resume");
     operator.phase("finished");
     drop(operator);
