@@ -3,7 +3,7 @@
 //! A trial is fitted together with those before it, as the session is in the end; the first few are fitted alone.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, mpsc};
+use std::sync::mpsc;
 use std::thread;
 
 use super::thread_priority::lower_thread_priority;
@@ -28,7 +28,7 @@ pub struct TrialFitContext {
 }
 
 /// A trial and its fit.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct TrialFit {
     /// Estimated parameters and their standard errors.
     pub estimate: TrialEstimate,
@@ -37,7 +37,7 @@ pub struct TrialFit {
     /// Torque predicted by the model, N m.
     pub predicted_nm: Vec<f64>,
     /// The fit of all trials that it was fitted together with; `None` if it was fitted alone.
-    pub session: Option<Arc<SessionSoFar>>,
+    pub session: Option<SessionSoFar>,
 }
 
 /// The fit of several trials together.
@@ -175,6 +175,6 @@ fn fit(context: &TrialFitContext, trials: &[Trial]) -> Result<Box<TrialFit>, Str
     let measured_nm = observations.trials[place].measured_nm.clone();
     let residual_nm = &predictions(&observations, fit)[place].residual_nm;
     let predicted_nm = measured_nm.iter().zip(residual_nm).map(|(measured, left)| measured - left).collect();
-    let session = session.map(|session| Arc::new(SessionSoFar { estimates, session }));
+    let session = session.map(|session| SessionSoFar { estimates, session });
     Ok(Box::new(TrialFit { estimate, measured_nm, predicted_nm, session }))
 }

@@ -12,7 +12,7 @@ pub struct TrialFits {
     /// Numbers of the trials whose fit is under way.
     awaited: BTreeSet<u32>,
     /// The latest fit of several trials together.
-    latest: Option<std::sync::Arc<SessionSoFar>>,
+    latest: Option<SessionSoFar>,
 }
 
 impl TrialFits {
@@ -22,12 +22,13 @@ impl TrialFits {
     }
 
     /// Adds the outcome of a fit.
-    pub fn add(&mut self, outcome: TrialFitOutcome) {
+    pub fn add(&mut self, mut outcome: TrialFitOutcome) {
         self.awaited.remove(&outcome.0);
-        if let (_, Ok(fit)) = &outcome
-            && let Some(session) = &fit.session
+        // Taken out, so that not every trial keeps the covariance of all trials before it.
+        if let (_, Ok(fit)) = &mut outcome
+            && let Some(session) = fit.session.take()
         {
-            self.latest = Some(session.clone());
+            self.latest = Some(session);
         }
         self.outcomes.insert(outcome.0, outcome);
     }
