@@ -18,6 +18,7 @@ mod recorder;
 mod recovery;
 mod replay;
 mod resume;
+mod rig_calibration;
 mod session_about;
 mod session_digest;
 mod session_files;
@@ -46,6 +47,10 @@ pub use recorder::{RecordError, Recorder};
 pub use recovery::operator_actions;
 pub use replay::{Difference, Garbage, Replay, StepObserver, replay, replay_watched};
 pub use resume::{Resumable, ResumeError, Resumed};
+pub use rig_calibration::{
+    CalibratedQuantity, CalibrationFit, CalibrationLoad, CalibrationNoise, CalibrationSource, NoiseSpectrum,
+    RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, RigCalibration, RigCalibrationError, RigQuantity,
+};
 pub use session_about::{SessionAbout, SessionCard, SubjectCard};
 pub use session_schema::session_schema_text;
 

@@ -1,0 +1,526 @@
+//! The file of a rig's measured constants, `rig-calibration.json`: what `calibrate` writes, and `run`, `fit` and `diagnose` take.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::disk::Disk;
+use super::folder::pretty;
+use super::recorder::RecordError;
+use crate::files::Folder;
+use crate::json_file::{self, JsonFileError};
+use crate::wrist::Lever;
+
+/// Name of the file.
+pub const RIG_CALIBRATION: &str = "rig-calibration.json";
+
+/// Format and version of the file.
+pub const RIG_CALIBRATION_FORMAT: &str = "ramphold-rig-calibration/1";
+
+/// What the file should be, for messages.
+const EXPECTED: &str = "a rig calibration, as ramphold calibrate writes it";
+
+/// How far a covariance may be from symmetric, and its diagonal from the squares of the standard errors, as a part of the product of
+/// both standard errors: the digits that other programs print.
+const ROUNDING: f64 = 1e-6;
+
+/// A constant of the rig that can be measured without a person.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum RigQuantity {
+    /// I_l, kg m2.
+    #[serde(rename = "lever_inertia_kg_m2")]
+    LeverInertia,
+    /// b_l, N m s/rad.
+    #[serde(rename = "lever_damping_nm_s_per_rad")]
+    LeverDamping,
+    /// k_l, N m/rad.
+    #[serde(rename = "lever_stiffness_nm_per_rad")]
+    LeverStiffness,
+    /// Recorded over true torque.
+    #[serde(rename = "torque_gain")]
+    TorqueGain,
+    /// Recorded torque without a load, N m.
+    #[serde(rename = "torque_offset_nm")]
+    TorqueOffset,
+    /// Cubic part of the recorded torque, c in gain (T + c T^3), 1/(N m)^2.
+    #[serde(rename = "torque_nonlinearity_per_nm2")]
+    TorqueNonlinearity,
+    /// Recorded over true angle.
+    #[serde(rename = "angle_gain")]
+    AngleGain,
+    /// How late the torque record is behind the angle record, s.
+    #[serde(rename = "torque_delay_s")]
+    TorqueDelay,
+    /// Cut-off of the torque channel's first-order low-pass, Hz.
+    #[serde(rename = "torque_cutoff_hz")]
+    TorqueCutoff,
+    /// Natural frequency with which the motor follows its target, Hz.
+    #[serde(rename = "servo_bandwidth_hz")]
+    ServoBandwidth,
+    /// Coulomb friction of the handle's bearing, N m.
+    #[serde(rename = "bearing_friction_nm")]
+    BearingFriction,
+}
+
+impl RigQuantity {
+    /// All of them, in the order of the file.
+    pub const ALL: [Self; 11] = [
+        Self::LeverInertia,
+        Self::LeverDamping,
+        Self::LeverStiffness,
+        Self::TorqueGain,
+        Self::TorqueOffset,
+        Self::TorqueNonlinearity,
+        Self::AngleGain,
+        Self::TorqueDelay,
+        Self::TorqueCutoff,
+        Self::ServoBandwidth,
+        Self::BearingFriction,
+    ];
+
+    /// Name in the file, with the unit.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LeverInertia => "lever_inertia_kg_m2",
+            Self::LeverDamping => "lever_damping_nm_s_per_rad",
+            Self::LeverStiffness => "lever_stiffness_nm_per_rad",
+            Self::TorqueGain => "torque_gain",
+            Self::TorqueOffset => "torque_offset_nm",
+            Self::TorqueNonlinearity => "torque_nonlinearity_per_nm2",
+            Self::AngleGain => "angle_gain",
+            Self::TorqueDelay => "torque_delay_s",
+            Self::TorqueCutoff => "torque_cutoff_hz",
+            Self::ServoBandwidth => "servo_bandwidth_hz",
+            Self::BearingFriction => "bearing_friction_nm",
+        }
+    }
+
+    /// Whether no rig has a value of zero or less.
+    fn is_positive(self) -> bool {
+        matches!(
+            self,
+            Self::LeverInertia
+                | Self::LeverStiffness
+                | Self::TorqueGain
+                | Self::AngleGain
+                | Self::TorqueCutoff
+                | Self::ServoBandwidth
+        )
+    }
+}
+
+/// What is known of one constant of the rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibratedQuantity {
+    /// Which constant.
+    pub name: RigQuantity,
+    /// Its value, in the unit of the name; `None` if the loads cannot tell it.
+    pub value: Option<f64>,
+    /// Its standard error, in the same unit.
+    pub se: Option<f64>,
+    /// The value that the session states or assumes, if it does.
+    #[serde(default)]
+    pub stated: Option<f64>,
+    /// Why there is no value.
+    #[serde(default)]
+    pub reason: Option<String>,
+}
+
+/// A file that the calibration was made from.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibrationSource {
+    /// Path in the session's folder, with `/`.
+    pub file: String,
+    /// SHA-256, in hexadecimal digits.
+    pub sha256: String,
+}
+
+/// A load that the calibration rests on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibrationLoad {
+    /// Its kind: `empty_handle`, `known_weight`, `known_inertia`, `clamped_handle` or `known_spring`.
+    pub load: String,
+    /// Mass of a weight, kg.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<f64>,
+    /// Lever arm of a weight, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arm_m: Option<f64>,
+    /// Inertia of a bar, kg m2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia_kg_m2: Option<f64>,
+    /// Stiffness of a spring, N m/rad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness_nm_per_rad: Option<f64>,
+    /// Standard deviation of the stated value, as a part of it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relative_error: Option<f64>,
+    /// Number of trials with it.
+    pub trials: usize,
+}
+
+/// Noise of the torque channel with the motor at rest.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibrationNoise {
+    /// Standard deviation, N m.
+    pub torque_nm: f64,
+    /// Its spectrum, one-sided.
+    pub spectrum: NoiseSpectrum,
+}
+
+/// A one-sided spectrum of power.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseSpectrum {
+    /// Frequencies, Hz.
+    pub frequency_hz: Vec<f64>,
+    /// Power at each, (N m)^2/Hz.
+    pub power_nm2_per_hz: Vec<f64>,
+}
+
+/// How well the rig's model describes the rig trials.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibrationFit {
+    /// Number of samples.
+    pub samples: usize,
+    /// Probability of residuals this large if the model is right; `None` if the trials are too few to tell.
+    pub p_value_of_misfit: Option<f64>,
+}
+
+/// The measured constants of a rig, with their joint covariance.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RigCalibration {
+    format: String,
+    /// When it was made, UTC.
+    #[serde(default)]
+    pub made_utc: Option<String>,
+    /// When the rig trials were measured, UTC.
+    #[serde(default)]
+    pub measured_utc: Option<String>,
+    /// Program and build that made it.
+    pub program: String,
+    /// Name of the session's folder.
+    pub session: String,
+    /// The files that it was made from.
+    pub sources: Vec<CalibrationSource>,
+    /// The loads.
+    pub loads: Vec<CalibrationLoad>,
+    /// What is known of each constant, in the order of [`RigQuantity::ALL`].
+    pub quantities: Vec<CalibratedQuantity>,
+    /// The constants that have a value, in the order of the covariance.
+    pub covariance_of: Vec<RigQuantity>,
+    /// Their joint covariance, one row for each.
+    pub covariance: Vec<Vec<f64>>,
+    /// Noise of the torque channel.
+    pub noise: CalibrationNoise,
+    /// How well the model fits.
+    pub fit: CalibrationFit,
+    /// Loads whose stated value disagrees with the other loads, as sentences.
+    #[serde(default)]
+    pub warnings: Vec<String>,
+}
+
+/// Why a file is no rig calibration.
+#[derive(Debug, thiserror::Error)]
+pub enum RigCalibrationError {
+    /// It cannot be read, is not JSON, or a field is missing, unknown or of the wrong type.
+    #[error(transparent)]
+    Json(#[from] JsonFileError),
+    /// A value that a calibration cannot have.
+    #[error("{}, field {field}: {message}; make it anew with ramphold calibrate", .file.display())]
+    Value {
+        /// The file.
+        file: PathBuf,
+        /// Path of the field.
+        field: String,
+        /// What is wrong and what was expected.
+        message: String,
+    },
+}
+
+impl RigCalibration {
+    /// A calibration of `quantities` with the `covariance` of those that have a value; no sources, loads and noise yet.
+    pub fn new(
+        program: String,
+        session: String,
+        quantities: Vec<CalibratedQuantity>,
+        covariance: Vec<Vec<f64>>,
+    ) -> Self {
+        Self {
+            format: RIG_CALIBRATION_FORMAT.to_owned(),
+            made_utc: None,
+            measured_utc: None,
+            program,
+            session,
+            sources: Vec::new(),
+            loads: Vec::new(),
+            covariance_of: told(&quantities),
+            quantities,
+            covariance,
+            noise: CalibrationNoise::default(),
+            fit: CalibrationFit::default(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// If it cannot be read or is no rig calibration.
+    pub fn read(file: &Path) -> Result<Self, RigCalibrationError> {
+        Self::parse(&json_file::read_text(file, EXPECTED)?, file)
+    }
+
+    /// Parses and checks the text of a file; `file` is its name for messages.
+    ///
+    /// # Errors
+    /// If it is not JSON, or its values contradict each other.
+    pub fn parse(text: &str, file: &Path) -> Result<Self, RigCalibrationError> {
+        let read: Self = json_file::parse(text, file, EXPECTED)?;
+        read.check().map_err(|(field, message)| RigCalibrationError::Value {
+            file: file.to_owned(),
+            field,
+            message,
+        })?;
+        Ok(read)
+    }
+
+    /// Writes it into `folder`; a file of that name is replaced.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), RecordError> {
+        let write = || disk.write(&Folder::open(folder)?, RIG_CALIBRATION, &pretty(self));
+        write().map_err(RecordError::at(&folder.join(RIG_CALIBRATION)))
+    }
+
+    /// Value of a constant, in the unit of its name; `None` if the loads could not tell it.
+    pub fn value(&self, quantity: RigQuantity) -> Option<f64> {
+        self.quantities.iter().find(|known| known.name == quantity)?.value
+    }
+
+    /// Standard error of a constant.
+    pub fn se(&self, quantity: RigQuantity) -> Option<f64> {
+        self.quantities.iter().find(|known| known.name == quantity)?.se
+    }
+
+    /// Covariance of two constants; `None` if one of them has no value.
+    pub fn covariance_between(&self, one: RigQuantity, other: RigQuantity) -> Option<f64> {
+        let place = |wanted| self.covariance_of.iter().position(|quantity| *quantity == wanted);
+        Some(self.covariance[place(one)?][place(other)?])
+    }
+
+    /// The lever with the measured constants in the place of those of `stated`.
+    pub fn lever(&self, stated: Lever) -> Lever {
+        Lever {
+            inertia_kg_m2: self.value(RigQuantity::LeverInertia).unwrap_or(stated.inertia_kg_m2),
+            damping_nm_s_per_rad: self
+                .value(RigQuantity::LeverDamping)
+                .unwrap_or(stated.damping_nm_s_per_rad),
+            stiffness_nm_per_rad: self
+                .value(RigQuantity::LeverStiffness)
+                .unwrap_or(stated.stiffness_nm_per_rad),
+        }
+    }
+
+    fn check(&self) -> Result<(), (String, String)> {
+        let wrong = |field: &str, message: String| Err((field.to_owned(), message));
+        if self.format != RIG_CALIBRATION_FORMAT {
+            return wrong("format", format!("\"{}\"; expected \"{RIG_CALIBRATION_FORMAT}\"", self.format));
+        }
+        let names: Vec<RigQuantity> = self.quantities.iter().map(|quantity| quantity.name).collect();
+        if names != RigQuantity::ALL {
+            let expected = RigQuantity::ALL.map(RigQuantity::name).join(", ");
+            return wrong("quantities", format!("expected each of {expected} once, in this order"));
+        }
+        for (index, quantity) in self.quantities.iter().enumerate() {
+            quantity.check().or_else(|message| wrong(&format!("quantities[{index}]"), message))?;
+        }
+        if self.covariance_of != told(&self.quantities) {
+            return wrong(
+                "covariance_of",
+                "expected the quantities that have a value, in their order".into(),
+            );
+        }
+        self.check_covariance()
+    }
+
+    fn check_covariance(&self) -> Result<(), (String, String)> {
+        let size = self.covariance_of.len();
+        let wrong = |field: String, message: &str| Err((field, message.to_owned()));
+        if self.covariance.len() != size || self.covariance.iter().any(|row| row.len() != size) {
+            let message =
+                format!("expected {size} rows of {size} numbers, as covariance_of has {size} names");
+            return wrong("covariance".into(), &message);
+        }
+        let se: Vec<f64> = self.covariance_of.iter().filter_map(|name| self.se(*name)).collect();
+        for (i, row) in self.covariance.iter().enumerate() {
+            for (j, value) in row.iter().enumerate() {
+                let field = || format!("covariance[{i}][{j}]");
+                let scale = se[i] * se[j];
+                if !value.is_finite() || value.abs() > scale * (1.0 + ROUNDING) {
+                    return wrong(field(), "expected at most the product of both standard errors");
+                }
+                if (value - self.covariance[j][i]).abs() > ROUNDING * scale {
+                    return wrong(field(), "the covariance is not symmetric");
+                }
+                if i == j && (value - scale).abs() > ROUNDING * scale {
+                    return wrong(field(), "expected the square of the quantity's standard error");
+                }
+            }
+        }
+        if !is_positive_semidefinite(&self.covariance, &se) {
+            let message = "no covariance: a combination of the quantities has a variance below zero";
+            return wrong("covariance".into(), message);
+        }
+        Ok(())
+    }
+}
+
+impl CalibratedQuantity {
+    fn check(&self) -> Result<(), String> {
+        let name = self.name.name();
+        match (self.value, self.se) {
+            (None, None) if self.reason.is_some() => Ok(()),
+            (None, None) => Err(format!("{name} has no value: expected a reason")),
+            (Some(value), Some(se)) => {
+                if !value.is_finite() || (self.name.is_positive() && value <= 0.0) {
+                    Err(format!(
+                        "{name} is {value}; expected a number{}",
+                        if self.name.is_positive() { " above 0" } else { "" }
+                    ))
+                } else if !(se.is_finite() && se > 0.0) {
+                    Err(format!("{name} has the standard error {se}; expected a number above 0"))
+                } else {
+                    Ok(())
+                }
+            }
+            _ => Err(format!("{name}: expected a value with its standard error, or neither")),
+        }
+    }
+}
+
+/// The constants that have a value.
+fn told(quantities: &[CalibratedQuantity]) -> Vec<RigQuantity> {
+    quantities.iter().filter(|quantity| quantity.value.is_some()).map(|quantity| quantity.name).collect()
+}
+
+/// Whether no combination of the quantities has a negative variance, beyond rounding; by Cholesky's factorisation of the correlations.
+fn is_positive_semidefinite(covariance: &[Vec<f64>], se: &[f64]) -> bool {
+    let size = se.len();
+    let mut factor = vec![vec![0.0; size]; size];
+    for i in 0..size {
+        for j in 0..=i {
+            let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
+            let left = covariance[i][j] / (se[i] * se[j]) - known;
+            if i == j {
+                if left < -ROUNDING * size as f64 {
+                    return false;
+                }
+                factor[i][i] = libm::sqrt(left.max(ROUNDING * ROUNDING));
+            } else {
+                factor[i][j] = left / factor[j][j];
+            }
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn calibration() -> RigCalibration {
+        let quantity = |name: RigQuantity| {
+            let known = match name {
+                RigQuantity::LeverInertia => Some((0.0016, 1e-5)),
+                RigQuantity::TorqueGain => Some((1.02, 0.002)),
+                _ => None,
+            };
+            CalibratedQuantity {
+                name,
+                value: known.map(|(value, _)| value),
+                se: known.map(|(_, se)| se),
+                stated: None,
+                reason: known.is_none().then(|| "no load tells it".to_owned()),
+            }
+        };
+        let covariance = vec![vec![1e-10, -1e-8], vec![-1e-8, 4e-6]];
+        RigCalibration::new(
+            "ramphold".into(),
+            "S01".into(),
+            RigQuantity::ALL.map(quantity).to_vec(),
+            covariance,
+        )
+    }
+
+    fn refusal(change: impl FnOnce(&mut RigCalibration)) -> String {
+        let mut changed = calibration();
+        change(&mut changed);
+        let text = serde_json::to_string(&changed).unwrap();
+        RigCalibration::parse(&text, Path::new("rig-calibration.json")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_calibration_is_read_as_it_was_written() {
+        let text = serde_json::to_string(&calibration()).unwrap();
+        let read = RigCalibration::parse(&text, Path::new("c.json")).unwrap();
+        assert_eq!(read, calibration());
+        assert_eq!(read.covariance_between(RigQuantity::TorqueGain, RigQuantity::LeverInertia), Some(-1e-8));
+        let stated = Lever { inertia_kg_m2: 0.002, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
+        let lever = read.lever(stated);
+        assert_eq!((lever.inertia_kg_m2, lever.stiffness_nm_per_rad), (0.0016, 900.0));
+    }
+
+    #[test]
+    fn the_names_in_the_file_are_those_in_the_program() {
+        for quantity in RigQuantity::ALL {
+            assert_eq!(serde_json::to_value(quantity).unwrap(), quantity.name());
+        }
+    }
+
+    #[test]
+    fn a_calibration_that_contradicts_itself_is_refused_with_the_field() {
+        let wrong = [
+            (refusal(|c| c.format = "ramphold-rig-calibration/9".into()), "field format"),
+            (refusal(|c| c.quantities.swap(0, 1)), "field quantities:"),
+            (
+                refusal(|c| c.quantities[0].value = Some(-1.0)),
+                "field quantities[0]: lever_inertia_kg_m2 is -1",
+            ),
+            (
+                refusal(|c| c.quantities[0].se = Some(0.0)),
+                "field quantities[0]: lever_inertia_kg_m2 has the standard",
+            ),
+            (refusal(|c| c.quantities[0].se = None), "expected a value with its standard error"),
+            (refusal(|c| c.quantities[1].reason = None), "expected a reason"),
+            (refusal(|c| c.covariance_of.truncate(1)), "field covariance_of"),
+            (refusal(|c| c.covariance.truncate(1)), "expected 2 rows of 2"),
+            (
+                refusal(|c| c.covariance[0][1] = 0.0),
+                "field covariance[0][1]: the covariance is not symmetric",
+            ),
+            (refusal(|c| c.covariance[0][0] = 0.5e-10), "field covariance[0][0]: expected the square"),
+            (refusal(|c| c.covariance[1][0] = 1.0), "field covariance[1][0]: expected at most"),
+        ];
+        for (message, expected) in wrong {
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_covariance_with_a_negative_variance_is_found() {
+        let se = [1.0; 3];
+        let row = |a: f64, b: f64, c: f64| vec![a, b, c];
+        let impossible = [row(1.0, 0.9, 0.9), row(0.9, 1.0, -0.9), row(0.9, -0.9, 1.0)];
+        assert!(!is_positive_semidefinite(&impossible, &se));
+        let together = [row(1.0, 1.0, 0.0), row(1.0, 1.0, 0.0), row(0.0, 0.0, 1.0)];
+        assert!(is_positive_semidefinite(&together, &se));
+    }
+}
