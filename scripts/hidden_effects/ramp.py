@@ -81,6 +81,10 @@ class ResonantServo:
         w = 2 * np.pi * self.natural_hz
         return w**2 * (command - angle) - 2 * self.damping_ratio * w * speed
 
+    def delay_matched_natural_hz(self):
+        """As of the cascade."""
+        return self.natural_hz / self.damping_ratio
+
 
 def smoothed(command, corner_hz, times):
     """`command` behind a first-order lag, as a function of time; `times` is an even grid that begins before the onset."""

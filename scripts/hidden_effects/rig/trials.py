@@ -66,7 +66,7 @@ class BeforeThePerson(Trials):
 def bearing_of(seed: int) -> tuple[str, float, float]:
     """Law and level of the bearing's friction, and the growth of the lever's damping, the same in rig trials and person trials."""
     rng = stream(seed, "bearing")
-    return str(rng.choice(list(FRICTION))), float(rng.uniform(SMALLEST_LEVEL_NM, LARGEST_LEVEL_NM)), float(rng.uniform(0.0, 0.3))
+    return str(rng.choice(list(FRICTION))), float(rng.uniform(SMALLEST_LEVEL_NM, LARGEST_LEVEL_NM)), float(rng.uniform(0.0, 0.1))
 
 
 def is_of_the_rig(name: str) -> bool:
@@ -176,7 +176,7 @@ def true_quantities(s: Scenario, hidden: list[Hidden], friction: str, level_nm: 
         "angle_gain": 1.0,
         "torque_delay_s": 0.0,
         "torque_cutoff_hz": None,
-        "servo_bandwidth_hz": s.servo.delay_matched_natural_hz() if hasattr(s.servo, "delay_matched_natural_hz") else None,
+        "servo_bandwidth_hz": s.servo.delay_matched_natural_hz(),
         "bearing_friction_nm": None if s.lever is None else level_nm,
     }
     nominal = ["lever_damping_nm_s_per_rad", "servo_bandwidth_hz"] + (["bearing_friction_nm"] if friction in NOMINAL_FRICTION else [])
