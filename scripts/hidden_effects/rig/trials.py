@@ -81,7 +81,7 @@ def rig_trials(seed: int, names: list[str], size: float, laboratory: Laboratory,
     if trap == "person_only" and not any(map(is_of_the_rig, names)):
         raise ValueError("person_only needs a hidden fault of the rig")
     blocks, rng = BLOCKS[laboratory.rig_trials], stream(seed, "rig trials")
-    wrong = wrong_load(blocks, rng) if trap == "wrong_load" else {}
+    wrong = wrong_load(blocks, stream(seed, "wrong load")) if trap == "wrong_load" else {}
     trials = with_true_values(expanded(blocks, laboratory.velocities_rad_s), rng, wrong)
     base = base_scenario(seed, laboratory)
     law, level_nm, growth = bearing_of(seed)
