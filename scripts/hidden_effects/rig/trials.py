@@ -151,10 +151,8 @@ def _rise_s(s):
 def _share_levels(hidden, in_person):
     """A level that was set by the person's trials (of a saturation) is the rig's in its own trials too."""
     for h in hidden:
-        same = next(p for p in in_person if p.mechanism == h.mechanism)
-        for name, value in h.parameters.items():
-            if value is None:
-                h.parameters[name] = same.parameters[name]
+        for name in [n for n, value in h.parameters.items() if value is None]:
+            h.parameters[name] = next(p for p in in_person if p.mechanism == h.mechanism).parameters[name]
 
 
 # Hidden effect to the quantity that it changes, and the name of its own parameter.
