@@ -96,7 +96,7 @@ impl RigQuantity {
     }
 
     /// Whether no rig has a value of zero or less.
-    fn is_positive(self) -> bool {
+    pub fn is_positive(self) -> bool {
         matches!(
             self,
             Self::LeverInertia
