@@ -176,7 +176,9 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     };
     let residual_term =
         (verdict == Verdict::Unexplained).then(|| residual_term(observations, &extended)).flatten();
-    let p_of_causes = causes.iter().map(|cause| cause.p_value).fold(1.0, f64::min);
+    // What rig trials tell is corrected before the model is tested, so that it leaves no misfit of the model.
+    let leaves_misfit = |cause: &&Cause| !matches!(cause.evidence, CauseEvidence::RigTrials { .. });
+    let p_of_causes = causes.iter().filter(leaves_misfit).map(|cause| cause.p_value).fold(1.0, f64::min);
     Diagnosis {
         verdict,
         misfit: given.misfit,

@@ -8,16 +8,16 @@ pub struct KnownRig {
     /// `rigid`, `assumed`, `measured` or `measured in part`.
     pub lever: String,
     /// The calibration; `None` if the fit had none.
-    pub calibration: Option<UsedCalibration>,
+    pub calibration: Option<CalibrationOfFit>,
     /// The error that `assumed` asks about, as a part of the constant.
     pub assumed_error: f64,
     /// What an error of each constant would do that nobody measured.
-    pub assumed: Vec<AssumedConstant>,
+    pub assumed: Vec<WhatIfConstant>,
 }
 
 /// A calibration, as the fit used it.
 #[derive(Debug, Clone, Deserialize)]
-pub struct UsedCalibration {
+pub struct CalibrationOfFit {
     /// Name of the session of its rig trials.
     pub session: String,
     /// When its rig trials were measured.
@@ -25,20 +25,18 @@ pub struct UsedCalibration {
     /// Probability of residuals this large if the rig's model is right.
     pub p_value_of_misfit: Option<f64>,
     /// Its constants.
-    pub quantities: Vec<UsedConstant>,
+    pub quantities: Vec<ConstantOfFit>,
 }
 
 /// A constant of a calibration.
 #[derive(Debug, Clone, Deserialize)]
-pub struct UsedConstant {
+pub struct ConstantOfFit {
     /// Its name, with the unit.
     pub name: String,
     /// Its value.
     pub value: Option<f64>,
     /// Its standard error.
     pub se: Option<f64>,
-    /// The value that the session of the rig trials stated.
-    pub stated: Option<f64>,
     /// Why there is no value.
     pub reason: Option<String>,
     /// Whether the fit uses it.
@@ -47,7 +45,7 @@ pub struct UsedConstant {
 
 /// What an error of a constant would do, in per cent: with the constant smaller, and larger.
 #[derive(Debug, Clone, Deserialize)]
-pub struct AssumedConstant {
+pub struct WhatIfConstant {
     /// The constant.
     pub constant: String,
     /// The value in the fit.

@@ -2,10 +2,12 @@
 
 use super::ReportSection;
 use super::values::{NO_FIT, value};
+use crate::dataset::RigQuantity;
+use crate::fit::RigConstants;
 use crate::report::fitted::{Fitted, FittedTrial, Values, estimated};
 use crate::report::input::ReportInput;
 use crate::report::known_rig::{
-    AssumedConstant, KnownRig, UsedCalibration, UsedConstant, days_before, in_words,
+    CalibrationOfFit, ConstantOfFit, KnownRig, WhatIfConstant, days_before, in_words,
 };
 use crate::report::scale::{p_value, significant};
 use crate::report::table::{Cell, HtmlTable};
@@ -24,7 +26,7 @@ pub fn rig(input: &ReportInput) -> ReportSection {
     match &known.calibration {
         Some(calibration) => {
             measured(&mut section, input, calibration);
-            section.html += &constants(fitted, calibration).html();
+            section.html += &constants(input, fitted, calibration).html();
             section.html += &parts(fitted).html();
             section.paragraph(
                 "An error of a constant is common to all trials: it does not become smaller with more repetitions. The standard errors \
@@ -47,7 +49,7 @@ pub fn rig(input: &ReportInput) -> ReportSection {
 }
 
 /// Where the calibration is from, when, and whether it describes its own trials.
-fn measured(section: &mut ReportSection, input: &ReportInput, calibration: &UsedCalibration) {
+fn measured(section: &mut ReportSection, input: &ReportInput, calibration: &CalibrationOfFit) {
     let when = calibration.measured_utc.as_deref();
     let started = input.card.about.started_utc.as_deref();
     let plural = |days: i64| if days == 1 { "day" } else { "days" };
@@ -74,16 +76,21 @@ fn measured(section: &mut ReportSection, input: &ReportInput, calibration: &Used
 /// Level below which a calibration is said not to describe its trials: one in a hundred sound ones has such a remark.
 const DOUBTFUL_P: f64 = 0.01;
 
+/// A change below this is numerical, %.
+const NEGLIGIBLE_PERCENT: f64 = 1e-6;
+
 /// The constants, with what one standard error of each does.
-fn constants(fitted: &Fitted, calibration: &UsedCalibration) -> HtmlTable {
+fn constants(input: &ReportInput, fitted: &Fitted, calibration: &CalibrationOfFit) -> HtmlTable {
+    let stated = RigConstants::stated(input.session.lever);
     let number = |own: Option<f64>| Cell::number(own, 4);
-    let row = |own: &UsedConstant| {
+    let row = |own: &ConstantOfFit| {
         let (name, unit) = in_words(&own.name);
         let percent = |parameter: &str| {
             let changes = fitted.trials.iter().filter_map(|trial| {
                 value(trial.change_by_se_of_constant.get(&own.name)?, parameter).map(|change| 100.0 * change)
             });
-            Cell::number(median(changes), 2)
+            // What is less than rounding is nothing: an offset is taken out with the hold.
+            Cell::number(median(changes).map(|own| if own.abs() < NEGLIGIBLE_PERCENT { 0.0 } else { own }), 2)
         };
         let remark = match (&own.reason, own.value) {
             (Some(reason), None) => format!("not known: {reason}"),
@@ -92,7 +99,7 @@ fn constants(fitted: &Fitted, calibration: &UsedCalibration) -> HtmlTable {
         };
         vec![
             Cell::text(if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }),
-            number(own.stated),
+            number(RigQuantity::named(&own.name).and_then(|own| stated.value(own))),
             Cell::Spread(own.value, own.se),
             percent("k_srs_nm_per_rad"),
             percent("x_e_rad"),
@@ -100,8 +107,8 @@ fn constants(fitted: &Fitted, calibration: &UsedCalibration) -> HtmlTable {
         ]
     };
     HtmlTable {
-        caption: "Constants of the rig, and the change of the estimates by one standard error of each (%, median over the trials)".into(),
-        head: ["constant", "stated", "measured", "k_srs", "x_e", "remark"].map(String::from).to_vec(),
+        caption: "Constants of the rig, and the change of the estimates by one standard error of each (median over the trials)".into(),
+        head: ["constant", "stated", "measured", "k_srs (%)", "x_e (%)", "remark"].map(String::from).to_vec(),
         rows: calibration.quantities.iter().map(row).collect(),
         note: None,
     }
@@ -137,7 +144,7 @@ fn parts(fitted: &Fitted) -> HtmlTable {
 /// What errors of assumed constants would do.
 fn assumed(known: &KnownRig) -> HtmlTable {
     let error = significant(100.0 * known.assumed_error, 2);
-    let row = |own: &AssumedConstant| {
+    let row = |own: &WhatIfConstant| {
         let (name, unit) = in_words(&own.constant);
         let [k_less, k_more] = own.k_srs_percent.map(|own| Cell::number(own, 2));
         let [x_less, x_more] = own.x_e_percent.map(|own| Cell::number(own, 2));
