@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use crate::consistency::Contradictions;
 use crate::console::ConsoleError;
-use crate::dataset::{DatasetError, RecordError, ResumeError};
+use crate::dataset::{DatasetError, RecordError, ResumeError, RigCalibrationError};
 use crate::export::ExportError;
 use crate::files::is_refusal;
-use crate::fit::{ModelError, PreprocessingError, WriteError};
+use crate::fit::{CalibrationMisuse, ModelError, PreprocessingError, WriteError};
 use crate::import::ImportError;
 use crate::json_file::JsonFileError;
 use crate::protocol::{ProtocolError, TooShort};
@@ -53,6 +53,17 @@ pub enum Failure {
         file: String,
         /// The reason.
         source: ModelError,
+    },
+    /// A file is no calibration of a rig.
+    #[error(transparent)]
+    CalibrationFile(#[from] RigCalibrationError),
+    /// A calibration cannot be used for a session.
+    #[error("{file}: {source}")]
+    Calibration {
+        /// The file.
+        file: String,
+        /// The reason.
+        source: CalibrationMisuse,
     },
     /// A JSON file cannot be used.
     #[error(transparent)]
@@ -204,6 +215,8 @@ impl Failure {
             | Self::Prepare { .. }
             | Self::Contradicts { .. }
             | Self::Model { .. }
+            | Self::CalibrationFile(_)
+            | Self::Calibration { .. }
             | Self::Json(_)
             | Self::Read { .. }
             | Self::Usage(_)

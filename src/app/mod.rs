@@ -4,6 +4,7 @@
 
 mod analysis;
 mod background_messages;
+mod calibration;
 mod checked_session;
 mod command_line_operator;
 mod console;
@@ -29,6 +30,7 @@ mod signals;
 mod wall_clock;
 
 pub use analysis::{FitRequest, preprocess_and_fit, preprocessing_settings};
+pub use calibration::UsedCalibration;
 pub use checked_session::{CheckedSession, load_checked};
 pub use console::Console;
 pub use console_options::{ConsoleOptions, PageOptions, SessionDescription};

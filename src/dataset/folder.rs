@@ -7,12 +7,12 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::SESSION_FORMAT;
 use super::disk::Disk;
 use super::hexadecimal::sha256;
 use super::journal::{JOURNAL_FORMAT, Journal, JournalEntry};
 use super::recorder::{RecordError, RecordNames, Recorder};
 use super::session_about::{SessionAbout, SubjectCard};
+use super::{RIG_CALIBRATION, SESSION_FORMAT};
 use crate::files::{self, Folder};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
@@ -35,6 +35,8 @@ pub struct NewSession<'a> {
     pub lever: Option<Lever>,
     /// The rig, with all that it takes to make it again.
     pub rig: &'a serde_json::Value,
+    /// The file of the rig's measured constants, byte for byte, if there is one.
+    pub calibration: Option<&'a [u8]>,
     /// When, who and what; empty for a virtual session.
     pub about: &'a SessionAbout,
     /// Further fields of the subject.
@@ -114,6 +116,11 @@ impl NewSession<'_> {
         ] {
             disk.write(folder, name, bytes).map_err(RecordError::at(&folder.path_of(name)))?;
             sums.insert(name.to_owned(), sha256(bytes));
+        }
+        if let Some(bytes) = self.calibration {
+            disk.write(folder, RIG_CALIBRATION, bytes)
+                .map_err(RecordError::at(&folder.path_of(RIG_CALIBRATION)))?;
+            sums.insert(RIG_CALIBRATION.to_owned(), sha256(bytes));
         }
         let protocol_sha256 = sums.remove("protocol.json").unwrap_or_default();
         // The only one of these files that changes: it follows from the journal.

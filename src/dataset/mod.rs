@@ -39,6 +39,7 @@ pub use csv_input::open_session;
 pub use disk::Disk;
 pub use error::{DatasetError, FilePlace};
 pub use folder::{NewSession, PROGRAM};
+pub use hexadecimal::sha256;
 pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalLine, JournalText, RecordSum};
 pub use load::{load, load_amended};
 pub use manifest::{Change, MANIFEST, Manifest};

@@ -78,6 +78,11 @@ impl RigQuantity {
         Self::BearingFriction,
     ];
 
+    /// The constant with this name in the file.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|own| own.name() == name)
+    }
+
     /// Name in the file, with the unit.
     pub fn name(self) -> &'static str {
         match self {
@@ -96,7 +101,7 @@ impl RigQuantity {
     }
 
     /// Whether no rig has a value of zero or less.
-    fn is_positive(self) -> bool {
+    pub fn is_positive(self) -> bool {
         matches!(
             self,
             Self::LeverInertia
@@ -481,6 +486,7 @@ mod tests {
     #[test]
     fn the_names_in_the_file_are_those_in_the_program() {
         for quantity in RigQuantity::ALL {
+            assert_eq!(RigQuantity::named(quantity.name()), Some(quantity));
             assert_eq!(serde_json::to_value(quantity).unwrap(), quantity.name());
         }
     }
@@ -507,7 +513,10 @@ mod tests {
                 "field covariance[0][1]: the covariance is not symmetric",
             ),
             (refusal(|c| c.covariance[0][0] = 0.5e-10), "field covariance[0][0]: expected the square"),
-            (refusal(|c| c.covariance[1][0] = 1.0), "field covariance[1][0]: expected at most"),
+            (
+                refusal(|c| (c.covariance[0][1], c.covariance[1][0]) = (1.0, 1.0)),
+                "field covariance[0][1]: expected at most",
+            ),
         ];
         for (message, expected) in wrong {
             assert!(message.contains(expected), "{message}");

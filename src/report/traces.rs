@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::emg::{TrialEmg, find_onsets, trial_emg};
 use super::fitted::{Fitted, FittedTrial};
 use crate::dataset::{Session, Status};
-use crate::fit::{ExcludedTrial, Model, Observations, PreprocessingSettings, TrialObservation};
+use crate::fit::{ExcludedTrial, Model, Observations, PreprocessingSettings, RigConstants, TrialObservation};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
 use crate::wrist::{self, SimulatedTorque, SimulationSettings, TraceSample, simulate, substeps};
@@ -63,7 +63,9 @@ pub fn traces(
         }
         (None, None) => PreprocessingSettings::default(),
     };
-    let prepared = match Observations::new(session, view) {
+    let constants = fitted.and_then(|fitted| fitted.settings.rig_constants);
+    let constants = constants.unwrap_or_else(|| RigConstants::stated(session.lever));
+    let prepared = match Observations::of_rig(session, view, constants) {
         Ok(prepared) => prepared,
         Err(error) => {
             missing.push(format!("No trial can be drawn: {error}."));
@@ -132,7 +134,10 @@ fn recorded(session: &Session, prepared: &Observations, trial: &TrialObservation
     let of_session = |own: &&crate::dataset::Trial| own.number == trial.number && own.status == Status::Ok;
     let Some(own) = session.trials.iter().find(of_session) else { return trace };
     let record = &own.record;
-    let torque = filter(&prepared.sections, &record.torque_l_nm);
+    let constants = &prepared.constants;
+    let true_nm: Vec<f64> = record.torque_l_nm.iter().map(|own| constants.true_torque_nm(*own)).collect();
+    let torque = filter(&prepared.sections, &true_nm);
+    let angle: Vec<f64> = record.theta_m_rad.iter().map(|own| own / constants.angle_gain).collect();
     let onset = libm::round((trial.onset_s - record.start_s) / prepared.period_s);
     let time_s = |sample: usize| (sample as f64 - onset) * prepared.period_s;
     let between = |from_s: f64, to_s: f64| {
@@ -143,10 +148,10 @@ fn recorded(session: &Session, prepared: &Observations, trial: &TrialObservation
     trace.emg = trial_emg(record, onset.max(0.0) as usize, trial.velocity_rad_s, prepared.period_s);
     let whole = between(-WHOLE_S.0, WHOLE_S.1);
     let stride = whole.len().div_ceil(WHOLE_POINTS).max(1);
-    trace.whole = whole.step_by(stride).map(|i| (time_s(i), record.theta_m_rad[i], torque[i])).collect();
+    trace.whole = whole.step_by(stride).map(|i| (time_s(i), angle[i], torque[i])).collect();
     let window_s = prepared.samples as f64 * prepared.period_s;
     let change = |i: usize| {
-        let angle = trial.direction * (record.theta_m_rad[i] - trial.theta_0_rad);
+        let angle = trial.direction * (angle[i] - trial.theta_0_rad);
         (time_s(i), angle, trial.direction * (torque[i] - trial.torque_0_nm))
     };
     trace.near = between(-0.25 * window_s, 1.3 * window_s).map(change).collect();

@@ -126,6 +126,7 @@ pub fn simulate_unit(unit: &Unit, storage: SessionStorage) -> Result<Option<Sess
                 subject: &unit.subject,
                 lever: setup.lever,
                 rig: &rig,
+                calibration: None,
                 about: &Default::default(),
                 subject_fields: &Default::default(),
                 motion_delay_samples: 0,

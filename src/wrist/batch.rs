@@ -50,8 +50,8 @@ pub(super) const MAX_DERIVATIVES: usize = 9;
 /// Largest number of lanes of a vector.
 const MAX_LANES: usize = 16;
 
-/// Largest number of sections of a filter (order 8).
-const MAX_SECTIONS: usize = 4;
+/// Largest number of sections: a filter of order 8, and the low-pass of a torque channel.
+const MAX_SECTIONS: usize = 5;
 
 /// Simulates the batch with the smallest number type that has the derivatives of this pass.
 #[inline(always)]

@@ -25,7 +25,7 @@ pub use integrate::{
     CorrectedInput, HermiteSegment, Integrator, LONGEST_STEP, MotorInput, RecordedInput, substeps,
 };
 pub use mechanics::{AddedDynamics, Context, Kinematics, Mechanics, NoAddedDynamics, State, Torques};
-pub use motion::{Smoothing, motor_motion, servo_response};
+pub use motion::{Smoothing, delayed_motion, motor_motion, servo_response};
 pub use plant::{
     BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, LeverCoefficients, Plant, YIELD_SMOOTHNESS_PER_NM,
 };

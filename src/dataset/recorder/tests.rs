@@ -54,6 +54,7 @@ pub fn run(folder: &Path, disk: Disk) -> Result<u64, RecordError> {
         subject: "V00",
         lever: Setup::default().lever,
         rig: &serde_json::Value::Null,
+        calibration: None,
         about: &Default::default(),
         subject_fields: &Default::default(),
         motion_delay_samples: 0,

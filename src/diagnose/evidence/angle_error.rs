@@ -1,12 +1,14 @@
 //! Errors of the angle that trials have in common: the angle at rest between two steps of the encoder, which nobody sees before the motor
-//! moves; what smoothing takes out of the motion; and the error of the mean motion of each velocity.
+//! moves; what smoothing takes out of the motion; and the error of the mean motion of each velocity. Beside them the errors of the rig's
+//! measured constants, which all trials share as well.
 
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::rig_knowledge::RigKnowledge;
 use crate::diagnose::predicted_torque::{torques, whitened_change};
-use crate::fit::{Fit, Observations, common_input_error_covariance, median};
+use crate::fit::{Fit, Observations, RigConstants, common_input_error_covariance, median};
 use crate::statistics::group_indices;
 
 /// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
@@ -26,7 +28,8 @@ pub struct AngleErrors {
     pub columns: Vec<DMatrix<f64>>,
     /// Variance of each error.
     pub variances: DVector<f64>,
-    /// The trials that share each error of the place of rest. These errors come first, then those of smoothing.
+    /// The trials that share each error of the place of rest. These errors come first, then those of smoothing and of the rig's
+    /// constants.
     at_rest: Vec<Vec<usize>>,
     moved: Arc<MovedSessions>,
 }
@@ -38,20 +41,28 @@ struct MovedSessions {
     at_rest: Option<Observations>,
     /// Smoothed once more, and twice more.
     smoothed: [Observations; 2],
+    /// With each error of the rig's constants.
+    rig: Vec<Observations>,
 }
 
 /// What the motions of [`MovedSessions`] change.
 struct Changes {
     at_rest: Option<Vec<DVector<f64>>>,
     smoothing: [Vec<DVector<f64>>; 2],
+    rig: Vec<Vec<DVector<f64>>>,
 }
 
 impl MovedSessions {
-    fn of(observations: &Observations) -> Self {
+    fn of(observations: &Observations, rig: &RigKnowledge) -> Self {
         let once = observations.smoothed_again();
         let twice = once.smoothed_again();
         let at_rest = (observations.angle_step_rad > 0.0).then(|| rounded_at_rest(observations));
-        Self { at_rest, smoothed: [once, twice] }
+        let with_error = |constants: &RigConstants| {
+            let mut changed = observations.with_constants(*constants);
+            changed.trials.iter_mut().for_each(|trial| trial.hold_stretches = Vec::new());
+            changed
+        };
+        Self { at_rest, smoothed: [once, twice], rig: rig.errors.iter().map(with_error).collect() }
     }
 
     /// Changes of the whitened predictions of `fit`.
@@ -66,8 +77,32 @@ impl MovedSessions {
         };
         let [first, both] = self.smoothed.each_ref().map(change);
         let second = first.iter().zip(&both).map(|(first, both)| first * 2.0 - both).collect();
-        Changes { at_rest: self.at_rest.as_ref().map(change), smoothing: [first, second] }
+        Changes {
+            at_rest: self.at_rest.as_ref().map(change),
+            smoothing: [first, second],
+            rig: self
+                .rig
+                .iter()
+                .map(|moved| change_against_record(observations, moved, fit, &from))
+                .collect(),
+        }
     }
+}
+
+/// Change of the whitened predictions of `fit` where the constants of the rig are those of `moved`, less that of the whitened records: the
+/// constants turn both.
+fn change_against_record(
+    observations: &Observations,
+    moved: &Observations,
+    fit: &Fit,
+    from: &[Vec<f64>],
+) -> Vec<DVector<f64>> {
+    let mut to = torques(moved, &fit.kinds, &fit.parameters);
+    for (trial, predicted) in to.iter_mut().enumerate() {
+        let records = moved.trials[trial].measured_nm.iter().zip(&observations.trials[trial].measured_nm);
+        predicted.iter_mut().zip(records).for_each(|(nm, (there, here))| *nm -= there - here);
+    }
+    whitened_change(observations, fit, from, &to)
 }
 
 impl AngleErrors {
@@ -76,7 +111,7 @@ impl AngleErrors {
     /// The place of rest is equally likely anywhere within a step, in common to all trials that return to it; the mean motion of a
     /// velocity adds what its number of trials leaves. The mean motion's error during the ramp has the covariance that the fit's weights
     /// have, once for all trials of a velocity.
-    pub fn of(observations: &Observations, fit: &Fit) -> Self {
+    pub fn of(observations: &Observations, fit: &Fit, rig: &RigKnowledge) -> Self {
         let trials = observations.trials.len();
         let velocities: Vec<Vec<usize>> =
             group_indices(trials, |trial| observations.trials[trial].velocity_rad_s.to_bits())
@@ -88,7 +123,7 @@ impl AngleErrors {
         // Each error: its variance, the trials that share it, and each trial's change.
         let mut errors: Vec<(f64, Vec<usize>, Vec<DVector<f64>>)> = Vec::new();
         let mut at_rest = Vec::new();
-        let moved = MovedSessions::of(observations);
+        let moved = MovedSessions::of(observations, rig);
         let changes = moved.changes(observations, fit);
         if let Some(changes) = changes.at_rest {
             // The variance of a uniform distribution of width one.
@@ -102,6 +137,9 @@ impl AngleErrors {
         }
         for changes in changes.smoothing {
             errors.push((SMOOTHING_SD * SMOOTHING_SD, (0..trials).collect(), changes));
+        }
+        for changes in changes.rig {
+            errors.push((1.0, (0..trials).collect(), changes));
         }
         for direction in mean_motion_errors(observations, fit) {
             let changes: Vec<DVector<f64>> = (0..trials)
@@ -135,12 +173,12 @@ impl AngleErrors {
                 errors.columns[*trial].set_column(place, &changes[*trial]);
             }
         };
-        let Changes { at_rest, smoothing } = self.moved.changes(observations, fit);
+        let Changes { at_rest, smoothing, rig } = self.moved.changes(observations, fit);
         for (place, shared_by) in self.at_rest.iter().enumerate() {
             at_rest.iter().for_each(|changes| set(place, shared_by, changes));
         }
         let all: Vec<usize> = (0..self.columns.len()).collect();
-        for (place, changes) in smoothing.iter().enumerate() {
+        for (place, changes) in smoothing.iter().chain(&rig).enumerate() {
             set(self.at_rest.len() + place, &all, changes);
         }
         errors

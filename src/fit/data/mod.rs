@@ -5,3 +5,4 @@ pub mod hold_noise;
 pub mod input_averaging;
 pub mod observations;
 pub mod preprocessing;
+pub mod rig_constants;

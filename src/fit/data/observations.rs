@@ -1,8 +1,9 @@
 //! The observations of a session: what the model is driven by, what it must predict, and the noise of both.
 
+use super::rig_constants::RigConstants;
 use crate::signal::{NoiseCovariance, Section};
 use crate::wrist::mechanisms::MechanismKind;
-use crate::wrist::{self, Lever, SimulationSettings, Smoothing, VectorWidth};
+use crate::wrist::{self, Kinematics, Lever, SimulationSettings, Smoothing, VectorWidth, delayed_motion};
 
 /// Torque and angle before the ramp are means over this time, s.
 const LEVEL_S: f64 = 0.010;
@@ -32,8 +33,12 @@ pub struct Observations {
     pub samples: usize,
     /// Number of samples before the onset at which the simulation of the base model starts.
     pub lead_samples: usize,
-    /// Sections of the low-pass that predicted torque passes; empty if the rig filtered angle and torque before recording.
+    /// The constants of the rig by which the records became angle and torque.
+    pub constants: RigConstants,
+    /// Sections of the low-pass that the recorded torque passed; empty if the rig filtered angle and torque before recording.
     pub sections: Vec<Section>,
+    /// Sections that predicted torque passes: the same, after the low-pass of the torque channel if it has one.
+    pub prediction_sections: Vec<Section>,
     /// The trials that can be fitted, ordered by condition, repetition and number.
     pub trials: Vec<TrialObservation>,
     /// The trials that cannot be fitted.
@@ -106,7 +111,9 @@ impl Observations {
             period_s: self.period_s,
             samples: self.samples,
             lead_samples: self.lead_samples,
+            constants: self.constants,
             sections: self.sections.clone(),
+            prediction_sections: self.prediction_sections.clone(),
             trials: trials.iter().map(|trial| self.trials[*trial].clone()).collect(),
             excluded_trials: Vec::new(),
             stride: self.stride,
@@ -116,6 +123,48 @@ impl Observations {
             noise_index: trials.iter().map(|trial| self.noise_index[*trial]).collect(),
             noise_covariances: self.noise_covariances.clone(),
             noise_source: self.noise_source,
+        }
+    }
+
+    /// The same session with other constants of the rig. The noise keeps its estimate, so that fits of both weigh alike.
+    ///
+    /// The nonlinearity is taken out behind the filter here; what a filter and a small cubic do in the other order differs in the
+    /// second order of the cubic alone.
+    pub fn with_constants(&self, constants: RigConstants) -> Self {
+        let before = self.constants;
+        let (by_angle, delay_s) =
+            (before.angle_gain / constants.angle_gain, constants.torque_delay_s - before.torque_delay_s);
+        let torque = |nm: f64| constants.true_torque_nm(before.recorded_torque_nm(nm));
+        let mut changed = self.clone();
+        for trial in &mut changed.trials {
+            let torque_0_nm = torque(trial.torque_0_nm);
+            for nm in &mut trial.measured_nm {
+                *nm = trial.direction * (torque(trial.torque_0_nm + trial.direction * *nm) - torque_0_nm);
+            }
+            trial.torque_0_nm = torque_0_nm;
+            trial.input.covariates.torque_before_nm = trial.direction * torque_0_nm;
+            trial.theta_0_rad *= by_angle;
+            trial.angle_rad.iter_mut().for_each(|angle| *angle *= by_angle);
+            for knot in &mut trial.input.motion {
+                *knot = Kinematics { theta: knot.theta * by_angle, omega: knot.omega * by_angle };
+            }
+            if delay_s != 0.0 {
+                trial.input.motion = delayed_motion(&trial.input.motion, delay_s, self.period_s);
+            }
+        }
+        changed.angle_noise_rad *= by_angle;
+        changed.angle_step_rad *= by_angle;
+        changed.lever = constants.lever;
+        changed.prediction_sections = constants.prediction_sections(&self.sections, self.period_s);
+        changed.constants = constants;
+        changed
+    }
+
+    /// The motion of the motor, as the torque record sees it, behind a smoothed angle.
+    pub(in crate::fit) fn as_torque_sees(&self, motion: Vec<Kinematics<f64>>) -> Vec<Kinematics<f64>> {
+        match self.constants.torque_delay_s {
+            0.0 => motion,
+            delay_s => delayed_motion(&motion, delay_s, self.period_s),
         }
     }
 
@@ -147,7 +196,7 @@ impl Observations {
             lead_samples: self.lead_samples + libm::ceil(before_s / self.period_s) as usize,
             baseline_samples: if before_s > 0.0 { self.level_samples() } else { 0 },
             substeps,
-            filter: &self.sections,
+            filter: &self.prediction_sections,
             derivatives: &[],
             width: VectorWidth::fastest(),
         }

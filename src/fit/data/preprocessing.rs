@@ -4,6 +4,7 @@
 use super::covariates::{number_conditions, set_covariates};
 use super::hold_noise::{angle_error, noise_stride};
 use super::observations::{ExcludedTrial, Observations, TrialObservation, mean};
+use super::rig_constants::RigConstants;
 use crate::dataset::{Session, Status, Trial};
 use crate::files::limits;
 use crate::signal::{FilterError, FilterSpec, filter, onset};
@@ -41,6 +42,18 @@ impl Observations {
     /// # Errors
     /// If no trial can be fitted, the window has too few samples, or the filter is not possible at this sample rate.
     pub fn new(session: &Session, settings: PreprocessingSettings) -> Result<Self, PreprocessingError> {
+        Self::of_rig(session, settings, RigConstants::stated(session.lever))
+    }
+
+    /// As [`Observations::new`], where `constants` are those of the rig.
+    ///
+    /// # Errors
+    /// As [`Observations::new`], or if the nonlinearity of the torque channel cannot be taken out of the records.
+    pub fn of_rig(
+        session: &Session,
+        settings: PreprocessingSettings,
+        constants: RigConstants,
+    ) -> Result<Self, PreprocessingError> {
         let period_s = 1.0 / session.sample_rate_hz;
         let sections = match session.recorded_filter {
             Some(_) => Vec::new(),
@@ -58,7 +71,9 @@ impl Observations {
         }
         let filter_in_force = session.recorded_filter.unwrap_or(settings.filter);
         let mut observations = Self {
-            lever: session.lever,
+            lever: constants.lever,
+            constants,
+            prediction_sections: constants.prediction_sections(&sections, period_s),
             period_s,
             samples,
             lead_samples: libm::ceil(LEAD_S / period_s) as usize,
@@ -74,6 +89,11 @@ impl Observations {
             noise_source: None,
         };
         let usable: Vec<_> = session.trials.iter().filter(|trial| trial.status == Status::Ok).collect();
+        let torques = usable.iter().flat_map(|trial| &trial.record.torque_l_nm);
+        if let Some(torque_nm) = torques.copied().find(|torque| !constants.is_invertible_at(*torque)) {
+            let per_nm2 = constants.torque_nonlinearity_per_nm2;
+            return Err(PreprocessingError::Nonlinearity { per_nm2, torque_nm });
+        }
         for trial in &usable {
             match observations.observe(trial) {
                 Ok(observation) => observations.trials.push(observation),
@@ -88,7 +108,9 @@ impl Observations {
                 excluded_trials: observations.excluded_trials,
             });
         }
-        (observations.angle_noise_rad, observations.angle_step_rad) = angle_error(&usable);
+        let (noise_rad, step_rad) = angle_error(&usable);
+        observations.angle_noise_rad = noise_rad / constants.angle_gain;
+        observations.angle_step_rad = step_rad / constants.angle_gain;
         number_conditions(&mut observations.trials);
         set_covariates(&mut observations.trials, &usable, period_s);
         // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
@@ -120,8 +142,12 @@ impl Observations {
                 self.samples as f64 * self.period_s * 1e3
             ));
         }
-        let torque = filter(&self.sections, &record.torque_l_nm);
-        let theta_0_rad = mean(&record.theta_m_rad[onset + 1 - level..=onset]);
+        let true_nm: Vec<f64> =
+            record.torque_l_nm.iter().map(|recorded| self.constants.true_torque_nm(*recorded)).collect();
+        let torque = filter(&self.sections, &true_nm);
+        let theta_m_rad: Vec<f64> =
+            record.theta_m_rad.iter().map(|recorded| recorded / self.constants.angle_gain).collect();
+        let theta_0_rad = mean(&theta_m_rad[onset + 1 - level..=onset]);
         let torque_0_nm = mean(&torque[onset + 1 - level..=onset]);
         let direction = if trial.velocity_rad_s < 0.0 { -1.0 } else { 1.0 };
         let measured_nm: Vec<f64> =
@@ -133,7 +159,7 @@ impl Observations {
         let first = onset.saturating_sub(self.lead_samples + margin);
         let last = (onset + self.samples + margin).min(count - 1);
         let angle_rad: Vec<f64> =
-            record.theta_m_rad[first..=last].iter().map(|x| direction * (x - theta_0_rad)).collect();
+            theta_m_rad[first..=last].iter().map(|x| direction * (x - theta_0_rad)).collect();
         if angle_rad.iter().all(|x| x.abs() < 1e-9) {
             return Err("the motor angle does not change in the window".into());
         }
@@ -150,7 +176,7 @@ impl Observations {
             theta_0_rad,
             torque_0_nm,
             input: wrist::TrialInput {
-                motion: wrist::motor_motion(&angle_rad, self.period_s),
+                motion: self.as_torque_sees(wrist::motor_motion(&angle_rad, self.period_s)),
                 onset: onset - first,
                 covariates: Covariates::default(),
             },
@@ -190,6 +216,17 @@ pub enum PreprocessingError {
     Window {
         /// Length of the window, s.
         window_s: f64,
+    },
+    /// The nonlinearity of the torque channel is no small correction.
+    #[error(
+        "the torque channel's nonlinearity of {per_nm2} 1/(N m)^2 changes the recorded torque of {torque_nm} N m by more than a third: it \
+         was not measured up to that torque; calibrate with a larger weight"
+    )]
+    Nonlinearity {
+        /// The nonlinearity, 1/(N m)^2.
+        per_nm2: f64,
+        /// The recorded torque, N m.
+        torque_nm: f64,
     },
     /// The window has too few samples for six parameters.
     #[error("a window of {window_s} s holds {samples} samples here; at least {MIN_SAMPLES} are needed")]

@@ -112,12 +112,15 @@ impl ImpulseResponse {
     fn new(observations: &Observations, smoothing: Smoothing, point: &[f64; 6]) -> Self {
         // Small enough for the model to be linear.
         let error_rad = 1e-7;
-        let reach = smoothing.reach(observations.period_s);
+        // A torque record that is early answers before the angle moves.
+        let early_s = (-observations.constants.torque_delay_s).max(0.0);
+        let reach =
+            smoothing.reach(observations.period_s) + libm::ceil(early_s / observations.period_s) as usize;
         let mut single = observations.subset(&[0]);
         single.samples += reach + 1;
         let mut angle = vec![0.0; single.lead_samples + single.samples + 2 * reach];
         angle[single.lead_samples + reach] = error_rad;
-        single.trials[0].input.motion = smoothing.motion(&angle, single.period_s);
+        single.trials[0].input.motion = single.as_torque_sees(smoothing.motion(&angle, single.period_s));
         single.trials[0].input.onset = single.lead_samples;
         let mut response = SimulatedTorque::default();
         predict(&single, &[], &[], &[0], point, &mut response);

@@ -1,5 +1,6 @@
 //! Tests of the fit on synthetic sessions, simulated with the model, whose true parameters are known.
 
+mod calibration;
 mod intervals;
 mod model_specification;
 mod noise;
@@ -34,12 +35,14 @@ struct SyntheticSession {
     noise_nm: f64,
     hold_s: f64,
     seed: u64,
+    /// The lever of the rig; the session states [`LEVER`].
+    lever: Lever,
     truth: fn(f64, f64) -> [f64; 6],
 }
 
 impl SyntheticSession {
     fn new(repetitions: u32) -> Self {
-        Self { repetitions, noise_nm: 0.02, hold_s: 0.5, seed: 1, truth }
+        Self { repetitions, noise_nm: 0.02, hold_s: 0.5, seed: 1, lever: LEVER, truth }
     }
 
     fn session(&self) -> Session {
@@ -83,7 +86,7 @@ impl SyntheticSession {
             covariates: Default::default(),
         };
         let request = SimulationSettings {
-            lever: Some(LEVER),
+            lever: Some(self.lever),
             kinds: &[],
             period_s: PERIOD_S,
             samples: 150,
