@@ -6,8 +6,11 @@ use crate::wrist::Lever;
 /// Number of quantities that a calibration reports; their coordinates come first, in the order of [`RigQuantity::ALL`].
 pub const REPORTED: usize = RigQuantity::ALL.len();
 
-/// RigCoordinates of the servo that are fitted beside its bandwidth and not reported: damping ratio, delay and gain.
-pub const OF_SERVO: usize = 3;
+/// Coordinates that are fitted and not reported: damping ratio, delay, gain and hold of the servo, and the speed of the friction.
+pub const NOT_REPORTED: usize = 5;
+
+/// Place of the first coordinate with a prior that is knowledge, not a guard: it stays where nothing else is assumed.
+pub const FIRST_KNOWN: usize = REPORTED + 3;
 
 /// The constants that the model of the rig needs.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +37,10 @@ pub struct RigConstants {
     pub servo_delay_s: f64,
     /// Recorded angle over target at rest.
     pub servo_gain: f64,
+    /// Power of the response of a hold between two targets: 0 to 2.
+    pub servo_hold: f64,
+    /// Speed at which the friction is at 76 % of its full value, beside the speed that the noise resolves.
+    pub friction_speed_factor: f64,
     /// Coulomb friction of the bearing, N m.
     pub bearing_friction_nm: f64,
     /// True over stated value of each load with a stated value.
@@ -65,6 +72,13 @@ impl CoordinateScale {
         match self {
             Self::Linear { start, range } => start + range * coordinate,
             Self::Factor { start, range } => start * libm::exp(range * coordinate),
+        }
+    }
+
+    /// Derivative of the constant's effect with the coordinate: of a factor, that of its logarithm.
+    pub fn range(self) -> f64 {
+        match self {
+            Self::Linear { range, .. } | Self::Factor { range, .. } => range,
         }
     }
 
@@ -114,7 +128,7 @@ pub struct RigCoordinates {
 }
 
 impl RigCoordinates {
-    /// RigCoordinates about the stated lever, for records whose torque is at most `largest_nm` from its offset.
+    /// Coordinates about the stated lever, for records whose torque is at most `largest_nm` from its offset.
     pub fn new(lever: Option<Lever>, largest_nm: f64, loads: Vec<RigLoad>) -> Self {
         let lever = lever.unwrap_or(PAPER_LEVER);
         let factor = |start| CoordinateScale::Factor { start, range: libm::log(LARGEST_FACTOR) };
@@ -135,8 +149,12 @@ impl RigCoordinates {
             factor(1.0),
             linear(0.0, time_constant_s(LOWEST_SERVO_HZ)),
             factor(1.0),
+            linear(1.0, 1.0),
+            factor(1.0),
         ];
         let mut prior_sd = vec![1.0; scales.len()];
+        // Anything from 0 to 2, evenly.
+        prior_sd[FIRST_KNOWN] = 1.0 / libm::sqrt(3.0);
         for load in &loads {
             scales.push(CoordinateScale::Linear { start: 1.0, range: 1.0 });
             prior_sd.push(load.relative_error().unwrap_or(0.0));
@@ -151,7 +169,7 @@ impl RigCoordinates {
 
     /// Place of the first load's coordinate.
     pub fn first_load() -> usize {
-        REPORTED + OF_SERVO
+        REPORTED + NOT_REPORTED
     }
 
     /// The constants at a point.
@@ -174,6 +192,8 @@ impl RigCoordinates {
             servo_damping: value(11),
             servo_delay_s: value(12),
             servo_gain: value(13),
+            servo_hold: value(14),
+            friction_speed_factor: value(15),
             load_factors: (Self::first_load()..self.count()).map(value).collect(),
         }
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::constants::RigCoordinates;
+use super::constants::FIRST_KNOWN;
 use super::fit::{RigFit, RigFitInput};
 use crate::statistics::t_quantile;
 
@@ -34,19 +34,19 @@ pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
         of_data += equations.jacobian.transpose() * &equations.jacobian;
     }
     let scores = score_covariance(fit, size);
-    let loads = DVector::from_fn(size, |place, _| {
-        if place < RigCoordinates::first_load() { 0.0 } else { prior[place] }
+    let known = DVector::from_fn(size, |place, _| {
+        if place < FIRST_KNOWN { 0.0 } else { prior[place] }
     });
     // A prior that is a measurement counts as one; the others only keep the inverse finite.
     let with = |others: f64| {
-        let all = loads.map(|own| if own > 0.0 { own } else { others });
+        let all = known.map(|own| if own > 0.0 { own } else { others });
         let inverse = inverse(&of_data + DMatrix::from_diagonal(&all));
         let meat = &scores + DMatrix::from_diagonal(&all);
         (&inverse * meat * &inverse, inverse)
     };
     let (model, inverse) = with(1.0);
     let (data, _) = with(NOTHING_KNOWN);
-    let clustered = clustered_se(fit, &inverse, &loads);
+    let clustered = clustered_se(fit, &inverse, &known);
     let growth = DVector::from_fn(size, |place, _| {
         (clustered[place] / libm::sqrt(model[(place, place)])).max(1.0)
     });
@@ -54,7 +54,7 @@ pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
     RigCovariance {
         covariance: grown,
         data_se: DVector::from_fn(size, |place, _| libm::sqrt(data[(place, place)]) * growth[place]),
-        information: of_data + DMatrix::from_diagonal(&loads),
+        information: of_data + DMatrix::from_diagonal(&known),
     }
 }
 
@@ -78,7 +78,7 @@ fn score_covariance(fit: &RigFit, size: usize) -> DMatrix<f64> {
 
 /// Standard errors from the scatter of whole trials: the bias-reduced sandwich of Bell and McCaffrey (2002), with their degrees of
 /// freedom, so that 1.96 of them make a 95 % interval.
-fn clustered_se(fit: &RigFit, inverse: &DMatrix<f64>, loads: &DVector<f64>) -> DVector<f64> {
+fn clustered_se(fit: &RigFit, inverse: &DMatrix<f64>, known: &DVector<f64>) -> DVector<f64> {
     let size = inverse.nrows();
     let (mut variance, mut expected, mut squares) =
         (DVector::<f64>::zeros(size), DVector::<f64>::zeros(size), DVector::<f64>::zeros(size));
@@ -101,10 +101,10 @@ fn clustered_se(fit: &RigFit, inverse: &DMatrix<f64>, loads: &DVector<f64>) -> D
         }
     }
     DVector::from_fn(size, |place, _| {
-        let of_loads: f64 =
-            (0..size).map(|load| inverse[(place, load)] * inverse[(place, load)] * loads[load]).sum();
+        let of_known: f64 =
+            (0..size).map(|own| inverse[(place, own)] * inverse[(place, own)] * known[own]).sum();
         if squares[place] == 0.0 {
-            return libm::sqrt(of_loads);
+            return libm::sqrt(of_known);
         }
         let freedom = expected[place] * expected[place] / squares[place];
         // With less than two trials' worth there is no scatter to judge by.
@@ -112,7 +112,7 @@ fn clustered_se(fit: &RigFit, inverse: &DMatrix<f64>, loads: &DVector<f64>) -> D
             return 0.0;
         }
         let factor = t_quantile(0.975, freedom) / INTERVAL;
-        libm::sqrt(of_loads + variance[place] * factor * factor)
+        libm::sqrt(of_known + variance[place] * factor * factor)
     })
 }
 

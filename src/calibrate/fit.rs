@@ -3,18 +3,20 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::constants::{RigCoordinates, OF_SERVO, REPORTED, RigConstants};
-use super::moments::{MomentChannel, MomentLabel, Needed, TrialMoments, residual};
+use super::constants::{FIRST_KNOWN, REPORTED, RigConstants, RigCoordinates};
+use super::moments::{
+    MomentChannel, MomentLabel, Needed, OfTorqueChannel, TrialMoments, TrialResidual, residual, torque_channel_derivative,
+};
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
 
 /// Times that the products are renewed at the constants found.
-const RENEWALS: usize = 4;
+const RENEWALS: usize = 3;
 /// Steps of the search between two renewals.
 const STEPS: usize = 30;
 /// Step of the finite differences, as a part of what engineering allows.
 const DIFFERENCE: f64 = 1e-4;
 /// Largest step, in standard errors, at which the search has ended.
-const ENDED: f64 = 1e-3;
+const ENDED: f64 = 1e-2;
 /// The speed at which friction is at 76 % of its full value, in standard deviations of the speed's noise at rest: as small as the
 /// noise allows without a friction at rest that follows the noise.
 const FRICTION_SPEED: f64 = 3.0;
@@ -146,18 +148,15 @@ impl RigFitInput<'_> {
             .collect()
     }
 
-    /// Moments of a trial at some constants, in units of their scale.
-    fn scaled_moments(
-        &self,
-        place: usize,
-        whitened: &Whitened,
-        constants: &RigConstants,
-        needed: Needed,
-    ) -> DVector<f64> {
+    fn residual(&self, place: usize, constants: &RigConstants, needed: Needed) -> TrialResidual {
         let trial = &self.trials[place];
         let handle = self.coordinates.at_handle(constants, trial.load);
-        let left = residual(trial, constants, handle, friction_speed_rad_s(self), needed);
-        whitened.moments.of(&left, self.mean_sd_nm).component_div(&whitened.scales)
+        residual(trial, constants, handle, friction_speed_rad_s(self), needed)
+    }
+
+    /// Moments of a trial's residual, in units of their scale.
+    fn scaled(&self, whitened: &Whitened, residual: &TrialResidual) -> DVector<f64> {
+        whitened.moments.of(residual, self.mean_sd_nm).component_div(&whitened.scales)
     }
 
     /// Independent residuals and their derivatives, trial by trial.
@@ -167,21 +166,34 @@ impl RigFitInput<'_> {
             .into_par_iter()
             .map(|place| {
                 let own = &whitened[place];
-                let at = self.scaled_moments(place, own, &constants, Needed::Both);
-                let at_torque = self.scaled_moments(place, own, &constants, Needed::Torque);
-                let at_servo = self.scaled_moments(place, own, &constants, Needed::Servo);
+                let base = self.residual(place, &constants, Needed::Both);
+                let at = self.scaled(own, &base);
                 let mut jacobian = DMatrix::zeros(at.len(), self.coordinates.count());
                 for column in 0..self.coordinates.count() {
                     if !self.matters(column, place) {
                         continue;
                     }
-                    let mut moved = point.clone();
-                    moved[column] += DIFFERENCE;
-                    let moved = self.coordinates.constants(moved.as_slice());
-                    let (needed, base) =
-                        if is_of_servo(column) { (Needed::Servo, &at_servo) } else { (Needed::Torque, &at_torque) };
-                    let change = (self.scaled_moments(place, own, &moved, needed) - base) / DIFFERENCE;
-                    jacobian.set_column(column, &change);
+                    let derivative = if let Some(of) = of_torque_channel(column) {
+                        let derivative = torque_channel_derivative(&self.trials[place], &base, &constants, of);
+                        self.scaled(own, &derivative) * self.coordinates.scales[column].range()
+                    } else {
+                        let mut moved = point.clone();
+                        moved[column] += DIFFERENCE;
+                        let moved = self.coordinates.constants(moved.as_slice());
+                        let is_of_servo = is_of_servo(column);
+                        let needed = if is_of_servo { Needed::Servo } else { Needed::Torque };
+                        let mut change = self.scaled(own, &self.residual(place, &moved, needed));
+                        for (row, label) in own.labels.iter().enumerate() {
+                            // The other residual was not computed: it does not change.
+                            change[row] = if (label.channel == MomentChannel::Servo) == is_of_servo {
+                                (change[row] - at[row]) / DIFFERENCE
+                            } else {
+                                0.0
+                            };
+                        }
+                        change
+                    };
+                    jacobian.set_column(column, &derivative);
                 }
                 (solve_lower(&own.factor, &at), solve_lower_columns(&own.factor, &jacobian))
             })
@@ -258,7 +270,7 @@ impl RigFitInput<'_> {
         parts
             .map(|(place, (own, (residual, jacobian)))| {
                 let trial = &self.trials[place];
-                let scaled = self.scaled_moments(place, own, &constants, Needed::Both);
+                let scaled = self.scaled(own, &self.residual(place, &constants, Needed::Both));
                 let deviations = DVector::from_fn(scaled.len(), |row, _| own.factor.row(row).norm());
                 let noise = own.moments.covariance(trial, self.noise, false);
                 let half = solve_lower_columns(&own.factor, &noise);
@@ -281,9 +293,20 @@ impl RigFitInput<'_> {
     }
 }
 
+/// Which constant of the torque channel a coordinate is.
+fn of_torque_channel(column: usize) -> Option<OfTorqueChannel> {
+    match column {
+        3 => Some(OfTorqueChannel::Gain),
+        4 => Some(OfTorqueChannel::Offset),
+        7 => Some(OfTorqueChannel::Delay),
+        8 => Some(OfTorqueChannel::Lag),
+        _ => None,
+    }
+}
+
 /// Whether a coordinate is one of the servo.
 fn is_of_servo(column: usize) -> bool {
-    column == SERVO_PLACE || (REPORTED..REPORTED + OF_SERVO).contains(&column)
+    column == SERVO_PLACE || (REPORTED..=FIRST_KNOWN).contains(&column)
 }
 
 /// Lower factor of a covariance of products, of which some may nearly be sums of others: these count once.

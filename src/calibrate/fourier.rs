@@ -5,9 +5,9 @@ use std::sync::Arc;
 use rustfft::num_complex::Complex64;
 use rustfft::{Fft, FftPlanner};
 
-/// Points of the time axis of [`Fourier::to_time`] for each coefficient. The cube of a torque has three times its frequencies; with two
-/// points a coefficient as the least, four keep what is folded back away from the coefficients.
-const POINTS_PER_COEFFICIENT: usize = 4;
+/// Points of the time axis of [`Fourier::to_time`] for each coefficient, at least. The cube of a torque has three times its frequencies;
+/// with three points nothing of a signal in the lower half of the coefficients is folded back.
+const POINTS_PER_COEFFICIENT: usize = 3;
 
 /// The transforms of records of one length.
 #[derive(Clone)]
@@ -42,6 +42,11 @@ impl Fourier {
     /// Angular frequency of a coefficient, rad/s.
     pub fn omega(&self, coefficient: usize) -> f64 {
         std::f64::consts::TAU * self.frequency_hz(coefficient)
+    }
+
+    /// Samples a second of the record.
+    pub fn sample_rate_hz(&self) -> f64 {
+        self.step_hz * self.samples as f64
     }
 
     /// Frequency of a coefficient, Hz.

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::constants::RigCoordinates;
+use super::constants::FIRST_KNOWN;
 use super::covariance::inverse;
 use super::fit::{RigFit, RigFitInput, TrialEquations};
 use super::moments::MomentChannel;
@@ -127,9 +127,9 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
                 own.step_errors.get(position).map_or(noise.clone(), |error| noise + error)
             })
             .collect();
-        // The stated values of the loads are wrong by their own errors.
+        // What is known beforehand, such as the stated values of the loads, is wrong by its own error.
         let mut score = DVector::from_fn(size, |place, _| {
-            if place < RigCoordinates::first_load() { 0.0 } else { libm::sqrt(precision[place]) * stream.normal() }
+            if place < FIRST_KNOWN { 0.0 } else { libm::sqrt(precision[place]) * stream.normal() }
         });
         for (own, residual) in fit.equations.iter().zip(&drawn) {
             score += own.jacobian.transpose() * residual;

@@ -41,7 +41,24 @@ pub struct MomentLabel {
 /// One product: its weights over the coefficients.
 struct Instrument {
     label: MomentLabel,
+    /// Place of the first weight.
+    from: usize,
     weights: Vec<Complex64>,
+}
+
+impl Instrument {
+    /// Weight of a coefficient between the first and the last.
+    fn at(&self, place: usize) -> Complex64 {
+        self.weights[place - self.from]
+    }
+
+    fn places(&self) -> std::ops::Range<usize> {
+        self.from..self.from + self.weights.len()
+    }
+
+    fn product(&self, residual: &[Complex64]) -> f64 {
+        self.weights.iter().zip(&residual[self.from..]).map(|(weight, value)| (weight.conj() * value).re).sum()
+    }
 }
 
 /// The products of one trial.
@@ -88,10 +105,45 @@ pub fn residual(
         left
     });
     let servo = (needed != Needed::Torque && trial.moves()).then(|| {
-        let response = |place: usize| servo_response(constants, trial.fourier.omega(place));
+        let response = |place: usize| servo_response(constants, trial.fourier.omega(place), trial.fourier.sample_rate_hz());
         (0..trial.angle.len()).map(|place| trial.angle[place] - response(place) * trial.target[place]).collect()
     });
     TrialResidual { torque, servo }
+}
+
+/// A constant of the torque channel, whose effect follows from the predicted torque without a new prediction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OfTorqueChannel {
+    /// Its gain.
+    Gain,
+    /// Its offset.
+    Offset,
+    /// Its delay.
+    Delay,
+    /// Its low-pass.
+    Lag,
+}
+
+/// Derivative of a residual with a constant of the torque channel; with the logarithm of the gain.
+pub fn torque_channel_derivative(
+    trial: &PreparedTrial,
+    at: &TrialResidual,
+    constants: &RigConstants,
+    of: OfTorqueChannel,
+) -> TrialResidual {
+    let left = at.torque.as_deref().unwrap_or_default();
+    let derivative = (0..left.len()).map(|place| {
+        let offset = if place == 0 { constants.torque_offset_nm } else { 0.0 };
+        let predicted = trial.torque[place] - left[place] - offset;
+        let s = Complex64::new(0.0, trial.fourier.omega(place));
+        match of {
+            OfTorqueChannel::Gain => -predicted,
+            OfTorqueChannel::Offset => Complex64::new(if place == 0 { -1.0 } else { 0.0 }, 0.0),
+            OfTorqueChannel::Delay => s * predicted,
+            OfTorqueChannel::Lag => s * predicted / (1.0 + s * constants.torque_lag_s),
+        }
+    });
+    TrialResidual { torque: Some(derivative.collect()), servo: None }
 }
 
 impl TrialMoments {
@@ -114,7 +166,7 @@ impl TrialMoments {
             return own;
         }
         let motion: Vec<Complex64> =
-            (0..count).map(|place| servo_response(constants, fourier.omega(place)) * trial.target[place]).collect();
+            (0..count).map(|place| servo_response(constants, fourier.omega(place), fourier.sample_rate_hz()) * trial.target[place]).collect();
         let torque_variance = own.torque_variance(trial, noise);
         let servo_variance: Vec<f64> = (0..count)
             .map(|place| trial.variance(noise.step_power + noise.angle.at(fourier.frequency_hz(place))))
@@ -183,11 +235,9 @@ impl TrialMoments {
             return;
         }
         let scale = std::f64::consts::SQRT_2 / libm::sqrt(energy);
-        let mut weights = vec![Complex64::ZERO; signal.len()];
-        for place in places {
-            weights[place] = scale * signal[place] / variance[place];
-        }
-        self.instruments.push(Instrument { label: MomentLabel { channel, index }, weights });
+        let from = places.start;
+        let weights = places.map(|place| scale * signal[place] / variance[place]).collect();
+        self.instruments.push(Instrument { label: MomentLabel { channel, index }, from, weights });
     }
 
     /// Labels of the moments, in their order.
@@ -204,7 +254,7 @@ impl TrialMoments {
                 MomentChannel::Servo => &residual.servo,
                 _ => &residual.torque,
             };
-            side.as_ref().map_or(0.0, |side| product(&instrument.weights, side))
+            side.as_ref().map_or(0.0, |side| instrument.product(side))
         });
         let mean = self.has_mean.then(|| residual.torque.as_ref().map_or(0.0, |side| side[0].re / mean_sd_nm));
         let moments: Vec<f64> = products.chain(mean).collect();
@@ -234,8 +284,8 @@ impl TrialMoments {
         // Weights of each moment on the torque's noise and on the angle's.
         let size = self.instruments.len();
         let of_angle = |instrument: &Instrument, place: usize| match instrument.label.channel {
-            MomentChannel::Servo => instrument.weights[place],
-            _ => -self.response[place].conj() * instrument.weights[place],
+            MomentChannel::Servo => instrument.at(place),
+            _ => -self.response[place].conj() * instrument.at(place),
         };
         let mut covariance = DMatrix::identity(size + usize::from(self.has_mean), size + usize::from(self.has_mean));
         for row in 0..size {
@@ -243,10 +293,11 @@ impl TrialMoments {
                 let (one, other) = (&self.instruments[row], &self.instruments[column]);
                 let is_torque = |own: &Instrument| own.label.channel == MomentChannel::Torque;
                 let both_torque = is_torque(one) && is_torque(other);
-                let sum: f64 = (1..count)
+                let (first, second) = (one.places(), other.places());
+                let sum: f64 = (first.start.max(second.start)..first.end.min(second.end))
                     .map(|place| {
                         let by_angle = (of_angle(one, place).conj() * of_angle(other, place)).re * angle[place];
-                        let by_torque = (one.weights[place].conj() * other.weights[place]).re * torque[place];
+                        let by_torque = (one.at(place).conj() * other.at(place)).re * torque[place];
                         by_angle + if both_torque { by_torque } else { 0.0 }
                     })
                     .sum();
@@ -256,10 +307,6 @@ impl TrialMoments {
         }
         covariance
     }
-}
-
-fn product(weights: &[Complex64], residual: &[Complex64]) -> f64 {
-    weights.iter().zip(residual).map(|(weight, value)| (weight.conj() * value).re).sum()
 }
 
 /// Whether the mean torque of a trial with this load tells the offset. Where the load's torque depends on the angle, the unknown place

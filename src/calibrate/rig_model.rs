@@ -12,7 +12,8 @@ use super::fourier::Fourier;
 const FRICTION_PASSES: usize = 2;
 
 /// The recorded torque, as Fourier coefficients, without the offset, for a recorded angle relative to the start position.
-/// `friction_speed_rad_s` is the speed at which the friction is 76 % of its full value.
+/// `friction_speed_rad_s` is a speed that the noise
+/// resolves; the friction is at 76 % of its full value at this speed times its factor.
 pub fn recorded_torque(
     constants: &RigConstants,
     handle: AtHandle,
@@ -22,6 +23,7 @@ pub fn recorded_torque(
 ) -> Vec<Complex64> {
     let angle: Vec<Complex64> = recorded_angle.iter().map(|value| value / constants.angle_gain).collect();
     let mut friction = vec![Complex64::ZERO; angle.len()];
+    let friction_speed_rad_s = constants.friction_speed_factor * friction_speed_rad_s;
     if !handle.is_clamped && constants.bearing_friction_nm != 0.0 {
         for _ in 0..FRICTION_PASSES {
             let speed: Vec<Complex64> = (0..angle.len())
@@ -85,10 +87,13 @@ pub fn torque_response(constants: &RigConstants, handle: AtHandle, omega: f64) -
     torque * torque_channel(constants, omega) / constants.angle_gain
 }
 
-/// Response of the recorded angle to the target.
-pub fn servo_response(constants: &RigConstants, omega: f64) -> Complex64 {
+/// Response of the recorded angle to the target. Between two targets the drive may hold the last one, or go there in a straight line, or
+/// know the whole way: powers 1, 2 and 0 of the response of a hold.
+pub fn servo_response(constants: &RigConstants, omega: f64, sample_rate_hz: f64) -> Complex64 {
+    let half = 0.5 * omega / sample_rate_hz;
+    let hold = if half == 0.0 { 1.0 } else { libm::pow(libm::sin(half) / half, constants.servo_hold) };
     let (period_s, damping) = (constants.servo_period_s, constants.servo_damping);
     let delay = Complex64::new(0.0, -omega * constants.servo_delay_s).exp();
     let of_frequency = omega * period_s;
-    constants.servo_gain * delay / Complex64::new(1.0 - of_frequency * of_frequency, 2.0 * damping * of_frequency)
+    hold * constants.servo_gain * delay / Complex64::new(1.0 - of_frequency * of_frequency, 2.0 * damping * of_frequency)
 }
