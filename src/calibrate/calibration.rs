@@ -13,8 +13,8 @@ use super::moments::MomentChannel;
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
 use super::reported::reported;
 use crate::dataset::{
-    CalibrationFit, CalibrationLoad, CalibrationNoise, NoiseSpectrum, RIG_TRIAL_REST_S, RigCalibration, RigLoad,
-    RigMotion, RigTrial, RigTrials, Status,
+    CalibrationFit, CalibrationLoad, CalibrationNoise, HandleLoad, NoiseSpectrum, RIG_TRIAL_REST_S,
+    RigCalibration, RigTrial, RigTrialMotion, RigTrials, Status,
 };
 use crate::random::Stream;
 use crate::statistics::t_quantile;
@@ -47,7 +47,7 @@ pub struct PreparedRig {
     /// Largest torque beside its median, N m.
     pub largest_nm: f64,
     /// The loads with a stated value, without direction.
-    pub loads: Vec<RigLoad>,
+    pub loads: Vec<HandleLoad>,
 }
 
 impl PreparedRig {
@@ -58,7 +58,7 @@ impl PreparedRig {
     pub fn new(trials: &RigTrials, used: fn(&RigTrial) -> bool) -> Result<Self, CalibrateError> {
         let analysed: Vec<&RigTrial> =
             trials.trials.iter().filter(|trial| trial.status == Status::Ok && used(trial)).collect();
-        if !analysed.iter().any(|trial| trial.motion != RigMotion::Still) {
+        if !analysed.iter().any(|trial| trial.motion != RigTrialMotion::Still) {
             return Err(CalibrateError::NoMotion);
         }
         for trial in &analysed {
@@ -73,7 +73,7 @@ impl PreparedRig {
             .iter()
             .map(|trial| PreparedTrial::new(trial, trials.sample_rate_hz, &noise, &positions))
             .collect();
-        let mut loads: Vec<RigLoad> = Vec::new();
+        let mut loads: Vec<HandleLoad> = Vec::new();
         for trial in &analysed {
             let load = trial.load.without_sign();
             if load.relative_error().is_some() && !loads.contains(&load) {
@@ -93,7 +93,7 @@ fn check_return(trial: &RigTrial, sample_rate_hz: f64) -> Result<(), CalibrateEr
     let farthest = angle.iter().fold(0.0, |far: f64, value| far.max((value - start).abs()));
     let end = angle.last().map_or(0.0, |last| last - start);
     // A ramp that is not taken back ends at its farthest angle, or near it.
-    if trial.motion != RigMotion::Still && end.abs() > 0.5 * farthest {
+    if trial.motion != RigTrialMotion::Still && end.abs() > 0.5 * farthest {
         return Err(CalibrateError::NoReturn { file: trial.file.clone(), end_rad: end });
     }
     Ok(())
@@ -105,7 +105,7 @@ fn largest_nm(trials: &[&RigTrial]) -> f64 {
         let torque = &trial.record.torque_l_nm;
         let mean = torque.iter().sum::<f64>() / torque.len() as f64;
         largest = torque.iter().fold(largest, |far, value| far.max((value - mean).abs()));
-        if let RigLoad::KnownWeight { .. } = trial.load {
+        if let HandleLoad::KnownWeight { .. } = trial.load {
             largest = largest.max(mean.abs());
         }
     }
@@ -115,11 +115,11 @@ fn largest_nm(trials: &[&RigTrial]) -> f64 {
 /// Standard deviation of the mean torque of a trial: from the scatter of the trials with one load, at least that of the noise. It
 /// contains the error of its own few degrees of freedom, so that 1.96 of it make a 95 % interval.
 fn mean_sd_nm(trials: &[PreparedTrial], noise: &ChannelNoise) -> f64 {
-    let mut groups: Vec<(RigLoad, Vec<f64>)> = Vec::new();
+    let mut groups: Vec<(HandleLoad, Vec<f64>)> = Vec::new();
     let mut of_noise: f64 = 0.0;
     for trial in trials {
         of_noise = of_noise.max(trial.variance(noise.torque.at(0.0)));
-        if matches!(trial.load, RigLoad::ClampedHandle | RigLoad::KnownSpring { .. }) {
+        if matches!(trial.load, HandleLoad::ClampedHandle | HandleLoad::KnownSpring { .. }) {
             continue;
         }
         let mean = trial.torque[0].re;
@@ -193,7 +193,8 @@ pub fn calibrate(
 pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
     let first = input.fit(None);
     let cells = cells(input.trials);
-    let standardised: Vec<DVector<f64>> = first.equations.iter().map(|own| own.standardised.clone()).collect();
+    let standardised: Vec<DVector<f64>> =
+        first.equations.iter().map(|own| own.standardised.clone()).collect();
     let (sum, freedom) = scatter_within(&cells, &first.equations, &standardised, MomentChannel::Torque);
     input.torque_scale = if freedom > 0.0 { libm::sqrt((sum / freedom).max(1.0)) } else { 1.0 };
     // No motor is exactly of second order: what the model of the servo leaves is its noise.
@@ -230,7 +231,7 @@ fn grow_with_misfit(fit: &RigFit, found: &mut RigCovariance) {
 
 /// The loads of the file: what was at the handle in how many trials.
 fn described_loads(trials: &[PreparedTrial]) -> Vec<CalibrationLoad> {
-    let mut found: Vec<(RigLoad, usize)> = Vec::new();
+    let mut found: Vec<(HandleLoad, usize)> = Vec::new();
     for trial in trials {
         let load = trial.load.without_sign();
         match found.iter_mut().find(|(own, _)| *own == load) {
@@ -238,7 +239,7 @@ fn described_loads(trials: &[PreparedTrial]) -> Vec<CalibrationLoad> {
             None => found.push((load, 1)),
         }
     }
-    let described = |(load, trials): (RigLoad, usize)| {
+    let described = |(load, trials): (HandleLoad, usize)| {
         let mut own = CalibrationLoad {
             load: load.name().to_owned(),
             mass_kg: None,
@@ -249,15 +250,15 @@ fn described_loads(trials: &[PreparedTrial]) -> Vec<CalibrationLoad> {
             trials,
         };
         match load {
-            RigLoad::KnownWeight { mass_kg, arm_m, .. } => {
+            HandleLoad::KnownWeight { mass_kg, arm_m, .. } => {
                 own.mass_kg = Some(mass_kg);
                 own.arm_m = Some(arm_m);
             }
-            RigLoad::KnownInertia { inertia_kg_m2, .. } => own.inertia_kg_m2 = Some(inertia_kg_m2),
-            RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
+            HandleLoad::KnownInertia { inertia_kg_m2, .. } => own.inertia_kg_m2 = Some(inertia_kg_m2),
+            HandleLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
                 own.stiffness_nm_per_rad = Some(stiffness_nm_per_rad);
             }
-            RigLoad::EmptyHandle | RigLoad::ClampedHandle => {}
+            HandleLoad::EmptyHandle | HandleLoad::ClampedHandle => {}
         }
         own
     };
@@ -265,12 +266,14 @@ fn described_loads(trials: &[PreparedTrial]) -> Vec<CalibrationLoad> {
 }
 
 /// A load for messages, with its stated value.
-pub fn named_load(load: RigLoad) -> String {
+pub fn named_load(load: HandleLoad) -> String {
     match load {
-        RigLoad::EmptyHandle | RigLoad::ClampedHandle => load.name().to_owned(),
-        RigLoad::KnownWeight { mass_kg, arm_m, .. } => format!("known_weight of {mass_kg} kg at {arm_m} m"),
-        RigLoad::KnownInertia { inertia_kg_m2, .. } => format!("known_inertia of {inertia_kg_m2} kg m2"),
-        RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
+        HandleLoad::EmptyHandle | HandleLoad::ClampedHandle => load.name().to_owned(),
+        HandleLoad::KnownWeight { mass_kg, arm_m, .. } => {
+            format!("known_weight of {mass_kg} kg at {arm_m} m")
+        }
+        HandleLoad::KnownInertia { inertia_kg_m2, .. } => format!("known_inertia of {inertia_kg_m2} kg m2"),
+        HandleLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
             format!("known_spring of {stiffness_nm_per_rad} N m/rad")
         }
     }
@@ -279,7 +282,8 @@ pub fn named_load(load: RigLoad) -> String {
 /// A load that disagrees with the others, as a sentence.
 fn warning(check: &LoadCheck) -> String {
     let or: Vec<String> = check.or.iter().map(|load| named_load(*load)).collect();
-    let or = if or.is_empty() { String::new() } else { format!("; or {} is wrong in its place", or.join(" or ")) };
+    let or =
+        if or.is_empty() { String::new() } else { format!("; or {} is wrong in its place", or.join(" or ")) };
     format!(
         "{} disagrees with the other loads: by them it is {:+.1} % from its stated value (standard error {:.1} %, p = {:.2e}){or}",
         named_load(check.load),

@@ -8,7 +8,7 @@ use super::covariance::{INTERVAL, inverse};
 use super::error::CalibrateError;
 use super::fit::{RigFitInput, RigPrior};
 use super::misfit::square_root;
-use crate::dataset::{RigCalibration, RigLoad, RigMotion, RigQuantity, RigTrials};
+use crate::dataset::{HandleLoad, RigCalibration, RigQuantity, RigTrialMotion, RigTrials};
 use crate::statistics::{chi_square_tail, holm, t_two_sided};
 
 /// Significance level over all quantities.
@@ -57,7 +57,7 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
         return Err(CalibrateError::NothingCalibrated(calibration.session.clone()));
     }
     let prepared = PreparedRig::new(trials, |trial| {
-        trial.load == RigLoad::EmptyHandle && trial.motion != RigMotion::Still
+        trial.load == HandleLoad::EmptyHandle && trial.motion != RigTrialMotion::Still
     })
     .map_err(|error| if error == CalibrateError::NoMotion { CalibrateError::NoEmptyHandle } else { error })?;
     let coordinates = RigCoordinates::new(trials.lever, prepared.largest_nm, Vec::new());
@@ -116,13 +116,16 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
         }
         let calibrated = calibration.value(*name).unwrap_or(f64::NAN);
         let slope = natural_slope(*name, input.coordinates.scales[place], calibrated);
-        found.push((difference / se, QuantityDifference {
-            name: *name,
-            calibrated,
-            difference: difference * slope,
-            se: se * slope.abs(),
-            p_value: t_two_sided(difference / se, MANY),
-        }));
+        found.push((
+            difference / se,
+            QuantityDifference {
+                name: *name,
+                calibrated,
+                difference: difference * slope,
+                se: se * slope.abs(),
+                p_value: t_two_sided(difference / se, MANY),
+            },
+        ));
     }
     let p: Vec<f64> = found.iter().map(|(_, own)| own.p_value).collect();
     for ((_, own), p_value) in found.iter_mut().zip(holm(&p)) {

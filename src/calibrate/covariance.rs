@@ -34,9 +34,7 @@ pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
         of_data += equations.jacobian.transpose() * &equations.jacobian;
     }
     let scores = score_covariance(fit, size);
-    let known = DVector::from_fn(size, |place, _| {
-        if place < FIRST_KNOWN { 0.0 } else { prior[place] }
-    });
+    let known = DVector::from_fn(size, |place, _| if place < FIRST_KNOWN { 0.0 } else { prior[place] });
     // A prior that is a measurement counts as one; the others only keep the inverse finite.
     let with = |others: f64| {
         let all = known.map(|own| if own > 0.0 { own } else { others });
@@ -47,10 +45,10 @@ pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
     let (model, inverse) = with(1.0);
     let (data, _) = with(NOTHING_KNOWN);
     let clustered = clustered_se(fit, &inverse, &known);
-    let growth = DVector::from_fn(size, |place, _| {
-        (clustered[place] / libm::sqrt(model[(place, place)])).max(1.0)
-    });
-    let grown = DMatrix::from_fn(size, size, |row, column| model[(row, column)] * growth[row] * growth[column]);
+    let growth =
+        DVector::from_fn(size, |place, _| (clustered[place] / libm::sqrt(model[(place, place)])).max(1.0));
+    let grown =
+        DMatrix::from_fn(size, size, |row, column| model[(row, column)] * growth[row] * growth[column]);
     RigCovariance {
         covariance: grown,
         data_se: DVector::from_fn(size, |place, _| libm::sqrt(data[(place, place)]) * growth[place]),
@@ -87,9 +85,9 @@ fn clustered_se(fit: &RigFit, inverse: &DMatrix<f64>, known: &DVector<f64>) -> D
         let left = DMatrix::identity(equations.residual.len(), equations.residual.len())
             - &equations.jacobian * &gain;
         let eigen = left.symmetric_eigen();
-        let grown = eigen.eigenvalues.map(|value| {
-            if value > LEFT_IN_RESIDUAL { 1.0 / libm::sqrt(value) } else { 0.0 }
-        });
+        let grown = eigen
+            .eigenvalues
+            .map(|value| if value > LEFT_IN_RESIDUAL { 1.0 / libm::sqrt(value) } else { 0.0 });
         let residual = &eigen.eigenvectors
             * grown.component_mul(&(eigen.eigenvectors.transpose() * &equations.residual));
         let contribution = &gain * residual;

@@ -32,6 +32,8 @@ pub enum CalibrateError {
         end_rad: f64,
     },
     /// A calibration in which nothing is known.
-    #[error("{0}: no quantity has a value, so there is nothing to compare with; calibrate with known loads first")]
+    #[error(
+        "{0}: no quantity has a value, so there is nothing to compare with; calibrate with known loads first"
+    )]
     NothingCalibrated(String),
 }

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::constants::{FIRST_KNOWN, REPORTED, RigConstants, RigCoordinates};
 use super::moments::{
-    MomentChannel, MomentLabel, Needed, OfTorqueChannel, TrialMoments, TrialResidual, residual, torque_channel_derivative,
+    MomentChannel, MomentLabel, Needed, OfTorqueChannel, TrialMoments, TrialResidual, residual,
+    torque_channel_derivative,
 };
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
 
@@ -120,14 +121,11 @@ impl RigFitInput<'_> {
         RigFit { point, equations }
     }
 
-    /// The equations at a point, without a search.
-    pub fn equations_at(&self, point: &DVector<f64>) -> Vec<TrialEquations> {
-        self.equations(&self.whitened(point), point)
-    }
-
     fn whitened(&self, point: &DVector<f64>) -> Vec<Whitened> {
         let constants = self.coordinates.constants(point.as_slice());
-        let range = |place: usize| self.coordinates.scales[place].value(1.0) - self.coordinates.scales[place].value(0.0);
+        let range = |place: usize| {
+            self.coordinates.scales[place].value(1.0) - self.coordinates.scales[place].value(0.0)
+        };
         let small_terms = [range(FRICTION_PLACE), range(CUBIC_PLACE)];
         self.trials
             .par_iter()
@@ -174,7 +172,8 @@ impl RigFitInput<'_> {
                         continue;
                     }
                     let derivative = if let Some(of) = of_torque_channel(column) {
-                        let derivative = torque_channel_derivative(&self.trials[place], &base, &constants, of);
+                        let derivative =
+                            torque_channel_derivative(&self.trials[place], &base, &constants, of);
                         self.scaled(own, &derivative) * self.coordinates.scales[column].range()
                     } else {
                         let mut moved = point.clone();

@@ -3,7 +3,7 @@
 use super::constants::RigCoordinates;
 use super::covariance::{INTERVAL, RigCovariance, inverse};
 use super::fit::{RigFit, RigFitInput};
-use crate::dataset::RigLoad;
+use crate::dataset::HandleLoad;
 use crate::statistics::{holm, t_two_sided};
 use nalgebra::DMatrix;
 
@@ -17,7 +17,7 @@ const LEVEL: f64 = 0.05;
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadCheck {
     /// The load, without direction.
-    pub load: RigLoad,
+    pub load: HandleLoad,
     /// True over stated value as the other loads have it, less one; `None` if they cannot tell.
     pub difference: Option<f64>,
     /// Standard error of the difference, with the error of the stated value.
@@ -25,7 +25,7 @@ pub struct LoadCheck {
     /// Probability of a difference this large if all stated values are right, adjusted for the number of loads by Holm's method.
     pub p_value: f64,
     /// Other loads that explain the disagreement as well: one of them may be wrong in its place.
-    pub or: Vec<RigLoad>,
+    pub or: Vec<HandleLoad>,
 }
 
 impl LoadCheck {
@@ -41,7 +41,8 @@ pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit, covariance: &RigCovari
     let precision = input.prior.precision.diagonal();
     let first = RigCoordinates::first_load();
     // The covariance allows for more than the noise model has: the check as well.
-    let model = inverse(&covariance.information + DMatrix::identity(coordinates.count(), coordinates.count()) * 1e-6);
+    let model =
+        inverse(&covariance.information + DMatrix::identity(coordinates.count(), coordinates.count()) * 1e-6);
     let mut checks: Vec<LoadCheck> = coordinates
         .loads
         .iter()
@@ -71,7 +72,8 @@ pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit, covariance: &RigCovari
     let squares: Vec<f64> = checks.iter().map(|check| z(check) * z(check)).collect();
     for index in 0..checks.len() {
         // A load whose removal lowers the misfit as far, within what chance does, is not told from this one.
-        let as_well = |other: &usize| *other != index && squares[*other] > squares[index] - INTERVAL * INTERVAL;
+        let as_well =
+            |other: &usize| *other != index && squares[*other] > squares[index] - INTERVAL * INTERVAL;
         if checks[index].disagrees() {
             let or = (0..checks.len()).filter(as_well).filter(|other| checks[*other].disagrees());
             checks[index].or = or.map(|other| checks[other].load).collect();

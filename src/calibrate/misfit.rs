@@ -7,7 +7,7 @@ use super::covariance::inverse;
 use super::fit::{RigFit, RigFitInput, TrialEquations};
 use super::moments::MomentChannel;
 use super::prepared_trial::PreparedTrial;
-use crate::dataset::RigLoad;
+use crate::dataset::HandleLoad;
 use crate::random::Stream;
 
 /// Residuals drawn under the fitted model for the reference distribution.
@@ -17,7 +17,7 @@ const DRAWS: usize = 999;
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadResidual {
     /// The load, with its direction.
-    pub load: RigLoad,
+    pub load: HandleLoad,
     /// Number of trials.
     pub trials: usize,
     /// Root mean square of the residual beside what noise and encoder make; 1 if the model is right.
@@ -62,7 +62,9 @@ pub fn scatter_within(
 ) -> (f64, f64) {
     let (mut sum, mut freedom) = (0.0, 0.0);
     for cell in cells.iter().filter(|cell| cell.len() > 1) {
-        for (row, label) in equations[cell[0]].labels.iter().enumerate().filter(|(_, own)| own.channel == channel) {
+        for (row, label) in
+            equations[cell[0]].labels.iter().enumerate().filter(|(_, own)| own.channel == channel)
+        {
             let values: Option<Vec<f64>> = cell
                 .iter()
                 .map(|trial| {
@@ -96,7 +98,7 @@ struct MisfitStatistics {
 pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> RigMisfit {
     let size = input.coordinates.count();
     let cells = cells(input.trials);
-    let mut loads: Vec<(RigLoad, Vec<usize>)> = Vec::new();
+    let mut loads: Vec<(HandleLoad, Vec<usize>)> = Vec::new();
     for (place, trial) in input.trials.iter().enumerate() {
         match loads.iter_mut().find(|(load, _)| *load == trial.load) {
             Some((_, places)) => places.push(place),
@@ -111,7 +113,8 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
         normal += own.jacobian.transpose() * &own.jacobian;
     }
     let inverse = inverse(normal);
-    let noise: Vec<DMatrix<f64>> = fit.equations.iter().map(|own| square_root(&own.noise_covariance)).collect();
+    let noise: Vec<DMatrix<f64>> =
+        fit.equations.iter().map(|own| square_root(&own.noise_covariance)).collect();
     let positions = fit.equations.first().map_or(0, |own| own.step_errors.len());
     let mut exceeded = MisfitStatistics { whole: 1.0, servo: 1.0, loads: vec![1.0; loads.len()] };
     let mut sums = vec![0.0; loads.len()];
@@ -167,7 +170,7 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
 fn statistics(
     fit: &RigFit,
     cells: &[Vec<usize>],
-    loads: &[(RigLoad, Vec<usize>)],
+    loads: &[(HandleLoad, Vec<usize>)],
     residuals: &[DVector<f64>],
 ) -> MisfitStatistics {
     let standardised: Vec<DVector<f64>> = fit
@@ -201,10 +204,7 @@ fn statistics(
     MisfitStatistics {
         whole: over_scatter(false),
         servo: over_scatter(true),
-        loads: loads
-            .iter()
-            .map(|(_, trials)| trials.iter().map(|trial| sum(*trial, false)).sum())
-            .collect(),
+        loads: loads.iter().map(|(_, trials)| trials.iter().map(|trial| sum(*trial, false)).sum()).collect(),
     }
 }
 

@@ -10,7 +10,7 @@ use rustfft::num_complex::Complex64;
 use super::constants::{AtHandle, RigConstants};
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
 use super::rig_model::{recorded_torque, servo_response, torque_response};
-use crate::dataset::RigLoad;
+use crate::dataset::HandleLoad;
 
 /// Bands in an octave of frequency; each has two products, in phase and in quadrature.
 const BANDS_PER_OCTAVE: f64 = 2.0;
@@ -57,7 +57,11 @@ impl Instrument {
     }
 
     fn product(&self, residual: &[Complex64]) -> f64 {
-        self.weights.iter().zip(&residual[self.from..]).map(|(weight, value)| (weight.conj() * value).re).sum()
+        self.weights
+            .iter()
+            .zip(&residual[self.from..])
+            .map(|(weight, value)| (weight.conj() * value).re)
+            .sum()
     }
 }
 
@@ -100,13 +104,18 @@ pub fn residual(
     let torque = (needed != Needed::Servo).then(|| {
         let predicted =
             recorded_torque(constants, handle, &trial.angle, &trial.fourier, friction_speed_rad_s);
-        let mut left: Vec<Complex64> = trial.torque.iter().zip(predicted).map(|(own, model)| own - model).collect();
+        let mut left: Vec<Complex64> =
+            trial.torque.iter().zip(predicted).map(|(own, model)| own - model).collect();
         left[0] -= constants.torque_offset_nm;
         left
     });
     let servo = (needed != Needed::Torque && trial.moves()).then(|| {
-        let response = |place: usize| servo_response(constants, trial.fourier.omega(place), trial.fourier.sample_rate_hz());
-        (0..trial.angle.len()).map(|place| trial.angle[place] - response(place) * trial.target[place]).collect()
+        let response = |place: usize| {
+            servo_response(constants, trial.fourier.omega(place), trial.fourier.sample_rate_hz())
+        };
+        (0..trial.angle.len())
+            .map(|place| trial.angle[place] - response(place) * trial.target[place])
+            .collect()
     });
     TrialResidual { torque, servo }
 }
@@ -165,8 +174,12 @@ impl TrialMoments {
         if !trial.moves() {
             return own;
         }
-        let motion: Vec<Complex64> =
-            (0..count).map(|place| servo_response(constants, fourier.omega(place), fourier.sample_rate_hz()) * trial.target[place]).collect();
+        let motion: Vec<Complex64> = (0..count)
+            .map(|place| {
+                servo_response(constants, fourier.omega(place), fourier.sample_rate_hz())
+                    * trial.target[place]
+            })
+            .collect();
         let torque_variance = own.torque_variance(trial, noise);
         let servo_variance: Vec<f64> = (0..count)
             .map(|place| trial.variance(noise.step_power + noise.angle.at(fourier.frequency_hz(place))))
@@ -178,7 +191,10 @@ impl TrialMoments {
         own.add_bands(trial, MomentChannel::Torque, &torque, &torque_variance);
         let [friction, cubic] = small_terms;
         let changed = [
-            RigConstants { bearing_friction_nm: constants.bearing_friction_nm + friction, ..constants.clone() },
+            RigConstants {
+                bearing_friction_nm: constants.bearing_friction_nm + friction,
+                ..constants.clone()
+            },
             RigConstants {
                 torque_nonlinearity_per_nm2: constants.torque_nonlinearity_per_nm2 + cubic,
                 ..constants.clone()
@@ -205,7 +221,13 @@ impl TrialMoments {
             .collect()
     }
 
-    fn add_bands(&mut self, trial: &PreparedTrial, channel: MomentChannel, signal: &[Complex64], variance: &[f64]) {
+    fn add_bands(
+        &mut self,
+        trial: &PreparedTrial,
+        channel: MomentChannel,
+        signal: &[Complex64],
+        variance: &[f64],
+    ) {
         let band = |place: usize| {
             libm::floor(BANDS_PER_OCTAVE * libm::log2(trial.fourier.frequency_hz(place))) as i32
         };
@@ -256,14 +278,16 @@ impl TrialMoments {
             };
             side.as_ref().map_or(0.0, |side| instrument.product(side))
         });
-        let mean = self.has_mean.then(|| residual.torque.as_ref().map_or(0.0, |side| side[0].re / mean_sd_nm));
+        let mean =
+            self.has_mean.then(|| residual.torque.as_ref().map_or(0.0, |side| side[0].re / mean_sd_nm));
         let moments: Vec<f64> = products.chain(mean).collect();
         DVector::from_vec(moments)
     }
 
     /// The moments of an error of the recorded angle.
     pub fn of_angle_error(&self, error: &[Complex64]) -> DVector<f64> {
-        let torque: Vec<Complex64> = error.iter().zip(&self.response).map(|(own, response)| -response * own).collect();
+        let torque: Vec<Complex64> =
+            error.iter().zip(&self.response).map(|(own, response)| -response * own).collect();
         let residual = TrialResidual { torque: Some(torque), servo: Some(error.to_vec()) };
         let mut moments = self.of(&residual, 1.0);
         if self.has_mean {
@@ -280,14 +304,16 @@ impl TrialMoments {
         let hz = |place: usize| trial.fourier.frequency_hz(place);
         let torque: Vec<f64> = (0..count).map(|place| trial.variance(noise.torque.at(hz(place)))).collect();
         let steps = if with_steps { noise.step_power } else { 0.0 };
-        let angle: Vec<f64> = (0..count).map(|place| trial.variance(steps + noise.angle.at(hz(place)))).collect();
+        let angle: Vec<f64> =
+            (0..count).map(|place| trial.variance(steps + noise.angle.at(hz(place)))).collect();
         // Weights of each moment on the torque's noise and on the angle's.
         let size = self.instruments.len();
         let of_angle = |instrument: &Instrument, place: usize| match instrument.label.channel {
             MomentChannel::Servo => instrument.at(place),
             _ => -self.response[place].conj() * instrument.at(place),
         };
-        let mut covariance = DMatrix::identity(size + usize::from(self.has_mean), size + usize::from(self.has_mean));
+        let mut covariance =
+            DMatrix::identity(size + usize::from(self.has_mean), size + usize::from(self.has_mean));
         for row in 0..size {
             for column in 0..=row {
                 let (one, other) = (&self.instruments[row], &self.instruments[column]);
@@ -296,7 +322,8 @@ impl TrialMoments {
                 let (first, second) = (one.places(), other.places());
                 let sum: f64 = (first.start.max(second.start)..first.end.min(second.end))
                     .map(|place| {
-                        let by_angle = (of_angle(one, place).conj() * of_angle(other, place)).re * angle[place];
+                        let by_angle =
+                            (of_angle(one, place).conj() * of_angle(other, place)).re * angle[place];
                         let by_torque = (one.at(place).conj() * other.at(place)).re * torque[place];
                         by_angle + if both_torque { by_torque } else { 0.0 }
                     })
@@ -311,9 +338,9 @@ impl TrialMoments {
 
 /// Whether the mean torque of a trial with this load tells the offset. Where the load's torque depends on the angle, the unknown place
 /// of the start position within a step of the encoder makes an error of the mean.
-fn has_mean(load: RigLoad) -> bool {
+fn has_mean(load: HandleLoad) -> bool {
     match load {
-        RigLoad::EmptyHandle | RigLoad::KnownWeight { .. } | RigLoad::KnownInertia { .. } => true,
-        RigLoad::ClampedHandle | RigLoad::KnownSpring { .. } => false,
+        HandleLoad::EmptyHandle | HandleLoad::KnownWeight { .. } | HandleLoad::KnownInertia { .. } => true,
+        HandleLoad::ClampedHandle | HandleLoad::KnownSpring { .. } => false,
     }
 }

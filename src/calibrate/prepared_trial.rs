@@ -5,7 +5,7 @@ use rustfft::num_complex::Complex64;
 use super::encoder::{smallest_step, step_error_rad};
 use super::fourier::Fourier;
 use super::noise::PowerSpectrum;
-use crate::dataset::{RIG_TRIAL_REST_S, RigLoad, RigMotion, RigTrial};
+use crate::dataset::{HandleLoad, RIG_TRIAL_REST_S, RigTrial, RigTrialMotion};
 
 /// Highest frequency of the fit, Hz: three times the cut-off of the paper's filter, above which no analysis of a person looks. At low
 /// sample rates it is a quarter of the rate.
@@ -13,12 +13,10 @@ const TOP_HZ: f64 = 150.0;
 
 /// A trial, ready for the fit.
 pub struct PreparedTrial {
-    /// Number in the table.
-    pub number: u32,
     /// What is at the handle.
-    pub load: RigLoad,
+    pub load: HandleLoad,
     /// What the motor does.
-    pub motion: RigMotion,
+    pub motion: RigTrialMotion,
     /// Its transforms.
     pub fourier: Fourier,
     /// Target relative to the start position.
@@ -59,7 +57,7 @@ impl ChannelNoise {
                 .iter()
                 .map(|trial| {
                     let record = channel(trial).as_slice();
-                    if trial.motion == RigMotion::Still { record } else { &record[..rest] }
+                    if trial.motion == RigTrialMotion::Still { record } else { &record[..rest] }
                 })
                 .collect()
         };
@@ -115,7 +113,7 @@ impl PreparedTrial {
             let relative: Vec<f64> = channel.iter().map(|value| value - level).collect();
             fourier.of_record(&relative)
         };
-        let moves = trial.motion != RigMotion::Still;
+        let moves = trial.motion != RigTrialMotion::Still;
         let angle_errors = if moves && noise.step_rad > 0.0 {
             let motion = fourier.smoothed(&record.theta_m_rad);
             let error = |position: &f64| step_error_rad(&motion, noise.step_rad, *position);
@@ -124,7 +122,6 @@ impl PreparedTrial {
             positions.iter().map(|_| vec![Complex64::ZERO; fourier.coefficients]).collect()
         };
         Self {
-            number: trial.number,
             load: trial.load,
             motion: trial.motion,
             target: from_start(&record.target_rad),
@@ -138,7 +135,7 @@ impl PreparedTrial {
 
     /// Whether the motor moves.
     pub fn moves(&self) -> bool {
-        self.motion != RigMotion::Still
+        self.motion != RigTrialMotion::Still
     }
 
     /// Variance of a Fourier coefficient under a one-sided spectrum.

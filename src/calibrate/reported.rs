@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::constants::{CoordinateScale, REPORTED, RigCoordinates, time_constant_s};
 use super::covariance::{INTERVAL, RigCovariance, inverse};
 use super::fit::RigFitInput;
-use crate::dataset::{CalibratedQuantity, RigLoad, RigQuantity};
+use crate::dataset::{CalibratedQuantity, HandleLoad, RigQuantity};
 use crate::wrist::Lever;
 
 /// What is reported of the coordinates.
@@ -35,8 +35,7 @@ pub fn reported(
             told(own, scales[place], point[place], se)
         })
         .collect();
-    let untold: Vec<usize> =
-        (0..REPORTED).filter(|place| matches!(states[*place], Told::Unknown)).collect();
+    let untold: Vec<usize> = (0..REPORTED).filter(|place| matches!(states[*place], Told::Unknown)).collect();
     let quantities = (0..REPORTED).map(|place| {
         let name = RigQuantity::ALL[place];
         let (value, se, reason) = match &states[place] {
@@ -92,9 +91,13 @@ fn told(quantity: RigQuantity, scale: CoordinateScale, coordinate: f64, se: f64)
                 let what =
                     if quantity == RigQuantity::TorqueCutoff { "a low-pass" } else { "a limit of the motor" };
                 return Told::Bound(if bound > 0.0 {
-                    format!("no sign of {what} in the trials: it is above {bound:.0} Hz (95 %), if there is one")
+                    format!(
+                        "no sign of {what} in the trials: it is above {bound:.0} Hz (95 %), if there is one"
+                    )
                 } else {
-                    format!("the trials contradict {what}: the time constant is below zero; look for a delay of the other channel")
+                    format!(
+                        "the trials contradict {what}: the time constant is below zero; look for a delay of the other channel"
+                    )
                 });
             }
             let frequency = time_constant_s(value);
@@ -161,7 +164,7 @@ fn told_with(found: &RigCovariance, place: usize, given: &[usize]) -> bool {
 /// What would tell a quantity.
 fn remedy(quantity: RigQuantity, coordinates: &RigCoordinates, input: &RigFitInput<'_>) -> String {
     let has = |name: &str| input.trials.iter().any(|trial| trial.load.name() == name);
-    let stated = |name: &str| coordinates.loads.iter().any(|load: &RigLoad| load.name() == name);
+    let stated = |name: &str| coordinates.loads.iter().any(|load: &HandleLoad| load.name() == name);
     let missing = match quantity {
         RigQuantity::TorqueGain | RigQuantity::TorqueOffset if !stated("known_weight") => {
             "a known_weight on both sides would tell it"
@@ -173,7 +176,9 @@ fn remedy(quantity: RigQuantity, coordinates: &RigCoordinates, input: &RigFitInp
         RigQuantity::LeverStiffness | RigQuantity::LeverDamping if !has("clamped_handle") => {
             "a clamped_handle would tell it"
         }
-        RigQuantity::TorqueNonlinearity => "known_weights of several masses up to the largest torque would tell it",
+        RigQuantity::TorqueNonlinearity => {
+            "known_weights of several masses up to the largest torque would tell it"
+        }
         RigQuantity::TorqueGain | RigQuantity::LeverInertia | RigQuantity::AngleGain
             if !stated("known_weight") =>
         {

@@ -95,5 +95,6 @@ pub fn servo_response(constants: &RigConstants, omega: f64, sample_rate_hz: f64)
     let (period_s, damping) = (constants.servo_period_s, constants.servo_damping);
     let delay = Complex64::new(0.0, -omega * constants.servo_delay_s).exp();
     let of_frequency = omega * period_s;
-    hold * constants.servo_gain * delay / Complex64::new(1.0 - of_frequency * of_frequency, 2.0 * damping * of_frequency)
+    hold * constants.servo_gain * delay
+        / Complex64::new(1.0 - of_frequency * of_frequency, 2.0 * damping * of_frequency)
 }

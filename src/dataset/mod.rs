@@ -53,9 +53,9 @@ pub use rig_calibration::{
     CalibratedQuantity, CalibrationFit, CalibrationLoad, CalibrationNoise, CalibrationSource, NoiseSpectrum,
     RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, RigCalibration, RigCalibrationError, RigQuantity,
 };
-pub use rig_trial_csv_reader::{RIG_TRIAL_REST_S, RigRecord};
+pub use rig_trial_csv_reader::{RIG_TRIAL_REST_S, RigTrialSignals};
 pub use rig_trials::{
-    RIG_TRIALS, RigLoad, RigMotion, RigTrial, RigTrials, STANDARD_GRAVITY, load_rig_trials,
+    HandleLoad, RIG_TRIALS_TABLE, RigTrial, RigTrialMotion, RigTrials, STANDARD_GRAVITY, load_rig_trials,
 };
 pub use session_about::{SessionAbout, SessionCard, SubjectCard};
 pub use session_schema::session_schema_text;

@@ -9,7 +9,7 @@ pub const RIG_TRIAL_REST_S: f64 = 0.2;
 
 /// The raw signals of a rig trial: unfiltered, offsets not removed, one value a sample.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct RigRecord {
+pub struct RigTrialSignals {
     /// Angle commanded to the motor, rad.
     pub target_rad: Vec<f64>,
     /// Motor angle, rad.
@@ -30,7 +30,7 @@ pub(super) fn parse_rig_record(
     text: &str,
     sample_rate_hz: f64,
     analysed: bool,
-) -> Result<RigRecord, DatasetError> {
+) -> Result<RigTrialSignals, DatasetError> {
     let expected = "a header t_s,target_rad,theta_m_rad,torque_l_nm and a row a sample";
     let mut table = CsvTable::new(file.to_owned(), text, expected)?;
     let time = table.column("t_s")?;
@@ -62,7 +62,7 @@ pub(super) fn parse_rig_record(
     if analysed {
         check_rest(file, &target_rad, &lines, sample_rate_hz)?;
     }
-    Ok(RigRecord { target_rad, theta_m_rad, torque_l_nm, theta_l_rad, alpha_l_rad_s2, torque_h_nm })
+    Ok(RigTrialSignals { target_rad, theta_m_rad, torque_l_nm, theta_l_rad, alpha_l_rad_s2, torque_h_nm })
 }
 
 /// Whether the target stands still long enough before the motion, and the record is longer than this rest.

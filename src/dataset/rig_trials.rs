@@ -10,21 +10,21 @@ use super::error::{DatasetError, FilePlace};
 use super::hexadecimal::sha256;
 use super::load::{check_total_size, read_description};
 use super::rig_calibration::CalibrationSource;
-use super::rig_trial_csv_reader::{RigRecord, parse_rig_record};
+use super::rig_trial_csv_reader::{RigTrialSignals, parse_rig_record};
 use super::session_about::SessionCard;
 use crate::files::{excerpt, limits};
 use crate::session::Status;
 use crate::wrist::Lever;
 
 /// Name of the table of rig trials in a session's folder.
-pub const RIG_TRIALS: &str = "rig-trials.csv";
+pub const RIG_TRIALS_TABLE: &str = "rig-trials.csv";
 
 /// Acceleration that turns a mass into a weight, m/s2 (standard gravity).
 pub const STANDARD_GRAVITY: f64 = 9.80665;
 
 /// What is at the handle in a rig trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum RigLoad {
+pub enum HandleLoad {
     /// Nothing.
     EmptyHandle,
     /// A mass on a thread over a disc at the handle's axis.
@@ -56,7 +56,7 @@ pub enum RigLoad {
     },
 }
 
-impl RigLoad {
+impl HandleLoad {
     /// Name of the kind, as in the table.
     pub fn name(&self) -> &'static str {
         match self {
@@ -78,6 +78,14 @@ impl RigLoad {
         }
     }
 
+    /// Direction of a weight: 1 or -1; `None` for other loads.
+    pub fn sign(&self) -> Option<f64> {
+        match *self {
+            Self::KnownWeight { sign, .. } => Some(sign),
+            _ => None,
+        }
+    }
+
     /// The load without its direction: a weight on either side is one weight.
     pub fn without_sign(self) -> Self {
         match self {
@@ -91,7 +99,7 @@ impl RigLoad {
 
 /// What the motor does in a rig trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum RigMotion {
+pub enum RigTrialMotion {
     /// It holds the start position.
     Still,
     /// A ramp of the protocol, its hold and the way back.
@@ -111,15 +119,15 @@ pub struct RigTrial {
     /// Path of the record inside the session folder, with `/`.
     pub file: String,
     /// What is at the handle.
-    pub load: RigLoad,
+    pub load: HandleLoad,
     /// What the motor does.
-    pub motion: RigMotion,
+    pub motion: RigTrialMotion,
     /// Which repetition.
     pub repetition: u32,
     /// What became of it; only trials of status ok are analysed.
     pub status: Status,
     /// The signals.
-    pub record: RigRecord,
+    pub record: RigTrialSignals,
 }
 
 /// The rig trials of a session.
@@ -146,10 +154,11 @@ pub fn load_rig_trials(folder: &Path) -> Result<RigTrials, DatasetError> {
     let card = SessionCard::read(folder)?;
     let folder = SessionFolder::open(folder)?;
     let about = read_description(&folder)?;
-    let text = folder.text(RIG_TRIALS, limits::TABLE_BYTES, None)?;
+    let text = folder.text(RIG_TRIALS_TABLE, limits::TABLE_BYTES, None)?;
     let rows = read_table(&folder, &text)?;
     check_total_size(&folder, rows.iter().map(|row| (row.trial.file.as_str(), &row.file_at)))?;
-    let mut sources = vec![CalibrationSource { file: RIG_TRIALS.into(), sha256: sha256(text.as_bytes()) }];
+    let mut sources =
+        vec![CalibrationSource { file: RIG_TRIALS_TABLE.into(), sha256: sha256(text.as_bytes()) }];
     // Every record is read before the first error is chosen, so that the message does not depend on threads.
     let read: Vec<Result<(RigTrial, Option<CalibrationSource>), DatasetError>> =
         rows.into_par_iter().map(|row| row.with_record(&folder, about.sample_rate_hz)).collect();
@@ -199,7 +208,7 @@ const OF_SOME: [&str; 7] =
 fn read_table(folder: &SessionFolder, text: &str) -> Result<Vec<RigRow>, DatasetError> {
     let header = "a header trial,file,load,motion,velocity_rad_s,repetition,sign,mass_kg,arm_m,inertia_kg_m2,\
                   stiffness_nm_per_rad,relative_error,status and a row a trial";
-    let mut table = CsvTable::new(folder.name(RIG_TRIALS), text, header)?;
+    let mut table = CsvTable::new(folder.name(RIG_TRIALS_TABLE), text, header)?;
     let [number, file, load, motion, repetition, status] =
         columns(&table, ["trial", "file", "load", "motion", "repetition", "status"])?;
     let of_some = columns(&table, OF_SOME)?;
@@ -208,7 +217,7 @@ fn read_table(folder: &SessionFolder, text: &str) -> Result<Vec<RigRow>, Dataset
     let mut records = BTreeMap::new();
     while table.next_row()? {
         if rows.len() == limits::MAX_SESSION_TRIALS {
-            let at = FilePlace::line(folder.name(RIG_TRIALS), table.line());
+            let at = FilePlace::line(folder.name(RIG_TRIALS_TABLE), table.line());
             return Err(DatasetError::TooMany { at, what: "trials", limit: limits::MAX_SESSION_TRIALS });
         }
         let trial_number = table.count(number)?;
@@ -245,7 +254,7 @@ fn read_table(folder: &SessionFolder, text: &str) -> Result<Vec<RigRow>, Dataset
                 motion: trial_motion,
                 repetition: table.count(repetition)?,
                 status: trial_status,
-                record: RigRecord::default(),
+                record: RigTrialSignals::default(),
             },
             file_at: table.place(file),
         });
@@ -269,36 +278,36 @@ struct Cells<'a, 'text> {
 }
 
 impl Cells<'_, '_> {
-    fn motion(&mut self, column: usize) -> Result<RigMotion, DatasetError> {
+    fn motion(&mut self, column: usize) -> Result<RigTrialMotion, DatasetError> {
         match self.table.text(column) {
-            "still" => Ok(RigMotion::Still),
-            "multisine" => Ok(RigMotion::Multisine),
+            "still" => Ok(RigTrialMotion::Still),
+            "multisine" => Ok(RigTrialMotion::Multisine),
             "ramp" => {
                 let is_velocity = |value: f64| value != 0.0;
                 let velocity_rad_s =
                     self.number("velocity_rad_s", is_velocity, "a velocity in rad/s other than 0")?;
-                Ok(RigMotion::Ramp { velocity_rad_s })
+                Ok(RigTrialMotion::Ramp { velocity_rad_s })
             }
             _ => Err(self.table.invalid(column, "still, ramp or multisine")),
         }
     }
 
-    fn load(&mut self, column: usize) -> Result<RigLoad, DatasetError> {
+    fn load(&mut self, column: usize) -> Result<HandleLoad, DatasetError> {
         let positive = |value: f64| value > 0.0;
         match self.table.text(column) {
-            "empty_handle" => Ok(RigLoad::EmptyHandle),
-            "clamped_handle" => Ok(RigLoad::ClampedHandle),
-            "known_weight" => Ok(RigLoad::KnownWeight {
+            "empty_handle" => Ok(HandleLoad::EmptyHandle),
+            "clamped_handle" => Ok(HandleLoad::ClampedHandle),
+            "known_weight" => Ok(HandleLoad::KnownWeight {
                 mass_kg: self.number("mass_kg", positive, "a mass in kg above 0")?,
                 arm_m: self.number("arm_m", positive, "a lever arm in m above 0")?,
                 sign: self.number("sign", |value| value.abs() == 1.0, "1 or -1")?,
                 relative_error: self.relative_error()?,
             }),
-            "known_inertia" => Ok(RigLoad::KnownInertia {
+            "known_inertia" => Ok(HandleLoad::KnownInertia {
                 inertia_kg_m2: self.number("inertia_kg_m2", positive, "an inertia in kg m2 above 0")?,
                 relative_error: self.relative_error()?,
             }),
-            "known_spring" => Ok(RigLoad::KnownSpring {
+            "known_spring" => Ok(HandleLoad::KnownSpring {
                 stiffness_nm_per_rad: self.number(
                     "stiffness_nm_per_rad",
                     positive,

@@ -6,17 +6,19 @@ use std::path::Path;
 use super::csv_input::SessionFolder;
 use super::error::DatasetError;
 use super::manifest::{MANIFEST, Manifest};
+use super::rig_calibration::RIG_CALIBRATION;
 use super::{AMENDMENTS, JOURNAL, Session};
 use crate::files::EntryKind;
 
 /// Files at the top of a session folder.
-const OF_SESSION: [&str; 11] = [
+const OF_SESSION: [&str; 12] = [
     "session.json",
     "trials.csv",
     "familiarisation.csv",
     "protocol.json",
     "schedule.csv",
     "rig.json",
+    RIG_CALIBRATION,
     AMENDMENTS,
     "import.json",
     "import.svg",

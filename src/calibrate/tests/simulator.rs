@@ -1,7 +1,9 @@
 //! A rig that does not share the model of the fit: fine Runge-Kutta steps of the non-linear equations in time, with noise and an
 //! encoder of its own.
 
-use crate::dataset::{RigLoad, RigMotion, RigRecord, RigTrial, RigTrials, STANDARD_GRAVITY, Status};
+use crate::dataset::{
+    HandleLoad, RigTrial, RigTrialMotion, RigTrialSignals, RigTrials, STANDARD_GRAVITY, Status,
+};
 use crate::random::Stream;
 use crate::wrist::Lever;
 
@@ -70,8 +72,8 @@ impl TrueRig {
     pub fn trial(
         &self,
         number: u32,
-        load: RigLoad,
-        motion: RigMotion,
+        load: HandleLoad,
+        motion: RigTrialMotion,
         repetition: u32,
         factor: f64,
         targets: &[f64],
@@ -88,7 +90,9 @@ impl TrueRig {
             targets[before] * (1.0 - part.min(1.0)) + targets[after] * part.min(1.0)
         };
         let weight = match load {
-            RigLoad::KnownWeight { mass_kg, arm_m, sign, .. } => sign * factor * mass_kg * STANDARD_GRAVITY * arm_m,
+            HandleLoad::KnownWeight { mass_kg, arm_m, sign, .. } => {
+                sign * factor * mass_kg * STANDARD_GRAVITY * arm_m
+            }
             _ => 0.0,
         };
         let k = self.lever.stiffness_nm_per_rad;
@@ -134,7 +138,8 @@ impl TrueRig {
                 offset + self.torque_gain * torque + slow + hum + self.noise_nm * stream.normal()
             })
             .collect();
-        let theta_m_rad = angles.iter().map(|angle| libm::round(self.angle_gain * angle / step) * step).collect();
+        let theta_m_rad =
+            angles.iter().map(|angle| libm::round(self.angle_gain * angle / step) * step).collect();
         RigTrial {
             number,
             file: format!("rig-trials/rig-trial-{number:03}.csv"),
@@ -142,7 +147,12 @@ impl TrueRig {
             motion,
             repetition,
             status: Status::Ok,
-            record: RigRecord { target_rad: targets.to_vec(), theta_m_rad, torque_l_nm, ..RigRecord::default() },
+            record: RigTrialSignals {
+                target_rad: targets.to_vec(),
+                theta_m_rad,
+                torque_l_nm,
+                ..RigTrialSignals::default()
+            },
         }
     }
 
@@ -151,7 +161,7 @@ impl TrueRig {
         state: &[f64; 5],
         target: f64,
         start: f64,
-        load: RigLoad,
+        load: HandleLoad,
         factor: f64,
         weight: f64,
     ) -> [f64; 5] {
@@ -159,15 +169,19 @@ impl TrueRig {
         let natural = std::f64::consts::TAU * self.servo_hz;
         let acceleration =
             natural * natural * (target - theta_m) - 2.0 * self.servo_damping * natural * omega_m;
-        let is_clamped = load == RigLoad::ClampedHandle;
+        let is_clamped = load == HandleLoad::ClampedHandle;
         let (theta_l, omega_l) = if is_clamped { (start, 0.0) } else { (theta_l, omega_l) };
         let twist = theta_m - theta_l;
         let hard = 1.0 + self.hardening * (twist / 0.002) * (twist / 0.002);
         let torque = self.lever.stiffness_nm_per_rad * twist * hard
             + self.lever.damping_nm_s_per_rad * (omega_m - omega_l);
         let inertia = self.lever.inertia_kg_m2
-            + if let RigLoad::KnownInertia { inertia_kg_m2, .. } = load { factor * inertia_kg_m2 } else { 0.0 };
-        let spring = if let RigLoad::KnownSpring { stiffness_nm_per_rad, .. } = load {
+            + if let HandleLoad::KnownInertia { inertia_kg_m2, .. } = load {
+                factor * inertia_kg_m2
+            } else {
+                0.0
+            };
+        let spring = if let HandleLoad::KnownSpring { stiffness_nm_per_rad, .. } = load {
             factor * stiffness_nm_per_rad * (theta_l - start)
         } else {
             0.0
@@ -187,16 +201,20 @@ impl TrueRig {
         let at = |time_s: f64| {
             let time_s = time_s - 0.25;
             let up = |time_s: f64, whole_s: f64| smooth((time_s / whole_s).clamp(0.0, 1.0), rise_s / whole_s);
-            way_rad
-                * velocity_rad_s.signum()
-                * (up(time_s, ramp_s) - up(time_s - ramp_s - hold_s, back_s))
+            way_rad * velocity_rad_s.signum() * (up(time_s, ramp_s) - up(time_s - ramp_s - hold_s, back_s))
         };
         let samples = ((0.25 + ramp_s + hold_s + back_s + 0.25) * self.sample_rate_hz) as usize;
         (0..samples).map(|sample| at(sample as f64 / self.sample_rate_hz)).collect()
     }
 
     /// Targets of a multisine.
-    pub fn multisine(&self, amplitude_rad: f64, lowest_hz: f64, highest_hz: f64, duration_s: f64) -> Vec<f64> {
+    pub fn multisine(
+        &self,
+        amplitude_rad: f64,
+        lowest_hz: f64,
+        highest_hz: f64,
+        duration_s: f64,
+    ) -> Vec<f64> {
         let lines = 24;
         let mut frequencies: Vec<f64> = (0..lines)
             .map(|line| lowest_hz * libm::pow(highest_hz / lowest_hz, f64::from(line) / f64::from(lines - 1)))
@@ -218,7 +236,8 @@ impl TrueRig {
         };
         let rate = self.sample_rate_hz;
         let rest = (0.25 * rate) as usize;
-        let moving: Vec<f64> = (0..(duration_s * rate) as usize).map(|sample| value(sample as f64 / rate)).collect();
+        let moving: Vec<f64> =
+            (0..(duration_s * rate) as usize).map(|sample| value(sample as f64 / rate)).collect();
         let peak = moving.iter().fold(0.0, |far: f64, value| far.max(value.abs()));
         let moving = moving.iter().map(|value| amplitude_rad * value / peak);
         std::iter::repeat_n(0.0, rest).chain(moving).chain(std::iter::repeat_n(0.0, rest)).collect()
@@ -228,7 +247,9 @@ impl TrueRig {
 /// A way of length 1 in time 1, whose speed rises and falls along half a cosine.
 fn smooth(time: f64, rise: f64) -> f64 {
     let speed = 1.0 / (1.0 - rise);
-    let risen = |time: f64| 0.5 * (time - rise / std::f64::consts::PI * libm::sin(std::f64::consts::PI * time / rise));
+    let risen = |time: f64| {
+        0.5 * (time - rise / std::f64::consts::PI * libm::sin(std::f64::consts::PI * time / rise))
+    };
     if time < rise {
         speed * risen(time)
     } else if time <= 1.0 - rise {
@@ -255,39 +276,45 @@ pub struct Loads {
 pub const ALL_LOADS: Loads = Loads { weight: true, inertia: true, clamp: true, spring: true };
 
 /// The weights, bars and springs of a laboratory: stated value, its relative error and the seed's true factor.
-pub fn rig_trials(rig: &TrueRig, loads: Loads, wrong: fn(&RigLoad) -> f64) -> RigTrials {
+pub fn rig_trials(rig: &TrueRig, loads: Loads, wrong: fn(&HandleLoad) -> f64) -> RigTrials {
     let mut stream = Stream::new(rig.seed, "loads");
     let mut trials = Vec::new();
-    let mut add = |load: RigLoad, motion: RigMotion, factor: f64, targets: &[f64]| {
+    let mut add = |load: HandleLoad, motion: RigTrialMotion, factor: f64, targets: &[f64]| {
         for repetition in 1..=2 {
             let number = trials.len() as u32 + 1;
             trials.push(rig.trial(number, load, motion, repetition, factor, targets));
         }
     };
     for velocity_rad_s in [1.3, -1.3, 3.25, -3.25] {
-        add(RigLoad::EmptyHandle, RigMotion::Ramp { velocity_rad_s }, 1.0, &rig.ramp(velocity_rad_s));
+        add(HandleLoad::EmptyHandle, RigTrialMotion::Ramp { velocity_rad_s }, 1.0, &rig.ramp(velocity_rad_s));
     }
-    add(RigLoad::EmptyHandle, RigMotion::Multisine, 1.0, &rig.multisine(0.01, 1.0, 60.0, 4.0));
-    let mut factor = |load: &RigLoad| wrong(load) * (1.0 + load.relative_error().unwrap_or(0.0) * stream.normal());
+    add(HandleLoad::EmptyHandle, RigTrialMotion::Multisine, 1.0, &rig.multisine(0.01, 1.0, 60.0, 4.0));
+    let mut factor =
+        |load: &HandleLoad| wrong(load) * (1.0 + load.relative_error().unwrap_or(0.0) * stream.normal());
     if loads.weight {
         for mass_kg in [1.0, 2.5] {
-            let load = |sign| RigLoad::KnownWeight { mass_kg, arm_m: 0.1, sign, relative_error: 0.002 };
+            let load = |sign| HandleLoad::KnownWeight { mass_kg, arm_m: 0.1, sign, relative_error: 0.002 };
             let factor = factor(&load(1.0));
             for sign in [1.0, -1.0] {
-                add(load(sign), RigMotion::Still, factor, &vec![0.0; (2.0 * rig.sample_rate_hz) as usize]);
+                add(
+                    load(sign),
+                    RigTrialMotion::Still,
+                    factor,
+                    &vec![0.0; (2.0 * rig.sample_rate_hz) as usize],
+                );
             }
         }
     }
     if loads.inertia {
-        let load = RigLoad::KnownInertia { inertia_kg_m2: 0.004, relative_error: 0.01 };
-        add(load, RigMotion::Multisine, factor(&load), &rig.multisine(0.01, 1.0, 60.0, 4.0));
+        let load = HandleLoad::KnownInertia { inertia_kg_m2: 0.004, relative_error: 0.01 };
+        add(load, RigTrialMotion::Multisine, factor(&load), &rig.multisine(0.01, 1.0, 60.0, 4.0));
     }
     if loads.clamp {
-        add(RigLoad::ClampedHandle, RigMotion::Multisine, 1.0, &rig.multisine(0.002, 1.0, 60.0, 4.0));
+        add(HandleLoad::ClampedHandle, RigTrialMotion::Multisine, 1.0, &rig.multisine(0.002, 1.0, 60.0, 4.0));
     }
     if loads.spring {
-        let load = RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0, relative_error: 0.01 };
-        add(load, RigMotion::Multisine, factor(&load), &rig.multisine(0.02, 1.0, 30.0, 4.0));
+        let load = HandleLoad::KnownSpring { stiffness_nm_per_rad: 20.0, relative_error: 0.01 };
+        add(load, RigTrialMotion::Multisine, factor(&load), &rig.multisine(0.02, 1.0, 30.0, 4.0));
     }
     RigTrials {
         sample_rate_hz: rig.sample_rate_hz,

@@ -1,0 +1,3 @@
+//! Tests of the calibration with a rig that is simulated in another way.
+
+mod simulator;
