@@ -79,7 +79,6 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
     let size = input.coordinates.count();
     let mut jacobian = DMatrix::zeros(rows, size);
     let mut residual = DVector::zeros(rows);
-    let mut noise = DMatrix::zeros(rows, rows);
     let positions = fit.equations.first().map_or(0, |own| own.step_errors.len());
     let mut steps = DMatrix::zeros(rows, positions);
     let mut from = 0;
@@ -87,7 +86,6 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
         let count = own.residual.len();
         jacobian.view_mut((from, 0), (count, size)).copy_from(&own.jacobian);
         residual.rows_mut(from, count).copy_from(&own.residual);
-        noise.view_mut((from, from), (count, count)).copy_from(&own.noise_covariance);
         for (position, error) in own.step_errors.iter().enumerate() {
             steps.view_mut((from, position), (count, 1)).copy_from(error);
         }
@@ -96,8 +94,10 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
     residual += &jacobian * (mean - &fit.point);
     let of_prior = &jacobian * square_root(&prior_covariance);
     let of_prior = &of_prior * of_prior.transpose();
-    let weights = inverse(&of_prior + DMatrix::identity(rows, rows));
-    let true_covariance = of_prior + noise + &steps * steps.transpose() / positions.max(1) as f64;
+    let white = of_prior + DMatrix::identity(rows, rows);
+    let weights = inverse(white.clone());
+    // The steps of the encoder count twice: as white, and as the errors of one motion that repeat.
+    let true_covariance = white + &steps * steps.transpose() / positions.max(1) as f64;
 
     let mut found = Vec::new();
     for name in &calibration.covariance_of {

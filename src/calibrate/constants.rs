@@ -97,6 +97,8 @@ const LARGEST_FACTOR: f64 = 3.0;
 const LARGEST_DELAY_S: f64 = 0.01;
 /// Lowest cut-off of a torque channel, Hz; that of the mechanism torque_lag.
 const LOWEST_CUTOFF_HZ: f64 = 10.0;
+/// Cut-off at which the fit of the torque channel starts, Hz; the median of its mechanism's prior.
+const START_CUTOFF_HZ: f64 = 150.0;
 /// Lowest natural frequency of a servo, Hz; that of the mechanism servo_following.
 const LOWEST_SERVO_HZ: f64 = 5.0;
 /// Natural frequency at which the fit of the servo starts, Hz; the median of its mechanism's prior.
@@ -143,7 +145,8 @@ impl RigCoordinates {
             linear(0.0, LARGEST_NONLINEARITY / (largest_nm * largest_nm)),
             factor(1.0),
             linear(0.0, LARGEST_DELAY_S),
-            linear(0.0, time_constant_s(LOWEST_CUTOFF_HZ)),
+            // Lead and lag of one size differ in their phases alone: the start is on the side of the lag.
+            linear(time_constant_s(START_CUTOFF_HZ), time_constant_s(LOWEST_CUTOFF_HZ)),
             linear(time_constant_s(START_SERVO_HZ), time_constant_s(LOWEST_SERVO_HZ)),
             linear(0.0, LARGEST_FRICTION * largest_nm),
             factor(1.0),

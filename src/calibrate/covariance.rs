@@ -6,8 +6,8 @@ use super::constants::FIRST_KNOWN;
 use super::fit::{RigFit, RigFitInput};
 use crate::statistics::t_quantile;
 
-/// Precision of a coordinate of which nothing is assumed: a thousand times what engineering allows.
-const NOTHING_KNOWN: f64 = 1e-6;
+/// Precision of a coordinate of which nothing is assumed: a hundred times what engineering allows.
+pub const NOTHING_KNOWN: f64 = 1e-4;
 
 /// Smallest part of a direction's variance that the fit leaves in a trial's own residual; below, it is rounding.
 const LEFT_IN_RESIDUAL: f64 = 1e-9;
@@ -33,7 +33,8 @@ pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
     for equations in &fit.equations {
         of_data += equations.jacobian.transpose() * &equations.jacobian;
     }
-    let scores = score_covariance(fit, size);
+    // The noise is white in these units, the steps of the encoder included; their errors that repeat come on top.
+    let scores = &of_data + step_covariance(fit, size);
     let known = DVector::from_fn(size, |place, _| if place < FIRST_KNOWN { 0.0 } else { prior[place] });
     // A prior that is a measurement counts as one; the others only keep the inverse finite.
     let with = |others: f64| {
@@ -56,13 +57,10 @@ pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
     }
 }
 
-/// Covariance of the sum of derivative times residual: noise, trial by trial, and the errors of the encoder's steps, which are the
-/// same in all trials of one motion.
-fn score_covariance(fit: &RigFit, size: usize) -> DMatrix<f64> {
+/// Covariance of the sum of derivative times residual by the errors of the encoder's steps, which are the same in all trials of one
+/// motion.
+fn step_covariance(fit: &RigFit, size: usize) -> DMatrix<f64> {
     let mut sum = DMatrix::zeros(size, size);
-    for equations in &fit.equations {
-        sum += equations.jacobian.transpose() * &equations.noise_covariance * &equations.jacobian;
-    }
     let positions = fit.equations.first().map_or(0, |equations| equations.step_errors.len());
     for position in 0..positions {
         let mut score = DVector::zeros(size);

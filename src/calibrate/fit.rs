@@ -14,8 +14,9 @@ use super::prepared_trial::{ChannelNoise, PreparedTrial};
 const RENEWALS: usize = 3;
 /// Steps of the search between two renewals.
 const STEPS: usize = 30;
-/// Step of the finite differences, as a part of what engineering allows.
-const DIFFERENCE: f64 = 1e-4;
+/// Step of the finite differences, as a part of what engineering allows. It is so small because a combination of constants that no trial
+/// tells must come out as one, however many samples there are.
+const DIFFERENCE: f64 = 1e-7;
 /// Largest step, in standard errors, at which the search has ended.
 const ENDED: f64 = 1e-2;
 /// The speed at which friction is at 76 % of its full value, in standard deviations of the speed's noise at rest: as small as the

@@ -1,7 +1,7 @@
 //! Whether the stated value of each load agrees with the other loads.
 
 use super::constants::RigCoordinates;
-use super::covariance::{INTERVAL, RigCovariance, inverse};
+use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, inverse};
 use super::fit::{RigFit, RigFitInput};
 use crate::dataset::HandleLoad;
 use crate::statistics::{holm, t_two_sided};
@@ -42,7 +42,7 @@ pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit, covariance: &RigCovari
     let first = RigCoordinates::first_load();
     // The covariance allows for more than the noise model has: the check as well.
     let model =
-        inverse(&covariance.information + DMatrix::identity(coordinates.count(), coordinates.count()) * 1e-6);
+        inverse(&covariance.information + DMatrix::identity(coordinates.count(), coordinates.count()) * NOTHING_KNOWN);
     let mut checks: Vec<LoadCheck> = coordinates
         .loads
         .iter()
@@ -52,7 +52,7 @@ pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit, covariance: &RigCovari
             let mut without = covariance.information.clone();
             without[(place, place)] -= precision[place];
             for own in 0..coordinates.count() {
-                without[(own, own)] += 1e-6;
+                without[(own, own)] += NOTHING_KNOWN;
             }
             let variance = inverse(without)[(place, place)];
             let growth = covariance.covariance[(place, place)] / model[(place, place)];

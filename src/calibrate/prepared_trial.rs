@@ -75,8 +75,10 @@ impl ChannelNoise {
             let omega = std::f64::consts::TAU * hz;
             omega * omega * (angle.at(hz) + step_power) * width
         });
+        // The mean of equal values is wrong by rounding.
+        let is_constant = torque_rests.iter().all(|rest| rest.iter().all(|value| *value == rest[0]));
         Self {
-            torque_nm: libm::sqrt(variance(&torque_rests)),
+            torque_nm: if is_constant { 0.0 } else { libm::sqrt(variance(&torque_rests)) },
             torque,
             step_power,
             step_rad,

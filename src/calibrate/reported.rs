@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::constants::{CoordinateScale, REPORTED, RigCoordinates, time_constant_s};
-use super::covariance::{INTERVAL, RigCovariance, inverse};
+use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, inverse};
 use super::fit::RigFitInput;
 use crate::dataset::{CalibratedQuantity, HandleLoad, RigQuantity};
 use crate::wrist::Lever;
@@ -155,7 +155,7 @@ fn told_with(found: &RigCovariance, place: usize, given: &[usize]) -> bool {
     let size = found.information.nrows();
     let kept: Vec<usize> = (0..size).filter(|own| !given.contains(own)).collect();
     let information = DMatrix::from_fn(kept.len(), kept.len(), |row, column| {
-        found.information[(kept[row], kept[column])] + if row == column { 1e-6 } else { 0.0 }
+        found.information[(kept[row], kept[column])] + if row == column { NOTHING_KNOWN } else { 0.0 }
     });
     let Some(own) = kept.iter().position(|kept| *kept == place) else { return false };
     INTERVAL * libm::sqrt(inverse(information)[(own, own)]) <= 1.0
