@@ -39,7 +39,7 @@ pub struct RigConstants {
     pub servo_gain: f64,
     /// Power of the response of a hold between two targets: 0 to 2.
     pub servo_hold: f64,
-    /// Speed at which the friction is at 76 % of its full value, beside the speed that the noise resolves.
+    /// Speed at which the friction is at 76 % of its full value, beside the noise of the speed.
     pub friction_speed_factor: f64,
     /// Coulomb friction of the bearing, N m.
     pub bearing_friction_nm: f64,

@@ -19,9 +19,6 @@ const STEPS: usize = 30;
 const DIFFERENCE: f64 = 1e-7;
 /// Largest step, in standard errors, at which the search has ended.
 const ENDED: f64 = 1e-2;
-/// The speed at which friction is at 76 % of its full value, in standard deviations of the speed's noise at rest: as small as the
-/// noise allows without a friction at rest that follows the noise.
-const FRICTION_SPEED: f64 = 3.0;
 /// Place of the servo's bandwidth among the coordinates, and of the friction's and the cubic part's.
 const SERVO_PLACE: usize = 9;
 const FRICTION_PLACE: usize = 10;
@@ -91,9 +88,9 @@ pub struct RigFit {
     pub equations: Vec<TrialEquations>,
 }
 
-/// Speed of the friction's law, rad/s.
+/// Least speed of the friction's law: one standard deviation of the noise of the speed, rad/s.
 fn friction_speed_rad_s(input: &RigFitInput<'_>) -> f64 {
-    (FRICTION_SPEED * input.noise.speed_rad_s).max(f64::MIN_POSITIVE)
+    input.noise.speed_rad_s.max(f64::MIN_POSITIVE)
 }
 
 /// Products and whitening of one trial.

@@ -41,8 +41,9 @@ pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit, covariance: &RigCovari
     let precision = input.prior.precision.diagonal();
     let first = RigCoordinates::first_load();
     // The covariance allows for more than the noise model has: the check as well.
-    let model =
-        inverse(&covariance.information + DMatrix::identity(coordinates.count(), coordinates.count()) * NOTHING_KNOWN);
+    let model = inverse(
+        &covariance.information + DMatrix::identity(coordinates.count(), coordinates.count()) * NOTHING_KNOWN,
+    );
     let mut checks: Vec<LoadCheck> = coordinates
         .loads
         .iter()

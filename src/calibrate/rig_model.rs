@@ -12,8 +12,8 @@ use super::fourier::Fourier;
 const FRICTION_PASSES: usize = 2;
 
 /// The recorded torque, as Fourier coefficients, without the offset, for a recorded angle relative to the start position.
-/// `friction_speed_rad_s` is a speed that the noise
-/// resolves; the friction is at 76 % of its full value at this speed times its factor.
+/// `friction_speed_rad_s` is the speed of the noise,
+/// the least at which the friction may be at 76 % of its full value.
 pub fn recorded_torque(
     constants: &RigConstants,
     handle: AtHandle,
@@ -23,7 +23,8 @@ pub fn recorded_torque(
 ) -> Vec<Complex64> {
     let angle: Vec<Complex64> = recorded_angle.iter().map(|value| value / constants.angle_gain).collect();
     let mut friction = vec![Complex64::ZERO; angle.len()];
-    let friction_speed_rad_s = constants.friction_speed_factor * friction_speed_rad_s;
+    // At a speed below that of the noise, the noise would decide on the friction's direction.
+    let friction_speed_rad_s = friction_speed_rad_s * libm::hypot(1.0, constants.friction_speed_factor);
     if !handle.is_clamped && constants.bearing_friction_nm != 0.0 {
         for _ in 0..FRICTION_PASSES {
             let speed: Vec<Complex64> = (0..angle.len())

@@ -67,7 +67,8 @@ fn a_calibration_passes_the_checks_of_its_file() {
     assert_eq!(RigCalibration::parse(&text, Path::new("c.json")).unwrap(), calibration);
     // Inertia and gain of the angle follow from each other through the bar: their errors are not independent.
     let together = calibration.covariance_between(RigQuantity::LeverInertia, RigQuantity::AngleGain).unwrap();
-    let alone = calibration.se(RigQuantity::LeverInertia).unwrap() * calibration.se(RigQuantity::AngleGain).unwrap();
+    let alone =
+        calibration.se(RigQuantity::LeverInertia).unwrap() * calibration.se(RigQuantity::AngleGain).unwrap();
     assert!(together.abs() > 0.5 * alone, "{}", together / alone);
 }
 
@@ -75,7 +76,8 @@ fn a_calibration_passes_the_checks_of_its_file() {
 fn an_empty_handle_tells_no_gain_and_no_lever_but_says_what_would() {
     let rig = TrueRig::usual(5);
     let outcome = calibrated(&rig_trials(&rig, NO_LOADS, |_| 1.0));
-    let quantity = |name: RigQuantity| outcome.calibration.quantities.iter().find(|own| own.name == name).unwrap();
+    let quantity =
+        |name: RigQuantity| outcome.calibration.quantities.iter().find(|own| own.name == name).unwrap();
     for (name, load) in [
         (RigQuantity::LeverInertia, "known_inertia"),
         (RigQuantity::LeverStiffness, "clamped_handle"),
@@ -114,14 +116,20 @@ fn a_load_with_a_wrong_value_disagrees_with_the_others() {
     assert!((spring.difference.unwrap() - 0.25).abs() < 0.08, "{spring:?}");
     // Only spring and bar tell the gain of the angle: either may be the wrong one, and no weight is.
     assert!(spring.or.iter().all(|load| matches!(load, HandleLoad::KnownInertia { .. })), "{spring:?}");
-    assert!(outcome.loads.iter().all(|own| !own.disagrees() || !matches!(own.load, HandleLoad::KnownWeight { .. })));
+    assert!(
+        outcome
+            .loads
+            .iter()
+            .all(|own| !own.disagrees() || !matches!(own.load, HandleLoad::KnownWeight { .. }))
+    );
     assert!(outcome.calibration.warnings.iter().any(|text| text.starts_with("known_spring of 20 N m/rad")));
 }
 
 #[test]
 fn a_wrong_value_of_the_only_load_of_its_kind_cannot_be_seen() {
     let rig = TrueRig::usual(8);
-    let outcome = calibrated(&rig_trials(&rig, Loads { weight: false, clamp: true, ..ALL_LOADS }, wrong_spring));
+    let outcome =
+        calibrated(&rig_trials(&rig, Loads { weight: false, clamp: true, ..ALL_LOADS }, wrong_spring));
     let mut trials = rig_trials(&rig, Loads { spring: false, weight: false, ..ALL_LOADS }, |_| 1.0);
     trials.trials.retain(|trial| !matches!(trial.load, HandleLoad::ClampedHandle));
     let alone = calibrated(&trials);
@@ -134,7 +142,8 @@ fn a_wrong_value_of_the_only_load_of_its_kind_cannot_be_seen() {
 fn of_the_day(rig: &TrueRig) -> RigTrials {
     let mut trials = rig_trials(rig, NO_LOADS, |_| 1.0);
     trials.trials.retain(|trial| {
-        trial.repetition == 1 && matches!(trial.motion, RigTrialMotion::Ramp { velocity_rad_s } if velocity_rad_s != -1.3)
+        trial.repetition == 1
+            && matches!(trial.motion, RigTrialMotion::Ramp { velocity_rad_s } if velocity_rad_s != -1.3)
     });
     assert_eq!(trials.trials.len(), 3);
     trials
@@ -176,7 +185,10 @@ fn what_cannot_be_analysed_is_refused_with_the_reason() {
         channel.truncate(kept);
     }
     let error = calibrate(&trials, "ramphold", "rig").unwrap_err();
-    assert!(matches!(&error, CalibrateError::NoReturn { file, .. } if file == "rig-trials/rig-trial-001.csv"), "{error}");
+    assert!(
+        matches!(&error, CalibrateError::NoReturn { file, .. } if file == "rig-trials/rig-trial-001.csv"),
+        "{error}"
+    );
     trials.trials.clear();
     assert_eq!(calibrate(&trials, "ramphold", "rig").unwrap_err(), CalibrateError::NoMotion);
     let mut silent = of_the_day(&rig);
