@@ -349,3 +349,121 @@ impl Cells<'_, '_> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    const HEADER: &str = "trial,file,load,motion,velocity_rad_s,repetition,sign,mass_kg,arm_m,inertia_kg_m2,\
+                          stiffness_nm_per_rad,relative_error,status\n";
+
+    const ROWS: [&str; 5] = [
+        "1,rig-trials/rig-trial-001.csv,empty_handle,ramp,1.3,1,,,,,,,ok",
+        "2,rig-trials/rig-trial-002.csv,known_weight,still,,1,-1,1.0,0.1,,,0.002,ok",
+        "3,rig-trials/rig-trial-003.csv,known_inertia,multisine,,1,,,,0.004,,0.01,rejected",
+        "4,,clamped_handle,multisine,,1,,,,,,,aborted",
+        "5,rig-trials/rig-trial-005.csv,known_spring,multisine,,1,,,,,20,0.01,ok",
+    ];
+
+    fn record(samples: usize, rest: usize) -> String {
+        let mut text = "t_s,target_rad,theta_m_rad,torque_l_nm,theta_l_rad\n".to_owned();
+        for sample in 0..samples {
+            let target = if sample < rest { 0.0 } else { 0.01 };
+            text += &format!("{},{target},{target},0.1,0.2\n", sample as f64 / 1000.0);
+        }
+        text
+    }
+
+    fn session(rows: &[String]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let about = r#"{ "format": "ramphold-session/1", "subject": { "id": "rig" }, "sample_rate_hz": 1000,
+            "rig": { "lever": null }, "recorded_filter": null, "started_utc": "2026-11-24T10:00:00Z" }"#;
+        fs::write(folder.path().join("session.json"), about).unwrap();
+        fs::write(folder.path().join(RIG_TRIALS_TABLE), format!("{HEADER}{}\n", rows.join("\n"))).unwrap();
+        fs::create_dir(folder.path().join("rig-trials")).unwrap();
+        for number in [1, 2, 3, 5] {
+            let file = folder.path().join(format!("rig-trials/rig-trial-00{number}.csv"));
+            // A rejected trial may have been broken off in the rest.
+            fs::write(file, if number == 3 { record(50, 50) } else { record(400, 250) }).unwrap();
+        }
+        folder
+    }
+
+    fn rows() -> Vec<String> {
+        ROWS.map(str::to_owned).to_vec()
+    }
+
+    fn refusal(change: impl FnOnce(&mut Vec<String>)) -> String {
+        let mut rows = rows();
+        change(&mut rows);
+        let folder = session(&rows);
+        load_rig_trials(folder.path()).expect_err("must be refused").to_string()
+    }
+
+    #[test]
+    fn rig_trials_are_read_with_their_loads_and_sums() {
+        let folder = session(&rows());
+        let read = load_rig_trials(folder.path()).unwrap();
+        assert_eq!(read.trials.len(), 5);
+        assert_eq!(read.measured_utc.as_deref(), Some("2026-11-24T10:00:00Z"));
+        assert_eq!(read.trials[0].motion, RigTrialMotion::Ramp { velocity_rad_s: 1.3 });
+        let weight = HandleLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: -1.0, relative_error: 0.002 };
+        assert_eq!(read.trials[1].load, weight);
+        assert_eq!(read.trials[2].status, Status::Rejected);
+        assert_eq!(read.trials[3].record, RigTrialSignals::default());
+        assert_eq!(read.trials[4].record.theta_l_rad.as_ref().map(Vec::len), Some(400));
+        // The table and four records.
+        assert_eq!(read.sources.len(), 5);
+        assert_eq!(read.sources[1].sha256, sha256(record(400, 250).as_bytes()));
+    }
+
+    #[test]
+    fn a_wrong_cell_is_refused_with_line_and_column() {
+        let replace = |row: usize, from: &'static str, to: &'static str| {
+            refusal(|rows| {
+                assert!(rows[row].contains(from));
+                rows[row] = rows[row].replacen(from, to, 1);
+            })
+        };
+        for (message, parts) in [
+            (replace(0, "empty_handle", "nothing"), ["line 2, column load", "empty_handle, known_weight"]),
+            (replace(0, "ramp,1.3", "ramp,0"), ["line 2, column velocity_rad_s", "other than 0"]),
+            (replace(0, "ramp,1.3", "chirp,"), ["line 2, column motion", "still, ramp or multisine"]),
+            (replace(1, ",-1,1.0", ",,1.0"), ["line 3, column sign", "1 or -1"]),
+            (replace(1, "1.0,0.1", "1.0,-0.1"), ["line 3, column arm_m", "above 0"]),
+            (replace(1, "0.002", "2"), ["line 3, column relative_error", "0.01 for 1 %"]),
+            (replace(2, "0.004", ""), ["line 4, column inertia_kg_m2", "above 0"]),
+            (replace(3, ",,,,,,,aborted", ",,1,,,,,aborted"), ["line 5, column mass_kg", "an empty cell"]),
+            (
+                replace(4, "spring,multisine,", "spring,multisine,1.3"),
+                ["line 6, column velocity", "an empty cell"],
+            ),
+            (replace(4, "005.csv", "001.csv"), ["line 6, column file", "line 2 already"]),
+            (replace(4, "rig-trials/rig-trial-005.csv", "../x.csv"), ["line 6, column file", "leads out of"]),
+            (replace(3, "aborted", "ok"), ["line 5, column file", "the path of the trial's record"]),
+            (replace(0, ",ok", ",fine"), ["line 2, column status", "ok, aborted or rejected"]),
+        ] {
+            assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_record_must_begin_at_time_zero_with_a_rest() {
+        let complaint = |text: &str| {
+            let folder = session(&rows());
+            fs::write(folder.path().join("rig-trials/rig-trial-001.csv"), text).unwrap();
+            load_rig_trials(folder.path()).expect_err("must be refused").to_string()
+        };
+        let early = complaint(&record(400, 150));
+        assert!(early.contains("rig-trial-001.csv, line 152, column target_rad"), "{early}");
+        let late = complaint(&record(400, 250).replacen("\n0,", "\n0.5,", 1));
+        assert!(late.contains("line 2, column t_s") && late.contains("time 0"), "{late}");
+        assert!(complaint(&record(150, 150)).contains("150 samples"));
+        let gap = complaint(&record(400, 250).replacen("\n0.3,", "\n0.31,", 1));
+        assert!(gap.contains("gap in time"), "{gap}");
+        let missing = complaint(&record(400, 250).replacen("target_rad", "angle", 1));
+        assert!(missing.contains("column target_rad is missing"), "{missing}");
+    }
+}
