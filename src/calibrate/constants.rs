@@ -156,8 +156,8 @@ impl RigCoordinates {
             factor(1.0),
         ];
         let mut prior_sd = vec![1.0; scales.len()];
-        // Anything from 0 to 2, evenly.
-        prior_sd[FIRST_KNOWN] = 1.0 / libm::sqrt(3.0);
+        // The straight line and the whole way are both common: each is one standard deviation from the middle.
+        prior_sd[FIRST_KNOWN] = 1.0;
         for load in &loads {
             scales.push(CoordinateScale::Linear { start: 1.0, range: 1.0 });
             prior_sd.push(load.relative_error().unwrap_or(0.0));
