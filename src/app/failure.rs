@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::calibrate::CalibrateError;
 use crate::consistency::Contradictions;
 use crate::console::ConsoleError;
 use crate::dataset::{DatasetError, RecordError, ResumeError, RigCalibrationError};
@@ -191,6 +192,25 @@ pub enum Failure {
         /// Their number.
         files: usize,
     },
+    /// The rig trials of a session cannot be analysed.
+    #[error("{session}: {source}")]
+    Calibrate {
+        /// The session's folder.
+        session: String,
+        /// The reason.
+        source: CalibrateError,
+    },
+    /// A calibration cannot be used.
+    #[error(transparent)]
+    Calibration(#[from] RigCalibrationError),
+    /// The rig differs from its calibration.
+    #[error("{}: the rig differs from its calibration in {quantities}. Find out why, or calibrate it anew", .session.display())]
+    RigChanged {
+        /// The session's folder.
+        session: PathBuf,
+        /// Names of the quantities, one of which changed.
+        quantities: String,
+    },
     /// A diagnosis did not find the hidden mechanism.
     #[error("the diagnosis does not name the hidden mechanism {mechanism}")]
     NotFound {
@@ -214,6 +234,8 @@ impl Failure {
             | Self::Dataset(_)
             | Self::Prepare { .. }
             | Self::Contradicts { .. }
+            | Self::Calibrate { .. }
+            | Self::Calibration(_)
             | Self::Model { .. }
             | Self::CalibrationFile(_)
             | Self::Calibration { .. }
@@ -276,6 +298,7 @@ impl Failure {
             | Self::NotAsItWas { .. }
             | Self::Ended { .. }
             | Self::NotFound { .. }
+            | Self::RigChanged { .. }
             | Self::Signals(_) => 1,
             Self::Origin(can::OriginError::WordNeeded { .. } | can::OriginError::HandleElsewhere { .. }) => 2,
             Self::Connect(_) | Self::Motor(_) | Self::Origin(_) | Self::Bus { .. } => 1,

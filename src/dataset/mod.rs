@@ -19,6 +19,8 @@ mod recovery;
 mod replay;
 mod resume;
 mod rig_calibration;
+mod rig_trial_csv_reader;
+mod rig_trials;
 mod session_about;
 mod session_digest;
 mod session_files;
@@ -51,6 +53,10 @@ pub use resume::{Resumable, ResumeError, Resumed};
 pub use rig_calibration::{
     CalibratedQuantity, CalibrationFit, CalibrationLoad, CalibrationNoise, CalibrationSource, NoiseSpectrum,
     RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, RigCalibration, RigCalibrationError, RigQuantity,
+};
+pub use rig_trial_csv_reader::{RIG_TRIAL_REST_S, RigTrialSignals};
+pub use rig_trials::{
+    HandleLoad, RIG_TRIALS_TABLE, RigTrial, RigTrialMotion, RigTrials, STANDARD_GRAVITY, load_rig_trials,
 };
 pub use session_about::{SessionAbout, SessionCard, SubjectCard};
 pub use session_schema::session_schema_text;

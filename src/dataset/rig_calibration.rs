@@ -301,8 +301,18 @@ impl RigCalibration {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), RecordError> {
-        let write = || disk.write(&Folder::open(folder)?, RIG_CALIBRATION, &pretty(self));
-        write().map_err(RecordError::at(&folder.join(RIG_CALIBRATION)))
+        self.write_as(disk, &folder.join(RIG_CALIBRATION))
+    }
+
+    /// Writes it as `file`; a file of that name is replaced.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write_as(&self, disk: &Disk, file: &Path) -> Result<(), RecordError> {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let write =
+            || disk.write(&Folder::open(file.parent().unwrap_or(Path::new("")))?, &*name, &pretty(self));
+        write().map_err(RecordError::at(file))
     }
 
     /// Value of a constant, in the unit of its name; `None` if the loads could not tell it.

@@ -49,7 +49,12 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
 }
 
 /// Whether the samples lie where an even time axis of the session's rate puts them.
-fn check_times(file: &str, times_s: &[f64], lines: &[u64], sample_rate_hz: f64) -> Result<(), DatasetError> {
+pub(super) fn check_times(
+    file: &str,
+    times_s: &[f64],
+    lines: &[u64],
+    sample_rate_hz: f64,
+) -> Result<(), DatasetError> {
     let Some(&first_s) = times_s.first() else { return Ok(()) };
     let step_s = 1.0 / sample_rate_hz;
     let at = |row: usize| FilePlace::cell(file, lines[row], "column t_s");
