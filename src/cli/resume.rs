@@ -80,8 +80,9 @@ impl Verb for ResumeArgs {
             ));
         }
         if let Some(trial) = interrupted {
+            let kind = if trial.is_rig_trial { "rig trial" } else { "trial" };
             console.message(format_args!(
-                "trial {} was under way: its {} samples are kept with status aborted, and it is run again later",
+                "{kind} {} was under way: its {} samples are kept with status aborted, and it is run again later",
                 trial.number, trial.samples
             ));
         }

@@ -379,7 +379,7 @@ impl ViewModel {
 fn instruction(step: &Step) -> Instruction {
     match (step.phase, step.cue) {
         (Phase::Finished, _) => Instruction::Done,
-        (Phase::Ready | Phase::Aborted, _) => Instruction::Wait,
+        (Phase::Ready | Phase::Aborted | Phase::RigSetup, _) | (_, Cue::RigTrial(_)) => Instruction::Wait,
         (Phase::Paused | Phase::Faulted | Phase::Homing, _) => Instruction::Pause,
         (Phase::Delay, _) => Instruction::Stay,
         (_, Cue::Relax) => Instruction::Relax,
