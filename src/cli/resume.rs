@@ -72,6 +72,9 @@ impl Verb for ResumeArgs {
                 console,
             )?),
         };
+        if let Some(rig) = &rig {
+            rig.check_operator(has_console, session.rig_trials_due())?;
+        }
         let Resumed { recorder, machine, interrupted, torn } = session.resume()?;
         if let Some(torn) = torn {
             console.message(format_args!(

@@ -139,6 +139,11 @@ impl Resumable {
         self.state.was_armed || self.state.origin.is_some()
     }
 
+    /// Whether rig trials are due: the subject was not seated yet.
+    pub fn rig_trials_due(&self) -> bool {
+        self.state.progress.rig_trials_due()
+    }
+
     /// Whether every trial is done, so that only the results can be missing.
     pub fn is_finished(&self) -> bool {
         self.state.phase == Phase::Finished
