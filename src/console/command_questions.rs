@@ -126,7 +126,10 @@ mod tests {
         let motor = CommandQuestions::for_motor(false);
         for command in [Event::Start, Event::Rearm] {
             let question = motor.before(command, Effect::None, true).unwrap();
-            assert!(!question.contains("subject's hand") && question.contains("hand in the handle"), "{question}");
+            assert!(
+                !question.contains("subject's hand") && question.contains("hand in the handle"),
+                "{question}"
+            );
         }
         assert!(motor.before(Event::Resume, Effect::Begin, true).unwrap().contains("load mounted"));
         assert!(motor.before(Event::Resume, Effect::SeatSubject, true).unwrap().contains("subject's hand"));

@@ -35,7 +35,9 @@ pub fn time_left_s(progress: &Progress, settings: &Settings, phase: Phase, in_ph
     });
     let rig_s = rig_trials_s(progress, phase);
     let offset_s = match phase {
-        Phase::Ready | Phase::Offset | Phase::RigSetup | Phase::RigSettle | Phase::RigMotion if progress.attempts().is_empty() && progress.efforts().is_empty() => {
+        Phase::Ready | Phase::Offset | Phase::RigSetup | Phase::RigSettle | Phase::RigMotion
+            if progress.attempts().is_empty() && progress.efforts().is_empty() =>
+        {
             settings.offset_samples.map_or(0.0, seconds)
         }
         _ => 0.0,

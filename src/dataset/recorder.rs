@@ -169,7 +169,8 @@ impl Recorder {
         let mut buffer = Vec::with_capacity(2 * CHUNK);
         buffer.extend_from_slice(tables::header_of(&file));
         let is_rig_trial = target == RecordTarget::RigTrial;
-        self.open = Some(OpenRecord { is_rig_trial, file, handle, buffer, samples: 0, bytes: 0, sum: Sha256::new() });
+        self.open =
+            Some(OpenRecord { is_rig_trial, file, handle, buffer, samples: 0, bytes: 0, sum: Sha256::new() });
         Ok(())
     }
 

@@ -307,9 +307,9 @@ impl<'a> Replayer<'a> {
                 let recorded = transition.map_or("a state that goes on".to_owned(), |it| describe(&it));
                 return Ok(Some(self.difference(step, recorded, "the end of the record".to_owned())));
             };
-            let before =
-                (matches!(phase, Phase::Paused | Phase::RigSetup) && step.is_multiple_of(SETTLING_STEPS))
-                    .then(|| self.machine.clone());
+            let before = (matches!(phase, Phase::Paused | Phase::RigSetup)
+                && step.is_multiple_of(SETTLING_STEPS))
+            .then(|| self.machine.clone());
             let output = self.machine.step(&input);
             if due.is_empty() && later.is_empty() && !self.ended_well && !self.rows_are_left() {
                 // The last sample of all may have decided something that never came to be in the journal, and so was not
@@ -501,8 +501,7 @@ impl<'a> Replayer<'a> {
                 emg_ecr_mvc: emg_mvc(&record.emg_ecr_mvc, row),
             })
             .collect();
-        let targets_rad =
-            if has_emg { Vec::new() } else { trial_csv_reader::parse_targets(&name, whole)? };
+        let targets_rad = if has_emg { Vec::new() } else { trial_csv_reader::parse_targets(&name, whole)? };
         let mut monitor = LimitMonitor::new((&self.limits).into(), self.session.settings.sample_rate_hz);
         let breaks = samples
             .iter()

@@ -3,7 +3,7 @@
 use super::trial_csv_writer::{HEADER, RIG_HEADER, TrialCsvWriter};
 use crate::protocol::{RigLoad, RigMotion};
 use crate::rig::Punctuality;
-use crate::session::{Attempt, PlannedTrial, RigAttempt, Progress, Settings};
+use crate::session::{Attempt, PlannedTrial, Progress, RigAttempt, Settings};
 
 /// The columns of `trials.csv`; the first seven are what every session has.
 const TRIALS: &str = "trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status,\

@@ -32,8 +32,8 @@ pub use duration::{APPROACH_S, Duration};
 pub use error::{Problem, ProtocolError};
 pub use multisine::Multisine;
 pub use rig_trials::{
-    BlockMotion, GRAVITY_M_S2, MOUNTING_S, PlannedRigTrial, RIG_REST_S, RIG_SETTLE_S, RigLoad, RigMotion, RigTrialBlock,
-    SEAT_SUBJECT,
+    BlockMotion, GRAVITY_M_S2, MOUNTING_S, PlannedRigTrial, RIG_REST_S, RIG_SETTLE_S, RigLoad, RigMotion,
+    RigTrialBlock, SEAT_SUBJECT,
 };
 pub use schema::schema_text;
 pub use trajectory::{Motion, RampAndHold, Sweep, TooShort};

@@ -70,7 +70,8 @@ impl Multisine {
     /// can rise between samples that close.
     fn highest_sum(&self, periods: f64) -> f64 {
         let points = (POINTS_PER_PERIOD * periods).ceil();
-        let sums = (0..points as u64).map(|point| self.sum(point as f64 / points * self.duration_s).angle_rad);
+        let sums =
+            (0..points as u64).map(|point| self.sum(point as f64 / points * self.duration_s).angle_rad);
         sums.map(f64::abs).fold(0.0, f64::max) / libm::cos(PI / POINTS_PER_PERIOD)
     }
 

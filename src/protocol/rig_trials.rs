@@ -304,7 +304,9 @@ impl RigLoad {
             Self::KnownInertia { inertia_kg_m2 } => {
                 format!("Bolt the bar of {inertia_kg_m2:.5} kg m² on the handle, balanced about its axis.")
             }
-            Self::ClampedHandle => "Clamp the handle at the start position so that it cannot turn.".to_owned(),
+            Self::ClampedHandle => {
+                "Clamp the handle at the start position so that it cannot turn.".to_owned()
+            }
             Self::KnownSpring { stiffness_nm_per_rad } => format!(
                 "Fix the spring of {stiffness_nm_per_rad:.2} N m/rad between handle and ground, without torque at the \
                  start position."

@@ -10,9 +10,9 @@ mod rig_trials;
 
 use std::collections::HashSet;
 
-use super::{Problem, Protocol};
 use super::source::{JsonContent, JsonNode};
 use super::units::significant;
+use super::{Problem, Protocol};
 use context::Rules;
 
 /// Adds to `problems` every value of `document` that does not fit with the others.

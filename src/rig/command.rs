@@ -43,7 +43,7 @@ pub enum Cue {
     },
     /// Keep on as before: the motor is moving.
     Moving,
-    /// Nobody is there: a rig trial is under way.
+    /// Nobody is there: a rig trial is prepared or under way.
     RigTrial(UpcomingRigTrial),
 }
 
@@ -82,7 +82,7 @@ pub struct Upcoming {
     pub rest_s: f64,
 }
 
-/// A rig trial under way. Only a virtual rig looks at it: what is mounted on a real handle, the operator has mounted.
+/// A rig trial that is prepared or under way. Only a virtual rig looks at it: what is mounted on a real handle, the operator has mounted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UpcomingRigTrial {
     /// Its place among the rig trials of the protocol, from 1.
@@ -91,6 +91,17 @@ pub struct UpcomingRigTrial {
     pub rejections: u32,
     /// What is mounted on the handle.
     pub load: RigLoad,
-    /// Whether its motion has begun.
-    pub is_moving: bool,
+    /// How far it is.
+    pub stage: RigTrialStage,
+}
+
+/// How far a rig trial is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RigTrialStage {
+    /// Its load is being mounted; it has not begun.
+    Mounting,
+    /// It has begun; the motor is at rest.
+    Settling,
+    /// The motor makes its motion.
+    Moving,
 }

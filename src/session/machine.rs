@@ -14,8 +14,8 @@ use super::torque_gate::TorqueGate;
 use super::transitions::{Effect, Guard, Transition};
 use crate::protocol::{PlannedRigTrial, RigMotion, Sweep};
 use crate::rig::{
-    Channel, Command, Cue, Direction, Fault, LimitMonitor, Motor, Punctuality, Sample, Upcoming,
-    UpcomingRigTrial,
+    Channel, Command, Cue, Direction, Fault, LimitMonitor, Motor, Punctuality, RigTrialStage, Sample,
+    Upcoming, UpcomingRigTrial,
 };
 
 /// EMG of an effort, fraction of the nominal MVC, below which the electrode is taken to be off.
@@ -374,9 +374,8 @@ impl Machine {
     fn follow_rig_motion(&self) -> Option<Event> {
         let motion = &self.progress.current_rig_trial()?.planned.motion;
         let samples = self.since_onset.saturating_sub(self.settings.motion_delay_samples);
-        (self.seconds(samples) >= motion.duration_s()).then(|| {
-            if self.motion_deviation().is_some() { Event::MotionDeviated } else { Event::Home }
-        })
+        (self.seconds(samples) >= motion.duration_s())
+            .then(|| if self.motion_deviation().is_some() { Event::MotionDeviated } else { Event::Home })
     }
 
     fn plan_homing(&mut self, from_rad: f64) {
@@ -491,19 +490,25 @@ impl Machine {
                     attempt.planned.movement.at(self.seconds(self.since_onset + 1)).angle_rad
                 })
             }
-            Phase::RigMotion => self.progress.current_rig_trial().map_or(0.0, |trial| {
-                trial.planned.motion.at(self.seconds(self.since_onset + 1)).angle_rad
-            }),
+            Phase::RigMotion => self
+                .progress
+                .current_rig_trial()
+                .map_or(0.0, |trial| trial.planned.motion.at(self.seconds(self.since_onset + 1)).angle_rad),
             _ => 0.0,
         };
         Motor::Follow { angle_rad }
     }
 
     fn cue(&self) -> Cue {
-        if let Some(trial) = self.progress.current_rig_trial().filter(|_| self.phase.in_rig_trial()) {
-            let PlannedRigTrial { position, rejections, load, .. } = trial.planned;
-            let is_moving = self.phase == Phase::RigMotion;
-            return Cue::RigTrial(UpcomingRigTrial { position, rejections, load, is_moving });
+        let under_way = self.progress.current_rig_trial().map(|trial| trial.planned);
+        let rig_trial = match self.phase {
+            Phase::RigSetup => self.progress.rig_queue().next().copied().zip(Some(RigTrialStage::Mounting)),
+            Phase::RigSettle => under_way.zip(Some(RigTrialStage::Settling)),
+            Phase::RigMotion => under_way.zip(Some(RigTrialStage::Moving)),
+            _ => None,
+        };
+        if let Some((PlannedRigTrial { position, rejections, load, .. }, stage)) = rig_trial {
+            return Cue::RigTrial(UpcomingRigTrial { position, rejections, load, stage });
         }
         match (self.phase, self.progress.current()) {
             (Phase::Offset, _) => Cue::Relax,

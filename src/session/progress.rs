@@ -3,7 +3,9 @@
 use std::collections::VecDeque;
 
 use super::event::Event;
-use super::io::{Attempt, MaximalEffort, RecordTarget, RigAttempt, Status, TransitionDetail, TransitionRecord};
+use super::io::{
+    Attempt, MaximalEffort, RecordTarget, RigAttempt, Status, TransitionDetail, TransitionRecord,
+};
 use super::phase::Phase;
 use super::settings::{PlannedTrial, Settings};
 use super::transitions::{self, Effect, Guard};

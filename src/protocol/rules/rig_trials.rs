@@ -40,7 +40,11 @@ pub(super) fn check_motions(rules: &mut Rules, protocol: &Protocol) {
             minutes(MOST_RIG_TRIALS_S),
             minutes(all_s)
         );
-        return rules.add("rig_trials", expected, "lower repetitions or durations, or take loads away".to_owned());
+        return rules.add(
+            "rig_trials",
+            expected,
+            "lower repetitions or durations, or take loads away".to_owned(),
+        );
     }
     for (number, block) in protocol.rig_trials.iter().enumerate() {
         let path = format!("rig_trials[{number}]");
@@ -93,7 +97,8 @@ fn motion_is_within_limits(rules: &mut Rules, path: &str, protocol: &Protocol, m
     }
     let limits = &protocol.limits;
     let path = format!("{path}.motion.amplitude_rad");
-    let room_rad = |limit_rad: f64, angle_rad: f64| if angle_rad == 0.0 { f64::INFINITY } else { limit_rad / angle_rad };
+    let room_rad =
+        |limit_rad: f64, angle_rad: f64| if angle_rad == 0.0 { f64::INFINITY } else { limit_rad / angle_rad };
     // How many times the amplitude each limit allows.
     let allowed = [
         (room_rad(limits.angle_rad[0], angles_rad[0]), "limits.angle_rad[0]", angles_rad[0], "rad"),
@@ -137,7 +142,9 @@ fn torque_is_within_its_limit(rules: &mut Rules, path: &str, protocol: &Protocol
         | RigTrialBlock::KnownInertia { motion, .. }
         | RigTrialBlock::ClampedHandle { motion, .. }
         | RigTrialBlock::KnownSpring { motion, .. } => match motion {
-            BlockMotion::Ramps => ("motion", "use a multisine of a small amplitude_rad, or a lighter load".to_owned()),
+            BlockMotion::Ramps => {
+                ("motion", "use a multisine of a small amplitude_rad, or a lighter load".to_owned())
+            }
             BlockMotion::Multisine { amplitude_rad, .. } => (
                 "motion.amplitude_rad",
                 at_most(amplitude_rad * times, "rad, or a lower highest_hz, or a lighter load"),
@@ -180,9 +187,8 @@ fn expected_torque_nm(motion: &RigMotion, load: &RigLoad) -> f64 {
     let torque = |motor: &Motion, [angle, speed]: [f64; 2]| {
         stiffness * (motor.angle_rad - angle) + damping * (motor.velocity_rad_s - speed)
     };
-    let slope = |motor: &Motion, state: [f64; 2]| {
-        [state[1], (torque(motor, state) - spring * state[0]) / inertia]
-    };
+    let slope =
+        |motor: &Motion, state: [f64; 2]| [state[1], (torque(motor, state) - spring * state[0]) / inertia];
     let along = |state: [f64; 2], slope: [f64; 2], time_s: f64| {
         [state[0] + time_s * slope[0], state[1] + time_s * slope[1]]
     };
@@ -196,9 +202,11 @@ fn expected_torque_nm(motion: &RigMotion, load: &RigLoad) -> f64 {
         let second = slope(&middle, along(state, first, 0.5 * step_s));
         let third = slope(&middle, along(state, second, 0.5 * step_s));
         let fourth = slope(&to, along(state, third, step_s));
-        for (own, mean) in state.iter_mut().zip([0, 1].map(|place: usize| {
-            (first[place] + 2.0 * (second[place] + third[place]) + fourth[place]) / 6.0
-        })) {
+        for (own, mean) in
+            state.iter_mut().zip([0, 1].map(|place: usize| {
+                (first[place] + 2.0 * (second[place] + third[place]) + fourth[place]) / 6.0
+            }))
+        {
             *own += step_s * mean;
         }
         from = to;
@@ -232,7 +240,10 @@ mod tests {
                 let torque_nm = 0.001 * (z * along / across).abs();
                 let found_nm = expected_torque_nm(&sine(0.001, frequency_hz), &load);
                 // The amplitude of a sine is scaled down a little, see Multisine.
-                assert!((found_nm / torque_nm - 1.0).abs() < 0.02, "{load:?} {frequency_hz}: {found_nm}, {torque_nm}");
+                assert!(
+                    (found_nm / torque_nm - 1.0).abs() < 0.02,
+                    "{load:?} {frequency_hz}: {found_nm}, {torque_nm}"
+                );
             }
         }
     }
@@ -243,5 +254,136 @@ mod tests {
         assert!((clamped_nm / 1.8 - 1.0).abs() < 0.01, "{clamped_nm}");
         let weight = RigLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: -1 };
         assert_eq!(expected_torque_nm(&RigMotion::Still { duration_s: 1.0 }, &weight), 0.1 * GRAVITY_M_S2);
+    }
+
+    /// The paper's protocol with a list of rig trials.
+    fn problems(rig_trials: &str) -> String {
+        let text = include_str!("../../../protocols/de-vlugt-2011.json");
+        let end = text.rfind('}').unwrap();
+        let text = format!("{},\n\"rig_trials\": {rig_trials}}}", &text[..end]);
+        Protocol::parse(&text, "p.json").err().map_or(String::new(), |error| error.to_string())
+    }
+
+    fn multisine(amplitude_rad: f64, highest_hz: f64) -> String {
+        format!(
+            r#"{{ "kind": "multisine", "amplitude_rad": {amplitude_rad}, "lowest_hz": 1, "highest_hz": {highest_hz}, "duration_s": 4 }}"#
+        )
+    }
+
+    fn empty(motion: &str, repetitions: u32) -> String {
+        format!(r#"[{{ "kind": "empty_handle", "motion": {motion}, "repetitions": {repetitions} }}]"#)
+    }
+
+    #[track_caller]
+    fn assert_refused(rig_trials: &str, parts: &[&str]) {
+        let found = problems(rig_trials);
+        for part in parts {
+            assert!(found.contains(part), "{part} is not in {found:?}");
+        }
+    }
+
+    #[test]
+    fn one_block_is_enough_and_an_empty_list_is_none() {
+        assert_eq!(problems(&empty(r#"{ "kind": "ramps" }"#, 1)), "");
+        assert_eq!(problems("[]"), "");
+    }
+
+    #[test]
+    fn each_limit_that_a_multisine_would_exceed_is_named_and_the_advice_is_accepted() {
+        for (amplitude_rad, highest_hz, limit) in [
+            (0.06, 2.0, "limits.angle_rad[0]"),
+            (0.005, 200.0, "limits.acceleration_rad_s2"),
+            (0.045, 12.0, "limits."),
+        ] {
+            let found = problems(&empty(&multisine(amplitude_rad, highest_hz), 1));
+            assert!(
+                found.contains("rig_trials[0].motion.amplitude_rad") && found.contains(limit),
+                "{found:?}"
+            );
+            let advice = found.split("at most ").last().unwrap().split(' ').next().unwrap();
+            assert_eq!(problems(&empty(&multisine(advice.parse().unwrap(), highest_hz), 1)), "", "{advice}");
+        }
+    }
+
+    #[test]
+    fn a_load_that_would_break_the_limit_of_the_torque_is_refused() {
+        let weight = |mass_kg: f64| {
+            format!(
+                r#"[{{ "kind": "known_weight", "mass_kg": {mass_kg}, "arm_m": 0.1, "relative_error": 0.002,
+                    "duration_s": 2, "repetitions": 1 }}]"#
+            )
+        };
+        assert_refused(
+            &weight(25.0),
+            &["rig_trials[0].mass_kg is 25", "20 N m (limits.torque_nm)", "at most 20.38"],
+        );
+        assert_eq!(problems(&weight(20.38)), "");
+        let bar = |inertia_kg_m2: f64| {
+            let motion = multisine(0.004, 60.0);
+            format!(
+                r#"[{{ "kind": "known_inertia", "inertia_kg_m2": {inertia_kg_m2}, "relative_error": 0.01,
+                    "motion": {motion}, "repetitions": 1 }}]"#
+            )
+        };
+        assert_eq!(problems(&bar(0.004)), "");
+        let ramps = r#"[{ "kind": "known_inertia", "inertia_kg_m2": 0.5, "relative_error": 0.01,
+            "motion": { "kind": "ramps" }, "repetitions": 1 }]"#;
+        assert_refused(ramps, &["rig_trials[0].motion", "limits.torque_nm", "lighter load"]);
+        let clamped = r#"[{ "kind": "clamped_handle", "motion": { "kind": "ramps" }, "repetitions": 1 }]"#;
+        assert_refused(clamped, &["rig_trials[0].motion", "limits.torque_nm"]);
+    }
+
+    #[test]
+    fn mistakes_in_a_block_are_told_with_their_field() {
+        assert_refused(
+            &empty(r#"{ "kind": "ramps" }"#, 0),
+            &["rig_trials[0].repetitions is 0", "from 1 to 100"],
+        );
+        assert_refused(
+            &empty(r#"{ "kind": "chirp" }"#, 1),
+            &["rig_trials[0].motion.kind", "ramps, multisine"],
+        );
+        assert_refused(
+            r#"[{ "kind": "empty_handel", "motion": { "kind": "ramps" }, "repetitions": 1 }]"#,
+            &["rig_trials[0].kind", "did you mean \"empty_handle\"?"],
+        );
+        assert_refused(
+            r#"[{ "kind": "clamped_handle", "motion": { "kind": "ramps" }, "repetitions": 1, "mass_kg": 1 }]"#,
+            &["rig_trials[0].mass_kg", "no field of this name"],
+        );
+        assert_refused(
+            &empty(&multisine(0.001, 1250.0), 1),
+            &["motion.highest_hz is 1250", "below half the sample rate"],
+        );
+        assert_refused(
+            &empty(&multisine(0.001, 0.5), 1),
+            &["motion.highest_hz is 0.5", "at least lowest_hz"],
+        );
+        let short = r#"{ "kind": "multisine", "amplitude_rad": 0.001, "lowest_hz": 0.1, "highest_hz": 0.2, "duration_s": 1 }"#;
+        assert_refused(&empty(short, 1), &["motion.duration_s is 1", "whole number of periods"]);
+        assert_refused("{}", &["rig_trials"]);
+    }
+
+    #[test]
+    fn more_than_ten_minutes_are_refused_however_many_trials_they_are() {
+        assert_refused(&empty(&multisine(0.001, 10.0), 100), &["rig_trials", "10 min 00 s at most"]);
+        assert_eq!(problems(&empty(&multisine(0.001, 10.0), 60)), "");
+        let block = empty(r#"{ "kind": "ramps" }"#, 100);
+        let many = vec![block.trim_matches(['[', ']']); 101].join(",");
+        assert_refused(&format!("[{many}]"), &["at most 100 blocks; these are 101"]);
+    }
+
+    #[test]
+    fn the_protocol_of_the_paper_with_all_loads_takes_ten_minutes_at_most() {
+        let text = include_str!("../../../protocols/de-vlugt-2011-rig-trials.json");
+        let protocol = Protocol::parse(text, "de-vlugt-2011-rig-trials.json").unwrap();
+        let plan = protocol.rig_plan();
+        let mut mounted = None;
+        let all_s: f64 = plan.iter().map(|trial| trial.expected_s(mounted.replace(trial.load))).sum();
+        assert!((all_s - protocol.rig_trials_s()).abs() < 1e-9 && all_s <= 600.0, "{all_s}");
+        let loads: std::collections::BTreeSet<&str> = plan.iter().map(|trial| trial.load.name()).collect();
+        assert_eq!(loads.len(), 5);
+        let positions: Vec<u32> = plan.iter().map(|trial| trial.position).collect();
+        assert_eq!(positions, (1..=plan.len() as u32).collect::<Vec<_>>());
     }
 }

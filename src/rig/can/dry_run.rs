@@ -138,7 +138,9 @@ fn walk(rig: &ValidRigFile, what: &str, movement: &RigMotion, limits: &HandleLim
         let motion = movement.at(t_s);
         let asked_rad_s = ((motion.angle_rad - before_rad) / period_s).abs().max(motion.velocity_rad_s.abs());
         let beyond = |quantity: &str, value: f64, limit: &dyn std::fmt::Debug| {
-            Err(format!("{what}, {t_s:.3} s after the onset, {quantity} is {value:.4}, the limit is {limit:?}"))
+            Err(format!(
+                "{what}, {t_s:.3} s after the onset, {quantity} is {value:.4}, the limit is {limit:?}"
+            ))
         };
         if limits.check_target(motion.angle_rad).is_err() {
             return beyond("the angle (rad)", motion.angle_rad, &limits.angle_rad);

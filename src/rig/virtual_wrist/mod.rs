@@ -33,7 +33,9 @@ use wrist_response::{WristResponse, trial_parameters};
 
 use schemars::{JsonSchema, schema_for};
 
-use super::{Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig, Sample, TrialKey, UpcomingRigTrial};
+use super::{
+    Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig, RigTrialStage, Sample, TrialKey, UpcomingRigTrial,
+};
 use crate::protocol::Limits;
 use crate::random::Stream;
 
@@ -114,6 +116,8 @@ pub struct ArmedVirtualWrist {
 struct RigTrialUnderWay {
     /// Place of the rig trial in the protocol, and how often it was rejected before.
     key: [u32; 2],
+    /// Whether it has begun, and draws its own random numbers.
+    has_begun: bool,
     handle: LoadedHandle,
 }
 
@@ -146,15 +150,14 @@ impl ArmedVirtualWrist {
         self.lever_torque_nm = 0.0;
     }
 
-    /// Puts a load on the handle, with random numbers of its own, and lets it come to rest.
-    fn begin_rig_trial(&mut self, upcoming: &UpcomingRigTrial) {
+    /// Puts a load on the handle, and lets it come to rest.
+    fn mount(&mut self, upcoming: &UpcomingRigTrial) {
         let UpcomingRigTrial { position, rejections, load, .. } = *upcoming;
         let handle = LoadedHandle::new(&self.rig.person, &self.rig.setup, load, self.rig.sample_rate_hz);
-        self.sensors.restart(Stream::new(self.rig.seed, &format!("noise/rig-trial/{position}/{rejections}")));
         self.servo = Servo::new(&handle.servo_setup(&self.rig.setup), self.rig.sample_rate_hz);
         self.lever_torque_nm = 0.0;
         let samples = handle.mounted_samples();
-        self.rig_trial = Some(RigTrialUnderWay { key: [position, rejections], handle });
+        self.rig_trial = Some(RigTrialUnderWay { key: [position, rejections], has_begun: false, handle });
         for _ in 0..samples {
             self.turn_loaded_handle(0.0, false);
         }
@@ -174,9 +177,18 @@ impl ArmedVirtualWrist {
     fn exchange_in_rig_trial(&mut self, upcoming: &UpcomingRigTrial, command_rad: f64) -> Sample {
         let key = [upcoming.position, upcoming.rejections];
         if self.rig_trial.as_ref().is_none_or(|trial| trial.key != key) {
-            self.begin_rig_trial(upcoming);
+            self.mount(upcoming);
         }
-        let [angle_rad, torque_nm] = self.turn_loaded_handle(command_rad, upcoming.is_moving);
+        if let Some(trial) = &mut self.rig_trial
+            && upcoming.stage != RigTrialStage::Mounting
+            && !std::mem::replace(&mut trial.has_begun, true)
+        {
+            // Random numbers of its own, whenever it begins.
+            let name = format!("noise/rig-trial/{}/{}", upcoming.position, upcoming.rejections);
+            self.sensors.restart(Stream::new(self.rig.seed, &name));
+        }
+        let is_moving = upcoming.stage == RigTrialStage::Moving;
+        let [angle_rad, torque_nm] = self.turn_loaded_handle(command_rad, is_moving);
         self.sample += 1;
         let time_s = self.sample as f64 / self.rig.sample_rate_hz;
         self.sensors.measure(angle_rad, torque_nm, [0.0; 2], time_s)
@@ -250,5 +262,7 @@ impl Armed for ArmedVirtualWrist {
     }
 }
 
+#[cfg(test)]
+mod rig_trial_tests;
 #[cfg(test)]
 mod tests;
