@@ -293,7 +293,7 @@ mod tests {
         for (amplitude_rad, highest_hz, limit) in [
             (0.12, 2.0, "limits.angle_rad[0]"),
             (0.005, 200.0, "limits.acceleration_rad_s2"),
-            (0.045, 12.0, "limits."),
+            (0.048, 40.0, "limits."),
         ] {
             let found = problems(&empty(&multisine(amplitude_rad, highest_hz), 1));
             assert!(
