@@ -44,7 +44,7 @@ impl Multisine {
         // A frequency that is a whole number of periods but for rounding counts as one.
         let least = (lowest_hz * duration_s - 1e-9).ceil().max(1.0);
         let most = (highest_hz * duration_s + 1e-9).floor();
-        if !(least <= most) {
+        if most.is_nan() || least > most {
             return None;
         }
         let mut lines = [[0.0; 2]; MOST_LINES];

@@ -140,6 +140,7 @@ pub enum RigLoad {
 
 /// What the motor does in a rig trial, after it was at rest for [`RIG_SETTLE_S`].
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "the control loop copies motions and must not allocate")]
 pub enum RigMotion {
     /// It stays at the start position.
     Still {

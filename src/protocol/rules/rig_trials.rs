@@ -14,7 +14,7 @@ const MOST_BLOCKS: usize = 100;
 
 /// Inertia of the lever, kg m2, damping, N m s/rad, and stiffness, N m/rad, that torques are foreseen with: those that the
 /// virtual rig is assumed to have. A protocol does not know its rig; there the measured torque is limited.
-const LEVER: [f64; 3] = [0.0016, 0.4, 900.0];
+const FORESEEN_LEVER: [f64; 3] = [0.0016, 0.4, 900.0];
 
 /// Steps in a radian of the fastest oscillation.
 const STEPS_PER_RADIAN: f64 = 10.0;
@@ -167,7 +167,7 @@ fn instants(motion: &RigMotion, rate: f64) -> impl Iterator<Item = Motion> {
 
 /// The highest torque in a lever of the usual kind, N m, either sign.
 fn expected_torque_nm(motion: &RigMotion, load: &RigLoad) -> f64 {
-    let [inertia, damping, stiffness] = LEVER;
+    let [inertia, damping, stiffness] = FORESEEN_LEVER;
     let (inertia, spring) = match load {
         RigLoad::KnownWeight { mass_kg, arm_m, .. } => return mass_kg * arm_m * GRAVITY_M_S2,
         RigLoad::ClampedHandle => {
@@ -181,7 +181,7 @@ fn expected_torque_nm(motion: &RigMotion, load: &RigLoad) -> f64 {
     };
     // The lever's own oscillation, the motion's, and the fastest decay there is.
     let natural = libm::sqrt((stiffness + spring) / inertia).max(damping / inertia);
-    let rate = natural.max(libm::sqrt(stiffness / LEVER[0]));
+    let rate = natural.max(libm::sqrt(stiffness / FORESEEN_LEVER[0]));
     let steps = (motion.duration_s() * rate * STEPS_PER_RADIAN).ceil();
     let step_s = motion.duration_s() / steps;
     let torque = |motor: &Motion, [angle, speed]: [f64; 2]| {
@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn the_expected_torque_of_a_sine_is_that_of_the_transfer_function() {
-        let [_, damping, stiffness] = LEVER;
+        let [_, damping, stiffness] = FORESEEN_LEVER;
         for (load, inertia, spring) in [
             (RigLoad::EmptyHandle, 0.0016, 0.0),
             (RigLoad::KnownInertia { inertia_kg_m2: 0.004 }, 0.0056, 0.0),
