@@ -175,6 +175,7 @@ impl RunArgs {
     /// Makes the session's folder and runs the session.
     fn start(&self, protocol: &ValidProtocol, plan: Plan, console: &Console) -> Result<(), Failure> {
         let Plan { seed, subject, order, settings, rig, rig_json, lever } = plan;
+        rig.check_operator(self.console.check()?, !settings.rig_plan.is_empty())?;
         let folder = self.folder(subject, seed)?;
         if files::exists(&folder) {
             return Err(RecordError::Exists(folder).into());

@@ -12,6 +12,7 @@ use super::hexadecimal::sha256;
 use super::journal::{JOURNAL_FORMAT, Journal, JournalEntry};
 use super::recorder::{RecordError, RecordNames, Recorder};
 use super::session_about::{SessionAbout, SubjectCard};
+use super::tables;
 use super::{RIG_CALIBRATION, SESSION_FORMAT};
 use crate::files::{self, Folder};
 use crate::protocol::ValidProtocol;
@@ -100,7 +101,7 @@ impl NewSession<'_> {
     }
 
     fn prepare(&self, folder: &Folder, disk: &Disk) -> Result<Journal, RecordError> {
-        for inside in ["trials", "familiarisation", "before"] {
+        for inside in ["trials", "familiarisation", "before", tables::RIG_FOLDER] {
             if inside == "trials" || self.has(inside) {
                 make(disk, folder, inside)?;
             }
@@ -111,9 +112,13 @@ impl NewSession<'_> {
             ("protocol.json", self.protocol.text().as_bytes()),
             ("schedule.csv", &self.schedule()),
             ("rig.json", &pretty(self.rig)),
-            ("trials.csv", super::tables::empty()),
+            ("trials.csv", tables::empty()),
+            (tables::RIG_TABLE, tables::empty_rig_table()),
             ("session.json", &pretty(&self.description(rate))),
         ] {
+            if name == tables::RIG_TABLE && !self.has(tables::RIG_FOLDER) {
+                continue;
+            }
             disk.write(folder, name, bytes).map_err(RecordError::at(&folder.path_of(name)))?;
             sums.insert(name.to_owned(), sha256(bytes));
         }
@@ -123,8 +128,9 @@ impl NewSession<'_> {
             sums.insert(RIG_CALIBRATION.to_owned(), sha256(bytes));
         }
         let protocol_sha256 = sums.remove("protocol.json").unwrap_or_default();
-        // The only one of these files that changes: it follows from the journal.
+        // The only ones of these files that change: they follow from the journal.
         sums.remove("trials.csv");
+        sums.remove(tables::RIG_TABLE);
         let file = folder.path_of(super::JOURNAL);
         let mut journal = Journal::create(disk, folder).map_err(RecordError::at(&file))?;
         journal.append(disk, &self.first_record(protocol_sha256, sums)).map_err(RecordError::at(&file))?;
@@ -135,6 +141,7 @@ impl NewSession<'_> {
         let before = &self.protocol.before;
         match folder {
             "familiarisation" => before.familiarisation_trials > 0,
+            tables::RIG_FOLDER => !self.protocol.rig_trials.is_empty(),
             _ => before.offset_s.is_some() || before.mvc.is_some(),
         }
     }

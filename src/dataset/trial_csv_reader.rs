@@ -48,6 +48,17 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
     Ok(record)
 }
 
+/// The commanded angles of the record of a rig trial, rad; `file` is its name for messages.
+pub(super) fn parse_targets(file: &str, text: &str) -> Result<Vec<f64>, DatasetError> {
+    let mut table = CsvTable::new(file.to_owned(), text, "a header with target_rad and a row a sample")?;
+    let target = table.column("target_rad")?;
+    let mut targets_rad = Vec::new();
+    while table.next_row()? {
+        targets_rad.push(table.number(target)?);
+    }
+    Ok(targets_rad)
+}
+
 /// Whether the samples lie where an even time axis of the session's rate puts them.
 pub(super) fn check_times(
     file: &str,

@@ -12,6 +12,9 @@ pub struct TrialCsvWriter {
 /// The columns of a record.
 pub const HEADER: &[u8] = b"t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc\n";
 
+/// The columns of the record of a rig trial, of which no muscle is part.
+pub const RIG_HEADER: &[u8] = b"t_s,target_rad,theta_m_rad,torque_l_nm\n";
+
 impl TrialCsvWriter {
     /// TrialCsvWriter at a rate; times get as many places as it takes to be exact, at most 9.
     pub fn new(sample_rate_hz: f64) -> Self {
@@ -29,14 +32,35 @@ impl TrialCsvWriter {
 
     /// Adds the row of a sample. Values that a converter cannot give (NaN, infinity) are not in any record.
     pub fn push(&self, rows: &mut Vec<u8>, sample: u64, values: &Sample) {
+        self.push_row(
+            rows,
+            sample,
+            [
+                (values.theta_m_rad, resolution::ANGLE_PER_RAD, 7),
+                (values.torque_l_nm, resolution::TORQUE_PER_NM, 5),
+                (values.emg_fcr_mvc, resolution::EMG_PER_MVC, 5),
+                (values.emg_ecr_mvc, resolution::EMG_PER_MVC, 5),
+            ],
+        );
+    }
+
+    /// As [`TrialCsvWriter::push`], for the record of a rig trial; `target_rad` is the angle commanded for the sample.
+    pub fn push_rig(&self, rows: &mut Vec<u8>, sample: u64, target_rad: f64, values: &Sample) {
+        self.push_row(
+            rows,
+            sample,
+            [
+                (target_rad, resolution::ANGLE_PER_RAD, 7),
+                (values.theta_m_rad, resolution::ANGLE_PER_RAD, 7),
+                (values.torque_l_nm, resolution::TORQUE_PER_NM, 5),
+            ],
+        );
+    }
+
+    fn push_row<const N: usize>(&self, rows: &mut Vec<u8>, sample: u64, cells: [(f64, f64, usize); N]) {
         let ticks = self.time_s(sample) * 10f64.powi(self.time_places as i32);
         push_decimal(rows, ticks.round() as i64, self.time_places);
-        for (value, steps, places) in [
-            (values.theta_m_rad, resolution::ANGLE_PER_RAD, 7),
-            (values.torque_l_nm, resolution::TORQUE_PER_NM, 5),
-            (values.emg_fcr_mvc, resolution::EMG_PER_MVC, 5),
-            (values.emg_ecr_mvc, resolution::EMG_PER_MVC, 5),
-        ] {
+        for (value, steps, places) in cells {
             rows.push(b',');
             // Half a step away from zero and the cut towards it round to the nearest step.
             push_decimal(rows, (value * steps + f64::copysign(0.5, value)) as i64, places);

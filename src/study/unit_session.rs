@@ -168,8 +168,9 @@ struct Unattended {
 }
 
 impl Operator for Unattended {
-    fn poll_command(&mut self, _: &Machine) -> Option<Event> {
-        None
+    fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
+        // A virtual rig mounts its loads by itself.
+        machine.awaits_mounting().then_some(Event::Resume)
     }
 
     fn wait_for_command(&mut self, machine: &Machine) -> Event {

@@ -408,7 +408,7 @@ impl ArmedCanMotor {
             Cue::Target { target_nm, .. } => self.shown_nm = *target_nm,
             Cue::Effort(Direction::Flexion) => self.shown_nm = effort_nm,
             Cue::Effort(Direction::Extension) => self.shown_nm = -effort_nm,
-            Cue::Rest | Cue::Relax => self.shown_nm = 0.0,
+            Cue::Rest | Cue::Relax | Cue::RigTrial(_) => self.shown_nm = 0.0,
             // Nothing on the display changes while the motor moves.
             Cue::Moving => {}
         }

@@ -21,6 +21,9 @@ pub struct Setup {
     pub servo_bandwidth_hz: f64,
     /// Damping ratio of the servo. Assumed: 1.
     pub servo_damping_ratio: f64,
+    /// Friction of the handle's bearing, N m; only rig trials have it, in a trial it is part of the wrist. Assumed: none.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub bearing_friction_nm: f64,
     /// Counts of the encoder in a revolution. Assumed: 2^17.
     pub encoder_counts_per_revolution: f64,
     /// Noise of the strain gauges, N m (standard deviation, white). Assumed: 0.01.
@@ -35,6 +38,11 @@ pub struct Setup {
     pub mechanisms: MechanismList,
 }
 
+// By reference, as serde asks for it.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
 impl Default for Setup {
     fn default() -> Self {
         Self {
@@ -46,6 +54,7 @@ impl Default for Setup {
             servo_stiffness_nm_per_rad: 1000.0,
             servo_bandwidth_hz: 80.0,
             servo_damping_ratio: 1.0,
+            bearing_friction_nm: 0.0,
             encoder_counts_per_revolution: 131_072.0,
             gauge_noise_nm: 0.01,
             gauge_offset_nm: 0.03,
@@ -130,6 +139,7 @@ impl Setup {
         ];
         let not_negative = [
             ("lever.damping_nm_s_per_rad", lever[1]),
+            ("bearing_friction_nm", self.bearing_friction_nm),
             ("gauge_noise_nm", self.gauge_noise_nm),
             ("gauge_step_nm", self.gauge_step_nm),
             ("emg_step_mvc", self.emg_step_mvc),

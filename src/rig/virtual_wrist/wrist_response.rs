@@ -62,7 +62,7 @@ struct Moving {
     sign: f64,
     origin_rad: f64,
     from: Kinematics<f64>,
-    follower_rad: [f64; 2],
+    follower: Follower,
     sample: u64,
     reflex_nm: f64,
     speed_rad_s: f64,
@@ -167,7 +167,7 @@ impl WristResponse {
             sign,
             origin_rad: motor.theta,
             from: Kinematics::default(),
-            follower_rad: [0.0; 2],
+            follower: Follower::default(),
             sample: 0,
             reflex_nm: self.reflex.gain_s_per_rad * speed_rad_s * torque_nm.abs(),
             speed_rad_s,
@@ -200,8 +200,7 @@ impl WristResponse {
 }
 
 impl Moving {
-    /// The motor's motion relative to the onset, in the direction of the ramp. If the recorded angle is only a command, the motor follows
-    /// it with two equal lags (mechanism `servo_following`).
+    /// The motor's motion relative to the onset, in the direction of the ramp.
     fn relative_motion(
         &mut self,
         motor: Kinematics<f64>,
@@ -210,13 +209,7 @@ impl Moving {
     ) -> Kinematics<f64> {
         let recorded =
             Kinematics { theta: self.sign * (motor.theta - self.origin_rad), omega: self.sign * motor.omega };
-        let Some(bandwidth_hz) = following_hz else { return recorded };
-        let rate = std::f64::consts::TAU * bandwidth_hz;
-        let keep = libm::exp(-rate * period_s);
-        let [first, second] = &mut self.follower_rad;
-        *first = recorded.theta + keep * (*first - recorded.theta);
-        *second = *first + keep * (*second - *first);
-        Kinematics { theta: *second, omega: rate * (*first - *second) }
+        self.follower.follow(recorded, following_hz, period_s)
     }
 
     fn advance(
@@ -275,6 +268,30 @@ impl Moving {
             self.substeps,
         );
         self.integrator.torques(&self.mechanics, added_dynamics, to, end_s).0
+    }
+}
+
+/// The motor behind a recorded angle that is only a command: it follows with two equal lags (mechanism `servo_following`).
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Follower {
+    lags_rad: [f64; 2],
+}
+
+impl Follower {
+    /// The motion of the motor when the recorded one is `recorded`; the recorded one itself without a bandwidth.
+    pub fn follow(
+        &mut self,
+        recorded: Kinematics<f64>,
+        following_hz: Option<f64>,
+        period_s: f64,
+    ) -> Kinematics<f64> {
+        let Some(bandwidth_hz) = following_hz else { return recorded };
+        let rate = std::f64::consts::TAU * bandwidth_hz;
+        let keep = libm::exp(-rate * period_s);
+        let [first, second] = &mut self.lags_rad;
+        *first = recorded.theta + keep * (*first - recorded.theta);
+        *second = *first + keep * (*second - *first);
+        Kinematics { theta: *second, omega: rate * (*first - *second) }
     }
 }
 
