@@ -14,7 +14,7 @@ use super::hexadecimal::hexadecimal;
 use super::journal::{Interrupted, Journal, JournalEntry, RecordSum};
 use super::record_splitter::RecordSplitter;
 use super::tables;
-use super::trial_csv_writer::{HEADER, TrialCsvWriter};
+use super::trial_csv_writer::{HEADER, TrialCsvWriter, header};
 use crate::files::{Folder, is_refusal};
 use crate::protocol::TooShort;
 use crate::rig::{Origin, Sample};
@@ -164,14 +164,17 @@ impl Recorder {
         let part = part_of(&file);
         let handle =
             self.disk.create(&self.folder, &part).map_err(RecordError::at(&self.folder.path_of(&part)))?;
-        let mut buffer = Vec::with_capacity(2 * CHUNK);
-        buffer.extend_from_slice(HEADER);
+        // The first sample shows which columns the record has.
+        let buffer = Vec::with_capacity(2 * CHUNK);
         self.open = Some(OpenRecord { file, handle, buffer, samples: 0, bytes: 0, sum: Sha256::new() });
         Ok(())
     }
 
     fn keep(&mut self, sample: &Sample) -> Result<(), RecordError> {
         let Some(open) = &mut self.open else { return Ok(()) };
+        if open.samples == 0 {
+            open.buffer.extend_from_slice(&header(sample));
+        }
         self.rows.push(&mut open.buffer, open.samples, sample);
         open.samples += 1;
         if open.buffer.len() >= CHUNK { self.flush() } else { Ok(()) }
@@ -185,6 +188,9 @@ impl Recorder {
     /// The record is complete. It gets its name only once it is safe, and the journal its sum.
     fn finish(&mut self) -> Result<(), RecordError> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
+        if open.samples == 0 {
+            open.buffer.extend_from_slice(HEADER);
+        }
         let mut write = || {
             open.flush(&self.disk)?;
             self.disk.sync(&open.handle)?;

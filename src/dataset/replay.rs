@@ -14,7 +14,7 @@ use super::error::{DatasetError, FilePlace};
 use super::journal::{JOURNAL, JournalEntry};
 use super::recorder::part_of;
 use super::recovery::{RecoveredSession, RecoveredState};
-use super::trial_csv_reader;
+use super::{FurtherChannel, trial_csv_reader};
 use crate::files::{excerpt, limits};
 use crate::protocol::Limits;
 use crate::rig::{Fault, LimitMonitor, Motor, Sample};
@@ -478,6 +478,7 @@ impl<'a> Replayer<'a> {
                 torque_l_nm: record.torque_l_nm[row],
                 emg_fcr_mvc: fcr[row],
                 emg_ecr_mvc: ecr[row],
+                further: FurtherChannel::ALL.map(|channel| Some(record.further(channel)?[row])),
             })
             .collect();
         let mut monitor = LimitMonitor::new((&self.limits).into(), self.session.settings.sample_rate_hz);

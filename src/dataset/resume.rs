@@ -11,7 +11,7 @@ use super::journal::{Damage, Interrupted, JOURNAL, Journal, RecordSum};
 use super::manifest::{Change, MANIFEST, Manifest};
 use super::recorder::{RecordError, Recorder, part_of};
 use super::recovery::{RecoveredSession, RecoveredState};
-use super::trial_csv_writer::HEADER;
+use super::trial_csv_writer::{HEADER, header_of};
 use crate::files::{EntryKind, Folder, is_refusal, limits};
 use crate::session::{Machine, Phase};
 
@@ -253,13 +253,12 @@ fn complete_record(disk: &Disk, folder: &Folder, file: &str) -> Result<(u64, Rec
 
 /// The header and the complete rows of a record, and the number of rows.
 fn complete_rows(bytes: &[u8]) -> (Vec<u8>, u64) {
-    let mut good = HEADER.to_vec();
     let mut samples = 0;
-    if !bytes.starts_with(HEADER) {
-        return (good, samples);
-    }
-    for row in bytes[HEADER.len()..].split_inclusive(|byte| *byte == b'\n') {
-        if !is_complete_row(row) {
+    let Some(header) = header_of(bytes) else { return (HEADER.to_vec(), samples) };
+    let columns = header.split(|byte| *byte == b',').count();
+    let mut good = header.to_vec();
+    for row in bytes[header.len()..].split_inclusive(|byte| *byte == b'\n') {
+        if !is_complete_row(row, columns) {
             break;
         }
         good.extend_from_slice(row);
@@ -269,12 +268,12 @@ fn complete_rows(bytes: &[u8]) -> (Vec<u8>, u64) {
 }
 
 /// Whether a row ends with a line break and has a finite number in each column.
-fn is_complete_row(row: &[u8]) -> bool {
+fn is_complete_row(row: &[u8], columns: usize) -> bool {
     let Some(text) = row.strip_suffix(b"\n").and_then(|row| std::str::from_utf8(row).ok()) else {
         return false;
     };
     let numbers = text.split(',').map(|cell| cell.parse::<f64>().is_ok_and(f64::is_finite));
-    numbers.clone().all(|good| good) && numbers.count() == HEADER.split(|byte| *byte == b',').count()
+    numbers.clone().all(|good| good) && numbers.count() == columns
 }
 
 #[cfg(test)]

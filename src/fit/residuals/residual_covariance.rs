@@ -1,11 +1,12 @@
-//! Covariance of the residuals: noise of the torque plus the error of the recorded angle, carried through the model.
+//! Covariance of the residuals: noise of the channels plus the error of the recorded angle, carried through the model, plus the
+//! quantisation of further encoders.
 //!
 //! The holds show only the first source (voluntary drift, tremor, noise of the gauge). The error of the angle drives the model
 //! during the ramp; see [`super::input_error`].
 
 use nalgebra::DMatrix;
 
-use super::input_error::input_error_covariance;
+use super::input_error::{further_encoder_covariance, input_error_covariance};
 use crate::fit::data::hold_noise::STRETCHES_PER_WINDOW;
 use crate::fit::data::observations::Observations;
 use crate::signal::NoiseCovariance;
@@ -20,7 +21,7 @@ const MIN_PRECISION_FACTOR: f64 = 0.25;
 /// Covariance of the residuals for each noise covariance of the session, on the noise samples. `point` are rough values of the base
 /// parameters, which determine how an error of the angle becomes an error of the torque.
 pub fn residual_covariances(observations: &Observations, point: &[f64; 6]) -> Vec<NoiseCovariance> {
-    let input_error = input_error_covariance(observations, point);
+    let input_error = input_error_covariance(observations, point) + further_encoder_covariance(observations);
     let with_input_error = |noise: &NoiseCovariance| {
         let directions = noise.directions(FLOOR_NM * FLOOR_NM);
         let covariance = (&noise.covariance + &input_error) / precision_factor(noise.stretches, directions);
@@ -47,12 +48,12 @@ pub fn angle_error_ratio(observations: &Observations, covariances: &[NoiseCovari
     observations.noise_covariances.iter().zip(covariances).map(ratio).fold(0.0, f64::max)
 }
 
-/// Whitening matrix for each of `covariances`. It has one column per sample of the window; columns between noise samples are zero.
+/// Whitening matrix for each of `covariances`. It has one column per value of a trial; columns between noise samples are zero.
 pub fn whitening_matrices(observations: &Observations, covariances: &[NoiseCovariance]) -> Vec<DMatrix<f64>> {
     let samples: Vec<usize> = observations.noise_samples().collect();
     let on_all_samples = |noise: &NoiseCovariance| {
         let whitener = noise.whitener(FLOOR_NM * FLOOR_NM);
-        let mut wide = DMatrix::zeros(whitener.nrows(), observations.samples);
+        let mut wide = DMatrix::zeros(whitener.nrows(), observations.rows());
         for (column, sample) in samples.iter().enumerate() {
             wide.set_column(*sample, &whitener.column(column));
         }

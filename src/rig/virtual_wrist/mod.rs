@@ -115,7 +115,12 @@ impl ArmedVirtualWrist {
             wrist: WristResponse::new(&rig.person, &rig.setup, rate),
             voluntary: VoluntaryTorque::new(&rig.person, rate, stream("subject/rest")),
             emg: Emg::new(&rig.person, rate, stream("emg/rest")),
-            sensors: VirtualSensors::new(&rig.setup, &rig.person, rate, stream("noise/rest")),
+            sensors: VirtualSensors::new(
+                &rig.setup,
+                &rig.person,
+                rate,
+                [stream("noise/rest"), stream("noise/further/rest")],
+            ),
             rig,
             trial: None,
             moving: false,
@@ -129,7 +134,7 @@ impl ArmedVirtualWrist {
         self.trial = Some(key);
         self.voluntary.restart(self.rig.stream("subject", key));
         self.emg.restart(self.rig.stream("emg", key));
-        self.sensors.restart(self.rig.stream("noise", key));
+        self.sensors.restart([self.rig.stream("noise", key), self.rig.stream("noise/further", key)]);
         self.servo.settle();
         self.wrist.stop();
         self.lever_torque_nm = 0.0;
@@ -165,6 +170,7 @@ impl Armed for ArmedVirtualWrist {
             // The safe state of the virtual rig: hold the last command.
             Motor::Safe => self.servo.command_rad(),
         };
+        let before = self.servo.motion();
         self.servo.step(angle_rad, self.lever_torque_nm);
         let voluntary_nm = self.voluntary.step(&command.cue);
         let response = self.wrist.step(self.servo.motion(), matches!(command.cue, Cue::Rest));
@@ -176,6 +182,7 @@ impl Armed for ArmedVirtualWrist {
             self.servo.motion().theta,
             voluntary_nm + response.measured_nm,
             [emg[0] / self.rig.emg_scale[0], emg[1] / self.rig.emg_scale[1]],
+            &self.wrist.further(&response, [before, self.servo.motion()], voluntary_nm),
             time_s,
         ))
     }
