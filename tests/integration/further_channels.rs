@@ -46,7 +46,8 @@ impl Workspace {
         self.call(0, &["run", PAPER, "--seed", "4", "--rig", "rig.json", "--out", "s"]);
         self.call(0, &["diagnose", "s", "--seed", "2"]);
         let found: Value =
-            serde_json::from_str(&fs::read_to_string(self.path("s/results/diagnosis.json")).unwrap()).unwrap();
+            serde_json::from_str(&fs::read_to_string(self.path("s/results/diagnosis.json")).unwrap())
+                .unwrap();
         fs::remove_dir_all(self.path("s")).unwrap();
         let cause = &found["causes"][0];
         let rest = cause["indistinguishable"].as_array().unwrap_or_else(|| panic!("no cause: {found:#}"));
@@ -98,7 +99,9 @@ fn a_session_with_every_sensor_is_run_fitted_reported_and_exported_with_its_chan
     assert_eq!(plain, "t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc");
     assert_eq!(header("s"), format!("{plain},{}", COLUMNS.join(",")));
     // The further sensors change no sample of the others.
-    let text = |session: &str| fs::read_to_string(workspace.path(&format!("{session}/trials/trial-003.csv"))).unwrap();
+    let text = |session: &str| {
+        fs::read_to_string(workspace.path(&format!("{session}/trials/trial-003.csv"))).unwrap()
+    };
     for (with, without) in text("s").lines().zip(text("plain").lines()).skip(1) {
         assert!(with.starts_with(&format!("{without},")), "{with} and {without}");
     }
@@ -114,7 +117,12 @@ fn a_session_with_every_sensor_is_run_fitted_reported_and_exported_with_its_chan
         .collect();
     assert_eq!(channels, COLUMNS);
     let report = fs::read_to_string(workspace.path("s/results/report.html")).unwrap();
-    for title in ["angle of the handle", "angular acceleration of the handle", "torque at the hand", "angle of the joint"] {
+    for title in [
+        "angle of the handle",
+        "angular acceleration of the handle",
+        "torque at the hand",
+        "angle of the joint",
+    ] {
         assert!(report.contains(title), "{title} is not in the report");
     }
     let plain = fs::read_to_string(workspace.path("plain/results/fit.json")).unwrap();

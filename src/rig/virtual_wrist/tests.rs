@@ -337,7 +337,7 @@ fn the_further_sensors_obey_the_equations_of_lever_and_handle() {
         }
         let mut wrist = armed(person, setup.clone(), 1);
         let (hold, ramp) = trial(&mut wrist, 1.5, upcoming(2.6, 1));
-        let samples: Vec<Sample> = hold[9000..].iter().chain(&ramp[..150]).copied().collect();
+        let samples: Vec<Sample> = hold[9000..].iter().chain(&ramp[..100]).copied().collect();
         let further = |sample: usize, place: usize| samples[sample].further[place].unwrap();
         let torque = |sample: usize| samples[sample].torque_l_nm - setup.gauge_offset_nm;
         let mut largest: f64 = 0.0;
