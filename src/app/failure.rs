@@ -200,9 +200,6 @@ pub enum Failure {
         /// The reason.
         source: CalibrateError,
     },
-    /// A calibration cannot be used.
-    #[error(transparent)]
-    Calibration(#[from] RigCalibrationError),
     /// The rig differs from its calibration.
     #[error("{}: the rig differs from its calibration in {quantities}. Find out why, or calibrate it anew", .session.display())]
     RigChanged {
@@ -235,7 +232,6 @@ impl Failure {
             | Self::Prepare { .. }
             | Self::Contradicts { .. }
             | Self::Calibrate { .. }
-            | Self::Calibration(_)
             | Self::Model { .. }
             | Self::CalibrationFile(_)
             | Self::Calibration { .. }

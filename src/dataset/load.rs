@@ -10,7 +10,7 @@ use super::amendments::{AMENDMENTS, Amendments};
 use super::csv_input::{CsvTable, SessionFolder};
 use super::description_json::{check_format, parse_json};
 use super::error::{DatasetError, FilePlace};
-use super::{Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
+use super::{FurtherChannel, Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
 use crate::files::{excerpt, limits};
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
@@ -44,12 +44,34 @@ pub fn load_amended(folder: &Path, amendments: &Amendments) -> Result<Session, D
     // Every record is read before the first error is chosen, so that the message does not depend on threads.
     let trials: Vec<Result<Trial, DatasetError>> =
         rows.into_par_iter().map(|row| row.with_record(&folder, about.sample_rate_hz)).collect();
+    let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
+    check_further_channels(&folder, &trials)?;
     Ok(Session {
         subject: about.subject,
         sample_rate_hz: about.sample_rate_hz,
         lever: about.rig.lever,
         recorded_filter: about.recorded_filter,
-        trials: trials.into_iter().collect::<Result<_, _>>()?,
+        trials,
+    })
+}
+
+/// Refuses a record with other further channels than the first record of the session. A record without rows may have any.
+fn check_further_channels(folder: &SessionFolder, trials: &[Trial]) -> Result<(), DatasetError> {
+    let mut recorded = trials.iter().filter(|trial| !trial.record.theta_m_rad.is_empty());
+    let Some(first) = recorded.next() else { return Ok(()) };
+    let channels = first.record.further_channels();
+    let Some(other) = recorded.find(|trial| trial.record.further_channels() != channels) else {
+        return Ok(());
+    };
+    let names = |channels: &[FurtherChannel]| match channels {
+        [] => "no further channel".to_owned(),
+        some => some.iter().map(|channel| channel.column()).collect::<Vec<_>>().join(", "),
+    };
+    Err(DatasetError::FurtherChannels {
+        at: FilePlace::line(folder.name(&other.file), 1),
+        found: names(&other.record.further_channels()),
+        expected: names(&channels),
+        first: folder.name(&first.file),
     })
 }
 

@@ -14,7 +14,7 @@ use super::hexadecimal::hexadecimal;
 use super::journal::{Interrupted, Journal, JournalEntry, RecordSum};
 use super::record_splitter::RecordSplitter;
 use super::tables;
-use super::trial_csv_writer::TrialCsvWriter;
+use super::trial_csv_writer::{HEADER, RIG_HEADER, TrialCsvWriter, header};
 use crate::files::{Folder, is_refusal};
 use crate::protocol::TooShort;
 use crate::rig::{Origin, Sample};
@@ -166,9 +166,12 @@ impl Recorder {
         let part = part_of(&file);
         let handle =
             self.disk.create(&self.folder, &part).map_err(RecordError::at(&self.folder.path_of(&part)))?;
-        let mut buffer = Vec::with_capacity(2 * CHUNK);
-        buffer.extend_from_slice(tables::header_of(&file));
+        // The first sample of a trial shows which columns the record has.
         let is_rig_trial = target == RecordTarget::RigTrial;
+        let mut buffer = Vec::with_capacity(2 * CHUNK);
+        if is_rig_trial {
+            buffer.extend_from_slice(RIG_HEADER);
+        }
         self.open =
             Some(OpenRecord { is_rig_trial, file, handle, buffer, samples: 0, bytes: 0, sum: Sha256::new() });
         Ok(())
@@ -179,6 +182,9 @@ impl Recorder {
         if open.is_rig_trial {
             self.rows.push_rig(&mut open.buffer, open.samples, target_rad, sample);
         } else {
+            if open.samples == 0 {
+                open.buffer.extend_from_slice(&header(sample));
+            }
             self.rows.push(&mut open.buffer, open.samples, sample);
         }
         open.samples += 1;
@@ -193,6 +199,9 @@ impl Recorder {
     /// The record is complete. It gets its name only once it is safe, and the journal its sum.
     fn finish(&mut self) -> Result<(), RecordError> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
+        if open.samples == 0 {
+            open.buffer.extend_from_slice(HEADER);
+        }
         let mut write = || {
             open.flush(&self.disk)?;
             self.disk.sync(&open.handle)?;

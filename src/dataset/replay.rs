@@ -14,9 +14,9 @@ use super::error::{DatasetError, FilePlace};
 use super::journal::{JOURNAL, JournalEntry};
 use super::recorder::part_of;
 use super::recovery::{RecoveredSession, RecoveredState};
-use super::tables::header_of;
-use super::trial_csv_reader;
+use super::tables::header_of_file;
 use super::trial_csv_writer::HEADER;
+use super::{FurtherChannel, trial_csv_reader};
 use crate::files::{excerpt, limits};
 use crate::protocol::Limits;
 use crate::rig::{Fault, LimitMonitor, Motor, Sample};
@@ -486,7 +486,7 @@ impl<'a> Replayer<'a> {
             return Ok(RecordedSamples { next: 0, ..RecordedSamples::default() });
         }
         let record = trial_csv_reader::parse(&name, whole, self.session.settings.sample_rate_hz)?;
-        let has_emg = header_of(file) == HEADER;
+        let has_emg = header_of_file(file) == HEADER;
         if has_emg && (record.emg_fcr_mvc.is_none() || record.emg_ecr_mvc.is_none()) {
             let expected = "the columns emg_fcr_mvc and emg_ecr_mvc".to_owned();
             return Err(DatasetError::Empty { at: FilePlace::file(name), expected });
@@ -499,6 +499,7 @@ impl<'a> Replayer<'a> {
                 torque_l_nm: record.torque_l_nm[row],
                 emg_fcr_mvc: emg_mvc(&record.emg_fcr_mvc, row),
                 emg_ecr_mvc: emg_mvc(&record.emg_ecr_mvc, row),
+                further: FurtherChannel::ALL.map(|channel| Some(record.further(channel)?[row])),
             })
             .collect();
         let targets_rad = if has_emg { Vec::new() } else { trial_csv_reader::parse_targets(&name, whole)? };

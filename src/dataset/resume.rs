@@ -11,7 +11,8 @@ use super::journal::{Damage, Interrupted, JOURNAL, Journal, RecordSum};
 use super::manifest::{Change, MANIFEST, Manifest};
 use super::recorder::{RecordError, Recorder, part_of};
 use super::recovery::{RecoveredSession, RecoveredState};
-use super::tables::header_of;
+use super::tables::header_of_file;
+use super::trial_csv_writer::header_of;
 use crate::files::{EntryKind, Folder, is_refusal, limits};
 use crate::session::{Machine, Phase};
 
@@ -242,7 +243,7 @@ fn complete_record(disk: &Disk, folder: &Folder, file: &str) -> Result<(u64, Rec
             (None, Some(bytes)) => (bytes, true),
             (None, None) => (Vec::new(), false),
         };
-        let (good, samples) = complete_rows(&bytes, header_of(file));
+        let (good, samples) = complete_rows(&bytes, header_of_file(file));
         if !has_name || good.len() != bytes.len() {
             disk.write(folder, file, &good)?;
         }
@@ -255,15 +256,14 @@ fn complete_record(disk: &Disk, folder: &Folder, file: &str) -> Result<(u64, Rec
     complete().map_err(RecordError::at(&folder.path_of(file)))
 }
 
-/// The `header` and the complete rows of a record, and the number of rows.
-fn complete_rows(bytes: &[u8], header: &[u8]) -> (Vec<u8>, u64) {
-    let mut good = header.to_vec();
+/// The header and the complete rows of a record, and the number of rows; of one without a header, `least` and no rows.
+fn complete_rows(bytes: &[u8], least: &[u8]) -> (Vec<u8>, u64) {
     let mut samples = 0;
-    if !bytes.starts_with(header) {
-        return (good, samples);
-    }
+    let Some(header) = header_of(bytes) else { return (least.to_vec(), samples) };
+    let columns = header.split(|byte| *byte == b',').count();
+    let mut good = header.to_vec();
     for row in bytes[header.len()..].split_inclusive(|byte| *byte == b'\n') {
-        if !is_complete_row(row, header) {
+        if !is_complete_row(row, columns) {
             break;
         }
         good.extend_from_slice(row);
@@ -273,12 +273,12 @@ fn complete_rows(bytes: &[u8], header: &[u8]) -> (Vec<u8>, u64) {
 }
 
 /// Whether a row ends with a line break and has a finite number in each column.
-fn is_complete_row(row: &[u8], header: &[u8]) -> bool {
+fn is_complete_row(row: &[u8], columns: usize) -> bool {
     let Some(text) = row.strip_suffix(b"\n").and_then(|row| std::str::from_utf8(row).ok()) else {
         return false;
     };
     let numbers = text.split(',').map(|cell| cell.parse::<f64>().is_ok_and(f64::is_finite));
-    numbers.clone().all(|good| good) && numbers.count() == header.split(|byte| *byte == b',').count()
+    numbers.clone().all(|good| good) && numbers.count() == columns
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use super::{AMENDMENTS, JOURNAL, RIG_CALIBRATION, Session};
 use crate::files::EntryKind;
 
 /// Files at the top of a session folder.
-const OF_SESSION: [&str; 12] = [
+const OF_SESSION: [&str; 13] = [
     "session.json",
     "trials.csv",
     "familiarisation.csv",

@@ -32,8 +32,8 @@ pub fn rig_trial_file(attempt: &RigAttempt) -> String {
     format!("{RIG_FOLDER}/rig-trial-{:03}.csv", attempt.number)
 }
 
-/// The columns of the record `file`.
-pub fn header_of(file: &str) -> &'static [u8] {
+/// The columns that the record `file` has at least.
+pub fn header_of_file(file: &str) -> &'static [u8] {
     if file.split('/').next() == Some(RIG_FOLDER) { RIG_HEADER } else { HEADER }
 }
 

@@ -1,8 +1,8 @@
 //! The record of one trial: reading `trials/*.csv`, and whether its time axis is sound.
 
-use super::Record;
 use super::csv_input::CsvTable;
 use super::error::{DatasetError, FilePlace};
+use super::{FurtherChannel, Record};
 
 /// How far a sample may be from its place on an even time axis, in sample periods. Times are often printed with few
 /// digits, so a step is not exactly a period; half a period is where a sample would be nearer to its neighbour's place.
@@ -28,8 +28,15 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
         torque_l_nm: Vec::with_capacity(rows),
         emg_fcr_mvc: fcr.map(|_| Vec::with_capacity(rows)),
         emg_ecr_mvc: ecr.map(|_| Vec::with_capacity(rows)),
-        start_s: 0.0,
+        ..Record::default()
     };
+    let further: Vec<(FurtherChannel, usize)> = FurtherChannel::ALL
+        .into_iter()
+        .filter_map(|channel| Some((channel, table.find(channel.column())?)))
+        .collect();
+    for (channel, _) in &further {
+        *record.further_mut(*channel) = Some(Vec::with_capacity(rows));
+    }
     let mut lines = Vec::with_capacity(rows);
     while table.next_row()? {
         times_s.push(table.number(time)?);
@@ -40,6 +47,10 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
         }
         if let (Some(column), Some(signal)) = (ecr, &mut record.emg_ecr_mvc) {
             signal.push(table.number(column)?);
+        }
+        for (channel, column) in &further {
+            let value = table.number(*column)?;
+            record.further_mut(*channel).get_or_insert_default().push(value);
         }
         lines.push(table.line());
     }

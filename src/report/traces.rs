@@ -4,11 +4,13 @@ use rayon::prelude::*;
 
 use super::emg::{TrialEmg, find_onsets, trial_emg};
 use super::fitted::{Fitted, FittedTrial};
-use crate::dataset::{Session, Status};
+use crate::dataset::{FurtherChannel, Session, Status};
 use crate::fit::{ExcludedTrial, Model, Observations, PreprocessingSettings, RigConstants, TrialObservation};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
-use crate::wrist::{self, SimulatedTorque, SimulationSettings, TraceSample, simulate, substeps};
+use crate::wrist::{
+    self, ScaledChannel, SimulatedTorque, SimulationSettings, TraceSample, simulate, substeps,
+};
 
 /// The measured and fitted traces of a trial. Torques and angles are changes from the hold, turned so that the
 /// ramp is positive, as in section 2.4 of the paper.
@@ -30,6 +32,8 @@ pub struct Trace {
     pub near: Vec<(f64, f64, f64)>,
     /// Time and fitted torque, filtered, from the onset on; empty without a fit.
     pub fitted_nm: Vec<(f64, f64)>,
+    /// The further channels of the session.
+    pub further: Vec<FurtherTrace>,
     /// The states of the fitted wrist from the onset on; empty without a fit.
     pub instants: Vec<TraceSample>,
     /// Measured minus fitted torque in the window, N m; empty without a fit.
@@ -38,6 +42,17 @@ pub struct Trace {
     pub fit: Option<FittedTrial>,
     /// Its EMG, where it was measured.
     pub emg: Option<TrialEmg>,
+}
+
+/// A further channel in the window, as a change from the hold.
+#[derive(Debug, Clone)]
+pub struct FurtherTrace {
+    /// The channel.
+    pub channel: FurtherChannel,
+    /// Time from the onset in s, and the filtered measurement in the channel's unit.
+    pub measured: Vec<(f64, f64)>,
+    /// The same of the fitted wrist; empty without a fit.
+    pub fitted: Vec<(f64, f64)>,
 }
 
 /// Number of points of the whole record that are drawn.
@@ -112,9 +127,14 @@ fn one(
     let mut response = SimulatedTorque::default();
     simulate(&request, &[&trial.input], &parameters, &mut response);
     let times = (0..).map(|sample| f64::from(sample) * prepared.period_s);
-    trace.fitted_nm = times.zip(response.torque_nm).collect();
-    trace.residual_nm = trial
-        .measured_nm
+    trace.fitted_nm = times.clone().zip(response.torque_nm[..samples].iter().copied()).collect();
+    for (place, own) in trace.further.iter_mut().enumerate() {
+        let unit = prepared.further[place].nm_per_unit;
+        let values = response.torque_nm[(1 + place) * samples..].iter().map(|value| value / unit);
+        own.fitted = times.clone().zip(values.take(prepared.samples)).collect();
+    }
+    trace.residual_nm = prepared
+        .torque_of(&trial.measured_nm)
         .iter()
         .zip(&trace.fitted_nm)
         .map(|(measured, (_, fitted))| measured - fitted)
@@ -154,6 +174,13 @@ fn recorded(session: &Session, prepared: &Observations, trial: &TrialObservation
         let angle = trial.direction * (angle[i] - trial.theta_0_rad);
         (time_s(i), angle, trial.direction * (torque[i] - trial.torque_0_nm))
     };
+    let in_window = |(place, further): (usize, &ScaledChannel)| {
+        let values = prepared.further_of(place, &trial.measured_nm).iter();
+        let times = (0..).map(|sample| f64::from(sample) * prepared.period_s);
+        let measured = times.zip(values.map(|value| value / further.nm_per_unit)).collect();
+        FurtherTrace { channel: further.channel, measured, fitted: Vec::new() }
+    };
+    trace.further = prepared.further.iter().enumerate().map(in_window).collect();
     trace.near = between(-0.25 * window_s, 1.3 * window_s).map(change).collect();
     trace
 }

@@ -7,6 +7,7 @@
 pub mod mechanisms;
 
 mod batch;
+mod further_channel;
 mod history;
 mod integrate;
 mod interpolation;
@@ -20,6 +21,7 @@ mod sparse_coefficient;
 mod tests;
 mod trace;
 
+pub use further_channel::{FurtherChannel, FurtherValues, ScaledChannel};
 pub use history::History;
 pub use integrate::{
     CorrectedInput, HermiteSegment, Integrator, LONGEST_STEP, MotorInput, RecordedInput, substeps,

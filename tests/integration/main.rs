@@ -10,6 +10,7 @@ mod diagnosis;
 mod disk_faults;
 mod documentation;
 mod fit_input;
+mod further_channels;
 mod import;
 mod input_checks;
 mod motor_cycle_memory;

@@ -8,7 +8,9 @@ use nalgebra::{DMatrix, DVector};
 
 use super::rig_knowledge::RigKnowledge;
 use crate::diagnose::predicted_torque::{torques, whitened_change};
-use crate::fit::{Fit, Observations, RigConstants, common_input_error_covariance, median};
+use crate::fit::{
+    Fit, Observations, RigConstants, common_input_error_covariance, further_encoder_covariance, median,
+};
 use crate::statistics::group_indices;
 
 /// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
@@ -117,9 +119,8 @@ impl AngleErrors {
             group_indices(trials, |trial| observations.trials[trial].velocity_rad_s.to_bits())
                 .into_values()
                 .collect();
-        let values = |trial: usize| {
-            fit.objective.whitened_count(observations.noise_index[trial], observations.samples)
-        };
+        let values =
+            |trial: usize| fit.objective.whitened_count(observations.noise_index[trial], observations.rows());
         // Each error: its variance, the trials that share it, and each trial's change.
         let mut errors: Vec<(f64, Vec<usize>, Vec<DVector<f64>>)> = Vec::new();
         let mut at_rest = Vec::new();
@@ -149,6 +150,19 @@ impl AngleErrors {
                 let shift: f64 = own.iter().map(|trial| changes[*trial].norm_squared()).sum();
                 if shift > SMALLEST_SHIFT * SMALLEST_SHIFT {
                     errors.push((1.0, own.clone(), changes.clone()));
+                }
+            }
+        }
+        // Trials of one condition rest and move alike, so that the encoders of further channels may round them alike.
+        let conditions = group_indices(trials, |trial| observations.trials[trial].condition);
+        for direction in directions(observations, further_encoder_covariance(observations)) {
+            for own in conditions.values() {
+                let changes: Vec<DVector<f64>> = (0..trials)
+                    .map(|trial| fit.objective.whiten(observations.noise_index[trial], &direction))
+                    .collect();
+                let shift: f64 = own.iter().map(|trial| changes[*trial].norm_squared()).sum();
+                if shift > SMALLEST_SHIFT * SMALLEST_SHIFT {
+                    errors.push((1.0, own.clone(), changes));
                 }
             }
         }
@@ -190,10 +204,15 @@ fn mean_motion_errors(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let middle =
         |parameter: usize| median(&fit.parameters.iter().map(|own| own[parameter]).collect::<Vec<_>>());
     let covariance = common_input_error_covariance(observations, &std::array::from_fn(middle));
+    directions(observations, covariance)
+}
+
+/// Independent directions of unit variance of an error with this covariance on the noise samples, (N m)^2, as values of a trial.
+fn directions(observations: &Observations, covariance: DMatrix<f64>) -> Vec<Vec<f64>> {
     let samples: Vec<usize> = observations.noise_samples().collect();
     let eigen = covariance.symmetric_eigen();
     let direction = |(place, value): (usize, &f64)| {
-        let mut torque = vec![0.0; observations.samples];
+        let mut torque = vec![0.0; observations.rows()];
         for (sample, own) in samples.iter().zip(eigen.eigenvectors.column(place).iter()) {
             torque[*sample] = own * libm::sqrt(value.max(0.0));
         }

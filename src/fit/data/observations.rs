@@ -3,7 +3,9 @@
 use super::rig_constants::RigConstants;
 use crate::signal::{NoiseCovariance, Section};
 use crate::wrist::mechanisms::MechanismKind;
-use crate::wrist::{self, Kinematics, Lever, SimulationSettings, Smoothing, VectorWidth, delayed_motion};
+use crate::wrist::{
+    self, Kinematics, Lever, ScaledChannel, SimulationSettings, Smoothing, VectorWidth, delayed_motion,
+};
 
 /// Torque and angle before the ramp are means over this time, s.
 const LEVEL_S: f64 = 0.010;
@@ -51,9 +53,13 @@ pub struct Observations {
     pub angle_step_rad: f64,
     /// Smoothings applied to the angle, each with the share of the variance of an angle error that passes it.
     pub angle_smoothings: Vec<(f64, Smoothing)>,
+    /// The channels besides the torque that the session has, with their scale.
+    pub further: Vec<ScaledChannel>,
+    /// For each further channel, the step of its encoder in its unit, if quantisation dominates its error; otherwise zero.
+    pub further_step: Vec<f64>,
     /// For each trial, the index of its noise in `noise_covariances`; `None` if no noise could be estimated.
     pub noise_index: Vec<Option<usize>>,
-    /// Estimated covariances of the torque noise on [`Observations::noise_samples`]: one per torque level, or one for all.
+    /// Estimated covariances of the noise of all channels on [`Observations::noise_samples`]: one per torque level, or one for all.
     pub noise_covariances: Vec<NoiseCovariance>,
     /// Data from which the covariances were estimated; `None` if there are no covariances.
     pub noise_source: Option<NoiseSource>,
@@ -97,9 +103,10 @@ pub struct TrialObservation {
     pub angle_rad: Vec<f64>,
     /// Motor motion and covariates that drive the model.
     pub input: wrist::TrialInput,
-    /// Filtered torque in the window less `torque_0_nm`, times `direction`, N m; one value per sample of the window.
+    /// Filtered torque in the window less `torque_0_nm`, times `direction`, N m; one value per sample of the window. The further channels
+    /// follow, treated alike and scaled to N m.
     pub measured_nm: Vec<f64>,
-    /// Stretches of the hold, each processed like the window and read at [`Observations::noise_samples`], N m.
+    /// Stretches of the hold, all channels, each processed like the window and read at [`Observations::noise_samples`], N m.
     pub hold_stretches: Vec<Vec<f64>>,
 }
 
@@ -120,6 +127,8 @@ impl Observations {
             angle_noise_rad: self.angle_noise_rad,
             angle_step_rad: self.angle_step_rad,
             angle_smoothings: self.angle_smoothings.clone(),
+            further: self.further.clone(),
+            further_step: self.further_step.clone(),
             noise_index: trials.iter().map(|trial| self.noise_index[*trial]).collect(),
             noise_covariances: self.noise_covariances.clone(),
             noise_source: self.noise_source,
@@ -178,8 +187,15 @@ impl Observations {
     }
 
     /// Indices of the samples of the window to which noise covariances refer; the last sample of the window is among them.
-    pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
+    pub fn window_noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
         (0..self.samples).rev().step_by(self.stride).collect::<Vec<_>>().into_iter().rev()
+    }
+
+    /// Indices of a trial's values to which noise covariances refer: those of the window, channel by channel.
+    pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
+        let (samples, window) = (self.samples, self.window_noise_samples().collect::<Vec<_>>());
+        (0..1 + self.further.len())
+            .flat_map(move |channel| window.clone().into_iter().map(move |sample| channel * samples + sample))
     }
 
     /// Simulation of the window with the mechanisms `kinds` and `substeps` integration steps per sample.
@@ -197,6 +213,7 @@ impl Observations {
             baseline_samples: if before_s > 0.0 { self.level_samples() } else { 0 },
             substeps,
             filter: &self.prediction_sections,
+            further: &self.further,
             derivatives: &[],
             width: VectorWidth::fastest(),
         }

@@ -2,6 +2,7 @@
 //! window is cut, and the noise is estimated.
 
 use super::covariates::{number_conditions, set_covariates};
+use super::further_channels::{samples_of, unscaled};
 use super::hold_noise::{angle_error, noise_stride};
 use super::observations::{ExcludedTrial, Observations, TrialObservation, mean};
 use super::rig_constants::RigConstants;
@@ -70,6 +71,7 @@ impl Observations {
             return Err(PreprocessingError::WindowTooShort { window_s: settings.window_s, samples });
         }
         let filter_in_force = session.recorded_filter.unwrap_or(settings.filter);
+        let further = unscaled(session.further_channels());
         let mut observations = Self {
             lever: constants.lever,
             constants,
@@ -84,6 +86,8 @@ impl Observations {
             angle_noise_rad: 0.0,
             angle_step_rad: 0.0,
             angle_smoothings: vec![(1.0, Smoothing::ONE_RECORD)],
+            further_step: vec![0.0; further.len()],
+            further,
             noise_index: Vec::new(),
             noise_covariances: Vec::new(),
             noise_source: None,
@@ -111,6 +115,7 @@ impl Observations {
         let (noise_rad, step_rad) = angle_error(&usable);
         observations.angle_noise_rad = noise_rad / constants.angle_gain;
         observations.angle_step_rad = step_rad / constants.angle_gain;
+        observations.scale_further_channels(&usable);
         number_conditions(&mut observations.trials);
         set_covariates(&mut observations.trials, &usable, period_s);
         // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
@@ -150,11 +155,26 @@ impl Observations {
         let theta_0_rad = mean(&theta_m_rad[onset + 1 - level..=onset]);
         let torque_0_nm = mean(&torque[onset + 1 - level..=onset]);
         let direction = if trial.velocity_rad_s < 0.0 { -1.0 } else { 1.0 };
-        let measured_nm: Vec<f64> =
+        let mut measured_nm: Vec<f64> =
             torque[onset..onset + self.samples].iter().map(|t| direction * (t - torque_0_nm)).collect();
         if measured_nm.iter().all(|t| t.abs() < 1e-9) {
             return Err("the torque does not change in the window: nothing can be estimated from it".into());
         }
+        let mut channels = vec![torque];
+        for further in &self.further {
+            let values = filter(&self.sections, samples_of(record, further.channel));
+            if values.len() != count {
+                return Err(format!("it has no {}, which other trials have", further.channel.column()));
+            }
+            let level_before = mean(&values[onset + 1 - level..=onset]);
+            let window = &values[onset..onset + self.samples];
+            if window.iter().all(|value| *value == level_before) {
+                return Err(format!("{} does not change in the window", further.channel.column()));
+            }
+            measured_nm.extend(window.iter().map(|value| direction * (value - level_before)));
+            channels.push(values);
+        }
+        let hold: Vec<&[f64]> = channels.iter().map(|channel| &channel[..=onset]).collect();
         let margin = libm::ceil(MARGIN_S / self.period_s) as usize;
         let first = onset.saturating_sub(self.lead_samples + margin);
         let last = (onset + self.samples + margin).min(count - 1);
@@ -182,7 +202,7 @@ impl Observations {
             },
             angle_rad,
             measured_nm,
-            hold_stretches: self.hold_stretches(&torque[..=onset]),
+            hold_stretches: self.hold_stretches(&hold),
         })
     }
 }

@@ -121,7 +121,7 @@ fn sandwich_meat(
         let jacobian = &predictions[*trial].jacobian;
         // The covariance is known on the noise samples. Noise and derivatives are smooth in between, so each noise sample stands for
         // its neighbours in the sum over all samples.
-        let weight = observations.samples as f64 / samples.len() as f64;
+        let weight = observations.rows() as f64 / samples.len() as f64;
         let rows =
             DMatrix::from_fn(samples.len(), jacobian.ncols(), |i, j| weight * jacobian[(samples[i], j)]);
         let mut to_coordinates = DMatrix::zeros(jacobian.ncols(), order.len());

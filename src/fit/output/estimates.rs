@@ -170,7 +170,10 @@ fn with_profiles(
             repetition: trial.repetition,
             k_after_nm_per_rad: values[K_SRS] - values[K_DEC],
             x_t_s: fit.x_t_s(observations, index),
-            vaf: variance_accounted_for(&trial.measured_nm, &predictions[index].residual_nm),
+            vaf: variance_accounted_for(
+                observations.torque_of(&trial.measured_nm),
+                observations.torque_of(&predictions[index].residual_nm),
+            ),
             sem: uncertainties[index].sem,
             se: uncertainties[index].se,
             se_of_rig: [0.0; 6],

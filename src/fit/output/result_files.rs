@@ -23,7 +23,7 @@ use crate::fit::population::other_optimum::OtherOptimum;
 use crate::fit::population::session_fit::SessionFit;
 use crate::fit::residuals::objective::{Objective, Weighting};
 use crate::signal::NoiseCovariance;
-use crate::wrist::BASE_PARAMETERS;
+use crate::wrist::{BASE_PARAMETERS, ScaledChannel};
 
 /// Version of the format of `fit.json` that this program writes.
 pub const FIT_FORMAT: &str = "ramphold-fit/1";
@@ -286,7 +286,9 @@ fn json(
             "se_of_rig_relative": named(&condition.se_of_rig.map(Some), &BASE_PARAMETERS),
         })
     };
+    let samples = observations.window_noise_samples().count();
     let noise = |noise: &NoiseCovariance| {
+        let noise = noise.of_first(samples);
         json!({
             "stretches": noise.stretches,
             "last_sample_sd_nm": noise.last_sample_sd_nm(),
@@ -294,7 +296,19 @@ fn json(
         })
     };
     let left_out = |left: &ExcludedTrial| json!({ "trial": left.trial, "reason": left.reason });
-    json!({
+    let further = |(place, further): (usize, &ScaledChannel)| {
+        let last = |noise: &NoiseCovariance| {
+            let last = (2 + place) * samples - 1;
+            libm::sqrt(noise.covariance[(last, last)]) / further.nm_per_unit
+        };
+        json!({
+            "column": further.channel.column(),
+            "nm_per_unit": further.nm_per_unit,
+            "last_sample_sd": observations.noise_covariances.iter().map(last).collect::<Vec<_>>(),
+            "encoder_step_rad": further.channel.is_angle().then_some(observations.further_step[place]),
+        })
+    };
+    let mut contents = json!({
         "format": FIT_FORMAT,
         "version": env!("CARGO_PKG_VERSION"),
         "subject": subject,
@@ -317,7 +331,11 @@ fn json(
         "trials": estimates.iter().map(trial).collect::<Vec<_>>(),
         "conditions": conditions.iter().map(condition).collect::<Vec<_>>(),
         "left_out": observations.excluded_trials.iter().map(left_out).collect::<Vec<_>>(),
-    })
+    });
+    if !observations.further.is_empty() {
+        contents["further_channels"] = observations.further.iter().enumerate().map(further).collect();
+    }
+    contents
 }
 
 /// Estimates with what the errors of the constants add, if they were measured.

@@ -397,6 +397,7 @@ impl ArmedCanMotor {
                 torque_l_nm: readings.torque_nm[at],
                 emg_fcr_mvc: readings.emg_mvc[0] / motor.emg_scale[0],
                 emg_ecr_mvc: readings.emg_mvc[1] / motor.emg_scale[1],
+                ..Sample::default()
             });
         }
     }

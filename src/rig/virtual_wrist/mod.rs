@@ -38,6 +38,7 @@ use super::{
 };
 use crate::protocol::Limits;
 use crate::random::Stream;
+use crate::wrist::FurtherValues;
 
 /// The JSON schema of the files of virtual subjects, as text.
 pub fn person_schema_text() -> String {
@@ -129,7 +130,12 @@ impl ArmedVirtualWrist {
             wrist: WristResponse::new(&rig.person, &rig.setup, rate),
             voluntary: VoluntaryTorque::new(&rig.person, rate, stream("subject/rest")),
             emg: Emg::new(&rig.person, rate, stream("emg/rest")),
-            sensors: VirtualSensors::new(&rig.setup, &rig.person, rate, stream("noise/rest")),
+            sensors: VirtualSensors::new(
+                &rig.setup,
+                &rig.person,
+                rate,
+                [stream("noise/rest"), stream("noise/further/rest")],
+            ),
             rig,
             trial: None,
             rig_trial: None,
@@ -144,7 +150,7 @@ impl ArmedVirtualWrist {
         self.trial = Some(key);
         self.voluntary.restart(self.rig.stream("subject", key));
         self.emg.restart(self.rig.stream("emg", key));
-        self.sensors.restart(self.rig.stream("noise", key));
+        self.sensors.restart([self.rig.stream("noise", key), self.rig.stream("noise/further", key)]);
         self.servo.settle();
         self.wrist.stop();
         self.lever_torque_nm = 0.0;
@@ -184,14 +190,17 @@ impl ArmedVirtualWrist {
             && !std::mem::replace(&mut trial.has_begun, true)
         {
             // Random numbers of its own, whenever it begins.
-            let name = format!("noise/rig-trial/{}/{}", upcoming.position, upcoming.rejections);
-            self.sensors.restart(Stream::new(self.rig.seed, &name));
+            let own = format!("rig-trial/{}/{}", upcoming.position, upcoming.rejections);
+            let stream = |name: &str| Stream::new(self.rig.seed, &format!("{name}/{own}"));
+            self.sensors.restart([stream("noise"), stream("noise/further")]);
         }
         let is_moving = upcoming.stage == RigTrialStage::Moving;
         let [angle_rad, torque_nm] = self.turn_loaded_handle(command_rad, is_moving);
         self.sample += 1;
         let time_s = self.sample as f64 / self.rig.sample_rate_hz;
-        self.sensors.measure(angle_rad, torque_nm, [0.0; 2], time_s)
+        // Of the further channels, which rig trials do not record, nothing is simulated here.
+        let further = FurtherValues { theta_l: 0.0, alpha_l: 0.0, torque_h: 0.0, theta_j: 0.0 };
+        self.sensors.measure(angle_rad, torque_nm, [0.0; 2], &further, time_s)
     }
 
     /// Takes the load off, between the commands of which only those of a rig trial have one.
@@ -236,6 +245,7 @@ impl Armed for ArmedVirtualWrist {
         }
         self.end_rig_trial();
         self.follow_cue(&command.cue);
+        let before = self.servo.motion();
         self.servo.step(angle_rad, self.lever_torque_nm);
         let voluntary_nm = self.voluntary.step(&command.cue);
         let response = self.wrist.step(self.servo.motion(), matches!(command.cue, Cue::Rest));
@@ -247,6 +257,7 @@ impl Armed for ArmedVirtualWrist {
             self.servo.motion().theta,
             voluntary_nm + response.measured_nm,
             [emg[0] / self.rig.emg_scale[0], emg[1] / self.rig.emg_scale[1]],
+            &self.wrist.further(&response, [before, self.servo.motion()], voluntary_nm),
             time_s,
         ))
     }

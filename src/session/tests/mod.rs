@@ -146,7 +146,13 @@ impl Bench {
             Cue::Rest | Cue::Relax => (0.0, 0.0),
         };
         let ecr = if matches!(self.command.cue, Cue::Effort(_)) { self.effort_mvc } else { self.ecr_mvc };
-        Sample { theta_m_rad, torque_l_nm: torque_nm + self.offset_nm, emg_fcr_mvc: emg, emg_ecr_mvc: ecr }
+        Sample {
+            theta_m_rad,
+            torque_l_nm: torque_nm + self.offset_nm,
+            emg_fcr_mvc: emg,
+            emg_ecr_mvc: ecr,
+            ..Sample::default()
+        }
     }
 
     fn feed(&mut self, input: Input) -> Output {
