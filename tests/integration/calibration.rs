@@ -33,9 +33,9 @@ fn calibration(different: &[(RigQuantity, f64)]) -> RigCalibration {
     let variances: Vec<f64> = quantities.iter().filter_map(|own| own.se).map(|se| se * se).collect();
     let row = |i: usize| (0..variances.len()).map(|j| if i == j { variances[i] } else { 0.0 }).collect();
     let covariance = (0..variances.len()).map(row).collect();
-    let mut calibration = RigCalibration::new("ramphold".into(), "rig-day".into(), quantities, covariance);
-    calibration.measured_utc = Some("2026-11-20T10:00:00Z".into());
-    calibration
+    let mut own = RigCalibration::new("ramphold".into(), "rig-day".into(), quantities, covariance);
+    own.measured_utc = Some("2026-11-20T10:00:00Z".into());
+    own
 }
 
 /// A session of the quick protocol, and a folder `rig` with a calibration.

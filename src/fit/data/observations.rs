@@ -106,7 +106,16 @@ pub struct TrialObservation {
     /// Filtered torque in the window less `torque_0_nm`, times `direction`, N m; one value per sample of the window. The further channels
     /// follow, treated alike and scaled to N m.
     pub measured_nm: Vec<f64>,
+<<<<<<< HEAD
     /// Stretches of the hold, all channels, each processed like the window and read at [`Observations::noise_samples`], N m.
+=======
+    /// Filtered cube of the torque in the window, less that before the ramp, times `direction`, (N m)^3: the change of `measured_nm` by a
+    /// cubic torque channel.
+    pub cubed_nm3: Vec<f64>,
+    /// Mean filtered cube of the torque before the ramp, (N m)^3.
+    pub cubed_0_nm3: f64,
+    /// Stretches of the hold, each processed like the window and read at [`Observations::noise_samples`], N m.
+>>>>>>> prop
     pub hold_stretches: Vec<Vec<f64>>,
 }
 
@@ -137,21 +146,26 @@ impl Observations {
 
     /// The same session with other constants of the rig. The noise keeps its estimate, so that fits of both weigh alike.
     ///
-    /// The nonlinearity is taken out behind the filter here; what a filter and a small cubic do in the other order differs in the
-    /// second order of the cubic alone.
+    /// Exact for the gains and the lever. A nonlinearity, which acts before the filter, is changed to first order.
     pub fn with_constants(&self, constants: RigConstants) -> Self {
         let before = self.constants;
         let (by_angle, delay_s) =
             (before.angle_gain / constants.angle_gain, constants.torque_delay_s - before.torque_delay_s);
-        let torque = |nm: f64| constants.true_torque_nm(before.recorded_torque_nm(nm));
+        // With u = a T + d the recorded torque in the new scale, T' = u + (a c_before - a^3 c_after) T^3 to first order in c.
+        let by_torque = before.torque_gain / constants.torque_gain;
+        let shift_nm = (before.torque_offset_nm - constants.torque_offset_nm) / constants.torque_gain;
+        let cubic = by_torque
+            * (before.torque_nonlinearity_per_nm2
+                - by_torque * by_torque * constants.torque_nonlinearity_per_nm2);
         let mut changed = self.clone();
         for trial in &mut changed.trials {
-            let torque_0_nm = torque(trial.torque_0_nm);
-            for nm in &mut trial.measured_nm {
-                *nm = trial.direction * (torque(trial.torque_0_nm + trial.direction * *nm) - torque_0_nm);
+            for (nm, cubed) in trial.measured_nm.iter_mut().zip(&mut trial.cubed_nm3) {
+                *nm = by_torque * *nm + cubic * *cubed;
+                *cubed *= by_torque * by_torque * by_torque;
             }
-            trial.torque_0_nm = torque_0_nm;
-            trial.input.covariates.torque_before_nm = trial.direction * torque_0_nm;
+            trial.torque_0_nm = by_torque * trial.torque_0_nm + shift_nm + cubic * trial.cubed_0_nm3;
+            trial.cubed_0_nm3 *= by_torque * by_torque * by_torque;
+            trial.input.covariates.torque_before_nm = trial.direction * trial.torque_0_nm;
             trial.theta_0_rad *= by_angle;
             trial.angle_rad.iter_mut().for_each(|angle| *angle *= by_angle);
             for knot in &mut trial.input.motion {

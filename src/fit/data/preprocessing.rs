@@ -150,6 +150,9 @@ impl Observations {
         let true_nm: Vec<f64> =
             record.torque_l_nm.iter().map(|recorded| self.constants.true_torque_nm(*recorded)).collect();
         let torque = filter(&self.sections, &true_nm);
+        let cubes: Vec<f64> = true_nm.iter().map(|nm| nm * nm * nm).collect();
+        let cubed = filter(&self.sections, &cubes);
+        let cubed_0_nm3 = mean(&cubed[onset + 1 - level..=onset]);
         let theta_m_rad: Vec<f64> =
             record.theta_m_rad.iter().map(|recorded| recorded / self.constants.angle_gain).collect();
         let theta_0_rad = mean(&theta_m_rad[onset + 1 - level..=onset]);
@@ -201,6 +204,11 @@ impl Observations {
                 covariates: Covariates::default(),
             },
             angle_rad,
+            cubed_nm3: cubed[onset..onset + self.samples]
+                .iter()
+                .map(|own| direction * (own - cubed_0_nm3))
+                .collect(),
+            cubed_0_nm3,
             measured_nm,
             hold_stretches: self.hold_stretches(&hold),
         })

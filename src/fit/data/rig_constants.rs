@@ -230,12 +230,6 @@ impl RigConstants {
         torque
     }
 
-    /// The torque that the channel records, N m, without delay and low-pass.
-    pub fn recorded_torque_nm(&self, true_nm: f64) -> f64 {
-        let cubed = true_nm * true_nm * true_nm;
-        self.torque_offset_nm + self.torque_gain * (true_nm + self.torque_nonlinearity_per_nm2 * cubed)
-    }
-
     /// Whether the nonlinearity can be taken out of a recorded torque of this size.
     pub(super) fn is_invertible_at(&self, recorded_nm: f64) -> bool {
         let linear = (recorded_nm - self.torque_offset_nm) / self.torque_gain;

@@ -44,12 +44,19 @@ fn wrong_channels() -> RigConstants {
     }
 }
 
+/// The torque that a channel records, N m, without delay and low-pass.
+fn recorded_torque_nm(constants: &RigConstants, true_nm: f64) -> f64 {
+    let cubed = true_nm * true_nm * true_nm;
+    constants.torque_offset_nm
+        + constants.torque_gain * (true_nm + constants.torque_nonlinearity_per_nm2 * cubed)
+}
+
 /// What a rig with these constants records of a session.
 fn recorded_with(mut session: Session, constants: RigConstants) -> Session {
     for trial in &mut session.trials {
         let record = &mut trial.record;
         let recorded: Vec<f64> =
-            record.torque_l_nm.iter().map(|torque| constants.recorded_torque_nm(*torque)).collect();
+            record.torque_l_nm.iter().map(|torque| recorded_torque_nm(&constants, *torque)).collect();
         let low_pass = constants.torque_cutoff_hz.map(|own| Section::first_order_low_pass(own, PERIOD_S));
         let passed = filter(low_pass.as_slice(), &recorded);
         let late = (constants.torque_delay_s / PERIOD_S).round() as usize;
@@ -67,45 +74,46 @@ fn quiet() -> SyntheticSession {
 fn a_calibration_undoes_what_the_channels_did() {
     let clean = quiet().session();
     let constants = wrong_channels();
-    let recorded = recorded_with(clean, constants);
+    let recorded = recorded_with(clean.clone(), constants);
     let fit = |constants: RigConstants| {
         let settings = PreprocessingSettings::default();
         let observations = Observations::of_rig(&recorded, settings, constants).unwrap();
         Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise)
     };
+    let stated = RigConstants::stated(Some(LEVER));
+    let clean = Observations::new(&clean, PreprocessingSettings::default()).unwrap();
+    let clean = Fit::new(&clean, &Model::paper(), Weighting::MeasuredNoise);
     // The middle trial: a single one may have another optimum.
     let off = |fit: &Fit, parameter: usize| {
-        let of_trial = |(index, own): (usize, &Vec<f64>)| {
-            // Trials are ordered by condition.
-            let (velocity, torque) = (VELOCITIES[index / 6], TORQUES[index / 2 % 3]);
-            own[parameter] / truth(velocity, torque)[parameter] - 1.0
-        };
-        median(&fit.parameters.iter().enumerate().map(of_trial).collect::<Vec<_>>())
+        let of_trial = |(own, clean): (&Vec<f64>, &Vec<f64>)| (own[parameter] / clean[parameter] - 1.0).abs();
+        median(&fit.parameters.iter().zip(&clean.parameters).map(of_trial).collect::<Vec<_>>())
     };
-    let (with, without) = (fit(constants), fit(RigConstants::stated(Some(LEVER))));
-    for (parameter, least_without) in [(K_SRS, 0.05), (X_E, 0.02)] {
-        assert!(off(&with, parameter).abs() < 0.015, "{parameter}: {}", off(&with, parameter));
-        assert!(off(&without, parameter).abs() > least_without, "{parameter}: {}", off(&without, parameter));
+    let (with, without) = (fit(constants), fit(stated));
+    for parameter in [I_J, K_SRS, X_E] {
+        let (with, without) = (off(&with, parameter), off(&without, parameter));
+        assert!(with < 0.05 && without > 3.0 * with, "{parameter}: {with} with, {without} without");
     }
 }
 
 #[test]
 fn constants_changed_in_the_observations_are_those_read_with_the_session() {
-    let session = recorded_with(quiet().session(), wrong_channels());
+    // A large offset and a nonlinearity at once would be of second order.
+    let wrong = RigConstants { torque_offset_nm: 0.0, ..wrong_channels() };
+    let session = recorded_with(quiet().session(), wrong);
     let of_rig = |constants: RigConstants| {
         Observations::of_rig(&session, PreprocessingSettings::default(), constants).unwrap()
     };
     let stated = RigConstants::stated(Some(LEVER));
-    let changed = of_rig(stated).with_constants(wrong_channels());
-    let read = of_rig(wrong_channels());
+    let changed = of_rig(stated).with_constants(wrong);
+    let read = of_rig(wrong);
     for (one, other) in changed.trials.iter().zip(&read.trials) {
         for (a, b) in one.measured_nm.iter().zip(&other.measured_nm) {
-            assert!((a - b).abs() < 2e-3, "{a} and {b} N m");
+            assert!((a - b).abs() < 5e-3, "{a} and {b} N m");
         }
         for (a, b) in one.input.motion.iter().zip(&other.input.motion) {
             assert!((a.theta - b.theta).abs() < 1e-9 && (a.omega - b.omega).abs() < 1e-6);
         }
-        assert!((one.torque_0_nm - other.torque_0_nm).abs() < 1e-3);
+        assert!((one.torque_0_nm - other.torque_0_nm).abs() < 1e-4);
     }
     assert_eq!(changed.prediction_sections, read.prediction_sections);
     assert_eq!(changed.constants, read.constants);
@@ -132,7 +140,7 @@ fn by_refits(
     (quantity, value, se): (RigQuantity, f64, f64),
     refit: impl Fn(&Observations) -> Fit,
 ) -> Vec<[f64; 6]> {
-    let step = 0.3 * se;
+    let step = 0.1 * se;
     let fits = [-step, step].map(|by| {
         let changed = observations.constants.with(quantity, value + by);
         refit(&observations.with_constants(changed)).parameters
@@ -162,7 +170,9 @@ fn the_effect_of_each_constant_is_that_of_refits_with_the_constant_changed() {
     let calibration = calibration(&known());
     let constants = RigConstants::calibrated(&calibration, Some(LEVER)).unwrap();
     let settings = PreprocessingSettings::default();
-    let session = recorded_with(quiet().session(), constants);
+    // With hardly any noise the Gauss-Newton matrix is the curvature of the cost.
+    let session = SyntheticSession { noise_nm: 0.000_5, ..quiet() }.session();
+    let session = recorded_with(session, constants);
     let observations = Observations::of_rig(&session, settings, constants).unwrap();
     let fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
     let of = |quantity: RigQuantity| *known().iter().find(|own| own.0 == quantity).unwrap();
