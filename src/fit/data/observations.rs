@@ -106,16 +106,12 @@ pub struct TrialObservation {
     /// Filtered torque in the window less `torque_0_nm`, times `direction`, N m; one value per sample of the window. The further channels
     /// follow, treated alike and scaled to N m.
     pub measured_nm: Vec<f64>,
-<<<<<<< HEAD
-    /// Stretches of the hold, all channels, each processed like the window and read at [`Observations::noise_samples`], N m.
-=======
     /// Filtered cube of the torque in the window, less that before the ramp, times `direction`, (N m)^3: the change of `measured_nm` by a
     /// cubic torque channel.
     pub cubed_nm3: Vec<f64>,
     /// Mean filtered cube of the torque before the ramp, (N m)^3.
     pub cubed_0_nm3: f64,
-    /// Stretches of the hold, each processed like the window and read at [`Observations::noise_samples`], N m.
->>>>>>> prop
+    /// Stretches of the hold, all channels, each processed like the window and read at [`Observations::noise_samples`], N m.
     pub hold_stretches: Vec<Vec<f64>>,
 }
 
