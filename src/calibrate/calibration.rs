@@ -50,6 +50,8 @@ pub struct PreparedRig {
     pub mean_sd_nm: f64,
     /// Largest torque beside its median, N m.
     pub largest_nm: f64,
+    /// Where the speed of the friction starts: a hundredth of the largest speed of the targets, rad/s.
+    pub friction_speed_rad_s: f64,
     /// The loads with a stated value, without direction.
     pub loads: Vec<HandleLoad>,
 }
@@ -85,7 +87,14 @@ impl PreparedRig {
             }
         }
         let mean_sd_nm = mean_sd_nm(&prepared, &noise);
-        Ok(Self { mean_sd_nm, largest_nm: largest_nm(&analysed), trials: prepared, noise, loads })
+        Ok(Self {
+            mean_sd_nm,
+            largest_nm: largest_nm(&analysed),
+            friction_speed_rad_s: 0.01 * largest_speed_rad_s(&analysed, trials.sample_rate_hz),
+            trials: prepared,
+            noise,
+            loads,
+        })
     }
 }
 
@@ -101,6 +110,16 @@ fn check_return(trial: &RigTrial, sample_rate_hz: f64) -> Result<(), CalibrateEr
         return Err(CalibrateError::NoReturn { file: trial.file.clone(), end_rad: end });
     }
     Ok(())
+}
+
+/// Largest mean speed of the targets over 10 ms, which do not show the steps in which a target may be written.
+fn largest_speed_rad_s(trials: &[&RigTrial], sample_rate_hz: f64) -> f64 {
+    let samples = ((0.01 * sample_rate_hz) as usize).max(1);
+    let ways = trials.iter().flat_map(|trial| {
+        let target = &trial.record.target_rad;
+        target.iter().zip(target.iter().skip(samples)).map(|(before, after)| (after - before).abs())
+    });
+    ways.fold(0.0, f64::max) * sample_rate_hz / samples as f64
 }
 
 fn largest_nm(trials: &[&RigTrial]) -> f64 {
@@ -164,6 +183,7 @@ pub fn calibrate(
         coordinates,
         noise: &prepared.noise,
         mean_sd_nm: prepared.mean_sd_nm,
+        friction_speed_rad_s: prepared.friction_speed_rad_s,
         torque_scale: 1.0,
         servo_scale: 1.0,
     };

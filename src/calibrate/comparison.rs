@@ -69,6 +69,7 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
         prior,
         noise: &prepared.noise,
         mean_sd_nm: prepared.mean_sd_nm,
+        friction_speed_rad_s: prepared.friction_speed_rad_s,
         torque_scale: 1.0,
         servo_scale: 1.0,
     };

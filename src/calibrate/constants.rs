@@ -39,7 +39,7 @@ pub struct RigConstants {
     pub servo_gain: f64,
     /// Power of the response of a hold between two targets: 0 to 2.
     pub servo_hold: f64,
-    /// Speed at which the friction is at 76 % of its full value, beside the noise of the speed.
+    /// Speed at which the friction is at 76 % of its full value, beside a hundredth of the largest speed.
     pub friction_speed_factor: f64,
     /// Coulomb friction of the bearing, N m.
     pub bearing_friction_nm: f64,
@@ -109,6 +109,8 @@ const LARGEST_NONLINEARITY: f64 = 0.1;
 const LARGEST_OFFSET: f64 = 1.0;
 /// Friction of the bearing that makes a rig useless, as a part of the largest torque recorded.
 const LARGEST_FRICTION: f64 = 0.1;
+/// How far the speed of the friction may be from where it starts, as a factor, one standard deviation.
+const FRICTION_SPEED_FACTOR: f64 = 10.0;
 /// The lever that the fit starts from where the session states none: that of the paper's rig.
 const PAPER_LEVER: Lever =
     Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
@@ -153,7 +155,7 @@ impl RigCoordinates {
             linear(0.0, time_constant_s(LOWEST_SERVO_HZ)),
             factor(1.0),
             linear(1.0, 1.0),
-            factor(1.0),
+            CoordinateScale::Factor { start: 1.0, range: libm::log(FRICTION_SPEED_FACTOR) },
         ];
         let mut prior_sd = vec![1.0; scales.len()];
         // The straight line and the whole way are both common: each is one standard deviation from the middle.

@@ -36,6 +36,8 @@ pub struct RigFitInput<'a> {
     pub noise: &'a ChannelNoise,
     /// Standard deviation of a trial's mean torque, N m.
     pub mean_sd_nm: f64,
+    /// Speed that the factor of the friction's speed refers to, rad/s.
+    pub friction_speed_rad_s: f64,
     /// Standard deviation of a moment of the torque beside that of the noise at rest.
     pub torque_scale: f64,
     /// Standard deviation of a moment of the servo beside that of the noise at rest.
@@ -88,11 +90,6 @@ pub struct RigFit {
     pub equations: Vec<TrialEquations>,
 }
 
-/// Least speed of the friction's law: one standard deviation of the noise of the speed, rad/s.
-fn friction_speed_rad_s(input: &RigFitInput<'_>) -> f64 {
-    input.noise.speed_rad_s.max(f64::MIN_POSITIVE)
-}
-
 /// Products and whitening of one trial.
 struct Whitened {
     moments: TrialMoments,
@@ -129,8 +126,14 @@ impl RigFitInput<'_> {
             .par_iter()
             .map(|trial| {
                 let handle = self.coordinates.at_handle(&constants, trial.load);
-                let speed = friction_speed_rad_s(self);
-                let moments = TrialMoments::new(trial, &constants, handle, self.noise, speed, small_terms);
+                let moments = TrialMoments::new(
+                    trial,
+                    &constants,
+                    handle,
+                    self.noise,
+                    self.friction_speed_rad_s,
+                    small_terms,
+                );
                 let labels = moments.labels();
                 let scale = |label: &MomentLabel| match label.channel {
                     MomentChannel::Mean => 1.0,
@@ -147,7 +150,7 @@ impl RigFitInput<'_> {
     fn residual(&self, place: usize, constants: &RigConstants, needed: Needed) -> TrialResidual {
         let trial = &self.trials[place];
         let handle = self.coordinates.at_handle(constants, trial.load);
-        residual(trial, constants, handle, friction_speed_rad_s(self), needed)
+        residual(trial, constants, handle, self.friction_speed_rad_s, needed)
     }
 
     /// Moments of a trial's residual, in units of their scale.

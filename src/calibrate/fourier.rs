@@ -5,9 +5,9 @@ use std::sync::Arc;
 use rustfft::num_complex::Complex64;
 use rustfft::{Fft, FftPlanner};
 
-/// Points of the time axis of [`Fourier::to_time`] for each coefficient, at least. The cube of a torque has three times its frequencies;
-/// with three points nothing of a signal in the lower half of the coefficients is folded back.
-const POINTS_PER_COEFFICIENT: usize = 3;
+/// Points of the time axis of [`Fourier::to_time`] for each coefficient, at least. The cube of a torque has three times its frequencies; a
+/// friction that changes its direction has many more, which must not be folded back.
+const POINTS_PER_COEFFICIENT: usize = 8;
 
 /// The transforms of records of one length.
 #[derive(Clone)]

@@ -9,7 +9,7 @@ use rustfft::num_complex::Complex64;
 
 use super::constants::{AtHandle, RigConstants};
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
-use super::rig_model::{recorded_torque, servo_response, torque_response};
+use super::rig_model::{Motion, recorded_torque, servo_response, torque_response};
 use crate::dataset::HandleLoad;
 
 /// Bands in an octave of frequency; each has two products, in phase and in quadrature.
@@ -93,6 +93,13 @@ pub enum Needed {
     Servo,
 }
 
+/// The recorded angle that follows from the target.
+fn expected_motion(trial: &PreparedTrial, constants: &RigConstants) -> Vec<Complex64> {
+    let fourier = &trial.fourier;
+    let response = |place: usize| servo_response(constants, fourier.omega(place), fourier.sample_rate_hz());
+    trial.target.iter().enumerate().map(|(place, target)| response(place) * target).collect()
+}
+
 /// Residual of a trial at some constants.
 pub fn residual(
     trial: &PreparedTrial,
@@ -101,22 +108,17 @@ pub fn residual(
     friction_speed_rad_s: f64,
     needed: Needed,
 ) -> TrialResidual {
+    let expected = expected_motion(trial, constants);
     let torque = (needed != Needed::Servo).then(|| {
-        let predicted =
-            recorded_torque(constants, handle, &trial.angle, &trial.fourier, friction_speed_rad_s);
+        let motion = Motion { recorded: &trial.angle, expected: &expected };
+        let predicted = recorded_torque(constants, handle, motion, &trial.fourier, friction_speed_rad_s);
         let mut left: Vec<Complex64> =
             trial.torque.iter().zip(predicted).map(|(own, model)| own - model).collect();
         left[0] -= constants.torque_offset_nm;
         left
     });
-    let servo = (needed != Needed::Torque && trial.moves()).then(|| {
-        let response = |place: usize| {
-            servo_response(constants, trial.fourier.omega(place), trial.fourier.sample_rate_hz())
-        };
-        (0..trial.angle.len())
-            .map(|place| trial.angle[place] - response(place) * trial.target[place])
-            .collect()
-    });
+    let servo = (needed != Needed::Torque && trial.moves())
+        .then(|| trial.angle.iter().zip(&expected).map(|(own, model)| own - model).collect());
     TrialResidual { torque, servo }
 }
 
@@ -174,18 +176,14 @@ impl TrialMoments {
         if !trial.moves() {
             return own;
         }
-        let motion: Vec<Complex64> = (0..count)
-            .map(|place| {
-                servo_response(constants, fourier.omega(place), fourier.sample_rate_hz())
-                    * trial.target[place]
-            })
-            .collect();
+        let expected = expected_motion(trial, constants);
         let torque_variance = own.torque_variance(trial, noise);
         let servo_variance: Vec<f64> = (0..count)
             .map(|place| trial.variance(noise.step_power + noise.angle.at(fourier.frequency_hz(place))))
             .collect();
+        let motion = Motion { recorded: &expected, expected: &expected };
         let predict = |constants: &RigConstants| {
-            recorded_torque(constants, handle, &motion, fourier, friction_speed_rad_s)
+            recorded_torque(constants, handle, motion, fourier, friction_speed_rad_s)
         };
         let torque = predict(constants);
         own.add_bands(trial, MomentChannel::Torque, &torque, &torque_variance);
@@ -206,7 +204,7 @@ impl TrialMoments {
             let index = FIRST_SMALL_TERM + place as i32;
             own.add(MomentChannel::Torque, index, &effect, &torque_variance, 1..count);
         }
-        own.add_bands(trial, MomentChannel::Servo, &motion, &servo_variance);
+        own.add_bands(trial, MomentChannel::Servo, &expected, &servo_variance);
         own
     }
 

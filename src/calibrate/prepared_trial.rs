@@ -44,8 +44,6 @@ pub struct ChannelNoise {
     pub step_power: f64,
     /// Size of the encoder's step, rad.
     pub step_rad: f64,
-    /// Standard deviation of the speed at rest below the highest frequency, rad/s.
-    pub speed_rad_s: f64,
 }
 
 impl ChannelNoise {
@@ -67,14 +65,6 @@ impl ChannelNoise {
         let angle = PowerSpectrum::of_stretches(&angle_rests, sample_rate_hz, RIG_TRIAL_REST_S);
         let step_rad = smallest_step(trials.iter().map(|trial| trial.record.theta_m_rad.as_slice()));
         let step_power = step_rad * step_rad / 12.0 / (0.5 * sample_rate_hz);
-        let top_hz = top_hz(sample_rate_hz);
-        let steps = 1000;
-        let width = top_hz / f64::from(steps);
-        let speed_power = (0..steps).map(|step| {
-            let hz = (f64::from(step) + 0.5) * width;
-            let omega = std::f64::consts::TAU * hz;
-            omega * omega * (angle.at(hz) + step_power) * width
-        });
         // The mean of equal values is wrong by rounding.
         let is_constant = torque_rests.iter().all(|rest| rest.iter().all(|value| *value == rest[0]));
         Self {
@@ -82,7 +72,6 @@ impl ChannelNoise {
             torque,
             step_power,
             step_rad,
-            speed_rad_s: libm::sqrt(speed_power.sum()),
             angle,
         }
     }

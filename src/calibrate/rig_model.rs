@@ -1,7 +1,8 @@
 //! The model of the rig without a person (Eq. 5 of the paper, and the two channels), at the frequencies of a record.
 //!
-//! The linear part is exact at each frequency. The friction of the bearing and the cubic part of the torque are small: they are
-//! computed in time along the linear solution, and friction once more along the solution with friction.
+//! The linear part is exact at each frequency, and follows the recorded angle. The friction of the bearing and the cubic part of the
+//! torque are small. They are computed in time, along the motion that follows from the target: a function that is not linear would turn
+//! the errors of the encoder into a torque.
 
 use rustfft::num_complex::Complex64;
 
@@ -11,51 +12,45 @@ use super::fourier::Fourier;
 /// Number of times that the friction is computed along the solution that contains it.
 const FRICTION_PASSES: usize = 2;
 
-/// The recorded torque, as Fourier coefficients, without the offset, for a recorded angle relative to the start position.
-/// `friction_speed_rad_s` is the speed of the noise,
-/// the least at which the friction may be at 76 % of its full value.
+/// A motion of the motor as the rig's channels have it.
+#[derive(Clone, Copy)]
+pub struct Motion<'a> {
+    /// Recorded angle relative to the start position.
+    pub recorded: &'a [Complex64],
+    /// The recorded angle that follows from the target, without the errors of the encoder.
+    pub expected: &'a [Complex64],
+}
+
+/// The recorded torque, as Fourier coefficients, without the offset. `friction_speed_rad_s` is the speed that the factor of the
+/// friction's speed refers to.
 pub fn recorded_torque(
     constants: &RigConstants,
     handle: AtHandle,
-    recorded_angle: &[Complex64],
+    motion: Motion<'_>,
     fourier: &Fourier,
     friction_speed_rad_s: f64,
 ) -> Vec<Complex64> {
-    let angle: Vec<Complex64> = recorded_angle.iter().map(|value| value / constants.angle_gain).collect();
-    let mut friction = vec![Complex64::ZERO; angle.len()];
-    // At a speed below that of the noise, the noise would decide on the friction's direction.
-    let friction_speed_rad_s = friction_speed_rad_s * libm::hypot(1.0, constants.friction_speed_factor);
-    if !handle.is_clamped && constants.bearing_friction_nm != 0.0 {
-        for _ in 0..FRICTION_PASSES {
-            let speed: Vec<Complex64> = (0..angle.len())
-                .map(|place| {
-                    let s = Complex64::new(0.0, fourier.omega(place));
-                    let [lever, whole, _] = impedances(constants, handle, s);
-                    s * (lever * angle[place] - friction[place]) / whole
-                })
-                .collect();
-            let torque: Vec<f64> = fourier
-                .to_time(&speed)
-                .iter()
-                .map(|speed| constants.bearing_friction_nm * libm::tanh(speed / friction_speed_rad_s))
-                .collect();
-            friction = fourier.of_time(&torque);
-        }
-    }
-    let mut torque: Vec<Complex64> = (0..angle.len())
-        .map(|place| {
-            let s = Complex64::new(0.0, fourier.omega(place));
-            let [lever, whole, load] = impedances(constants, handle, s);
-            if handle.is_clamped {
-                lever * angle[place]
-            } else {
-                lever * (load * angle[place] + friction[place]) / whole
-            }
-        })
-        .collect();
-    torque[0] += handle.torque_nm;
+    let places = motion.recorded.len();
+    let friction = friction(constants, handle, motion.expected, fourier, friction_speed_rad_s);
+    let torque_along = |angle: &[Complex64]| -> Vec<Complex64> {
+        let mut torque: Vec<Complex64> = (0..places)
+            .map(|place| {
+                let [lever, whole, load] = impedances(constants, handle, fourier.omega(place));
+                let angle = angle[place] / constants.angle_gain;
+                if handle.is_clamped {
+                    lever * angle
+                } else {
+                    lever * (load * angle + friction[place]) / whole
+                }
+            })
+            .collect();
+        torque[0] += handle.torque_nm;
+        torque
+    };
+    let mut torque = torque_along(motion.recorded);
     if constants.torque_nonlinearity_per_nm2 != 0.0 {
-        let cube: Vec<f64> = fourier.to_time(&torque).iter().map(|torque| torque * torque * torque).collect();
+        let expected = fourier.to_time(&torque_along(motion.expected));
+        let cube: Vec<f64> = expected.iter().map(|torque| torque * torque * torque).collect();
         for (value, cube) in torque.iter_mut().zip(fourier.of_time(&cube)) {
             *value += constants.torque_nonlinearity_per_nm2 * cube;
         }
@@ -66,8 +61,41 @@ pub fn recorded_torque(
     torque
 }
 
+/// Friction of the bearing along a motion; computed once more along the motion of the handle with friction.
+fn friction(
+    constants: &RigConstants,
+    handle: AtHandle,
+    motion: &[Complex64],
+    fourier: &Fourier,
+    friction_speed_rad_s: f64,
+) -> Vec<Complex64> {
+    let mut friction = vec![Complex64::ZERO; motion.len()];
+    if handle.is_clamped || constants.bearing_friction_nm == 0.0 {
+        return friction;
+    }
+    let full_at_rad_s = friction_speed_rad_s * constants.friction_speed_factor;
+    for _ in 0..FRICTION_PASSES {
+        let speed: Vec<Complex64> = (0..motion.len())
+            .map(|place| {
+                let omega = fourier.omega(place);
+                let [lever, whole, _] = impedances(constants, handle, omega);
+                Complex64::new(0.0, omega) * (lever * motion[place] / constants.angle_gain - friction[place])
+                    / whole
+            })
+            .collect();
+        let torque: Vec<f64> = fourier
+            .to_time(&speed)
+            .iter()
+            .map(|speed| constants.bearing_friction_nm * libm::tanh(speed / full_at_rad_s))
+            .collect();
+        friction = fourier.of_time(&torque);
+    }
+    friction
+}
+
 /// Of the lever (k_l + b_l s), of lever, handle and load together, and of handle and load.
-fn impedances(constants: &RigConstants, handle: AtHandle, s: Complex64) -> [Complex64; 3] {
+fn impedances(constants: &RigConstants, handle: AtHandle, omega: f64) -> [Complex64; 3] {
+    let s = Complex64::new(0.0, omega);
     let own = &constants.lever;
     let lever = own.stiffness_nm_per_rad + own.damping_nm_s_per_rad * s;
     let load = (own.inertia_kg_m2 + handle.inertia_kg_m2) * s * s + handle.stiffness_nm_per_rad;
@@ -82,8 +110,7 @@ fn torque_channel(constants: &RigConstants, omega: f64) -> Complex64 {
 
 /// Response of the recorded torque to a small change of the recorded angle.
 pub fn torque_response(constants: &RigConstants, handle: AtHandle, omega: f64) -> Complex64 {
-    let s = Complex64::new(0.0, omega);
-    let [lever, whole, load] = impedances(constants, handle, s);
+    let [lever, whole, load] = impedances(constants, handle, omega);
     let torque = if handle.is_clamped { lever } else { lever * load / whole };
     torque * torque_channel(constants, omega) / constants.angle_gain
 }

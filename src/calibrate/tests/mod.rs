@@ -1,5 +1,6 @@
 //! Tests of the calibration with a rig that is simulated in another way.
 
+mod coverage;
 mod simulator;
 
 use std::path::Path;
