@@ -11,8 +11,9 @@ use super::csv_input::SessionFolder;
 use super::description_json::{check_format, parse_json};
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
-use super::folder::{Description, PROGRAM, pretty};
+use super::folder::{Description, PROGRAM};
 use super::journal::JOURNAL;
+use super::pretty_json::pretty;
 use super::recorder::RecordError;
 use crate::files::{EntryKind, Folder, TreeFile, limits};
 
