@@ -10,6 +10,7 @@ use serde_json::{Map, Value};
 use super::disk::Disk;
 use super::hexadecimal::sha256;
 use super::journal::{JOURNAL_FORMAT, Journal, JournalEntry};
+use super::pretty_json::pretty;
 use super::recorder::{RecordError, RecordNames, Recorder};
 use super::session_about::{SessionAbout, SubjectCard};
 use super::tables;
@@ -184,11 +185,4 @@ fn make(disk: &Disk, parent: &Folder, name: &str) -> Result<Folder, RecordError>
         std::io::ErrorKind::AlreadyExists => RecordError::Exists(parent.path_of(name)),
         _ => RecordError::at(&parent.path_of(name))(error),
     })
-}
-
-pub(super) fn pretty(value: &impl Serialize) -> Vec<u8> {
-    // Values made by this program always have a JSON form.
-    let mut bytes = serde_json::to_vec_pretty(value).unwrap_or_default();
-    bytes.push(b'\n');
-    bytes
 }

@@ -13,6 +13,7 @@ mod journal;
 mod load;
 mod manifest;
 mod memory_recorder;
+mod pretty_json;
 mod record_splitter;
 mod recorder;
 mod recovery;

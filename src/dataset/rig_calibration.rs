@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::disk::Disk;
-use super::folder::pretty;
+use super::pretty_json::pretty;
 use super::recorder::RecordError;
 use crate::files::Folder;
 use crate::json_file::{self, JsonFileError};
