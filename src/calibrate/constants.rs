@@ -14,7 +14,7 @@ pub const FIRST_KNOWN: usize = REPORTED + 3;
 
 /// The constants that the model of the rig needs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RigConstants {
+pub struct FittedConstants {
     /// I_l, b_l and k_l.
     pub lever: Lever,
     /// Recorded over true torque.
@@ -92,7 +92,7 @@ impl CoordinateScale {
 }
 
 /// Largest factor by which a gain or a constant of the lever may be wrong: that of the catalogue of mechanisms.
-const LARGEST_FACTOR: f64 = 3.0;
+const WIDEST_FACTOR: f64 = 3.0;
 /// Largest delay between the channels, s; that of the mechanism channel_skew.
 const LARGEST_DELAY_S: f64 = 0.01;
 /// Lowest cut-off of a torque channel, Hz; that of the mechanism torque_lag.
@@ -135,7 +135,7 @@ impl RigCoordinates {
     /// Coordinates about the stated lever, for records whose torque is at most `largest_nm` from its offset.
     pub fn new(lever: Option<Lever>, largest_nm: f64, loads: Vec<HandleLoad>) -> Self {
         let lever = lever.unwrap_or(PAPER_LEVER);
-        let factor = |start| CoordinateScale::Factor { start, range: libm::log(LARGEST_FACTOR) };
+        let factor = |start| CoordinateScale::Factor { start, range: libm::log(WIDEST_FACTOR) };
         let linear = |start, range| CoordinateScale::Linear { start, range };
         let critical = 2.0 * libm::sqrt(lever.stiffness_nm_per_rad * lever.inertia_kg_m2);
         let mut scales = vec![
@@ -178,9 +178,9 @@ impl RigCoordinates {
     }
 
     /// The constants at a point.
-    pub fn constants(&self, point: &[f64]) -> RigConstants {
+    pub fn constants(&self, point: &[f64]) -> FittedConstants {
         let value = |place: usize| self.scales[place].value(point[place]);
-        RigConstants {
+        FittedConstants {
             lever: Lever {
                 inertia_kg_m2: value(0),
                 damping_nm_s_per_rad: value(1),
@@ -204,7 +204,7 @@ impl RigCoordinates {
     }
 
     /// What is at the handle at a point.
-    pub fn at_handle(&self, constants: &RigConstants, load: HandleLoad) -> AtHandle {
+    pub fn at_handle(&self, constants: &FittedConstants, load: HandleLoad) -> AtHandle {
         let factor = self
             .loads
             .iter()

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::constants::{FIRST_KNOWN, REPORTED, RigConstants, RigCoordinates};
+use super::constants::{FIRST_KNOWN, FittedConstants, REPORTED, RigCoordinates};
 use super::moments::{
     MomentChannel, MomentLabel, Needed, OfTorqueChannel, TrialMoments, TrialResidual, residual,
     torque_channel_derivative,
@@ -63,7 +63,7 @@ impl RigPrior {
 }
 
 /// The equations of one trial at a point, in units in which its noise is independent with variance one.
-pub struct TrialEquations {
+pub struct RigTrialEquations {
     /// Labels of the moments.
     pub labels: Vec<MomentLabel>,
     /// Residual of each, in standard deviations; not made independent.
@@ -87,7 +87,7 @@ pub struct RigFit {
     /// The coordinates found.
     pub point: DVector<f64>,
     /// The equations there, trial by trial.
-    pub equations: Vec<TrialEquations>,
+    pub equations: Vec<RigTrialEquations>,
 }
 
 /// Products and whitening of one trial.
@@ -147,7 +147,7 @@ impl RigFitInput<'_> {
             .collect()
     }
 
-    fn residual(&self, place: usize, constants: &RigConstants, needed: Needed) -> TrialResidual {
+    fn residual(&self, place: usize, constants: &FittedConstants, needed: Needed) -> TrialResidual {
         let trial = &self.trials[place];
         let handle = self.coordinates.at_handle(constants, trial.load);
         residual(trial, constants, handle, self.friction_speed_rad_s, needed)
@@ -263,7 +263,7 @@ impl RigFitInput<'_> {
         (point, se)
     }
 
-    fn equations(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<TrialEquations> {
+    fn equations(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<RigTrialEquations> {
         let constants = self.coordinates.constants(point.as_slice());
         let linearised = self.linearised(whitened, point);
         let parts = whitened.par_iter().zip(linearised).enumerate();
@@ -274,7 +274,7 @@ impl RigFitInput<'_> {
                 let deviations = DVector::from_fn(scaled.len(), |row, _| own.factor.row(row).norm());
                 let noise = own.moments.covariance(trial, self.noise, false);
                 let half = solve_lower_columns(&own.factor, &noise);
-                TrialEquations {
+                RigTrialEquations {
                     labels: own.labels.clone(),
                     standardised: scaled.component_div(&deviations),
                     residual,

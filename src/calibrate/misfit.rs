@@ -4,14 +4,14 @@ use nalgebra::{DMatrix, DVector};
 
 use super::constants::FIRST_KNOWN;
 use super::covariance::inverse;
-use super::fit::{RigFit, RigFitInput, TrialEquations};
+use super::fit::{RigFit, RigFitInput, RigTrialEquations};
 use super::moments::MomentChannel;
 use super::prepared_trial::PreparedTrial;
 use crate::dataset::HandleLoad;
 use crate::random::Stream;
 
 /// Residuals drawn under the fitted model for the reference distribution.
-const DRAWS: usize = 999;
+const MISFIT_DRAWS: usize = 999;
 
 /// Residual of the trials with one load.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +56,7 @@ pub fn cells(trials: &[PreparedTrial]) -> Vec<Vec<usize>> {
 /// Sum of squares of moments of a channel about their means within cells, and its degrees of freedom.
 pub fn scatter_within(
     cells: &[Vec<usize>],
-    equations: &[TrialEquations],
+    equations: &[RigTrialEquations],
     standardised: &[DVector<f64>],
     channel: MomentChannel,
 ) -> (f64, f64) {
@@ -88,7 +88,7 @@ pub fn scatter_within(
 }
 
 /// The statistics that are compared with their reference distribution.
-struct MisfitStatistics {
+struct RigMisfitStatistics {
     whole: f64,
     servo: f64,
     loads: Vec<f64>,
@@ -116,9 +116,9 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
     let noise: Vec<DMatrix<f64>> =
         fit.equations.iter().map(|own| square_root(&own.noise_covariance)).collect();
     let positions = fit.equations.first().map_or(0, |own| own.step_errors.len());
-    let mut exceeded = MisfitStatistics { whole: 1.0, servo: 1.0, loads: vec![1.0; loads.len()] };
+    let mut exceeded = RigMisfitStatistics { whole: 1.0, servo: 1.0, loads: vec![1.0; loads.len()] };
     let mut sums = vec![0.0; loads.len()];
-    for _ in 0..DRAWS {
+    for _ in 0..MISFIT_DRAWS {
         let position = stream.below(positions.max(1) as u64) as usize;
         let mut drawn: Vec<DVector<f64>> = fit
             .equations
@@ -150,7 +150,7 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
             sums[place] += reference.loads[place];
         }
     }
-    let part = |count: f64| count / (DRAWS + 1) as f64;
+    let part = |count: f64| count / (MISFIT_DRAWS + 1) as f64;
     RigMisfit {
         p_value: part(exceeded.whole),
         servo_p_value: part(exceeded.servo),
@@ -160,7 +160,7 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
             .map(|(place, (load, trials))| LoadResidual {
                 load: *load,
                 trials: trials.len(),
-                ratio: libm::sqrt(statistics.loads[place] / (sums[place] / DRAWS as f64)),
+                ratio: libm::sqrt(statistics.loads[place] / (sums[place] / MISFIT_DRAWS as f64)),
                 p_value: part(exceeded.loads[place]),
             })
             .collect(),
@@ -172,7 +172,7 @@ fn statistics(
     cells: &[Vec<usize>],
     loads: &[(HandleLoad, Vec<usize>)],
     residuals: &[DVector<f64>],
-) -> MisfitStatistics {
+) -> RigMisfitStatistics {
     let standardised: Vec<DVector<f64>> = fit
         .equations
         .iter()
@@ -201,7 +201,7 @@ fn statistics(
         // Without repetitions the noise at rest alone says how large a residual may be.
         if freedom > 0.0 { (total - within) / (within / freedom) } else { total }
     };
-    MisfitStatistics {
+    RigMisfitStatistics {
         whole: over_scatter(false),
         servo: over_scatter(true),
         loads: loads.iter().map(|(_, trials)| trials.iter().map(|trial| sum(*trial, false)).sum()).collect(),

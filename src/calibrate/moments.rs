@@ -7,9 +7,9 @@
 use nalgebra::{DMatrix, DVector};
 use rustfft::num_complex::Complex64;
 
-use super::constants::{AtHandle, RigConstants};
+use super::constants::{AtHandle, FittedConstants};
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
-use super::rig_model::{Motion, recorded_torque, servo_response, torque_response};
+use super::rig_model::{HandleMotion, recorded_torque, servo_response, torque_response};
 use crate::dataset::HandleLoad;
 
 /// Bands in an octave of frequency; each has two products, in phase and in quadrature.
@@ -25,7 +25,7 @@ pub enum MomentChannel {
     Mean,
     /// Torque that follows from the motion.
     Torque,
-    /// Motion that follows from the target.
+    /// HandleMotion that follows from the target.
     Servo,
 }
 
@@ -94,7 +94,7 @@ pub enum Needed {
 }
 
 /// The recorded angle that follows from the target.
-fn expected_motion(trial: &PreparedTrial, constants: &RigConstants) -> Vec<Complex64> {
+fn expected_motion(trial: &PreparedTrial, constants: &FittedConstants) -> Vec<Complex64> {
     let fourier = &trial.fourier;
     let response = |place: usize| servo_response(constants, fourier.omega(place), fourier.sample_rate_hz());
     trial.target.iter().enumerate().map(|(place, target)| response(place) * target).collect()
@@ -103,14 +103,14 @@ fn expected_motion(trial: &PreparedTrial, constants: &RigConstants) -> Vec<Compl
 /// Residual of a trial at some constants.
 pub fn residual(
     trial: &PreparedTrial,
-    constants: &RigConstants,
+    constants: &FittedConstants,
     handle: AtHandle,
     friction_speed_rad_s: f64,
     needed: Needed,
 ) -> TrialResidual {
     let expected = expected_motion(trial, constants);
     let torque = (needed != Needed::Servo).then(|| {
-        let motion = Motion { recorded: &trial.angle, expected: &expected };
+        let motion = HandleMotion { recorded: &trial.angle, expected: &expected };
         let predicted = recorded_torque(constants, handle, motion, &trial.fourier, friction_speed_rad_s);
         let mut left: Vec<Complex64> =
             trial.torque.iter().zip(predicted).map(|(own, model)| own - model).collect();
@@ -139,7 +139,7 @@ pub enum OfTorqueChannel {
 pub fn torque_channel_derivative(
     trial: &PreparedTrial,
     at: &TrialResidual,
-    constants: &RigConstants,
+    constants: &FittedConstants,
     of: OfTorqueChannel,
 ) -> TrialResidual {
     let left = at.torque.as_deref().unwrap_or_default();
@@ -162,7 +162,7 @@ impl TrialMoments {
     /// products of their own.
     pub fn new(
         trial: &PreparedTrial,
-        constants: &RigConstants,
+        constants: &FittedConstants,
         handle: AtHandle,
         noise: &ChannelNoise,
         friction_speed_rad_s: f64,
@@ -181,19 +181,19 @@ impl TrialMoments {
         let servo_variance: Vec<f64> = (0..count)
             .map(|place| trial.variance(noise.step_power + noise.angle.at(fourier.frequency_hz(place))))
             .collect();
-        let motion = Motion { recorded: &expected, expected: &expected };
-        let predict = |constants: &RigConstants| {
+        let motion = HandleMotion { recorded: &expected, expected: &expected };
+        let predict = |constants: &FittedConstants| {
             recorded_torque(constants, handle, motion, fourier, friction_speed_rad_s)
         };
         let torque = predict(constants);
         own.add_bands(trial, MomentChannel::Torque, &torque, &torque_variance);
         let [friction, cubic] = small_terms;
         let changed = [
-            RigConstants {
+            FittedConstants {
                 bearing_friction_nm: constants.bearing_friction_nm + friction,
                 ..constants.clone()
             },
-            RigConstants {
+            FittedConstants {
                 torque_nonlinearity_per_nm2: constants.torque_nonlinearity_per_nm2 + cubic,
                 ..constants.clone()
             },

@@ -6,7 +6,7 @@
 
 use rustfft::num_complex::Complex64;
 
-use super::constants::{AtHandle, RigConstants};
+use super::constants::{AtHandle, FittedConstants};
 use super::fourier::Fourier;
 
 /// Number of times that the friction is computed along the solution that contains it.
@@ -14,7 +14,7 @@ const FRICTION_PASSES: usize = 2;
 
 /// A motion of the motor as the rig's channels have it.
 #[derive(Clone, Copy)]
-pub struct Motion<'a> {
+pub struct HandleMotion<'a> {
     /// Recorded angle relative to the start position.
     pub recorded: &'a [Complex64],
     /// The recorded angle that follows from the target, without the errors of the encoder.
@@ -24,9 +24,9 @@ pub struct Motion<'a> {
 /// The recorded torque, as Fourier coefficients, without the offset. `friction_speed_rad_s` is the speed that the factor of the
 /// friction's speed refers to.
 pub fn recorded_torque(
-    constants: &RigConstants,
+    constants: &FittedConstants,
     handle: AtHandle,
-    motion: Motion<'_>,
+    motion: HandleMotion<'_>,
     fourier: &Fourier,
     friction_speed_rad_s: f64,
 ) -> Vec<Complex64> {
@@ -63,7 +63,7 @@ pub fn recorded_torque(
 
 /// Friction of the bearing along a motion; computed once more along the motion of the handle with friction.
 fn friction(
-    constants: &RigConstants,
+    constants: &FittedConstants,
     handle: AtHandle,
     motion: &[Complex64],
     fourier: &Fourier,
@@ -94,7 +94,7 @@ fn friction(
 }
 
 /// Of the lever (k_l + b_l s), of lever, handle and load together, and of handle and load.
-fn impedances(constants: &RigConstants, handle: AtHandle, omega: f64) -> [Complex64; 3] {
+fn impedances(constants: &FittedConstants, handle: AtHandle, omega: f64) -> [Complex64; 3] {
     let s = Complex64::new(0.0, omega);
     let own = &constants.lever;
     let lever = own.stiffness_nm_per_rad + own.damping_nm_s_per_rad * s;
@@ -103,13 +103,13 @@ fn impedances(constants: &RigConstants, handle: AtHandle, omega: f64) -> [Comple
 }
 
 /// Response of the torque channel: gain, delay and low-pass.
-fn torque_channel(constants: &RigConstants, omega: f64) -> Complex64 {
+fn torque_channel(constants: &FittedConstants, omega: f64) -> Complex64 {
     let delay = Complex64::new(0.0, -omega * constants.torque_delay_s).exp();
     constants.torque_gain * delay / Complex64::new(1.0, omega * constants.torque_lag_s)
 }
 
 /// Response of the recorded torque to a small change of the recorded angle.
-pub fn torque_response(constants: &RigConstants, handle: AtHandle, omega: f64) -> Complex64 {
+pub fn torque_response(constants: &FittedConstants, handle: AtHandle, omega: f64) -> Complex64 {
     let [lever, whole, load] = impedances(constants, handle, omega);
     let torque = if handle.is_clamped { lever } else { lever * load / whole };
     torque * torque_channel(constants, omega) / constants.angle_gain
@@ -117,7 +117,7 @@ pub fn torque_response(constants: &RigConstants, handle: AtHandle, omega: f64) -
 
 /// Response of the recorded angle to the target. Between two targets the drive may hold the last one, or go there in a straight line, or
 /// know the whole way: powers 1, 2 and 0 of the response of a hold.
-pub fn servo_response(constants: &RigConstants, omega: f64, sample_rate_hz: f64) -> Complex64 {
+pub fn servo_response(constants: &FittedConstants, omega: f64, sample_rate_hz: f64) -> Complex64 {
     let half = 0.5 * omega / sample_rate_hz;
     let hold = if half == 0.0 { 1.0 } else { libm::pow(libm::sin(half) / half, constants.servo_hold) };
     let (period_s, damping) = (constants.servo_period_s, constants.servo_damping);

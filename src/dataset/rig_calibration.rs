@@ -18,11 +18,11 @@ pub const RIG_CALIBRATION: &str = "rig-calibration.json";
 pub const RIG_CALIBRATION_FORMAT: &str = "ramphold-rig-calibration/1";
 
 /// What the file should be, for messages.
-const EXPECTED: &str = "a rig calibration, as ramphold calibrate writes it";
+const A_CALIBRATION: &str = "a rig calibration, as ramphold calibrate writes it";
 
 /// How far a covariance may be from symmetric, and its diagonal from the squares of the standard errors, as a part of the product of
 /// both standard errors: the digits that other programs print.
-const ROUNDING: f64 = 1e-6;
+const COVARIANCE_ROUNDING: f64 = 1e-6;
 
 /// A constant of the rig that can be measured without a person.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -279,7 +279,7 @@ impl RigCalibration {
     /// # Errors
     /// If it cannot be read or is no rig calibration.
     pub fn read(file: &Path) -> Result<Self, RigCalibrationError> {
-        Self::parse(&json_file::read_text(file, EXPECTED)?, file)
+        Self::parse(&json_file::read_text(file, A_CALIBRATION)?, file)
     }
 
     /// Parses and checks the text of a file; `file` is its name for messages.
@@ -287,7 +287,7 @@ impl RigCalibration {
     /// # Errors
     /// If it is not JSON, or its values contradict each other.
     pub fn parse(text: &str, file: &Path) -> Result<Self, RigCalibrationError> {
-        let read: Self = json_file::parse(text, file, EXPECTED)?;
+        let read: Self = json_file::parse(text, file, A_CALIBRATION)?;
         read.check().map_err(|(field, message)| RigCalibrationError::Value {
             file: file.to_owned(),
             field,
@@ -379,13 +379,13 @@ impl RigCalibration {
             for (j, value) in row.iter().enumerate() {
                 let field = || format!("covariance[{i}][{j}]");
                 let scale = se[i] * se[j];
-                if !value.is_finite() || value.abs() > scale * (1.0 + ROUNDING) {
+                if !value.is_finite() || value.abs() > scale * (1.0 + COVARIANCE_ROUNDING) {
                     return wrong(field(), "expected at most the product of both standard errors");
                 }
-                if (value - self.covariance[j][i]).abs() > ROUNDING * scale {
+                if (value - self.covariance[j][i]).abs() > COVARIANCE_ROUNDING * scale {
                     return wrong(field(), "the covariance is not symmetric");
                 }
-                if i == j && (value - scale).abs() > ROUNDING * scale {
+                if i == j && (value - scale).abs() > COVARIANCE_ROUNDING * scale {
                     return wrong(field(), "expected the square of the quantity's standard error");
                 }
             }
@@ -435,10 +435,10 @@ fn is_positive_semidefinite(covariance: &[Vec<f64>], se: &[f64]) -> bool {
             let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
             let left = covariance[i][j] / (se[i] * se[j]) - known;
             if i == j {
-                if left < -ROUNDING * size as f64 {
+                if left < -COVARIANCE_ROUNDING * size as f64 {
                     return false;
                 }
-                factor[i][i] = libm::sqrt(left.max(ROUNDING * ROUNDING));
+                factor[i][i] = libm::sqrt(left.max(COVARIANCE_ROUNDING * COVARIANCE_ROUNDING));
             } else {
                 factor[i][j] = left / factor[j][j];
             }
