@@ -83,7 +83,7 @@ fn a_handle_encoder_parts_lever_and_angle_channel_from_the_torque_channel_as_the
     let faults = [
         ("torque_gain", json!({ "factor": 1.1 })),
         ("angle_gain", json!({ "factor": 1.1 })),
-        ("lever_stiffness", json!({ "factor": 0.7 })),
+        ("lever_stiffness", json!({ "stiffness_nm_per_rad": 600 })),
     ];
     let mut mixed = 0;
     for (fault, values) in faults {
