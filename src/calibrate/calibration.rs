@@ -10,6 +10,7 @@ use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::loads::{LoadCheck, check_loads};
 use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
+use super::noise::PowerSpectrum;
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
 use super::reported::reported;
 use crate::dataset::{
@@ -57,11 +58,15 @@ pub struct PreparedRig {
 }
 
 impl PreparedRig {
-    /// Prepares the trials of status ok that `used` takes.
+    /// Prepares the trials of status ok that `used` takes. The noise of the torque is at least `known`: few rests tell it badly.
     ///
     /// # Errors
     /// If there are none, or one cannot be analysed.
-    pub fn new(trials: &RigTrials, used: fn(&RigTrial) -> bool) -> Result<Self, CalibrateError> {
+    pub fn new(
+        trials: &RigTrials,
+        used: fn(&RigTrial) -> bool,
+        known: Option<&NoiseSpectrum>,
+    ) -> Result<Self, CalibrateError> {
         let analysed: Vec<&RigTrial> =
             trials.trials.iter().filter(|trial| trial.status == Status::Ok && used(trial)).collect();
         if !analysed.iter().any(|trial| trial.motion != RigTrialMotion::Still) {
@@ -70,9 +75,16 @@ impl PreparedRig {
         for trial in &analysed {
             check_return(trial, trials.sample_rate_hz)?;
         }
-        let noise = ChannelNoise::measure(&analysed, trials.sample_rate_hz);
+        let mut noise = ChannelNoise::measure(&analysed, trials.sample_rate_hz);
         if noise.torque_nm == 0.0 {
             return Err(CalibrateError::NoNoise);
+        }
+        if let Some(known) = known {
+            let known = PowerSpectrum {
+                frequency_hz: known.frequency_hz.clone(),
+                power_per_hz: known.power_nm2_per_hz.clone(),
+            };
+            noise.torque = noise.torque.larger(&known);
         }
         let positions = step_positions(POSITIONS, &mut Stream::new(SEED, "calibrate/encoder"));
         let prepared: Vec<PreparedTrial> = analysed
@@ -175,7 +187,7 @@ pub fn calibrate(
     program: &str,
     session: &str,
 ) -> Result<CalibrationOutcome, CalibrateError> {
-    let prepared = PreparedRig::new(trials, |_| true)?;
+    let prepared = PreparedRig::new(trials, |_| true, None)?;
     let coordinates = RigCoordinates::new(trials.lever, prepared.largest_nm, prepared.loads.clone());
     let mut input = RigFitInput {
         trials: &prepared.trials,

@@ -6,6 +6,9 @@ use rustfft::num_complex::Complex64;
 /// Length of the long segments, s; they tell the noise below 10 Hz.
 const LONG_S: f64 = 1.0;
 
+/// Values of a spectrum, at one frequency of one segment each, that are averaged at least: their mean is then known to some 20 %.
+const AVERAGED: usize = 24;
+
 /// A one-sided spectrum of power, constant below its lowest frequency and above its highest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PowerSpectrum {
@@ -29,6 +32,16 @@ impl PowerSpectrum {
             frequency_hz.push(*hz);
             power_per_hz.push(*power);
         }
+        Self { frequency_hz, power_per_hz }
+    }
+
+    /// The larger one of two spectra at each frequency of both.
+    pub fn larger(&self, other: &Self) -> Self {
+        let mut frequency_hz: Vec<f64> =
+            self.frequency_hz.iter().chain(&other.frequency_hz).copied().collect();
+        frequency_hz.sort_by(f64::total_cmp);
+        frequency_hz.dedup();
+        let power_per_hz = frequency_hz.iter().map(|hz| self.at(*hz).max(other.at(*hz))).collect();
         Self { frequency_hz, power_per_hz }
     }
 
@@ -59,7 +72,7 @@ fn welch(stretches: &[&[f64]], length: usize, sample_rate_hz: f64) -> Vec<(f64, 
     let weight: f64 = window.iter().map(|own| own * own).sum();
     let transform = FftPlanner::new().plan_fft_forward(length);
     let mut sums = vec![0.0; length / 2];
-    let mut segments = 0;
+    let mut segments: usize = 0;
     for stretch in stretches {
         for start in (0..(stretch.len() + 1).saturating_sub(length)).step_by(length / 2) {
             let segment = &stretch[start..start + length];
@@ -79,9 +92,16 @@ fn welch(stretches: &[&[f64]], length: usize, sample_rate_hz: f64) -> Vec<(f64, 
     if segments == 0 {
         return Vec::new();
     }
-    let scale = 2.0 / (sample_rate_hz * weight * f64::from(segments));
+    let scale = 2.0 / (sample_rate_hz * weight * segments as f64);
     let hz = |place: usize| place as f64 * sample_rate_hz / length as f64;
-    sums.iter().enumerate().map(|(place, sum)| (hz(place), sum * scale)).collect()
+    // Few segments: neighbouring frequencies are averaged as well. The lowest two are not noise but the mean that was taken out.
+    let beside = AVERAGED.div_ceil(segments) / 2;
+    let smooth = |place: usize| {
+        let near =
+            &sums[place.saturating_sub(beside).max(2.min(place))..(place + beside + 1).min(sums.len())];
+        near.iter().sum::<f64>() / near.len() as f64
+    };
+    (0..sums.len()).map(|place| (hz(place), smooth(place) * scale)).collect()
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! How often the 95 % intervals of a calibration contain the truth, over rigs, encoders, sample rates and laws that the fit does not
 //! know.
 
-use super::deviations;
 use super::simulator::{ALL_LOADS, TrueRig, rig_trials};
-use crate::calibrate::calibrate;
+use super::{deviations, of_the_day};
+use crate::calibrate::{calibrate, compare};
 use crate::dataset::RigQuantity;
 use crate::random::Stream;
 
@@ -76,4 +76,37 @@ fn intervals_contain_the_truth_in_every_setting() {
         println!("  together {all} of {of}");
         assert!(f64::from(all) > 0.9 * f64::from(of), "{}: {all} of {of}", setting.name);
     }
+}
+
+/// Prints how often a change is named although nothing changed, and which quantity.
+#[test]
+#[ignore = "takes minutes; run with --ignored --nocapture"]
+fn a_day_without_a_change_seldom_differs() {
+    let days = 10;
+    let calibrations = std::env::var("RIGS").map_or(6, |text| text.parse().unwrap());
+    let (mut alarms, mut low, mut squares) = (0, 0, [0.0; RigQuantity::ALL.len()]);
+    for seed in 0..calibrations {
+        let rig = TrueRig::usual(seed);
+        let calibration =
+            calibrate(&rig_trials(&rig, ALL_LOADS, |_| 1.0), "ramphold", "rig").unwrap().calibration;
+        for day in 0..days {
+            let rig = TrueRig { seed: 1000 + 100 * seed + day, ..rig.clone() };
+            let found = compare(&of_the_day(&rig), &calibration).unwrap();
+            alarms += u32::from(!found.changed.is_empty());
+            low += u32::from(found.p_value < 0.05);
+            for own in &found.quantities {
+                let place = RigQuantity::ALL.iter().position(|name| *name == own.name).unwrap();
+                squares[place] += (own.difference / own.se) * (own.difference / own.se);
+            }
+            if !found.changed.is_empty() {
+                println!("rig {seed} day {day}: {:?} {:?}", found.changed, found.quantities[0]);
+            }
+        }
+    }
+    let of = calibrations * days;
+    for (name, sum) in RigQuantity::ALL.iter().zip(squares) {
+        println!("{:28} rms z {:.2}", name.name(), libm::sqrt(sum / of as f64));
+    }
+    println!("named {alarms}, p of all below 0.05 {low}, of {of}");
+    assert!(f64::from(alarms) < 0.15 * of as f64, "{alarms} of {of}");
 }
