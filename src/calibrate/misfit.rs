@@ -145,9 +145,9 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
         let count = |reference: f64, observed: f64| f64::from(u8::from(reference >= observed));
         exceeded.whole += count(reference.whole, statistics.whole);
         exceeded.servo += count(reference.servo, statistics.servo);
-        for place in 0..loads.len() {
+        for (place, sum) in sums.iter_mut().enumerate() {
             exceeded.loads[place] += count(reference.loads[place], statistics.loads[place]);
-            sums[place] += reference.loads[place];
+            *sum += reference.loads[place];
         }
     }
     let part = |count: f64| count / (MISFIT_DRAWS + 1) as f64;

@@ -123,7 +123,8 @@ fn a_calibration_that_cannot_be_used_is_refused_before_anything_is_written() {
         assert_eq!(of_fit, workspace.call(2, &diagnose).1);
         of_fit
     };
-    let expected: [(&dyn Fn(&mut Value), &str); 6] = [
+    type Change<'a> = &'a dyn Fn(&mut Value);
+    let expected: [(Change<'_>, &str); 6] = [
         (&|own| own["format"] = json!("ramphold-rig-calibration/2"), "field format"),
         (&|own| own["covariance"][0][1] = json!(1.0), "field covariance[0][1]"),
         (&|own| own["quantities"].as_array_mut().unwrap().swap(0, 1), "in this order"),
