@@ -1,6 +1,7 @@
 //! The constants of a rig, and the coordinates in which they are fitted.
 
-use crate::dataset::{HandleLoad, RigQuantity, STANDARD_GRAVITY};
+use crate::dataset::{HandleLoad, RigQuantity};
+use crate::protocol::GRAVITY_M_S2;
 use crate::wrist::Lever;
 
 /// Number of quantities that a calibration reports; their coordinates come first, in the order of [`RigQuantity::ALL`].
@@ -213,10 +214,9 @@ impl RigCoordinates {
         match load {
             HandleLoad::EmptyHandle => AtHandle::default(),
             HandleLoad::ClampedHandle => AtHandle { is_clamped: true, ..AtHandle::default() },
-            HandleLoad::KnownWeight { mass_kg, arm_m, sign, .. } => AtHandle {
-                torque_nm: factor * sign * mass_kg * STANDARD_GRAVITY * arm_m,
-                ..AtHandle::default()
-            },
+            HandleLoad::KnownWeight { mass_kg, arm_m, sign, .. } => {
+                AtHandle { torque_nm: factor * sign * mass_kg * GRAVITY_M_S2 * arm_m, ..AtHandle::default() }
+            }
             HandleLoad::KnownInertia { inertia_kg_m2, .. } => {
                 AtHandle { inertia_kg_m2: factor * inertia_kg_m2, ..AtHandle::default() }
             }

@@ -19,9 +19,6 @@ use crate::wrist::Lever;
 /// Name of the table of rig trials in a session's folder.
 pub const RIG_TRIALS_TABLE: &str = "rig-trials.csv";
 
-/// Acceleration that turns a mass into a weight, m/s2 (standard gravity).
-pub const STANDARD_GRAVITY: f64 = 9.80665;
-
 /// What is at the handle in a rig trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum HandleLoad {

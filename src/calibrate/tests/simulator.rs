@@ -1,9 +1,7 @@
 //! A rig that does not share the model of the fit: fine Runge-Kutta steps of the non-linear equations in time, with noise and an
 //! encoder of its own.
 
-use crate::dataset::{
-    HandleLoad, RigTrial, RigTrialMotion, RigTrialSignals, RigTrials, STANDARD_GRAVITY, Status,
-};
+use crate::dataset::{HandleLoad, RigTrial, RigTrialMotion, RigTrialSignals, RigTrials, Status};
 use crate::random::Stream;
 use crate::wrist::Lever;
 
@@ -91,7 +89,7 @@ impl TrueRig {
         };
         let weight = match load {
             HandleLoad::KnownWeight { mass_kg, arm_m, sign, .. } => {
-                sign * factor * mass_kg * STANDARD_GRAVITY * arm_m
+                sign * factor * mass_kg * crate::protocol::GRAVITY_M_S2 * arm_m
             }
             _ => 0.0,
         };
