@@ -35,6 +35,7 @@ mod solver;
 #[cfg(test)]
 mod tests;
 
+pub use calibration::asked_fit::AskedFit;
 pub use calibration::assumed_constants::{ASSUMED_ERROR, AssumedConstant};
 pub use calibration::constant_effects::ConstantEffects;
 pub use data::observations::{ExcludedTrial, NoiseSource, Observations, TrialObservation};

@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::asked_fit::AskedFit;
 use crate::dataset::RigQuantity;
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
 use crate::fit::model::parameter_index::{K_SRS, X_E};
-use crate::fit::population::session_fit::SessionFit;
 
 /// The error that is asked about, as a part of the constant.
 pub const ASSUMED_ERROR: f64 = 0.2;
@@ -32,25 +32,6 @@ pub struct AssumedConstant {
     pub k_srs_percent: [Option<f64>; 2],
     /// The same of x_e.
     pub x_e_percent: [Option<f64>; 2],
-}
-
-/// The fit whose estimates are asked about.
-#[derive(Debug, Clone, Copy)]
-pub enum AskedFit<'a> {
-    /// Each trial on its own.
-    Trials(&'a Fit),
-    /// The session as a whole.
-    Session(&'a SessionFit),
-}
-
-impl AskedFit<'_> {
-    /// The fit to the same session with other constants, from the optimum of this one.
-    fn refitted_to(self, observations: &Observations) -> Option<Fit> {
-        match self {
-            Self::Trials(fit) => Some(fit.refitted_to(observations)),
-            Self::Session(session) => session.refitted_to(observations).ok().map(|own| own.fit),
-        }
-    }
 }
 
 /// What an error of each constant would do that this rig has and `is_measured` does not say to be measured.

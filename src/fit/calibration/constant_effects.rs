@@ -2,21 +2,13 @@
 //!
 //! An error of a constant is common to all trials of a session, so it does not shrink with repetitions.
 
-use nalgebra::DVector;
+use rayon::prelude::*;
 
+use super::asked_fit::AskedFit;
 use crate::dataset::{RigCalibration, RigQuantity};
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
-use crate::fit::fitted::uncertainty::inverse_normal_matrix;
-use crate::fit::population::session_fit::SessionFit;
-use crate::fit::solver::normal_equations::evaluate;
 use crate::wrist::BASE_PARAMETERS;
-
-/// Smallest and largest step of the central differences, as parts of a constant that no rig has at zero.
-const RELATIVE_STEP: (f64, f64) = (1e-4, 0.1);
-
-/// Smallest and largest step of a delay, s.
-const DELAY_STEP_S: (f64, f64) = (1e-6, 1e-4);
 
 /// Relative change of the six base parameters of every trial.
 pub type TrialChanges = Vec<[f64; 6]>;
@@ -33,41 +25,20 @@ pub struct ConstantEffects {
 }
 
 impl ConstantEffects {
-    /// Effects on the fit of each trial on its own.
-    pub fn of_fit(observations: &Observations, fit: &Fit, calibration: &RigCalibration) -> Self {
-        Self::new(observations, fit, calibration, |gradient| {
-            change_of_coordinates(observations, fit, gradient)
-        })
-    }
-
-    /// Effects on the fit of a session as a whole.
-    pub fn of_session(
-        observations: &Observations,
-        session: &SessionFit,
-        calibration: &RigCalibration,
-    ) -> Self {
-        let change = |gradient: &DVector<f64>| session.change_of_coordinates(gradient);
-        Self::new(observations, &session.fit, calibration, change)
-    }
-
-    /// The coordinates of a fit follow a change of the gradient of its cost by `change`.
-    fn new(
-        observations: &Observations,
-        fit: &Fit,
-        calibration: &RigCalibration,
-        change: impl Fn(&DVector<f64>) -> DVector<f64>,
-    ) -> Self {
+    /// Effects on `fit`, by fits to the session with each constant one standard error smaller and larger: a trial whose elastic limit is
+    /// hardly determined does not follow the Gauss-Newton matrix of its optimum that far. `None` if the session has no such fit.
+    pub fn new(observations: &Observations, fit: AskedFit, calibration: &RigCalibration) -> Option<Self> {
         let constants = observations.constants;
         let known = calibration.covariance_of.iter().filter(|own| constants.value(**own).is_some());
         let quantities: Vec<RigQuantity> = known.copied().collect();
         let se = |quantity: RigQuantity| calibration.se(quantity).unwrap_or(0.0);
         let per_se = |quantity: &RigQuantity| {
-            let (value, se) = (constants.value(*quantity).unwrap_or(0.0), se(*quantity));
-            let step = step(*quantity, value, se);
-            let gradient =
-                |by: f64| gradient(&observations.with_constants(constants.with(*quantity, value + by)), fit);
-            let slope = (gradient(step) - gradient(-step)) / (2.0 * step);
-            relative_changes(fit, &(change(&slope) * se))
+            let value = constants.value(*quantity).unwrap_or(0.0);
+            let at = |by: f64| {
+                fit.refitted_to(&observations.with_constants(constants.with(*quantity, value + by)))
+            };
+            let se = se(*quantity);
+            Some(half_differences(&at(-se)?, &at(se)?))
         };
         let correlation = |one: &RigQuantity| {
             let of = |other: &RigQuantity| {
@@ -76,11 +47,11 @@ impl ConstantEffects {
             };
             quantities.iter().map(of).collect()
         };
-        Self {
-            per_se: quantities.iter().map(per_se).collect(),
+        Some(Self {
+            per_se: quantities.par_iter().map(per_se).collect::<Option<_>>()?,
             correlation: quantities.iter().map(correlation).collect(),
             quantities,
-        }
+        })
     }
 
     /// Covariance that the errors of the constants give to the logarithms of a base parameter in two trials.
@@ -100,60 +71,12 @@ impl ConstantEffects {
     }
 }
 
-/// Step of the central differences by a constant, near its standard error `se`.
-fn step(quantity: RigQuantity, value: f64, se: f64) -> f64 {
-    match quantity {
-        RigQuantity::TorqueDelay => se.clamp(DELAY_STEP_S.0, DELAY_STEP_S.1),
-        RigQuantity::TorqueOffset | RigQuantity::TorqueNonlinearity => se,
-        _ => se.clamp(RELATIVE_STEP.0 * value.abs(), RELATIVE_STEP.1 * value.abs()).max(f64::MIN_POSITIVE),
-    }
-}
-
-/// Gradient of the cost by all coordinates, at those of `fit`.
-fn gradient(observations: &Observations, fit: &Fit) -> DVector<f64> {
-    let components: Vec<_> = fit.parameterisation.components.iter().collect();
-    let at = &fit.solution.coordinates;
-    let equations =
-        evaluate(observations, &fit.parameterisation, &fit.kinds, &fit.objective, &components, at);
-    let mut all = DVector::zeros(at.len());
-    for (component, equations) in components.iter().zip(&equations) {
-        for (index, value) in component.order().iter().zip(equations.gradient(component).iter()) {
-            all[*index] = if fit.coordinate_at_bound(*index) { 0.0 } else { *value };
-        }
-    }
-    all
-}
-
-/// Change of the coordinates of `fit`, to first order, where the gradient of its cost changes by `gradient`. Of a component that the data
-/// do not determine, none.
-fn change_of_coordinates(observations: &Observations, fit: &Fit, gradient: &DVector<f64>) -> DVector<f64> {
-    let components: Vec<_> = fit.parameterisation.components.iter().collect();
-    let at = &fit.solution.coordinates;
-    let equations =
-        evaluate(observations, &fit.parameterisation, &fit.kinds, &fit.objective, &components, at);
-    let mut all = DVector::zeros(at.len());
-    for (component, equations) in components.iter().zip(&equations) {
-        let Some(inverse) = inverse_normal_matrix(fit, component, equations) else { continue };
-        let order = component.order();
-        let own = DVector::from_iterator(order.len(), order.iter().map(|index| gradient[*index]));
-        for (index, value) in order.iter().zip((-inverse * own).iter()) {
-            all[*index] = *value;
-        }
-    }
-    all
-}
-
-/// Relative change of the base parameters of every trial that a change of the coordinates makes, to first order.
-fn relative_changes(fit: &Fit, by: &DVector<f64>) -> TrialChanges {
-    let of_trial = |(trial, parameters): (usize, &Vec<f64>)| {
-        let mut changes = [0.0; BASE_PARAMETERS.len()];
-        for (parameter, change) in changes.iter_mut().enumerate() {
-            let value = parameters[parameter];
-            fit.parameterisation.slopes(trial, parameter, value, |coordinate, slope| {
-                *change += slope * by[coordinate] / value;
-            });
-        }
-        changes
+/// Half of the relative differences between the base parameters of two fits to the same trials.
+fn half_differences(low: &Fit, high: &Fit) -> TrialChanges {
+    let of_trial = |(low, high): (&Vec<f64>, &Vec<f64>)| {
+        std::array::from_fn::<_, { BASE_PARAMETERS.len() }, _>(|parameter| {
+            0.5 * libm::log(high[parameter] / low[parameter])
+        })
     };
-    fit.parameters.iter().enumerate().map(of_trial).collect()
+    low.parameters.iter().zip(&high.parameters).map(of_trial).collect()
 }

@@ -9,7 +9,8 @@ use super::estimates::{
 };
 use crate::dataset::{Disk, PROGRAM, RigCalibration, RigQuantity};
 use crate::files::{Folder, csv_cell};
-use crate::fit::calibration::assumed_constants::{ASSUMED_ERROR, AskedFit, assumed_constants};
+use crate::fit::calibration::asked_fit::AskedFit;
+use crate::fit::calibration::assumed_constants::{ASSUMED_ERROR, assumed_constants};
 use crate::fit::calibration::constant_effects::ConstantEffects;
 use crate::fit::data::observations::{ExcludedTrial, Observations};
 use crate::fit::data::preprocessing::PreprocessingSettings;
@@ -64,11 +65,12 @@ impl Results {
     ) -> Self {
         let own = estimates(observations, fit);
         let conditions = by_condition(&own);
-        let of_fit = calibration.map(|own| ConstantEffects::of_fit(observations, fit, own));
+        let effects_on = |fit: AskedFit| ConstantEffects::new(observations, fit, calibration?);
+        let of_fit = effects_on(AskedFit::Trials(fit));
         let independent = with_errors_of(of_fit.as_ref(), (own, conditions));
         let ((estimates, conditions), chosen, effects) = match session {
             Ok(session) => {
-                let effects = calibration.map(|own| ConstantEffects::of_session(observations, session, own));
+                let effects = effects_on(AskedFit::Session(session));
                 let found = with_errors_of(effects.as_ref(), session_estimates(observations, session));
                 (found, &session.fit, effects)
             }
