@@ -9,6 +9,7 @@ mod checked_session;
 mod command_line_operator;
 mod console;
 mod console_options;
+mod day_check;
 mod diagnosis_file;
 mod failure;
 mod fit_table;

@@ -1,6 +1,6 @@
 //! Runs a session, new or resumed, on any rig, with or without a console, and makes its results.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -10,6 +10,7 @@ use crate::rig::Rig;
 use crate::session::{Event, Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
 use super::command_line_operator::CommandLineOperator;
+use super::day_check::DayCheck;
 use super::motor_operator::MotorOperator;
 use super::session_rig::write_bus_summary;
 use super::signals::{stop_on_signals, stop_when_suspended};
@@ -68,7 +69,15 @@ impl SessionRun<'_> {
     ) -> Result<(Machine, Option<Live>), Failure> {
         let Self { folder, rig, mut machine, recorder, setup, options, is_confirmed } = self;
         let rate_hz = machine.settings().sample_rate_hz;
-        let work = Work { machine: &mut machine, recorder, setup, options, console, stop: stop.clone() };
+        let work = Work {
+            machine: &mut machine,
+            recorder,
+            folder: &folder,
+            setup,
+            options,
+            console,
+            stop: stop.clone(),
+        };
         let live = match rig {
             SessionRig::Virtual { wrist, pace: Pace::Unlimited, .. } => work.without_deadlines(*wrist)?,
             SessionRig::Virtual { wrist, pace: Pace::TimesRealTime(speed), .. } => {
@@ -100,6 +109,7 @@ impl SessionRun<'_> {
 struct Work<'a> {
     machine: &'a mut Machine,
     recorder: Recorder,
+    folder: &'a Path,
     setup: Option<ConsoleSetup>,
     options: &'a ConsoleOptions,
     console: &'a Console,
@@ -117,7 +127,7 @@ impl Work<'_> {
                 rig,
                 self.machine,
                 &mut Unpaced,
-                recorder,
+                (recorder, self.folder),
                 setup,
                 options,
                 console,
@@ -125,9 +135,12 @@ impl Work<'_> {
             )
             .map(|(_, live)| Some(live));
         }
+        let check = self.day_check()?;
         let mut operator = CommandLineOperator::new(self.stop, self.machine, self.console);
-        let ended = run_control_loop(rig, self.machine, &mut operator, &mut Unpaced, &mut self.recorder);
+        let mut consumers = (self.recorder, check);
+        let ended = run_control_loop(rig, self.machine, &mut operator, &mut Unpaced, &mut consumers);
         operator.finish();
+        consumers.1.finish();
         ended?;
         Ok(None)
     }
@@ -147,7 +160,7 @@ impl Work<'_> {
                 rig,
                 self.machine,
                 pacing,
-                recorder,
+                (recorder, self.folder),
                 setup,
                 self.options,
                 self.console,
@@ -155,14 +168,23 @@ impl Work<'_> {
             )
             .map(|(rig, live)| (rig, Some(live)));
         }
+        let check = self.day_check()?;
         let mut operator = operator(self.machine);
-        let mut recorder = recorder(self.recorder, self.machine);
-        let ended = run_control_loop(rig, self.machine, &mut operator, pacing, &mut recorder);
-        let written = recorder.finish();
+        let mut consumers = (recorder(self.recorder, self.machine), check);
+        let ended = run_control_loop(rig, self.machine, &mut operator, pacing, &mut consumers);
+        let written = consumers.0.finish();
+        consumers.1.finish();
         // An error of the disk that ended the session comes first.
         let rig = ended?;
         written?;
         Ok((rig, None))
+    }
+
+    /// The check of the day, told on the command line.
+    fn day_check(&self) -> Result<DayCheck, Failure> {
+        let console = *self.console;
+        let tell = move |text: &str| console.announce(text);
+        DayCheck::of_session(self.folder, self.machine.progress(), Box::new(tell))
     }
 }
 
@@ -172,7 +194,7 @@ fn with_console<R: Rig>(
     rig: R,
     machine: &mut Machine,
     pacing: &mut impl Pacing,
-    recorder: BackgroundRecorder,
+    (recorder, folder): (BackgroundRecorder, &Path),
     setup: ConsoleSetup,
     options: &ConsoleOptions,
     console: &Console,
@@ -182,10 +204,12 @@ fn with_console<R: Rig>(
     if let Some(pages) = live.pages() {
         options.pages.announce(&pages, console);
     }
+    let check = DayCheck::of_session(folder, machine.progress(), Box::new(live.alarms()))?;
     live.take_terminal()?;
-    let mut consumers = (recorder, feed);
+    let mut consumers = ((recorder, feed), check);
     let ended = run_control_loop(rig, machine, &mut operator, pacing, &mut consumers);
-    let written = consumers.0.finish();
+    let written = consumers.0.0.finish();
+    consumers.1.finish();
     live.release_terminal();
     // An error of the disk that ended the session comes first.
     let rig = ended?;

@@ -1,45 +1,45 @@
-//! `ramphold design`: the protocol that best separates mechanisms which a diagnosis could not tell apart.
+//! `ramphold design`: what separates mechanisms which a diagnosis could not tell apart: rig trials, a sensor or another protocol.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::app::{Console, Failure, check_out, named_causes, read_diagnosis};
 use crate::dataset;
-use crate::diagnose::{ProtocolProposal, inseparable, propose_protocols, worthwhile};
+use crate::diagnose::{Needs, Proposal, inseparable, propose, worthwhile};
 use crate::files::{self, Folder};
 use crate::protocol::ValidProtocol;
 use crate::wrist::mechanisms::{CATALOGUE, EvidenceSource, MechanismKind};
 
 use super::verb::Verb;
 
-/// Propose the protocol that best separates the mechanisms which a session's diagnosis could not tell apart.
+/// Propose what separates the mechanisms which a session's diagnosis could not tell apart: another protocol, rig trials or a sensor.
 ///
-/// The verb varies the ramp and the conditions of a protocol, simulates each variant with each mechanism, and prints the
-/// power: the probability that the wrong mechanism is ruled out. Variants that gain something are listed from the best to the worst;
-/// a pair of mechanisms that no variant separates is named.
+/// For each set of causes that the diagnosis left open, the verb varies the ramp and the conditions of the protocol, adds rig trials to
+/// the session, and adds each sensor that it lacks. Each is simulated with each mechanism; the table has the probability that the right
+/// one is named. What gains something is listed, the cheapest first; a pair of mechanisms that nothing on this rig separates is named.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold diagnose sessions/S01\n  \
                         ramphold design sessions/S01 --out next.json\n  ramphold check next.json")]
 pub struct DesignArgs {
     /// The session's folder. It needs results/diagnosis.json, unless --between is given.
     session: PathBuf,
-    /// Ids of the mechanisms to separate [default: the first cause of the diagnosis and what it can be confused with].
+    /// Ids of the mechanisms to separate [default: each cause of the diagnosis with what it can be confused with].
     #[arg(long, value_name = "MECHANISM", num_args = 2..)]
     between: Vec<String>,
     /// The protocol that is varied [default: that of the session].
     #[arg(long, value_name = "FILE")]
     protocol: Option<PathBuf>,
-    /// Write the best protocol to this file, which must not exist yet.
+    /// Write the best protocol for the first set of causes to this file, which must not exist yet.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
-/// Largest number of mechanisms that a protocol is designed to separate.
+/// Largest number of mechanisms of a set that are separated: the first ones.
 const MAX_MECHANISMS: usize = 3;
 
 impl Verb for DesignArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
-        let causes = if self.between.is_empty() { self.left_open()? } else { self.asked_for()? };
+        let sets = if self.between.is_empty() { self.left_open()? } else { vec![self.asked_for()?] };
         if let Some(out) = &self.out {
             check_out("--out", out)?;
         }
@@ -51,25 +51,15 @@ impl Verb for DesignArgs {
         }
         let protocol = self.protocol()?;
         let session = dataset::load(&self.session)?;
-        console.message(format_args!("fitting {} mechanisms to each candidate protocol ...", causes.len()));
-        let proposals = propose_protocols(&session, &protocol, &causes)
-            .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
-        for (one, other, power) in inseparable(&proposals) {
-            writeln!(
-                console.results(),
-                "no protocol of this rig is expected to separate {} from {}: the wrong one is ruled out with a probability of at \
-                 most {power:.2}",
-                one.id(),
-                other.id()
-            )?;
+        let mut best = None;
+        for causes in &sets {
+            console.message(format_args!("fitting {} mechanisms to each candidate ...", causes.len()));
+            let proposals = propose(&session, &protocol, causes)
+                .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
+            let proposals = advise(console, causes, proposals)?;
+            best.get_or_insert(proposals);
         }
-        let proposals = worthwhile(proposals);
-        table(console, &proposals)?;
-        if proposals.len() < 2 {
-            writeln!(console.results(), "no change of the protocol is expected to gain anything")?;
-        }
-        match (&self.out, proposals.first()) {
-            (Some(out), Some(_)) if proposals.len() < 2 => Err(Failure::NothingToGain { out: out.clone() }),
+        match (&self.out, best.as_deref().and_then(best_protocol)) {
             (Some(out), Some(best)) => {
                 let written = Folder::open(out.parent().unwrap_or(Path::new(""))).and_then(|folder| {
                     folder.write(out.file_name().unwrap_or_default(), best.protocol.text().as_bytes())
@@ -78,9 +68,16 @@ impl Verb for DesignArgs {
                 console.message(format_args!("{}: {}", out.display(), best.change));
                 Ok(())
             }
+            (Some(out), None) => Err(Failure::NothingToGain { out: out.clone() }),
             _ => Ok(()),
         }
     }
+}
+
+/// The protocol with the largest power, if one gains something over that of the session; the first of equal ones, which is the shortest.
+fn best_protocol(proposals: &[Proposal]) -> Option<&Proposal> {
+    let protocols = proposals.iter().filter(|own| own.needs == Needs::Session && !own.is_unchanged());
+    protocols.reduce(|best, own| if own.least_power() > best.least_power() { own } else { best })
 }
 
 impl DesignArgs {
@@ -101,16 +98,20 @@ impl DesignArgs {
         self.between.iter().map(|id| kind(id)).collect()
     }
 
-    /// The first cause of the diagnosis that can be confused with others, and those others.
-    fn left_open(&self) -> Result<Vec<MechanismKind>, Failure> {
+    /// Each cause of the diagnosis that can be confused with others, with those others.
+    fn left_open(&self) -> Result<Vec<Vec<MechanismKind>>, Failure> {
         let diagnosis = read_diagnosis(&self.session)?;
-        if let Some((_, ids)) = named_causes(&diagnosis).find(|(_, ids)| ids.len() > 1) {
-            return ids.into_iter().take(MAX_MECHANISMS).map(kind).collect();
+        let open = named_causes(&diagnosis).filter(|(_, ids)| ids.len() > 1);
+        let sets: Vec<Vec<MechanismKind>> = open
+            .map(|(_, ids)| ids.into_iter().take(MAX_MECHANISMS).map(kind).collect())
+            .collect::<Result<_, _>>()?;
+        if sets.is_empty() {
+            let session = self.session.display();
+            return Err(Failure::Usage(format!(
+                "{session}: its diagnosis leaves no cause open; name the mechanisms to separate with --between"
+            )));
         }
-        let session = self.session.display();
-        Err(Failure::Usage(format!(
-            "{session}: its diagnosis leaves no cause open; name the mechanisms to separate with --between"
-        )))
+        Ok(sets)
     }
 }
 
@@ -132,24 +133,54 @@ fn kind(id: &str) -> Result<MechanismKind, Failure> {
     Ok(kind)
 }
 
-fn table(console: &Console, proposals: &[ProtocolProposal]) -> Result<(), Failure> {
+/// Prints what separates `causes`, and returns the proposals that are worth offering.
+fn advise(
+    console: &Console,
+    causes: &[MechanismKind],
+    proposals: Vec<Proposal>,
+) -> Result<Vec<Proposal>, Failure> {
     let mut out = console.results();
-    writeln!(out, "power  trials  minutes  change")?;
-    for proposal in proposals {
+    let ids: Vec<&str> = causes.iter().map(|cause| cause.id()).collect();
+    writeln!(out, "to tell apart: {}", ids.join(", "))?;
+    for (one, other, power) in inseparable(&proposals) {
         writeln!(
             out,
-            "{:5.2}  {:6}  {:7.0}  {}",
+            "nothing on this rig is expected to separate {} from {}: the right one is named with a probability of at most {power:.2}",
+            one.id(),
+            other.id()
+        )?;
+    }
+    let proposals = worthwhile(proposals);
+    writeln!(out, "right name  needs       trials  minutes  what to do")?;
+    for proposal in &proposals {
+        let needs = match proposal.needs {
+            Needs::Session => "session",
+            Needs::RigTrials => "rig trials",
+            Needs::Sensor => "sensor",
+        };
+        writeln!(
+            out,
+            "{:10.2}  {needs:10}  {:6}  {:7.0}  {}",
             proposal.least_power(),
             proposal.protocol.trial_count(),
             proposal.protocol.duration().expected_s / 60.0,
             proposal.change
         )?;
     }
-    if let Some(best) = proposals.first() {
-        writeln!(out, "the best, if the first is the cause, rules out the second with probability:")?;
+    if proposals.len() < 2 {
+        writeln!(out, "no change is expected to gain anything")?;
+    }
+    let best =
+        proposals.iter().reduce(|best, own| if own.least_power() > best.least_power() { own } else { best });
+    if let Some(best) = best.filter(|best| best.power.len() > 2) {
+        writeln!(
+            out,
+            "with the best of them ({}), the first is named, if only the second is left beside it:",
+            best.change
+        )?;
         for (truth, other, power) in &best.power {
             writeln!(out, "  {} / {}: {power:.2}", truth.id(), other.id())?;
         }
     }
-    Ok(())
+    Ok(proposals)
 }

@@ -70,6 +70,7 @@ pub struct ConsoleSetup {
 pub struct Live {
     worker: Option<JoinHandle<()>>,
     closing_message: Arc<Mutex<Option<String>>>,
+    commands: CommandSender,
     server: Option<Server>,
     /// Opens the terminal, until it is taken.
     open_terminal: Option<Box<dyn FnOnce() -> Result<Terminal, ConsoleError>>>,
@@ -120,7 +121,7 @@ impl Live {
             view,
             steps,
             notices,
-            commands,
+            commands: commands.clone(),
             presence,
             latencies,
             folder: setup.folder,
@@ -130,13 +131,20 @@ impl Live {
             .name("view model".to_owned())
             .spawn(move || worker.run())
             .map_err(ConsoleError::Start)?;
-        let live = Self { worker: Some(worker), closing_message, server, open_terminal, terminal: None };
+        let live =
+            Self { worker: Some(worker), closing_message, commands, server, open_terminal, terminal: None };
         Ok((live, feed, receiver))
     }
 
     /// Addresses of the pages, if pages are served.
     pub fn pages(&self) -> Option<PageAddresses> {
         self.server.as_ref().map(Server::pages)
+    }
+
+    /// Shows the operator what needs attention, from any thread.
+    pub fn alarms(&self) -> impl Fn(&str) + Send + use<> {
+        let commands = self.commands.clone();
+        move |text| commands.alarm(text)
     }
 
     /// Draws the session in the terminal, if the setup says so. Print messages before this call.

@@ -44,6 +44,7 @@ pub use live::{ConsoleSetup, Live};
 pub use snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot, SubjectView};
 pub use step_feed::{SampleCounter, StepFeed, TimedStep};
 pub use strip_chart::{BIN_S, Bin};
+pub(crate) use thread_priority::lower_thread_priority;
 pub use view_model::{ViewModel, Views};
 pub use web::PageAddresses;
 pub use welcome::SessionInfo;

@@ -1,15 +1,18 @@
-//! Design of the next protocol: the one that best separates causes which a session did not distinguish.
+//! What to do next: the protocol, the rig trials or the sensor that best separate causes which a session did not distinguish.
 //!
-//! The torque of each candidate protocol is predicted with one cause, as fitted to the session, for the commanded motion and the noise
-//! of the session. The other cause is then fitted to it. The remaining whitened sum of squares D is the distance between the two; in a
-//! real session the lead of the true cause is normally distributed with mean D and variance 4 D.
+//! What each candidate measures is predicted with one cause, as fitted to the session, for the commanded motion and the noise of the
+//! session. The other cause is then fitted to it. The remaining whitened sum of squares D is the distance between the two. In a real
+//! session the logarithm of the evidence for the true cause, against the other, is normal with mean D / 2 and variance D; a cause is named
+//! where it has a probability of 0.95, so where that logarithm is at least log 19. Rig trials add to D what they tell of the constants that
+//! the causes are about.
 
 use std::slice;
 
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use super::evidence::rig_knowledge::expected_distance;
 use super::predicted_torque::torques;
 use super::preprocessing::DiagnosisInput;
 use crate::dataset::Session;
@@ -18,47 +21,78 @@ use crate::fit::{
     PreprocessingSettings, StartingValues, Weighting,
 };
 use crate::protocol::{Protocol, Sweep, ValidProtocol};
+use crate::signal::NoiseCovariance;
 use crate::statistics::WeightedRegression;
 use crate::wrist::mechanisms::MechanismKind;
-use crate::wrist::{BASE_PARAMETERS, Kinematics, TrialInput};
+use crate::wrist::{BASE_PARAMETERS, FurtherChannel, Kinematics, ScaledChannel, TrialInput};
 
-/// A candidate for the next protocol.
+/// What a proposal needs, the cheapest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Needs {
+    /// A session with the subject.
+    Session,
+    /// Rig trials, without a person.
+    RigTrials,
+    /// A sensor, and a session with the subject.
+    Sensor,
+}
+
+/// A candidate for what to do next.
 #[derive(Debug, Clone)]
-pub struct ProtocolProposal {
-    /// The change from the present protocol, in words.
+pub struct Proposal {
+    /// What to do, in words.
     pub change: String,
-    /// The protocol.
+    /// What it needs.
+    pub needs: Needs,
+    /// The protocol of the session to run.
     pub protocol: ValidProtocol,
-    /// For each ordered pair of causes (true, other): the probability that the other is ruled out.
+    /// For each ordered pair of causes (true, other): the probability that the true one is named, if these two are left.
     pub power: Vec<(MechanismKind, MechanismKind, f64)>,
 }
 
-impl ProtocolProposal {
+impl Proposal {
     /// The smallest power over the pairs of causes.
     pub fn least_power(&self) -> f64 {
         self.power.iter().map(|(_, _, power)| *power).fold(1.0, f64::min)
+    }
+
+    /// Whether this is the session's protocol as it is.
+    pub fn is_unchanged(&self) -> bool {
+        self.change == UNCHANGED
     }
 }
 
 /// A variant is worth offering if it raises the smallest power by this much over that of the session's protocol.
 const WORTHWHILE_POWER: f64 = 0.05;
 
-/// Two causes count as separable if a protocol rules out the wrong one with this probability, whichever is true.
+/// Two causes count as separable if a proposal is more likely than not to name the true one, whichever it is.
 const SEPARATING_POWER: f64 = 0.5;
 
+/// Logarithm of the odds from which on a cause is named: 0.95 to 0.05.
+const NAMED_LOG_ODDS: f64 = 2.944_438_979_166_44;
+
+/// Sensors that can be added, with the standard deviation of their noise, in the unit of the channel. Assumed: encoders of 17 bits, whose
+/// rounding is taken as noise, and what docs/how-to/more-sensors.md has of the others.
+const SENSORS: [(FurtherChannel, f64); 4] = [
+    (FurtherChannel::HandleAcceleration, 3.0),
+    (FurtherChannel::HandleAngle, 1.4e-5),
+    (FurtherChannel::HandTorque, 0.01),
+    (FurtherChannel::JointAngle, 1.4e-5),
+];
+
 /// The proposals that are expected to gain something over the protocol as it is, and that protocol itself, in the order given.
-pub fn worthwhile(proposals: Vec<ProtocolProposal>) -> Vec<ProtocolProposal> {
-    let now = proposals.iter().find(|own| own.change == UNCHANGED).map_or(0.0, ProtocolProposal::least_power);
-    let gains = |own: &ProtocolProposal| own.least_power() >= now + WORTHWHILE_POWER;
-    proposals.into_iter().filter(|own| own.change == UNCHANGED || gains(own)).collect()
+pub fn worthwhile(proposals: Vec<Proposal>) -> Vec<Proposal> {
+    let now = proposals.iter().find(|own| own.is_unchanged()).map_or(0.0, Proposal::least_power);
+    let gains = |own: &Proposal| own.least_power() >= now + WORTHWHILE_POWER;
+    proposals.into_iter().filter(|own| own.is_unchanged() || gains(own)).collect()
 }
 
 /// Pairs of causes that none of the proposals separates, with the largest power that any of them has.
-pub fn inseparable(proposals: &[ProtocolProposal]) -> Vec<(MechanismKind, MechanismKind, f64)> {
+pub fn inseparable(proposals: &[Proposal]) -> Vec<(MechanismKind, MechanismKind, f64)> {
     let Some(first) = proposals.first() else { return Vec::new() };
     let pairs = first.power.iter().filter(|(one, other, _)| one.id() < other.id());
     let best = |(one, other, _): &(MechanismKind, MechanismKind, f64)| {
-        let of = |proposal: &ProtocolProposal| {
+        let of = |proposal: &Proposal| {
             let own = proposal
                 .power
                 .iter()
@@ -73,16 +107,16 @@ pub fn inseparable(proposals: &[ProtocolProposal]) -> Vec<(MechanismKind, Mechan
 /// Name of the proposal that is the session's protocol as it is.
 const UNCHANGED: &str = "unchanged";
 
-/// Candidate protocols that separate `causes`, the largest power first and the shorter first at equal power. `now` is the protocol of
-/// the session. Protocols that are not valid are left out.
+/// What separates `causes`: protocols, rig trials and sensors, the cheapest first. `now` is the protocol of the session. Protocols that are
+/// not valid are left out, and so is what the session has already.
 ///
 /// # Errors
 /// As [`Observations::new`].
-pub fn propose_protocols(
+pub fn propose(
     session: &Session,
     now: &ValidProtocol,
     causes: &[MechanismKind],
-) -> Result<Vec<ProtocolProposal>, PreprocessingError> {
+) -> Result<Vec<Proposal>, PreprocessingError> {
     let mut seen: Vec<CausesInWindow> = Vec::new();
     let mut proposals = Vec::new();
     for (change, protocol) in variants(now) {
@@ -98,11 +132,30 @@ pub fn propose_protocols(
                 Err(error) => return Err(error),
             },
         };
-        let power = power(&seen[place], &protocol, causes);
-        proposals.push(ProtocolProposal { change, protocol, power });
+        let power = seen[place].power(&protocol, causes, None, false);
+        proposals.push(Proposal { change, needs: Needs::Session, protocol, power });
     }
-    let trials = |proposal: &ProtocolProposal| proposal.protocol.trial_count();
-    proposals.sort_by(|a, b| b.least_power().total_cmp(&a.least_power()).then(trials(a).cmp(&trials(b))));
+    if let Some(own) = seen.iter().find(|own| own.window_s == now.window_s) {
+        if causes.iter().any(|cause| own.expected_distance(*cause, causes).is_some()) {
+            proposals.push(Proposal {
+                change: "rig trials with all loads, and `ramphold calibrate`".into(),
+                needs: Needs::RigTrials,
+                protocol: now.clone(),
+                power: own.power(now, causes, None, true),
+            });
+        }
+        let has = |channel| own.observations.further.iter().any(|further| further.channel == channel);
+        for sensor in SENSORS.iter().filter(|(channel, _)| !has(*channel)) {
+            let power = own.power(now, causes, Some(*sensor), false);
+            let change = format!("a sensor of the {} ({})", sensor.0.title(), sensor.0.column());
+            proposals.push(Proposal { change, needs: Needs::Sensor, protocol: now.clone(), power });
+        }
+    }
+    let minutes = |proposal: &Proposal| proposal.protocol.duration().expected_s;
+    proposals.sort_by(|a, b| {
+        let cost = a.needs.cmp(&b.needs).then(minutes(a).total_cmp(&minutes(b)));
+        cost.then(b.least_power().total_cmp(&a.least_power()))
+    });
     Ok(proposals)
 }
 
@@ -190,46 +243,50 @@ fn variants(now: &ValidProtocol) -> Vec<(String, ValidProtocol)> {
     candidates.into_iter().filter_map(named).collect()
 }
 
-/// For each ordered pair of causes, the probability that a session with `protocol` in which the first is true rules out the second.
-fn power(
-    seen: &CausesInWindow,
-    protocol: &ValidProtocol,
-    causes: &[MechanismKind],
-) -> Vec<(MechanismKind, MechanismKind, f64)> {
-    let CausesInWindow { observations, fits, .. } = seen;
-    let pairs: Vec<(usize, usize)> = (0..causes.len())
-        .flat_map(|one| (0..causes.len()).filter(move |other| *other != one).map(move |other| (one, other)))
-        .collect();
-    let distances: Vec<f64> = pairs
-        .par_iter()
-        .map(|(one, other)| distance(observations, protocol, &fits[*one], &fits[*other]))
-        .collect();
-    let distance_of = |pair: (usize, usize)| {
-        let place = pairs.iter().position(|own| *own == pair).unwrap_or(0);
-        distances[place]
-    };
-    let powers = pairs.iter().map(|(one, other)| {
-        let power = power_of(distance_of((*one, *other)), distance_of((*other, *one)));
-        (causes[*one], causes[*other], power)
-    });
-    powers.collect()
+impl CausesInWindow {
+    /// For each ordered pair of causes, the probability that the first is named if it is true, by a session with `protocol`, a further
+    /// sensor, or rig trials beside the session.
+    fn power(
+        &self,
+        protocol: &ValidProtocol,
+        causes: &[MechanismKind],
+        sensor: Option<(FurtherChannel, f64)>,
+        rig_trials: bool,
+    ) -> Vec<(MechanismKind, MechanismKind, f64)> {
+        let pairs: Vec<(usize, usize)> = (0..causes.len())
+            .flat_map(|one| {
+                (0..causes.len()).filter(move |other| *other != one).map(move |other| (one, other))
+            })
+            .collect();
+        let planned = planned(&self.observations, protocol, sensor);
+        let of_pair = |(one, other): &(usize, usize)| {
+            let of_session = distance(&planned, &self.observations, &self.fits[*one], &self.fits[*other]);
+            let told = |cause: usize| self.expected_distance(causes[cause], causes).filter(|_| rig_trials);
+            let of_rig: f64 = [*one, *other].into_iter().filter_map(told).sum();
+            (causes[*one], causes[*other], probability_of_name(of_session + of_rig))
+        };
+        pairs.par_iter().map(of_pair).collect()
+    }
+
+    /// What rig trials are expected to add to the distance between a cause, as it is fitted, and any other; `None` if they do not tell.
+    fn expected_distance(&self, cause: MechanismKind, causes: &[MechanismKind]) -> Option<f64> {
+        let place = causes.iter().position(|own| *own == cause)?;
+        let value = self.fits[place].parameters[0].get(BASE_PARAMETERS.len())?;
+        expected_distance(cause, *value, self.observations.lever)
+    }
 }
 
-/// Probability that the other cause is ruled out at level 0.05. The lead of the true cause has mean `true_distance`; if the other cause
-/// were true, the lead would have mean minus `other_distance`.
-fn power_of(true_distance: f64, other_distance: f64) -> f64 {
-    const NORMAL_QUANTILE_95: f64 = 1.645;
-    let needed = (NORMAL_QUANTILE_95 * 2.0 * libm::sqrt(other_distance) - other_distance).max(0.0);
-    let spread = 2.0 * libm::sqrt(true_distance);
-    if spread == 0.0 {
+/// Probability that the true cause is named at this distance from the other.
+fn probability_of_name(distance: f64) -> f64 {
+    if distance <= 0.0 {
         return 0.0;
     }
-    Normal::standard().cdf((true_distance - needed) / spread)
+    Normal::standard().cdf((0.5 * distance - NAMED_LOG_ODDS) / libm::sqrt(distance))
 }
 
 /// Whitened sum of squares that remains when the model of `other` is fitted to the torque predicted by `truth`.
-fn distance(observations: &Observations, protocol: &ValidProtocol, truth: &Fit, other: &Fit) -> f64 {
-    let mut planned = planned(observations, protocol);
+fn distance(planned: &Observations, observations: &Observations, truth: &Fit, other: &Fit) -> f64 {
+    let mut planned = planned.clone();
     let parameters = at_conditions(&planned, observations, truth);
     let predicted = torques(&planned, &truth.kinds, &parameters);
     for (trial, torque) in planned.trials.iter_mut().zip(predicted) {
@@ -248,9 +305,16 @@ fn distance(observations: &Observations, protocol: &ValidProtocol, truth: &Fit, 
     2.0 * Fit::from_starting_values(&planned, &model, weights, covariances, &guess).cost()
 }
 
-/// The trials of `protocol` with the commanded motion and the noise of the nearest torque of the session.
-fn planned(observations: &Observations, protocol: &ValidProtocol) -> Observations {
+/// The trials of `protocol` with the commanded motion and the noise of the nearest torque of the session, and a further sensor.
+fn planned(
+    observations: &Observations,
+    protocol: &ValidProtocol,
+    sensor: Option<(FurtherChannel, f64)>,
+) -> Observations {
     let mut planned = observations.subset(&[]);
+    if let Some((channel, noise)) = sensor {
+        add_sensor(&mut planned, channel, noise);
+    }
     let margin = 2 * observations.lead_samples;
     let before = observations.lead_samples + margin;
     let mut condition = 0;
@@ -285,6 +349,25 @@ fn planned(observations: &Observations, protocol: &ValidProtocol) -> Observation
         }
     }
     planned
+}
+
+/// Adds a sensor whose noise, `sd` in its unit, is white and independent of the torque's.
+fn add_sensor(planned: &mut Observations, channel: FurtherChannel, sd: f64) {
+    let torque_nm = |noise: &NoiseCovariance| {
+        libm::sqrt(noise.covariance.diagonal().iter().sum::<f64>() / noise.covariance.nrows() as f64)
+    };
+    let sds: Vec<f64> = planned.noise_covariances.iter().map(torque_nm).collect();
+    // In N m, its noise is as large as that of the torque.
+    let sd_nm = sds.iter().sum::<f64>() / sds.len().max(1) as f64;
+    planned.further.push(ScaledChannel { channel, nm_per_unit: sd_nm / sd });
+    planned.further_step.push(0.0);
+    let added = planned.window_noise_samples().count();
+    for noise in &mut planned.noise_covariances {
+        let before = noise.covariance.nrows();
+        let mut covariance = DMatrix::from_diagonal_element(before + added, before + added, sd_nm * sd_nm);
+        covariance.view_mut((0, 0), (before, before)).copy_from(&noise.covariance);
+        noise.covariance = covariance;
+    }
 }
 
 /// Index of a trial of the session at the torque nearest to `torque_nm`.
@@ -328,11 +411,12 @@ mod tests {
     use super::*;
     use crate::wrist::mechanisms::CATALOGUE;
 
-    fn proposal(change: &str, [one, other]: [f64; 2]) -> ProtocolProposal {
+    fn proposal(change: &str, [one, other]: [f64; 2]) -> Proposal {
         let protocol =
             ValidProtocol::parse(include_str!("../../protocols/quick.json"), "quick.json").unwrap();
         let (a, b) = (CATALOGUE[0], CATALOGUE[1]);
-        ProtocolProposal { change: change.into(), protocol, power: vec![(a, b, one), (b, a, other)] }
+        let power = vec![(a, b, one), (b, a, other)];
+        Proposal { change: change.into(), needs: Needs::Session, protocol, power }
     }
 
     #[test]

@@ -66,7 +66,7 @@ pub use population::hierarchy::Hierarchy;
 pub use population::no_session_model::NoSessionModel;
 pub use population::other_optimum::OtherOptimum;
 pub use population::session_fit::SessionFit;
-pub use residuals::input_error::{common_input_error_covariance, further_encoder_covariance};
+pub use residuals::input_error::common_input_error_covariance;
 pub use residuals::objective::{Objective, Weighting};
 pub use residuals::prediction::predict;
 pub use residuals::residual_covariance::precision_factors;

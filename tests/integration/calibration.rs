@@ -228,3 +228,34 @@ fn a_rig_within_its_tolerances_has_no_cause() {
     assert_eq!(diagnosis["verdict"], "adequate", "{}", diagnosis["causes"]);
     assert_eq!(diagnosis["settings"]["calibration_sha256"].as_str().unwrap().len(), 64);
 }
+
+/// What a run with this calibration says of the rig before the subject is seated. The protocol begins with the empty handle.
+fn said_before_the_subject_is_seated(different: &[(RigQuantity, f64)]) -> String {
+    let workspace = Workspace::new();
+    fs::create_dir(workspace.path("rig")).unwrap();
+    calibration(different).write(&Disk::default(), &workspace.path("rig")).unwrap();
+    let mut protocol: Value = serde_json::from_str(&fs::read_to_string(QUICK).unwrap()).unwrap();
+    let multisine = json!({ "kind": "multisine", "amplitude_rad": 0.005, "lowest_hz": 1, "highest_hz": 60, "duration_s": 4 });
+    protocol["rig_trials"] = json!([
+        { "kind": "empty_handle", "motion": { "kind": "ramps" }, "repetitions": 3 },
+        { "kind": "empty_handle", "motion": multisine, "repetitions": 3 },
+    ]);
+    workspace.write("protocol.json", &protocol);
+    let run = ["run", "protocol.json", "--seed", "1", "--out", "session", "--calibration", FILE];
+    let (_, messages) = workspace.call(0, &run);
+    messages.lines().find(|line| line.starts_with("check of the day")).unwrap_or_default().to_owned()
+}
+
+#[test]
+fn a_run_compares_the_empty_handle_with_its_calibration_and_names_what_differs() {
+    let same = said_before_the_subject_is_seated(&[]);
+    assert!(same.contains("agree (p ="), "{same}");
+    // The handle of the virtual wrist has 0.0016 kg m2.
+    let other = said_before_the_subject_is_seated(&[(RigQuantity::LeverInertia, 0.0020)]);
+    assert!(
+        other.contains("differ: ")
+            && other.contains("lever_inertia_kg_m2 by -")
+            && other.contains("before a person"),
+        "{other}"
+    );
+}

@@ -8,9 +8,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::rig_knowledge::RigKnowledge;
 use crate::diagnose::predicted_torque::{torques, whitened_change};
-use crate::fit::{
-    Fit, Observations, RigConstants, common_input_error_covariance, further_encoder_covariance, median,
-};
+use crate::fit::{Fit, Observations, RigConstants, common_input_error_covariance, median};
 use crate::statistics::group_indices;
 
 /// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
@@ -153,19 +151,6 @@ impl AngleErrors {
                 }
             }
         }
-        // Trials of one condition rest and move alike, so that the encoders of further channels may round them alike.
-        let conditions = group_indices(trials, |trial| observations.trials[trial].condition);
-        for direction in directions(observations, further_encoder_covariance(observations)) {
-            for own in conditions.values() {
-                let changes: Vec<DVector<f64>> = (0..trials)
-                    .map(|trial| fit.objective.whiten(observations.noise_index[trial], &direction))
-                    .collect();
-                let shift: f64 = own.iter().map(|trial| changes[*trial].norm_squared()).sum();
-                if shift > SMALLEST_SHIFT * SMALLEST_SHIFT {
-                    errors.push((1.0, own.clone(), changes));
-                }
-            }
-        }
         let column = |trial: usize| {
             let mut own = DMatrix::zeros(values(trial), errors.len());
             for (place, (_, shared_by, changes)) in errors.iter().enumerate() {
@@ -204,11 +189,6 @@ fn mean_motion_errors(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let middle =
         |parameter: usize| median(&fit.parameters.iter().map(|own| own[parameter]).collect::<Vec<_>>());
     let covariance = common_input_error_covariance(observations, &std::array::from_fn(middle));
-    directions(observations, covariance)
-}
-
-/// Independent directions of unit variance of an error with this covariance on the noise samples, (N m)^2, as values of a trial.
-fn directions(observations: &Observations, covariance: DMatrix<f64>) -> Vec<Vec<f64>> {
     let samples: Vec<usize> = observations.noise_samples().collect();
     let eigen = covariance.symmetric_eigen();
     let direction = |(place, value): (usize, &f64)| {

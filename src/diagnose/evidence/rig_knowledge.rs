@@ -202,6 +202,24 @@ fn told_constant(
     Some((ToldConstant { kind, quantity, value, se, deviation, tolerance, caused }, slope))
 }
 
+/// Standard error that rig trials leave of a constant, as a part of it: loads that are known to 1 % leave about that much.
+const EXPECTED_RELATIVE_SE: f64 = 0.01;
+
+/// Standard error that rig trials leave of the delay and of the time constant of the torque channel, s: a tenth of a sample of a rig of
+/// 1 kHz. Assumed.
+const EXPECTED_SE_S: f64 = 1e-4;
+
+/// Squared distance, in standard deviations, at which a calibration is expected to place the constant that `kind` is about from a sound
+/// rig's, where the cause's parameter is `value`; `None` if rig trials do not tell it.
+pub fn expected_distance(kind: MechanismKind, value: f64, lever: Option<Lever>) -> Option<f64> {
+    let own = CAUSED.iter().find(|own| own.kind == kind)?;
+    let (deviation, se) = match own.quantity {
+        RigQuantity::TorqueCutoff | RigQuantity::TorqueDelay => (value, EXPECTED_SE_S),
+        _ => (value / RigConstants::stated(lever).value(own.quantity)? - 1.0, EXPECTED_RELATIVE_SE),
+    };
+    Some(deviation * deviation / (se * se + own.tolerance * own.tolerance))
+}
+
 /// The constants with each of the independent errors that the covariance of a calibration consists of.
 fn errors(calibration: &RigCalibration, constants: RigConstants) -> Vec<RigConstants> {
     let known = calibration.covariance_of.iter().copied();

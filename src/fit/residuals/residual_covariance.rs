@@ -4,6 +4,8 @@
 //! The holds show only the first source (voluntary drift, tremor, noise of the gauge). The error of the angle drives the model
 //! during the ramp; see [`super::input_error`].
 
+use std::collections::BTreeSet;
+
 use nalgebra::DMatrix;
 
 use super::channel_covariance::{enlarged, whitener};
@@ -22,7 +24,8 @@ const MIN_PRECISION_FACTOR: f64 = 0.25;
 /// Covariance of the residuals for each noise covariance of the session, on the noise samples. `point` are rough values of the base
 /// parameters, which determine how an error of the angle becomes an error of the torque.
 pub fn residual_covariances(observations: &Observations, point: &[f64; 6]) -> Vec<NoiseCovariance> {
-    let input_error = input_error_covariance(observations, point) + further_encoder_covariance(observations);
+    let input_error = input_error_covariance(observations, point)
+        + further_encoder_covariance(observations) * trials_of_a_condition(observations);
     let samples = observations.window_noise_samples().count();
     let with_input_error = |noise: &NoiseCovariance| {
         let factors: Vec<f64> =
@@ -32,6 +35,14 @@ pub fn residual_covariances(observations: &Observations, point: &[f64; 6]) -> Ve
         NoiseCovariance { covariance, stretches: noise.stretches }
     };
     observations.noise_covariances.iter().map(with_input_error).collect()
+}
+
+/// Mean number of trials that share the rounding errors of further encoders, as trials of one condition rest and move alike. An error
+/// that n trials share counts n times in each, so that it has its right weight in what is common to them; a single trial's own
+/// estimates are then more uncertain than they need be.
+fn trials_of_a_condition(observations: &Observations) -> f64 {
+    let conditions: BTreeSet<usize> = observations.trials.iter().map(|trial| trial.condition).collect();
+    observations.trials.len() as f64 / conditions.len().max(1) as f64
 }
 
 /// Variance of whitened noise, for each noise covariance of the session: below one by as much as the covariances were enlarged, in the
