@@ -28,7 +28,10 @@ mod session_runner;
 mod signals;
 mod wall_clock;
 
-pub use analysis::{FitRequest, preprocess_and_fit, preprocessing_settings};
+pub use analysis::{
+    DiagnosedSession, FitRequest, FittedSession, diagnose_session, fit_session, prepare_diagnosis,
+    preprocess_and_fit, preprocessing_settings, with_window,
+};
 pub use checked_session::{CheckedSession, load_checked};
 pub use console::Console;
 pub use console_options::{ConsoleOptions, PageOptions, SessionDescription};

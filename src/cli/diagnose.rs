@@ -4,18 +4,17 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{
-    CheckedSession, Console, Failure, ResultsFolder, check_has_none, check_out, folder_of_diagnosis,
-    load_checked, parse_seed, preprocessing_settings, read_model, write_report,
+    Console, DiagnosedSession, Failure, ResultsFolder, check_has_none, check_out, diagnose_session,
+    folder_of_diagnosis, load_checked, parse_seed, prepare_diagnosis, preprocessing_settings, read_model,
+    write_report,
 };
 use crate::consistency::SignalCheck;
-use crate::dataset::{Disk, Manifest, PROGRAM, Session};
-use crate::diagnose::{
-    Cause, CauseEvidence, Diagnosis, DiagnosisInput, FoundLaw, Verdict, diagnose, picture,
-};
+use crate::dataset::{Disk, Manifest, Session};
+use crate::diagnose::{Cause, CauseEvidence, Diagnosis, FoundLaw, Verdict, picture};
 use crate::fit::NoiseSource;
 use crate::protocol::significant;
 use crate::report;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::verb::Verb;
 
@@ -55,23 +54,20 @@ pub struct DiagnoseArgs {
 impl Verb for DiagnoseArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
-        let CheckedSession { session, accepted } = load_checked(&self.session, &self.accept)?;
-        let given = self.given_folder(&session)?;
+        let checked = load_checked(&self.session, &self.accept)?;
+        let given = self.given_folder(&checked.session)?;
         let settings = preprocessing_settings(&self.session, self.window)?;
-        let input = DiagnosisInput::new(&session, settings, &model)
-            .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
-        let prepared = &input.observations;
-        if prepared.noise_source != Some(NoiseSource::Holds) {
+        let name = self.session.display().to_string();
+        let input = prepare_diagnosis(&checked.session, &name, settings, &model)?;
+        if input.observations.noise_source != Some(NoiseSource::Holds) {
             console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
         }
         let stages = console.stages();
-        let diagnosis = diagnose(&input, &model, self.seed, &|stage| stages.set_message(stage));
+        let show = |stage: &'static str| stages.set_message(stage);
+        let found = diagnose_session(&checked, input, settings, &model, self.seed, &show);
         stages.finish_and_clear();
-        let mut json = diagnosis.to_json(prepared);
-        json["accepted"] = json!(accepted);
-        json["settings"] = json!({ "window_s": settings.window_s, "seed": self.seed });
-        json["model"] = model.json();
-        json["made_from"] = json!({ "session_sha256": session.digest(), "program": PROGRAM });
+        let DiagnosedSession { input, diagnosis, json } = found;
+        let prepared = &input.observations;
         let folder = match given {
             Some(folder) => folder,
             None => folder_of_diagnosis(&self.session, &json)?,

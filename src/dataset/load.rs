@@ -107,7 +107,7 @@ fn read_description(folder: &SessionFolder) -> Result<ParsedDescription, Dataset
     check_format(|| FilePlace::field(name.clone(), "format"), &version.format, SESSION_FORMAT)?;
     missing_fields(&name, &text)?;
     let about: ParsedDescription = parse_json(&name, &text)?;
-    check_values(&name, &about)?;
+    check_values(&name, about.sample_rate_hz, about.rig.lever.as_ref(), about.recorded_filter.as_ref())?;
     Ok(about)
 }
 
@@ -124,7 +124,13 @@ fn missing_fields(name: &str, text: &str) -> Result<(), DatasetError> {
     Err(DatasetError::MissingFields { at: FilePlace::file(name), fields: missing.join(", ") })
 }
 
-fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetError> {
+/// Whether a session can have this rate, lever and filter; `name` is the file, or what was given instead.
+pub(super) fn check_values(
+    name: &str,
+    rate: f64,
+    lever: Option<&Lever>,
+    recorded_filter: Option<&FilterSpec>,
+) -> Result<(), DatasetError> {
     let field = |field: &str, found: f64, good: bool, expected: &str| {
         if good {
             return Ok(());
@@ -135,10 +141,9 @@ fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetErro
             expected: expected.to_owned(),
         })
     };
-    let rate = about.sample_rate_hz;
     let possible = rate > 0.0 && rate <= limits::MAX_SAMPLE_RATE_HZ;
     field("sample_rate_hz", rate, possible, "a number of samples a second above 0 and at most 1000000")?;
-    if let Some(lever) = &about.rig.lever {
+    if let Some(lever) = lever {
         let positive = |value: f64| value.is_finite() && value > 0.0;
         let (inertia, damping, stiffness) =
             (lever.inertia_kg_m2, lever.damping_nm_s_per_rad, lever.stiffness_nm_per_rad);
@@ -147,7 +152,7 @@ fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetErro
         field("rig.lever.damping_nm_s_per_rad", damping, damped, "a damping from 0 up")?;
         field("rig.lever.stiffness_nm_per_rad", stiffness, positive(stiffness), "a stiffness above 0")?;
     }
-    if let Some(FilterSpec::Butterworth { order, cutoff_hz, .. }) = about.recorded_filter {
+    if let Some(FilterSpec::Butterworth { order, cutoff_hz, .. }) = recorded_filter.copied() {
         field("recorded_filter.order", f64::from(order), (1..=10).contains(&order), "an order from 1 to 10")?;
         let possible = cutoff_hz > 0.0 && cutoff_hz < rate / 2.0;
         field("recorded_filter.cutoff_hz", cutoff_hz, possible, "a frequency below half the sample rate")?;
@@ -270,37 +275,39 @@ impl Row {
         let text = folder.text(&self.trial.file, limits::RECORD_BYTES, Some(&self.file_at))?;
         let name = folder.name(&self.trial.file);
         self.trial.record = trial_csv_reader::parse(&name, &text, sample_rate_hz)?;
-        self.check_onset(&name, sample_rate_hz)?;
+        check_record(&self.trial, &name, &self.onset_at, sample_rate_hz)?;
         Ok(self.trial)
     }
+}
 
-    fn check_onset(&self, name: &str, sample_rate_hz: f64) -> Result<(), DatasetError> {
-        let record = &self.trial.record;
-        let samples = record.theta_m_rad.len();
-        let analysed = self.trial.status == Status::Ok;
-        let needed = (2.0 * AROUND_ONSET_S * sample_rate_hz).floor() as usize;
-        if analysed && samples < needed {
-            return Err(DatasetError::TooShort {
-                at: FilePlace::file(name),
-                found: samples,
-                expected: needed,
-            });
-        }
-        let Some(onset_s) = self.trial.onset_s else { return Ok(()) };
-        let (first_s, last_s) =
-            (record.start_s, record.start_s + samples.saturating_sub(1) as f64 / sample_rate_hz);
-        // Onsets are printed with few digits too.
-        let rounding_s = 0.5 / sample_rate_hz;
-        let margin_s = if analysed { AROUND_ONSET_S - 2.0 * rounding_s } else { 0.0 };
-        let inside = |margin_s: f64| {
-            onset_s >= first_s + margin_s - rounding_s && onset_s <= last_s - margin_s + rounding_s
-        };
-        let expected = match (inside(0.0) && samples > 0, inside(margin_s)) {
-            (false, _) => "inside the record",
-            (true, false) => "with at least 40 ms of the record before and after it",
-            (true, true) => return Ok(()),
-        };
-        let at = self.onset_at.clone();
-        Err(DatasetError::Onset { at, onset_s, expected, record: name.to_owned(), first_s, last_s })
+/// Whether a trial's record, called `name` in messages, is long enough to be analysed, and its onset, given at `onset_at`, lies in it.
+pub(super) fn check_record(
+    trial: &Trial,
+    name: &str,
+    onset_at: &FilePlace,
+    sample_rate_hz: f64,
+) -> Result<(), DatasetError> {
+    let record = &trial.record;
+    let samples = record.theta_m_rad.len();
+    let analysed = trial.status == Status::Ok;
+    let needed = (2.0 * AROUND_ONSET_S * sample_rate_hz).floor() as usize;
+    if analysed && samples < needed {
+        return Err(DatasetError::TooShort { at: FilePlace::file(name), found: samples, expected: needed });
     }
+    let Some(onset_s) = trial.onset_s else { return Ok(()) };
+    let (first_s, last_s) =
+        (record.start_s, record.start_s + samples.saturating_sub(1) as f64 / sample_rate_hz);
+    // Onsets are printed with few digits too.
+    let rounding_s = 0.5 / sample_rate_hz;
+    let margin_s = if analysed { AROUND_ONSET_S - 2.0 * rounding_s } else { 0.0 };
+    let inside = |margin_s: f64| {
+        onset_s >= first_s + margin_s - rounding_s && onset_s <= last_s - margin_s + rounding_s
+    };
+    let expected = match (inside(0.0) && samples > 0, inside(margin_s)) {
+        (false, _) => "inside the record",
+        (true, false) => "with at least 40 ms of the record before and after it",
+        (true, true) => return Ok(()),
+    };
+    let at = onset_at.clone();
+    Err(DatasetError::Onset { at, onset_s, expected, record: name.to_owned(), first_s, last_s })
 }

@@ -17,6 +17,7 @@
 
 mod duration;
 mod error;
+mod examples;
 mod rules;
 mod schema;
 pub(crate) mod shape;
@@ -28,6 +29,7 @@ mod valid;
 
 pub use duration::{APPROACH_S, Duration};
 pub use error::{Problem, ProtocolError};
+pub use examples::EXAMPLES;
 pub use schema::schema_text;
 pub use trajectory::{Motion, RampAndHold, Sweep, TooShort};
 pub use types::*;

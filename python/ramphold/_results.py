@@ -1,0 +1,270 @@
+"""Results of a fit and of a diagnosis."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._arguments import count, path
+from ._errors import InputError
+from ._native import BASE_PARAMETERS, NativeFit
+from ._simulate import Motion, simulate
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+class Fit:
+    """A fitted session.
+
+    `dict` holds what fit.json of the program holds, with the same bits; `json` is the file's text, byte for byte.
+    """
+
+    def __init__(self, native: NativeFit) -> None:
+        self._native = native
+        self._read: dict[str, Any] | None = None
+
+    @property
+    def json(self) -> str:
+        """The text of fit.json."""
+        return self._native.json
+
+    @property
+    def dict(self) -> dict[str, Any]:
+        """The contents of fit.json: estimates, uncertainties, settings and versions."""
+        if self._read is None:
+            self._read = json.loads(self._native.json)
+        return self._read
+
+    def to_frame(self, table: str = "trials", *, independent: bool = False) -> pd.DataFrame:
+        """A table of the estimates.
+
+        table: "trials", one row a trial, or "conditions", the means over the repetitions.
+        independent: the fit of each trial on its own, as in the paper, instead of with the model of the session.
+
+        Columns have the names and units of fit.csv: parameters, `se_` their relative standard errors, `sem_` those of Eq. 9. A value
+        that is not determined is NaN.
+        """
+        import pandas as pd
+
+        if table == "conditions":
+            if independent:
+                raise InputError("table: conditions of the independent fit are in conditions-independent.csv; expected trials")
+            return pd.DataFrame([_condition_row(own) for own in self.dict["conditions"]])
+        if table != "trials":
+            raise InputError(f"table: {table!r}; expected trials or conditions")
+        return pd.DataFrame([_trial_row(own, own["independent"] if independent else own) for own in self.dict["trials"]])
+
+    @property
+    def trials(self) -> list[int]:
+        """Numbers of the fitted trials, in the order of the rows of the arrays."""
+        return self._native.numbers
+
+    @property
+    def time_s(self) -> Array:
+        """Time after the onset, shape (samples,), s."""
+        return self._native.time_s
+
+    @property
+    def measured_nm(self) -> Array:
+        """Measured torque as it was fitted, filtered and less the torque before the ramp, shape (trials, samples), N m."""
+        return self._native.measured_nm
+
+    def predicted_nm(self, *, independent: bool = False) -> Array:
+        """Torque of the fitted model, shape (trials, samples), N m."""
+        return self._native.predicted_nm(bool(independent))
+
+    def parameters(self, *, independent: bool = False) -> pd.DataFrame:
+        """All parameters of the model, those of mechanisms too: one row a trial, the trial's number as index, SI units."""
+        import pandas as pd
+
+        values = self._native.parameters(bool(independent))
+        index = pd.Index(self.trials, name="trial")
+        return pd.DataFrame(values, index=index, columns=self._native.parameter_names)
+
+    def motion(self, trial: int) -> Motion:
+        """The motion that drove the model in trial number `trial`, for `simulate`."""
+        return Motion._of(self._native.motion(self._row(trial)))
+
+    def whitening(self, trial: int) -> Array | None:
+        """The matrix that whitens a residual of trial number `trial`, shape (values, samples), 1/(N m).
+
+        With the residual r, measured less predicted torque, W @ r has the covariance of independent standard normal values as far as
+        noise was measured in the holds. None if residuals are not weighted.
+        """
+        return self._native.whitening(self._row(trial))
+
+    def log_likelihood(self, trial: int, parameters: Mapping[str, float] | ArrayLike) -> float:
+        """Log-likelihood of the six parameters of the model in trial number `trial`, less a constant; -inf if the model has no
+        finite torque there.
+
+        For samplers. It raises `InputError` if residuals are not weighted, since noise has then no known size.
+        """
+        row = self._row(trial)
+        matrix = self._native.whitening(row)
+        if matrix is None:
+            raise InputError("the session's holds do not determine the noise, so there is no likelihood")
+        try:
+            predicted = simulate(parameters, self.motion(trial)).torque_nm
+        except InputError:
+            return -np.inf
+        whitened = matrix @ (self.measured_nm[row] - predicted)
+        return float(-0.5 * whitened @ whitened)
+
+    def _row(self, trial: int) -> int:
+        number = count(trial, "trial", 0, 2**32 - 1)
+        numbers = self.trials
+        if number not in numbers:
+            raise InputError(f"trial {number}: not among the fitted trials {numbers}")
+        return numbers.index(number)
+
+    def plot(self, *, independent: bool = False) -> Figure:
+        """Measured and fitted torque, one panel a condition: a Matplotlib figure."""
+        from ._plots import figure_of_fit
+
+        return figure_of_fit(self, independent)
+
+    def save(self, file: str | Path) -> None:
+        """Writes fit.json."""
+        _write_new(file, self.json)
+
+    def _repr_html_(self) -> str:
+        from ._plots import embedded
+
+        frame = self.to_frame("conditions")
+        shown = ["velocity_rad_s", "torque_nm", "repetitions", *BASE_PARAMETERS, "vaf"]
+        kept = [column for column in shown if column in frame.columns]
+        return frame[kept].to_html(index=False, na_rep="", float_format="%.4g") + embedded(self.plot)
+
+    def __repr__(self) -> str:
+        return f"<ramphold.Fit of {len(self.trials)} trials>"
+
+
+def _trial_row(trial: Mapping[str, Any], of: Mapping[str, Any]) -> dict[str, Any]:
+    row: dict[str, Any] = {key: trial[key] for key in ("velocity_rad_s", "torque_nm", "repetition")}
+    row.update({name: _number(value) for name, value in of["values"].items()})
+    row.update({f"sem_{name}": _number(value) for name, value in of["sem_eq9_relative"].items()})
+    row.update({f"se_{name}": _number(value) for name, value in of["se_relative"].items()})
+    row.update(trial=trial["trial"], converged=of["converged"], optima=1 + len(of["other_optima"]))
+    if "condition" in trial:
+        row["condition"] = trial["condition"]
+    return row
+
+
+def _condition_row(condition: Mapping[str, Any]) -> dict[str, Any]:
+    row: dict[str, Any] = {key: condition[key] for key in ("velocity_rad_s", "torque_nm", "repetitions")}
+    for name, value in condition["mean"].items():
+        row[name], row[f"sd_{name}"] = _number(value), _number(condition["sd"][name])
+    row.update({f"se_{name}": _number(value) for name, value in condition["se_relative"].items()})
+    if condition["condition"] is not None:
+        row["condition"] = condition["condition"]
+    return row
+
+
+def _number(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
+class Diagnosis:
+    """What the model gets wrong in a session, which mechanism explains it, and what adding it gains.
+
+    `dict` holds what diagnosis.json of the program holds, with the same bits; `json` is the file's text, byte for byte.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._json = text
+        self._read: dict[str, Any] = json.loads(text)
+
+    @property
+    def json(self) -> str:
+        """The text of diagnosis.json."""
+        return self._json
+
+    @property
+    def dict(self) -> dict[str, Any]:
+        """The contents of diagnosis.json."""
+        return self._read
+
+    @property
+    def verdict(self) -> str:
+        """adequate (no misfit beyond the noise), named (every cause has a probability of at least 0.95), ambiguous (a cause can be
+        another one) or unexplained (misfit remains that no mechanism explains)."""
+        verdict: str = self._read["verdict"]
+        return verdict
+
+    @property
+    def causes(self) -> list[str]:
+        """Ids of the mechanisms that were found, the first cause first."""
+        return [cause["mechanism"] for cause in self._read["causes"]]
+
+    def to_frame(self) -> pd.DataFrame:
+        """The causes and what they may be instead: one row a candidate, with probability, parameters, and how k_srs changes with it
+        in the model."""
+        import pandas as pd
+
+        rows: list[dict[str, Any]] = []
+        for number, cause in enumerate(self._read["causes"], 1):
+            for candidate in [cause, *cause["alternatives"]]:
+                shift = candidate["parameter_shift"].get("k_srs_nm_per_rad") or {}
+                values = {
+                    name: own["value"]
+                    for name, own in candidate["parameters"].items()
+                    if isinstance(own.get("value"), (int, float))
+                }
+                rows.append({
+                    "cause": number,
+                    "mechanism": candidate["mechanism"],
+                    "title": candidate["title"],
+                    "class": candidate["class"],
+                    "probability": candidate["probability"],
+                    "parameters": values,
+                    "k_srs_before_nm_per_rad": _number(shift.get("before")),
+                    "k_srs_after_nm_per_rad": _number(shift.get("after")),
+                })
+        columns = ["cause", "mechanism", "title", "class", "probability", "parameters", "k_srs_before_nm_per_rad",
+                   "k_srs_after_nm_per_rad"]
+        return pd.DataFrame(rows, columns=columns)
+
+    def plot(self) -> Figure:
+        """What the model leaves of the torque, without and with the causes, one panel a condition: a Matplotlib figure."""
+        from ._plots import figure_of_diagnosis
+
+        return figure_of_diagnosis(self)
+
+    def save(self, file: str | Path) -> None:
+        """Writes diagnosis.json."""
+        _write_new(file, self.json)
+
+    def _repr_html_(self) -> str:
+        from ._plots import embedded
+
+        p_value = self._read["misfit"]["p_value"]
+        head = f"<p>verdict: <b>{self.verdict}</b>" + ("" if p_value is None else f", misfit p = {p_value:.3g}") + "</p>"
+        frame = self.to_frame()
+        table = frame.to_html(index=False, float_format="%.4g") if len(frame) else ""
+        return head + table + embedded(self.plot)
+
+    def __repr__(self) -> str:
+        return f"<ramphold.Diagnosis: {self.verdict}{': ' if self.causes else ''}{', '.join(self.causes)}>"
+
+
+def _write_new(file: str | Path, text: str) -> None:
+    """Writes a new file; one that is there is not replaced."""
+    name = path(file, "file")
+    try:
+        with open(name, "x", encoding="utf-8", newline="\n") as out:
+            out.write(text)
+    except OSError as error:
+        raise InputError(f"{name}: cannot be written: {error}") from None
+
+
+Listener = Callable[[str], object]
+"""What is called with the name of each stage of a diagnosis."""
