@@ -149,7 +149,7 @@ def mechanism_list(added: Sequence[Mapping[str, Any] | OwnLaw]) -> list[dict[str
 
 def model_text(model: Mapping[str, Any] | None, added: Sequence[Mapping[str, Any] | OwnLaw]) -> dict[str, Any] | None:
     """A model with mechanisms added to it; None for the model of the paper."""
-    if model is not None and not isinstance(model, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+    if model is not None and not isinstance(model, Mapping):
         raise InputError(f"model: {type(model).__name__}; expected a dict, as in a model file")
     own = [entry.in_model() if isinstance(entry, OwnLaw) else entry for entry in _sequence(added)]
     if model is None and not own:

@@ -99,19 +99,19 @@ def figure_of_session(session: Session) -> Figure:
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    table = session.to_frame()
-    table = table[table["status"] == "ok"]
-    velocities = sorted(table["velocity_rad_s"].unique())
+    trials = [own for own in session.to_frame().to_dict("records") if own["status"] == "ok"]
+    velocities = sorted({own["velocity_rad_s"] for own in trials})
     colours = colormaps["viridis"](np.linspace(0.0, 0.85, max(1, len(velocities))))
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     angle, torque = figure.subplots(2, 1, sharex=True)
-    for row in table.itertuples():
-        record = session.record(int(row.trial))
+    is_known = all(own["onset_s"] is not None and not np.isnan(own["onset_s"]) for own in trials)
+    for own in trials:
+        record = session.record(own["trial"])
         time = record["t_s"].to_numpy()
-        onset = row.onset_s
-        start = time[0] if onset is None or np.isnan(onset) else onset
-        kept = (time >= start - _SHOWN_S) & (time <= start + _SHOWN_S)
-        colour = colours[velocities.index(row.velocity_rad_s)]
+        start = own["onset_s"] if is_known else 0.0
+        # Without onsets, whole records.
+        kept = np.abs(time - start) <= _SHOWN_S if is_known else np.ones(time.size, dtype=bool)
+        colour = colours[velocities.index(own["velocity_rad_s"])]
         angle.plot(1e3 * (time[kept] - start), record["theta_m_rad"].to_numpy()[kept], color=colour, lw=0.8)
         torque.plot(1e3 * (time[kept] - start), record["torque_l_nm"].to_numpy()[kept], color=colour, lw=0.8)
     for velocity, colour in zip(velocities, colours, strict=True):
@@ -119,8 +119,7 @@ def figure_of_session(session: Session) -> Figure:
     angle.legend(frameon=False, fontsize="small")
     angle.set_ylabel("angle (rad)")
     torque.set_ylabel("torque (N m)")
-    known = table["onset_s"].notna().all()
-    torque.set_xlabel("time after the onset (ms)" if known else "time in the record (ms)")
+    torque.set_xlabel("time after the onset (ms)" if is_known else "time in the record (ms)")
     for panel in (angle, torque):
         panel.spines[["top", "right"]].set_visible(False)
     return figure

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import io
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ._arguments import PathOrJson, count, path, text_of
 from ._errors import InputError
+from ._frames import frame_of_csv
 from ._native import EXAMPLES, NativeProtocol
 
 if TYPE_CHECKING:
@@ -28,8 +29,8 @@ class Protocol:
             text = text_of(source, "protocol")
             assert text is not None
             self._native = NativeProtocol.parse(text, "protocol")
-        elif isinstance(source, str) or hasattr(source, "__fspath__"):
-            self._native = NativeProtocol.read(source)  # type: ignore[arg-type]
+        elif isinstance(source, (str, os.PathLike)):
+            self._native = NativeProtocol.read(path(source, "protocol"))
         else:
             raise InputError(f"protocol: {type(source).__name__}; expected the path of a JSON file, or a dict")
 
@@ -51,11 +52,8 @@ class Protocol:
 
     def schedule(self, seed: int, subject_number: int | None = None) -> pd.DataFrame:
         """The order of the trials, see `ramphold.schedule`."""
-        import pandas as pd
-
         number = None if subject_number is None else count(subject_number, "subject_number", 1, 2**32 - 1)
-        # Read with Python's own conversion: the same bits as were written.
-        return pd.read_csv(io.StringIO(self._native.schedule(count(seed, "seed"), number)), float_precision="round_trip")
+        return frame_of_csv(self._native.schedule(count(seed, "seed"), number))
 
     def __repr__(self) -> str:
         return f"<ramphold.Protocol of {self.trial_count} trials>"

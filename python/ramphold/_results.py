@@ -41,7 +41,8 @@ class Fit:
     def dict(self) -> dict[str, Any]:
         """The contents of fit.json: estimates, uncertainties, settings and versions."""
         if self._read is None:
-            self._read = json.loads(self._native.json)
+            read: dict[str, Any] = json.loads(self._native.json)
+            self._read = read
         return self._read
 
     def to_frame(self, table: str = "trials", *, independent: bool = False) -> pd.DataFrame:
@@ -142,7 +143,7 @@ class Fit:
         frame = self.to_frame("conditions")
         shown = ["velocity_rad_s", "torque_nm", "repetitions", *BASE_PARAMETERS, "vaf"]
         kept = [column for column in shown if column in frame.columns]
-        return frame[kept].to_html(index=False, na_rep="", float_format="%.4g") + embedded(self.plot)
+        return str(frame[kept].to_html(index=False, na_rep="", float_format="%.4g")) + embedded(self.plot)
 
     def __repr__(self) -> str:
         return f"<ramphold.Fit of {len(self.trials)} trials>"

@@ -34,7 +34,7 @@ class Session:
 
     def __init__(self, native: NativeSession) -> None:
         """Sessions are made by `load`, `from_arrays` and `simulate`."""
-        if not isinstance(native, NativeSession):  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(native, NativeSession):
             raise InputError("a session is made by Session.load, Session.from_arrays or Session.simulate")
         self._native = native
         self._description: dict[str, Any] = json.loads(native.description)
@@ -59,8 +59,8 @@ class Session:
         recorded_filter: Mapping[str, Any] | None = None,
         subject: str = "S01",
         sample_rate_hz: float | None = None,
-        emg_fcr: Array | Sequence[Array] | None = None,
-        emg_ecr: Array | Sequence[Array] | None = None,
+        emg_fcr: Array | Sequence[Array | None] | None = None,
+        emg_ecr: Array | Sequence[Array | None] | None = None,
     ) -> Session:
         """A session from a lab's own arrays.
 
@@ -75,7 +75,7 @@ class Session:
         recorded_filter: None if nothing was filtered before recording, else the filter, such as
             {"kind": "butterworth", "order": 3, "cutoff_hz": 50}.
         sample_rate_hz: samples a second; else from `t`.
-        emg_fcr, emg_ecr: EMG, as `theta`, fraction of maximal voluntary contraction.
+        emg_fcr, emg_ecr: EMG, as `theta`, fraction of maximal voluntary contraction; a list may hold None for a trial without.
 
         Arrays are contiguous and of float64; each is copied once. Raises `InputError` otherwise, and if times have gaps, values are
         not finite, or the table does not fit the signals. Wrong units are found by `fit` and `diagnose`, which hold the signals
@@ -90,7 +90,7 @@ class Session:
         }
         times = _times(t, len(rows))
         rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else _rate(times[0])
-        if not isinstance(subject, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+        if not isinstance(subject, str):
             raise InputError(f"subject: {subject!r}; expected a text")
         description = {
             "subject": subject,
@@ -247,7 +247,8 @@ class Session:
     def _repr_html_(self) -> str:
         from ._plots import embedded
 
-        return self.to_frame().to_html(index=False, na_rep="", float_format="%.4g", max_rows=12) + embedded(self.plot)
+        table = self.to_frame().to_html(index=False, na_rep="", float_format="%.4g", max_rows=12)
+        return str(table) + embedded(self.plot)
 
     def __repr__(self) -> str:
         return f"<ramphold.Session of {self.subject}: {len(self._description['trials'])} trials at {self.sample_rate_hz:g} Hz>"
@@ -329,11 +330,10 @@ def _cell(value: object) -> str:
     return str(value).strip()
 
 
-def _as_array(value: object) -> object:
+def _as_array(value: object) -> Any:
     """A column of a frame as an array of its own; anything else as it is."""
-    if isinstance(value, np.ndarray) or not hasattr(value, "to_numpy"):
-        return value
-    return np.ascontiguousarray(value.to_numpy())
+    to_numpy = getattr(value, "to_numpy", None)
+    return value if isinstance(value, np.ndarray) or to_numpy is None else np.ascontiguousarray(to_numpy())
 
 
 def _records(values: object, name: str, trials: int) -> list[object]:

@@ -142,7 +142,7 @@ def simulate(
 
     Raises `InputError` if a value is not finite, or the simulation does not stay finite.
     """
-    if not isinstance(motion, Motion):  # pyright: ignore[reportUnnecessaryIsInstance]
+    if not isinstance(motion, Motion):
         raise InputError(f"motion: {type(motion).__name__}; expected a ramphold.Motion")
     values = _points(parameters)
     several = values.ndim == 2

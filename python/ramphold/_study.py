@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ._arguments import count, path
 from ._errors import WorkError
+from ._frames import frame_of_csv
 from ._native import NativeStudy
 
 if TYPE_CHECKING:
@@ -64,22 +65,27 @@ class Study:
         folder = Path(path(out, "out")).resolve()
         self._native.begin(folder, resume)
         pending = self._native.pending(folder)
-        tell = progress or (lambda done, of: None)
+
+        def tell(done: int) -> None:
+            if progress is not None:
+                progress(done, self._native.parts)
+
         done = self._native.parts - len(pending)
         if client is None:
             # A few parts at a time, so that progress is told; each uses all cores.
             for first in range(0, len(pending), 4):
                 own = pending[first : first + 4]
                 self._native.compute(folder, own, None)
-                tell(done := done + len(own), self._native.parts)
+                tell(done := done + len(own))
         else:
             from distributed import as_completed
 
-            file = str(Path(self._file).resolve())
-            futures = client.map(lambda part: _do_part(file, self._seed, str(folder), part), pending, pure=False, retries=3)
-            for future in as_completed(futures):
+            same = (str(Path(self._file).resolve()), self._seed, str(folder))
+            futures = client.map(_do_part, *([own] * len(pending) for own in same), pending, pure=False, retries=3)
+            finished: Any = as_completed(futures)  # type: ignore[no-untyped-call, unused-ignore]
+            for future in finished:
                 future.result()
-                tell(done := done + 1, self._native.parts)
+                tell(done := done + 1)
         missing = self._native.tables(folder)
         self._folder = folder
         if missing:
@@ -95,9 +101,7 @@ class Study:
 
     def to_frame(self) -> pd.DataFrame:
         """study.csv: one row a subject, session and trial, with parameters, errors and what was fitted."""
-        import pandas as pd
-
-        return pd.read_csv(self.folder / "study.csv", float_precision="round_trip")
+        return frame_of_csv((self.folder / "study.csv").read_text(encoding="utf-8"))
 
     @property
     def dict(self) -> dict[str, Any]:
@@ -106,10 +110,8 @@ class Study:
         return results
 
     def effects(self) -> pd.DataFrame:
-        """effects of velocity and torque on every quantity, from the table anova.csv."""
-        import pandas as pd
-
-        return pd.read_csv(self.folder / "anova.csv", float_precision="round_trip")
+        """anova.csv: the effects of velocity and torque on every quantity."""
+        return frame_of_csv((self.folder / "anova.csv").read_text(encoding="utf-8"))
 
     def __repr__(self) -> str:
         return f"<ramphold.Study {self.name!r} of {self.sessions} sessions>"

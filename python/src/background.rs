@@ -55,11 +55,16 @@ enum Told {
 struct Interrupted;
 
 impl Progress {
-    /// Tells what is done next. Does not return if the user interrupted.
-    pub fn stage(&self, name: impl Into<String>) {
+    /// Does not return if the user interrupted.
+    pub fn check(&self) {
         if self.is_interrupted() {
             resume_unwind(Box::new(Interrupted));
         }
+    }
+
+    /// Tells what is done next. Does not return if the user interrupted.
+    pub fn stage(&self, name: impl Into<String>) {
+        self.check();
         let _ = self.told.send(Told::Stage(name.into()));
     }
 
@@ -90,12 +95,13 @@ pub fn run<T: Send + 'static>(
     let hear = Mutex::new(hear);
     let stop = |error| {
         progress.interrupted.store(true, Ordering::Relaxed);
+        // These workers go on until the work hears of it; what comes next does not wait for them.
+        drop(POOL.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take());
         Err(error)
     };
     loop {
-        let next = py.detach(|| {
-            hear.lock().unwrap_or_else(std::sync::PoisonError::into_inner).recv_timeout(POLL)
-        });
+        let next =
+            py.detach(|| hear.lock().unwrap_or_else(std::sync::PoisonError::into_inner).recv_timeout(POLL));
         match next {
             Ok(Told::Stage(name)) => {
                 if let Some(Err(error)) = listener.map(|listener| listener.call1((name,))) {

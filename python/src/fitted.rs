@@ -40,7 +40,11 @@ impl NativeFit {
 
     fn check(&self, trial: usize) -> PyResult<()> {
         let count = self.observations.trials.len();
-        if trial < count { Ok(()) } else { Err(wrong_input(format!("trial at {trial}: expected less than {count}"))) }
+        if trial < count {
+            Ok(())
+        } else {
+            Err(wrong_input(format!("trial at {trial}: expected less than {count}")))
+        }
     }
 }
 
@@ -101,7 +105,8 @@ impl NativeFit {
     /// The matrix that whitens a residual of the trial of row `trial`: whitened values by samples; `None` if residuals are not weighted.
     fn whitening<'py>(&self, py: Python<'py>, trial: usize) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         self.check(trial)?;
-        let Some(own) = self.independent.objective.whitening_matrix(self.observations.noise_index[trial]) else {
+        let Some(own) = self.independent.objective.whitening_matrix(self.observations.noise_index[trial])
+        else {
             return Ok(None);
         };
         // The crate's matrices lie column by column.

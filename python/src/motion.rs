@@ -68,14 +68,21 @@ impl NativeMotion {
         let array = vector(theta, "theta")?;
         let theta = array.as_slice().map_err(|error| wrong_input(format!("theta: {error}")))?;
         if let Some(sample) = theta.iter().position(|value| !value.is_finite()) {
-            return Err(wrong_input(format!("theta[{sample}]: {} is not valid; expected a finite number", theta[sample])));
+            return Err(wrong_input(format!(
+                "theta[{sample}]: {} is not valid; expected a finite number",
+                theta[sample]
+            )));
         }
         let rate = given.sample_rate_hz;
         let refuse = |field: &str, found: String, expected: &str| {
             Err(wrong_input(format!("{field}: {found} is not valid; expected {expected}")))
         };
         if !(rate > 0.0 && rate <= 1e6) {
-            return refuse("sample_rate_hz", rate.to_string(), "more than 0 and at most 1000000 samples a second");
+            return refuse(
+                "sample_rate_hz",
+                rate.to_string(),
+                "more than 0 and at most 1000000 samples a second",
+            );
         }
         if !(given.window_s > 0.0 && given.window_s <= 10.0) {
             return refuse("window_s", given.window_s.to_string(), "more than 0 and at most 10 s");
@@ -86,7 +93,11 @@ impl NativeMotion {
                 || !positive(lever.stiffness_nm_per_rad)
                 || !(lever.damping_nm_s_per_rad.is_finite() && lever.damping_nm_s_per_rad >= 0.0)
             {
-                return refuse("lever", format!("{lever:?}"), "inertia and stiffness above 0, and a damping from 0 up");
+                return refuse(
+                    "lever",
+                    format!("{lever:?}"),
+                    "inertia and stiffness above 0, and a damping from 0 up",
+                );
             }
         }
         let period_s = 1.0 / rate;
@@ -188,7 +199,9 @@ impl NativeMotion {
             let name = BASE_PARAMETERS[place % BASE_PARAMETERS.len()];
             if !value.is_finite() || (name == "i_j_kg_m2" && *value <= 0.0) {
                 let expected = if name == "i_j_kg_m2" { "an inertia above 0" } else { "a finite number" };
-                return Err(wrong_input(format!("parameters, {name}: {value} is not valid; expected {expected}")));
+                return Err(wrong_input(format!(
+                    "parameters, {name}: {value} is not valid; expected {expected}"
+                )));
             }
         }
         for kind in &added.kinds {
@@ -197,13 +210,19 @@ impl NativeMotion {
                     && self.observations.lever.is_none()
                     && matches!(need, ramphold::wrist::mechanisms::DataRequirement::Lever)
                 {
-                    return Err(wrong_input(format!("mechanism {}: {reason}; expected a compliant lever", kind.id())));
+                    return Err(wrong_input(format!(
+                        "mechanism {}: {reason}; expected a compliant lever",
+                        kind.id()
+                    )));
                 }
             }
         }
         let count = BASE_PARAMETERS.len() + added.parameters.len();
-        let flat: Vec<f64> =
-            base.chunks_exact(BASE_PARAMETERS.len()).flat_map(|own| own.iter().chain(&added.parameters)).copied().collect();
+        let flat: Vec<f64> = base
+            .chunks_exact(BASE_PARAMETERS.len())
+            .flat_map(|own| own.iter().chain(&added.parameters))
+            .copied()
+            .collect();
         let wanted: Vec<usize> = if derivatives { (0..count).collect() } else { Vec::new() };
         let observations = self.observations.clone();
         let samples = observations.samples;
@@ -213,9 +232,12 @@ impl NativeMotion {
             response
         };
         // One point is done before another thread would have begun it.
-        let response = if points == 1 { py.detach(work) } else { background::run(py, None, move |_| work())? };
+        let response =
+            if points == 1 { py.detach(work) } else { background::run(py, None, move |_| work())? };
         if response.torque_nm.iter().any(|value| !value.is_finite()) {
-            return Err(wrong_input("the simulation does not stay finite at these parameters; expected values that a wrist can have"));
+            return Err(wrong_input(
+                "the simulation does not stay finite at these parameters; expected values that a wrist can have",
+            ));
         }
         let torque = matrix(py, response.torque_nm, points)?;
         let slopes = if derivatives { Some(matrix(py, response.slopes, points * samples)?) } else { None };
@@ -257,7 +279,9 @@ pub fn spline_basis<'py>(
     let array = vector(u, "u")?;
     let u = array.as_slice().map_err(|error| wrong_input(format!("u: {error}")))?;
     if !(low.is_finite() && high.is_finite() && low < high) || u.iter().any(|value| !value.is_finite()) {
-        return Err(wrong_input(format!("range {low} to {high}: expected finite numbers, the lower one first")));
+        return Err(wrong_input(format!(
+            "range {low} to {high}: expected finite numbers, the lower one first"
+        )));
     }
     let Some(law) = MechanismKind::from_id("free_joint_angle").and_then(MechanismKind::free_law) else {
         return Err(wrong_input("there is no free law"));

@@ -85,7 +85,9 @@ pub fn argument<T: DeserializeOwned>(text: &str, name: &str) -> PyResult<T> {
 fn checks(names: &[String]) -> PyResult<Vec<SignalCheck>> {
     names
         .iter()
-        .map(|name| name.parse().map_err(|error: consistency::UnknownCheck| wrong_input(format!("accept: {error}"))))
+        .map(|name| {
+            name.parse().map_err(|error: consistency::UnknownCheck| wrong_input(format!("accept: {error}")))
+        })
         .collect()
 }
 
@@ -123,7 +125,10 @@ impl NativeSession {
         for (about, (time, theta, torque, fcr, ecr)) in given.trials.into_iter().zip(&signals) {
             let read = |value: &Bound<'_, PyAny>, channel: &str| -> PyResult<Vec<f64>> {
                 let name = format!("trial {}, {channel}", about.trial);
-                Ok(vector(value, &name)?.as_slice().map_err(|error| wrong_input(format!("{name}: {error}")))?.to_vec())
+                Ok(vector(value, &name)?
+                    .as_slice()
+                    .map_err(|error| wrong_input(format!("{name}: {error}")))?
+                    .to_vec())
             };
             let emg = |value: &Option<Bound<'_, PyAny>>, channel: &str| {
                 value.as_ref().map(|value| read(value, channel)).transpose()
@@ -158,7 +163,11 @@ impl NativeSession {
             trials,
         };
         check_given(&session, &times_s).map_err(exception)?;
-        Ok(Self { session: Arc::new(session), name: "session".into(), settings: PreprocessingSettings::default() })
+        Ok(Self {
+            session: Arc::new(session),
+            name: "session".into(),
+            settings: PreprocessingSettings::default(),
+        })
     }
 
     /// Simulates the session of a virtual subject.
@@ -190,15 +199,22 @@ impl NativeSession {
             let there = person.mechanisms.and(&setup.mechanisms).kinds;
             if let Some(kind) = added.kinds.iter().find(|kind| there.contains(kind)) {
                 let id = kind.id();
-                return Err(wrong_input(format!("mechanisms: {id} is already in person or rig; expected it once")));
+                return Err(wrong_input(format!(
+                    "mechanisms: {id} is already in person or rig; expected it once"
+                )));
             }
             setup.mechanisms = setup.mechanisms.and(&added);
         }
         let (protocol, subject) = (protocol.0.clone(), subject.to_owned());
         let settings = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
         let simulated = background::run(py, None, move |_| {
-            let source =
-                UnitSource::Virtual { protocol: &protocol, setup: &setup, person: Box::new(person), seed, order_number };
+            let source = UnitSource::Virtual {
+                protocol: &protocol,
+                setup: &setup,
+                person: Box::new(person),
+                seed,
+                order_number,
+            };
             simulate_unit(&Unit { index: 0, subject, session: 1, source }, SessionStorage::Memory)
         })?;
         match simulated {
@@ -253,7 +269,10 @@ impl NativeSession {
     /// The signals of the trial at `index`.
     fn record<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Record5<'py>> {
         let Some(trial) = self.session.trials.get(index) else {
-            return Err(wrong_input(format!("trial at {index}: expected less than {}", self.session.trials.len())));
+            return Err(wrong_input(format!(
+                "trial at {index}: expected less than {}",
+                self.session.trials.len()
+            )));
         };
         let record = &trial.record;
         let times_s: Vec<f64> = (0..record.theta_m_rad.len())
@@ -302,11 +321,13 @@ impl NativeSession {
         }
         let settings = with_window(self.settings, window_s).map_err(exception)?;
         let (session, name) = (self.session.clone(), self.name.clone());
-        let fitted = background::run(py, None, move |_| -> Result<_, Failure> {
+        let fitted = background::run(py, None, move |progress| -> Result<_, Failure> {
             let checked = check(&session, &name, &asked.accept)?;
             let mut fitted = fit_session(checked, &name, settings, &asked)?;
             if let Some(refits) = bootstrap {
-                let scatter = fit::bootstrap(&fitted.observations, &fitted.independent, refits as usize, seed);
+                let (observations, fit) = (&fitted.observations, &fitted.independent);
+                let go_on = || progress.check();
+                let scatter = fit::bootstrap_watched(observations, fit, refits as usize, seed, go_on);
                 fitted.results.add_bootstrap(refits as usize, seed, &scatter);
             }
             Ok(fitted)

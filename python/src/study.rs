@@ -66,7 +66,9 @@ impl NativeStudy {
     ) -> PyResult<()> {
         if let Some(number) = numbers.iter().find(|number| **number >= self.0.parts()) {
             let last = self.0.parts().saturating_sub(1);
-            return Err(wrong_input(format!("part {number}: expected 0 to {last}, the last part of this study")));
+            return Err(wrong_input(format!(
+                "part {number}: expected 0 to {last}, the last part of this study"
+            )));
         }
         let study = self.0.clone();
         let done = background::run(py, listener, move |progress| -> Result<(), Failure> {

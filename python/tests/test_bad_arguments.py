@@ -13,10 +13,21 @@ NAN, INF = float("nan"), float("inf")
 
 def spoiled_records(good):
     """Signals that cannot be a channel of trials like `good`, a list of arrays."""
-    first = good[0]
+    for which in (0, len(good) - 1):
+        yield from spoiled_record(good, which)
+    yield good[:-1]
+    yield [*good, good[0]]
+    yield []
+    for whole in (None, 3, "theta", {}, np.zeros((3, 4, 5)), np.zeros((2, 7), order="F"), object()):
+        yield whole
+
+
+def spoiled_record(good, which):
+    """The same of the record at `which`."""
+    first = good[which]
 
     def with_first(value):
-        return [value, *good[1:]]
+        return [*good[:which], value, *good[which + 1 :]]
 
     for place, value in itertools.product((0, 1, len(first) // 2, len(first) - 1), (NAN, INF, -INF)):
         own = first.copy()
@@ -33,11 +44,6 @@ def spoiled_records(good):
         yield with_first(first[:-cut].copy())
     for other in (None, 3, 1.5, "theta", b"theta", {}, [], [1.0, 2.0], object(), first.tolist(), memoryview(first)):
         yield with_first(other)
-    yield good[:-1]
-    yield [*good, first]
-    yield []
-    for whole in (None, 3, "theta", {}, np.zeros((3, 4, 5)), np.zeros((2, 7), order="F"), object()):
-        yield whole
 
 
 def spoiled_tables(good):
@@ -73,7 +79,8 @@ def spoiled_arguments(arrays):
     table = arrays["trials"].to_dict("records")
     for channel in ("t", "theta", "torque", "emg_fcr", "emg_ecr"):
         for own in spoiled_records(arrays[channel]):
-            if own is None and channel.startswith("emg"):
+            # EMG may be missing, of all trials or of one.
+            if channel.startswith("emg") and (own is None or (isinstance(own, list) and any(one is None for one in own))):
                 continue
             yield {**arrays, channel: own}
     for own in spoiled_tables(table):

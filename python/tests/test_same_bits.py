@@ -1,6 +1,6 @@
 """No result differs from the program's by a bit."""
 
-import io
+import csv
 import json
 
 import numpy as np
@@ -9,6 +9,18 @@ import pytest
 from conftest import QUICK, ROOT, run
 
 import ramphold
+
+
+
+def table_of(text):
+    """A table of the program, read by Python."""
+    rows = list(csv.DictReader(text.splitlines()))
+
+    def value(cell):
+        return {"true": True, "false": False, "": np.nan}[cell] if cell in ("true", "false", "") else float(cell)
+
+    return pd.DataFrame([{name: value(cell) for name, cell in row.items()} for row in rows])
+
 
 MODEL = {"format": "ramphold-model/1", "mechanisms": [{"mechanism": "joint_damping"}]}
 
@@ -41,7 +53,7 @@ def test_the_frames_of_a_fit_are_the_tables_of_the_program(folder, loaded, fitte
         "fit-independent.csv": fitted.to_frame(independent=True),
         "conditions.csv": fitted.to_frame("conditions"),
     }.items():
-        table = pd.read_csv(tmp_path / "out" / name, float_precision="round_trip")
+        table = table_of((tmp_path / "out" / name).read_text())
         assert list(frame.columns) == list(table.columns), name
         pd.testing.assert_frame_equal(frame, table, check_exact=True, check_dtype=False)
 
@@ -77,8 +89,8 @@ def test_a_virtual_session_is_the_one_that_the_program_runs(tmp_path):
 
 def test_a_schedule_is_the_one_that_the_program_prints():
     protocol = ROOT / "protocols/de-vlugt-2011.json"
-    printed = pd.read_csv(io.StringIO(run("schedule", protocol, "--seed", 9)), float_precision="round_trip")
-    pd.testing.assert_frame_equal(ramphold.schedule(protocol, 9), printed, check_exact=True)
+    printed = table_of(run("schedule", protocol, "--seed", 9))
+    pd.testing.assert_frame_equal(ramphold.schedule(protocol, 9), printed, check_exact=True, check_dtype=False)
     assert ramphold.Protocol(protocol).trial_count == len(printed)
 
 

@@ -25,8 +25,12 @@ def test_a_table_may_be_of_pandas_polars_or_python(arrays):
 
 
 def test_signals_may_be_one_matrix_or_columns_of_a_frame(arrays):
-    shortest = min(map(len, arrays["t"]))
-    cut = {name: [own[:shortest].copy() for own in arrays[name]] for name in ("t", "theta", "torque")}
+    rate = arrays["sample_rate_hz"]
+    onsets = [round((onset - own[0]) * rate) for onset, own in zip(arrays["trials"]["onset_s"], arrays["t"], strict=True)]
+    around = [slice(onset - 1000, onset + 250) for onset in onsets]
+    cut = {
+        name: [own[part].copy() for own, part in zip(arrays[name], around, strict=True)] for name in ("t", "theta", "torque")
+    }
     rest = {key: arrays[key] for key in ("trials", "lever", "sample_rate_hz")}
     listed = ramphold.Session.from_arrays(**cut, **rest)
     matrices = ramphold.Session.from_arrays(**{name: np.stack(own) for name, own in cut.items()}, **rest)
