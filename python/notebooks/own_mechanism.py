@@ -2,7 +2,7 @@
 # # An own mechanism without Rust
 #
 # A function of one argument at a place of the model: as points, or as a Python function. It is turned into the spline of the crate's
-# free laws, so that simulations, fits and diagnoses use it at the speed of compiled code.
+# free laws, so that simulations, fits and diagnoses use it without calling Python.
 
 # %%
 import numpy as np

@@ -32,7 +32,8 @@ class OwnLaw:
 
     It acts as a free law of the crate does: h is represented by a cubic spline with eight coefficients over a range, and is constant
     beyond it. At rest it adds nothing. `deviation` says how far the spline is from the function that was given. The function itself
-    is not called during a simulation, so a law is as fast as a mechanism of the catalogue; `slowdown` measures what it costs.
+    is not called during a simulation. What a law costs, `slowdown` measures: its ten parameters have derivatives too, and the model
+    without mechanisms takes a shorter way.
 
     Places and arguments: `OwnLaw.places()`. A law of past speed or past torque, of two arguments, or with a state of its own is not
     possible here; it takes a mechanism in Rust (see "Add a mechanism" in the book).
