@@ -4,9 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{
-    Console, DiagnosedSession, Failure, ResultsFolder, check_has_none, check_out, diagnose_session,
-    folder_of_diagnosis, load_checked, parse_seed, prepare_diagnosis, preprocessing_settings, read_model,
-    write_report,
+    AnalysedSession, AnalysisRequest, Console, DiagnosedSession, Failure, ResultsFolder, check_has_none,
+    check_out, folder_of_diagnosis, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session};
@@ -39,6 +38,10 @@ pub struct DiagnoseArgs {
     /// The model file that the diagnosis starts from [default: the model of the paper].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// The file of the rig's measured constants, as `ramphold calibrate` writes it; `none` uses what the session states [default:
+    /// rig-calibration.json in the session's folder, if there is one].
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
     /// Analyse although a check of the signals against the table fails; the results keep it. Names as in `ramphold fit`.
     #[arg(long, value_name = "CHECKS", value_delimiter = ',')]
     accept: Vec<SignalCheck>,
@@ -54,17 +57,19 @@ pub struct DiagnoseArgs {
 impl Verb for DiagnoseArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
-        let checked = load_checked(&self.session, &self.accept)?;
-        let given = self.given_folder(&checked.session)?;
-        let settings = preprocessing_settings(&self.session, self.window)?;
-        let name = self.session.display().to_string();
-        let input = prepare_diagnosis(&checked.session, &name, settings, &model)?;
+        let asked = AnalysisRequest {
+            window_s: self.window,
+            calibration: self.calibration.clone(),
+            accept: self.accept.clone(),
+        };
+        let session = AnalysedSession::read(&self.session, &asked, console)?;
+        let given = self.given_folder(&session.checked.session)?;
+        let input = session.prepare_diagnosis(&model)?;
         if input.observations.noise_source != Some(NoiseSource::Holds) {
             console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
         }
         let stages = console.stages();
-        let show = |stage: &'static str| stages.set_message(stage);
-        let found = diagnose_session(&checked, input, settings, &model, self.seed, &show);
+        let found = session.diagnose(input, &model, self.seed, &|stage| stages.set_message(stage));
         stages.finish_and_clear();
         let DiagnosedSession { input, diagnosis, json } = found;
         let prepared = &input.observations;
@@ -74,7 +79,7 @@ impl Verb for DiagnoseArgs {
         };
         if matches!(folder, ResultsFolder::Named { .. }) {
             console.announce(format_args!(
-                "results/ holds results of another window or model, which are kept; this diagnosis is in {}",
+                "results/ holds results of another window, model or calibration, which are kept; this diagnosis is in {}",
                 folder.path().display()
             ));
         }
@@ -262,6 +267,10 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
             out,
             "  found in the holds and taken out; residual of the ramps: {:.3} of what it was ({:.3} to {:.3})",
             gain.held_out_rmse_ratio.value, gain.held_out_rmse_ratio.low, gain.held_out_rmse_ratio.high
+        )?,
+        CauseEvidence::RigTrials { deviation_sds, .. } => writeln!(
+            out,
+            "  measured in rig trials: {deviation_sds:.1} standard deviations from what the session states; the fit uses the measured value"
         )?,
         CauseEvidence::AcrossTrials(trend) => writeln!(
             out,

@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::app::{
-    Console, Failure, FitRequest, ResultsFolder, check_has_none, check_out, fit_table, folder_of_fit,
-    parse_seed, preprocess_and_fit, read_model, write_report,
+    AnalysedSession, AnalysisRequest, Console, Failure, FittedSession, ResultsFolder, check_has_none,
+    check_out, fit_table, folder_of_fit, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, session_folders};
@@ -35,6 +35,10 @@ pub struct FitArgs {
     /// A model file: the mechanisms, and how each parameter is shared between trials [default: the model of the paper].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// The file of the rig's measured constants, as `ramphold calibrate` writes it; `none` uses what the session states [default:
+    /// rig-calibration.json in the session's folder, if there is one].
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
     /// Weight every sample equally, as the paper does, instead of by the noise measured in the holds.
     #[arg(long)]
     plain: bool,
@@ -79,7 +83,7 @@ impl Verb for FitArgs {
         let sessions = session_folders(&self.sessions)?;
         let folders = self.result_folders(&sessions)?;
         if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
-            let results = self.fit(session, &model)?;
+            let results = self.fit(session, &model, console)?;
             self.write(session, folder.as_ref(), &results, console)?;
             return self.show(console, &results);
         }
@@ -88,23 +92,21 @@ impl Verb for FitArgs {
 }
 
 impl FitArgs {
-    fn fit(&self, session: &Path, model: &Model) -> Result<Results, Failure> {
-        let (observations, mut results, fit) = preprocess_and_fit(session, &self.request(model))?;
+    fn fit(&self, session: &Path, model: &Model, console: &Console) -> Result<Results, Failure> {
+        let asked = AnalysisRequest {
+            window_s: self.window,
+            calibration: self.calibration.clone(),
+            accept: self.accept.clone(),
+        };
+        let weighting = if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise };
+        let session = AnalysedSession::read(session, &asked, console)?;
+        let FittedSession { observations, mut results, independent, .. } =
+            session.fit(model, weighting, self.independent)?;
         if let Some(refits) = self.bootstrap {
-            let scatter = fit::bootstrap(&observations, &fit, refits as usize, self.seed);
+            let scatter = fit::bootstrap(&observations, &independent, refits as usize, self.seed);
             results.add_bootstrap(refits as usize, self.seed, &scatter);
         }
         Ok(results)
-    }
-
-    fn request(&self, model: &Model) -> FitRequest {
-        FitRequest {
-            model: model.clone(),
-            window_s: self.window,
-            weighting: if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise },
-            independent: self.independent,
-            accept: self.accept.clone(),
-        }
     }
 
     /// The results folder of each session in `--out`, where nothing is replaced; none without `--out`: the fit then decides.
@@ -140,7 +142,7 @@ impl FitArgs {
         let fitted: Vec<Option<serde_json::Value>> = (sessions, folders)
             .into_par_iter()
             .map(|(session, folder)| {
-                let done = self.fit(session, model).and_then(|results| {
+                let done = self.fit(session, model, &console.silent()).and_then(|results| {
                     self.write(session, folder.as_ref(), &results, &console.silent())?;
                     Ok(results.json)
                 });

@@ -8,9 +8,9 @@ use serde_json::json;
 
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
-use super::load::{check_record, check_values};
+use super::load::{check_further_channels, check_record, check_values};
 use super::trial_csv_reader::check_times;
-use super::{PROGRAM, Record, SESSION_FORMAT, Session, Status, Trial};
+use super::{FurtherChannel, PROGRAM, Record, SESSION_FORMAT, Session, Status, Trial};
 use crate::files::{Folder, csv_cell, limits, make_folders};
 
 /// How messages name what was given instead of `session.json`.
@@ -63,19 +63,25 @@ pub fn check_given(session: &Session, times_s: &[Vec<f64>]) -> Result<(), Datase
         let onset_at = FilePlace { file: name.as_str().into(), line: None, column: Some("onset_s".into()) };
         check_record(trial, &name, &onset_at, rate)?;
     }
-    Ok(())
+    check_further_channels(&session.trials, |trial| FilePlace::file(format!("trial {}", trial.number)))
+}
+
+/// The channels that a record may have besides angle and torque, with their columns.
+fn optional_channels(record: &Record) -> impl Iterator<Item = (&'static str, &[f64])> {
+    let emg = [("emg_fcr_mvc", &record.emg_fcr_mvc), ("emg_ecr_mvc", &record.emg_ecr_mvc)];
+    let emg = emg.into_iter().filter_map(|(column, values)| Some((column, values.as_deref()?)));
+    let further = FurtherChannel::ALL.into_iter();
+    emg.chain(further.filter_map(|channel| Some((channel.column(), record.further(channel)?.as_slice()))))
 }
 
 /// Whether all channels have a finite value for every time.
 fn check_samples(name: &str, record: &Record, times_s: &[f64]) -> Result<(), DatasetError> {
-    let channels = [
-        ("t_s", Some(times_s)),
-        ("theta_m_rad", Some(record.theta_m_rad.as_slice())),
-        ("torque_l_nm", Some(record.torque_l_nm.as_slice())),
-        ("emg_fcr_mvc", record.emg_fcr_mvc.as_deref()),
-        ("emg_ecr_mvc", record.emg_ecr_mvc.as_deref()),
+    let always = [
+        ("t_s", times_s),
+        ("theta_m_rad", record.theta_m_rad.as_slice()),
+        ("torque_l_nm", record.torque_l_nm.as_slice()),
     ];
-    for (channel, values) in channels.into_iter().filter_map(|(name, values)| Some((name, values?))) {
+    for (channel, values) in always.into_iter().chain(optional_channels(record)) {
         if values.len() != times_s.len() {
             return Err(DatasetError::Value {
                 at: FilePlace { file: name.into(), line: None, column: Some(channel.into()) },
@@ -174,17 +180,15 @@ fn row(trial: &Trial, labelled: bool, extra: &[&String]) -> Vec<String> {
 }
 
 fn record_text(record: &Record, sample_rate_hz: f64) -> String {
-    let channels = [("emg_fcr_mvc", &record.emg_fcr_mvc), ("emg_ecr_mvc", &record.emg_ecr_mvc)];
-    let emg: Vec<(&str, &Vec<f64>)> =
-        channels.into_iter().filter_map(|(name, own)| Some((name, own.as_ref()?))).collect();
+    let optional: Vec<(&str, &[f64])> = optional_channels(record).collect();
     let mut text = "t_s,theta_m_rad,torque_l_nm".to_owned();
-    emg.iter().for_each(|(name, _)| text += &format!(",{name}"));
+    optional.iter().for_each(|(column, _)| text += &format!(",{column}"));
     text += "\n";
     for (sample, (angle, torque)) in record.theta_m_rad.iter().zip(&record.torque_l_nm).enumerate() {
         let time_s = record.start_s + sample as f64 / sample_rate_hz;
         // Writing into memory does not fail.
         let _ = write!(text, "{time_s},{angle},{torque}");
-        emg.iter().for_each(|(_, values)| text += &format!(",{}", values[sample]));
+        optional.iter().for_each(|(_, values)| text += &format!(",{}", values[sample]));
         text += "\n";
     }
     text
@@ -201,6 +205,8 @@ mod tests {
             start_s: times_s[0],
             theta_m_rad: times_s.iter().map(|t| (t / 3.0).max(0.0)).collect(),
             torque_l_nm: times_s.iter().map(|t| 1.0 / 3.0 + t).collect(),
+            emg_ecr_mvc: Some(times_s.iter().map(|t| t / 7.0).collect()),
+            alpha_l_rad_s2: Some(times_s.iter().map(|t| t / 3.0).collect()),
             ..Default::default()
         };
         let trial = |number: u32| Trial {
@@ -242,7 +248,7 @@ mod tests {
     #[test]
     fn what_a_folder_may_not_hold_may_not_be_given() {
         type Change = fn(&mut Session, &mut Vec<Vec<f64>>);
-        let cases: [(Change, &str); 9] = [
+        let cases: [(Change, &str); 11] = [
             (|session, _| session.trials[1].number = 1, "trial 1, trial"),
             (|session, _| session.trials[1].velocity_rad_s = 0.0, "trial 2, velocity_rad_s"),
             (|session, _| session.trials[1].torque_nm = f64::NAN, "trial 2, torque_nm"),
@@ -251,6 +257,8 @@ mod tests {
             (|_, times_s| times_s[1][9] = times_s[1][8], "trial 2, t_s[9]"),
             (|session, _| session.sample_rate_hz = 1000.0, "trial 1, t_s"),
             (|session, _| session.trials[0].onset_s = Some(9.0), "trial 1, onset_s"),
+            (|session, _| session.trials[1].record.alpha_l_rad_s2 = None, "trial 2: no further channel"),
+            (|session, _| session.trials[0].record.theta_j_rad = Some(vec![0.0; 3]), "trial 1, theta_j_rad"),
             (|session, _| session.sample_rate_hz = 0.0, "sample_rate_hz"),
         ];
         for (change, named) in cases {

@@ -35,6 +35,11 @@ impl Session {
                 let samples = channel.into_iter().flatten();
                 put(&samples.flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>());
             }
+            for channel in record.further_channels() {
+                put(channel.column().as_bytes());
+                let samples = record.further(channel).into_iter().flatten();
+                put(&samples.flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>());
+            }
         }
         hexadecimal(sum)
     }

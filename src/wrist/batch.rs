@@ -1,9 +1,10 @@
 //! Simulation of one batch of trials, one trial per lane of a vector.
 
+use super::further_channel::FurtherValues;
 use super::history::History;
 use super::integrate::{CorrectedInput, HermiteSegment, Integrator, MotorInput, RecordedInput};
 use super::mechanics::{AddedDynamics, Kinematics, Mechanics, NoAddedDynamics};
-use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
+use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates, MechanismKind};
 use super::motion::{corrected_motion, gather};
 use super::plant::{BASE_PARAMETERS, Plant};
 use super::simulation::{SimulatedTorque, SimulationSettings, TrialInput};
@@ -50,13 +51,14 @@ pub(super) const MAX_DERIVATIVES: usize = 9;
 /// Largest number of lanes of a vector.
 const MAX_LANES: usize = 16;
 
-/// Largest number of sections of a filter (order 8).
-const MAX_SECTIONS: usize = 4;
+/// Largest number of sections: a filter of order 8, and the low-pass of a torque channel.
+const MAX_SECTIONS: usize = 5;
 
 /// Simulates the batch with the smallest number type that has the derivatives of this pass.
 #[inline(always)]
 pub(super) fn run<P: Plain>(batch: &Batch, response: &mut SimulatedTorque) {
-    match (batch.settings.kinds.is_empty(), batch.wanted.len()) {
+    let is_base = batch.settings.kinds.is_empty() && batch.settings.further.is_empty();
+    match (is_base, batch.wanted.len()) {
         (true, 0) => base::<P, P>(batch, response),
         (true, _) => base::<P, Jet<P, 6>>(batch, response),
         (false, 0) => extended::<P, P>(batch, response),
@@ -106,6 +108,7 @@ fn base<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: &mut SimulatedT
             &mechanics,
             &NoAddedDynamics,
             &RecordedInput(HermiteSegment::new(from, to, batch.settings.period_s)),
+            Channels::Torque,
         );
         from = to;
     }
@@ -118,28 +121,58 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: 
     let parameters = seeded::<P, T>(batch, &slots);
     let trial = covariates::<P>(batch);
     let start_s = -(settings.lead_samples as f64) * settings.period_s;
-    let states = settings.kinds.iter().map(|kind| kind.state_count()).sum();
+    let states: usize = settings.kinds.iter().map(|kind| kind.state_count()).sum();
     let mut history = History::new(start_s, settings.period_s, states);
     let mut plant = Plant::base(settings.lever, &parameters);
     let added = &parameters[BASE_PARAMETERS.len()..];
     let active =
         ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
     active.alter_plant(&mut plant);
-    let channels = active.channels();
+    let mut channels = active.channels();
     let mechanics = Mechanics::new(plant);
-    let motion = motion::<P, T>(batch, &channels);
+    // A late torque is predicted from a late motion. The further channels are not late, so they need a run of their own.
+    let is_skewed = settings.kinds.iter().any(|kind| matches!(kind, MechanismKind::ChannelSkew));
+    let runs: &[Channels] = match (settings.further.is_empty(), is_skewed) {
+        (true, _) => &[Channels::Torque],
+        (false, false) => &[Channels::All],
+        (false, true) => &[Channels::Torque, Channels::Further],
+    };
     let has_states = states > 0;
-    let mut run = Run::<T>::new(batch, slots);
-    while run.sample < run.samples {
-        let added_dynamics =
-            ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
-        let segment = HermiteSegment::new(motion[run.sample], motion[run.sample + 1], settings.period_s);
-        run.step(batch, response, &mechanics, &added_dynamics, &CorrectedInput(segment));
-        if has_states {
-            let (added, rates) = run.integrator.sampled();
-            history.push(added, rates);
+    let mut number = 0;
+    while number < runs.len() {
+        if runs[number] == Channels::Further {
+            channels.torque_delay_s = T::constant(0.0);
+            history = History::new(start_s, settings.period_s, states);
         }
+        let motion = motion::<P, T>(batch, &channels);
+        let mut run = Run::<T>::new(batch, slots);
+        while run.sample < run.samples {
+            let added_dynamics = ActiveMechanisms {
+                kinds: settings.kinds,
+                parameters: added,
+                trial: &trial,
+                history: &history,
+            };
+            let segment = HermiteSegment::new(motion[run.sample], motion[run.sample + 1], settings.period_s);
+            run.step(batch, response, &mechanics, &added_dynamics, &CorrectedInput(segment), runs[number]);
+            if has_states {
+                let (added, rates) = run.integrator.sampled();
+                history.push(added, rates);
+            }
+        }
+        number += 1;
     }
+}
+
+/// Which channels a run stores.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Channels {
+    /// The torque in the lever.
+    Torque,
+    /// The further channels.
+    Further,
+    /// Both.
+    All,
 }
 
 /// The state of a run: where the wrist is, and what the filter has_states.
@@ -149,8 +182,38 @@ struct Run<T> {
     sample: usize,
     start_s: f64,
     integrator: Integrator<T>,
+    torque: ChannelRun<T>,
+    /// One for each further channel.
+    further: Vec<ChannelRun<T>>,
+}
+
+/// The mean of a channel before the ramp, and what its filter has stored.
+#[derive(Clone, Copy)]
+struct ChannelRun<T> {
     level: T,
     filter: [SectionState<T>; MAX_SECTIONS],
+}
+
+impl<T: Number> ChannelRun<T> {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { level: T::constant(0.0), filter: [SectionState::silent(); MAX_SECTIONS] }
+    }
+
+    /// Filters the channel's value at a sample, and adds it to the mean before the ramp; returns it filtered, without that mean.
+    #[inline(always)]
+    fn step(&mut self, settings: &SimulationSettings, sample: usize, value: T) -> T {
+        let mut value = value;
+        let mut section = 0;
+        while section < settings.filter.len() {
+            value = settings.filter[section].step(&mut self.filter[section], value);
+            section += 1;
+        }
+        if sample <= settings.lead_samples && sample + settings.baseline_samples > settings.lead_samples {
+            self.level = self.level + value.scale(1.0 / settings.baseline_samples as f64);
+        }
+        value - self.level
+    }
 }
 
 impl<T: Number> Run<T> {
@@ -163,13 +226,14 @@ impl<T: Number> Run<T> {
             sample: 0,
             start_s: -(settings.lead_samples as f64) * settings.period_s,
             integrator: Integrator::at_rest(),
-            level: T::constant(0.0),
-            filter: [SectionState::silent(); MAX_SECTIONS],
+            torque: ChannelRun::new(),
+            further: vec![ChannelRun::new(); settings.further.len()],
         }
     }
 
-    /// Stores the torque of the present sample and integrates to the next.
+    /// Stores the values of the present sample and integrates to the next.
     #[inline(always)]
+    #[allow(clippy::too_many_arguments)]
     fn step<C: DerivativeStructure<T>, X: AddedDynamics<T>, D: MotorInput<T>>(
         &mut self,
         batch: &Batch,
@@ -177,38 +241,49 @@ impl<T: Number> Run<T> {
         mechanics: &Mechanics<T, C>,
         added_dynamics: &X,
         input: &D,
+        channels: Channels,
     ) {
         let settings = batch.settings;
         let time_s = self.start_s + self.sample as f64 * settings.period_s;
-        let mut torque = self.integrator.advance(
+        let zero = T::constant(0.0);
+        let mut values = FurtherValues { theta_l: zero, alpha_l: zero, torque_h: zero, theta_j: zero };
+        let observed = (channels != Channels::Torque).then_some(&mut values);
+        let torque = self.integrator.advance_observed(
             mechanics,
             added_dynamics,
             input,
             time_s,
             settings.period_s,
             settings.substeps,
+            observed,
         );
-        let mut section = 0;
-        while section < settings.filter.len() {
-            torque = settings.filter[section].step(&mut self.filter[section], torque);
-            section += 1;
+        if channels != Channels::Further {
+            let torque = self.torque.step(settings, self.sample, torque);
+            if self.sample >= settings.lead_samples {
+                store(batch, &self.slots, response, self.sample - settings.lead_samples, torque);
+            }
         }
-        if self.sample <= settings.lead_samples
-            && self.sample + settings.baseline_samples > settings.lead_samples
-        {
-            self.level = self.level + torque.scale(1.0 / settings.baseline_samples as f64);
-        }
-        if self.sample >= settings.lead_samples {
-            store(batch, &self.slots, response, self.sample - settings.lead_samples, torque - self.level);
+        if channels != Channels::Torque {
+            let mut place = 0;
+            while place < settings.further.len() {
+                let scaled = values.of(settings.further[place].channel);
+                let scaled = scaled.scale(settings.further[place].nm_per_unit);
+                let value = self.further[place].step(settings, self.sample, scaled);
+                if self.sample >= settings.lead_samples {
+                    let row = settings.samples * (1 + place) + self.sample - settings.lead_samples;
+                    store(batch, &self.slots, response, row, value);
+                }
+                place += 1;
+            }
         }
         self.sample += 1;
     }
 }
 
-/// Stores the torque and its derivatives at `sample`, for every trial.
+/// Stores a value and its derivatives in the row `sample` of every trial.
 #[inline(always)]
 fn store<T: Number>(batch: &Batch, slots: &Slots, response: &mut SimulatedTorque, sample: usize, torque: T) {
-    let (samples, wanted) = (batch.settings.samples, batch.settings.derivatives.len());
+    let (samples, wanted) = (batch.settings.rows(), batch.settings.derivatives.len());
     let mut lane = 0;
     while lane < batch.trials.len() {
         response.torque_nm[(batch.first + lane) * samples + sample] = torque.plain().lane(lane);

@@ -1,5 +1,6 @@
 //! Fourth-order Runge-Kutta through the motor's motion between two samples.
 
+use super::further_channel::FurtherValues;
 use super::mechanics::{AddedDynamics, Kinematics, Mechanics, State, Torques};
 use super::mechanisms::MAX_ADDED_STATES;
 use super::plant::Lever;
@@ -42,12 +43,27 @@ impl<T: Number> HermiteSegment<T> {
             + self.cube.scale(3.0 * u * u / self.period_s);
         Kinematics { theta, omega }
     }
+
+    /// Angular acceleration at the start of the segment, rad/s2.
+    #[inline(always)]
+    fn acceleration_at_start(&self) -> T {
+        self.square.scale(2.0 / (self.period_s * self.period_s))
+    }
+
+    /// Angular acceleration at the end of the segment, rad/s2.
+    #[inline(always)]
+    pub fn acceleration_at_end(&self) -> T {
+        (self.square.scale(2.0) + self.cube.scale(6.0)).scale(1.0 / (self.period_s * self.period_s))
+    }
 }
 
 /// The input of the model between two samples: the motor's motion.
 pub trait MotorInput<T> {
     /// Angle and speed at the fraction `u` (0 to 1) of the period.
     fn at(&self, u: f64) -> Kinematics<T>;
+
+    /// Angular acceleration at the start of the period, rad/s2.
+    fn acceleration_at_start(&self) -> T;
 }
 
 /// A motion that depends on estimated parameters: the record, corrected for errors of its channel.
@@ -59,6 +75,11 @@ impl<T: Number> MotorInput<T> for CorrectedInput<T> {
     fn at(&self, u: f64) -> Kinematics<T> {
         self.0.at(u)
     }
+
+    #[inline(always)]
+    fn acceleration_at_start(&self) -> T {
+        self.0.acceleration_at_start()
+    }
 }
 
 /// A motion without derivatives: the record as it is.
@@ -69,6 +90,11 @@ impl<P: Plain, T: Number<Plain = P>> MotorInput<T> for RecordedInput<P> {
     #[inline(always)]
     fn at(&self, u: f64) -> Kinematics<T> {
         self.0.at(u).lift()
+    }
+
+    #[inline(always)]
+    fn acceleration_at_start(&self) -> T {
+        T::lift(self.0.acceleration_at_start())
     }
 }
 
@@ -148,6 +174,25 @@ impl<T: Number> Integrator<T> {
         period_s: f64,
         substeps: usize,
     ) -> T {
+        self.advance_observed(mechanics, added_dynamics, input, start_s, period_s, substeps, None)
+    }
+
+    /// As [`Integrator::advance`]; writes what the further channels show at the first sample into `further`, where that is asked for.
+    ///
+    /// # Panics
+    /// As [`Integrator::advance`].
+    #[inline(always)]
+    #[allow(clippy::too_many_arguments)]
+    pub fn advance_observed<C: DerivativeStructure<T>, X: AddedDynamics<T>, D: MotorInput<T>>(
+        &mut self,
+        mechanics: &Mechanics<T, C>,
+        added_dynamics: &X,
+        input: &D,
+        start_s: f64,
+        period_s: f64,
+        substeps: usize,
+        mut further: Option<&mut FurtherValues<T>>,
+    ) -> T {
         let Self { state, sampled: [first, first_rates], begin, at, rates } = self;
         let step = period_s / substeps as f64;
         let count = added_dynamics.state_count();
@@ -173,6 +218,9 @@ impl<T: Number> Integrator<T> {
             );
             if evaluation == 0 {
                 measured = torques.measured;
+                if let Some(further) = further.as_deref_mut() {
+                    *further = further_values(mechanics, state.base, &rates.base, &torques, input);
+                }
                 first[..count].copy_from_slice(&state.added[..count]);
                 first_rates[..count].copy_from_slice(&rates.added[..count]);
             }
@@ -188,6 +236,22 @@ impl<T: Number> Integrator<T> {
         }
         measured
     }
+}
+
+/// What the further channels show at `state`. At a rigid lever the handle moves with the motor.
+#[inline(always)]
+fn further_values<T: Number, C: DerivativeStructure<T>, D: MotorInput<T>>(
+    mechanics: &Mechanics<T, C>,
+    state: State<T>,
+    rates: &State<T>,
+    torques: &Torques<T>,
+    input: &D,
+) -> FurtherValues<T> {
+    let (theta_l, alpha_l) = match mechanics.plant.lever {
+        Some(_) => (state.theta_l, rates.omega_l),
+        None => (input.at(0.0).theta, input.acceleration_at_start()),
+    };
+    FurtherValues { theta_l, alpha_l, torque_h: torques.interface, theta_j: state.theta_j }
 }
 
 impl<T: Number> ExtendedState<T> {

@@ -7,6 +7,7 @@
 pub mod mechanisms;
 
 mod batch;
+mod further_channel;
 mod history;
 mod integrate;
 mod interpolation;
@@ -20,12 +21,13 @@ mod sparse_coefficient;
 mod tests;
 mod trace;
 
+pub use further_channel::{FurtherChannel, FurtherValues, ScaledChannel};
 pub use history::History;
 pub use integrate::{
     CorrectedInput, HermiteSegment, Integrator, LONGEST_STEP, MotorInput, RecordedInput, substeps,
 };
 pub use mechanics::{AddedDynamics, Context, Kinematics, Mechanics, NoAddedDynamics, State, Torques};
-pub use motion::{Smoothing, motor_motion, servo_response};
+pub use motion::{Smoothing, delayed_motion, motor_motion, servo_response};
 pub use plant::{
     BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, LeverCoefficients, Plant, YIELD_SMOOTHNESS_PER_NM,
 };

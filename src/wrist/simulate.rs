@@ -23,9 +23,9 @@ pub fn simulate(
         assert!(trial.motion.len() >= trial.onset + settings.samples, "motion too short");
     }
     response.torque_nm.clear();
-    response.torque_nm.resize(trials.len() * settings.samples, 0.0);
+    response.torque_nm.resize(trials.len() * settings.rows(), 0.0);
     response.slopes.clear();
-    response.slopes.resize(trials.len() * settings.samples * settings.derivatives.len(), 0.0);
+    response.slopes.resize(trials.len() * settings.rows() * settings.derivatives.len(), 0.0);
     let count = trials.len();
     let given = Trials { settings, trials, parameters };
     match settings.width {

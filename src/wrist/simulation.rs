@@ -1,5 +1,6 @@
 //! Input, settings and output of a simulation of whole trials.
 
+use super::further_channel::ScaledChannel;
 use super::mechanics::Kinematics;
 use super::mechanisms::{Covariates, MechanismKind};
 use super::plant::{BASE_PARAMETERS, Lever};
@@ -35,6 +36,8 @@ pub struct SimulationSettings<'a> {
     pub substeps: usize,
     /// Sections of the filter for the predicted torque.
     pub filter: &'a [Section],
+    /// Further channels to predict, each behind the torque's filter.
+    pub further: &'a [ScaledChannel],
     /// Indices of the parameters to differentiate by.
     pub derivatives: &'a [usize],
     /// Which vector instructions to use.
@@ -45,6 +48,11 @@ impl SimulationSettings<'_> {
     /// Length of a trial's parameter vector: the base parameters, then those of the mechanisms.
     pub fn parameter_count(&self) -> usize {
         BASE_PARAMETERS.len() + self.kinds.iter().map(|kind| kind.parameter_count()).sum::<usize>()
+    }
+
+    /// Number of values of a trial: the samples of the torque, then those of each further channel.
+    pub fn rows(&self) -> usize {
+        self.samples * (1 + self.further.len())
     }
 }
 
@@ -90,9 +98,10 @@ impl VectorWidth {
 /// Simulated torques and their derivatives.
 #[derive(Debug, Clone, Default)]
 pub struct SimulatedTorque {
-    /// Predicted measured torque, N m: trial by trial, sample by sample from the onset on.
+    /// Predicted measured torque, N m: trial by trial, sample by sample from the onset on. The torque of a trial is followed by its
+    /// further channels, each scaled to N m.
     pub torque_nm: Vec<f64>,
-    /// Its derivatives: trial by trial, sample by sample, in the order of [`SimulationSettings::derivatives`].
+    /// Its derivatives: trial by trial, value by value, in the order of [`SimulationSettings::derivatives`].
     pub slopes: Vec<f64>,
 }
 

@@ -9,10 +9,10 @@ use crate::wrist::{SimulatedTorque, SimulationSettings, simulate, substeps};
 /// Number of trials that one thread simulates at a time.
 const BATCH: usize = 16;
 
-/// Predicts the torque of `trials`, N m, and its derivatives with respect to the parameters `wanted`, into `response`.
+/// Predicts the torque of `trials`, N m, with their further channels, and its derivatives with respect to the parameters `wanted`, into `response`.
 ///
-/// `parameters` holds the parameter vectors of the trials, one after the other. `response` gets one row of samples per trial, and
-/// per trial one row of derivatives per sample. The number of integration steps of a trial depends on its own parameters alone,
+/// `parameters` holds the parameter vectors of the trials, one after the other. `response` gets one row of values per trial, and
+/// per trial one row of derivatives per value. The number of integration steps of a trial depends on its own parameters alone,
 /// so its prediction depends neither on the other trials nor on the number of threads.
 pub fn predict(
     observations: &Observations,
@@ -44,7 +44,7 @@ pub fn predict(
         [one] => vec![run(one)],
         several => several.par_iter().map(run).collect(),
     };
-    let (samples, slopes) = (observations.samples, observations.samples * wanted.len());
+    let (samples, slopes) = (observations.rows(), observations.rows() * wanted.len());
     response.torque_nm.resize(trials.len() * samples, 0.0);
     response.slopes.resize(trials.len() * slopes, 0.0);
     for (batch, part) in batches.iter().zip(&parts) {

@@ -69,6 +69,7 @@ impl TypicalEffect {
                 baseline_samples: 0,
                 substeps: substeps(setup.lever, parameters, period_s),
                 filter: &[],
+                further: &[],
                 derivatives: &[],
                 width: VectorWidth::One,
             };

@@ -3,6 +3,7 @@
 mod declarations;
 mod derivatives;
 mod free_laws;
+mod further_channels;
 mod integration;
 
 use super::mechanisms::{CATALOGUE, Covariates, FREE_LAWS, MechanismKind};
@@ -69,6 +70,7 @@ fn settings<'a>(
         baseline_samples: 0,
         substeps: 2,
         filter,
+        further: &[],
         derivatives,
         width: VectorWidth::One,
     }
