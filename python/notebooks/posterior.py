@@ -22,11 +22,9 @@ errors = fit.to_frame().set_index("trial")[[f"se_{name}" for name in ramphold.BA
 trial = int(errors.max(axis=1).idxmin())
 best = fit.parameters().loc[trial].to_numpy()
 laplace = errors.loc[trial].to_numpy()
-motion, whitening = fit.motion(trial), fit.whitening(trial)
-measured = fit.measured_nm[fit.trials.index(trial)]
 
 # %% [markdown]
-# The logarithms of the parameters are sampled, with a flat prior in them, as the fit has it. Many points are simulated in one call.
+# The logarithms of the parameters are sampled, with a flat prior in them, as the fit has it. Many points are computed in one call.
 
 
 # %%
@@ -35,9 +33,7 @@ def log_posterior(points):
     result = np.full(len(points), -np.inf)
     near = (np.abs(points - np.log(best)) < 3.0).all(axis=1)
     if near.any():
-        torque = ramphold.simulate(np.exp(points[near]), motion).torque_nm
-        whitened = (measured - torque) @ whitening.T
-        result[near] = -0.5 * (whitened**2).sum(axis=1)
+        result[near] = fit.log_likelihood(trial, np.exp(points[near]))
     return result
 
 

@@ -9,6 +9,7 @@ positive, and a torque that resists the ramp is positive.
     session.diagnose().plot()
 """
 
+from ._calibration import Calibration, RigComparison, calibrate
 from ._errors import InputError, RampholdError, WorkError
 from ._law import OwnLaw
 from ._native import BASE_PARAMETERS, VERSION
@@ -21,6 +22,7 @@ from ._study import Study
 __all__ = [
     "BASE_PARAMETERS",
     "VERSION",
+    "Calibration",
     "Diagnosis",
     "Fit",
     "InputError",
@@ -28,10 +30,12 @@ __all__ = [
     "OwnLaw",
     "Protocol",
     "RampholdError",
+    "RigComparison",
     "Session",
     "Simulation",
     "Study",
     "WorkError",
+    "calibrate",
     "mechanisms",
     "schedule",
     "simulate",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from ._errors import InputError
 
 Json = Mapping[str, Any] | Sequence[Any]
 """What JSON can hold, as Python holds it."""
+
+Listens = TypeVar("Listens", bound=Callable[..., object])
 
 PathOrJson = str | os.PathLike[str] | Mapping[str, Any]
 """The path of a JSON file, or what is in it."""
@@ -79,8 +81,25 @@ def optional_number(value: object, name: str) -> float | None:
     return None if value is None else number(value, name)
 
 
+def listener(value: Listens | None) -> Listens | None:
+    """A function that is told of the progress, or nothing."""
+    if value is not None and not callable(value):
+        raise InputError("progress: not callable; expected a function")
+    return value
+
+
 def names(value: object, name: str) -> list[str]:
     """A list of texts; one text is not taken for its letters."""
     if isinstance(value, str) or not isinstance(value, Sequence) or not all(isinstance(own, str) for own in value):
         raise InputError(f"{name}: {value!r} is not valid; expected a list of texts")
     return list(value)
+
+
+def write_new(file: str | Path, text: str) -> None:
+    """Writes a new file; one that is there is not replaced."""
+    name = path(file, "file")
+    try:
+        with open(name, "x", encoding="utf-8", newline="\n") as out:
+            out.write(text)
+    except OSError as error:
+        raise InputError(f"{name}: cannot be written: {error}") from None

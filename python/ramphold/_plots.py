@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ._calibration import Calibration
     from ._results import Diagnosis, Fit
     from ._session import Session
 
@@ -122,6 +123,27 @@ def figure_of_session(session: Session) -> Figure:
     torque.set_xlabel("time after the onset (ms)" if is_known else "time in the record (ms)")
     for panel in (angle, torque):
         panel.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def figure_of_calibration(calibration: Calibration) -> Figure:
+    """How far the constants are from what the session states, in per cent of it, with 95 % intervals."""
+    from matplotlib.figure import Figure
+
+    frame = calibration.to_frame()
+    known = frame[frame["value"].notna() & frame["stated"].notna() & (frame["stated"] != 0.0)]
+    figure = Figure(figsize=(6.4, 0.42 * max(3, len(known)) + 1.0), layout="constrained")
+    panel = figure.subplots()
+    rows = np.arange(len(known))[::-1]
+    scale = 100.0 / np.abs(known["stated"])
+    panel.axvline(0.0, color="0.7", lw=0.8)
+    panel.errorbar(
+        (known["value"] - known["stated"]) * scale, rows, xerr=1.96 * known["se"] * scale, fmt="o", ms=4, capsize=3, color=FITTED
+    )
+    panel.set_yticks(rows, known["name"])
+    panel.set_ylim(-0.6, len(known) - 0.4)
+    panel.set_xlabel("measured less stated (% of the stated value)")
+    panel.spines[["top", "right"]].set_visible(False)
     return figure
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ._arguments import count, path
+from ._arguments import count, write_new
 from ._errors import InputError
 from ._native import BASE_PARAMETERS, NativeFit
-from ._simulate import Motion, simulate
+from ._simulate import Motion, Parameters, point_array
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,13 +75,26 @@ class Fit:
         return self._native.time_s
 
     @property
+    def channels(self) -> list[str]:
+        """Columns of the channels that were fitted: torque_l_nm, then the further channels that the session has."""
+        return self._native.channels
+
+    @property
     def measured_nm(self) -> Array:
         """Measured torque as it was fitted, filtered and less the torque before the ramp, shape (trials, samples), N m."""
-        return self._native.measured_nm
+        return self._native.measured(0)
 
     def predicted_nm(self, *, independent: bool = False) -> Array:
         """Torque of the fitted model, shape (trials, samples), N m."""
-        return self._native.predicted_nm(bool(independent))
+        return self._native.predicted(0, bool(independent))
+
+    def measured(self, channel: str) -> Array:
+        """One of `channels` as it was fitted, shape (trials, samples), in the unit of its name: a change from before the ramp."""
+        return self._native.measured(self._channel(channel))
+
+    def predicted(self, channel: str, *, independent: bool = False) -> Array:
+        """The same of the fitted model."""
+        return self._native.predicted(self._channel(channel), bool(independent))
 
     def parameters(self, *, independent: bool = False) -> pd.DataFrame:
         """All parameters of the model, those of mechanisms too: one row a trial, the trial's number as index, SI units."""
@@ -95,30 +108,56 @@ class Fit:
         """The motion that drove the model in trial number `trial`, for `simulate`."""
         return Motion._of(self._native.motion(self._row(trial)))
 
-    def whitening(self, trial: int) -> Array | None:
-        """The matrix that whitens a residual of trial number `trial`, shape (values, samples), 1/(N m).
+    @overload
+    def residuals(self, trial: int, parameters: Parameters) -> Array: ...
+    @overload
+    def residuals(self, trial: int, parameters: Parameters, *, derivatives: Literal[False]) -> Array: ...
+    @overload
+    def residuals(self, trial: int, parameters: Parameters, *, derivatives: Literal[True]) -> tuple[Array, Array]: ...
+    def residuals(self, trial: int, parameters: Parameters, *, derivatives: bool = False) -> Array | tuple[Array, Array]:
+        """What the model of the fit leaves of trial number `trial` at other parameters: measured less predicted values of all channels,
+        weighted so that noise as in the holds gives independent values of variance 1; N m where residuals are not weighted.
 
-        With the residual r, measured less predicted torque, W @ r has the covariance of independent standard normal values as far as
-        noise was measured in the holds. None if residuals are not weighted.
-        """
-        return self._native.whitening(self._row(trial))
+        parameters: as the columns of `parameters()`, shape (parameters,) or (points, parameters), or a dict by name.
+        derivatives: whether the Jacobian is given as well.
 
-    def log_likelihood(self, trial: int, parameters: Mapping[str, float] | ArrayLike) -> float:
-        """Log-likelihood of the six parameters of the model in trial number `trial`, less a constant; -inf if the model has no
-        finite torque there.
-
-        For samplers. It raises `InputError` if residuals are not weighted, since noise has then no known size.
+        Returns shape (values,) or (points, values); the Jacobian has the parameters as a further axis.
         """
         row = self._row(trial)
-        matrix = self._native.whitening(row)
-        if matrix is None:
+        points = point_array(parameters, self._native.parameter_names)
+        several = points.ndim == 2
+        found, slopes = self._native.residuals(
+            row, points.reshape(-1), points.shape[0] if several else 1, bool(derivatives)
+        )
+        residuals = found if several else found[0]
+        if slopes is None:
+            return residuals
+        return residuals, slopes.reshape(*residuals.shape, points.shape[-1])
+
+    def log_likelihood(self, trial: int, parameters: Parameters) -> Any:
+        """Log-likelihood of parameters of the model in trial number `trial`, less a constant, for samplers: a float, or shape (points,).
+
+        parameters: as for `residuals`. It is -inf where the inertia is not positive or the model has no finite torque. It raises
+        `InputError` if residuals are not weighted, since noise has then no known size.
+        """
+        self._row(trial)
+        if not self._native.is_weighted:
             raise InputError("the session's holds do not determine the noise, so there is no likelihood")
-        try:
-            predicted = simulate(parameters, self.motion(trial)).torque_nm
-        except InputError:
-            return -np.inf
-        whitened = matrix @ (self.measured_nm[row] - predicted)
-        return float(-0.5 * whitened @ whitened)
+        points = point_array(parameters, self._native.parameter_names)
+        flat = np.atleast_2d(points)
+        found = np.full(len(flat), -np.inf)
+        possible = flat[:, self._native.parameter_names.index("i_j_kg_m2")] > 0.0
+        if possible.any():
+            left = self.residuals(trial, flat[possible])
+            with np.errstate(over="ignore", invalid="ignore"):
+                value = -0.5 * np.einsum("ij,ij->i", left, left)
+            found[possible] = np.where(np.isfinite(value), value, -np.inf)
+        return found if points.ndim == 2 else float(found[0])
+
+    def _channel(self, channel: str) -> int:
+        if channel not in self.channels:
+            raise InputError(f"channel: {channel!r}; expected one of {', '.join(self.channels)}")
+        return self.channels.index(channel)
 
     def _row(self, trial: int) -> int:
         number = count(trial, "trial", 0, 2**32 - 1)
@@ -135,7 +174,7 @@ class Fit:
 
     def save(self, file: str | Path) -> None:
         """Writes fit.json."""
-        _write_new(file, self.json)
+        write_new(file, self.json)
 
     def _repr_html_(self) -> str:
         from ._plots import embedded
@@ -242,7 +281,7 @@ class Diagnosis:
 
     def save(self, file: str | Path) -> None:
         """Writes diagnosis.json."""
-        _write_new(file, self.json)
+        write_new(file, self.json)
 
     def _repr_html_(self) -> str:
         from ._plots import embedded
@@ -255,16 +294,6 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         return f"<ramphold.Diagnosis: {self.verdict}{': ' if self.causes else ''}{', '.join(self.causes)}>"
-
-
-def _write_new(file: str | Path, text: str) -> None:
-    """Writes a new file; one that is there is not replaced."""
-    name = path(file, "file")
-    try:
-        with open(name, "x", encoding="utf-8", newline="\n") as out:
-            out.write(text)
-    except OSError as error:
-        raise InputError(f"{name}: cannot be written: {error}") from None
 
 
 Listener = Callable[[str], object]

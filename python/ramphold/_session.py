@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import PathOrJson, count, json_text, names, number, optional_number, path, text_of
+from ._arguments import PathOrJson, count, json_text, listener, names, number, optional_number, path, text_of
+from ._calibration import CalibrationSource, calibration_argument
 from ._errors import InputError
 from ._law import OwnLaw, mechanism_list, model_text
 from ._native import NativeSession
@@ -41,7 +42,8 @@ class Session:
 
     @classmethod
     def load(cls, folder: str | Path) -> Session:
-        """Reads a session's folder. A window and a filter of the session's protocol hold for its analysis, as in the program.
+        """Reads a session's folder. Window and filter of the session's protocol and the calibration in its folder hold for its
+        analysis, as in the program.
 
         Raises `InputError` with file, line, column and what was expected.
         """
@@ -61,6 +63,10 @@ class Session:
         sample_rate_hz: float | None = None,
         emg_fcr: Array | Sequence[Array | None] | None = None,
         emg_ecr: Array | Sequence[Array | None] | None = None,
+        theta_l: Array | Sequence[Array] | None = None,
+        alpha_l: Array | Sequence[Array] | None = None,
+        torque_h: Array | Sequence[Array] | None = None,
+        theta_j: Array | Sequence[Array] | None = None,
     ) -> Session:
         """A session from a lab's own arrays.
 
@@ -76,17 +82,22 @@ class Session:
             {"kind": "butterworth", "order": 3, "cutoff_hz": 50}.
         sample_rate_hz: samples a second; else from `t`.
         emg_fcr, emg_ecr: EMG, as `theta`, fraction of maximal voluntary contraction; a list may hold None for a trial without.
+        theta_l, alpha_l, torque_h, theta_j: further channels, as `theta`: angle of the handle (rad), its acceleration (rad/s2), torque
+            between handle and hand (N m), angle of the joint (rad). The fit uses what there is; all trials have the same channels.
 
         Arrays are contiguous and of float64; each is copied once. Raises `InputError` otherwise, and if times have gaps, values are
         not finite, or the table does not fit the signals. Wrong units are found by `fit` and `diagnose`, which hold the signals
         against the table.
         """
         rows = _rows(trials)
+        given = {
+            "theta": theta, "torque": torque, "emg_fcr": emg_fcr, "emg_ecr": emg_ecr,
+            "theta_l": theta_l, "alpha_l": alpha_l, "torque_h": torque_h, "theta_j": theta_j,
+        }
         channels = {
-            "theta": _records(theta, "theta", len(rows)),
-            "torque": _records(torque, "torque", len(rows)),
-            "emg_fcr": None if emg_fcr is None else _records(emg_fcr, "emg_fcr", len(rows)),
-            "emg_ecr": None if emg_ecr is None else _records(emg_ecr, "emg_ecr", len(rows)),
+            name: _records(values, name, len(rows))
+            for name, values in given.items()
+            if values is not None or name in ("theta", "torque")
         }
         times = _times(t, len(rows))
         rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else _rate(times[0])
@@ -99,8 +110,11 @@ class Session:
             "recorded_filter": _optional_mapping(recorded_filter, "recorded_filter"),
             "trials": _table(rows),
         }
-        own = [channels[name] or [None] * len(rows) for name in ("theta", "torque", "emg_fcr", "emg_ecr")]
-        signals = list(zip(times, *own, strict=True))
+        columns = {"t": times, **channels}
+        signals = [
+            {name: own[index] for name, own in columns.items() if own[index] is not None or name not in ("emg_fcr", "emg_ecr")}
+            for index in range(len(rows))
+        ]
         return cls(NativeSession.from_arrays(json_text(description, "session"), signals))
 
     @classmethod
@@ -163,18 +177,18 @@ class Session:
         return pd.DataFrame(rows)
 
     def record(self, trial: int) -> pd.DataFrame:
-        """The signals of trial number `trial`: columns t_s (s), theta_m_rad (rad), torque_l_nm (N m), and EMG where measured."""
+        """The signals of trial number `trial`: columns t_s (s), theta_m_rad (rad), torque_l_nm (N m), EMG and further channels where
+        measured."""
         import pandas as pd
 
         numbers = [own["trial"] for own in self._description["trials"]]
         if count(trial, "trial", 0, 2**32 - 1) not in numbers:
             raise InputError(f"trial {trial}: not among the trials {numbers}")
-        values = self._native.record(numbers.index(trial))
-        columns = ("t_s", "theta_m_rad", "torque_l_nm", "emg_fcr_mvc", "emg_ecr_mvc")
-        return pd.DataFrame({name: own for name, own in zip(columns, values, strict=True) if own is not None})
+        return pd.DataFrame(dict(self._native.record(numbers.index(trial))))
 
     def save(self, folder: str | Path) -> None:
-        """Writes a new session folder, which the program reads: numbers have as many digits as it takes to read back the same."""
+        """Writes a new session folder, which the program analyses with the same results: numbers have as many digits as it takes to
+        read back the same, and protocol and calibration of the session come along."""
         self._native.save(path(folder, "folder"))
 
     def check(self) -> list[dict[str, Any]]:
@@ -188,11 +202,13 @@ class Session:
         model: Mapping[str, Any] | None = None,
         mechanisms: Sequence[Mapping[str, Any] | OwnLaw] = (),
         window_s: float | None = None,
+        calibration: CalibrationSource | None = None,
         plain: bool = False,
         independent: bool = False,
         accept: Sequence[str] = (),
         bootstrap: int | None = None,
         seed: int = 1,
+        progress: Callable[[int, int], object] | None = None,
     ) -> Fit:
         """Fits the wrist model; the options are those of `ramphold fit`.
 
@@ -200,10 +216,13 @@ class Session:
         mechanisms: what is added to the model: entries of a model file, or `OwnLaw`, which keeps its values (`OwnLaw.in_model` also
             makes one whose coefficients are fitted).
         window_s: analysed time after the onset, s; else that of the protocol, or 0.040.
+        calibration: constants of the rig: a `Calibration`, its file, or its contents; "none" uses what the session states. Else that in
+            the session's folder, if there is one.
         plain: weight every sample equally instead of by the noise measured in the holds.
         independent: each trial on its own, without the model of the session.
         accept: names of checks of the signals against the table that may fail, such as "onset".
         bootstrap: refit so many simulated sessions, and give the scatter of the estimates.
+        progress: called before each refit of a bootstrap with the number of refits that have begun, and of all.
 
         Other threads of Python run meanwhile. Ctrl-C raises KeyboardInterrupt at once; the work itself ends in the background.
         """
@@ -211,7 +230,18 @@ class Session:
         own = model_text(model, mechanisms)
         text = None if own is None else json_text(own, "model")
         window = optional_number(window_s, "window_s")
-        fitted = self._native.fit(text, window, bool(plain), bool(independent), names(accept, "accept"), refits, count(seed, "seed"))
+        file, calibrated = calibration_argument(calibration)
+        tell, begun = listener(progress), 0
+
+        def refit(_: str) -> None:
+            nonlocal begun
+            begun += 1
+            if tell is not None and refits is not None:
+                tell(begun, refits)
+
+        fitted = self._native.fit(
+            text, window, file, calibrated, bool(plain), bool(independent), names(accept, "accept"), refits, count(seed, "seed"), refit
+        )
         return Fit(fitted)
 
     def diagnose(
@@ -220,6 +250,7 @@ class Session:
         model: Mapping[str, Any] | None = None,
         mechanisms: Sequence[Mapping[str, Any] | OwnLaw] = (),
         window_s: float | None = None,
+        calibration: CalibrationSource | None = None,
         accept: Sequence[str] = (),
         seed: int = 1,
         progress: Listener | None = None,
@@ -234,9 +265,10 @@ class Session:
         own = model_text(model, mechanisms)
         text = None if own is None else json_text(own, "model")
         window = optional_number(window_s, "window_s")
-        if progress is not None and not callable(progress):
-            raise InputError("progress: not callable; expected a function of one text")
-        return Diagnosis(self._native.diagnose(text, window, names(accept, "accept"), count(seed, "seed"), progress))
+        file, calibrated = calibration_argument(calibration)
+        return Diagnosis(self._native.diagnose(
+            text, window, file, calibrated, names(accept, "accept"), count(seed, "seed"), listener(progress)
+        ))
 
     def plot(self) -> Figure:
         """Angle and torque of every trial about its onset: a Matplotlib figure."""

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+Parameters = Mapping[str, float] | ArrayLike
+"""Parameters by name, or in the order of their names."""
+
 
 def mechanisms() -> pd.DataFrame:
     """The catalogue: one row a parameter of a mechanism or of a free law, with its equation, bounds and typical value."""
@@ -126,7 +129,7 @@ class Simulation:
 
 
 def simulate(
-    parameters: Mapping[str, float] | ArrayLike,
+    parameters: Parameters,
     motion: Motion,
     *,
     mechanisms: Sequence[Mapping[str, Any] | OwnLaw] = (),
@@ -144,9 +147,9 @@ def simulate(
     """
     if not isinstance(motion, Motion):
         raise InputError(f"motion: {type(motion).__name__}; expected a ramphold.Motion")
-    values = _points(parameters)
+    values = point_array(parameters, BASE_PARAMETERS)
     several = values.ndim == 2
-    flat = np.ascontiguousarray(values.reshape(-1))
+    flat = values.reshape(-1)
     points = values.shape[0] if several else 1
     added = mechanism_list(mechanisms)
     torque, slopes = motion._native.simulate(flat, points, json_text(added, "mechanisms"), bool(derivatives))
@@ -170,25 +173,28 @@ def _entry(mechanism: str) -> dict[str, Any]:
     return found
 
 
-def _points(parameters: Mapping[str, float] | ArrayLike) -> Array:
+def point_array(parameters: Parameters, names: Sequence[str]) -> Array:
+    """Parameters with these names as a contiguous array, shape (parameters,) or (points, parameters)."""
     if isinstance(parameters, Mapping):
         named = dict(parameters)
-        if set(named) != set(BASE_PARAMETERS):
-            raise InputError(f"parameters: {sorted(map(str, named))}; expected {', '.join(BASE_PARAMETERS)}")
-        return np.array([number(named[name], name) for name in BASE_PARAMETERS])
+        if set(named) != set(names):
+            raise InputError(f"parameters: {sorted(map(str, named))}; expected {', '.join(names)}")
+        return np.array([number(named[name], name) for name in names])
     if isinstance(parameters, (str, bytes, os.PathLike)):
         raise InputError("parameters: text; expected numbers")
     try:
         array = np.asarray(parameters)
     except (TypeError, ValueError) as error:
         raise InputError(f"parameters: {error}; expected numbers") from None
-    if array.dtype == np.float64 or array.dtype.kind in "iu":
-        array = array.astype(np.float64)
-    else:
+    if array.dtype != np.float64 and array.dtype.kind not in "iu":
         raise InputError(f"parameters: dtype {array.dtype}; expected float64")
-    if array.ndim not in (1, 2) or array.shape[-1] != len(BASE_PARAMETERS) or array.shape[0] == 0:
-        raise InputError(f"parameters: shape {array.shape}; expected (6,) or (points, 6)")
-    return array
+    if array.ndim not in (1, 2) or array.shape[-1] != len(names) or array.shape[0] == 0:
+        raise InputError(f"parameters: shape {array.shape}; expected ({len(names)},) or (points, {len(names)}): {', '.join(names)}")
+    whole = np.ascontiguousarray(array, dtype=np.float64)
+    wrong = np.argwhere(~np.isfinite(whole))
+    if len(wrong):
+        raise InputError(f"parameters, {names[wrong[0][-1]]}: {whole[tuple(wrong[0])]} is not valid; expected a finite number")
+    return whole
 
 
 def _mapping(value: object, name: str) -> Mapping[str, Any]:

@@ -51,6 +51,9 @@ enum Told {
     Done,
 }
 
+/// What work gave, or what it panicked with.
+type Outcome<T> = Result<T, Box<dyn Any + Send>>;
+
 /// What a thread unwinds with when its work is no longer wanted.
 struct Interrupted;
 
@@ -85,7 +88,7 @@ pub fn run<T: Send + 'static>(
 ) -> PyResult<T> {
     let (told, hear) = channel();
     let progress = Progress { told, interrupted: Arc::default() };
-    let result: Arc<Mutex<Option<Result<T, Box<dyn Any + Send>>>>> = Arc::default();
+    let result: Arc<Mutex<Option<Outcome<T>>>> = Arc::default();
     let (for_work, place) = (progress.clone(), result.clone());
     pool()?.spawn(move || {
         let done = catch_unwind(AssertUnwindSafe(|| work(&for_work)));

@@ -5,6 +5,7 @@
 
 mod arrays;
 mod background;
+mod calibration;
 mod command;
 mod errors;
 mod fitted;
@@ -26,6 +27,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<motion::NativeMotion>()?;
     module.add_class::<protocol::NativeProtocol>()?;
     module.add_class::<study::NativeStudy>()?;
+    module.add_function(wrap_pyfunction!(calibration::calibrate, module)?)?;
+    module.add_function(wrap_pyfunction!(calibration::check_calibration, module)?)?;
+    module.add_function(wrap_pyfunction!(calibration::compare_calibration, module)?)?;
     module.add_function(wrap_pyfunction!(motion::catalogue, module)?)?;
     module.add_function(wrap_pyfunction!(motion::spline_basis, module)?)?;
     module.add_function(wrap_pyfunction!(command::command, module)?)

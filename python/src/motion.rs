@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use ramphold::fit::{Observations, TrialObservation, predict};
+use ramphold::fit::{Observations, RigConstants, TrialObservation, predict};
 use ramphold::rig::virtual_wrist::MechanismList;
 use ramphold::signal::FilterSpec;
 use ramphold::wrist::mechanisms::{CATALOGUE, Covariates, FREE_LAWS, MechanismKind};
@@ -45,8 +45,9 @@ struct GivenMotion {
 }
 
 impl NativeMotion {
-    /// The motion of the only trial of `observations`.
-    pub fn of(observations: Observations) -> PyResult<Self> {
+    /// The motion of the only trial of `observations`, whose torque is what is simulated.
+    pub fn of(mut observations: Observations) -> PyResult<Self> {
+        observations.further.clear();
         if observations.trials.len() == 1 {
             Ok(Self { observations: Arc::new(observations) })
         } else {
@@ -89,10 +90,8 @@ impl NativeMotion {
         }
         if let Some(lever) = given.lever {
             let positive = |value: f64| value.is_finite() && value > 0.0;
-            if !positive(lever.inertia_kg_m2)
-                || !positive(lever.stiffness_nm_per_rad)
-                || !(lever.damping_nm_s_per_rad.is_finite() && lever.damping_nm_s_per_rad >= 0.0)
-            {
+            let damped = lever.damping_nm_s_per_rad.is_finite() && lever.damping_nm_s_per_rad >= 0.0;
+            if !(damped && positive(lever.inertia_kg_m2) && positive(lever.stiffness_nm_per_rad)) {
                 return refuse(
                     "lever",
                     format!("{lever:?}"),
@@ -134,14 +133,18 @@ impl NativeMotion {
             angle_rad: theta.to_vec(),
             input: TrialInput { motion: motor_motion(theta, period_s), onset: given.onset, covariates },
             measured_nm: vec![0.0; samples],
+            cubed_nm3: vec![0.0; samples],
+            cubed_0_nm3: 0.0,
             hold_stretches: Vec::new(),
         };
         Self::of(Observations {
             lever: given.lever,
+            constants: RigConstants::stated(given.lever),
             period_s,
             samples,
             // The model starts at rest with the record.
             lead_samples: given.onset,
+            prediction_sections: sections.clone(),
             sections,
             trials: vec![trial],
             excluded_trials: Vec::new(),
@@ -149,6 +152,8 @@ impl NativeMotion {
             angle_noise_rad: 0.0,
             angle_step_rad: 0.0,
             angle_smoothings: vec![(1.0, Smoothing::ONE_RECORD)],
+            further: Vec::new(),
+            further_step: Vec::new(),
             noise_index: vec![None],
             noise_covariances: Vec::new(),
             noise_source: None,

@@ -7,12 +7,15 @@ use std::sync::Arc;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use ramphold::app::{
-    CheckedSession, Failure, FitRequest, diagnose_session, fit_session, prepare_diagnosis,
-    preprocessing_settings, with_window,
+    AnalysedSession, CheckedSession, Failure, UsedCalibration, preprocessing_settings, with_window,
 };
 use ramphold::consistency::{self, SignalCheck};
-use ramphold::dataset::{Record, Session, Status, Subject, Trial, check_given, load, write_session};
-use ramphold::fit::{self, Model, PreprocessingSettings, Weighting};
+use ramphold::dataset::{
+    FurtherChannel, Record, Session, Status, Subject, Trial, check_given, load, stored_protocol,
+    write_session,
+};
+use ramphold::fit::{self, Model, Weighting};
+use ramphold::protocol::ValidProtocol;
 use ramphold::rig::virtual_wrist::{MechanismList, Person, RigFile, Setup};
 use ramphold::signal::FilterSpec;
 use ramphold::study::{SessionStorage, Unit, UnitSource, simulate_unit};
@@ -26,12 +29,13 @@ use crate::errors::{exception, failed_work, wrong_input};
 use crate::fitted::NativeFit;
 use crate::protocol::NativeProtocol;
 
-/// A session, its name in messages, and its protocol's window and filter.
+/// A session, its name in messages, its protocol, and the calibration in its folder.
 #[pyclass(frozen, module = "ramphold._native")]
 pub struct NativeSession {
     session: Arc<Session>,
     name: String,
-    settings: PreprocessingSettings,
+    protocol: Option<ValidProtocol>,
+    calibration: Option<UsedCalibration>,
 }
 
 /// A session as Python describes it, without its signals.
@@ -58,23 +62,46 @@ struct GivenTrial {
     extra: BTreeMap<String, String>,
 }
 
-/// The signals of a trial as they come: time, angle, torque, EMG of FCR and ECR.
-type Signals<'py> = (
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Bound<'py, PyAny>,
-    Option<Bound<'py, PyAny>>,
-    Option<Bound<'py, PyAny>>,
-);
+/// The signals of a trial by the names of the arguments of `Session.from_arrays`.
+type Signals<'py> = BTreeMap<String, Bound<'py, PyAny>>;
 
-/// The signals of a trial as they go: time, angle, torque, EMG of FCR and ECR.
-type Record5<'py> = (
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    Option<Bound<'py, PyArray1<f64>>>,
-    Option<Bound<'py, PyArray1<f64>>>,
-);
+/// The arguments of `Session.from_arrays` for the further channels.
+const FURTHER: [(&str, FurtherChannel); 4] = [
+    ("theta_l", FurtherChannel::HandleAngle),
+    ("alpha_l", FurtherChannel::HandleAcceleration),
+    ("torque_h", FurtherChannel::HandTorque),
+    ("theta_j", FurtherChannel::JointAngle),
+];
+
+/// The record of a trial, and its times, s; `trial` is its number in messages.
+fn record_of(signals: &Signals<'_>, trial: u32) -> PyResult<(Record, Vec<f64>)> {
+    let optional = |channel: &str| -> PyResult<Option<Vec<f64>>> {
+        let Some(value) = signals.get(channel) else { return Ok(None) };
+        let name = format!("trial {trial}, {channel}");
+        let array = vector(value, &name)?;
+        let values = array.as_slice().map_err(|error| wrong_input(format!("{name}: {error}")))?;
+        Ok(Some(values.to_vec()))
+    };
+    let needed = |channel: &str| {
+        optional(channel)?.ok_or_else(|| wrong_input(format!("trial {trial}, {channel}: is missing")))
+    };
+    let times_s = needed("t")?;
+    let mut record = Record {
+        start_s: times_s.first().copied().unwrap_or(0.0),
+        theta_m_rad: needed("theta")?,
+        torque_l_nm: needed("torque")?,
+        emg_fcr_mvc: optional("emg_fcr")?,
+        emg_ecr_mvc: optional("emg_ecr")?,
+        ..Record::default()
+    };
+    for (name, channel) in FURTHER {
+        *record.further_mut(channel) = optional(name)?;
+    }
+    Ok((record, times_s))
+}
+
+/// A column, with its name.
+type NamedArray<'py> = (&'static str, Bound<'py, PyArray1<f64>>);
 
 /// Reads the JSON text of an argument.
 pub fn argument<T: DeserializeOwned>(text: &str, name: &str) -> PyResult<T> {
@@ -104,10 +131,10 @@ impl NativeSession {
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let name = path.display().to_string();
         let read = background::run(py, None, move |_| -> Result<_, Failure> {
-            Ok((load(&path)?, preprocessing_settings(&path, None)?))
+            Ok((load(&path)?, stored_protocol(&path)?, UsedCalibration::of_session(None, &path)?))
         })?;
-        let (session, settings) = read.map_err(exception)?;
-        Ok(Self { session: Arc::new(session), name, settings })
+        let (session, protocol, calibration) = read.map_err(exception)?;
+        Ok(Self { session: Arc::new(session), name, protocol, calibration })
     }
 
     /// Makes a session of a description and the signals of its trials.
@@ -122,25 +149,8 @@ impl NativeSession {
             )));
         }
         let (mut trials, mut times_s) = (Vec::new(), Vec::new());
-        for (about, (time, theta, torque, fcr, ecr)) in given.trials.into_iter().zip(&signals) {
-            let read = |value: &Bound<'_, PyAny>, channel: &str| -> PyResult<Vec<f64>> {
-                let name = format!("trial {}, {channel}", about.trial);
-                Ok(vector(value, &name)?
-                    .as_slice()
-                    .map_err(|error| wrong_input(format!("{name}: {error}")))?
-                    .to_vec())
-            };
-            let emg = |value: &Option<Bound<'_, PyAny>>, channel: &str| {
-                value.as_ref().map(|value| read(value, channel)).transpose()
-            };
-            let own_s = read(time, "t")?;
-            let record = Record {
-                start_s: own_s.first().copied().unwrap_or(0.0),
-                theta_m_rad: read(theta, "theta")?,
-                torque_l_nm: read(torque, "torque")?,
-                emg_fcr_mvc: emg(fcr, "emg_fcr")?,
-                emg_ecr_mvc: emg(ecr, "emg_ecr")?,
-            };
+        for (about, own) in given.trials.into_iter().zip(&signals) {
+            let (record, own_s) = record_of(own, about.trial)?;
             times_s.push(own_s);
             trials.push(Trial {
                 number: about.trial,
@@ -163,11 +173,7 @@ impl NativeSession {
             trials,
         };
         check_given(&session, &times_s).map_err(exception)?;
-        Ok(Self {
-            session: Arc::new(session),
-            name: "session".into(),
-            settings: PreprocessingSettings::default(),
-        })
+        Ok(Self { session: Arc::new(session), name: "session".into(), protocol: None, calibration: None })
     }
 
     /// Simulates the session of a virtual subject.
@@ -206,7 +212,7 @@ impl NativeSession {
             setup.mechanisms = setup.mechanisms.and(&added);
         }
         let (protocol, subject) = (protocol.0.clone(), subject.to_owned());
-        let settings = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
+        let kept = protocol.clone();
         let simulated = background::run(py, None, move |_| {
             let source = UnitSource::Virtual {
                 protocol: &protocol,
@@ -218,18 +224,25 @@ impl NativeSession {
             simulate_unit(&Unit { index: 0, subject, session: 1, source }, SessionStorage::Memory)
         })?;
         match simulated {
-            Ok(Some(session)) => Ok(Self { session: Arc::new(session), name: "session".into(), settings }),
+            Ok(Some(session)) => Ok(Self {
+                session: Arc::new(session),
+                name: "session".into(),
+                protocol: Some(kept),
+                calibration: None,
+            }),
             Ok(None) => Err(failed_work("the simulation gave no session")),
             Err(error) => Err(exception(Failure::Unit(error))),
         }
     }
 
-    /// Writes the session into a new folder.
+    /// Writes the session into a new folder, with its protocol and calibration.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let session = self.session.clone();
         let name = path.display().to_string();
-        background::run(py, None, move |_| write_session(&session, &path))?
-            .map_err(|error| wrong_input(format!("{name}: {error}")))
+        let protocol = self.protocol.as_ref().map(|protocol| protocol.text().to_owned());
+        let calibration = self.calibration.as_ref().map(|used| used.bytes.clone());
+        let write = move |_: &_| write_session(&session, protocol.as_deref(), calibration.as_deref(), &path);
+        background::run(py, None, write)?.map_err(|error| wrong_input(format!("{name}: {error}")))
     }
 
     /// Subject, rate, lever, filter and table, as JSON.
@@ -266,8 +279,8 @@ impl NativeSession {
         self.session.digest()
     }
 
-    /// The signals of the trial at `index`.
-    fn record<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Record5<'py>> {
+    /// The signals of the trial at `index`, with the names of their columns.
+    fn record<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Vec<NamedArray<'py>>> {
         let Some(trial) = self.session.trials.get(index) else {
             return Err(wrong_input(format!(
                 "trial at {index}: expected less than {}",
@@ -278,14 +291,17 @@ impl NativeSession {
         let times_s: Vec<f64> = (0..record.theta_m_rad.len())
             .map(|sample| record.start_s + sample as f64 / self.session.sample_rate_hz)
             .collect();
-        let array = |values: &[f64]| PyArray1::from_slice(py, values);
-        Ok((
-            array(&times_s),
-            array(&record.theta_m_rad),
-            array(&record.torque_l_nm),
-            record.emg_fcr_mvc.as_deref().map(array),
-            record.emg_ecr_mvc.as_deref().map(array),
-        ))
+        let columns = [
+            ("t_s", Some(&times_s)),
+            ("theta_m_rad", Some(&record.theta_m_rad)),
+            ("torque_l_nm", Some(&record.torque_l_nm)),
+            ("emg_fcr_mvc", record.emg_fcr_mvc.as_ref()),
+            ("emg_ecr_mvc", record.emg_ecr_mvc.as_ref()),
+        ];
+        let further =
+            FurtherChannel::ALL.into_iter().map(|channel| (channel.column(), record.further(channel)));
+        let measured = columns.into_iter().chain(further);
+        Ok(measured.filter_map(|(name, values)| Some((name, PyArray1::from_slice(py, values?)))).collect())
     }
 
     /// What the signals say against the table, as JSON.
@@ -295,38 +311,37 @@ impl NativeSession {
         serde_json::to_string(&found).map_err(|error| failed_work(error.to_string()))
     }
 
-    /// Fits the session.
-    #[pyo3(signature = (model_text, window_s, plain, independent, accept, bootstrap, seed))]
+    /// Fits the session. `listener` is called before each refit of a bootstrap.
+    ///
+    /// `calibration` is the file of the rig's constants or `none`, `calibration_text` the text of such a file; without both that of the
+    /// session's folder is used.
+    #[pyo3(signature = (model_text, window_s, calibration, calibration_text, plain, independent, accept, bootstrap, seed, listener))]
     #[allow(clippy::too_many_arguments)]
     fn fit(
         &self,
         py: Python<'_>,
         model_text: Option<&str>,
         window_s: Option<f64>,
+        calibration: Option<PathBuf>,
+        calibration_text: Option<String>,
         plain: bool,
         independent: bool,
         accept: Vec<String>,
         bootstrap: Option<u32>,
         seed: u64,
+        listener: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<NativeFit> {
-        let asked = FitRequest {
-            model: model(model_text)?,
-            window_s,
-            weighting: if plain { Weighting::Plain } else { Weighting::MeasuredNoise },
-            independent,
-            accept: checks(&accept)?,
-        };
+        let (model, accept) = (model(model_text)?, checks(&accept)?);
         if bootstrap.is_some_and(|refits| !(2..=1_000_000).contains(&refits)) {
             return Err(wrong_input("bootstrap: expected 2 to 1000000 refits"));
         }
-        let settings = with_window(self.settings, window_s).map_err(exception)?;
-        let (session, name) = (self.session.clone(), self.name.clone());
-        let fitted = background::run(py, None, move |progress| -> Result<_, Failure> {
-            let checked = check(&session, &name, &asked.accept)?;
-            let mut fitted = fit_session(checked, &name, settings, &asked)?;
+        let weighting = if plain { Weighting::Plain } else { Weighting::MeasuredNoise };
+        let prepare = self.preparation(window_s, calibration, calibration_text, accept);
+        let fitted = background::run(py, listener, move |progress| -> Result<_, Failure> {
+            let mut fitted = prepare()?.fit(&model, weighting, independent)?;
             if let Some(refits) = bootstrap {
                 let (observations, fit) = (&fitted.observations, &fitted.independent);
-                let go_on = || progress.check();
+                let go_on = || progress.stage("refit");
                 let scatter = fit::bootstrap_watched(observations, fit, refits as usize, seed, go_on);
                 fitted.results.add_bootstrap(refits as usize, seed, &scatter);
             }
@@ -335,34 +350,59 @@ impl NativeSession {
         NativeFit::new(fitted.map_err(exception)?)
     }
 
-    /// Diagnoses the session; returns the text of diagnosis.json. `listener` is called with the name of each stage.
-    #[pyo3(signature = (model_text, window_s, accept, seed, listener))]
+    /// Diagnoses the session; returns the text of diagnosis.json. `listener` is called with the name of each stage. Calibrations are given
+    /// as for `fit`.
+    #[pyo3(signature = (model_text, window_s, calibration, calibration_text, accept, seed, listener))]
+    #[allow(clippy::too_many_arguments)]
     fn diagnose(
         &self,
         py: Python<'_>,
         model_text: Option<&str>,
         window_s: Option<f64>,
+        calibration: Option<PathBuf>,
+        calibration_text: Option<String>,
         accept: Vec<String>,
         seed: u64,
         listener: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<String> {
         let (model, accept) = (model(model_text)?, checks(&accept)?);
-        let settings = with_window(self.settings, window_s).map_err(exception)?;
-        let (session, name) = (self.session.clone(), self.name.clone());
+        let prepare = self.preparation(window_s, calibration, calibration_text, accept);
         let found = background::run(py, listener, move |progress| -> Result<_, Failure> {
-            let checked = check(&session, &name, &accept)?;
-            let input = prepare_diagnosis(&checked.session, &name, settings, &model)?;
-            let stage = |name: &'static str| progress.stage(name);
-            Ok(diagnose_session(&checked, input, settings, &model, seed, &stage).json)
+            let session = prepare()?;
+            let input = session.prepare_diagnosis(&model)?;
+            Ok(session.diagnose(input, &model, seed, &|name| progress.stage(name)).json)
         })?;
         let text = serde_json::to_string_pretty(&found.map_err(exception)?);
         text.map(|text| text + "\n").map_err(|error| failed_work(error.to_string()))
     }
 }
 
-/// Holds a session against its own table, as the program does before every analysis.
-fn check(session: &Session, name: &str, accept: &[SignalCheck]) -> Result<CheckedSession, Failure> {
-    let accepted = consistency::check(session, accept)
-        .map_err(|found| Failure::Contradicts { session: name.to_owned(), found })?;
-    Ok(CheckedSession { session: session.clone(), accepted })
+impl NativeSession {
+    /// What makes the session ready to be analysed, as the program does: it is held against its table, and its window and calibration
+    /// are found.
+    fn preparation(
+        &self,
+        window_s: Option<f64>,
+        calibration: Option<PathBuf>,
+        calibration_text: Option<String>,
+        accept: Vec<SignalCheck>,
+    ) -> impl FnOnce() -> Result<AnalysedSession, Failure> + Send + 'static {
+        let (session, name) = (self.session.clone(), self.name.clone());
+        let settings = preprocessing_settings(self.protocol.as_ref());
+        let own = self.calibration.clone();
+        move || {
+            let accepted = consistency::check(&session, &accept)
+                .map_err(|found| Failure::Contradicts { session: name.clone(), found })?;
+            let settings = with_window(settings, window_s)?;
+            let calibration = match (calibration_text, calibration) {
+                (Some(text), _) => {
+                    Some(UsedCalibration::parse(text.into_bytes(), PathBuf::from("calibration"))?)
+                }
+                (None, Some(file)) => UsedCalibration::given(&file)?,
+                (None, None) => own,
+            };
+            let checked = CheckedSession { session: (*session).clone(), accepted };
+            Ok(AnalysedSession { checked, name, settings, calibration })
+        }
+    }
 }

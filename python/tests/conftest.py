@@ -34,7 +34,7 @@ def run(*arguments, code=0, folder=None):
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
-    """A session of the virtual wrist that the program ran, with a hidden effect."""
+    """A session of the virtual wrist that the program ran."""
     path = tmp_path_factory.mktemp("sessions") / "S01"
     run("run", QUICK, "--seed", 4, "--out", path, "--quiet")
     return path
@@ -49,17 +49,24 @@ def loaded(folder):
 def arrays(loaded):
     """The arguments of from_arrays that make the session anew."""
     table = loaded.to_frame()
-    records = [loaded.record(trial) for trial in table["trial"]]
     return {
-        "t": [record["t_s"].to_numpy().copy() for record in records],
-        "theta": [record["theta_m_rad"].to_numpy().copy() for record in records],
-        "torque": [record["torque_l_nm"].to_numpy().copy() for record in records],
-        "emg_fcr": [record["emg_fcr_mvc"].to_numpy().copy() for record in records],
-        "emg_ecr": [record["emg_ecr_mvc"].to_numpy().copy() for record in records],
+        **signals_of(loaded),
         "trials": table,
         "lever": loaded.lever,
         "subject": loaded.subject,
         "sample_rate_hz": loaded.sample_rate_hz,
+    }
+
+
+def signals_of(session):
+    """The signals of a session by the arguments of from_arrays."""
+    columns = {
+        "t": "t_s", "theta": "theta_m_rad", "torque": "torque_l_nm", "emg_fcr": "emg_fcr_mvc", "emg_ecr": "emg_ecr_mvc",
+        "theta_l": "theta_l_rad", "alpha_l": "alpha_l_rad_s2", "torque_h": "torque_h_nm", "theta_j": "theta_j_rad",
+    }
+    records = [session.record(trial) for trial in session.to_frame()["trial"]]
+    return {
+        name: [record[column].to_numpy().copy() for record in records] for name, column in columns.items() if column in records[0]
     }
 
 

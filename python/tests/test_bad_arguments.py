@@ -162,12 +162,28 @@ def other_calls(session, fit, motion):
                       {"parameters": {"ghost": {"scope": "trial"}}}, {"parameters": {"x_e_rad": {"scope": "never"}}},
                       {"parameters": {"x_e_rad": {"scope": "fixed", "value": NAN}}}, {"parameters": {"x_e_rad": {"scope": "fixed"}}}):
             yield lambda verb=verb, model=model: verb(model=model)
+        for calibration in (3, [], {}, "/nowhere.json", "\0", b"x", {"format": "ramphold-rig-calibration/1"}, {"a": NAN}, True):
+            yield lambda verb=verb, calibration=calibration: verb(calibration=calibration)
+    for name in PARAMETERS:
+        for call in (fit.residuals, fit.log_likelihood):
+            yield lambda call=call, name=name: call(fit.trials[0], {**PARAMETERS, name: NAN})
+            yield lambda call=call, name=name: call(fit.trials[0], {key: own for key, own in PARAMETERS.items() if key != name})
+    for channel in (None, 0, "theta", "theta_l_rad", ""):
+        yield lambda channel=channel: fit.measured(channel)
+        yield lambda channel=channel: fit.predicted(channel)
+    for own in (None, 3, "/nowhere.json", "\0", QUICK):
+        yield lambda own=own: ramphold.calibrate(own)
+        yield lambda own=own: ramphold.Calibration.load(own)
+    for text in ("", "{}", "[]", "\0", "null"):
+        yield lambda text=text: ramphold.Calibration(text)
     for refits in (0, 1, -1, 1.5, 10**7, "2", True, NAN):
         yield lambda refits=refits: session.fit(bootstrap=refits)
     for listener in (3, "print", []):
         yield lambda listener=listener: session.diagnose(progress=listener)
     for trial in (0, -1, 999, 1.5, None, "1", 2**40, True, NAN):
-        for call in (session.record, fit.motion, fit.whitening, lambda own: fit.log_likelihood(own, PARAMETERS)):
+        for call in (
+            session.record, fit.motion, lambda own: fit.residuals(own, PARAMETERS), lambda own: fit.log_likelihood(own, PARAMETERS)
+        ):
             yield lambda call=call, trial=trial: call(trial)
     for table in ("trial", None, 3, ["trials"]):
         yield lambda table=table: fit.to_frame(table)

@@ -6,10 +6,9 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import QUICK, ROOT, run
+from conftest import QUICK, ROOT, run, signals_of
 
 import ramphold
-
 
 
 def table_of(text):
@@ -99,3 +98,45 @@ def test_a_prediction_is_the_model_at_the_fitted_parameters(fitted):
     for row, trial in enumerate(fitted.trials[:3]):
         own = ramphold.simulate(parameters.loc[trial].to_dict(), fitted.motion(trial))
         assert np.array_equal(own.torque_nm, fitted.predicted_nm(independent=True)[row])
+
+
+def test_a_session_with_more_sensors_has_the_results_of_the_program(tmp_path):
+    """Handle angle, its acceleration, and the torque at the hand are fitted as well."""
+    sensors = {
+        "kind": "virtual",
+        "handle_encoder_counts_per_revolution": 262144,
+        "accelerometer_noise_rad_s2": 5.0,
+        "hand_load_cell_noise_nm": 0.01,
+    }
+    measured = ramphold.Session.simulate(QUICK, 4, rig=sensors)
+    table = measured.to_frame().astype({"trial": int, "repetition": int})
+    session = ramphold.Session.from_arrays(**signals_of(measured), trials=table, lever=measured.lever)
+    session.save(tmp_path / "s")
+    run("fit", tmp_path / "s", "--out", tmp_path / "out")
+    fit = session.fit()
+    assert fit.json == (tmp_path / "out/fit.json").read_text()
+    assert fit.channels == ["torque_l_nm", "theta_l_rad", "alpha_l_rad_s2", "torque_h_nm"]
+    for channel in fit.channels:
+        own, predicted = fit.measured(channel), fit.predicted(channel)
+        assert own.shape == predicted.shape == (len(fit.trials), fit.time_s.size)
+        assert np.square(own - predicted).sum() < 0.1 * np.square(own).sum(), channel
+    assert np.array_equal(fit.measured("torque_l_nm"), fit.measured_nm)
+    # Residuals are those of all channels, each as large as its noise.
+    parameters = fit.parameters(independent=True)
+    trial = fit.trials[0]
+    left = fit.residuals(trial, parameters.loc[trial].to_dict())
+    assert left.size % 4 == 0 and 0.3 < np.square(left).mean() < 3.0
+    # The motor's motion is the same with and without them, and so is the torque of given parameters.
+    own = ramphold.simulate(parameters.loc[trial].to_dict(), fit.motion(trial))
+    assert np.array_equal(own.torque_nm, fit.predicted_nm(independent=True)[0])
+
+
+def test_window_and_filter_of_the_protocol_are_kept_with_a_session(tmp_path):
+    protocol = ramphold.Protocol(QUICK).dict
+    protocol["window_s"] = 0.035
+    protocol["signal"]["filter"]["cutoff_hz"] = 80
+    session = ramphold.Session.simulate(protocol, 3)
+    session.save(tmp_path / "s")
+    run("fit", tmp_path / "s", "--out", tmp_path / "out")
+    assert session.fit().json == (tmp_path / "out/fit.json").read_text() == ramphold.Session.load(tmp_path / "s").fit().json
+    assert session.fit().dict["settings"]["window_s"] == 0.035

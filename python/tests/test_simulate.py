@@ -58,3 +58,30 @@ def test_the_likelihood_is_highest_at_the_fit(loaded):
     for name in ramphold.BASE_PARAMETERS:
         for factor in (0.97, 1.03):
             assert fit.log_likelihood(trial, {**best, name: best[name] * factor}) < at_best, name
+
+
+def test_residuals_have_the_slopes_that_they_say(loaded):
+    fit = loaded.fit(mechanisms=DAMPING, independent=True)
+    trial = fit.trials[0]
+    best = fit.parameters(independent=True).loc[trial]
+    residuals, slopes = fit.residuals(trial, best.to_numpy(), derivatives=True)
+    assert list(best.index)[6:] == ["joint_damping.b_j_nm_s_per_rad"] and slopes.shape == (residuals.size, 7)
+    assert np.array_equal(residuals, fit.residuals(trial, best.to_dict()))
+    for column, name in enumerate(best.index):
+        step = 1e-5 * best[name]
+        sides = [fit.residuals(trial, {**best, name: best[name] + sign * step}) for sign in (1, -1)]
+        slope = (sides[0] - sides[1]) / (2 * step)
+        assert np.abs(slope - slopes[:, column]).max() < 1e-4 * np.abs(slope).max(), name
+
+
+def test_the_likelihood_of_many_points_is_that_of_each(loaded):
+    fit = loaded.fit(independent=True)
+    trial = fit.trials[0]
+    best = fit.parameters(independent=True).loc[trial].to_numpy()
+    points = best * np.linspace(0.9, 1.1, 5)[:, None]
+    points[1, 0] = -points[1, 0]
+    found = fit.log_likelihood(trial, points)
+    assert found[1] == -np.inf and np.isfinite(np.delete(found, 1)).all()
+    assert [fit.log_likelihood(trial, own) for own in points] == list(found)
+    left = fit.residuals(trial, points[2])
+    assert found[2] == pytest.approx(-0.5 * left @ left, rel=1e-12)

@@ -10,6 +10,7 @@ use crate::diagnose::{Diagnosis, DiagnosisInput, diagnose, remove_hum};
 use crate::fit::{
     Fit, Model, NoSessionModel, Observations, PreprocessingSettings, Results, SessionFit, Weighting,
 };
+use crate::protocol::ValidProtocol;
 
 use super::calibration::UsedCalibration;
 use super::checked_session::{CheckedSession, load_checked};
@@ -69,7 +70,8 @@ impl AnalysedSession {
     /// If session or calibration cannot be read, or the session contradicts its table.
     pub fn read(folder: &Path, asked: &AnalysisRequest, console: &Console) -> Result<Self, Failure> {
         let checked = load_checked(folder, &asked.accept)?;
-        let settings = with_window(preprocessing_settings(folder)?, asked.window_s)?;
+        let protocol = dataset::stored_protocol(folder)?;
+        let settings = with_window(preprocessing_settings(protocol.as_ref()), asked.window_s)?;
         let calibration = UsedCalibration::of_session(asked.calibration.as_deref(), folder)?;
         if let Some(used) = &calibration {
             used.announce(console);
@@ -145,16 +147,11 @@ impl AnalysedSession {
     }
 }
 
-/// The filter and the analysed window of a session: those of its protocol, or of the paper where it has none.
-///
-/// # Errors
-/// If the protocol in the folder cannot be read.
-pub fn preprocessing_settings(folder: &Path) -> Result<PreprocessingSettings, Failure> {
-    Ok(match dataset::stored_protocol(folder)? {
-        Some(protocol) => {
-            PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter }
-        }
-        None => PreprocessingSettings::default(),
+/// The filter and the analysed window of a session of `protocol`; those of the paper without one.
+pub fn preprocessing_settings(protocol: Option<&ValidProtocol>) -> PreprocessingSettings {
+    protocol.map_or_else(PreprocessingSettings::default, |protocol| PreprocessingSettings {
+        window_s: protocol.window_s,
+        filter: protocol.signal.filter,
     })
 }
 

@@ -9,6 +9,8 @@ use serde_json::json;
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::load::{check_further_channels, check_record, check_values};
+use super::rig_calibration::RIG_CALIBRATION;
+use super::stored_protocol::PROTOCOL;
 use super::trial_csv_reader::check_times;
 use super::{FurtherChannel, PROGRAM, Record, SESSION_FORMAT, Session, Status, Trial};
 use crate::files::{Folder, csv_cell, limits, make_folders};
@@ -107,9 +109,17 @@ fn sample_at(trial: &str, sample: usize, channel: &str) -> FilePlace {
 
 /// Writes `session` into the new folder `folder`; numbers have as many digits as it takes to read back the same.
 ///
+/// `protocol` is the text of the protocol whose window and filter hold for it, and `calibration` the bytes of the rig's calibration: an
+/// analysis of the folder then gives what one of the session gives.
+///
 /// # Errors
 /// If the folder is there already, or cannot be written.
-pub fn write_session(session: &Session, folder: &Path) -> std::io::Result<()> {
+pub fn write_session(
+    session: &Session,
+    protocol: Option<&str>,
+    calibration: Option<&[u8]>,
+    folder: &Path,
+) -> std::io::Result<()> {
     if crate::files::exists(folder) {
         return Err(std::io::Error::new(
             std::io::ErrorKind::AlreadyExists,
@@ -130,6 +140,12 @@ pub fn write_session(session: &Session, folder: &Path) -> std::io::Result<()> {
         disk.write(&opened, &trial.file, record_text(&trial.record, session.sample_rate_hz).as_bytes())?;
     }
     disk.write(&opened, "trials.csv", table_text(session).as_bytes())?;
+    if let Some(protocol) = protocol {
+        disk.write(&opened, PROTOCOL, protocol.as_bytes())?;
+    }
+    if let Some(calibration) = calibration {
+        disk.write(&opened, RIG_CALIBRATION, calibration)?;
+    }
     let description = json!({
         "format": SESSION_FORMAT,
         "subject": { "id": session.subject.id },
@@ -237,11 +253,11 @@ mod tests {
         check_given(&session, &times_s).unwrap();
         let parent = tempfile::tempdir().unwrap();
         let folder = parent.path().join("s");
-        write_session(&session, &folder).unwrap();
+        write_session(&session, None, None, &folder).unwrap();
         let again = load(&folder).unwrap();
         assert_eq!(again.digest(), session.digest());
         assert_eq!(again.trials[1].record, session.trials[1].record);
-        let error = write_session(&session, &folder).unwrap_err();
+        let error = write_session(&session, None, None, &folder).unwrap_err();
         assert!(error.to_string().contains("exists already"), "{error}");
     }
 
