@@ -19,7 +19,7 @@ use crate::files::{Folder, csv_cell, limits, make_folders};
 const DESCRIPTION: &str = "the session given";
 
 /// Columns of `trials.csv` that every session has.
-const COLUMNS: [&str; 8] =
+const TRIAL_COLUMNS: [&str; 8] =
     ["trial", "file", "velocity_rad_s", "torque_nm", "repetition", "onset_s", "status", "condition"];
 
 /// Checks a session that was made in memory by the rules for one that is read, see [`super::load`].
@@ -167,7 +167,7 @@ fn table_text(session: &Session) -> String {
         .collect::<BTreeSet<_>>()
         .into_iter()
         .collect();
-    let columns = &COLUMNS[..if labelled { 8 } else { 7 }];
+    let columns = &TRIAL_COLUMNS[..if labelled { 8 } else { 7 }];
     let header = columns.iter().map(|name| (*name).to_owned()).chain(extra.iter().map(|name| csv_cell(name)));
     let mut text = header.collect::<Vec<_>>().join(",") + "\n";
     for trial in &session.trials {
@@ -269,7 +269,7 @@ mod tests {
             (|session, _| session.trials[1].velocity_rad_s = 0.0, "trial 2, velocity_rad_s"),
             (|session, _| session.trials[1].torque_nm = f64::NAN, "trial 2, torque_nm"),
             (|session, _| session.trials[0].record.theta_m_rad[7] = f64::NAN, "theta_m_rad[7]"),
-            (|session, _| drop(session.trials[0].record.torque_l_nm.pop()), "399 samples"),
+            (|session, _| session.trials[0].record.torque_l_nm.truncate(399), "399 samples"),
             (|_, times_s| times_s[1][9] = times_s[1][8], "trial 2, t_s[9]"),
             (|session, _| session.sample_rate_hz = 1000.0, "trial 1, t_s"),
             (|session, _| session.trials[0].onset_s = Some(9.0), "trial 1, onset_s"),
