@@ -6,7 +6,6 @@
 
 # %%
 import numpy as np
-import pandas as pd
 
 import ramphold
 
@@ -25,13 +24,7 @@ table
 # filtered, and offsets stay in. `lever` is None for a rigid one. Numbers of the repetitions are counted where the table has none.
 
 # %%
-session = ramphold.Session.from_arrays(
-    [np.ascontiguousarray(own) for own in t],
-    [np.ascontiguousarray(own) for own in theta],
-    [np.ascontiguousarray(own) for own in torque],
-    trials=table,
-    lever=measured.lever,
-)
+session = ramphold.Session.from_arrays(t, theta, torque, trials=table, lever=measured.lever)
 session.plot()
 
 # %% [markdown]
@@ -69,4 +62,4 @@ assert diagnosis.verdict == "adequate"
 
 # %%
 session.save("S01")
-assert isinstance(table, pd.DataFrame) and ramphold.Session.load("S01").digest == session.digest
+assert ramphold.Session.load("S01").digest == session.digest
