@@ -273,7 +273,7 @@ mod tests {
             (|_, times_s| times_s[1][9] = times_s[1][8], "trial 2, t_s[9]"),
             (|session, _| session.sample_rate_hz = 1000.0, "trial 1, t_s"),
             (|session, _| session.trials[0].onset_s = Some(9.0), "trial 1, onset_s"),
-            (|session, _| session.trials[1].record.alpha_l_rad_s2 = None, "trial 2: no further channel"),
+            (|session, _| session.trials[1].record.alpha_l_rad_s2 = None, "trial 2: has no further channel"),
             (|session, _| session.trials[0].record.theta_j_rad = Some(vec![0.0; 3]), "trial 1, theta_j_rad"),
             (|session, _| session.sample_rate_hz = 0.0, "sample_rate_hz"),
         ];
