@@ -431,6 +431,14 @@ mod tests {
     }
 
     #[test]
+    fn a_cause_is_named_half_of_the_time_where_the_expected_lead_is_what_a_name_needs() {
+        assert_eq!(probability_of_name(0.0), 0.0);
+        assert!((probability_of_name(2.0 * NAMED_LOG_ODDS) - 0.5).abs() < 1e-9);
+        assert!((NAMED_LOG_ODDS - libm::log(19.0)).abs() < 1e-12);
+        assert!(probability_of_name(100.0) > 0.999_9);
+    }
+
+    #[test]
     fn a_pair_that_no_protocol_separates_is_named() {
         assert!(inseparable(&[proposal(UNCHANGED, [0.1, 0.9]), proposal("twice", [0.7, 0.6])]).is_empty());
         let [(_, _, power)] =
