@@ -101,7 +101,13 @@ pub trait Number:
 }
 
 /// A number without derivatives: one value per lane.
-pub trait Plain: Lanes + Number<Plain = Self> + Send + Sync {}
+pub trait Plain: Lanes + Number<Plain = Self> + Send + Sync {
+    /// log(1 + exp(self)), without overflow, and its slope, the logistic function.
+    #[inline(always)]
+    fn softplus_and_slope(self) -> (Self, Self) {
+        elementary::softplus(self)
+    }
+}
 
 impl Number for f64 {
     type Plain = f64;

@@ -1,13 +1,13 @@
 //! Simulation of one batch of trials, one trial per lane of a vector.
 
 use super::history::History;
-use super::integrate::{CorrectedInput, HermiteSegment, Integrator, MotorInput, RecordedInput};
-use super::mechanics::{AddedDynamics, Kinematics, Mechanics, NoAddedDynamics};
+use super::integrate::{HermiteSegment, Integrator};
+use super::mechanics::{Kinematics, Mechanics};
 use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
 use super::motion::{corrected_motion, gather};
 use super::plant::{BASE_PARAMETERS, Plant};
+use super::propagator::{MovingWrist, Propagator, part_of_sample};
 use super::simulation::{SimulatedTorque, SimulationSettings, TrialInput};
-use super::sparse_coefficient::DerivativeStructure;
 use crate::number::{Jet, Lanes, Number, Plain};
 use crate::signal::SectionState;
 
@@ -57,8 +57,8 @@ const MAX_SECTIONS: usize = 4;
 #[inline(always)]
 pub(super) fn run<P: Plain>(batch: &Batch, response: &mut SimulatedTorque) {
     match (batch.settings.kinds.is_empty(), batch.wanted.len()) {
-        (true, 0) => base::<P, P>(batch, response),
-        (true, _) => base::<P, Jet<P, 6>>(batch, response),
+        (true, 0) => base::<P, 0, 0>(batch, response),
+        (true, _) => base::<P, 4, 6>(batch, response),
         (false, 0) => extended::<P, P>(batch, response),
         // Most mechanisms have one parameter that is estimated.
         (false, ..=7) => extended::<P, Jet<P, 7>>(batch, response),
@@ -91,22 +91,43 @@ fn seeded<P: Plain, T: Number<Plain = P>>(batch: &Batch, slots: &Slots) -> Vec<T
     seeded
 }
 
+/// The base model, with `ALL` derivatives of which `LINEAR` are by parameters of its linear part.
 #[inline(always)]
-fn base<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: &mut SimulatedTorque) {
+fn base<P: Plain, const LINEAR: usize, const ALL: usize>(batch: &Batch, response: &mut SimulatedTorque) {
+    match batch.settings.lever {
+        None => propagated::<P, 2, LINEAR, ALL>(batch, response),
+        Some(_) => propagated::<P, 4, LINEAR, ALL>(batch, response),
+    }
+}
+
+#[inline(always)]
+fn propagated<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize>(
+    batch: &Batch,
+    response: &mut SimulatedTorque,
+) {
+    let settings = batch.settings;
     let slots = batch.own_slots();
-    let parameters = seeded::<P, T>(batch, &slots);
-    let mechanics = Mechanics::separate(Plant::base(batch.settings.lever, &parameters));
-    let mut run = Run::<T>::new(batch, slots);
+    let mut parameters = [P::splat(0.0); BASE_PARAMETERS.len()];
+    parameters.copy_from_slice(&seeded::<P, P>(batch, &slots));
+    let step_s = settings.period_s / settings.substeps as f64;
+    let propagator = Propagator::<P, STATES, LINEAR, ALL>::new(settings.lever, &parameters, step_s);
+    let mut wrist = MovingWrist::<P, STATES, ALL>::at_rest();
+    let mut run = Run::<Jet<P, ALL>>::new(batch, slots);
     let mut from = recorded::<P>(batch, 0);
     while run.sample < run.samples {
         let to = recorded::<P>(batch, run.sample + 1);
-        run.step(
-            batch,
-            response,
-            &mechanics,
-            &NoAddedDynamics,
-            &RecordedInput(HermiteSegment::new(from, to, batch.settings.period_s)),
-        );
+        let sample = HermiteSegment::new(from, to, settings.period_s).coefficients();
+        let mut torque = Jet::constant(0.0);
+        let mut step = 0;
+        while step < settings.substeps {
+            let motor = part_of_sample(&sample, step, settings.substeps);
+            if step == 0 {
+                torque = propagator.torque(&wrist, &motor);
+            }
+            propagator.step(&mut wrist, &motor);
+            step += 1;
+        }
+        run.keep(batch, response, torque);
         from = to;
     }
 }
@@ -129,26 +150,33 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: 
     let mechanics = Mechanics::new(plant);
     let motion = motion::<P, T>(batch, &channels);
     let has_states = states > 0;
+    let mut integrator = Integrator::at_rest();
     let mut run = Run::<T>::new(batch, slots);
     while run.sample < run.samples {
         let added_dynamics =
             ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
         let segment = HermiteSegment::new(motion[run.sample], motion[run.sample + 1], settings.period_s);
-        run.step(batch, response, &mechanics, &added_dynamics, &CorrectedInput(segment));
+        let torque = integrator.advance(
+            &mechanics,
+            &added_dynamics,
+            &segment,
+            start_s + run.sample as f64 * settings.period_s,
+            settings.period_s,
+            settings.substeps,
+        );
+        run.keep(batch, response, torque);
         if has_states {
-            let (added, rates) = run.integrator.sampled();
+            let (added, rates) = integrator.sampled();
             history.push(added, rates);
         }
     }
 }
 
-/// The state of a run: where the wrist is, and what the filter has_states.
+/// What becomes of the torque of each sample: it is filtered, levelled and stored.
 struct Run<T> {
     slots: Slots,
     samples: usize,
     sample: usize,
-    start_s: f64,
-    integrator: Integrator<T>,
     level: T,
     filter: [SectionState<T>; MAX_SECTIONS],
 }
@@ -156,38 +184,19 @@ struct Run<T> {
 impl<T: Number> Run<T> {
     #[inline(always)]
     fn new(batch: &Batch, slots: Slots) -> Self {
-        let settings = batch.settings;
         Self {
             slots,
-            samples: settings.lead_samples + settings.samples,
+            samples: batch.settings.lead_samples + batch.settings.samples,
             sample: 0,
-            start_s: -(settings.lead_samples as f64) * settings.period_s,
-            integrator: Integrator::at_rest(),
             level: T::constant(0.0),
             filter: [SectionState::silent(); MAX_SECTIONS],
         }
     }
 
-    /// Stores the torque of the present sample and integrates to the next.
+    /// Takes the measured torque of the present sample, N m, and goes on to the next.
     #[inline(always)]
-    fn step<C: DerivativeStructure<T>, X: AddedDynamics<T>, D: MotorInput<T>>(
-        &mut self,
-        batch: &Batch,
-        response: &mut SimulatedTorque,
-        mechanics: &Mechanics<T, C>,
-        added_dynamics: &X,
-        input: &D,
-    ) {
+    fn keep(&mut self, batch: &Batch, response: &mut SimulatedTorque, mut torque: T) {
         let settings = batch.settings;
-        let time_s = self.start_s + self.sample as f64 * settings.period_s;
-        let mut torque = self.integrator.advance(
-            mechanics,
-            added_dynamics,
-            input,
-            time_s,
-            settings.period_s,
-            settings.substeps,
-        );
         let mut section = 0;
         while section < settings.filter.len() {
             torque = settings.filter[section].step(&mut self.filter[section], torque);

@@ -10,20 +10,20 @@ mod batch;
 mod history;
 mod integrate;
 mod interpolation;
+mod linear_response;
 mod mechanics;
 mod motion;
 mod plant;
+mod propagator;
 mod simulate;
 mod simulation;
-mod sparse_coefficient;
 #[cfg(test)]
 mod tests;
 mod trace;
 
 pub use history::History;
-pub use integrate::{
-    CorrectedInput, HermiteSegment, Integrator, LONGEST_STEP, MotorInput, RecordedInput, substeps,
-};
+pub use integrate::{HermiteSegment, Integrator, LONGEST_STEP, substeps};
+pub use linear_response::exact_steps;
 pub use mechanics::{AddedDynamics, Context, Kinematics, Mechanics, NoAddedDynamics, State, Torques};
 pub use motion::{Smoothing, motor_motion, servo_response};
 pub use plant::{
@@ -31,5 +31,4 @@ pub use plant::{
 };
 pub use simulate::simulate;
 pub use simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth};
-pub use sparse_coefficient::{Coefficient, Dense, DerivativeStructure, Sparse};
 pub use trace::{TraceSample, srs_period_s, trace};

@@ -31,7 +31,8 @@ pub struct SimulationSettings<'a> {
     pub lead_samples: usize,
     /// Number of samples, the last at the onset, whose mean is subtracted from the prediction; 0 subtracts nothing.
     pub baseline_samples: usize,
-    /// Runge-Kutta steps per sample.
+    /// Steps per sample: of the base model those of [`exact_steps`](super::exact_steps), with mechanisms Runge-Kutta steps as in
+    /// [`substeps`](super::substeps).
     pub substeps: usize,
     /// Sections of the filter for the predicted torque.
     pub filter: &'a [Section],
@@ -39,6 +40,13 @@ pub struct SimulationSettings<'a> {
     pub derivatives: &'a [usize],
     /// Which vector instructions to use.
     pub width: VectorWidth,
+}
+
+impl TrialInput {
+    /// The motor's highest speed, rad/s.
+    pub fn highest_speed_rad_s(&self) -> f64 {
+        self.motion.iter().fold(0.0, |highest, knot| knot.omega.abs().max(highest))
+    }
 }
 
 impl SimulationSettings<'_> {
@@ -53,7 +61,7 @@ impl SimulationSettings<'_> {
 pub enum VectorWidth {
     /// One at a time, on any processor.
     One,
-    /// Four at a time (AVX2).
+    /// Four at a time (AVX2 and FMA).
     #[cfg(target_arch = "x86_64")]
     Four,
     /// Eight at a time (AVX-512).
@@ -70,7 +78,7 @@ impl VectorWidth {
             if has_avx_512() {
                 widths.push(Self::Eight);
             }
-            if is_x86_feature_detected!("avx2") {
+            if has_avx_2() {
                 widths.push(Self::Four);
             }
             widths.push(Self::One);
@@ -96,6 +104,12 @@ pub struct SimulatedTorque {
     pub slopes: Vec<f64>,
 }
 
+/// Whether the processor has all instructions that vectors of four are compiled for.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn has_avx_2() -> bool {
+    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+}
+
 /// Whether the processor has all instructions that the widest vectors are compiled for.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn has_avx_512() -> bool {
@@ -103,4 +117,5 @@ pub(super) fn has_avx_512() -> bool {
         && is_x86_feature_detected!("avx512dq")
         && is_x86_feature_detected!("avx512vl")
         && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("fma")
 }

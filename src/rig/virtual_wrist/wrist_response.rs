@@ -9,7 +9,7 @@ use crate::rig::Upcoming;
 use crate::wrist::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
 use crate::wrist::{
     AddedDynamics, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics, NoAddedDynamics, Plant,
-    RecordedInput, Torques, substeps,
+    Torques, substeps,
 };
 
 /// Time constant with which the muscle's resistance decays when the subject relaxes after a ramp, s. Assumed.
@@ -228,7 +228,7 @@ impl Moving {
     ) -> ResponseSample {
         let start_s = self.sample as f64 * period_s;
         let end_s = (self.sample + 1) as f64 * period_s;
-        let input = RecordedInput(HermiteSegment::new(self.from, to, period_s));
+        let input = HermiteSegment::new(self.from, to, period_s);
         let torques = if mechanisms.kinds.is_empty() {
             self.run(&NoAddedDynamics, &input, to, start_s, end_s)
         } else {
@@ -261,7 +261,7 @@ impl Moving {
     fn run<X: AddedDynamics<f64>>(
         &mut self,
         added_dynamics: &X,
-        input: &RecordedInput<f64>,
+        input: &HermiteSegment<f64>,
         to: Kinematics<f64>,
         start_s: f64,
         end_s: f64,
