@@ -85,6 +85,7 @@ fn main() {
         let mut machine = Machine::new(settings.clone());
         let watch = Watch::start();
         let session = NewSession {
+            calibration: None,
             protocol: &protocol,
             order: &order,
             seed: 1,

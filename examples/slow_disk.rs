@@ -51,6 +51,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             subject: "V00",
             lever: Setup::default().lever,
             rig: &serde_json::Value::Null,
+            calibration: None,
             about: &Default::default(),
             subject_fields: &Default::default(),
             motion_delay_samples: 0,

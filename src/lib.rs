@@ -75,6 +75,7 @@
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
 //! | import | [`import`] | sessions from foreign recordings |
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
+//! | calibration | [`calibrate`] | the constants of the rig from trials without a person, and whether they are those of another day |
 //! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |
 //! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what adding a mechanism gains |
 //! | study | [`study`] | many subjects through one protocol |
@@ -88,6 +89,7 @@
 //! the ramp is positive.
 
 pub mod app;
+pub mod calibrate;
 pub mod cli;
 pub mod consistency;
 pub mod console;

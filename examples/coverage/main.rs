@@ -4,10 +4,14 @@
 //! cargo run --release --example coverage -- DIR                            sessions of another program: `DIR/session-*` and
 //!                                                                          `DIR/truth/session-*.json`, as `hidden_effects` writes them
 //! cargo run --release --example coverage -- --own LAB SEED SESSIONS        sessions of the virtual wrist
+//! cargo run --release --example coverage -- --own LAB SEED SESSIONS --calibration known|ignored
+//!                                                                          on rigs that differ from their calibration as its covariance
+//!                                                                          says; the standard errors contain that, or ignore it
 //! ```
 //!
 //! Prints one line of JSON: the counts of each kind of fit. `scripts/coverage` makes the page of it.
 
+mod calibrated_rig;
 mod counts;
 mod sessions;
 
@@ -17,18 +21,25 @@ use std::path::Path;
 use rayon::prelude::*;
 use serde_json::json;
 
+use calibrated_rig::RigErrors;
 use counts::{count, worst};
 use sessions::{Fitted, fit_folder, fit_own_wrist};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let fitted: Vec<[Fitted; 2]> = match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let (words, errors) = match words.as_slice() {
+        [words @ .., "--calibration", "known"] => (words, Some(RigErrors::Known)),
+        [words @ .., "--calibration", "ignored"] => (words, Some(RigErrors::Ignored)),
+        words => (words, None),
+    };
+    let fitted: Vec<[Fitted; 2]> = match words {
         ["--own", laboratory, seed, sessions] => {
             let (seed, sessions): (u64, u64) = (seed.parse()?, sessions.parse()?);
             (seed..seed + sessions)
                 .into_par_iter()
                 .filter_map(|seed| {
-                    let fitted = fit_own_wrist(laboratory, seed).transpose()?;
+                    let fitted = fit_own_wrist(laboratory, seed, errors).transpose()?;
                     Some(fitted.map_err(|error| format!("seed {seed}: {error}")))
                 })
                 .collect::<Result<_, _>>()?

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::Path;
 
-use ramphold::dataset::{self, Session};
+use ramphold::dataset::{self, RigCalibration, Session};
 use ramphold::fit::{
-    ConditionEstimate, Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate, Weighting,
-    by_condition, estimates_without_profiles, predictions, session_estimates,
+    ConditionEstimate, ConstantEffects, Fit, Model, Observations, PreprocessingSettings, RigConstants,
+    SessionFit, TrialEstimate, Weighting, by_condition, estimates_without_profiles, predictions,
+    session_estimates, with_rig_errors,
 };
 use ramphold::protocol::Protocol;
 use ramphold::rig::TrialKey;
@@ -15,6 +16,8 @@ use ramphold::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use ramphold::study::{SessionStorage, Unit, UnitSource, simulate_unit};
 use ramphold::wrist::{BASE_PARAMETERS, Lever};
 use serde_json::{Value, json};
+
+use super::calibrated_rig::{RigErrors, calibration_of, drawn_constants, with_constants};
 
 /// An error that a thread may return.
 type Failed = Box<dyn Error + Send + Sync>;
@@ -43,12 +46,24 @@ pub fn fit_folder(folder: &Path, path: &Path) -> Result<[Fitted; 2], Failed> {
         (own["trial"].as_u64().unwrap_or(0) as u32, BASE_PARAMETERS.map(value))
     };
     let truth = truth["trials"].as_array().into_iter().flatten().map(of_trial).collect();
-    fit(name.display().to_string(), &dataset::load(path)?, PreprocessingSettings::default(), truth)
+    fit(name.display().to_string(), &dataset::load(path)?, PreprocessingSettings::default(), truth, None)
 }
 
 /// A session of the virtual wrist: a person of its own for each seed, with the spread of trials that the average person has.
-pub fn fit_own_wrist(laboratory: &str, seed: u64) -> Result<Option<[Fitted; 2]>, Failed> {
-    let (protocol, setup) = own_laboratory(laboratory)?;
+///
+/// With `errors` the rig differs from its calibration as the calibration's covariance says.
+pub fn fit_own_wrist(
+    laboratory: &str,
+    seed: u64,
+    errors: Option<RigErrors>,
+) -> Result<Option<[Fitted; 2]>, Failed> {
+    let (protocol, mut setup) = own_laboratory(laboratory)?;
+    let stated = setup.lever;
+    let calibration = calibration_of(stated);
+    if errors.is_some() {
+        let constants = drawn_constants(&calibration, stated, seed)?;
+        setup = with_constants(setup, &constants);
+    }
     let person = Person::drawn(&format!("coverage {seed}"));
     let source = UnitSource::Virtual {
         protocol: &protocol,
@@ -58,7 +73,8 @@ pub fn fit_own_wrist(laboratory: &str, seed: u64) -> Result<Option<[Fitted; 2]>,
         order_number: 1,
     };
     let unit = Unit { index: 0, subject: format!("V{seed}"), session: 1, source };
-    let session = simulate_unit(&unit, SessionStorage::Memory)?.ok_or("the unit is virtual")?;
+    let mut session = simulate_unit(&unit, SessionStorage::Memory)?.ok_or("the unit is virtual")?;
+    session.lever = stated;
     let wrist = VirtualWrist::new(person, setup, seed, protocol.signal.sample_rate_hz);
     // Where no trial was rejected, a trial's number is its position. The few other sessions are passed over.
     if session.trials.len() != protocol.trial_count() {
@@ -70,7 +86,8 @@ pub fn fit_own_wrist(laboratory: &str, seed: u64) -> Result<Option<[Fitted; 2]>,
     };
     let truth = session.trials.iter().map(of_trial).collect();
     let settings = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
-    fit(format!("seed {seed}"), &session, settings, truth).map(Some)
+    let rig = errors.map(|errors| (&calibration, errors));
+    fit(format!("seed {seed}"), &session, settings, truth, rig).map(Some)
 }
 
 /// The laboratories of `hidden_effects`, with the same names.
@@ -105,15 +122,36 @@ fn fit(
     session: &Session,
     settings: PreprocessingSettings,
     truth: Truth,
+    rig: Option<(&RigCalibration, RigErrors)>,
 ) -> Result<[Fitted; 2], Failed> {
-    let observations = Observations::new(session, settings)?;
+    let constants = match rig {
+        Some((calibration, _)) => RigConstants::calibrated(calibration, session.lever)?,
+        None => RigConstants::stated(session.lever),
+    };
+    let known = rig.filter(|(_, errors)| *errors == RigErrors::Known).map(|(calibration, _)| calibration);
+    let observations = Observations::of_rig(session, settings, constants)?;
     let independent = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
     let of_session = SessionFit::new(&observations, &independent);
     let own = estimates_without_profiles(&observations, &independent);
     let means = by_condition(&own);
+    let (own, means) = match known {
+        Some(known) => {
+            let effects = ConstantEffects::of_fit(&observations, &independent, known);
+            with_rig_errors((own, means), &effects)
+        }
+        None => (own, means),
+    };
     // Without a model of the session the program gives the independent fit.
     let (estimates, conditions) = match &of_session {
-        Ok(session) => session_estimates(&observations, session),
+        Ok(session) => {
+            let found = session_estimates(&observations, session);
+            match known {
+                Some(known) => {
+                    with_rig_errors(found, &ConstantEffects::of_session(&observations, session, known))
+                }
+                None => found,
+            }
+        }
         Err(reason) => {
             eprintln!("{name}: {reason}");
             (own.clone(), means.clone())

@@ -1,4 +1,5 @@
-"""python -m hidden_effects --out DIR --effect ID[@LAW]|none|alien:KIND|A+B --seed N [--laboratory L] [--size X] [--sessions K]"""
+"""python -m hidden_effects --out DIR --effect ID[@LAW]|none|alien:KIND|A+B --seed N [--laboratory L] [--size X] [--sessions K]
+       [--rig-trials] [--trap person_only|wrong_load|another_day]"""
 
 import argparse
 import sys
@@ -8,6 +9,7 @@ from . import catalogue
 from .generator import generate
 from .laboratories import LABORATORIES
 from .noise import CannotHold
+from .rig.traps import TRAPS
 from .session_writer import write_session, write_truth
 
 
@@ -20,6 +22,8 @@ def main() -> int:
     p.add_argument("--size", type=float, default=1.0, help="times the default size")
     p.add_argument("--sessions", type=int, default=1, help="this many, with seeds from --seed upward")
     p.add_argument("--laboratory", choices=LABORATORIES, default="paper")
+    p.add_argument("--rig-trials", action="store_true", help="each session also has the laboratory's rig trials")
+    p.add_argument("--trap", choices=TRAPS, help="what is wrong with the rig trials themselves; needs --rig-trials")
     p.add_argument("--list", action="store_true", help="print the known effects")
     a = p.parse_args()
     if a.list:
@@ -29,6 +33,8 @@ def main() -> int:
         catalogue.parse(a.effect, LABORATORIES[a.laboratory])
     except ValueError as e:
         p.error(str(e))
+    if a.trap and not a.rig_trials:
+        p.error("--trap needs --rig-trials")
     if a.out is None or a.size <= 0 or a.sessions < 1:
         p.error("--out is needed, --size and --sessions must be positive")
     for seed in range(a.seed, a.seed + a.sessions):
@@ -36,7 +42,7 @@ def main() -> int:
         if (a.out / name).exists():
             p.error(f"{a.out / name} exists already")
         try:
-            session = generate(seed, a.effect, a.size, laboratory=LABORATORIES[a.laboratory])
+            session = generate(seed, a.effect, a.size, laboratory=LABORATORIES[a.laboratory], with_rig_trials=a.rig_trials, trap=a.trap)
         except CannotHold as error:
             print(f"seed {seed} is passed over: {error}", file=sys.stderr)
             continue

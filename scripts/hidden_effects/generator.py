@@ -9,6 +9,8 @@ from . import catalogue, noise
 from .laboratories import LABORATORIES, Laboratory
 from .person import Trials
 from .plant import END_S, FINE_HZ, START_S, Motion, Plant, simulate
+from .rig.bearing import fit_bearing
+from .rig.trials import RigTrials, bearing_of, rig_trials
 from .scenario import Hidden, Scenario, base_scenario
 from .streams import stream
 
@@ -27,6 +29,7 @@ class Session:
     torque_l_nm: np.ndarray
     emg_fcr_mvc: np.ndarray
     emg_ecr_mvc: np.ndarray
+    rig: RigTrials | None = None
 
     @property
     def trials(self) -> Trials:
@@ -39,13 +42,18 @@ class Session:
 
 
 def generate(seed: int, effect: str = "none", size: float = 1.0, repetitions: int | None = None,
-             laboratory: Laboratory = LABORATORIES["paper"]) -> Session:
-    """Measured in `laboratory`, with other `repetitions` than its own where they are given."""
+             laboratory: Laboratory = LABORATORIES["paper"], with_rig_trials: bool = False, trap: str | None = None) -> Session:
+    """Measured in `laboratory`, with other `repetitions` than its own where they are given.
+
+    `with_rig_trials` adds those of the laboratory, and gives the lever a bearing as it is in them. `trap` is one of rig.traps.
+    """
     names = catalogue.parse(effect, laboratory)
     if repetitions is not None:
         laboratory = replace(laboratory, repetitions=repetitions)
     scenario = base_scenario(seed, laboratory)
     step = FINE_HZ // laboratory.sample_hz
+    if with_rig_trials:
+        fit_bearing(scenario, *bearing_of(seed))
     hidden = [catalogue.hide(scenario, name, size) for name in names]
     motion = simulate(plant_of(scenario))
 
@@ -67,7 +75,8 @@ def generate(seed: int, effect: str = "none", size: float = 1.0, repetitions: in
     first = rng.integers(0, round(laboratory.hold_spread_s * laboratory.sample_hz), len(torque))
     burst = scenario.person.late_reflex["latency_s"] - 0.012  # EMG leads the torque
     fcr, ecr = noise.emg(seed, scenario.person, scenario.trials, t, burst, laboratory.sample_hz)
-    return Session(seed, scenario, hidden, motion, t, first, noise.encoder(start + angle, laboratory.encoder_counts), torque, fcr, ecr)
+    rig = rig_trials(seed, names, size, laboratory, hidden, trap) if with_rig_trials else None
+    return Session(seed, scenario, hidden, motion, t, first, noise.encoder(start + angle, laboratory.encoder_counts), torque, fcr, ecr, rig)
 
 
 def plant_of(s: Scenario) -> Plant:

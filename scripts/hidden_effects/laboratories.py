@@ -36,6 +36,7 @@ class Laboratory:
     gauge_noise: float = 1.0  # times 6-20 mN m
     gauge_spectrum: str = "white"  # see noise.SPECTRA
     has_emg: bool = True
+    rig_trials: str = "paper"  # see rig.loads.BLOCKS
 
     @property
     def encoder_counts(self) -> int:
@@ -48,27 +49,27 @@ class Laboratory:
 
 LABORATORIES = {
     "paper": Laboratory("de Vlugt et al. 2011, and the assumptions of the virtual wrist"),
-    "slow": Laboratory("assumed: a common rate of converters", sample_hz=1000),
+    "slow": Laboratory("assumed: a common rate of converters", sample_hz=1000, rig_trials="slow"),
     "stiff": Laboratory("assumed: a lever of solid steel", sample_hz=5000, velocities_rad_s=(1.5, 2.25, 3.0), torques_nm=(1.0, 2.0),
-                        repetitions=5, tremor=1.5, gauge_noise=1.5, lever=lever(0.0012, 0.6, 2500.0)),
+                        repetitions=5, tremor=1.5, gauge_noise=1.5, lever=lever(0.0012, 0.6, 2500.0), rig_trials="stiff"),
     "rigid": Laboratory("assumed: a torque sensor in the handle, and a trapezoid of speed as drives offer it", sample_hz=2000,
                         encoder_bits=19, lever=RIGID, ramp_profile="trapezoid", velocities_rad_s=(1.2, 1.8, 2.4, 3.0),
-                        torques_nm=(1.0, 1.6, 2.2)),
+                        torques_nm=(1.0, 1.6, 2.2), rig_trials="rigid"),
     "clinic": Laboratory("Deuschl et al. 1998: Parkinsonian tremor has 4-6 Hz; its size, the wider gate and the rest are assumed",
                          encoder_bits=16, torques_nm=(0.6, 1.0, 1.4), velocities_rad_s=(1.5, 2.25, 3.0), repetitions=4,
                          longest_hold_s=0.5, hold_spread_s=0.08, gate_fraction=0.05, gate_s=0.4, tremor=3.0, tremor_frequency=0.5,
-                         has_emg=False),
+                         has_emg=False, rig_trials="clinic"),
     "soft": Laboratory("Flash and Hogan 1985: minimum jerk; the soft lever and the rest are assumed", sample_hz=2000, encoder_bits=18,
                        lever=lever(0.0020, 0.25, 450.0), ramp_profile="minimum jerk", velocities_rad_s=(1.4, 2.0, 2.6, 3.2),
-                       torques_nm=(0.8, 1.4, 2.0)),
+                       torques_nm=(0.8, 1.4, 2.0), rig_trials="soft"),
     "coarse": Laboratory("assumed: an absolute encoder without interpolation, and a drive that follows slowly", sample_hz=1250,
                          encoder_bits=13, servo_bandwidth_factor=0.6, ramp_rise_factor=0.8, gauge_noise=0.7, repetitions=4,
-                         velocities_rad_s=(1.5, 2.3, 3.1)),
+                         velocities_rad_s=(1.5, 2.3, 3.1), rig_trials="coarse"),
     "flicker": Laboratory("assumed: a gauge without chopper, half of whose noise is 1/f; short holds", sample_hz=2000,
                           encoder_bits=20, ramp_profile="trapezoid", ramp_rise_factor=1.2, gauge_spectrum="1/f", gauge_noise=0.6,
                           amplitude_rad=0.16, velocities_rad_s=(1.6, 2.4, 3.3), torques_nm=(0.9, 1.7, 2.5), repetitions=4,
-                          longest_hold_s=0.5, hold_spread_s=0.05, gate_fraction=0.04, gate_s=0.45),
+                          longest_hold_s=0.5, hold_spread_s=0.05, gate_fraction=0.04, gate_s=0.45, rig_trials="flicker"),
     "direct": Laboratory("assumed: a direct drive of high bandwidth with a rigid handle", sample_hz=5000, encoder_bits=20, lever=RIGID,
                          ramp_profile="minimum jerk", servo_bandwidth_factor=2.0, velocities_rad_s=(1.3, 2.2, 3.1), repetitions=4,
-                         gauge_noise=1.3, has_emg=False),
+                         gauge_noise=1.3, has_emg=False, rig_trials="direct"),
 }

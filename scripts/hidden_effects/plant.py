@@ -152,8 +152,10 @@ def simulate(plant: Plant, end_s: float = END_S) -> Motion:
 
 
 def lever_torque(lever, theta_m, speed_m, theta_l, speed_l):
-    """Eq. 5. A constant of the lever is a number, or has an entry per trial."""
-    return lever["damping_nm_s_per_rad"] * (speed_m - speed_l) + lever["stiffness_nm_per_rad"] * (theta_m - theta_l)
+    """Eq. 5. A constant of the lever is a number, or has an entry per trial. The damper of a rig as it is grows a little with speed."""
+    growth = lever.get("damping_growth_s_per_rad")
+    damping = lever["damping_nm_s_per_rad"] * (1.0 if growth is None else 1.0 + growth * np.abs(speed_m - speed_l))
+    return damping * (speed_m - speed_l) + lever["stiffness_nm_per_rad"] * (theta_m - theta_l)
 
 
 def gamma_reflex(gain_nm_s_per_rad, latency_s, mean_delay_s):

@@ -6,6 +6,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import cont2discrete, lfilter
 
+from .plant import FINE_HZ, START_S
+
 
 def _raised_cosine(t, rise_s):
     return 0.5 * (t - rise_s / np.pi * np.sin(np.pi * t / rise_s))
@@ -37,6 +39,10 @@ class Ramp:
         """Commanded angle at time `t` after the onset (a scalar, or anything that broadcasts over the trials)."""
         duration = self.amplitude_rad / self.velocity_rad_s  # from onset to the start of the fall
         return self._risen(t) - self._risen(t - duration)
+
+    def times_s(self):
+        """An even grid from before the onset to beyond the end of a trial."""
+        return np.arange(round(START_S * FINE_HZ), round(0.25 * FINE_HZ)) / FINE_HZ
 
     def _risen(self, t):
         """Integral of a speed that rises to `velocity` and stays: the ramp is one of these less a later one."""
@@ -74,6 +80,10 @@ class ResonantServo:
     def acceleration(self, command, angle, speed, load_nm):
         w = 2 * np.pi * self.natural_hz
         return w**2 * (command - angle) - 2 * self.damping_ratio * w * speed
+
+    def delay_matched_natural_hz(self):
+        """As of the cascade."""
+        return self.natural_hz / self.damping_ratio
 
 
 def smoothed(command, corner_hz, times):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from .generator import Session
+from .rig.writer import write_rig_trials
 
 COLUMNS = {"t_s": "%.4f", "theta_m_rad": "%.7f", "torque_l_nm": "%.5f"}
 EMG_COLUMNS = {"emg_fcr_mvc": "%.4f", "emg_ecr_mvc": "%.4f"}
@@ -28,6 +29,8 @@ def write_session(session: Session, folder: Path) -> None:
                     f"{laboratory.amplitude_rad:g},{t.rest_s[i]:.2f}")
         _write_trial(session, i, folder / name)
     (folder / "trials.csv").write_text("\n".join(rows) + "\n")
+    if session.rig:
+        write_rig_trials(session.rig.recordings, folder)
 
 
 def _write_trial(session, i, path):
@@ -47,9 +50,10 @@ def truth_of(session: Session, effect: str, laboratory: str = "paper") -> dict:
                "k_srs_nm_per_rad": t.k_srs[i], "k_dec_nm_per_rad": t.k_dec[i], "x_e_rad": t.x_e[i],
                "x_t_s": None if np.isnan(x_t[i]) else x_t[i]} for i in range(len(t))]
     mean = lambda key: float(np.mean([row[key] for row in trials]))
+    rig = {"rig_trials": session.rig.as_json()} if session.rig else {}
     return {"format": "ramphold-hidden-truth/1", "effect": effect, "seed": session.seed, "laboratory": laboratory,
             "hidden": [h.as_json() for h in session.hidden], "trials": trials,
-            "means": {key: mean(key) for key in ("k_srs_nm_per_rad", "k_dec_nm_per_rad", "x_e_rad")}}
+            "means": {key: mean(key) for key in ("k_srs_nm_per_rad", "k_dec_nm_per_rad", "x_e_rad")}, **rig}
 
 
 def write_truth(session: Session, effect: str, path: Path, laboratory: str = "paper") -> None:

@@ -1,6 +1,6 @@
 //! Preprocessing and fit of a session in its folder.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::consistency::SignalCheck;
 use crate::dataset;
@@ -9,7 +9,9 @@ use crate::fit::{
     Fit, Model, NoSessionModel, Observations, PreprocessingSettings, Results, SessionFit, Weighting,
 };
 
+use super::calibration::UsedCalibration;
 use super::checked_session::{CheckedSession, load_checked};
+use super::console::Console;
 use super::failure::Failure;
 
 /// What a fit is asked for.
@@ -24,30 +26,39 @@ pub struct FitRequest {
     pub weighting: Weighting,
     /// Each trial on its own, as in the paper.
     pub independent: bool,
+    /// The file of the rig's constants; without it that in the session's folder, if there is one.
+    pub calibration: Option<PathBuf>,
     /// Contradictions between the signals and the table that are known and meant.
     pub accept: Vec<SignalCheck>,
 }
 
-/// Reads, preprocesses and fits a session: the observations, the results as they are written, and the fit of each trial on its own.
+/// Reads, preprocesses and fits a session: the observations, the results as they are written, and the fit of each trial on its own. Says
+/// which calibration was used.
 pub fn preprocess_and_fit(
     folder: &Path,
     asked: &FitRequest,
+    console: &Console,
 ) -> Result<(Observations, Results, Fit), Failure> {
-    let FitRequest { model, window_s, weighting, independent, accept } = asked;
+    let FitRequest { model, window_s, weighting, independent, accept, calibration } = asked;
     let CheckedSession { mut session, accepted } = load_checked(folder, accept)?;
     let digest = session.digest();
     if let Some(frequency_hz) = model.hum_hz() {
         session = remove_hum(&session, frequency_hz);
     }
     let settings = preprocessing_settings(folder, *window_s)?;
-    let observations = Observations::new(&session, settings)
+    let used = UsedCalibration::of_session(calibration.as_deref(), folder)?;
+    let constants = UsedCalibration::constants(used.as_ref(), session.lever)?;
+    used.iter().for_each(|used| used.announce(console));
+    let observations = Observations::of_rig(&session, settings, constants)
         .map_err(|source| Failure::Prepare { session: folder.display().to_string(), source })?;
     let fit = Fit::new(&observations, model, *weighting);
     let of_session =
         if *independent { Err(NoSessionModel::NotAsked) } else { SessionFit::new(&observations, &fit) };
+    let calibration = used.as_ref().map(|used| &used.calibration);
+    let fits = (&fit, &of_session);
     let mut results =
-        Results::new(&session.subject.id, &observations, (&fit, &of_session), settings, *weighting);
-    results.add_input(&digest, *independent, &accepted);
+        Results::new(&session.subject.id, &observations, fits, settings, *weighting, calibration);
+    results.add_input(&digest, *independent, &accepted, used.as_ref().map(|used| used.sha256.as_str()));
     Ok((observations, results, fit))
 }
 

@@ -53,7 +53,11 @@ impl Operator for CommandLineOperator {
             self.bar.set_position(ok_trials(machine) as u64);
             self.bar.set_message(machine.phase().name());
         }
-        self.is_stopped().then_some(Event::Abort)
+        if self.is_stopped() {
+            return Some(Event::Abort);
+        }
+        // A virtual rig mounts its loads by itself.
+        machine.awaits_mounting().then_some(Event::Resume)
     }
 
     fn wait_for_command(&mut self, machine: &Machine) -> Event {

@@ -3,12 +3,13 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::calibrate::CalibrateError;
 use crate::consistency::Contradictions;
 use crate::console::ConsoleError;
-use crate::dataset::{DatasetError, RecordError, ResumeError};
+use crate::dataset::{DatasetError, RecordError, ResumeError, RigCalibrationError};
 use crate::export::ExportError;
 use crate::files::is_refusal;
-use crate::fit::{ModelError, PreprocessingError, WriteError};
+use crate::fit::{CalibrationMisuse, ModelError, PreprocessingError, WriteError};
 use crate::import::ImportError;
 use crate::json_file::JsonFileError;
 use crate::protocol::{ProtocolError, TooShort};
@@ -53,6 +54,17 @@ pub enum Failure {
         file: String,
         /// The reason.
         source: ModelError,
+    },
+    /// A file is no calibration of a rig.
+    #[error(transparent)]
+    CalibrationFile(#[from] RigCalibrationError),
+    /// A calibration cannot be used for a session.
+    #[error("{file}: {source}")]
+    Calibration {
+        /// The file.
+        file: String,
+        /// The reason.
+        source: CalibrationMisuse,
     },
     /// A JSON file cannot be used.
     #[error(transparent)]
@@ -180,6 +192,22 @@ pub enum Failure {
         /// Their number.
         files: usize,
     },
+    /// The rig trials of a session cannot be analysed.
+    #[error("{session}: {source}")]
+    Calibrate {
+        /// The session's folder.
+        session: String,
+        /// The reason.
+        source: CalibrateError,
+    },
+    /// The rig differs from its calibration.
+    #[error("{}: the rig differs from its calibration in {quantities}. Find out why, or calibrate it anew", .session.display())]
+    RigChanged {
+        /// The session's folder.
+        session: PathBuf,
+        /// Names of the quantities, one of which changed.
+        quantities: String,
+    },
     /// A diagnosis did not find the hidden mechanism.
     #[error("the diagnosis does not name the hidden mechanism {mechanism}")]
     NotFound {
@@ -203,7 +231,10 @@ impl Failure {
             | Self::Dataset(_)
             | Self::Prepare { .. }
             | Self::Contradicts { .. }
+            | Self::Calibrate { .. }
             | Self::Model { .. }
+            | Self::CalibrationFile(_)
+            | Self::Calibration { .. }
             | Self::Json(_)
             | Self::Read { .. }
             | Self::Usage(_)
@@ -263,6 +294,7 @@ impl Failure {
             | Self::NotAsItWas { .. }
             | Self::Ended { .. }
             | Self::NotFound { .. }
+            | Self::RigChanged { .. }
             | Self::Signals(_) => 1,
             Self::Origin(can::OriginError::WordNeeded { .. } | can::OriginError::HandleElsewhere { .. }) => 2,
             Self::Connect(_) | Self::Motor(_) | Self::Origin(_) | Self::Bus { .. } => 1,

@@ -158,6 +158,7 @@ mod tests {
     #[test]
     fn the_table_has_the_uncertainty_and_the_marks_of_the_report() {
         let mut condition = ConditionEstimate {
+            se_of_rig: [0.0; 6],
             condition: None,
             velocity_rad_s: 1.3,
             torque_nm: 0.9,

@@ -4,6 +4,7 @@
 
 mod analysis;
 mod background_messages;
+mod calibration;
 mod checked_session;
 mod command_line_operator;
 mod console;
@@ -19,6 +20,7 @@ mod new_session;
 mod pace;
 mod question;
 mod results_folder;
+mod rig_trials_text;
 mod safe_output;
 mod seed;
 mod session_report;
@@ -29,6 +31,7 @@ mod signals;
 mod wall_clock;
 
 pub use analysis::{FitRequest, preprocess_and_fit, preprocessing_settings};
+pub use calibration::UsedCalibration;
 pub use checked_session::{CheckedSession, load_checked};
 pub use console::Console;
 pub use console_options::{ConsoleOptions, PageOptions, SessionDescription};
@@ -41,6 +44,7 @@ pub use named_results::{folder_of_diagnosis, folder_of_fit};
 pub use new_session::{draw_seed, new_folder, subject_number};
 pub use pace::Pace;
 pub use results_folder::{ResultsFolder, check_has_none, check_out};
+pub use rig_trials_text::rig_trials_text;
 pub use seed::parse_seed;
 pub use session_report::{tell_foreign_results, write_report, write_report_to, write_study_report};
 pub use session_results::finish_session;

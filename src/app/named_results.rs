@@ -13,11 +13,14 @@ use super::failure::Failure;
 use super::results_folder::{RESULTS, ResultsFolder};
 
 /// What a fit and a diagnosis must have in common to stand beside each other.
-const SHARED: [&str; 2] = ["/settings/window_s", "/model"];
+const SHARED: [&str; 3] = ["/settings/window_s", "/model", CALIBRATION];
 
 /// What makes two fits the same.
-const OF_FIT: [&str; 4] =
-    ["/settings/window_s", "/model", "/settings/weighting_asked", "/settings/independent"];
+const OF_FIT: [&str; 5] =
+    ["/settings/window_s", "/model", CALIBRATION, "/settings/weighting_asked", "/settings/independent"];
+
+/// The sum of the calibration. What an older program wrote had none.
+const CALIBRATION: &str = "/settings/calibration_sha256";
 
 /// The folder for a fit of `session`: its `results/`, or a named folder in it if that holds results of other settings.
 ///
@@ -66,6 +69,9 @@ fn name(own: &Value) -> String {
     if own.pointer("/settings/independent").and_then(Value::as_bool) == Some(true) {
         parts.push("independent".into());
     }
+    if own.pointer(CALIBRATION).is_some_and(Value::is_string) {
+        parts.push("calibrated".into());
+    }
     let mechanisms = own.pointer("/model/mechanisms").and_then(Value::as_array);
     // Ids of the catalogue only: a name comes from a file.
     let known = |mechanism: &Value| {
@@ -94,6 +100,7 @@ fn agrees(stored: &Option<Value>, own: &Value, paths: &[&str]) -> bool {
     let Some(stored) = stored else { return true };
     paths.iter().all(|path| match (stored.pointer(path), own.pointer(path)) {
         (Some(stored), Some(own)) => same(stored, own),
+        (None, Some(own)) if *path == CALIBRATION => own.is_null(),
         _ => true,
     })
 }
@@ -114,6 +121,28 @@ mod tests {
     fn fit(window_s: f64, weighting: &str) -> Value {
         json!({ "settings": { "window_s": window_s, "weighting_asked": weighting, "independent": false },
                 "model": { "mechanisms": [] } })
+    }
+
+    #[test]
+    fn results_with_a_calibration_do_not_replace_those_without_one_or_with_another() {
+        let session = tempfile::tempdir().unwrap();
+        let results = session.path().join("results");
+        std::fs::write(session.path().join("session.json"), "{}").unwrap();
+        std::fs::create_dir_all(&results).unwrap();
+        let with = |sha256: Value| {
+            let mut own = fit(0.04, "measured_noise");
+            own["settings"]["calibration_sha256"] = sha256;
+            own
+        };
+        let place = |own: &Value| folder_of_fit(session.path(), own).unwrap().path();
+        // An older program wrote no sum.
+        std::fs::write(results.join("fit.json"), fit(0.04, "measured_noise").to_string()).unwrap();
+        assert_eq!(place(&with(Value::Null)), results);
+        assert_eq!(place(&with(json!("aa"))), results.join("window-40ms-calibrated"));
+        std::fs::write(results.join("fit.json"), with(json!("aa")).to_string()).unwrap();
+        assert_eq!(place(&with(json!("aa"))), results);
+        assert_eq!(place(&with(json!("bb"))), results.join("window-40ms-calibrated"));
+        assert_eq!(place(&with(Value::Null)), results.join("window-40ms"));
     }
 
     #[test]

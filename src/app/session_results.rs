@@ -14,7 +14,7 @@ use super::{
 fn finish_early(left: usize, is_virtual: bool, folder: &Path, console: &Console) -> Result<(), Failure> {
     let disk = Disk::default();
     let shown = folder.display();
-    let fitted = preprocess_and_fit(folder, &FitRequest::default());
+    let fitted = preprocess_and_fit(folder, &FitRequest::default(), console);
     if let Ok((_, results, _)) = &fitted {
         let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
         results.write(&disk, &own)?;
@@ -69,7 +69,7 @@ pub fn finish_session(
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
         return Err(Failure::Ended { folder: folder.to_owned(), left: machine.progress().queue().len() });
     }
-    let fitted = preprocess_and_fit(folder, &FitRequest::default());
+    let fitted = preprocess_and_fit(folder, &FitRequest::default(), console);
     if fitted.is_err() {
         // What was measured is complete, whatever the analysis says of it.
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;

@@ -108,6 +108,21 @@ impl SessionRig {
         }
     }
 
+    /// Whether somebody can say when the loads of rig trials are mounted: a virtual rig mounts them by itself.
+    ///
+    /// # Errors
+    /// If rig trials are due on a motor, and the session has no console.
+    pub fn check_operator(&self, has_console: bool, rig_trials_due: bool) -> Result<(), Failure> {
+        if rig_trials_due && !has_console && matches!(self, Self::Can(_)) {
+            return Err(Failure::Usage(
+                "the protocol has rig trials, whose loads the operator mounts and confirms one after the other; run it with \
+                 --console or --tui"
+                    .to_owned(),
+            ));
+        }
+        Ok(())
+    }
+
     /// Name of the rig for the operator.
     pub fn name(&self) -> &str {
         match self {

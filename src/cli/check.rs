@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure};
+use crate::app::{Console, Failure, rig_trials_text};
 use crate::protocol::{Order, ValidProtocol, minutes};
 use crate::schedule;
 
@@ -28,6 +28,9 @@ impl Verb for CheckArgs {
         let mut out = console.results();
         writeln!(out, "{}: {}, can be run", self.protocol.display(), protocol.name)?;
         writeln!(out, "  trials: {}", trials(&protocol))?;
+        if let Some(rig_trials) = rig_trials_text(&protocol) {
+            writeln!(out, "  rig trials: {rig_trials}")?;
+        }
         let duration = protocol.duration();
         writeln!(
             out,

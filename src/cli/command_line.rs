@@ -8,8 +8,8 @@ use crate::app::{Console, Failure};
 
 use super::verb::Verb;
 use super::{
-    check, cohort, design, diagnose, export, fit, import, power, replay, report, resume, reveal, rig, run,
-    schedule, schema, states, trials, verify, watch,
+    calibrate, check, cohort, design, diagnose, export, fit, import, power, replay, report, resume, reveal,
+    rig, run, schedule, schema, states, trials, verify, watch,
 };
 
 /// The verbs and the structs of their arguments; clap spells `RigCheck` as `rig-check`.
@@ -38,6 +38,7 @@ verbs! {
     Watch(watch::WatchArgs),
     Verify(verify::VerifyArgs),
     Check(check::CheckArgs),
+    Calibrate(calibrate::CalibrateArgs),
     Import(import::ImportArgs),
     Trials(trials::TrialsArgs),
     Fit(fit::FitArgs),

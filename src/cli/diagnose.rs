@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{
-    CheckedSession, Console, Failure, ResultsFolder, check_has_none, check_out, folder_of_diagnosis,
-    load_checked, parse_seed, preprocessing_settings, read_model, write_report,
+    CheckedSession, Console, Failure, ResultsFolder, UsedCalibration, check_has_none, check_out,
+    folder_of_diagnosis, load_checked, parse_seed, preprocessing_settings, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, PROGRAM, Session};
@@ -40,6 +40,10 @@ pub struct DiagnoseArgs {
     /// The model file that the diagnosis starts from [default: the model of the paper].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// The file of the rig's measured constants, as `ramphold calibrate` writes it; `none` uses what the session states [default:
+    /// rig-calibration.json in the session's folder, if there is one].
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
     /// Analyse although a check of the signals against the table fails; the results keep it. Names as in `ramphold fit`.
     #[arg(long, value_name = "CHECKS", value_delimiter = ',')]
     accept: Vec<SignalCheck>,
@@ -58,7 +62,10 @@ impl Verb for DiagnoseArgs {
         let CheckedSession { session, accepted } = load_checked(&self.session, &self.accept)?;
         let given = self.given_folder(&session)?;
         let settings = preprocessing_settings(&self.session, self.window)?;
-        let input = DiagnosisInput::new(&session, settings, &model)
+        let used = UsedCalibration::of_session(self.calibration.as_deref(), &self.session)?;
+        let rig = UsedCalibration::knowledge(used.as_ref(), session.lever)?;
+        used.iter().for_each(|used| used.announce(console));
+        let input = DiagnosisInput::of_rig(&session, settings, &model, rig)
             .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
         let prepared = &input.observations;
         if prepared.noise_source != Some(NoiseSource::Holds) {
@@ -69,7 +76,11 @@ impl Verb for DiagnoseArgs {
         stages.finish_and_clear();
         let mut json = diagnosis.to_json(prepared);
         json["accepted"] = json!(accepted);
-        json["settings"] = json!({ "window_s": settings.window_s, "seed": self.seed });
+        json["settings"] = json!({
+            "window_s": settings.window_s,
+            "seed": self.seed,
+            "calibration_sha256": used.as_ref().map(|used| &used.sha256),
+        });
         json["model"] = model.json();
         json["made_from"] = json!({ "session_sha256": session.digest(), "program": PROGRAM });
         let folder = match given {
@@ -78,7 +89,7 @@ impl Verb for DiagnoseArgs {
         };
         if matches!(folder, ResultsFolder::Named { .. }) {
             console.announce(format_args!(
-                "results/ holds results of another window or model, which are kept; this diagnosis is in {}",
+                "results/ holds results of another window, model or calibration, which are kept; this diagnosis is in {}",
                 folder.path().display()
             ));
         }
@@ -266,6 +277,10 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
             out,
             "  found in the holds and taken out; residual of the ramps: {:.3} of what it was ({:.3} to {:.3})",
             gain.held_out_rmse_ratio.value, gain.held_out_rmse_ratio.low, gain.held_out_rmse_ratio.high
+        )?,
+        CauseEvidence::RigTrials { deviation_sds, .. } => writeln!(
+            out,
+            "  measured in rig trials: {deviation_sds:.1} standard deviations from what the session states; the fit uses the measured value"
         )?,
         CauseEvidence::AcrossTrials(trend) => writeln!(
             out,

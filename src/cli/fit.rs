@@ -35,6 +35,10 @@ pub struct FitArgs {
     /// A model file: the mechanisms, and how each parameter is shared between trials [default: the model of the paper].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// The file of the rig's measured constants, as `ramphold calibrate` writes it; `none` uses what the session states [default:
+    /// rig-calibration.json in the session's folder, if there is one].
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
     /// Weight every sample equally, as the paper does, instead of by the noise measured in the holds.
     #[arg(long)]
     plain: bool,
@@ -79,7 +83,7 @@ impl Verb for FitArgs {
         let sessions = session_folders(&self.sessions)?;
         let folders = self.result_folders(&sessions)?;
         if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
-            let results = self.fit(session, &model)?;
+            let results = self.fit(session, &model, console)?;
             self.write(session, folder.as_ref(), &results, console)?;
             return self.show(console, &results);
         }
@@ -88,8 +92,8 @@ impl Verb for FitArgs {
 }
 
 impl FitArgs {
-    fn fit(&self, session: &Path, model: &Model) -> Result<Results, Failure> {
-        let (observations, mut results, fit) = preprocess_and_fit(session, &self.request(model))?;
+    fn fit(&self, session: &Path, model: &Model, console: &Console) -> Result<Results, Failure> {
+        let (observations, mut results, fit) = preprocess_and_fit(session, &self.request(model), console)?;
         if let Some(refits) = self.bootstrap {
             let scatter = fit::bootstrap(&observations, &fit, refits as usize, self.seed);
             results.add_bootstrap(refits as usize, self.seed, &scatter);
@@ -104,6 +108,7 @@ impl FitArgs {
             weighting: if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise },
             independent: self.independent,
             accept: self.accept.clone(),
+            calibration: self.calibration.clone(),
         }
     }
 
@@ -140,7 +145,7 @@ impl FitArgs {
         let fitted: Vec<Option<serde_json::Value>> = (sessions, folders)
             .into_par_iter()
             .map(|(session, folder)| {
-                let done = self.fit(session, model).and_then(|results| {
+                let done = self.fit(session, model, &console.silent()).and_then(|results| {
                     self.write(session, folder.as_ref(), &results, &console.silent())?;
                     Ok(results.json)
                 });

@@ -72,6 +72,9 @@ impl Verb for ResumeArgs {
                 console,
             )?),
         };
+        if let Some(rig) = &rig {
+            rig.check_operator(has_console, session.rig_trials_due())?;
+        }
         let Resumed { recorder, machine, interrupted, torn } = session.resume()?;
         if let Some(torn) = torn {
             console.message(format_args!(
@@ -80,8 +83,9 @@ impl Verb for ResumeArgs {
             ));
         }
         if let Some(trial) = interrupted {
+            let kind = if trial.is_rig_trial { "rig trial" } else { "trial" };
             console.message(format_args!(
-                "trial {} was under way: its {} samples are kept with status aborted, and it is run again later",
+                "{kind} {} was under way: its {} samples are kept with status aborted, and it is run again later",
                 trial.number, trial.samples
             ));
         }

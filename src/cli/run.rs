@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::app::{
-    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun,
+    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, UsedCalibration,
     add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc, parse_seed,
     subject_number, utc_offset_s, with_hidden_effect,
 };
@@ -53,6 +53,10 @@ pub struct RunArgs {
     /// `ramphold reveal` does, and checks the diagnosis.
     #[arg(long, value_name = "SEED", allow_negative_numbers = true, value_parser = parse_seed)]
     hide: Option<u64>,
+    /// The file of the rig's measured constants, as `ramphold calibrate` writes it; it is copied into the session's folder, and the
+    /// analyses of the session use it.
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
     /// Confirm that a motor may be armed, instead of being asked. A virtual rig needs no confirmation.
     #[arg(long)]
     yes: bool,
@@ -171,6 +175,7 @@ impl RunArgs {
     /// Makes the session's folder and runs the session.
     fn start(&self, protocol: &ValidProtocol, plan: Plan, console: &Console) -> Result<(), Failure> {
         let Plan { seed, subject, order, settings, rig, rig_json, lever } = plan;
+        rig.check_operator(self.console.check()?, !settings.rig_plan.is_empty())?;
         let folder = self.folder(subject, seed)?;
         if files::exists(&folder) {
             return Err(RecordError::Exists(folder).into());
@@ -179,6 +184,9 @@ impl RunArgs {
         if let Some(parent) = folder.parent() {
             files::make_folders(parent).map_err(RecordError::at(parent))?;
         }
+        let calibration = self.calibration.as_deref().map(UsedCalibration::given).transpose()?.flatten();
+        // A calibration that no analysis can use is found before a trial is run.
+        UsedCalibration::constants(calibration.as_ref(), lever)?;
         let recorder = NewSession {
             protocol,
             order: &order,
@@ -186,6 +194,7 @@ impl RunArgs {
             subject,
             lever,
             rig: &rig_json,
+            calibration: calibration.as_ref().map(|own| own.bytes.as_slice()),
             about: &self.about(&rig),
             subject_fields: &self.subject_fields(),
             motion_delay_samples: settings.motion_delay_samples,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure, parse_seed};
+use crate::app::{Console, Failure, parse_seed, rig_trials_text};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
 
@@ -28,6 +28,9 @@ impl Verb for ScheduleArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let protocol = ValidProtocol::read(&self.protocol)?;
         let order = schedule::draw(&protocol, self.seed, self.subject_number)?;
+        if let Some(rig_trials) = rig_trials_text(&protocol) {
+            console.message(format_args!("before these trials come rig trials: {rig_trials}"));
+        }
         Ok(schedule::write_csv(&order, console.results())?)
     }
 }

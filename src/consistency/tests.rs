@@ -62,6 +62,7 @@ fn record(velocity_rad_s: f64, torque_nm: f64, phase: f64) -> Record {
         torque_l_nm: (0..samples).map(torque).collect(),
         emg_fcr_mvc: Some((0..samples).map(|i| active(i, 0.2)).collect()),
         emg_ecr_mvc: Some((0..samples).map(|i| active(i, 0.05)).collect()),
+        ..Record::default()
     }
 }
 

@@ -16,11 +16,28 @@ const START: &str = "The motor will be given power and will hold the handle, wit
 const REARM: &str = "The motor will move the handle, with the subject's hand in it, to the start position. Has the fault been fixed, \
                      and does the subject know that the handle will move?";
 
+const START_RIG_TRIALS: &str = "The motor will be given power and will hold the handle for the rig trials. Is no hand in the handle, \
+                                is one emergency switch in your hand, and is everyone clear of the lever?";
+
+const REARM_RIG_TRIALS: &str = "The motor will move the handle, with what is mounted on it, to the start position. Has the fault been \
+                                fixed, is no hand in the handle, and is everyone clear of handle and load?";
+
+const BEGIN_RIG_TRIAL: &str =
+    "The motor will move the handle. Is the load mounted as told, and is everyone clear of handle and load?";
+
+const SUBJECT_SEATED: &str = "The rig trials are over; the motor has power and holds the handle. Is every load off the handle, is the \
+                              subject's hand fixed in place, is one emergency switch in the subject's other hand and one in yours, \
+                              and is everyone else clear of the lever?";
+
 /// The questions that depend on the rig. A virtual wrist can be hurt by nobody, and is armed without a question.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CommandQuestions {
     start: Option<String>,
+    start_rig_trials: Option<String>,
+    begin_rig_trial: Option<&'static str>,
+    subject_seated: Option<&'static str>,
     rearm: Option<String>,
+    rearm_rig_trials: Option<&'static str>,
 }
 
 impl CommandQuestions {
@@ -33,7 +50,14 @@ impl CommandQuestions {
     /// handle for the start position.
     pub fn for_motor(sets_origin_here: bool) -> Self {
         let origin = if sets_origin_here { format!("{SETS_ORIGIN_HERE} ") } else { String::new() };
-        Self { start: Some(format!("{origin}{START}")), rearm: Some(REARM.to_owned()) }
+        Self {
+            start: Some(format!("{origin}{START}")),
+            start_rig_trials: Some(format!("{origin}{START_RIG_TRIALS}")),
+            begin_rig_trial: Some(BEGIN_RIG_TRIAL),
+            subject_seated: Some(SUBJECT_SEATED),
+            rearm: Some(REARM.to_owned()),
+            rearm_rig_trials: Some(REARM_RIG_TRIALS),
+        }
     }
 
     /// The question before the motor is armed for the first time.
@@ -46,10 +70,15 @@ impl CommandQuestions {
         self.rearm.as_deref()
     }
 
-    /// The question before `command`, as the session stands; `None` if it is carried out at once.
-    fn before(&self, command: Event, effect: Effect) -> Option<&str> {
+    /// The question before `command`, as the session stands, in which nobody's hand is in the handle as long as rig trials are
+    /// due; `None` if it is carried out at once.
+    fn before(&self, command: Event, effect: Effect, rig_trials_due: bool) -> Option<&str> {
         match (command, effect) {
+            (Event::Start, _) if rig_trials_due => self.start_rig_trials.as_deref(),
+            (Event::Rearm, _) if rig_trials_due => self.rearm_rig_trials,
             (Event::Start, _) => self.start(),
+            (Event::Resume, Effect::Begin) => self.begin_rig_trial,
+            (Event::Resume, Effect::SeatSubject) => self.subject_seated,
             (Event::Rearm, _) => self.rearm(),
             (Event::Abort, Effect::Abort) => {
                 Some("End the session now? The trial under way is aborted; the session can be resumed.")
@@ -66,7 +95,7 @@ impl CommandQuestions {
     pub fn now(&self, phase: Phase, progress: &Progress) -> BTreeMap<&'static str, String> {
         let question = |command: &Event| {
             let line = progress.line(phase, *command)?;
-            Some((command.name(), self.before(*command, line.effect)?.to_owned()))
+            Some((command.name(), self.before(*command, line.effect, progress.rig_trials_due())?.to_owned()))
         };
         Event::COMMANDS.iter().filter_map(question).collect()
     }
@@ -87,7 +116,23 @@ mod tests {
         assert!(CommandQuestions::for_motor(true).start().unwrap().starts_with(SETS_ORIGIN_HERE));
         let wrist = CommandQuestions::for_virtual_wrist();
         assert_eq!((wrist.start(), wrist.rearm()), (None, None));
-        assert_eq!(wrist.before(Event::RepeatEffort, Effect::RepeatEffort), None);
-        assert!(wrist.before(Event::Repeat, Effect::TakeBack).is_some());
+        assert_eq!(wrist.before(Event::RepeatEffort, Effect::RepeatEffort, false), None);
+        assert!(wrist.before(Event::Repeat, Effect::TakeBack, false).is_some());
+        assert_eq!(wrist.before(Event::Resume, Effect::Begin, true), None);
+    }
+
+    #[test]
+    fn a_motor_asks_about_the_load_before_a_rig_trial_and_about_the_hand_only_after_them() {
+        let motor = CommandQuestions::for_motor(false);
+        for command in [Event::Start, Event::Rearm] {
+            let question = motor.before(command, Effect::None, true).unwrap();
+            assert!(
+                !question.contains("subject's hand") && question.contains("hand in the handle"),
+                "{question}"
+            );
+        }
+        assert!(motor.before(Event::Resume, Effect::Begin, true).unwrap().contains("load mounted"));
+        assert!(motor.before(Event::Resume, Effect::SeatSubject, true).unwrap().contains("subject's hand"));
+        assert_eq!(motor.before(Event::Resume, Effect::None, true), None, "after a pause nothing moves yet");
     }
 }

@@ -157,7 +157,12 @@ impl CommandReceiver {
             return None;
         }
         match phase {
-            Phase::Offset | Phase::MvcEffort | Phase::Hold | Phase::Delay | Phase::Homing => None,
+            Phase::RigSettle
+            | Phase::Offset
+            | Phase::MvcEffort
+            | Phase::Hold
+            | Phase::Delay
+            | Phase::Homing => None,
             Phase::Ready | Phase::Paused | Phase::Faulted | Phase::Finished | Phase::Aborted => {
                 self.shared.pause_after_trial.store(false, Ordering::Release);
                 None

@@ -172,7 +172,7 @@ fn fit(context: &TrialFitContext, trials: &[Trial]) -> Result<Box<TrialFit>, Str
         None => "fitted alone: the session has shown too little yet".into(),
     });
     let fit = session.as_ref().map_or(&independent, |session| &session.fit);
-    let measured_nm = observations.trials[place].measured_nm.clone();
+    let measured_nm = observations.torque_of(&observations.trials[place].measured_nm).to_vec();
     let residual_nm = &predictions(&observations, fit)[place].residual_nm;
     let predicted_nm = measured_nm.iter().zip(residual_nm).map(|(measured, left)| measured - left).collect();
     let session = session.map(|session| SessionSoFar { estimates, session });

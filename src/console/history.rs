@@ -144,8 +144,9 @@ impl SessionHistory {
                 LogEntry::new(LogKind::Alarm, format!("fault: {fault}"))
             }
             Some(TransitionDetail::Ended { number, status, .. }) => {
+                let kind = if transition.from.in_rig_trial() { "rig trial" } else { "trial" };
                 let why = transition.event.name();
-                LogEntry::new(LogKind::Plain, format!("trial {number} {} ({why})", status.name()))
+                LogEntry::new(LogKind::Plain, format!("{kind} {number} {} ({why})", status.name()))
             }
             Some(TransitionDetail::OffsetNm(offset_nm)) => {
                 LogEntry::new(LogKind::Plain, format!("offset {offset_nm:.3} N m"))

@@ -82,6 +82,9 @@ pub struct Snapshot {
     pub target_nm: Option<f64>,
     /// Trial under way, or the last one.
     pub trial: Option<CurrentTrial>,
+    /// The rig trials; `None` once the subject is seated, and without any in the protocol.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rig_trials: Option<RigTrialsView>,
     /// Expected time to the end of the session without pauses, s; `None` once it is over.
     pub time_left_s: Option<f64>,
     /// Names of the commands that are possible.
@@ -129,6 +132,7 @@ impl Snapshot {
             torque_nm: 0.0,
             target_nm: None,
             trial: None,
+            rig_trials: None,
             time_left_s: None,
             possible: Vec::new(),
             questions: BTreeMap::new(),
@@ -154,6 +158,19 @@ pub struct CurrentTrial {
     pub repetition: u32,
     /// Status of the trial, once it has ended.
     pub status: Option<Status>,
+}
+
+/// The rig trials as the operator sees them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RigTrialsView {
+    /// Number of rig trials of status ok.
+    pub done: usize,
+    /// Number of rig trials of status ok when all are done.
+    pub total: usize,
+    /// The rig trial under way, such as `known_weight, still, 2`.
+    pub current: Option<String>,
+    /// What the operator is to do before the session goes on, and how to go on then.
+    pub instruction: Option<String>,
 }
 
 /// State of the playback of a recorded session.

@@ -1,6 +1,6 @@
 //! Time that a session is expected to take still.
 
-use crate::protocol::APPROACH_S;
+use crate::protocol::{APPROACH_S, RIG_SETTLE_S};
 use crate::session::{Phase, PlannedTrial, Progress, Settings, Status};
 
 /// Expected time to the end of the session without pauses, s. The time from the target to the end of the hold, and the number of
@@ -33,8 +33,11 @@ pub fn time_left_s(progress: &Progress, settings: &Settings, phase: Phase, in_ph
         progress.efforts_left() as f64 * (mvc.duration_s + mvc.rest_s)
             + if phase == Phase::MvcRest { mvc.rest_s } else { 0.0 }
     });
+    let rig_s = rig_trials_s(progress, phase);
     let offset_s = match phase {
-        Phase::Ready | Phase::Offset if progress.attempts().is_empty() && progress.efforts().is_empty() => {
+        Phase::Ready | Phase::Offset | Phase::RigSetup | Phase::RigSettle | Phase::RigMotion
+            if progress.attempts().is_empty() && progress.efforts().is_empty() =>
+        {
             settings.offset_samples.map_or(0.0, seconds)
         }
         _ => 0.0,
@@ -45,11 +48,32 @@ pub fn time_left_s(progress: &Progress, settings: &Settings, phase: Phase, in_ph
         _ => 0.0,
     });
     let passed_s = match phase {
+        // A wait for the operator is no progress.
+        Phase::RigSetup => 0.0,
+        phase if phase.in_rig_trial() => in_phase_s.min(rig_under_way_s(progress, phase)),
         Phase::Offset | Phase::MvcEffort | Phase::MvcRest | Phase::Rest | Phase::Return => in_phase_s,
         phase if phase.in_trial() => in_phase_s.min(under_way_s),
         _ => 0.0,
     };
-    (offset_s + efforts_s + under_way_s + trials_s - passed_s).max(0.0)
+    (rig_s + offset_s + efforts_s + under_way_s + trials_s - passed_s).max(0.0)
+}
+
+/// Expected time of the rig trials that are left and of the one under way, mounting included, s.
+fn rig_trials_s(progress: &Progress, phase: Phase) -> f64 {
+    if !progress.rig_trials_due() {
+        return 0.0;
+    }
+    let mut mounted = progress.mounted();
+    let left_s = progress.rig_queue().map(|trial| trial.expected_s(mounted.replace(trial.load)));
+    left_s.sum::<f64>() + rig_under_way_s(progress, phase)
+}
+
+/// Expected time from the beginning of the present phase to the end of the rig trial under way, s.
+fn rig_under_way_s(progress: &Progress, phase: Phase) -> f64 {
+    progress.current_rig_trial().map_or(0.0, |trial| match phase {
+        Phase::RigSettle => RIG_SETTLE_S + trial.planned.motion.duration_s(),
+        _ => trial.planned.motion.duration_s(),
+    })
 }
 
 #[cfg(test)]

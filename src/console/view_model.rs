@@ -9,12 +9,13 @@ use super::command_questions::CommandQuestions;
 use super::fitter::Fitter;
 use super::history::{LogEntry, SessionHistory, SystemStatus};
 use super::ramps::Ramps;
-use super::snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot};
+use super::snapshot::{CurrentTrial, Instruction, PlaybackState, RigTrialsView, Snapshot};
 use super::step_feed::TimedStep;
 use super::strip_chart::{Bin, StripChart};
 use super::time_left::time_left_s;
 use super::trial_fits::TrialFits;
 use crate::dataset::{AuditEntry, MemoryRecorder, OperatorAction, Trial};
+use crate::protocol::SEAT_SUBJECT;
 use crate::rig::{Cue, Direction};
 use crate::session::{
     Attempt, Event, Phase, Progress, RecordTarget, Settings, Status, Step, StepConsumer, TransitionDetail,
@@ -221,7 +222,9 @@ impl ViewModel {
             if matches!(transition.event, Event::HoldOver) {
                 self.fit_last_trial();
             }
-            if let Some(TransitionDetail::TakenBack { number }) = transition.detail {
+            if let Some(TransitionDetail::TakenBack { number }) = transition.detail
+                && !self.progress.rig_trials_due()
+            {
                 self.fitter.forget(number);
                 self.ramps.remove(number);
                 self.publish_ramps();
@@ -373,13 +376,35 @@ impl ViewModel {
             repetition: attempt.planned.repetition,
             status: attempt.ended.map(|(status, _)| status),
         });
+        snapshot.rig_trials = progress.rig_trials_due().then(|| rig_trials(progress, snapshot.phase));
+    }
+}
+
+/// The rig trials as the operator sees them in `phase`.
+fn rig_trials(progress: &Progress, phase: Phase) -> RigTrialsView {
+    let statuses = progress.rig_attempts().iter().filter_map(|attempt| attempt.ended);
+    let done = statuses.filter(|(status, _)| *status == Status::Ok).count();
+    let current = progress.current_rig_trial();
+    let asks = phase == Phase::RigSetup && !progress.holds(Guard::LoadMounted);
+    RigTrialsView {
+        done,
+        total: done + progress.rig_queue().len() + usize::from(current.is_some()),
+        current: current.map(|attempt| {
+            let planned = &attempt.planned;
+            format!("{}, {}, {}", planned.load.name(), planned.motion.name(), planned.repetition)
+        }),
+        instruction: asks.then(|| {
+            let next = progress.rig_queue().next();
+            let instruction = next.map_or(SEAT_SUBJECT.to_owned(), |planned| planned.load.instruction());
+            format!("{instruction} Then resume.")
+        }),
     }
 }
 
 fn instruction(step: &Step) -> Instruction {
     match (step.phase, step.cue) {
         (Phase::Finished, _) => Instruction::Done,
-        (Phase::Ready | Phase::Aborted, _) => Instruction::Wait,
+        (Phase::Ready | Phase::Aborted | Phase::RigSetup, _) | (_, Cue::RigTrial(_)) => Instruction::Wait,
         (Phase::Paused | Phase::Faulted | Phase::Homing, _) => Instruction::Pause,
         (Phase::Delay, _) => Instruction::Stay,
         (_, Cue::Relax) => Instruction::Relax,

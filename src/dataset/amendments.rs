@@ -8,7 +8,7 @@ use super::csv_input::SessionFolder;
 use super::description_json::{check_format, parse_json};
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
-use super::folder::pretty;
+use super::pretty_json::pretty;
 use super::recorder::RecordError;
 use crate::files::{Folder, limits};
 use crate::session::Status;

@@ -69,6 +69,21 @@ pub enum DatasetError {
         /// What it should have been, and who names it.
         expected: String,
     },
+    /// A record has other further channels than the records before it.
+    #[error(
+        "{at}: has {found}, where {first} has {expected}; expected the same further channels in every record of a session. \
+         Remove the column from all records, or put the record that lacks it into a session of its own"
+    )]
+    FurtherChannels {
+        /// Header of the record.
+        at: FilePlace,
+        /// Its further channels.
+        found: String,
+        /// Those of the first record.
+        expected: String,
+        /// File of the first record.
+        first: String,
+    },
     /// The operating system does not let it be read.
     #[error("{at}: cannot be read ({source}); expected a readable file")]
     Unreadable {

@@ -7,12 +7,14 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::SESSION_FORMAT;
 use super::disk::Disk;
 use super::hexadecimal::sha256;
 use super::journal::{JOURNAL_FORMAT, Journal, JournalEntry};
+use super::pretty_json::pretty;
 use super::recorder::{RecordError, RecordNames, Recorder};
 use super::session_about::{SessionAbout, SubjectCard};
+use super::tables;
+use super::{RIG_CALIBRATION, SESSION_FORMAT};
 use crate::files::{self, Folder};
 use crate::protocol::ValidProtocol;
 use crate::schedule;
@@ -35,6 +37,8 @@ pub struct NewSession<'a> {
     pub lever: Option<Lever>,
     /// The rig, with all that it takes to make it again.
     pub rig: &'a serde_json::Value,
+    /// The file of the rig's measured constants, byte for byte, if there is one.
+    pub calibration: Option<&'a [u8]>,
     /// When, who and what; empty for a virtual session.
     pub about: &'a SessionAbout,
     /// Further fields of the subject.
@@ -98,7 +102,7 @@ impl NewSession<'_> {
     }
 
     fn prepare(&self, folder: &Folder, disk: &Disk) -> Result<Journal, RecordError> {
-        for inside in ["trials", "familiarisation", "before"] {
+        for inside in ["trials", "familiarisation", "before", tables::RIG_FOLDER] {
             if inside == "trials" || self.has(inside) {
                 make(disk, folder, inside)?;
             }
@@ -109,15 +113,25 @@ impl NewSession<'_> {
             ("protocol.json", self.protocol.text().as_bytes()),
             ("schedule.csv", &self.schedule()),
             ("rig.json", &pretty(self.rig)),
-            ("trials.csv", super::tables::empty()),
+            ("trials.csv", tables::empty()),
+            (tables::RIG_TABLE, tables::empty_rig_table()),
             ("session.json", &pretty(&self.description(rate))),
         ] {
+            if name == tables::RIG_TABLE && !self.has(tables::RIG_FOLDER) {
+                continue;
+            }
             disk.write(folder, name, bytes).map_err(RecordError::at(&folder.path_of(name)))?;
             sums.insert(name.to_owned(), sha256(bytes));
         }
+        if let Some(bytes) = self.calibration {
+            disk.write(folder, RIG_CALIBRATION, bytes)
+                .map_err(RecordError::at(&folder.path_of(RIG_CALIBRATION)))?;
+            sums.insert(RIG_CALIBRATION.to_owned(), sha256(bytes));
+        }
         let protocol_sha256 = sums.remove("protocol.json").unwrap_or_default();
-        // The only one of these files that changes: it follows from the journal.
+        // The only ones of these files that change: they follow from the journal.
         sums.remove("trials.csv");
+        sums.remove(tables::RIG_TABLE);
         let file = folder.path_of(super::JOURNAL);
         let mut journal = Journal::create(disk, folder).map_err(RecordError::at(&file))?;
         journal.append(disk, &self.first_record(protocol_sha256, sums)).map_err(RecordError::at(&file))?;
@@ -128,6 +142,7 @@ impl NewSession<'_> {
         let before = &self.protocol.before;
         match folder {
             "familiarisation" => before.familiarisation_trials > 0,
+            tables::RIG_FOLDER => !self.protocol.rig_trials.is_empty(),
             _ => before.offset_s.is_some() || before.mvc.is_some(),
         }
     }
@@ -170,11 +185,4 @@ fn make(disk: &Disk, parent: &Folder, name: &str) -> Result<Folder, RecordError>
         std::io::ErrorKind::AlreadyExists => RecordError::Exists(parent.path_of(name)),
         _ => RecordError::at(&parent.path_of(name))(error),
     })
-}
-
-pub(super) fn pretty(value: &impl Serialize) -> Vec<u8> {
-    // Values made by this program always have a JSON form.
-    let mut bytes = serde_json::to_vec_pretty(value).unwrap_or_default();
-    bytes.push(b'\n');
-    bytes
 }

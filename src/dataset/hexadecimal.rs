@@ -8,6 +8,6 @@ pub(super) fn hexadecimal(sum: Sha256) -> String {
 }
 
 /// SHA-256 of bytes in hexadecimal digits.
-pub(super) fn sha256(bytes: &[u8]) -> String {
+pub fn sha256(bytes: &[u8]) -> String {
     hexadecimal(Sha256::new_with_prefix(bytes))
 }

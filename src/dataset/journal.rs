@@ -102,13 +102,20 @@ pub struct RecordSum {
     pub sha256: String,
 }
 
-/// A trial that was under way when the program ended.
+/// A trial or rig trial that was under way when the program ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Interrupted {
     /// Its number.
     pub number: u32,
     /// Samples in its record.
     pub samples: u64,
+    /// Whether it is a rig trial.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub is_rig_trial: bool,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// Length of what comes before a record's JSON.

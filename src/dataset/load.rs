@@ -10,7 +10,7 @@ use super::amendments::{AMENDMENTS, Amendments};
 use super::csv_input::{CsvTable, SessionFolder};
 use super::description_json::{check_format, parse_json};
 use super::error::{DatasetError, FilePlace};
-use super::{Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
+use super::{FurtherChannel, Record, SESSION_FORMAT, Session, Status, Subject, Trial, trial_csv_reader};
 use crate::files::{excerpt, limits};
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
@@ -40,16 +40,38 @@ pub fn load_amended(folder: &Path, amendments: &Amendments) -> Result<Session, D
     let about = read_description(&folder)?;
     let mut rows = read_table(&folder)?;
     amend(&folder, &mut rows, amendments)?;
-    check_sizes(&folder, &rows)?;
+    check_total_size(&folder, rows.iter().map(|row| (row.trial.file.as_str(), &row.file_at)))?;
     // Every record is read before the first error is chosen, so that the message does not depend on threads.
     let trials: Vec<Result<Trial, DatasetError>> =
         rows.into_par_iter().map(|row| row.with_record(&folder, about.sample_rate_hz)).collect();
+    let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
+    check_further_channels(&folder, &trials)?;
     Ok(Session {
         subject: about.subject,
         sample_rate_hz: about.sample_rate_hz,
         lever: about.rig.lever,
         recorded_filter: about.recorded_filter,
-        trials: trials.into_iter().collect::<Result<_, _>>()?,
+        trials,
+    })
+}
+
+/// Refuses a record with other further channels than the first record of the session. A record without rows may have any.
+fn check_further_channels(folder: &SessionFolder, trials: &[Trial]) -> Result<(), DatasetError> {
+    let mut recorded = trials.iter().filter(|trial| !trial.record.theta_m_rad.is_empty());
+    let Some(first) = recorded.next() else { return Ok(()) };
+    let channels = first.record.further_channels();
+    let Some(other) = recorded.find(|trial| trial.record.further_channels() != channels) else {
+        return Ok(());
+    };
+    let names = |channels: &[FurtherChannel]| match channels {
+        [] => "no further channel".to_owned(),
+        some => some.iter().map(|channel| channel.column()).collect::<Vec<_>>().join(", "),
+    };
+    Err(DatasetError::FurtherChannels {
+        at: FilePlace::line(folder.name(&other.file), 1),
+        found: names(&other.record.further_channels()),
+        expected: names(&channels),
+        first: folder.name(&first.file),
     })
 }
 
@@ -80,22 +102,22 @@ struct Version {
 
 /// `session.json`; further fields are allowed and belong to whoever wrote them.
 #[derive(Deserialize)]
-struct ParsedDescription {
+pub(super) struct ParsedDescription {
     subject: Subject,
-    sample_rate_hz: f64,
-    rig: ParsedRigDescription,
+    pub sample_rate_hz: f64,
+    pub rig: ParsedRigDescription,
     // `null` says that nothing was filtered; not to say anything is not the same.
     #[serde(deserialize_with = "Option::deserialize")]
     recorded_filter: Option<FilterSpec>,
 }
 
 #[derive(Deserialize)]
-struct ParsedRigDescription {
+pub(super) struct ParsedRigDescription {
     #[serde(deserialize_with = "Option::deserialize")]
-    lever: Option<Lever>,
+    pub lever: Option<Lever>,
 }
 
-fn read_description(folder: &SessionFolder) -> Result<ParsedDescription, DatasetError> {
+pub(super) fn read_description(folder: &SessionFolder) -> Result<ParsedDescription, DatasetError> {
     let name = folder.name("session.json");
     let text = folder.text("session.json", limits::SETTINGS_BYTES, None)?;
     if text.trim().is_empty() {
@@ -248,16 +270,18 @@ fn read_table(folder: &SessionFolder) -> Result<Vec<Row>, DatasetError> {
     Ok(rows)
 }
 
-/// Refuses records that are too large together, before any of them is read. A record that is not there is an error of its
-/// own, later.
-fn check_sizes(folder: &SessionFolder, rows: &[Row]) -> Result<(), DatasetError> {
+/// Refuses records that are too large together, before any of them is read: paths, and the cells that name them. A record that
+/// is not there is an error of its own, later.
+pub(super) fn check_total_size<'a>(
+    folder: &SessionFolder,
+    records: impl Iterator<Item = (&'a str, &'a FilePlace)>,
+) -> Result<(), DatasetError> {
     let mut left = limits::ALL_RECORDS_BYTES;
-    for row in rows.iter().filter(|row| !row.trial.file.is_empty()) {
-        let bytes = folder.folder().length(&row.trial.file).unwrap_or(0).min(limits::RECORD_BYTES);
-        left = left.checked_sub(bytes).ok_or_else(|| DatasetError::TooMuch {
-            at: row.file_at.clone(),
-            limit: limits::ALL_RECORDS_BYTES,
-        })?;
+    for (file, at) in records.filter(|(file, _)| !file.is_empty()) {
+        let bytes = folder.folder().length(file).unwrap_or(0).min(limits::RECORD_BYTES);
+        left = left
+            .checked_sub(bytes)
+            .ok_or_else(|| DatasetError::TooMuch { at: at.clone(), limit: limits::ALL_RECORDS_BYTES })?;
     }
     Ok(())
 }

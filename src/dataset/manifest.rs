@@ -11,9 +11,11 @@ use super::csv_input::SessionFolder;
 use super::description_json::{check_format, parse_json};
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
-use super::folder::{Description, PROGRAM, pretty};
+use super::folder::{Description, PROGRAM};
 use super::journal::JOURNAL;
+use super::pretty_json::pretty;
 use super::recorder::RecordError;
+use super::rig_calibration::RIG_CALIBRATION;
 use crate::files::{EntryKind, Folder, TreeFile, limits};
 
 /// Name of the manifest in a session folder.
@@ -161,7 +163,7 @@ impl Manifest {
     /// # Errors
     /// If the folder cannot be read or written.
     pub fn renew_results(disk: &Disk, folder: &Path) -> Result<(), RecordError> {
-        Self::renew(disk, folder, |file| file.starts_with("results/"))
+        Self::renew(disk, folder, |file| file.starts_with("results/") || file == RIG_CALIBRATION)
     }
 
     /// Takes note of judgements on trials that the operator gave; see [`Amendments`](super::Amendments).

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::record_splitter::RecordSplitter;
 use super::tables::{self, amplitude_rad, rest_s};
 use super::trial_csv_writer::TrialCsvWriter;
-use super::{Record, Session, Subject, Trial};
+use super::{FurtherChannel, Record, Session, Subject, Trial};
 use crate::rig::Sample;
 use crate::session::{Attempt, Progress, RecordTarget, Settings, Step, StepConsumer};
 use crate::wrist::Lever;
@@ -78,6 +78,11 @@ impl MemoryRecorder {
         {
             if let Some(channel) = channel {
                 channel.push(value + 0.0);
+            }
+        }
+        for (channel, value) in FurtherChannel::ALL.into_iter().zip(sample.further) {
+            if let Some(value) = value {
+                record.further_mut(channel).get_or_insert_default().push(value + 0.0);
             }
         }
     }

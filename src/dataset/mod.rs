@@ -13,12 +13,15 @@ mod journal;
 mod load;
 mod manifest;
 mod memory_recorder;
+mod pretty_json;
 mod record_splitter;
 mod recorder;
 mod recovery;
 mod replay;
 mod resume;
 mod rig_calibration;
+mod rig_trial_csv_reader;
+mod rig_trials;
 mod session_about;
 mod session_digest;
 mod session_files;
@@ -32,6 +35,7 @@ mod trial_csv_writer;
 use std::collections::BTreeMap;
 
 pub use crate::session::Status;
+pub use crate::wrist::FurtherChannel;
 pub use amendments::{AMENDMENTS, Amendment, Amendments};
 pub use audit::{ActionOrigin, AuditEntry, LONGEST_NOTE, OperatorAction, Wrist};
 pub use background_recorder::{AuditSender, BackgroundRecorder};
@@ -39,6 +43,7 @@ pub use csv_input::open_session;
 pub use disk::Disk;
 pub use error::{DatasetError, FilePlace};
 pub use folder::{NewSession, PROGRAM};
+pub use hexadecimal::sha256;
 pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalLine, JournalText, RecordSum};
 pub use load::{load, load_amended};
 pub use manifest::{Change, MANIFEST, Manifest};
@@ -51,6 +56,8 @@ pub use rig_calibration::{
     CalibratedQuantity, CalibrationFit, CalibrationLoad, CalibrationNoise, CalibrationSource, NoiseSpectrum,
     RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, RigCalibration, RigCalibrationError, RigQuantity,
 };
+pub use rig_trial_csv_reader::{RIG_TRIAL_REST_S, RigTrialSignals};
+pub use rig_trials::{HandleLoad, RIG_TRIALS_TABLE, RigTrial, RigTrialMotion, RigTrials, load_rig_trials};
 pub use session_about::{SessionAbout, SessionCard, SubjectCard};
 pub use session_schema::session_schema_text;
 
@@ -78,6 +85,14 @@ pub struct Session {
     pub recorded_filter: Option<FilterSpec>,
     /// The trials in the order they were run, whatever their status.
     pub trials: Vec<Trial>,
+}
+
+impl Session {
+    /// The channels besides motor angle, torque and EMG, which all records of a session have in common.
+    pub fn further_channels(&self) -> Vec<FurtherChannel> {
+        let recorded = self.trials.iter().find(|trial| !trial.record.theta_m_rad.is_empty());
+        recorded.map_or(Vec::new(), |trial| trial.record.further_channels())
+    }
 }
 
 /// Who was measured.
@@ -125,6 +140,41 @@ pub struct Record {
     pub emg_fcr_mvc: Option<Vec<f64>>,
     /// Extensor carpi radialis EMG, fraction of MVC, where measured.
     pub emg_ecr_mvc: Option<Vec<f64>>,
+    /// Handle angle, rad, where measured.
+    pub theta_l_rad: Option<Vec<f64>>,
+    /// Angular acceleration of the handle, rad/s2, where measured.
+    pub alpha_l_rad_s2: Option<Vec<f64>>,
+    /// Torque between handle and hand, N m, where measured.
+    pub torque_h_nm: Option<Vec<f64>>,
+    /// Joint angle, rad, where measured.
+    pub theta_j_rad: Option<Vec<f64>>,
+}
+
+impl Record {
+    /// The samples of a further channel, where measured.
+    pub fn further(&self, channel: FurtherChannel) -> Option<&Vec<f64>> {
+        match channel {
+            FurtherChannel::HandleAngle => self.theta_l_rad.as_ref(),
+            FurtherChannel::HandleAcceleration => self.alpha_l_rad_s2.as_ref(),
+            FurtherChannel::HandTorque => self.torque_h_nm.as_ref(),
+            FurtherChannel::JointAngle => self.theta_j_rad.as_ref(),
+        }
+    }
+
+    /// The place of the samples of a further channel.
+    pub fn further_mut(&mut self, channel: FurtherChannel) -> &mut Option<Vec<f64>> {
+        match channel {
+            FurtherChannel::HandleAngle => &mut self.theta_l_rad,
+            FurtherChannel::HandleAcceleration => &mut self.alpha_l_rad_s2,
+            FurtherChannel::HandTorque => &mut self.torque_h_nm,
+            FurtherChannel::JointAngle => &mut self.theta_j_rad,
+        }
+    }
+
+    /// The further channels that are measured, in the order of [`FurtherChannel::ALL`].
+    pub fn further_channels(&self) -> Vec<FurtherChannel> {
+        FurtherChannel::ALL.into_iter().filter(|channel| self.further(*channel).is_some()).collect()
+    }
 }
 
 #[cfg(test)]

@@ -14,12 +14,12 @@ use super::hexadecimal::hexadecimal;
 use super::journal::{Interrupted, Journal, JournalEntry, RecordSum};
 use super::record_splitter::RecordSplitter;
 use super::tables;
-use super::trial_csv_writer::{HEADER, TrialCsvWriter};
+use super::trial_csv_writer::{HEADER, RIG_HEADER, TrialCsvWriter, header};
 use crate::files::{Folder, is_refusal};
 use crate::protocol::TooShort;
 use crate::rig::{Origin, Sample};
 use crate::session::{
-    Phase, Progress, RecordTarget, Settings, Step, StepConsumer, TransitionDetail, TransitionRecord,
+    Progress, RecordTarget, Settings, Step, StepConsumer, TransitionDetail, TransitionRecord,
 };
 
 /// Bytes of rows that are collected before they are written.
@@ -95,6 +95,8 @@ pub struct Recorder {
 struct OpenRecord {
     /// Path in the session folder that it gets when it is complete.
     file: String,
+    /// Whether the record has the columns of a rig trial.
+    is_rig_trial: bool,
     handle: File,
     buffer: Vec<u8>,
     samples: u64,
@@ -164,15 +166,27 @@ impl Recorder {
         let part = part_of(&file);
         let handle =
             self.disk.create(&self.folder, &part).map_err(RecordError::at(&self.folder.path_of(&part)))?;
+        // The first sample of a trial shows which columns the record has.
+        let is_rig_trial = target == RecordTarget::RigTrial;
         let mut buffer = Vec::with_capacity(2 * CHUNK);
-        buffer.extend_from_slice(HEADER);
-        self.open = Some(OpenRecord { file, handle, buffer, samples: 0, bytes: 0, sum: Sha256::new() });
+        if is_rig_trial {
+            buffer.extend_from_slice(RIG_HEADER);
+        }
+        self.open =
+            Some(OpenRecord { is_rig_trial, file, handle, buffer, samples: 0, bytes: 0, sum: Sha256::new() });
         Ok(())
     }
 
-    fn keep(&mut self, sample: &Sample) -> Result<(), RecordError> {
+    fn keep(&mut self, sample: &Sample, target_rad: f64) -> Result<(), RecordError> {
         let Some(open) = &mut self.open else { return Ok(()) };
-        self.rows.push(&mut open.buffer, open.samples, sample);
+        if open.is_rig_trial {
+            self.rows.push_rig(&mut open.buffer, open.samples, target_rad, sample);
+        } else {
+            if open.samples == 0 {
+                open.buffer.extend_from_slice(&header(sample));
+            }
+            self.rows.push(&mut open.buffer, open.samples, sample);
+        }
         open.samples += 1;
         if open.buffer.len() >= CHUNK { self.flush() } else { Ok(()) }
     }
@@ -185,6 +199,9 @@ impl Recorder {
     /// The record is complete. It gets its name only once it is safe, and the journal its sum.
     fn finish(&mut self) -> Result<(), RecordError> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
+        if open.samples == 0 {
+            open.buffer.extend_from_slice(HEADER);
+        }
         let mut write = || {
             open.flush(&self.disk)?;
             self.disk.sync(&open.handle)?;
@@ -216,7 +233,7 @@ impl StepConsumer for Recorder {
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), RecordError> {
         let split = self.splitter.split(step.record);
         if let Some(sample) = &step.measured {
-            self.keep(sample)?;
+            self.keep(sample, step.target_rad)?;
         }
         if split.ends {
             self.finish()?;
@@ -234,7 +251,7 @@ impl StepConsumer for Recorder {
         if let Some(target) = split.begins {
             self.begin(target, progress)?;
             if let Some(sample) = &step.measured {
-                self.keep(sample)?;
+                self.keep(sample, step.target_rad)?;
             }
         }
         match step.transition {
@@ -257,6 +274,7 @@ impl RecordNames {
             RecordTarget::Offset => "before/offset".to_owned(),
             RecordTarget::Effort(number) => format!("before/effort-{number}"),
             RecordTarget::Trial => return progress.current().map(tables::trial_file),
+            RecordTarget::RigTrial => return progress.current_rig_trial().map(tables::rig_trial_file),
         };
         let times = self.0.entry(stem.clone()).or_default();
         *times += 1;
@@ -271,8 +289,9 @@ pub(super) fn part_of(file: &str) -> String {
 
 fn changes_tables(transition: &TransitionRecord) -> bool {
     let detail = transition.detail.as_ref();
-    transition.to != Phase::Hold
-        && detail.is_some_and(|detail| !matches!(detail, TransitionDetail::Onset { .. }))
+    detail.is_some_and(|detail| {
+        !matches!(detail, TransitionDetail::Began { .. } | TransitionDetail::Onset { .. })
+    })
 }
 
 #[cfg(test)]

@@ -285,7 +285,7 @@ impl RecoveredState {
         let expected = match &transition.detail {
             Some(TransitionDetail::Began { number, .. }) => Some((*number, self.progress.next_number())),
             Some(TransitionDetail::Ended { number, .. }) => {
-                Some((*number, self.progress.current().map_or(0, |trial| trial.number)))
+                Some((*number, self.progress.under_way().unwrap_or(0)))
             }
             _ => None,
         };

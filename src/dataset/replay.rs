@@ -14,7 +14,9 @@ use super::error::{DatasetError, FilePlace};
 use super::journal::{JOURNAL, JournalEntry};
 use super::recorder::part_of;
 use super::recovery::{RecoveredSession, RecoveredState};
-use super::trial_csv_reader;
+use super::tables::header_of_file;
+use super::trial_csv_writer::HEADER;
+use super::{FurtherChannel, trial_csv_reader};
 use crate::files::{excerpt, limits};
 use crate::protocol::Limits;
 use crate::rig::{Fault, LimitMonitor, Motor, Sample};
@@ -230,6 +232,8 @@ impl ExpectedStep {
 #[derive(Debug, Default)]
 struct RecordedSamples {
     samples: Vec<Sample>,
+    /// The angle commanded for each sample, rad; none but in the record of a rig trial.
+    targets_rad: Vec<f64>,
     next: usize,
     /// The first sample that breaks a limit.
     breaks: Option<(usize, Fault)>,
@@ -303,8 +307,9 @@ impl<'a> Replayer<'a> {
                 let recorded = transition.map_or("a state that goes on".to_owned(), |it| describe(&it));
                 return Ok(Some(self.difference(step, recorded, "the end of the record".to_owned())));
             };
-            let before =
-                (phase == Phase::Paused && step.is_multiple_of(SETTLING_STEPS)).then(|| self.machine.clone());
+            let before = (matches!(phase, Phase::Paused | Phase::RigSetup)
+                && step.is_multiple_of(SETTLING_STEPS))
+            .then(|| self.machine.clone());
             let output = self.machine.step(&input);
             if due.is_empty() && later.is_empty() && !self.ended_well && !self.rows_are_left() {
                 // The last sample of all may have decided something that never came to be in the journal, and so was not
@@ -317,6 +322,10 @@ impl<'a> Replayer<'a> {
                 let mut difference = self.difference(step, recorded, replayed);
                 difference.phase = phase;
                 return Ok(Some(difference));
+            }
+            if let Some((recorded, replayed)) = self.target_differs(output.target_rad) {
+                let target = |target_rad: f64| format!("a target of {target_rad} rad");
+                return Ok(Some(self.difference(step, target(recorded), target(replayed))));
             }
             self.events += usize::from(transition.is_some());
             if let Some(difference) = self.follow(&output)? {
@@ -338,6 +347,14 @@ impl<'a> Replayer<'a> {
         }
     }
 
+    /// The recorded and the replayed target of the sample that was replayed last, rad, if the record has another one.
+    fn target_differs(&self, target_rad: f64) -> Option<(f64, f64)> {
+        let rows = self.rows.as_ref()?;
+        let recorded_rad = *rows.targets_rad.get(rows.next.checked_sub(1)?)?;
+        let replayed_rad = Sample { theta_m_rad: target_rad, ..Sample::default() }.rounded().theta_m_rad;
+        (recorded_rad != replayed_rad).then_some((recorded_rad, replayed_rad))
+    }
+
     fn rows_are_left(&self) -> bool {
         self.rows.as_ref().is_some_and(|rows| rows.next < rows.samples.len())
     }
@@ -353,7 +370,7 @@ impl<'a> Replayer<'a> {
     }
 
     fn difference(&self, sample: u64, recorded: String, replayed: String) -> Difference {
-        let trial = self.machine.progress().current().map(|trial| trial.number);
+        let trial = self.machine.progress().under_way();
         Difference { start: self.start, sample, phase: self.machine.phase(), trial, recorded, replayed }
     }
 
@@ -398,7 +415,8 @@ impl<'a> Replayer<'a> {
     /// Whether the disk was done. What the journal tells is only that a ramp waited for it.
     fn was_on_disk(&self, transition: Option<TransitionRecord>, next: Option<&StepEntry>) -> bool {
         let is_onset = |it: &TransitionRecord| it.event == Event::Onset;
-        if self.machine.phase() != Phase::Delay || transition.as_ref().is_some_and(is_onset) {
+        let waits = matches!(self.machine.phase(), Phase::Delay | Phase::RigSettle);
+        if !waits || transition.as_ref().is_some_and(is_onset) {
             return true;
         }
         match next {
@@ -468,24 +486,29 @@ impl<'a> Replayer<'a> {
             return Ok(RecordedSamples { next: 0, ..RecordedSamples::default() });
         }
         let record = trial_csv_reader::parse(&name, whole, self.session.settings.sample_rate_hz)?;
-        let (Some(fcr), Some(ecr)) = (&record.emg_fcr_mvc, &record.emg_ecr_mvc) else {
+        let has_emg = header_of_file(file) == HEADER;
+        if has_emg && (record.emg_fcr_mvc.is_none() || record.emg_ecr_mvc.is_none()) {
             let expected = "the columns emg_fcr_mvc and emg_ecr_mvc".to_owned();
             return Err(DatasetError::Empty { at: FilePlace::file(name), expected });
-        };
-        let samples: Vec<Sample> = (0..fcr.len())
+        }
+        // The EMG of a rig trial, which nobody is part of, is not recorded, and nothing depends on it.
+        let emg_mvc = |channel: &Option<Vec<f64>>, row: usize| channel.as_ref().map_or(0.0, |emg| emg[row]);
+        let samples: Vec<Sample> = (0..record.theta_m_rad.len())
             .map(|row| Sample {
                 theta_m_rad: record.theta_m_rad[row],
                 torque_l_nm: record.torque_l_nm[row],
-                emg_fcr_mvc: fcr[row],
-                emg_ecr_mvc: ecr[row],
+                emg_fcr_mvc: emg_mvc(&record.emg_fcr_mvc, row),
+                emg_ecr_mvc: emg_mvc(&record.emg_ecr_mvc, row),
+                further: FurtherChannel::ALL.map(|channel| Some(record.further(channel)?[row])),
             })
             .collect();
+        let targets_rad = if has_emg { Vec::new() } else { trial_csv_reader::parse_targets(&name, whole)? };
         let mut monitor = LimitMonitor::new((&self.limits).into(), self.session.settings.sample_rate_hz);
         let breaks = samples
             .iter()
             .enumerate()
             .find_map(|(place, sample)| monitor.check_sample(sample).err().map(|fault| (place, fault)));
-        Ok(RecordedSamples { samples, next: 1, breaks })
+        Ok(RecordedSamples { samples, targets_rad, next: 1, breaks })
     }
 }
 

@@ -11,7 +11,8 @@ use super::journal::{Damage, Interrupted, JOURNAL, Journal, RecordSum};
 use super::manifest::{Change, MANIFEST, Manifest};
 use super::recorder::{RecordError, Recorder, part_of};
 use super::recovery::{RecoveredSession, RecoveredState};
-use super::trial_csv_writer::HEADER;
+use super::tables::header_of_file;
+use super::trial_csv_writer::header_of;
 use crate::files::{EntryKind, Folder, is_refusal, limits};
 use crate::session::{Machine, Phase};
 
@@ -139,6 +140,11 @@ impl Resumable {
         self.state.was_armed || self.state.origin.is_some()
     }
 
+    /// Whether rig trials are due: the subject was not seated yet.
+    pub fn rig_trials_due(&self) -> bool {
+        self.state.progress.rig_trials_due()
+    }
+
     /// Whether every trial is done, so that only the results can be missing.
     pub fn is_finished(&self) -> bool {
         self.state.phase == Phase::Finished
@@ -176,10 +182,9 @@ impl Resumable {
             }
             None => (0, None),
         };
-        let interrupted = state
-            .progress
-            .interrupt(samples)
-            .map(|trial| Interrupted { number: trial.number, samples: trial.samples });
+        let is_rig_trial = state.progress.rig_trials_due();
+        let interrupted =
+            state.progress.interrupt(samples).map(|number| Interrupted { number, samples, is_rig_trial });
         let machine = Machine::with_progress(session.settings.clone(), state.progress.clone());
         let mut recorder = Recorder::new(folder, disk, journal, session.settings, state.names);
         if is_finished {
@@ -238,7 +243,7 @@ fn complete_record(disk: &Disk, folder: &Folder, file: &str) -> Result<(u64, Rec
             (None, Some(bytes)) => (bytes, true),
             (None, None) => (Vec::new(), false),
         };
-        let (good, samples) = complete_rows(&bytes);
+        let (good, samples) = complete_rows(&bytes, header_of_file(file));
         if !has_name || good.len() != bytes.len() {
             disk.write(folder, file, &good)?;
         }
@@ -251,15 +256,14 @@ fn complete_record(disk: &Disk, folder: &Folder, file: &str) -> Result<(u64, Rec
     complete().map_err(RecordError::at(&folder.path_of(file)))
 }
 
-/// The header and the complete rows of a record, and the number of rows.
-fn complete_rows(bytes: &[u8]) -> (Vec<u8>, u64) {
-    let mut good = HEADER.to_vec();
+/// The header and the complete rows of a record, and the number of rows; of one without a header, `least` and no rows.
+fn complete_rows(bytes: &[u8], least: &[u8]) -> (Vec<u8>, u64) {
     let mut samples = 0;
-    if !bytes.starts_with(HEADER) {
-        return (good, samples);
-    }
-    for row in bytes[HEADER.len()..].split_inclusive(|byte| *byte == b'\n') {
-        if !is_complete_row(row) {
+    let Some(header) = header_of(bytes) else { return (least.to_vec(), samples) };
+    let columns = header.split(|byte| *byte == b',').count();
+    let mut good = header.to_vec();
+    for row in bytes[header.len()..].split_inclusive(|byte| *byte == b'\n') {
+        if !is_complete_row(row, columns) {
             break;
         }
         good.extend_from_slice(row);
@@ -269,12 +273,12 @@ fn complete_rows(bytes: &[u8]) -> (Vec<u8>, u64) {
 }
 
 /// Whether a row ends with a line break and has a finite number in each column.
-fn is_complete_row(row: &[u8]) -> bool {
+fn is_complete_row(row: &[u8], columns: usize) -> bool {
     let Some(text) = row.strip_suffix(b"\n").and_then(|row| std::str::from_utf8(row).ok()) else {
         return false;
     };
     let numbers = text.split(',').map(|cell| cell.parse::<f64>().is_ok_and(f64::is_finite));
-    numbers.clone().all(|good| good) && numbers.count() == HEADER.split(|byte| *byte == b',').count()
+    numbers.clone().all(|good| good) && numbers.count() == columns
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::disk::Disk;
-use super::folder::pretty;
+use super::pretty_json::pretty;
 use super::recorder::RecordError;
 use crate::files::Folder;
 use crate::json_file::{self, JsonFileError};
@@ -18,11 +18,11 @@ pub const RIG_CALIBRATION: &str = "rig-calibration.json";
 pub const RIG_CALIBRATION_FORMAT: &str = "ramphold-rig-calibration/1";
 
 /// What the file should be, for messages.
-const EXPECTED: &str = "a rig calibration, as ramphold calibrate writes it";
+const A_CALIBRATION: &str = "a rig calibration, as ramphold calibrate writes it";
 
 /// How far a covariance may be from symmetric, and its diagonal from the squares of the standard errors, as a part of the product of
 /// both standard errors: the digits that other programs print.
-const ROUNDING: f64 = 1e-6;
+const COVARIANCE_ROUNDING: f64 = 1e-6;
 
 /// A constant of the rig that can be measured without a person.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -78,6 +78,11 @@ impl RigQuantity {
         Self::BearingFriction,
     ];
 
+    /// The constant with this name in the file.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|own| own.name() == name)
+    }
+
     /// Name in the file, with the unit.
     pub fn name(self) -> &'static str {
         match self {
@@ -96,7 +101,7 @@ impl RigQuantity {
     }
 
     /// Whether no rig has a value of zero or less.
-    fn is_positive(self) -> bool {
+    pub fn is_positive(self) -> bool {
         matches!(
             self,
             Self::LeverInertia
@@ -274,7 +279,7 @@ impl RigCalibration {
     /// # Errors
     /// If it cannot be read or is no rig calibration.
     pub fn read(file: &Path) -> Result<Self, RigCalibrationError> {
-        Self::parse(&json_file::read_text(file, EXPECTED)?, file)
+        Self::parse(&json_file::read_text(file, A_CALIBRATION)?, file)
     }
 
     /// Parses and checks the text of a file; `file` is its name for messages.
@@ -282,7 +287,7 @@ impl RigCalibration {
     /// # Errors
     /// If it is not JSON, or its values contradict each other.
     pub fn parse(text: &str, file: &Path) -> Result<Self, RigCalibrationError> {
-        let read: Self = json_file::parse(text, file, EXPECTED)?;
+        let read: Self = json_file::parse(text, file, A_CALIBRATION)?;
         read.check().map_err(|(field, message)| RigCalibrationError::Value {
             file: file.to_owned(),
             field,
@@ -296,8 +301,18 @@ impl RigCalibration {
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, disk: &Disk, folder: &Path) -> Result<(), RecordError> {
-        let write = || disk.write(&Folder::open(folder)?, RIG_CALIBRATION, &pretty(self));
-        write().map_err(RecordError::at(&folder.join(RIG_CALIBRATION)))
+        self.write_as(disk, &folder.join(RIG_CALIBRATION))
+    }
+
+    /// Writes it as `file`; a file of that name is replaced.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write_as(&self, disk: &Disk, file: &Path) -> Result<(), RecordError> {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        let write =
+            || disk.write(&Folder::open(file.parent().unwrap_or(Path::new("")))?, &*name, &pretty(self));
+        write().map_err(RecordError::at(file))
     }
 
     /// Value of a constant, in the unit of its name; `None` if the loads could not tell it.
@@ -364,13 +379,13 @@ impl RigCalibration {
             for (j, value) in row.iter().enumerate() {
                 let field = || format!("covariance[{i}][{j}]");
                 let scale = se[i] * se[j];
-                if !value.is_finite() || value.abs() > scale * (1.0 + ROUNDING) {
+                if !value.is_finite() || value.abs() > scale * (1.0 + COVARIANCE_ROUNDING) {
                     return wrong(field(), "expected at most the product of both standard errors");
                 }
-                if (value - self.covariance[j][i]).abs() > ROUNDING * scale {
+                if (value - self.covariance[j][i]).abs() > COVARIANCE_ROUNDING * scale {
                     return wrong(field(), "the covariance is not symmetric");
                 }
-                if i == j && (value - scale).abs() > ROUNDING * scale {
+                if i == j && (value - scale).abs() > COVARIANCE_ROUNDING * scale {
                     return wrong(field(), "expected the square of the quantity's standard error");
                 }
             }
@@ -420,10 +435,10 @@ fn is_positive_semidefinite(covariance: &[Vec<f64>], se: &[f64]) -> bool {
             let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
             let left = covariance[i][j] / (se[i] * se[j]) - known;
             if i == j {
-                if left < -ROUNDING * size as f64 {
+                if left < -COVARIANCE_ROUNDING * size as f64 {
                     return false;
                 }
-                factor[i][i] = libm::sqrt(left.max(ROUNDING * ROUNDING));
+                factor[i][i] = libm::sqrt(left.max(COVARIANCE_ROUNDING * COVARIANCE_ROUNDING));
             } else {
                 factor[i][j] = left / factor[j][j];
             }
@@ -481,6 +496,7 @@ mod tests {
     #[test]
     fn the_names_in_the_file_are_those_in_the_program() {
         for quantity in RigQuantity::ALL {
+            assert_eq!(RigQuantity::named(quantity.name()), Some(quantity));
             assert_eq!(serde_json::to_value(quantity).unwrap(), quantity.name());
         }
     }
@@ -507,7 +523,10 @@ mod tests {
                 "field covariance[0][1]: the covariance is not symmetric",
             ),
             (refusal(|c| c.covariance[0][0] = 0.5e-10), "field covariance[0][0]: expected the square"),
-            (refusal(|c| c.covariance[1][0] = 1.0), "field covariance[1][0]: expected at most"),
+            (
+                refusal(|c| (c.covariance[0][1], c.covariance[1][0]) = (1.0, 1.0)),
+                "field covariance[0][1]: expected at most",
+            ),
         ];
         for (message, expected) in wrong {
             assert!(message.contains(expected), "{message}");

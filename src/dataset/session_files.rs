@@ -6,17 +6,20 @@ use std::path::Path;
 use super::csv_input::SessionFolder;
 use super::error::DatasetError;
 use super::manifest::{MANIFEST, Manifest};
-use super::{AMENDMENTS, JOURNAL, Session};
+use super::tables::{RIG_FOLDER, RIG_TABLE};
+use super::{AMENDMENTS, JOURNAL, RIG_CALIBRATION, Session};
 use crate::files::EntryKind;
 
 /// Files at the top of a session folder.
-const OF_SESSION: [&str; 11] = [
+const OF_SESSION: [&str; 13] = [
     "session.json",
     "trials.csv",
     "familiarisation.csv",
+    RIG_TABLE,
     "protocol.json",
     "schedule.csv",
     "rig.json",
+    RIG_CALIBRATION,
     AMENDMENTS,
     "import.json",
     "import.svg",
@@ -77,6 +80,7 @@ fn is_of_format(file: &str) -> bool {
     match file.split_once('/') {
         None => OF_SESSION.contains(&file) || is_numbered(file, "bus", ".json"),
         Some(("trials" | "familiarisation", name)) => is_numbered(name, "trial-", ".csv"),
+        Some((RIG_FOLDER, name)) => is_numbered(name, "rig-trial-", ".csv"),
         Some(("before", name)) => ["offset", "effort-"].iter().any(|stem| {
             let stem_end = name.strip_suffix(".csv").and_then(|name| name.strip_prefix(stem));
             stem_end.is_some_and(|end| end.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-'))

@@ -1,8 +1,9 @@
 //! The tables of a session: `trials.csv`, and beside it what came before the trials.
 
-use super::trial_csv_writer::TrialCsvWriter;
+use super::trial_csv_writer::{HEADER, RIG_HEADER, TrialCsvWriter};
+use crate::protocol::{RigLoad, RigMotion};
 use crate::rig::Punctuality;
-use crate::session::{Attempt, PlannedTrial, Progress, Settings};
+use crate::session::{Attempt, PlannedTrial, Progress, RigAttempt, Settings};
 
 /// The columns of `trials.csv`; the first seven are what every session has.
 const TRIALS: &str = "trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status,\
@@ -10,6 +11,31 @@ const TRIALS: &str = "trial,file,velocity_rad_s,torque_nm,repetition,onset_s,sta
 
 /// Further columns where the rig was tied to a clock.
 const PUNCTUALITY: &str = ",lost_periods,longest_gap_us,latest_us";
+
+/// The columns of `rig-trials.csv`.
+const RIG_TRIALS: &str = "trial,file,load,motion,velocity_rad_s,repetition,sign,mass_kg,arm_m,inertia_kg_m2,\
+                          stiffness_nm_per_rad,relative_error,status\n";
+
+/// The table of rig trials.
+pub const RIG_TABLE: &str = "rig-trials.csv";
+
+/// The folder of the records of rig trials.
+pub const RIG_FOLDER: &str = "rig-trials";
+
+/// `rig-trials.csv` of a session without rig trials.
+pub fn empty_rig_table() -> &'static [u8] {
+    RIG_TRIALS.as_bytes()
+}
+
+/// File of the record of a rig trial.
+pub fn rig_trial_file(attempt: &RigAttempt) -> String {
+    format!("{RIG_FOLDER}/rig-trial-{:03}.csv", attempt.number)
+}
+
+/// The columns that the record `file` has at least.
+pub fn header_of_file(file: &str) -> &'static [u8] {
+    if file.split('/').next() == Some(RIG_FOLDER) { RIG_HEADER } else { HEADER }
+}
 
 /// `trials.csv` of a session without trials.
 pub fn empty() -> &'static [u8] {
@@ -49,7 +75,48 @@ pub fn of_session(
     if progress.attempts().iter().any(|attempt| attempt.planned.key.practice) {
         tables.push(("familiarisation.csv", table(true)));
     }
+    if !progress.rig_attempts().is_empty() {
+        tables.push((RIG_TABLE, rig_table(progress)));
+    }
     tables
+}
+
+fn rig_table(progress: &Progress) -> Vec<u8> {
+    let mut text = RIG_TRIALS.to_owned();
+    for attempt in progress.rig_attempts() {
+        // A rig trial under way has no row yet: its record is not complete.
+        let Some((status, _)) = attempt.ended else { continue };
+        let planned = &attempt.planned;
+        let cell = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+        let velocity_rad_s = match planned.motion {
+            RigMotion::Ramp { velocity_rad_s, .. } => Some(velocity_rad_s),
+            RigMotion::Still { .. } | RigMotion::Multisine(_) => None,
+        };
+        // Sign, mass, arm, inertia and stiffness.
+        let values = match planned.load {
+            RigLoad::EmptyHandle | RigLoad::ClampedHandle => [None; 5],
+            RigLoad::KnownWeight { mass_kg, arm_m, sign } => {
+                [Some(f64::from(sign)), Some(mass_kg), Some(arm_m), None, None]
+            }
+            RigLoad::KnownInertia { inertia_kg_m2 } => [None, None, None, Some(inertia_kg_m2), None],
+            RigLoad::KnownSpring { stiffness_nm_per_rad } => {
+                [None, None, None, None, Some(stiffness_nm_per_rad)]
+            }
+        };
+        text += &format!(
+            "{},{},{},{},{},{},{},{},{}\n",
+            attempt.number,
+            rig_trial_file(attempt),
+            planned.load.name(),
+            planned.motion.name(),
+            cell(velocity_rad_s),
+            planned.repetition,
+            values.map(cell).join(","),
+            cell(planned.relative_error),
+            status.name(),
+        );
+    }
+    text.into_bytes()
 }
 
 /// The cells under [`PUNCTUALITY`]; empty for a trial of which it is not known.

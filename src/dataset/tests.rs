@@ -61,6 +61,70 @@ fn assert_refused(folder: &tempfile::TempDir, parts: &[&str]) {
     }
 }
 
+/// A sound session whose records have a handle encoder and an accelerometer too.
+fn with_further_channels() -> tempfile::TempDir {
+    let folder = sound();
+    for file in ["trials/trial-001.csv", "trials/trial-002.csv"] {
+        let path = folder.path().join(file);
+        let text = fs::read_to_string(&path).unwrap();
+        let rows = text.lines().enumerate().map(|(line, row)| match line {
+            0 => format!("{row},theta_l_rad,alpha_l_rad_s2\n"),
+            line => format!("{row},{}e-3,-{line}.5\n", line),
+        });
+        let text: String = rows.collect();
+        fs::write(&path, text).unwrap();
+    }
+    folder
+}
+
+#[test]
+fn further_channels_are_read_and_are_part_of_the_digest() {
+    let folder = with_further_channels();
+    let session = load(folder.path()).unwrap();
+    assert_eq!(session.further_channels(), [FurtherChannel::HandleAngle, FurtherChannel::HandleAcceleration]);
+    let record = &session.trials[0].record;
+    assert_eq!(record.theta_l_rad.as_ref().unwrap()[6], 7e-3);
+    assert_eq!(record.alpha_l_rad_s2.as_ref().unwrap()[6], -7.5);
+    assert_eq!((&record.torque_h_nm, &record.theta_j_rad), (&None, &None));
+    let without = load(sound().path()).unwrap();
+    assert_eq!(without.further_channels(), []);
+    assert_ne!(session.digest(), without.digest());
+    let mut renamed = session.clone();
+    for trial in &mut renamed.trials {
+        trial.record.theta_j_rad = trial.record.theta_l_rad.take();
+    }
+    assert_ne!(session.digest(), renamed.digest(), "the angle of the joint is not that of the handle");
+    let mut stripped = session;
+    for trial in &mut stripped.trials {
+        (trial.record.theta_l_rad, trial.record.alpha_l_rad_s2) = (None, None);
+    }
+    assert_eq!(stripped.digest(), without.digest());
+}
+
+#[test]
+fn a_further_channel_is_checked_like_the_others() {
+    let folder = with_further_channels();
+    edit(&folder, "trials/trial-002.csv", ",8e-3,", ",NaN,");
+    assert_refused(
+        &folder,
+        &["trials/trial-002.csv", "line 9", "column theta_l_rad", "NaN", "a finite number"],
+    );
+}
+
+#[test]
+fn a_record_with_other_further_channels_than_the_first_is_named() {
+    let folder = with_further_channels();
+    edit(&folder, "trials/trial-002.csv", "theta_l_rad", "theta_k_rad");
+    assert_refused(
+        &folder,
+        &[
+            "trials/trial-002.csv, line 1",
+            "alpha_l_rad_s2",
+            "trials/trial-001.csv has theta_l_rad, alpha_l_rad_s2",
+        ],
+    );
+}
+
 #[test]
 fn a_sound_session_is_read_in_full() {
     let session = load(sound().path()).unwrap();

@@ -1,8 +1,8 @@
 //! The record of one trial: reading `trials/*.csv`, and whether its time axis is sound.
 
-use super::Record;
 use super::csv_input::CsvTable;
 use super::error::{DatasetError, FilePlace};
+use super::{FurtherChannel, Record};
 
 /// How far a sample may be from its place on an even time axis, in sample periods. Times are often printed with few
 /// digits, so a step is not exactly a period; half a period is where a sample would be nearer to its neighbour's place.
@@ -28,8 +28,15 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
         torque_l_nm: Vec::with_capacity(rows),
         emg_fcr_mvc: fcr.map(|_| Vec::with_capacity(rows)),
         emg_ecr_mvc: ecr.map(|_| Vec::with_capacity(rows)),
-        start_s: 0.0,
+        ..Record::default()
     };
+    let further: Vec<(FurtherChannel, usize)> = FurtherChannel::ALL
+        .into_iter()
+        .filter_map(|channel| Some((channel, table.find(channel.column())?)))
+        .collect();
+    for (channel, _) in &further {
+        *record.further_mut(*channel) = Some(Vec::with_capacity(rows));
+    }
     let mut lines = Vec::with_capacity(rows);
     while table.next_row()? {
         times_s.push(table.number(time)?);
@@ -41,6 +48,10 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
         if let (Some(column), Some(signal)) = (ecr, &mut record.emg_ecr_mvc) {
             signal.push(table.number(column)?);
         }
+        for (channel, column) in &further {
+            let value = table.number(*column)?;
+            record.further_mut(*channel).get_or_insert_default().push(value);
+        }
         lines.push(table.line());
     }
     check_times(file, &times_s, &lines, sample_rate_hz)?;
@@ -48,8 +59,24 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
     Ok(record)
 }
 
+/// The commanded angles of the record of a rig trial, rad; `file` is its name for messages.
+pub(super) fn parse_targets(file: &str, text: &str) -> Result<Vec<f64>, DatasetError> {
+    let mut table = CsvTable::new(file.to_owned(), text, "a header with target_rad and a row a sample")?;
+    let target = table.column("target_rad")?;
+    let mut targets_rad = Vec::new();
+    while table.next_row()? {
+        targets_rad.push(table.number(target)?);
+    }
+    Ok(targets_rad)
+}
+
 /// Whether the samples lie where an even time axis of the session's rate puts them.
-fn check_times(file: &str, times_s: &[f64], lines: &[u64], sample_rate_hz: f64) -> Result<(), DatasetError> {
+pub(super) fn check_times(
+    file: &str,
+    times_s: &[f64],
+    lines: &[u64],
+    sample_rate_hz: f64,
+) -> Result<(), DatasetError> {
     let Some(&first_s) = times_s.first() else { return Ok(()) };
     let step_s = 1.0 / sample_rate_hz;
     let at = |row: usize| FilePlace::cell(file, lines[row], "column t_s");

@@ -1,5 +1,6 @@
 //! The rows of a record: decimal numbers with a fixed number of places, which read back to the very same value.
 
+use super::FurtherChannel;
 use crate::rig::{Sample, resolution};
 
 /// Writes the rows of one record.
@@ -9,8 +10,36 @@ pub struct TrialCsvWriter {
     time_places: usize,
 }
 
-/// The columns of a record.
+/// The columns of a record without further channels.
 pub const HEADER: &[u8] = b"t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc\n";
+
+/// The columns of the record of a rig trial, of which no muscle is part.
+pub const RIG_HEADER: &[u8] = b"t_s,target_rad,theta_m_rad,torque_l_nm\n";
+
+/// The header of a record of samples like this one.
+pub fn header(sample: &Sample) -> Vec<u8> {
+    let mut header = HEADER[..HEADER.len() - 1].to_vec();
+    for (channel, value) in FurtherChannel::ALL.into_iter().zip(sample.further) {
+        if value.is_some() {
+            header.push(b',');
+            header.extend_from_slice(channel.column().as_bytes());
+        }
+    }
+    header.push(b'\n');
+    header
+}
+
+/// The header line of a record that may be cut anywhere; `None` if it is not complete, or no header that this program writes.
+pub fn header_of(record: &[u8]) -> Option<&[u8]> {
+    if record.starts_with(RIG_HEADER) {
+        return Some(&record[..RIG_HEADER.len()]);
+    }
+    let end = record.iter().position(|byte| *byte == b'\n')?;
+    let further = std::str::from_utf8(record[..end].strip_prefix(&HEADER[..HEADER.len() - 1])?).ok()?;
+    let is_known = |name: &str| FurtherChannel::ALL.into_iter().any(|channel| channel.column() == name);
+    let all_known = further.is_empty() || further.strip_prefix(',')?.split(',').all(is_known);
+    all_known.then_some(&record[..=end])
+}
 
 impl TrialCsvWriter {
     /// TrialCsvWriter at a rate; times get as many places as it takes to be exact, at most 9.
@@ -29,19 +58,47 @@ impl TrialCsvWriter {
 
     /// Adds the row of a sample. Values that a converter cannot give (NaN, infinity) are not in any record.
     pub fn push(&self, rows: &mut Vec<u8>, sample: u64, values: &Sample) {
+        self.push_cells(
+            rows,
+            sample,
+            [
+                (values.theta_m_rad, resolution::ANGLE_PER_RAD, 7),
+                (values.torque_l_nm, resolution::TORQUE_PER_NM, 5),
+                (values.emg_fcr_mvc, resolution::EMG_PER_MVC, 5),
+                (values.emg_ecr_mvc, resolution::EMG_PER_MVC, 5),
+            ],
+        );
+        for (channel, value) in FurtherChannel::ALL.into_iter().zip(values.further) {
+            let Some(value) = value else { continue };
+            rows.push(b',');
+            let nearest = value * resolution::further_steps(channel) + f64::copysign(0.5, value);
+            push_decimal(rows, nearest as i64, resolution::further_places(channel));
+        }
+        rows.push(b'\n');
+    }
+
+    /// As [`TrialCsvWriter::push`], for the record of a rig trial; `target_rad` is the angle commanded for the sample.
+    pub fn push_rig(&self, rows: &mut Vec<u8>, sample: u64, target_rad: f64, values: &Sample) {
+        self.push_cells(
+            rows,
+            sample,
+            [
+                (target_rad, resolution::ANGLE_PER_RAD, 7),
+                (values.theta_m_rad, resolution::ANGLE_PER_RAD, 7),
+                (values.torque_l_nm, resolution::TORQUE_PER_NM, 5),
+            ],
+        );
+        rows.push(b'\n');
+    }
+
+    fn push_cells<const N: usize>(&self, rows: &mut Vec<u8>, sample: u64, cells: [(f64, f64, usize); N]) {
         let ticks = self.time_s(sample) * 10f64.powi(self.time_places as i32);
         push_decimal(rows, ticks.round() as i64, self.time_places);
-        for (value, steps, places) in [
-            (values.theta_m_rad, resolution::ANGLE_PER_RAD, 7),
-            (values.torque_l_nm, resolution::TORQUE_PER_NM, 5),
-            (values.emg_fcr_mvc, resolution::EMG_PER_MVC, 5),
-            (values.emg_ecr_mvc, resolution::EMG_PER_MVC, 5),
-        ] {
+        for (value, steps, places) in cells {
             rows.push(b',');
             // Half a step away from zero and the cut towards it round to the nearest step.
             push_decimal(rows, (value * steps + f64::copysign(0.5, value)) as i64, places);
         }
-        rows.push(b'\n');
     }
 }
 
@@ -72,11 +129,35 @@ mod tests {
 
     #[test]
     fn a_row_has_time_and_channels_with_fixed_places() {
-        let sample =
-            Sample { theta_m_rad: -0.0014123, torque_l_nm: 2.1, emg_fcr_mvc: 0.0, emg_ecr_mvc: -1.5 };
+        let sample = Sample {
+            theta_m_rad: -0.0014123,
+            torque_l_nm: 2.1,
+            emg_fcr_mvc: 0.0,
+            emg_ecr_mvc: -1.5,
+            ..Sample::default()
+        };
         let mut text = Vec::new();
         TrialCsvWriter::new(2500.0).push(&mut text, 3, &sample);
         assert_eq!(String::from_utf8(text).unwrap(), "0.0012,-0.0014123,2.10000,0.00000,-1.50000\n");
+        assert_eq!(header(&sample), HEADER);
+    }
+
+    #[test]
+    fn a_rig_with_more_sensors_has_a_column_for_each() {
+        let sample =
+            Sample { further: [Some(-0.00123), Some(-412.5), Some(1.25), None], ..Sample::default() };
+        let mut text = Vec::new();
+        TrialCsvWriter::new(2500.0).push(&mut text, 0, &sample);
+        let row = "0.0000,0.0000000,0.00000,0.00000,0.00000,-0.0012300,-412.500,1.25000\n";
+        assert_eq!(String::from_utf8(text.clone()).unwrap(), row);
+        let columns =
+            "t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc,theta_l_rad,alpha_l_rad_s2,torque_h_nm\n";
+        let header = header(&sample);
+        assert_eq!(String::from_utf8(header.clone()).unwrap(), columns);
+        let record = [header.clone(), text].concat();
+        assert_eq!(header_of(&record), Some(&header[..]));
+        assert_eq!(header_of(&record[..header.len() - 1]), None, "the header is cut");
+        assert_eq!(header_of(b"t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc,theta_x_rad\n"), None);
     }
 
     #[test]
@@ -88,17 +169,26 @@ mod tests {
     proptest! {
         #[test]
         fn what_is_written_reads_back_to_the_same_bits(
-            angle in -3.0..3.0f64, torque in -50.0..50.0f64, fcr in -5.0..5.0f64, ecr in -5.0..5.0f64
+            angle in -3.0..3.0f64, torque in -50.0..50.0f64, fcr in -5.0..5.0f64, ecr in -5.0..5.0f64,
+            handle in -3.0..3.0f64, acceleration in -5000.0..5000.0f64, hand in -50.0..50.0f64
         ) {
-            let sample =
-                Sample { theta_m_rad: angle, torque_l_nm: torque, emg_fcr_mvc: fcr, emg_ecr_mvc: ecr }.rounded();
+            let sample = Sample {
+                theta_m_rad: angle,
+                torque_l_nm: torque,
+                emg_fcr_mvc: fcr,
+                emg_ecr_mvc: ecr,
+                further: [Some(handle), Some(acceleration), Some(hand), None],
+            }
+            .rounded();
             let mut text = Vec::new();
             TrialCsvWriter::new(2500.0).push(&mut text, 0, &sample);
             let text = String::from_utf8(text).unwrap();
             let read: Vec<f64> = text.trim().split(',').map(|cell| cell.parse().unwrap()).collect();
-            prop_assert_eq!(&read[1..], &[
+            let further: Vec<f64> = sample.further.into_iter().flatten().collect();
+            prop_assert_eq!(&read[1..5], &[
                 sample.theta_m_rad, sample.torque_l_nm, sample.emg_fcr_mvc, sample.emg_ecr_mvc
             ]);
+            prop_assert_eq!(&read[5..], &further[..]);
         }
     }
 }

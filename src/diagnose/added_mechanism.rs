@@ -34,6 +34,7 @@ fn trial(number: u32, velocity_rad_s: f64, repetition: u32, stream: &mut Stream)
         baseline_samples: 0,
         substeps: 8,
         filter: &[],
+        further: &[],
         derivatives: &[],
         width: VectorWidth::One,
     };
@@ -55,8 +56,7 @@ fn trial(number: u32, velocity_rad_s: f64, repetition: u32, stream: &mut Stream)
             start_s: -(HOLD_SAMPLES as f64) * PERIOD_S,
             torque_l_nm: changes.map(|change| 1.5 + change + 0.01 * stream.normal()).collect(),
             theta_m_rad,
-            emg_fcr_mvc: None,
-            emg_ecr_mvc: None,
+            ..Record::default()
         },
     }
 }

@@ -32,7 +32,11 @@ pub fn not_described(observations: &Observations, fit: &Fit) -> Option<String> {
     let vafs: Vec<f64> = predictions(observations, fit)
         .iter()
         .zip(&observations.trials)
-        .map(|(prediction, trial)| variance_accounted_for(&trial.measured_nm, &prediction.residual_nm))
+        .map(|(prediction, trial)| {
+            let [measured, residual] =
+                [&trial.measured_nm, &prediction.residual_nm].map(|own| observations.torque_of(own));
+            variance_accounted_for(measured, residual)
+        })
         .collect();
     let vaf = median(&vafs);
     (vaf < LEAST_VAF || vaf.is_nan()).then(|| {

@@ -34,6 +34,15 @@ pub enum CauseEvidence {
         /// Improvement on the ramps.
         gain: Gain,
     },
+    /// Rig trials measured the constant that it is about; all fits of the diagnosis use the measured value.
+    RigTrials {
+        /// The fit with the constant as the session states it.
+        before: Box<Fit>,
+        /// The fit with the constant as measured.
+        after: Box<Fit>,
+        /// How far the constant is from its stated value, in standard deviations of a sound rig's and of the measurement together.
+        deviation_sds: f64,
+    },
     /// The trials' stiffnesses depend on the mechanism's covariate.
     AcrossTrials(CovariateEffect),
     /// The stiffnesses of single trials differ from those of their repetitions.

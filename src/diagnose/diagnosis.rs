@@ -111,8 +111,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         remarks.push(format!("no cause was looked for: {reason}"));
         return Diagnosis::without_causes(before, remarks);
     }
-    let Some(Comparison { search, given, single }) = compared_models(observations, &before, seed, stage)
-    else {
+    let Some(Comparison { search, given, single }) = compared_models(look, &before, seed, stage) else {
         remarks.push("no cause was looked for: the likelihood of the model cannot be approximated".into());
         return Diagnosis::without_causes(before, remarks);
     };
@@ -121,8 +120,9 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     stage("comparing the misfit with noise");
     let angle_errors = &search.prior.angle_errors;
     let most_probable = most_probable_model(models);
-    // What acts within the trials must also leave a misfit there; what acts across them leaves none.
-    let acts_within = |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace;
+    // What acts within the trials, and is not in their constants already, must also leave a misfit there; what acts across them leaves none.
+    let rig = &search.prior.rig;
+    let acts_within = |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace && !rig.tells(*kind);
     let is_seen = !models[most_probable].causes.iter().all(acts_within) || given.p_values.any() < SEEN_LEVEL;
     let nothing = probabilities.none > 1.0 - NAMED_PROBABILITY || !is_seen;
     let best = if nothing { 0 } else { most_probable };
@@ -176,7 +176,9 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     };
     let residual_term =
         (verdict == Verdict::Unexplained).then(|| residual_term(observations, &extended)).flatten();
-    let p_of_causes = causes.iter().map(|cause| cause.p_value).fold(1.0, f64::min);
+    // What rig trials tell is corrected before the model is tested, so that it leaves no misfit of the model.
+    let leaves_misfit = |cause: &&Cause| !matches!(cause.evidence, CauseEvidence::RigTrials { .. });
+    let p_of_causes = causes.iter().filter(leaves_misfit).map(|cause| cause.p_value).fold(1.0, f64::min);
     Diagnosis {
         verdict,
         misfit: given.misfit,
@@ -205,14 +207,17 @@ struct Comparison<'a> {
 
 /// Fits and compares the models.
 fn compared_models<'a>(
-    observations: &'a Observations,
+    look: &'a DiagnosisInput,
     before: &'a Fit,
     seed: u64,
     stage: &dyn Fn(&'static str),
 ) -> Option<Comparison<'a>> {
+    let observations = &look.observations;
     let kinds = compared(|kind| before.kinds.contains(&kind) || missing(observations, kind).is_some());
-    let prior = SessionPrior::new(observations, before, probe_context(observations));
+    let prior = SessionPrior::new(observations, before, probe_context(observations), look.rig.clone());
     let mut search = ModelSearch::new(observations, before, prior, &kinds)?;
+    // What rig trials tell is not looked for in the person's.
+    let kinds: Vec<MechanismKind> = kinds.into_iter().filter(|kind| !search.prior.rig.tells(*kind)).collect();
     let given = TestedFit::new(observations, before, &search.prior.angle_errors, seed);
     stage("fitting the mechanisms of the catalogue");
     search.add_single_causes(&kinds, given.p_values.any() < SEEN_LEVEL);
@@ -232,6 +237,7 @@ fn compared_models<'a>(
             search.add_outliers(single, kind);
         }
     }
+    search.add_told_causes();
     Some(Comparison { search, given, single: (best, fit, tested) })
 }
 
@@ -326,7 +332,10 @@ impl FitChain<'_> {
     ) -> AlternativeCause {
         let in_place: Vec<MechanismKind> =
             whole.causes.iter().map(|own| if *own == of { kind } else { *own }).collect();
-        let values = self.model_of(&in_place).map_or(Vec::new(), |model| model.posterior.intervals(kind));
+        let values = match self.search.prior.rig.interval(kind) {
+            Some(told) => vec![told],
+            None => self.model_of(&in_place).map_or(Vec::new(), |model| model.posterior.intervals(kind)),
+        };
         let added: Vec<MechanismKind> = before.0.iter().copied().chain([kind]).collect();
         let model = self.model_of(&added).filter(|_| kind.evidence() == EvidenceSource::Trace);
         let fits = model.map(|model| Box::new((before.1.clone(), self.fit_of(model))));
@@ -348,6 +357,9 @@ impl FitChain<'_> {
         before: &Fit,
         after: &Fit,
     ) -> Cause {
+        if let Some(told) = self.told(kind, after) {
+            return Cause { alternatives, ..told };
+        }
         let observations = self.search.observations();
         let models = &self.search.models;
         let without = models.iter().find(|model| {
@@ -380,6 +392,26 @@ impl FitChain<'_> {
             law: LawCheck::of(self.search, whole, kind),
             evidence,
         }
+    }
+
+    /// A cause that rig trials tell. The fit has its constant as measured, in contrast to a fit with the constant as stated.
+    fn told(&self, kind: MechanismKind, fit: &Fit) -> Option<Cause> {
+        let rig = &self.search.prior.rig;
+        let deviation_sds = rig.deviation_sds(kind)?;
+        let before = fit.refitted_to(&self.search.observations().with_constants(rig.as_stated(kind)?));
+        Some(Cause {
+            kind,
+            probability: self.probabilities.of_cause(kind),
+            p_value: chi_square_tail(deviation_sds * deviation_sds, 1.0),
+            alternatives: Vec::new(),
+            values: rig.interval(kind).into_iter().collect(),
+            law: None,
+            evidence: CauseEvidence::RigTrials {
+                before: Box::new(before),
+                after: Box::new(fit.clone()),
+                deviation_sds,
+            },
+        })
     }
 
     fn within(&self, before: &Fit, after: &Fit, chi_square_gain: f64) -> CauseEvidence {
@@ -426,6 +458,6 @@ fn ratio_of(cause: &Cause) -> f64 {
             gain.held_out_rmse_ratio.value
         }
         CauseEvidence::AcrossTrials(covariate_effect) => covariate_effect.left_out_ratio,
-        CauseEvidence::Outliers(_) => 1.0,
+        CauseEvidence::Outliers(_) | CauseEvidence::RigTrials { .. } => 1.0,
     }
 }

@@ -37,6 +37,7 @@ pub use cause::{AlternativeCause, Cause, CauseEvidence};
 pub use diagnosis::{Diagnosis, Verdict, diagnose};
 pub use evidence::answer::CauseProbabilities;
 pub use evidence::found_law::{FoundLaw, LawCheck};
+pub use evidence::rig_knowledge::RigKnowledge;
 pub use interval::Interval;
 pub use mains_hum::{DetectedHum, remove_hum};
 pub use output::{DIAGNOSIS_FORMAT, picture};

@@ -74,6 +74,12 @@ impl Diagnosis {
                 entry.insert("gain".into(), json!(gain));
                 entry.insert("parameter_shift".into(), shift(observations, before, after));
             }
+            CauseEvidence::RigTrials { before, after, deviation_sds } => {
+                entry.insert("deviation_sds".into(), json!(deviation_sds));
+                // The fit beside this diagnosis has the constant as measured.
+                entry.insert("corrected".into(), json!(true));
+                entry.insert("parameter_shift".into(), shift(observations, before, after));
+            }
             CauseEvidence::AcrossTrials(covariate_effect) => {
                 let ratio = covariate_effect.left_out_ratio;
                 entry.insert(

@@ -6,7 +6,7 @@ use crate::fit::{Fit, Observations, predict, variance_accounted_for};
 use crate::wrist::SimulatedTorque;
 use crate::wrist::mechanisms::MechanismKind;
 
-/// Predicted torques of all trials, N m, for mechanisms `kinds` and one parameter vector per trial.
+/// Predicted torques of all trials, N m, with their further channels, for mechanisms `kinds` and one parameter vector per trial.
 pub fn torques(
     observations: &Observations,
     kinds: &[MechanismKind],
@@ -16,7 +16,7 @@ pub fn torques(
     let flat: Vec<f64> = parameters.iter().flatten().copied().collect();
     let mut response = SimulatedTorque::default();
     predict(observations, kinds, &[], &trials, &flat, &mut response);
-    response.torque_nm.chunks_exact(observations.samples).map(<[f64]>::to_vec).collect()
+    response.torque_nm.chunks_exact(observations.rows()).map(<[f64]>::to_vec).collect()
 }
 
 /// By how much the whitened torques of all trials change `from` those of one model `to` those of another.
@@ -33,7 +33,7 @@ pub fn whitened_change(
     (0..from.len()).map(change).collect()
 }
 
-/// Residual torques (measured less predicted) of all trials, N m.
+/// Residuals (measured less predicted) of all trials, N m: those of the torque, then those of the further channels.
 pub fn residuals(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let predicted = torques(observations, &fit.kinds, &fit.parameters);
     let own = |trial: usize| -> Vec<f64> {
@@ -45,7 +45,9 @@ pub fn residuals(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
 /// Variance of the torque accounted for (VAF, 1 if all), mean over trials.
 pub fn mean_vaf(observations: &Observations, fit: &Fit) -> f64 {
     let residuals = residuals(observations, fit);
-    let own =
-        |trial: usize| variance_accounted_for(&observations.trials[trial].measured_nm, &residuals[trial]);
+    let own = |trial: usize| {
+        let measured = observations.torque_of(&observations.trials[trial].measured_nm);
+        variance_accounted_for(measured, observations.torque_of(&residuals[trial]))
+    };
     (0..residuals.len()).map(own).sum::<f64>() / residuals.len() as f64
 }

@@ -1,8 +1,9 @@
 //! Preprocessing for the diagnosis: a wide filter, input averaged over trials that move alike, mains hum removed.
 
+use super::evidence::rig_knowledge::RigKnowledge;
 use super::mains_hum::{DetectedHum, detect_hum, remove_hum};
 use crate::dataset::Session;
-use crate::fit::{Model, NoiseSource, Observations, PreprocessingError, PreprocessingSettings};
+use crate::fit::{Model, NoiseSource, Observations, PreprocessingError, PreprocessingSettings, RigConstants};
 use crate::signal::FilterSpec;
 
 /// A session preprocessed for the diagnosis.
@@ -14,6 +15,8 @@ pub struct DiagnosisInput {
     pub hum: Option<(DetectedHum, Box<Observations>)>,
     /// Number of usable_trials trials of the session; `observations` may hold only some of them.
     pub usable_trials: usize,
+    /// What is known of the rig.
+    pub rig: RigKnowledge,
 }
 
 /// Largest number of trials that are analysed. Every mechanism of the catalogue is fitted to them several times. Causes that this many
@@ -40,16 +43,31 @@ impl DiagnosisInput {
         view: PreprocessingSettings,
         model: &Model,
     ) -> Result<Self, PreprocessingError> {
+        Self::of_rig(session, view, model, RigKnowledge::stated(session.lever))
+    }
+
+    /// As [`DiagnosisInput::new`], with what is known of the rig.
+    ///
+    /// # Errors
+    /// As [`Observations::of_rig`].
+    pub fn of_rig(
+        session: &Session,
+        view: PreprocessingSettings,
+        model: &Model,
+        rig: RigKnowledge,
+    ) -> Result<Self, PreprocessingError> {
+        let constants = rig.constants;
+        let prepare = |session: &Session| prepare(session, view, model, constants);
         if let Some(frequency_hz) = model.hum_hz() {
-            let (observations, usable_trials) = prepare(&remove_hum(session, frequency_hz), view, model)?;
-            return Ok(Self { observations, hum: None, usable_trials });
+            let (observations, usable_trials) = prepare(&remove_hum(session, frequency_hz))?;
+            return Ok(Self { observations, hum: None, usable_trials, rig });
         }
-        let (as_it_is, usable_trials) = prepare(session, view, model)?;
+        let (as_it_is, usable_trials) = prepare(session)?;
         let Some(found) = detect_hum(session) else {
-            return Ok(Self { observations: as_it_is, hum: None, usable_trials });
+            return Ok(Self { observations: as_it_is, hum: None, usable_trials, rig });
         };
-        let (observations, usable_trials) = prepare(&remove_hum(session, found.frequency_hz), view, model)?;
-        Ok(Self { observations, hum: Some((found, Box::new(as_it_is))), usable_trials })
+        let (observations, usable_trials) = prepare(&remove_hum(session, found.frequency_hz))?;
+        Ok(Self { observations, hum: Some((found, Box::new(as_it_is))), usable_trials, rig })
     }
 }
 
@@ -57,11 +75,13 @@ fn prepare(
     session: &Session,
     view: PreprocessingSettings,
     model: &Model,
+    constants: RigConstants,
 ) -> Result<(Observations, usize), PreprocessingError> {
     let FilterSpec::Butterworth { order, cutoff_hz, zero_phase } = view.filter;
     let wide = DIAGNOSIS_CUTOFF_HZ.min(MAX_CUTOFF_FRACTION * session.sample_rate_hz).max(cutoff_hz);
     let filter = FilterSpec::Butterworth { order, cutoff_hz: wide, zero_phase };
-    let mut observations = Observations::new(session, PreprocessingSettings { filter, ..view })?;
+    let mut observations =
+        Observations::of_rig(session, PreprocessingSettings { filter, ..view }, constants)?;
     observations.average_motion();
     if observations.noise_source != Some(NoiseSource::Holds) {
         observations.estimate_noise_from_residuals(model);

@@ -24,7 +24,10 @@ const COVARIATES: [Covariate; 6] = [
 /// Spearman's rank correlation of the residuals with each covariate (`null` where it does not vary).
 pub fn residual_by_trial(observations: &Observations, before: &Fit, after: &Fit) -> Value {
     let rms = |fit: &Fit| -> Vec<f64> {
-        let of = |own: &Vec<f64>| libm::sqrt(own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64);
+        let of = |own: &Vec<f64>| {
+            let torque = observations.torque_of(own);
+            libm::sqrt(torque.iter().map(|e| e * e).sum::<f64>() / torque.len() as f64)
+        };
         residuals(observations, fit).iter().map(of).collect()
     };
     let (first, second) = (rms(before), rms(after));

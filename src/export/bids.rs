@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::bdf::{self, BdfChannel};
 use super::error::ExportError;
 use super::sidecars::{self, TASK};
-use crate::dataset::{self, Session, SessionCard, Trial};
+use crate::dataset::{self, FurtherChannel, Session, SessionCard, Trial};
 use crate::files::{self, Folder};
 
 /// A session to export, with the label of its subject.
@@ -174,8 +174,15 @@ impl Entry {
         let muscles = [("emg_fcr", &record.emg_fcr_mvc), ("emg_ecr", &record.emg_ecr_mvc)];
         let measured = muscles.iter().filter_map(|(label, values)| Some((*label, "MVC", values.as_ref()?)));
         let moved = [("theta_m", "rad", &record.theta_m_rad), ("torque_l", "N.m", &record.torque_l_nm)];
-        let channels: Vec<BdfChannel> =
-            measured.chain(moved).map(|(label, unit, values)| BdfChannel { label, unit, values }).collect();
+        let further = FurtherChannel::ALL.into_iter().filter_map(|channel| {
+            Some((channel.symbol(), sidecars::unit(channel), record.further(channel)?))
+        });
+        let channels: Vec<BdfChannel> = measured
+            .chain(moved)
+            .chain(further)
+            .map(|(label, unit, values)| BdfChannel { label, unit, values })
+            .collect();
+        let further = record.further_channels().len();
         let path = name("emg.bdf");
         let bytes = bdf::recording(&self.label, self.session.sample_rate_hz, &channels).map_err(
             |(place, value)| ExportError::OutOfRange {
@@ -188,7 +195,7 @@ impl Entry {
         target.put_bytes(&path, &bytes)?;
         target.put_json(
             &name("emg.json"),
-            &sidecars::emg(&self.session, record.theta_m_rad.len(), channels.len() - 2),
+            &sidecars::emg(&self.session, record.theta_m_rad.len(), channels.len() - 2 - further, further),
         )?;
         target
             .put(&name("channels.tsv"), &sidecars::emg_channels(channels.iter().map(|channel| channel.label)))
@@ -201,11 +208,18 @@ impl Entry {
         name: impl Fn(&str) -> String,
     ) -> Result<(), ExportError> {
         let record = &trial.record;
-        let rows = record.theta_m_rad.iter().zip(&record.torque_l_nm);
-        let text: String = rows.map(|(angle, torque)| format!("{angle}\t{torque}\n")).collect();
+        let further = record.further_channels();
+        let mut text = String::new();
+        for (sample, (angle, torque)) in record.theta_m_rad.iter().zip(&record.torque_l_nm).enumerate() {
+            text += &format!("{angle}\t{torque}");
+            for values in further.iter().filter_map(|channel| record.further(*channel)) {
+                text += &format!("\t{}", values[sample]);
+            }
+            text += "\n";
+        }
         target.put(&name("motion.tsv"), &text)?;
-        target.put_json(&name("motion.json"), &sidecars::motion(&self.session))?;
-        target.put(&name("channels.tsv"), sidecars::MOTION_CHANNELS)
+        target.put_json(&name("motion.json"), &sidecars::motion(&self.session, &further))?;
+        target.put(&name("channels.tsv"), &sidecars::motion_channels(&further))
     }
 }
 

@@ -14,7 +14,7 @@ use parquet::schema::types::Type;
 
 use super::error::ExportError;
 use super::rows::Rows;
-use crate::dataset::{self, Session, Trial};
+use crate::dataset::{self, FurtherChannel, Session, Trial};
 use crate::files::{self, Folder, limits};
 
 /// A column of the table.
@@ -40,7 +40,14 @@ pub fn write(folders: &[PathBuf], file: &Path, rows: Rows) -> Result<(), ExportE
         .collect::<Result<_, ExportError>>()?;
     let groups: Vec<ParquetColumns> = match rows {
         // A group of rows a session: readers can pass over the sessions that they do not want.
-        Rows::Samples => sessions.iter().map(|(folder, session)| samples(&name(folder), session)).collect(),
+        Rows::Samples => {
+            // All groups have the same columns.
+            let has = |channel: &FurtherChannel| {
+                sessions.iter().any(|(_, session)| session.further_channels().contains(channel))
+            };
+            let further: Vec<FurtherChannel> = FurtherChannel::ALL.into_iter().filter(has).collect();
+            sessions.iter().map(|(folder, session)| samples(&name(folder), session, &further)).collect()
+        }
         Rows::Trials => vec![trials(&sessions)?],
     };
     let above = Folder::open(file.parent().unwrap_or(Path::new("")));
@@ -80,7 +87,7 @@ fn keys<'a>(
     ]
 }
 
-fn samples(session_name: &str, session: &Session) -> ParquetColumns {
+fn samples(session_name: &str, session: &Session, further: &[FurtherChannel]) -> ParquetColumns {
     let each =
         session.trials.iter().flat_map(|trial| (0..trial.record.theta_m_rad.len()).map(move |i| (trial, i)));
     let number = |of: &dyn Fn(&Trial, usize) -> Option<f64>| {
@@ -96,6 +103,9 @@ fn samples(session_name: &str, session: &Session) -> ParquetColumns {
         ("emg_fcr_mvc".into(), number(&|trial, i| Some(trial.record.emg_fcr_mvc.as_ref()?[i]))),
         ("emg_ecr_mvc".into(), number(&|trial, i| Some(trial.record.emg_ecr_mvc.as_ref()?[i]))),
     ]);
+    columns.extend(further.iter().map(|channel| {
+        (channel.column().into(), number(&|trial, i| Some(trial.record.further(*channel)?[i])))
+    }));
     columns
 }
 

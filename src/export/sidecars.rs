@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::dataset::{PROGRAM, Session, Trial};
+use crate::dataset::{FurtherChannel, PROGRAM, Session, Trial};
 
 /// The task's name in files.
 pub const TASK: &str = "rampandhold";
@@ -47,7 +47,7 @@ The sessions as they were recorded are in sourcedata/, fits, diagnoses and repor
 ";
 
 /// `_emg.json`.
-pub fn emg(session: &Session, samples: usize, muscles: usize) -> Value {
+pub fn emg(session: &Session, samples: usize, muscles: usize, further: usize) -> Value {
     json!({
         "TaskName": TASK,
         "TaskDescription": task(),
@@ -57,7 +57,7 @@ pub fn emg(session: &Session, samples: usize, muscles: usize) -> Value {
         "RecordingType": "continuous",
         "RecordingDuration": samples as f64 / session.sample_rate_hz,
         "EMGChannelCount": muscles,
-        "MISCChannelCount": 2,
+        "MISCChannelCount": 2 + further,
         "EMGPlacementScheme": "Other",
         "EMGPlacementSchemeDescription": "On the bellies of flexor carpi radialis (FCR) and extensor carpi radialis (ECR)",
         "EMGReference": "bipolar",
@@ -66,15 +66,16 @@ pub fn emg(session: &Session, samples: usize, muscles: usize) -> Value {
 }
 
 /// `_motion.json`.
-pub fn motion(session: &Session) -> Value {
+pub fn motion(session: &Session, further: &[FurtherChannel]) -> Value {
+    let angles = further.iter().filter(|channel| channel.is_angle()).count();
     json!({
         "TaskName": TASK,
         "TaskDescription": task(),
         "SamplingFrequency": session.sample_rate_hz,
         "TrackingSystemName": "servo motor with encoder and strain gauges",
-        "MotionChannelCount": 2,
-        "JNTANGChannelCount": 1,
-        "MISCChannelCount": 1,
+        "MotionChannelCount": 2 + further.len(),
+        "JNTANGChannelCount": 1 + angles,
+        "MISCChannelCount": 1 + further.len() - angles,
         "MissingValues": "n/a",
         "SoftwareFilters": filters(session),
     })
@@ -93,7 +94,12 @@ pub fn emg_channels<'a>(names: impl Iterator<Item = &'a str>) -> String {
     let rows =
         names.map(|name| match EMG_CHANNELS.iter().find(|row| row.starts_with(&format!("{name}\t"))) {
             Some(row) => format!("{row}\n"),
-            None => format!("{name}\tMISC\tn/a\tn/a\tn/a\tn/a\tn/a\n"),
+            None => match FurtherChannel::ALL.into_iter().find(|channel| channel.symbol() == name) {
+                Some(channel) => {
+                    format!("{name}\tMISC\t{}\t{}\tn/a\tn/a\tn/a\n", unit(channel), channel.title())
+                }
+                None => format!("{name}\tMISC\tn/a\tn/a\tn/a\tn/a\tn/a\n"),
+            },
         });
     "name\ttype\tunits\tdescription\treference\tgroup\ttarget_muscle\n".to_owned() + &rows.collect::<String>()
 }
@@ -106,7 +112,24 @@ const EMG_CHANNELS: [&str; 4] = [
 ];
 
 /// `_channels.tsv` of a motion recording.
-pub const MOTION_CHANNELS: &str = "\
+pub fn motion_channels(further: &[FurtherChannel]) -> String {
+    let row = |channel: &FurtherChannel| {
+        let kind = if channel.is_angle() { "JNTANG" } else { "MISC" };
+        format!("{}\tn/a\t{kind}\twrist\t{}\t{}\n", channel.symbol(), unit(*channel), channel.title())
+    };
+    MOTION_CHANNELS.to_owned() + &further.iter().map(row).collect::<String>()
+}
+
+/// Unit of a further channel, as BIDS writes it.
+pub fn unit(channel: FurtherChannel) -> &'static str {
+    match channel {
+        FurtherChannel::HandleAngle | FurtherChannel::JointAngle => "rad",
+        FurtherChannel::HandleAcceleration => "rad/s^2",
+        FurtherChannel::HandTorque => "N.m",
+    }
+}
+
+const MOTION_CHANNELS: &str = "\
 name\tcomponent\ttype\ttracked_point\tunits\tdescription\n\
 theta_m\tn/a\tJNTANG\twrist\trad\tmotor angle, positive extends the wrist\n\
 torque_l\tn/a\tMISC\twrist\tN.m\ttorque in the lever, positive resists extension\n";

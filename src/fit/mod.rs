@@ -15,8 +15,10 @@
 //! | `population` | the model of a session: spreads and regression of the trials' parameters, and the fit with it |
 //! | `pipeline` | [`Fit::new`]: all steps for one session |
 //! | `inference` | profile likelihood, parametric bootstrap |
+//! | `calibration` | what errors of the rig's constants do to the estimates |
 //! | `output` | estimates by trial and condition, result files |
 
+mod calibration;
 mod data;
 mod fitted;
 mod inference;
@@ -33,8 +35,11 @@ mod solver;
 #[cfg(test)]
 mod tests;
 
+pub use calibration::assumed_constants::{ASSUMED_ERROR, AssumedConstant};
+pub use calibration::constant_effects::ConstantEffects;
 pub use data::observations::{ExcludedTrial, NoiseSource, Observations, TrialObservation};
 pub use data::preprocessing::{PreprocessingError, PreprocessingSettings, onset_sample};
+pub use data::rig_constants::{CalibrationMisuse, RigConstants};
 pub use fitted::fit::Fit;
 pub use fitted::predictions::{Prediction, predictions, variance_accounted_for};
 pub use fitted::quantities::{QUANTITIES, simulated_trajectory};
@@ -47,7 +52,7 @@ pub use model::parameter_index::{B_H, I_J, K_DEC, K_H, K_SRS, X_E};
 pub use model::specification::{AddedMechanism, LawTerm, Model, ParameterSpec, Scope, mechanism_ranges};
 pub use output::estimates::{
     ConditionEstimate, TrialEstimate, by_condition, conditions_with, estimates, estimates_without_profiles,
-    session_estimates, torque_falls,
+    session_estimates, torque_falls, with_rig_errors,
 };
 pub use output::result_files::{
     DESCRIBING_VAF, FIT_FORMAT, Results, WriteError, fit_header, fit_row, write_files,
@@ -60,7 +65,7 @@ pub use population::hierarchy::Hierarchy;
 pub use population::no_session_model::NoSessionModel;
 pub use population::other_optimum::OtherOptimum;
 pub use population::session_fit::SessionFit;
-pub use residuals::input_error::common_input_error_covariance;
+pub use residuals::input_error::{common_input_error_covariance, further_encoder_covariance};
 pub use residuals::objective::{Objective, Weighting};
 pub use residuals::prediction::predict;
 pub use residuals::residual_covariance::precision_factors;

@@ -72,6 +72,18 @@ pub struct SignalColumns {
     /// EMG of the extensor carpi radialis.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emg_ecr: Option<MappedSignal>,
+    /// Angle of the handle, from an encoder there; signs as for the angle of the motor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub handle_angle: Option<MappedSignal>,
+    /// Angular acceleration of the handle; signs as for the angle of the motor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub handle_acceleration: Option<MappedSignal>,
+    /// Torque between handle and hand; signs as for the torque.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hand_torque: Option<MappedSignal>,
+    /// Angle of the joint itself; signs as for the angle of the motor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint_angle: Option<MappedSignal>,
 }
 
 /// A column with its unit and sign: the value is `sign` (column - `zero`) in SI units.
@@ -130,6 +142,12 @@ pub enum SignalUnit {
     /// Revolutions.
     #[serde(rename = "rev")]
     Revolution,
+    /// Radians a second, squared.
+    #[serde(rename = "rad/s2")]
+    RadianPerSecondSquared,
+    /// Degrees a second, squared.
+    #[serde(rename = "deg/s2")]
+    DegreePerSecondSquared,
     /// Newton metres.
     #[serde(rename = "N m")]
     NewtonMetre,
@@ -171,11 +189,11 @@ impl SignalUnit {
     /// Factor to the SI unit of its kind; EMG in volts has none, and is divided by its value at maximal effort.
     pub fn factor(self) -> f64 {
         match self {
-            Self::Second | Self::Radian | Self::NewtonMetre | Self::Mvc => 1.0,
+            Self::Second | Self::Radian | Self::RadianPerSecondSquared | Self::NewtonMetre | Self::Mvc => 1.0,
             Self::Volt | Self::Millivolt | Self::Microvolt => 1.0,
             Self::Millisecond | Self::Milliradian | Self::NewtonMillimetre => 1e-3,
             Self::Microsecond => 1e-6,
-            Self::Degree => std::f64::consts::PI / 180.0,
+            Self::Degree | Self::DegreePerSecondSquared => std::f64::consts::PI / 180.0,
             Self::Revolution => std::f64::consts::TAU,
             Self::NewtonCentimetre | Self::Percent => 1e-2,
             Self::KilopondCentimetre => 0.098_066_5,

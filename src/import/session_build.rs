@@ -147,6 +147,10 @@ fn record(table: &SourceTable, mapping: &Mapping) -> Result<Record, ImportError>
         torque_l_nm: converted(&columns.torque, "the torque")?,
         emg_fcr_mvc: optional(&columns.emg_fcr, "the EMG of the FCR")?,
         emg_ecr_mvc: optional(&columns.emg_ecr, "the EMG of the ECR")?,
+        theta_l_rad: optional(&columns.handle_angle, "the angle of the handle")?,
+        alpha_l_rad_s2: optional(&columns.handle_acceleration, "the acceleration of the handle")?,
+        torque_h_nm: optional(&columns.hand_torque, "the torque at the hand")?,
+        theta_j_rad: optional(&columns.joint_angle, "the angle of the joint")?,
     })
 }
 

@@ -74,14 +74,14 @@ pub trait Number:
     /// log(1 + exp(self)), without overflow; its derivative is the logistic function.
     #[inline(always)]
     fn softplus(self) -> Self {
-        let (value, slope) = elementary::softplus(self.plain());
+        let (value, slope) = self.plain().softplus_and_slope();
         self.chain(value, slope)
     }
 
     /// The logistic function 1 / (1 + exp(-self)).
     #[inline(always)]
     fn logistic(self) -> Self {
-        let (_, value) = elementary::softplus(self.plain());
+        let (_, value) = self.plain().softplus_and_slope();
         self.chain(value, value * (Self::Plain::splat(1.0) - value))
     }
 

@@ -44,13 +44,14 @@ impl Duration {
     }
 }
 
-/// Time before the trials, s: torque offset, and maximal contractions in both directions.
+/// Time before the trials, s: rig trials, torque offset, and maximal contractions in both directions.
 fn before_s(protocol: &Protocol) -> f64 {
+    let rig_trials_s = protocol.rig_trials_s();
     let offset_s = protocol.before.offset_s.unwrap_or(0.0);
     let mvc_s = protocol
         .before
         .mvc
         .as_ref()
         .map_or(0.0, |mvc| 2.0 * f64::from(mvc.efforts) * (mvc.duration_s + mvc.rest_s));
-    offset_s + mvc_s
+    rig_trials_s + offset_s + mvc_s
 }

@@ -17,6 +17,9 @@
 
 mod duration;
 mod error;
+mod multisine;
+mod rig_trial_block;
+mod rig_trials;
 mod rules;
 mod schema;
 pub(crate) mod shape;
@@ -28,6 +31,11 @@ mod valid;
 
 pub use duration::{APPROACH_S, Duration};
 pub use error::{Problem, ProtocolError};
+pub use multisine::Multisine;
+pub use rig_trial_block::{BlockMotion, RigTrialBlock};
+pub use rig_trials::{
+    GRAVITY_M_S2, MOUNTING_S, PlannedRigTrial, RIG_REST_S, RIG_SETTLE_S, RigLoad, RigMotion, SEAT_SUBJECT,
+};
 pub use schema::schema_text;
 pub use trajectory::{Motion, RampAndHold, Sweep, TooShort};
 pub use types::*;

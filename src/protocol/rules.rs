@@ -6,10 +6,13 @@
 mod context;
 mod limits;
 mod order;
+mod rig_trials;
 
-use super::Problem;
+use std::collections::HashSet;
+
 use super::source::{JsonContent, JsonNode};
 use super::units::significant;
+use super::{Problem, Protocol};
 use context::Rules;
 
 /// Adds to `problems` every value of `document` that does not fit with the others.
@@ -26,6 +29,16 @@ pub(super) fn add_problems(document: &JsonNode, problems: &mut Vec<Problem>) {
     rules.signal_is_sampled_fast_enough();
     limits::check(&mut rules);
     order::check(&mut rules);
+    rig_trials::check(&mut rules);
+}
+
+/// As [`add_problems`], the rules on rig trials that simulate their motions; `protocol` is the document as types.
+pub(super) fn add_problems_of_rig_trials(
+    document: &JsonNode,
+    protocol: &Protocol,
+    problems: &mut Vec<Problem>,
+) {
+    rig_trials::check_motions(&mut Rules { document, known: HashSet::new(), problems }, protocol);
 }
 
 /// Largest number of velocities and of torques, more than any experiment has. Assumed.

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::RigTrialBlock;
 use crate::signal::FilterSpec;
 
 /// Format and version of the protocol files that this program reads.
@@ -46,6 +47,9 @@ pub struct Protocol {
     pub window_s: f64,
     /// Limits that no trajectory may exceed.
     pub limits: Limits,
+    /// Motions with known loads on the handle, before the subject sits down, in this order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rig_trials: Vec<RigTrialBlock>,
 }
 
 /// How the order of the trials is drawn.

@@ -62,7 +62,12 @@ impl ValidProtocol {
         rules::add_problems(&source, &mut problems);
         if problems.is_empty() {
             match typed(&source) {
-                Ok(protocol) => return Ok(Self { protocol, text: text.to_owned() }),
+                Ok(protocol) => {
+                    rules::add_problems_of_rig_trials(&source, &protocol, &mut problems);
+                    if problems.is_empty() {
+                        return Ok(Self { protocol, text: text.to_owned() });
+                    }
+                }
                 Err(problem) => problems.push(problem),
             }
         }

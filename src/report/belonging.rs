@@ -34,6 +34,14 @@ pub fn foreign_diagnosis(diagnosis: &Value, fitted: Option<&Fitted>, digest: &st
             fitted.settings.window_s
         ));
     }
+    let calibration = diagnosis.pointer("/settings/calibration_sha256").and_then(Value::as_str);
+    if calibration != fitted.settings.calibration_sha256.as_deref() {
+        return Some(
+            "The diagnosis and the fit used different constants of the rig: they do not belong together. Run: ramphold diagnose \
+             SESSION --calibration FILE."
+                .to_owned(),
+        );
+    }
     let model = diagnosis.get("model").filter(|model| !model.is_null())?;
     (*model != fitted.model).then(|| {
         "The diagnosis starts from another model than that of the fit: they do not belong together. Run: ramphold \
@@ -66,6 +74,9 @@ mod tests {
         assert!(foreign_diagnosis(&diagnosis, None, "b").is_some());
         let why = foreign_diagnosis(&diagnosis, Some(&fitted(0.3)), "a").unwrap();
         assert!(why.contains("40.0 ms") && why.contains("300.0 ms") && why.contains("--window 0.3"), "{why}");
+        let calibrated = json!({ "settings": { "calibration_sha256": "c" } });
+        let why = foreign_diagnosis(&calibrated, Some(&fitted(0.04)), "a").unwrap();
+        assert!(why.contains("different constants of the rig"), "{why}");
         let other = json!({ "settings": { "window_s": 0.04 }, "model": { "mechanisms": [1] } });
         assert!(foreign_diagnosis(&other, Some(&fitted(0.04)), "a").unwrap().contains("another model"));
         assert!(

@@ -37,6 +37,8 @@ pub struct DiagnosedCause {
     pub vaf: [Option<f64>; 2],
     /// The law that the session shows at its place, if any.
     pub law: Value,
+    /// Whether the fit already has it: a constant of the rig that was measured.
+    pub is_corrected: bool,
 }
 
 /// A mechanism that may be a cause.
@@ -120,7 +122,7 @@ impl Diagnosed {
     /// Each cause is added to those before it, so that the ranges multiply.
     pub fn range_with_causes(&self, name: &str) -> Option<[f64; 2]> {
         let mut range: Option<[f64; 2]> = None;
-        for cause in &self.causes {
+        for cause in self.causes.iter().filter(|cause| !cause.is_corrected) {
             let shifts: Vec<&MeanShift> = cause.candidates.iter().filter_map(|own| own.shift(name)).collect();
             let after = shifts.iter().map(|own| own.after).filter(|own| own.is_finite());
             let (Some(low), Some(high)) = (after.clone().reduce(f64::min), after.reduce(f64::max)) else {
@@ -211,7 +213,12 @@ impl Reader<'_> {
             let others: f64 = candidates[1..].iter().filter_map(|own| own.probability).sum();
             candidates[0].probability = Some(whole.min(1.0 - others).max(0.0));
         }
+        let is_corrected =
+            self.root.pointer(&format!("{at}/corrected")).and_then(Value::as_bool) == Some(true);
         let gain = |file: &mut Self, name: &str| {
+            if is_corrected {
+                return None;
+            }
             let path = format!("{at}/gain/held_out_rmse_ratio/{name}");
             if file.is_across_trials(at) && name != "value" {
                 return None;
@@ -219,11 +226,11 @@ impl Reader<'_> {
             file.number(&path)
         };
         let held_out = ["value", "low", "high"].map(|name| gain(self, name));
-        let is_within = !self.is_across_trials(at);
+        let is_within = !self.is_across_trials(at) && !is_corrected;
         let vaf = ["vaf_before", "vaf_after"]
             .map(|name| if is_within { self.number(&format!("{at}/gain/{name}")) } else { None });
         let law = self.root.pointer(&format!("{at}/law")).cloned().unwrap_or_default();
-        DiagnosedCause { candidates, held_out, vaf, law }
+        DiagnosedCause { candidates, held_out, vaf, law, is_corrected }
     }
 
     /// Whether the gain of a cause is one of the trials' k_srs, which has neither interval nor VAF, or there is none of any kind.

@@ -7,9 +7,10 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::error::ReportError;
+use super::known_rig::KnownRig;
 use crate::dataset::Session;
 use crate::files::{excerpt, limits};
-use crate::fit::{FIT_FORMAT, Model, QUANTITIES};
+use crate::fit::{FIT_FORMAT, Model, QUANTITIES, RigConstants};
 use crate::json_file::JsonFileError;
 use crate::signal::FilterSpec;
 use crate::wrist::BASE_PARAMETERS;
@@ -35,6 +36,8 @@ pub struct Fitted {
     pub conditions: Vec<ConditionFit>,
     /// The model of the session, or why there is none.
     pub session_model: Option<SessionModel>,
+    /// What is known of the rig; older programs did not write it.
+    pub rig: Option<KnownRig>,
     /// What the fit was made from; older programs did not write it.
     pub made_from: Option<MadeFrom>,
     /// Contradictions between the signals and the table that were accepted.
@@ -99,6 +102,11 @@ pub struct FitSettings {
     pub filter: Option<FilterSpec>,
     /// The weighting of the residuals.
     pub weighting: String,
+    /// The constants of the rig by which the records became angle and torque; older programs used those that the session states.
+    pub rig_constants: Option<RigConstants>,
+    /// Sum of the file that they were measured in.
+    #[serde(default)]
+    pub calibration_sha256: Option<String>,
 }
 
 /// Values by name; `None` where the fit has none.
@@ -119,8 +127,14 @@ pub struct FittedTrial {
     pub values: Values,
     /// Relative standard errors of Eq. 9.
     pub sem_eq9_relative: Values,
-    /// Relative standard errors from the measured noise.
+    /// Relative standard errors from the measured noise, and from the errors of the rig's constants.
     pub se_relative: Values,
+    /// The part of them that comes from the constants.
+    #[serde(default)]
+    pub se_of_rig_relative: Values,
+    /// Relative change of the parameters by one standard error of each measured constant.
+    #[serde(default)]
+    pub change_by_se_of_constant: BTreeMap<String, Values>,
     /// Whether the optimisation converged.
     pub converged: bool,
     /// Remarks about the fit.

@@ -16,6 +16,7 @@ mod figures;
 mod fitted;
 mod input;
 mod journal;
+mod known_rig;
 mod page;
 mod scale;
 mod sections;
@@ -88,7 +89,7 @@ pub fn write(
     sections.extend([sections::trials(&input), sections::parameters(&input)]);
     sections.extend([sections::balance(&input), sections::stiffness(&input)]);
     sections.extend(emg);
-    sections.extend([sections::diagnosis(&input), sections::uncertainty(&input)]);
+    sections.extend([sections::diagnosis(&input), sections::rig(&input), sections::uncertainty(&input)]);
     let page = write_page(&PageHead::of_session(&input), &sections, out, disk)?;
     Ok(WrittenReport { missing: input.missing, ..page })
 }

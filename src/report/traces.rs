@@ -4,11 +4,14 @@ use rayon::prelude::*;
 
 use super::emg::{TrialEmg, find_onsets, trial_emg};
 use super::fitted::{Fitted, FittedTrial};
-use crate::dataset::{Session, Status};
-use crate::fit::{ExcludedTrial, Model, Observations, PreprocessingSettings, TrialObservation};
+use crate::dataset::{FurtherChannel, Session, Status};
+use crate::fit::{ExcludedTrial, Model, Observations, PreprocessingSettings, RigConstants, TrialObservation};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
-use crate::wrist::{self, SimulatedTorque, SimulationSettings, TraceSample, simulate, substeps};
+use crate::wrist::{
+    self, ScaledChannel, SimulatedTorque, SimulationSettings, TraceSample, simulate, steps_per_sample,
+    substeps,
+};
 
 /// The measured and fitted traces of a trial. Torques and angles are changes from the hold, turned so that the
 /// ramp is positive, as in section 2.4 of the paper.
@@ -30,6 +33,8 @@ pub struct Trace {
     pub near: Vec<(f64, f64, f64)>,
     /// Time and fitted torque, filtered, from the onset on; empty without a fit.
     pub fitted_nm: Vec<(f64, f64)>,
+    /// The further channels of the session.
+    pub further: Vec<FurtherTrace>,
     /// The states of the fitted wrist from the onset on; empty without a fit.
     pub instants: Vec<TraceSample>,
     /// Measured minus fitted torque in the window, N m; empty without a fit.
@@ -38,6 +43,17 @@ pub struct Trace {
     pub fit: Option<FittedTrial>,
     /// Its EMG, where it was measured.
     pub emg: Option<TrialEmg>,
+}
+
+/// A further channel in the window, as a change from the hold.
+#[derive(Debug, Clone)]
+pub struct FurtherTrace {
+    /// The channel.
+    pub channel: FurtherChannel,
+    /// Time from the onset in s, and the filtered measurement in the channel's unit.
+    pub measured: Vec<(f64, f64)>,
+    /// The same of the fitted wrist; empty without a fit.
+    pub fitted: Vec<(f64, f64)>,
 }
 
 /// Number of points of the whole record that are drawn.
@@ -63,7 +79,9 @@ pub fn traces(
         }
         (None, None) => PreprocessingSettings::default(),
     };
-    let prepared = match Observations::new(session, view) {
+    let constants = fitted.and_then(|fitted| fitted.settings.rig_constants);
+    let constants = constants.unwrap_or_else(|| RigConstants::stated(session.lever));
+    let prepared = match Observations::of_rig(session, view, constants) {
         Ok(prepared) => prepared,
         Err(error) => {
             missing.push(format!("No trial can be drawn: {error}."));
@@ -107,12 +125,19 @@ fn one(
     let samples = trial.input.motion.len() - trial.input.onset;
     let request = SimulationSettings { samples, ..prepared.request(&kinds, substeps) };
     trace.instants = wrist::trace(&request, &trial.input, &parameters);
+    let steps = steps_per_sample(prepared.lever, &kinds, &trial.input, &parameters, prepared.period_s);
+    let request = SimulationSettings { substeps: steps, ..request };
     let mut response = SimulatedTorque::default();
     simulate(&request, &[&trial.input], &parameters, &mut response);
     let times = (0..).map(|sample| f64::from(sample) * prepared.period_s);
-    trace.fitted_nm = times.zip(response.torque_nm).collect();
-    trace.residual_nm = trial
-        .measured_nm
+    trace.fitted_nm = times.clone().zip(response.torque_nm[..samples].iter().copied()).collect();
+    for (place, own) in trace.further.iter_mut().enumerate() {
+        let unit = prepared.further[place].nm_per_unit;
+        let values = response.torque_nm[(1 + place) * samples..].iter().map(|value| value / unit);
+        own.fitted = times.clone().zip(values.take(prepared.samples)).collect();
+    }
+    trace.residual_nm = prepared
+        .torque_of(&trial.measured_nm)
         .iter()
         .zip(&trace.fitted_nm)
         .map(|(measured, (_, fitted))| measured - fitted)
@@ -132,7 +157,10 @@ fn recorded(session: &Session, prepared: &Observations, trial: &TrialObservation
     let of_session = |own: &&crate::dataset::Trial| own.number == trial.number && own.status == Status::Ok;
     let Some(own) = session.trials.iter().find(of_session) else { return trace };
     let record = &own.record;
-    let torque = filter(&prepared.sections, &record.torque_l_nm);
+    let constants = &prepared.constants;
+    let true_nm: Vec<f64> = record.torque_l_nm.iter().map(|own| constants.true_torque_nm(*own)).collect();
+    let torque = filter(&prepared.sections, &true_nm);
+    let angle: Vec<f64> = record.theta_m_rad.iter().map(|own| own / constants.angle_gain).collect();
     let onset = libm::round((trial.onset_s - record.start_s) / prepared.period_s);
     let time_s = |sample: usize| (sample as f64 - onset) * prepared.period_s;
     let between = |from_s: f64, to_s: f64| {
@@ -143,12 +171,19 @@ fn recorded(session: &Session, prepared: &Observations, trial: &TrialObservation
     trace.emg = trial_emg(record, onset.max(0.0) as usize, trial.velocity_rad_s, prepared.period_s);
     let whole = between(-WHOLE_S.0, WHOLE_S.1);
     let stride = whole.len().div_ceil(WHOLE_POINTS).max(1);
-    trace.whole = whole.step_by(stride).map(|i| (time_s(i), record.theta_m_rad[i], torque[i])).collect();
+    trace.whole = whole.step_by(stride).map(|i| (time_s(i), angle[i], torque[i])).collect();
     let window_s = prepared.samples as f64 * prepared.period_s;
     let change = |i: usize| {
-        let angle = trial.direction * (record.theta_m_rad[i] - trial.theta_0_rad);
+        let angle = trial.direction * (angle[i] - trial.theta_0_rad);
         (time_s(i), angle, trial.direction * (torque[i] - trial.torque_0_nm))
     };
+    let in_window = |(place, further): (usize, &ScaledChannel)| {
+        let values = prepared.further_of(place, &trial.measured_nm).iter();
+        let times = (0..).map(|sample| f64::from(sample) * prepared.period_s);
+        let measured = times.zip(values.map(|value| value / further.nm_per_unit)).collect();
+        FurtherTrace { channel: further.channel, measured, fitted: Vec::new() }
+    };
+    trace.further = prepared.further.iter().enumerate().map(in_window).collect();
     trace.near = between(-0.25 * window_s, 1.3 * window_s).map(change).collect();
     trace
 }

@@ -1,5 +1,7 @@
 //! What a rig is told each period: what the motor does, and what the subject is shown.
 
+use crate::protocol::RigLoad;
+
 /// What a rig is told each period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Command {
@@ -41,6 +43,8 @@ pub enum Cue {
     },
     /// Keep on as before: the motor is moving.
     Moving,
+    /// Nobody is there: a rig trial is prepared or under way.
+    RigTrial(UpcomingRigTrial),
 }
 
 /// Which way the person pushes.
@@ -76,4 +80,28 @@ pub struct Upcoming {
     pub progress: f64,
     /// Rest since the motor was last home, s.
     pub rest_s: f64,
+}
+
+/// A rig trial that is prepared or under way. Only a virtual rig looks at it: what is mounted on a real handle, the operator has mounted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UpcomingRigTrial {
+    /// Its place among the rig trials of the protocol, from 1.
+    pub position: u32,
+    /// How often it was rejected before.
+    pub rejections: u32,
+    /// What is mounted on the handle.
+    pub load: RigLoad,
+    /// How far it is.
+    pub stage: RigTrialStage,
+}
+
+/// How far a rig trial is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RigTrialStage {
+    /// Its load is being mounted; it has not begun.
+    Mounting,
+    /// It has begun; the motor is at rest.
+    Settling,
+    /// The motor makes its motion.
+    Moving,
 }

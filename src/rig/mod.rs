@@ -13,7 +13,7 @@ mod sample;
 mod schema;
 pub mod virtual_wrist;
 
-pub use command::{Command, Cue, Direction, Motor, TrialKey, Upcoming};
+pub use command::{Command, Cue, Direction, Motor, RigTrialStage, TrialKey, Upcoming, UpcomingRigTrial};
 pub use fault::{Channel, DeviceFault, Fault, FaultClass, Quantity};
 pub use interface::{Armed, ArmingConsent, Origin, Punctuality, Rig, Vitals};
 pub use limit_monitor::{Exceeded, LimitMonitor, MotionLimits};

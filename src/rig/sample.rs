@@ -1,5 +1,7 @@
 //! What a rig measures, and the resolution at which a record keeps it.
 
+use crate::wrist::FurtherChannel;
+
 /// What was measured at one sample instant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sample {
@@ -11,6 +13,8 @@ pub struct Sample {
     pub emg_fcr_mvc: f64,
     /// EMG of the extensor carpi radialis, the antagonist, fraction of MVC.
     pub emg_ecr_mvc: f64,
+    /// Further channels in the order of [`FurtherChannel::ALL`], each in its unit; `None` for a sensor that the rig does not have.
+    pub further: [Option<f64>; FurtherChannel::COUNT],
 }
 
 /// How many steps a radian, a newton metre, a second and the MVC are divided into in a record.
@@ -23,6 +27,20 @@ pub mod resolution {
     pub const TORQUE_PER_NM: f64 = 1e5;
     /// EMG, 1/MVC.
     pub const EMG_PER_MVC: f64 = 1e5;
+
+    /// Number of decimal places of a further channel in its unit.
+    pub fn further_places(channel: super::FurtherChannel) -> usize {
+        match channel {
+            super::FurtherChannel::HandleAngle | super::FurtherChannel::JointAngle => 7,
+            super::FurtherChannel::HandleAcceleration => 3,
+            super::FurtherChannel::HandTorque => 5,
+        }
+    }
+
+    /// Steps of a further channel, 1 per its unit.
+    pub fn further_steps(channel: super::FurtherChannel) -> f64 {
+        10f64.powi(further_places(channel) as i32)
+    }
 }
 
 impl Sample {
@@ -34,6 +52,10 @@ impl Sample {
             torque_l_nm: round(self.torque_l_nm, resolution::TORQUE_PER_NM),
             emg_fcr_mvc: round(self.emg_fcr_mvc, resolution::EMG_PER_MVC),
             emg_ecr_mvc: round(self.emg_ecr_mvc, resolution::EMG_PER_MVC),
+            further: std::array::from_fn(|place| {
+                self.further[place]
+                    .map(|value| round(value, resolution::further_steps(FurtherChannel::ALL[place])))
+            }),
         }
     }
 }

@@ -26,7 +26,7 @@ pub enum Event {
     OffsetMeasured,
     /// A maximal effort took its time.
     EffortOver,
-    /// A rest took its time.
+    /// A rest took its time; before a rig trial, its load was already mounted.
     RestOver,
     /// The torque stayed in the band for the gate's time.
     GateOpened,
@@ -36,13 +36,13 @@ pub enum Event {
     LeftBand,
     /// The EMG of the antagonist went over its limit.
     AntagonistActive,
-    /// The delay after the gate is over: the ramp begins.
+    /// The delay after the gate, or the rest of a rig trial, is over: the motion begins.
     Onset,
     /// The ramp reached its end.
     RampOver,
     /// The hold after the ramp took its time.
     HoldOver,
-    /// The motion of the ramp and its hold was not as asked.
+    /// The motion of the ramp and its hold, or of a rig trial, was not as asked.
     MotionDeviated,
     /// The motor is back at the start position.
     Home,

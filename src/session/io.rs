@@ -6,6 +6,7 @@ use super::event::Event;
 use super::motion::MotionDeviation;
 use super::phase::Phase;
 use super::settings::PlannedTrial;
+use crate::protocol::PlannedRigTrial;
 use crate::rig::{Command, Direction, Fault, Punctuality, Sample};
 
 /// Input of the state machine at one sample.
@@ -37,6 +38,8 @@ pub enum Reading {
 pub struct Output {
     /// Command for the motor and cue for the subject until the next sample.
     pub command: Command,
+    /// Angle that was commanded for this sample, rad.
+    pub target_rad: f64,
     /// The phase after this step.
     pub phase: Phase,
     /// Transition at this sample, if there was one.
@@ -60,6 +63,8 @@ pub enum RecordTarget {
     Effort(u32),
     /// The trial under way.
     Trial,
+    /// The rig trial under way.
+    RigTrial,
 }
 
 /// A transition of the state machine. The records so far suffice to resume the session after a crash.
@@ -93,18 +98,18 @@ pub enum TransitionDetail {
         /// Highest smoothed EMG of the extensor, in the units in force.
         peak_ecr: f64,
     },
-    /// A trial began.
+    /// A trial or a rig trial began.
     Began {
         /// Its number in its table, from 1.
         number: u32,
         /// For practice, in a table of its own.
         practice: bool,
-        /// Its place in the schedule.
+        /// Its place in the schedule, or among the rig trials of the protocol.
         position: u32,
         /// Rest since the motor was last home, samples.
         rest_samples: u64,
     },
-    /// A trial went on to its ramp.
+    /// A trial went on to its ramp, or a rig trial to its motion.
     Onset {
         /// Samples since the trial began.
         trial_sample: u64,
@@ -206,4 +211,17 @@ pub struct Attempt {
     pub samples: u64,
     /// How punctual its periods were, if the rig is tied to a clock.
     pub punctuality: Option<Punctuality>,
+}
+
+/// A rig trial that has begun, and its status.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigAttempt {
+    /// Number in the table of rig trials, from 1.
+    pub number: u32,
+    /// Rig trial of the protocol.
+    pub planned: PlannedRigTrial,
+    /// Status and the event that ended the rig trial; `None` while it is under way.
+    pub ended: Option<(Status, Event)>,
+    /// Samples since it began.
+    pub samples: u64,
 }

@@ -11,10 +11,11 @@ use super::rng_streams;
 use super::settings::Settings;
 use super::smoothing::FeedbackFilter;
 use super::torque_gate::TorqueGate;
-use super::transitions::{Effect, Transition};
-use crate::protocol::Sweep;
+use super::transitions::{Effect, Guard, Transition};
+use crate::protocol::{PlannedRigTrial, RigMotion, Sweep};
 use crate::rig::{
-    Channel, Command, Cue, Direction, Fault, LimitMonitor, Motor, Punctuality, Sample, Upcoming,
+    Channel, Command, Cue, Direction, Fault, LimitMonitor, Motor, Punctuality, RigTrialStage, Sample,
+    Upcoming, UpcomingRigTrial,
 };
 
 /// EMG of an effort, fraction of the nominal MVC, below which the electrode is taken to be off.
@@ -45,6 +46,8 @@ pub struct Machine {
     ramp_velocity: RampVelocity,
     /// Delay drawn for this trial, samples.
     delay: u64,
+    /// The last commanded angle, rad.
+    target_rad: f64,
     /// Sum of the torque while the offset is measured.
     offset_sum_nm: f64,
     /// Highest values of the effort under way: torque, FCR, ECR.
@@ -78,6 +81,7 @@ impl Machine {
             punctuality: None,
             ramp_velocity: RampVelocity::default(),
             delay: 0,
+            target_rad: 0.0,
             offset_sum_nm: 0.0,
             peaks: [0.0; 3],
             homing: None,
@@ -97,6 +101,11 @@ impl Machine {
     /// Settings of the session.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Whether the session waits until the operator has mounted the load of the next rig trial, or seated the subject.
+    pub fn awaits_mounting(&self) -> bool {
+        self.phase == Phase::RigSetup && !self.progress.holds(Guard::LoadMounted)
     }
 
     /// Samples since the session was started or resumed.
@@ -136,8 +145,14 @@ impl Machine {
             }
         }
         self.sample += 1;
+        let motor = self.motor();
+        let target_rad = self.target_rad;
+        if let Motor::Follow { angle_rad } = motor {
+            self.target_rad = angle_rad;
+        }
         Output {
-            command: Command { motor: self.motor(), cue: self.cue() },
+            command: Command { motor, cue: self.cue() },
+            target_rad,
             phase: self.phase,
             transition,
             refused,
@@ -153,7 +168,7 @@ impl Machine {
         waited.pass(1);
         // Of a sample that is given again and again, it only counts how often.
         waited.limit_monitor.clone_from(&self.limit_monitor);
-        self.phase == Phase::Paused && waited == *self
+        (self.phase == Phase::Paused || self.awaits_mounting()) && waited == *self
     }
 
     /// Counts samples that change nothing else, see [`Machine::only_waits_since`].
@@ -194,13 +209,18 @@ impl Machine {
 
     /// Takes the sample for the velocity of the ramp, at the time at which the motor carries out what was asked.
     fn measure_ramp(&mut self, sample: &Sample) {
-        if !matches!(self.phase, Phase::Ramp | Phase::RampHold) {
-            return;
-        }
-        let Some(trial) = self.progress.current() else { return };
+        let movement = match (self.phase, self.progress.current_rig_trial()) {
+            (Phase::Ramp | Phase::RampHold, _) => self.progress.current().map(|trial| trial.planned.movement),
+            (Phase::RigMotion, Some(trial)) => match trial.planned.motion {
+                RigMotion::Ramp { movement, .. } => Some(movement),
+                RigMotion::Still { .. } | RigMotion::Multisine(_) => None,
+            },
+            _ => None,
+        };
+        let Some(movement) = movement else { return };
         let samples = self.since_onset as f64 - self.settings.motion_delay_samples as f64;
         let rate_hz = self.settings.sample_rate_hz;
-        self.ramp_velocity.add(&trial.planned, rate_hz, samples / rate_hz, sample.theta_m_rad);
+        self.ramp_velocity.add(movement.ramp(), rate_hz, samples / rate_hz, sample.theta_m_rad);
     }
 
     /// Why the motion of a motor in the ramp was not as asked, if it was not.
@@ -232,6 +252,12 @@ impl Machine {
     /// Event from the time, the movement or the subject at this sample, if there is one.
     fn due_event(&mut self, sample: &Sample, on_disk: bool) -> Option<(Event, Option<TransitionDetail>)> {
         match self.phase {
+            // Only if its load is mounted, see the table.
+            Phase::RigSetup => {
+                (self.in_phase >= self.settings.rig_rest_samples).then_some((Event::RestOver, None))
+            }
+            Phase::RigSettle => self.onset(self.settings.rig_settle_samples.max(1), on_disk),
+            Phase::RigMotion => self.follow_rig_motion().map(|event| (event, None)),
             Phase::Offset => self.measure_offset(sample),
             Phase::MvcEffort => self.measure_effort(),
             Phase::MvcRest => {
@@ -307,7 +333,11 @@ impl Machine {
         if self.antagonist_is_active() {
             return Some((Event::AntagonistActive, None));
         }
-        let shortest = self.delay.max(1);
+        self.onset(self.delay.max(1), on_disk)
+    }
+
+    /// The beginning of a motion, once the phase has lasted `shortest` samples and the disk is done.
+    fn onset(&self, shortest: u64, on_disk: bool) -> Option<(Event, Option<TransitionDetail>)> {
         (self.in_phase >= shortest && on_disk).then(|| {
             let waited_samples = self.in_phase - shortest;
             let trial_sample = self.in_trial + self.settings.motion_delay_samples;
@@ -341,6 +371,13 @@ impl Machine {
         (t_s >= due_s).then_some(event)
     }
 
+    fn follow_rig_motion(&self) -> Option<Event> {
+        let motion = &self.progress.current_rig_trial()?.planned.motion;
+        let samples = self.since_onset.saturating_sub(self.settings.motion_delay_samples);
+        (self.seconds(samples) >= motion.duration_s())
+            .then(|| if self.motion_deviation().is_some() { Event::MotionDeviated } else { Event::Home })
+    }
+
     fn plan_homing(&mut self, from_rad: f64) {
         let (speed, rise_s) = (self.settings.return_velocity_rad_s.abs(), self.settings.rise_time_s);
         // Over a short distance the motor does not reach full speed.
@@ -371,19 +408,21 @@ impl Machine {
 
     /// Numbers that the journal keeps with a transition.
     fn detail(&self, line: &Transition, detail: Option<TransitionDetail>) -> Option<TransitionDetail> {
-        let last = self.progress.attempts().last();
-        let (number, samples) = (last.map_or(0, |attempt| attempt.number), self.in_trial);
+        let (number, samples) = (self.progress.last_number(), self.in_trial);
         let punctuality = self.punctuality;
         let deviation = self.motion_deviation().filter(|_| line.event == Event::MotionDeviated);
         let ended =
             |status| Some(TransitionDetail::Ended { number, status, samples, deviation, punctuality });
         match (line.effect, detail) {
-            (Effect::Begin, _) => self.progress.queue().next().map(|planned| TransitionDetail::Began {
-                number: self.progress.next_number(),
-                practice: planned.key.practice,
-                position: planned.key.position,
-                rest_samples: self.at_home,
-            }),
+            (Effect::Begin, _) => {
+                let rig_trial = self.progress.rig_queue().next().filter(|_| self.progress.rig_trials_due());
+                let (practice, position) = match (rig_trial, self.progress.queue().next()) {
+                    (Some(planned), _) => (false, planned.position),
+                    (None, planned) => planned.map(|planned| (planned.key.practice, planned.key.position))?,
+                };
+                let number = self.progress.next_number();
+                Some(TransitionDetail::Began { number, practice, position, rest_samples: self.at_home })
+            }
             (Effect::Ok, _) => ended(Status::Ok),
             (Effect::Reject, _) => ended(Status::Rejected),
             (Effect::Abort, Some(TransitionDetail::Fault(fault))) => {
@@ -407,14 +446,14 @@ impl Machine {
                 self.peaks = [0.0; 3];
                 self.feedback.restart();
             }
-            Phase::Hold => {
+            Phase::Hold | Phase::RigSettle => {
                 self.in_trial = 0;
                 self.punctuality = None;
                 self.gate.restart();
                 self.feedback.restart();
             }
             Phase::Delay => self.delay = self.draw_delay(),
-            Phase::Ramp => {
+            Phase::Ramp | Phase::RigMotion => {
                 self.since_onset = 0;
                 self.ramp_velocity = RampVelocity::default();
                 if let Some(punctuality) = &mut self.punctuality {
@@ -451,12 +490,26 @@ impl Machine {
                     attempt.planned.movement.at(self.seconds(self.since_onset + 1)).angle_rad
                 })
             }
+            Phase::RigMotion => self
+                .progress
+                .current_rig_trial()
+                .map_or(0.0, |trial| trial.planned.motion.at(self.seconds(self.since_onset + 1)).angle_rad),
             _ => 0.0,
         };
         Motor::Follow { angle_rad }
     }
 
     fn cue(&self) -> Cue {
+        let under_way = self.progress.current_rig_trial().map(|trial| trial.planned);
+        let rig_trial = match self.phase {
+            Phase::RigSetup => self.progress.rig_queue().next().copied().zip(Some(RigTrialStage::Mounting)),
+            Phase::RigSettle => under_way.zip(Some(RigTrialStage::Settling)),
+            Phase::RigMotion => under_way.zip(Some(RigTrialStage::Moving)),
+            _ => None,
+        };
+        if let Some((PlannedRigTrial { position, rejections, load, .. }, stage)) = rig_trial {
+            return Cue::RigTrial(UpcomingRigTrial { position, rejections, load, stage });
+        }
         match (self.phase, self.progress.current()) {
             (Phase::Offset, _) => Cue::Relax,
             (Phase::MvcEffort, _) => Cue::Effort(self.progress.effort_direction()),

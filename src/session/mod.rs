@@ -22,7 +22,8 @@ pub mod transitions;
 pub use control_loop::{Operator, run_control_loop};
 pub use event::{Event, Source};
 pub use io::{
-    Attempt, Input, MaximalEffort, Output, Reading, RecordTarget, Status, TransitionDetail, TransitionRecord,
+    Attempt, Input, MaximalEffort, Output, Reading, RecordTarget, RigAttempt, Status, TransitionDetail,
+    TransitionRecord,
 };
 pub use machine::Machine;
 pub use motion::MotionDeviation;

@@ -11,7 +11,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::settings::PlannedTrial;
+use crate::protocol::Sweep;
 
 /// Fewest samples of the part at constant speed from which the velocity is taken: a slope and its standard error need 3.
 const LEAST_SAMPLES: f64 = 5.0;
@@ -102,8 +102,7 @@ pub(super) struct RampVelocity {
 
 impl RampVelocity {
     /// Takes the angle measured `t_s` after the onset of the motion.
-    pub fn add(&mut self, trial: &PlannedTrial, sample_rate_hz: f64, t_s: f64, angle_rad: f64) {
-        let ramp = trial.movement.ramp();
+    pub fn add(&mut self, ramp: &Sweep, sample_rate_hz: f64, t_s: f64, angle_rad: f64) {
         let (rise_s, end_s) =
             (ramp.duration_s() - ramp.end_of_constant_speed_s(), ramp.end_of_constant_speed_s());
         let constant_samples = (end_s - rise_s) * sample_rate_hz;

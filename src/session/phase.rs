@@ -8,6 +8,13 @@ use serde::{Deserialize, Serialize};
 pub enum Phase {
     /// The rig is disarmed; the session waits for the operator's start.
     Ready,
+    /// The motor is at rest at the start position. The operator mounts the load of the next rig trial; after the last one, the
+    /// subject is seated. With its load mounted, the next rig trial begins after a short rest.
+    RigSetup,
+    /// A rig trial has begun; the motor is still at rest.
+    RigSettle,
+    /// The motor makes the motion of a rig trial.
+    RigMotion,
     /// The hand is relaxed; the offset of the torque is measured.
     Offset,
     /// The subject pushes or pulls as hard as possible.
@@ -40,8 +47,11 @@ pub enum Phase {
 
 impl Phase {
     /// All phases, in the order a session meets them.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 18] = [
         Self::Ready,
+        Self::RigSetup,
+        Self::RigSettle,
+        Self::RigMotion,
         Self::Offset,
         Self::MvcEffort,
         Self::MvcRest,
@@ -62,6 +72,9 @@ impl Phase {
     pub fn name(self) -> &'static str {
         match self {
             Self::Ready => "ready",
+            Self::RigSetup => "rig_setup",
+            Self::RigSettle => "rig_settle",
+            Self::RigMotion => "rig_motion",
             Self::Offset => "offset",
             Self::MvcEffort => "mvc_effort",
             Self::MvcRest => "mvc_rest",
@@ -79,9 +92,14 @@ impl Phase {
         }
     }
 
-    /// Whether a trial is under way.
+    /// Whether a trial or a rig trial is under way.
     pub fn in_trial(self) -> bool {
-        matches!(self, Self::Hold | Self::Delay | Self::Ramp | Self::RampHold)
+        matches!(self, Self::Hold | Self::Delay | Self::Ramp | Self::RampHold) || self.in_rig_trial()
+    }
+
+    /// Whether a rig trial is under way.
+    pub fn in_rig_trial(self) -> bool {
+        matches!(self, Self::RigSettle | Self::RigMotion)
     }
 
     /// Whether the rig must be armed here.

@@ -3,17 +3,26 @@
 use std::collections::VecDeque;
 
 use super::event::Event;
-use super::io::{Attempt, MaximalEffort, RecordTarget, Status, TransitionDetail, TransitionRecord};
+use super::io::{
+    Attempt, MaximalEffort, RecordTarget, RigAttempt, Status, TransitionDetail, TransitionRecord,
+};
 use super::phase::Phase;
 use super::settings::{PlannedTrial, Settings};
 use super::transitions::{self, Effect, Guard};
-use crate::rig::Direction;
+use crate::protocol::{PlannedRigTrial, RigLoad};
+use crate::rig::{Direction, Punctuality};
 use crate::schedule;
 
 /// Progress of a session: attempts so far, trials left, offset and maximal efforts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Progress {
     seed: u64,
+    /// Whether rig trials are to be run, and the operator has not said yet that the subject is seated after them.
+    rig_trials_due: bool,
+    rig_queue: VecDeque<PlannedRigTrial>,
+    rig_attempts: Vec<RigAttempt>,
+    /// The load that the operator has mounted, as far as it is known; after an interruption it is mounted anew.
+    mounted: Option<RigLoad>,
     offset_due: bool,
     efforts_planned: usize,
     queue: VecDeque<PlannedTrial>,
@@ -32,16 +41,24 @@ pub struct Progress {
 /// Efforts for which there is room: the control loop must not allocate.
 const EFFORTS_EXPECTED: usize = 64;
 
+/// Attempts for which there is room, several of every trial: the control loop must not allocate.
+fn attempts_expected(trials: usize) -> usize {
+    if trials == 0 { 0 } else { 8 * trials + 64 }
+}
+
 impl Progress {
     /// The progress of a session that has not begun.
     pub fn new(settings: &Settings) -> Self {
         Self {
             seed: settings.seed,
+            rig_trials_due: !settings.rig_plan.is_empty(),
+            rig_queue: settings.rig_plan.iter().copied().collect(),
+            rig_attempts: Vec::with_capacity(attempts_expected(settings.rig_plan.len())),
+            mounted: None,
             offset_due: settings.offset_samples.is_some(),
             efforts_planned: settings.mvc.as_ref().map_or(0, |mvc| 2 * mvc.efforts as usize),
             queue: settings.plan.iter().copied().collect(),
-            // Room for several rejections of every trial: the control loop must not allocate.
-            attempts: Vec::with_capacity(8 * settings.plan.len() + 64),
+            attempts: Vec::with_capacity(attempts_expected(settings.plan.len())),
             offset_nm: 0.0,
             efforts: Vec::with_capacity(EFFORTS_EXPECTED),
             efforts_repeated: 0,
@@ -64,6 +81,31 @@ impl Progress {
     /// The trial under way.
     pub fn current(&self) -> Option<&Attempt> {
         self.attempts.last().filter(|attempt| attempt.ended.is_none())
+    }
+
+    /// Whether rig trials are to be run, and the operator has not said yet that the subject is seated after them.
+    pub fn rig_trials_due(&self) -> bool {
+        self.rig_trials_due
+    }
+
+    /// Every rig trial that has begun, in order.
+    pub fn rig_attempts(&self) -> &[RigAttempt] {
+        &self.rig_attempts
+    }
+
+    /// The rig trials left, the next one first.
+    pub fn rig_queue(&self) -> impl ExactSizeIterator<Item = &PlannedRigTrial> {
+        self.rig_queue.iter()
+    }
+
+    /// The rig trial under way.
+    pub fn current_rig_trial(&self) -> Option<&RigAttempt> {
+        self.rig_attempts.last().filter(|attempt| attempt.ended.is_none())
+    }
+
+    /// The load that the operator has mounted, as far as it is known.
+    pub fn mounted(&self) -> Option<RigLoad> {
+        self.mounted
     }
 
     /// Torque with the hand relaxed, N m; 0 if the protocol does not measure it.
@@ -118,9 +160,15 @@ impl Progress {
     pub fn holds(&self, guard: Guard) -> bool {
         match guard {
             Guard::Always => true,
+            Guard::RigTrialsDue => self.rig_trials_due,
+            Guard::LoadMounted => {
+                let next = self.rig_queue.front().filter(|_| self.rig_trials_due);
+                next.is_some_and(|next| self.mounted == Some(next.load))
+            }
             Guard::OffsetDue => self.offset_due,
             Guard::EffortsDue => self.efforts_left() > 0,
             Guard::EffortRepeatable => !self.efforts.is_empty() && !self.repeats_effort && !self.efforts_over,
+            Guard::TrialsLeft if self.rig_trials_due => !self.rig_queue.is_empty(),
             Guard::TrialsLeft => !self.queue.is_empty(),
             Guard::OneTrialLeft => self.queue.len() == 1,
             Guard::PauseAsked => self.pause_asked,
@@ -142,9 +190,17 @@ impl Progress {
             self.pause_asked = false;
         }
         self.efforts_over |= line.to == Phase::Rest && !self.efforts.is_empty() && self.efforts_left() == 0;
+        // Where the operator intervened, the load is confirmed anew: it may have been exchanged already.
+        let intervened = matches!(transition.event, Event::Skip | Event::Repeat);
+        if intervened || !matches!(line.to, Phase::RigSetup | Phase::RigSettle | Phase::RigMotion) {
+            self.mounted = None;
+        }
         match line.effect {
             Effect::None => {}
+            _ if self.rig_trials_due => self.apply_to_rig_trials(line.effect, transition),
             Effect::NotePause => self.pause_asked = true,
+            // Only rig trials end with it.
+            Effect::SeatSubject => {}
             Effect::KeepOffset => self.keep_offset(transition),
             Effect::KeepEffort => self.keep_effort(transition),
             Effect::RepeatEffort => self.repeats_effort = true,
@@ -164,21 +220,85 @@ impl Progress {
             }
             Effect::TakeBack => self.take_back(),
         }
-        if line.effect == Effect::None && transition.event == Event::Onset {
+        if line.effect == Effect::None && line.from == Phase::Delay && transition.event == Event::Onset {
             self.note_onset(transition);
         }
     }
 
-    /// Aborts the trial that was under way when the program ended, with `samples` samples in its record, and puts it back.
-    pub fn interrupt(&mut self, samples: u64) -> Option<Attempt> {
+    /// Applies the effect of a transition before the subject is seated. A rig trial that is put back comes next: its load is
+    /// still mounted, or is mounted next.
+    fn apply_to_rig_trials(&mut self, effect: Effect, transition: &TransitionRecord) {
+        match effect {
+            Effect::Begin => self.begin_rig_trial(transition),
+            Effect::Ok => self.end_rig_trial(Status::Ok, transition),
+            Effect::Reject => {
+                self.end_rig_trial(Status::Rejected, transition);
+                self.put_back_rig_trial(1);
+            }
+            Effect::Abort => {
+                self.end_rig_trial(Status::Aborted, transition);
+                self.put_back_rig_trial(0);
+            }
+            Effect::LeaveOut => self.end_rig_trial(Status::Aborted, transition),
+            Effect::LeaveOutNext => {
+                self.rig_queue.pop_front();
+            }
+            Effect::TakeBack => {
+                if let Some(attempt) = self.rig_attempts.last_mut() {
+                    attempt.ended = Some((Status::Rejected, Event::Repeat));
+                }
+                self.put_back_rig_trial(1);
+            }
+            Effect::NotePause => self.pause_asked = true,
+            Effect::SeatSubject => self.rig_trials_due = false,
+            // What comes after the subject is seated.
+            Effect::None | Effect::KeepOffset | Effect::KeepEffort | Effect::RepeatEffort => {}
+        }
+    }
+
+    fn begin_rig_trial(&mut self, transition: &TransitionRecord) {
+        let (Some(planned), Some(TransitionDetail::Began { number, .. })) =
+            (self.rig_queue.pop_front(), transition.detail)
+        else {
+            return;
+        };
+        self.mounted = Some(planned.load);
+        self.rig_attempts.push(RigAttempt { number, planned, ended: None, samples: 0 });
+    }
+
+    fn end_rig_trial(&mut self, status: Status, transition: &TransitionRecord) {
+        let (samples, _) = ended_record(transition);
+        if let Some(attempt) = self.rig_attempts.last_mut().filter(|attempt| attempt.ended.is_none()) {
+            attempt.ended = Some((status, transition.event));
+            attempt.samples = samples;
+        }
+    }
+
+    fn put_back_rig_trial(&mut self, rejections: u32) {
+        let Some(mut planned) = self.rig_attempts.last().map(|attempt| attempt.planned) else { return };
+        planned.rejections += rejections;
+        self.rig_queue.push_front(planned);
+    }
+
+    /// Aborts the trial or rig trial that was under way when the program ended, with `samples` samples in its record, and puts
+    /// it back. Returns its number.
+    pub fn interrupt(&mut self, samples: u64) -> Option<u32> {
+        self.mounted = None;
+        if let Some(attempt) = self.rig_attempts.last_mut().filter(|attempt| attempt.ended.is_none()) {
+            attempt.ended = Some((Status::Aborted, Event::Abort));
+            attempt.samples = samples;
+            let number = attempt.number;
+            self.put_back_rig_trial(0);
+            return Some(number);
+        }
         let attempt = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none())?;
         attempt.ended = Some((Status::Aborted, Event::Abort));
         attempt.samples = samples;
         // The last samples before the crash, and with them the onset, may be missing on the disk.
         attempt.onset_sample = attempt.onset_sample.filter(|onset| *onset < samples);
-        let attempt = *attempt;
+        let number = attempt.number;
         self.put_back_later(0);
-        Some(attempt)
+        Some(number)
     }
 
     /// Record that the samples of a phase belong to.
@@ -186,13 +306,31 @@ impl Progress {
         match phase {
             Phase::Offset => RecordTarget::Offset,
             Phase::MvcEffort => RecordTarget::Effort(self.effort_number()),
+            phase if phase.in_rig_trial() => RecordTarget::RigTrial,
             phase if phase.in_trial() => RecordTarget::Trial,
             _ => RecordTarget::None,
         }
     }
 
-    /// Number of the next trial in its table.
+    /// Number of the trial or rig trial that is under way.
+    pub fn under_way(&self) -> Option<u32> {
+        let trial = self.current().map(|trial| trial.number);
+        self.current_rig_trial().map(|trial| trial.number).or(trial)
+    }
+
+    /// Number of the last trial that began, or, before the subject is seated, of the last rig trial; 0 before the first.
+    pub fn last_number(&self) -> u32 {
+        match self.rig_attempts.last().filter(|_| self.rig_trials_due) {
+            Some(attempt) => attempt.number,
+            None => self.attempts.last().map_or(0, |attempt| attempt.number),
+        }
+    }
+
+    /// Number of the next trial, or rig trial, in its table.
     pub fn next_number(&self) -> u32 {
+        if self.rig_trials_due {
+            return 1 + self.rig_attempts.len() as u32;
+        }
         let practice = self.queue.front().is_some_and(|planned| planned.key.practice);
         1 + self.attempts.iter().filter(|attempt| attempt.planned.key.practice == practice).count() as u32
     }
@@ -238,13 +376,7 @@ impl Progress {
     }
 
     fn end(&mut self, status: Status, transition: &TransitionRecord) {
-        let (samples, punctuality) = match transition.detail {
-            Some(
-                TransitionDetail::Ended { samples, punctuality, .. }
-                | TransitionDetail::FaultInTrial { samples, punctuality, .. },
-            ) => (samples, punctuality),
-            _ => (0, None),
-        };
+        let (samples, punctuality) = ended_record(transition);
         if let Some(attempt) = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none()) {
             attempt.ended = Some((status, transition.event));
             attempt.samples = samples;
@@ -275,7 +407,22 @@ impl Progress {
     }
 
     fn last_counts(&self) -> bool {
+        if self.rig_trials_due {
+            let last = self.rig_attempts.last();
+            return last.is_some_and(|attempt| matches!(attempt.ended, Some((Status::Ok, _))));
+        }
         self.last_measured().is_some()
             && self.attempts.last().is_some_and(|attempt| matches!(attempt.ended, Some((Status::Ok, _))))
+    }
+}
+
+/// Samples of the record of a trial that ended, and how punctual its periods were.
+fn ended_record(transition: &TransitionRecord) -> (u64, Option<Punctuality>) {
+    match transition.detail {
+        Some(
+            TransitionDetail::Ended { samples, punctuality, .. }
+            | TransitionDetail::FaultInTrial { samples, punctuality, .. },
+        ) => (samples, punctuality),
+        _ => (0, None),
     }
 }

@@ -1,6 +1,8 @@
 //! Settings of the state machine: a protocol with its times in samples.
 
-use crate::protocol::{Gate, Limits, Mvc, RampAndHold, TooShort, ValidProtocol};
+use crate::protocol::{
+    Gate, Limits, Mvc, PlannedRigTrial, RIG_REST_S, RIG_SETTLE_S, RampAndHold, TooShort, ValidProtocol,
+};
 use crate::rig::TrialKey;
 use crate::schedule;
 
@@ -13,6 +15,12 @@ pub struct Settings {
     pub sample_rate_hz: f64,
     /// The trials to run, those for practice first.
     pub plan: Vec<PlannedTrial>,
+    /// The rig trials to run before the subject is seated.
+    pub rig_plan: Vec<PlannedRigTrial>,
+    /// Rest between rig trials with the same load.
+    pub rig_rest_samples: u64,
+    /// How long the motor rests at the beginning of a rig trial.
+    pub rig_settle_samples: u64,
     /// When a ramp may start.
     pub gate: Gate,
     /// How long the torque must stay in the band.
@@ -76,6 +84,9 @@ impl Settings {
             seed,
             sample_rate_hz: rate,
             plan,
+            rig_plan: protocol.rig_plan(),
+            rig_rest_samples: samples(RIG_REST_S),
+            rig_settle_samples: samples(RIG_SETTLE_S),
             gate: protocol.gate.clone(),
             gate_samples: samples(protocol.gate.duration_s).max(1),
             timeout_samples: samples(protocol.gate.timeout_s),

@@ -26,6 +26,8 @@ pub struct Step {
     pub phase: Phase,
     /// Cue that the subject sees until the next sample.
     pub cue: Cue,
+    /// Angle that was commanded for the sample, rad.
+    pub target_rad: f64,
     /// Low-pass filtered torque without the offset, N m, as the subject sees it.
     pub feedback_torque_nm: f64,
     /// Smoothed rectified EMG of flexor and extensor, fraction of MVC.
@@ -52,6 +54,7 @@ impl Step {
             refused: output.refused,
             phase: output.phase,
             cue: output.command.cue,
+            target_rad: output.target_rad,
             feedback_torque_nm: feedback.torque_nm - machine.progress().offset_nm(),
             feedback_emg_mvc: [feedback.fcr_mvc, feedback.ecr_mvc],
             gate_fraction: output.gate_fraction,

@@ -24,6 +24,10 @@ pub struct Transition {
 pub enum Guard {
     /// Nothing in particular.
     Always,
+    /// The protocol has rig trials, and the subject is not seated yet.
+    RigTrialsDue,
+    /// The load of the next rig trial is mounted.
+    LoadMounted,
     /// The protocol asks for an offset and it has not been measured.
     OffsetDue,
     /// The protocol asks for maximal efforts and some are left.
@@ -36,11 +40,12 @@ pub enum Guard {
     OneTrialLeft,
     /// The operator has asked for a pause.
     PauseAsked,
-    /// The last trial counts, and is one of the measured ones.
+    /// The last trial, or rig trial, counts, and is one of the measured ones.
     LastTrialCounts,
 }
 
-/// What a transition does to the trials and measurements of the session.
+/// What a transition does to the trials and measurements of the session. Until the subject is seated, the trials are rig trials;
+/// of those, one that is put back comes next again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Effect {
     /// Nothing.
@@ -67,6 +72,8 @@ pub enum Effect {
     TakeBack,
     /// The pause requested by the operator is noted.
     NotePause,
+    /// The rig trials are over: the subject is seated.
+    SeatSubject,
 }
 
 impl Guard {
@@ -74,6 +81,8 @@ impl Guard {
     pub fn text(self) -> &'static str {
         match self {
             Self::Always => "",
+            Self::RigTrialsDue => "subject not seated after rig trials",
+            Self::LoadMounted => "load is mounted",
             Self::OffsetDue => "offset still to be measured",
             Self::EffortsDue => "maximal efforts left",
             Self::EffortRepeatable => "an effort was done",
@@ -101,6 +110,7 @@ impl Effect {
             Self::LeaveOutNext => "next trial left out",
             Self::TakeBack => "last trial rejected, comes next",
             Self::NotePause => "pause when the motor is home",
+            Self::SeatSubject => "rig trials over",
         }
     }
 }
@@ -116,12 +126,35 @@ pub const TRANSITIONS: &[Transition] = {
     use Event as On;
     use Phase::*;
     &[
+        row(Ready, On::Start, If::RigTrialsDue, RigSetup, Do::None),
         row(Ready, On::Start, If::OffsetDue, Offset, Do::None),
         row(Ready, On::Start, If::EffortsDue, MvcEffort, Do::None),
         row(Ready, On::Start, If::TrialsLeft, Rest, Do::None),
         row(Ready, On::Start, If::Always, Finished, Do::None),
         row(Ready, On::Abort, If::Always, Aborted, Do::None),
         row(Ready, On::Fault, If::Always, Faulted, Do::None),
+        row(RigSetup, On::RestOver, If::LoadMounted, RigSettle, Do::Begin),
+        row(RigSetup, On::Resume, If::TrialsLeft, RigSettle, Do::Begin),
+        row(RigSetup, On::Resume, If::OffsetDue, Offset, Do::SeatSubject),
+        row(RigSetup, On::Resume, If::EffortsDue, MvcEffort, Do::SeatSubject),
+        row(RigSetup, On::Resume, If::Always, Rest, Do::SeatSubject),
+        row(RigSetup, On::Pause, If::Always, Paused, Do::None),
+        row(RigSetup, On::Skip, If::TrialsLeft, RigSetup, Do::LeaveOutNext),
+        row(RigSetup, On::Repeat, If::LastTrialCounts, RigSetup, Do::TakeBack),
+        row(RigSetup, On::Abort, If::Always, Aborted, Do::None),
+        row(RigSetup, On::Fault, If::Always, Faulted, Do::None),
+        row(RigSettle, On::Onset, If::Always, RigMotion, Do::None),
+        row(RigSettle, On::Pause, If::Always, Paused, Do::Abort),
+        row(RigSettle, On::Skip, If::Always, RigSetup, Do::LeaveOut),
+        row(RigSettle, On::Abort, If::Always, Aborted, Do::Abort),
+        row(RigSettle, On::Fault, If::Always, Faulted, Do::Abort),
+        row(RigMotion, On::Home, If::PauseAsked, Paused, Do::Ok),
+        row(RigMotion, On::Home, If::Always, RigSetup, Do::Ok),
+        row(RigMotion, On::MotionDeviated, If::PauseAsked, Paused, Do::Reject),
+        row(RigMotion, On::MotionDeviated, If::Always, RigSetup, Do::Reject),
+        row(RigMotion, On::Pause, If::Always, RigMotion, Do::NotePause),
+        row(RigMotion, On::Abort, If::Always, Aborted, Do::Abort),
+        row(RigMotion, On::Fault, If::Always, Faulted, Do::Abort),
         row(Offset, On::OffsetMeasured, If::EffortsDue, MvcEffort, Do::KeepOffset),
         row(Offset, On::OffsetMeasured, If::Always, Rest, Do::KeepOffset),
         row(Offset, On::Pause, If::Always, Paused, Do::None),
@@ -179,6 +212,7 @@ pub const TRANSITIONS: &[Transition] = {
         row(Homing, On::Home, If::Always, Paused, Do::None),
         row(Homing, On::Abort, If::Always, Aborted, Do::None),
         row(Homing, On::Fault, If::Always, Faulted, Do::None),
+        row(Paused, On::Resume, If::RigTrialsDue, RigSetup, Do::None),
         row(Paused, On::Resume, If::OffsetDue, Offset, Do::None),
         row(Paused, On::Resume, If::EffortsDue, MvcEffort, Do::None),
         row(Paused, On::Resume, If::TrialsLeft, Rest, Do::None),

@@ -93,6 +93,14 @@ impl<T: Number> SectionState<T> {
 }
 
 impl Section {
+    /// A first-order low-pass, dy/dt = 2 pi cutoff (x - y), at samples `period_s` apart: exact for an input that is straight between them.
+    pub fn first_order_low_pass(cutoff_hz: f64, period_s: f64) -> Self {
+        let steps = std::f64::consts::TAU * cutoff_hz * period_s;
+        let keep = libm::exp(-steps);
+        let mean = -libm::expm1(-steps) / steps;
+        Self { b: [1.0 - mean, mean - keep, 0.0], a: [-keep, 0.0] }
+    }
+
     /// The state after an endless input of `level`.
     #[inline(always)]
     pub fn settled<T: Number>(&self, level: T) -> SectionState<T> {
@@ -198,6 +206,19 @@ mod tests {
         let sections = FilterSpec::PAPER.sections(2500.0).unwrap();
         for value in filter(&sections, &[2.1; 50]) {
             assert!((value - 2.1).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_first_order_low_pass_follows_a_straight_input_exactly() {
+        let (cutoff_hz, period_s) = (80.0, 4e-4);
+        let section = Section::first_order_low_pass(cutoff_hz, period_s);
+        let rate = std::f64::consts::TAU * cutoff_hz;
+        let time = |sample: usize| sample as f64 * period_s;
+        let input: Vec<f64> = (0..200).map(time).collect();
+        for (sample, value) in filter(&[section], &input).into_iter().enumerate() {
+            let expected = time(sample) + libm::expm1(-rate * time(sample)) / rate;
+            assert!((value - expected).abs() < 1e-12, "{value} instead of {expected}");
         }
     }
 

@@ -28,6 +28,12 @@ impl NoiseCovariance {
         Some(Self { covariance, stretches: stretches.len() })
     }
 
+    /// The covariance of the first `samples` noise samples alone.
+    pub fn of_first(&self, samples: usize) -> Self {
+        let covariance = self.covariance.view((0, 0), (samples, samples)).into_owned();
+        Self { covariance, stretches: self.stretches }
+    }
+
     /// Standard deviation of the last sample of the window, N m.
     pub fn last_sample_sd_nm(&self) -> f64 {
         let last = self.covariance.nrows() - 1;

@@ -126,6 +126,7 @@ pub fn simulate_unit(unit: &Unit, storage: SessionStorage) -> Result<Option<Sess
                 subject: &unit.subject,
                 lever: setup.lever,
                 rig: &rig,
+                calibration: None,
                 about: &Default::default(),
                 subject_fields: &Default::default(),
                 motion_delay_samples: 0,
@@ -167,8 +168,9 @@ struct Unattended {
 }
 
 impl Operator for Unattended {
-    fn poll_command(&mut self, _: &Machine) -> Option<Event> {
-        None
+    fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
+        // A virtual rig mounts its loads by itself.
+        machine.awaits_mounting().then_some(Event::Resume)
     }
 
     fn wait_for_command(&mut self, machine: &Machine) -> Event {

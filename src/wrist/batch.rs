@@ -1,9 +1,10 @@
 //! Simulation of one batch of trials, one trial per lane of a vector.
 
+use super::further_channel::FurtherValues;
 use super::history::History;
 use super::integrate::{HermiteSegment, Integrator};
 use super::mechanics::{Kinematics, Mechanics};
-use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
+use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates, MechanismKind};
 use super::motion::{corrected_motion, gather};
 use super::plant::{BASE_PARAMETERS, Plant};
 use super::propagator::{MovingWrist, Propagator, part_of_sample};
@@ -50,8 +51,8 @@ pub(super) const MAX_DERIVATIVES: usize = 9;
 /// Largest number of lanes of a vector.
 const MAX_LANES: usize = 16;
 
-/// Largest number of sections of a filter (order 8).
-const MAX_SECTIONS: usize = 4;
+/// Largest number of sections: a filter of order 8, and the low-pass of a torque channel.
+const MAX_SECTIONS: usize = 5;
 
 /// Simulates the batch with the smallest number type that has the derivatives of this pass.
 #[inline(always)]
@@ -112,22 +113,25 @@ fn propagated<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usi
     let step_s = settings.period_s / settings.substeps as f64;
     let propagator = Propagator::<P, STATES, LINEAR, ALL>::new(settings.lever, &parameters, step_s);
     let mut wrist = MovingWrist::<P, STATES, ALL>::at_rest();
-    let mut run = Run::<Jet<P, ALL>>::new(batch, slots);
+    let has_further = !settings.further.is_empty();
+    let channels = if has_further { Channels::All } else { Channels::Torque };
+    let mut run = Run::<Jet<P, ALL>>::new(batch, slots, channels);
     let mut from = recorded::<P>(batch, 0);
     while run.sample < run.samples {
         let to = recorded::<P>(batch, run.sample + 1);
-        let sample = HermiteSegment::new(from, to, settings.period_s).coefficients();
-        let mut torque = Jet::constant(0.0);
+        let segment = HermiteSegment::new(from, to, settings.period_s);
+        let torque = propagator.torque(&wrist, &segment);
+        if has_further {
+            let further = propagator.further_values(&wrist, &segment, torque);
+            run.store(batch, response, torque, Some(&further));
+        } else {
+            run.store(batch, response, torque, None);
+        }
         let mut step = 0;
         while step < settings.substeps {
-            let motor = part_of_sample(&sample, step, settings.substeps);
-            if step == 0 {
-                torque = propagator.torque(&wrist, &motor);
-            }
-            propagator.step(&mut wrist, &motor);
+            propagator.step(&mut wrist, &part_of_sample(&segment, step, settings.substeps));
             step += 1;
         }
-        run.keep(batch, response, torque);
         from = to;
     }
 }
@@ -139,85 +143,164 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: 
     let parameters = seeded::<P, T>(batch, &slots);
     let trial = covariates::<P>(batch);
     let start_s = -(settings.lead_samples as f64) * settings.period_s;
-    let states = settings.kinds.iter().map(|kind| kind.state_count()).sum();
+    let states: usize = settings.kinds.iter().map(|kind| kind.state_count()).sum();
     let mut history = History::new(start_s, settings.period_s, states);
     let mut plant = Plant::base(settings.lever, &parameters);
     let added = &parameters[BASE_PARAMETERS.len()..];
     let active =
         ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
     active.alter_plant(&mut plant);
-    let channels = active.channels();
+    let mut channels = active.channels();
     let mechanics = Mechanics::new(plant);
-    let motion = motion::<P, T>(batch, &channels);
+    // A late torque is predicted from a late motion. The further channels are not late, so they need a run of their own.
+    let is_skewed = settings.kinds.iter().any(|kind| matches!(kind, MechanismKind::ChannelSkew));
+    let runs: &[Channels] = match (settings.further.is_empty(), is_skewed) {
+        (true, _) => &[Channels::Torque],
+        (false, false) => &[Channels::All],
+        (false, true) => &[Channels::Torque, Channels::Further],
+    };
     let has_states = states > 0;
-    let mut integrator = Integrator::at_rest();
-    let mut run = Run::<T>::new(batch, slots);
-    while run.sample < run.samples {
-        let added_dynamics =
-            ActiveMechanisms { kinds: settings.kinds, parameters: added, trial: &trial, history: &history };
-        let segment = HermiteSegment::new(motion[run.sample], motion[run.sample + 1], settings.period_s);
-        let torque = integrator.advance(
-            &mechanics,
-            &added_dynamics,
-            &segment,
-            start_s + run.sample as f64 * settings.period_s,
-            settings.period_s,
-            settings.substeps,
-        );
-        run.keep(batch, response, torque);
-        if has_states {
-            let (added, rates) = integrator.sampled();
-            history.push(added, rates);
+    let mut number = 0;
+    while number < runs.len() {
+        if runs[number] == Channels::Further {
+            channels.torque_delay_s = T::constant(0.0);
+            history = History::new(start_s, settings.period_s, states);
         }
+        let motion = motion::<P, T>(batch, &channels);
+        let mut integrator = Integrator::at_rest();
+        let mut values = FurtherValues::at_rest();
+        let mut run = Run::<T>::new(batch, slots, runs[number]);
+        while run.sample < run.samples {
+            let added_dynamics = ActiveMechanisms {
+                kinds: settings.kinds,
+                parameters: added,
+                trial: &trial,
+                history: &history,
+            };
+            let segment = HermiteSegment::new(motion[run.sample], motion[run.sample + 1], settings.period_s);
+            let has_further = runs[number] != Channels::Torque;
+            let torque = integrator.advance_observed(
+                &mechanics,
+                &added_dynamics,
+                &segment,
+                start_s + run.sample as f64 * settings.period_s,
+                settings.period_s,
+                settings.substeps,
+                has_further.then_some(&mut values),
+            );
+            run.store(batch, response, torque, has_further.then_some(&values));
+            if has_states {
+                let (added, rates) = integrator.sampled();
+                history.push(added, rates);
+            }
+        }
+        number += 1;
     }
 }
 
-/// What becomes of the torque of each sample: it is filtered, levelled and stored.
+/// Which channels a run stores.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Channels {
+    /// The torque in the lever.
+    Torque,
+    /// The further channels.
+    Further,
+    /// Both.
+    All,
+}
+
+/// What becomes of the values of each sample: they are filtered, levelled and stored.
 struct Run<T> {
     slots: Slots,
     samples: usize,
     sample: usize,
+    channels: Channels,
+    torque: ChannelRun<T>,
+    /// One for each further channel.
+    further: Vec<ChannelRun<T>>,
+}
+
+/// The mean of a channel before the ramp, and what its filter has stored.
+#[derive(Clone, Copy)]
+struct ChannelRun<T> {
     level: T,
     filter: [SectionState<T>; MAX_SECTIONS],
 }
 
+impl<T: Number> ChannelRun<T> {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { level: T::constant(0.0), filter: [SectionState::silent(); MAX_SECTIONS] }
+    }
+
+    /// Filters the channel's value at a sample, and adds it to the mean before the ramp; returns it filtered, without that mean.
+    #[inline(always)]
+    fn step(&mut self, settings: &SimulationSettings, sample: usize, value: T) -> T {
+        let mut value = value;
+        let mut section = 0;
+        while section < settings.filter.len() {
+            value = settings.filter[section].step(&mut self.filter[section], value);
+            section += 1;
+        }
+        if sample <= settings.lead_samples && sample + settings.baseline_samples > settings.lead_samples {
+            self.level = self.level + value.scale(1.0 / settings.baseline_samples as f64);
+        }
+        value - self.level
+    }
+}
+
 impl<T: Number> Run<T> {
     #[inline(always)]
-    fn new(batch: &Batch, slots: Slots) -> Self {
+    fn new(batch: &Batch, slots: Slots, channels: Channels) -> Self {
         Self {
             slots,
             samples: batch.settings.lead_samples + batch.settings.samples,
             sample: 0,
-            level: T::constant(0.0),
-            filter: [SectionState::silent(); MAX_SECTIONS],
+            channels,
+            torque: ChannelRun::new(),
+            further: vec![ChannelRun::new(); batch.settings.further.len()],
         }
     }
 
-    /// Takes the measured torque of the present sample, N m, and goes on to the next.
+    /// Stores the torque in the lever (N m) and the further channels at the present sample, as far as this run does, and goes on to
+    /// the next.
     #[inline(always)]
-    fn keep(&mut self, batch: &Batch, response: &mut SimulatedTorque, mut torque: T) {
+    fn store(
+        &mut self,
+        batch: &Batch,
+        response: &mut SimulatedTorque,
+        torque: T,
+        further: Option<&FurtherValues<T>>,
+    ) {
         let settings = batch.settings;
-        let mut section = 0;
-        while section < settings.filter.len() {
-            torque = settings.filter[section].step(&mut self.filter[section], torque);
-            section += 1;
+        let is_stored = self.sample >= settings.lead_samples;
+        if self.channels != Channels::Further {
+            let torque = self.torque.step(settings, self.sample, torque);
+            if is_stored {
+                store(batch, &self.slots, response, self.sample - settings.lead_samples, torque);
+            }
         }
-        if self.sample <= settings.lead_samples
-            && self.sample + settings.baseline_samples > settings.lead_samples
-        {
-            self.level = self.level + torque.scale(1.0 / settings.baseline_samples as f64);
-        }
-        if self.sample >= settings.lead_samples {
-            store(batch, &self.slots, response, self.sample - settings.lead_samples, torque - self.level);
+        if let Some(values) = further {
+            let mut place = 0;
+            while place < settings.further.len() {
+                let scaled = values.of(settings.further[place].channel);
+                let scaled = scaled.scale(settings.further[place].nm_per_unit);
+                let value = self.further[place].step(settings, self.sample, scaled);
+                if is_stored {
+                    let row = settings.samples * (1 + place) + self.sample - settings.lead_samples;
+                    store(batch, &self.slots, response, row, value);
+                }
+                place += 1;
+            }
         }
         self.sample += 1;
     }
 }
 
-/// Stores the torque and its derivatives at `sample`, for every trial.
+/// Stores a value and its derivatives in the row `sample` of every trial.
 #[inline(always)]
 fn store<T: Number>(batch: &Batch, slots: &Slots, response: &mut SimulatedTorque, sample: usize, torque: T) {
-    let (samples, wanted) = (batch.settings.samples, batch.settings.derivatives.len());
+    let (samples, wanted) = (batch.settings.rows(), batch.settings.derivatives.len());
     let mut lane = 0;
     while lane < batch.trials.len() {
         response.torque_nm[(batch.first + lane) * samples + sample] = torque.plain().lane(lane);

@@ -43,6 +43,8 @@ pub(super) struct LinearResponse<P, const STATES: usize, const N: usize> {
     pub joint_torque: [[Jet<P, N>; FORCE]; STATES],
     /// Torque in the lever for a difference of angle between motor and what it turns, N m/rad, and of speed, N m step/rad.
     pub coupling: [Jet<P, N>; 2],
+    /// The same of the interface, for a difference between handle and joint.
+    pub interface: [Jet<P, N>; 2],
 }
 
 /// The acceleration of one inertia for each state, per step and step.
@@ -65,13 +67,14 @@ impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N>
         let mut rows: [Row<P, STATES, N>; 2] = [[zero; STATES]; 2];
         rows[1][joint] = -interface[0] - per_inertia * short_range.scale(step_s);
         rows[1][joint + 1] = -interface[1] - per_inertia.scale(joint_damping);
+        let torque_at_interface = [stiffness, damping.scale(1.0 / step_s)];
         let coupling;
         // Acceleration of what the motor turns, by its angle and by its speed.
         let drive;
         match lever {
             None => {
                 drive = interface;
-                coupling = [stiffness, damping.scale(1.0 / step_s)];
+                coupling = torque_at_interface;
             }
             Some(lever) => {
                 let per_lever = step_s / lever.inertia_kg_m2;
@@ -99,6 +102,7 @@ impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N>
             motor: [[zero; FORCE]; STATES],
             joint_torque: [[zero; FORCE]; STATES],
             coupling,
+            interface: torque_at_interface,
         };
         response.fill(&rows, drive, per_inertia.scale(step_s));
         response
@@ -142,8 +146,7 @@ impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N>
                     self.motor[row][power] =
                         self.motor[row][power] + phi[0][power][row].scale(factorial) * drive[1];
                 }
-                self.joint_torque[row][power] =
-                    phi[bodies - 1][power + 1][row].scale(factorial) * per_torque;
+                self.joint_torque[row][power] = phi[bodies - 1][power + 1][row].scale(factorial) * per_torque;
                 power += 1;
                 factorial *= power as f64;
             }
@@ -202,9 +205,14 @@ fn of_unit_speed<P: Plain, const STATES: usize, const N: usize>(
 ///
 /// Over a step the torque that the yield takes away is a cubic. Its error grows with the fourth power of the change of
 /// a_s k_dec (theta_j - x_e) over the step; the tests hold it below 1e-5 N m.
-pub fn exact_steps(lever: Option<Lever>, parameters: &[f64], speed_rad_s: f64, period_s: f64) -> usize {
+pub(super) fn exact_steps(
+    lever: Option<Lever>,
+    parameters: &[f64],
+    speed_rad_s: f64,
+    period_s: f64,
+) -> usize {
     /// Greatest change of a_s k_dec (theta_j - x_e) over a step.
-    const WIDEST_YIELD_STEP: f64 = 3.0;
+    const WIDEST_YIELD_STEP: f64 = 1.75;
     let (inertia, damping, stiffness, short_range, decrement) =
         (parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]);
     let joint = damping / inertia;

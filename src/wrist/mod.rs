@@ -7,6 +7,7 @@
 pub mod mechanisms;
 
 mod batch;
+mod further_channel;
 mod history;
 mod integrate;
 mod interpolation;
@@ -21,14 +22,14 @@ mod simulation;
 mod tests;
 mod trace;
 
+pub use further_channel::{FurtherChannel, FurtherValues, ScaledChannel};
 pub use history::History;
 pub use integrate::{HermiteSegment, Integrator, LONGEST_STEP, substeps};
-pub use linear_response::exact_steps;
 pub use mechanics::{AddedDynamics, Context, Kinematics, Mechanics, NoAddedDynamics, State, Torques};
-pub use motion::{Smoothing, motor_motion, servo_response};
+pub use motion::{Smoothing, delayed_motion, motor_motion, servo_response};
 pub use plant::{
     BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, LeverCoefficients, Plant, YIELD_SMOOTHNESS_PER_NM,
 };
-pub use simulate::simulate;
-pub use simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth};
+pub use simulate::{simulate, simulate_over};
+pub use simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, steps_per_sample};
 pub use trace::{TraceSample, srs_period_s, trace};

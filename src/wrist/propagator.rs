@@ -4,9 +4,11 @@
 //! and slopes at both ends, where those at the end follow from a first guess of the state there. Mechanisms alter the equations, and are
 //! integrated step by step (see [`Integrator`](super::Integrator)).
 
+use super::further_channel::FurtherValues;
+use super::integrate::HermiteSegment;
 use super::linear_response::{FORCE, LINEAR_PARAMETERS, LinearResponse};
 use super::plant::{BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, YIELD_SMOOTHNESS_PER_NM};
-use crate::number::{Jet, Lanes, Number, Plain};
+use crate::number::{Jet, Number, Plain};
 
 /// Number of parameters of the base model.
 const PARAMETERS: usize = BASE_PARAMETERS.len();
@@ -32,6 +34,9 @@ pub(super) struct Propagator<P, const STATES: usize, const LINEAR: usize, const 
     elastic_limit: P,
     /// log(1 + exp(-a_s k_dec x_e)): Eq. 2 as a change from the steady state.
     at_rest: Jet<P, ALL>,
+    /// 1 / I_l; `None` for a rigid lever.
+    inverse_lever_inertia: Option<f64>,
+    step_s: f64,
 }
 
 /// The torque that the yield takes away at one time, N m, and its change per step.
@@ -59,7 +64,9 @@ impl<P: Plain, const STATES: usize, const ALL: usize> MovingWrist<P, STATES, ALL
     }
 }
 
-impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize> Propagator<P, STATES, LINEAR, ALL> {
+impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize>
+    Propagator<P, STATES, LINEAR, ALL>
+{
     /// For steps of `step_s`. `parameters` are the six of the base model.
     #[inline(always)]
     pub fn new(lever: Option<Lever>, parameters: &[P; PARAMETERS], step_s: f64) -> Self {
@@ -79,17 +86,59 @@ impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize> Propa
             decrement: decrement.value,
             elastic_limit: limit.value,
             at_rest: (-(slope * limit)).softplus(),
+            inverse_lever_inertia: lever.map(|lever| 1.0 / lever.inertia_kg_m2),
+            step_s,
         }
     }
 
-    /// The torque in the lever, N m, with the motor's angle `motor` over the coming step.
+    /// The torque in the lever, N m, at the start of the motor's motion `motor`.
     #[inline(always)]
-    pub fn torque(&self, wrist: &MovingWrist<P, STATES, ALL>, motor: &[P; FORCE]) -> Jet<P, ALL> {
-        let angle = Jet::lift(motor[0]) - wrist.state[0];
-        let speed = Jet::lift(motor[1]) - wrist.state[1];
-        Jet::constant(0.0)
-            .plus_product(self.response.coupling[0], angle)
-            .plus_product(self.response.coupling[1], speed)
+    pub fn torque(&self, wrist: &MovingWrist<P, STATES, ALL>, motor: &HermiteSegment<P>) -> Jet<P, ALL> {
+        let motor = motor.at(0.0);
+        let (driven, coupling) = (&wrist.state[..2], &self.response.coupling);
+        Self::torque_between(
+            coupling,
+            [Jet::lift(motor.theta) - driven[0], Jet::lift(motor.omega).scale(self.step_s) - driven[1]],
+        )
+    }
+
+    /// What the further channels show at the start of the motor's motion `motor`, where the lever has the torque `lever_torque`. At a
+    /// rigid lever the handle moves with the motor.
+    #[inline(always)]
+    pub fn further_values(
+        &self,
+        wrist: &MovingWrist<P, STATES, ALL>,
+        motor: &HermiteSegment<P>,
+        lever_torque: Jet<P, ALL>,
+    ) -> FurtherValues<Jet<P, ALL>> {
+        let state = &wrist.state;
+        let theta_j = state[STATES - 2];
+        match self.inverse_lever_inertia {
+            None => FurtherValues {
+                theta_l: Jet::lift(motor.at(0.0).theta),
+                alpha_l: Jet::lift(motor.acceleration_at_start()),
+                torque_h: lever_torque,
+                theta_j,
+            },
+            Some(inverse_inertia) => {
+                let torque_h = Self::torque_between(
+                    &self.response.interface,
+                    [state[0] - theta_j, state[1] - state[STATES - 1]],
+                );
+                FurtherValues {
+                    theta_l: state[0],
+                    alpha_l: (lever_torque - torque_h).scale(inverse_inertia),
+                    torque_h,
+                    theta_j,
+                }
+            }
+        }
+    }
+
+    /// The torque of a spring and a damper for a difference of angle and of speed per step.
+    #[inline(always)]
+    fn torque_between(coupling: &[Jet<P, LINEAR>; 2], difference: [Jet<P, ALL>; 2]) -> Jet<P, ALL> {
+        Jet::constant(0.0).plus_product(coupling[0], difference[0]).plus_product(coupling[1], difference[1])
     }
 
     /// Moves the wrist by one step, in which the motor's angle is the polynomial `motor` in the fraction of the step, rad.
@@ -122,18 +171,13 @@ impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize> Propa
         let mut which = 0;
         while which < 2 {
             let of_torque = &self.response.joint_torque[joint + which];
-            guess[which] =
-                guess[which].plus_product(of_torque[0], torque).plus_product(of_torque[1], rate);
+            guess[which] = guess[which].plus_product(of_torque[0], torque).plus_product(of_torque[1], rate);
             which += 1;
         }
         let end = self.loss(guess[0], guess[1]);
         let rise = end.torque - torque;
-        let force = [
-            torque,
-            rate,
-            rise.scale(3.0) - rate.scale(2.0) - end.rate,
-            rate + end.rate - rise.scale(2.0),
-        ];
+        let force =
+            [torque, rate, rise.scale(3.0) - rate.scale(2.0) - end.rate, rate + end.rate - rise.scale(2.0)];
         let mut row = 0;
         while row < STATES {
             let mut power = 0;
@@ -179,12 +223,13 @@ impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize> Propa
 
 /// The polynomial of the motor's angle over step number `step` of `steps`, from that over the whole sample.
 #[inline(always)]
-pub(super) fn part_of_sample<P: Plain>(whole: &[P; FORCE], step: usize, steps: usize) -> [P; FORCE] {
+pub(super) fn part_of_sample<P: Plain>(whole: &HermiteSegment<P>, step: usize, steps: usize) -> [P; FORCE] {
+    let whole = whole.coefficients();
     if steps == 1 {
-        return *whole;
+        return whole;
     }
     let (x, part) = (step as f64 / steps as f64, 1.0 / steps as f64);
-    let [a, b, c, d] = *whole;
+    let [a, b, c, d] = whole;
     let by = |value: P, factor: f64| value * P::splat(factor);
     [
         a + by(b, x) + by(c, x * x) + by(d, x * x * x),

@@ -1,5 +1,8 @@
 //! Input, settings and output of a simulation of whole trials.
 
+use super::further_channel::ScaledChannel;
+use super::integrate::substeps;
+use super::linear_response::exact_steps;
 use super::mechanics::Kinematics;
 use super::mechanisms::{Covariates, MechanismKind};
 use super::plant::{BASE_PARAMETERS, Lever};
@@ -31,11 +34,12 @@ pub struct SimulationSettings<'a> {
     pub lead_samples: usize,
     /// Number of samples, the last at the onset, whose mean is subtracted from the prediction; 0 subtracts nothing.
     pub baseline_samples: usize,
-    /// Steps per sample: of the base model those of [`exact_steps`](super::exact_steps), with mechanisms Runge-Kutta steps as in
-    /// [`substeps`](super::substeps).
+    /// Steps per sample, at least those of [`steps_per_sample`].
     pub substeps: usize,
     /// Sections of the filter for the predicted torque.
     pub filter: &'a [Section],
+    /// Further channels to predict, each behind the torque's filter.
+    pub further: &'a [ScaledChannel],
     /// Indices of the parameters to differentiate by.
     pub derivatives: &'a [usize],
     /// Which vector instructions to use.
@@ -44,7 +48,7 @@ pub struct SimulationSettings<'a> {
 
 impl TrialInput {
     /// The motor's highest speed, rad/s.
-    pub fn highest_speed_rad_s(&self) -> f64 {
+    fn highest_speed_rad_s(&self) -> f64 {
         self.motion.iter().fold(0.0, |highest, knot| knot.omega.abs().max(highest))
     }
 }
@@ -53,6 +57,27 @@ impl SimulationSettings<'_> {
     /// Length of a trial's parameter vector: the base parameters, then those of the mechanisms.
     pub fn parameter_count(&self) -> usize {
         BASE_PARAMETERS.len() + self.kinds.iter().map(|kind| kind.parameter_count()).sum::<usize>()
+    }
+
+    /// Number of values of a trial: the samples of the torque, then those of each further channel.
+    pub fn rows(&self) -> usize {
+        self.samples * (1 + self.further.len())
+    }
+}
+
+/// Steps per sample for an error below 1e-5 N m at these `parameters`: exact ones of the base model, Runge-Kutta steps with mechanisms.
+/// A power of two: a small step of the parameters seldom changes it, and few trials of a session have steps of their own.
+pub fn steps_per_sample(
+    lever: Option<Lever>,
+    kinds: &[MechanismKind],
+    trial: &TrialInput,
+    parameters: &[f64],
+    period_s: f64,
+) -> usize {
+    if kinds.is_empty() {
+        exact_steps(lever, parameters, trial.highest_speed_rad_s(), period_s)
+    } else {
+        substeps(lever, parameters, period_s).next_power_of_two()
     }
 }
 
@@ -98,9 +123,10 @@ impl VectorWidth {
 /// Simulated torques and their derivatives.
 #[derive(Debug, Clone, Default)]
 pub struct SimulatedTorque {
-    /// Predicted measured torque, N m: trial by trial, sample by sample from the onset on.
+    /// Predicted measured torque, N m: trial by trial, sample by sample from the onset on. The torque of a trial is followed by its
+    /// further channels, each scaled to N m.
     pub torque_nm: Vec<f64>,
-    /// Its derivatives: trial by trial, sample by sample, in the order of [`SimulationSettings::derivatives`].
+    /// Its derivatives: trial by trial, value by value, in the order of [`SimulationSettings::derivatives`].
     pub slopes: Vec<f64>,
 }
 

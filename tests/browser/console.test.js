@@ -27,8 +27,13 @@ let sessions = 0;
 
 /// A quick session whose rests are short, with its pages.
 async function session(...more) {
+  return sessionWithRests(0.3, ...more);
+}
+
+/// A quick session with rests of `rest_s` after each effort, with its pages.
+async function sessionWithRests(rest_s, ...more) {
   const protocol = JSON.parse(readFileSync(join(root, "protocols/quick.json"), "utf8"));
-  protocol.before = { offset_s: 0.3, mvc: { efforts: 1, duration_s: 0.5, rest_s: 0.3 }, familiarisation_trials: 0 };
+  protocol.before = { offset_s: 0.3, mvc: { efforts: 1, duration_s: 0.5, rest_s }, familiarisation_trials: 0 };
   const file = join(folder, "protocol.json");
   writeFileSync(file, JSON.stringify(protocol));
   const out = join(folder, `session-${(sessions += 1)}`);
@@ -198,7 +203,8 @@ test("a page that is loaded again shows the present state at once, and losing it
 });
 
 test("maximal efforts show their results, and one more can be asked for", async () => {
-  const { out, program } = await session("--speed", "1");
+  const { out, program } = await sessionWithRests(3, "--speed", "1");
+  // An effort can be repeated as long as the rest after it lasts, which somebody must have the time to see.
   const { page, wrong, close } = await open(program.operator);
   await ready(page);
   assert.equal(await button(page, "repeat_effort").isVisible(), false);

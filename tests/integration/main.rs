@@ -1,6 +1,7 @@
 //! The program and the library from outside, in one test binary: it is linked once, and tests that wait run side by side.
 
 mod architecture;
+mod calibration;
 mod cohort;
 mod command_line;
 mod console;
@@ -9,6 +10,7 @@ mod diagnosis;
 mod disk_faults;
 mod documentation;
 mod fit_input;
+mod further_channels;
 mod import;
 mod input_checks;
 mod motor_cycle_memory;

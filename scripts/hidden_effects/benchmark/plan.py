@@ -5,6 +5,8 @@ from itertools import cycle
 
 from ..catalogue import MECHANISMS, mechanism_of, shows
 from ..laboratories import LABORATORIES, Laboratory
+from ..rig.traps import TRAPS
+from ..rig.trials import is_of_the_rig
 from . import purpose
 
 # Two causes that leave different traces; a pair of near twins would test nothing but luck.
@@ -42,9 +44,17 @@ class Case:
     size: float = 1.0
     repetitions: int | None = None  # the laboratory's own
     laboratory: str = "paper"
+    rig_trials: bool = False
+    trap: str | None = None  # what is wrong with the rig trials themselves, see rig.traps
 
     @property
     def group(self) -> str:
+        """Cases of a trap are a group of their own, whatever is hidden."""
+        return f"trap:{self.trap}" if self.trap else self.kind
+
+    @property
+    def kind(self) -> str:
+        """Of what is hidden."""
         if self.effect == "none":
             return "none"
         if self.effect.startswith("alien:"):
@@ -74,6 +84,15 @@ VARIED = {  # per_mechanism: of each of its laws
     "development": Counts(per_mechanism=4, none=100, alien=45, pair=20),
     "reporting": Counts(per_mechanism=8, none=120, alien=60, pair=20),
 }
+
+# Asked alone where there are rig trials.
+TOLD_BY_RIG_TRIALS = ("lever_inertia", "lever_stiffness", "lever_damping", "torque_gain", "angle_gain", "channel_skew", "torque_lag",
+                      "servo_following")
+
+# What is hidden behind a trap, in turn: nothing, faults of the rig, faults of the wrist. A fault that comes only with the person is one
+# of the rig.
+BEHIND_TRAPS = ("none", "torque_gain", "interface_slack", "none", "lever_stiffness", "joint_friction", "none", "channel_skew",
+                "stretch_reflex", "none", "lever_inertia", "interface_hardening")
 
 # What a session of this kind does not show at any size: docs/explanation/diagnosis.md says why.
 NEVER_NAMED = {"gradual_yield"}
@@ -121,6 +140,21 @@ def varied_cases(whose: str, counts: Counts, first_seed: int | None = None, size
 def _next_that_shows(turn, effect: str) -> str:
     causes = Case(effect, 0).causes
     return next(name for name in turn if all(shows(LABORATORIES[name], m) for m in causes))
+
+
+def with_rig_trials(cases: list[Case], traps_each: int) -> list[Case]:
+    """The same sessions with rig trials, and `traps_each` more for each trap, in the laboratories of `cases` in turn."""
+    laboratories = cycle(dict.fromkeys(c.laboratory for c in cases))
+    size = cases[0].size if cases else 1.0
+    with_trap = []
+    for trap in TRAPS:
+        effects = [e for e in BEHIND_TRAPS if is_of_the_rig(e)] if trap == "person_only" else BEHIND_TRAPS
+        with_trap += [(effects[i % len(effects)], trap) for i in range(traps_each)]
+    first_seed = max(c.seed for c in cases) + 1
+    out = [replace(c, rig_trials=True) for c in cases]
+    for i, (effect, trap) in enumerate(with_trap):
+        out.append(Case(effect, first_seed + i, size, laboratory=_next_that_shows(laboratories, effect), rig_trials=True, trap=trap))
+    return out
 
 
 # Shows in every laboratory: its trace is unlike any other's.

@@ -32,7 +32,7 @@ def stated(outcome) -> dict:
 
 
 def true_names(outcome) -> set:
-    return {"none": {NOTHING}, "alien": {ALIEN}}.get(outcome.case.group) or set(outcome.case.causes)
+    return {"none": {NOTHING}, "alien": {ALIEN}}.get(outcome.case.kind) or set(outcome.case.causes)
 
 
 def log_score(outcomes) -> tuple[float, int] | None:
@@ -40,7 +40,7 @@ def log_score(outcomes) -> tuple[float, int] | None:
 
     Sessions with two causes are left out, since their probabilities add up to more than 1.
     """
-    costs = [-log(max(p.get(next(iter(true_names(o))), 0.0), LEAST)) for o in outcomes if o.case.group != "pair" and (p := stated(o))]
+    costs = [-log(max(p.get(next(iter(true_names(o))), 0.0), LEAST)) for o in outcomes if o.case.kind != "pair" and (p := stated(o))]
     return (sum(costs) / len(costs), len(costs)) if costs else None
 
 

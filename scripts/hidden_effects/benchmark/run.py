@@ -28,15 +28,18 @@ class Outcome:
 def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: bool, ask_oracle: bool = False) -> Outcome:
     session, out = work / f"session-{case.seed:06d}", work / f"out-{case.seed:06d}"
     try:
-        generated = generate(case.seed, case.effect, case.size, laboratory=case.where())
+        generated = generate(case.seed, case.effect, case.size, laboratory=case.where(), with_rig_trials=case.rig_trials, trap=case.trap)
     except CannotHold as error:
         hidden = [{"mechanism": m, "class": "", "parameters": {}} for m in case.causes]
         return Outcome(case, {"hidden": hidden, "means": {}}, None, str(error), 0.0)
     write_session(generated, session)
     truth = json.loads(json.dumps(truth_of(generated, case.effect, case.laboratory), default=float))
     started = time.monotonic()
-    diagnosis, error = _diagnose([*program, "diagnose", str(session), "--out", str(out), "--seed", str(case.seed)],
-                                 out, limit_s)
+    calibration, error = _calibrate(program, session, work / f"calibration-{case.seed:06d}", limit_s) if case.rig_trials else ([], None)
+    diagnosis = None
+    if error is None:
+        diagnosis, error = _diagnose([*program, "diagnose", str(session), "--out", str(out), "--seed", str(case.seed), *calibration], out,
+                                     limit_s)
     seconds = time.monotonic() - started
     if keep:
         (work / "truth").mkdir(exist_ok=True)
@@ -44,17 +47,33 @@ def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: b
     else:
         shutil.rmtree(session)
         shutil.rmtree(out, ignore_errors=True)
+        shutil.rmtree(work / f"calibration-{case.seed:06d}", ignore_errors=True)
     found = oracle.finding(case.seed, case.effect, case.where(), case.size).as_json() if ask_oracle and case.causes else None
     return Outcome(case, truth, diagnosis, error, seconds, found)
 
 
-def _diagnose(command, out, limit_s):
+def _calibrate(program, session, out, limit_s):
+    """The arguments that give `diagnose` the calibration of the session's rig trials, or an error."""
+    error = _failure([*program, "calibrate", str(session), "--out", str(out)], limit_s)
+    written = out / "rig-calibration.json"
+    if error is None and not written.is_file():
+        error = "wrote no rig-calibration.json"
+    return (None, f"calibrate: {error}") if error else (["--calibration", str(written)], None)
+
+
+def _failure(command, limit_s):
+    """How the command failed; None where it did not."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s, check=False)
     except subprocess.TimeoutExpired:
-        return None, f"took more than {limit_s:g} s"
-    if done.returncode != 0:
-        return None, f"exit code {done.returncode}: {done.stderr.strip()[-300:]}"
+        return f"took more than {limit_s:g} s"
+    return f"exit code {done.returncode}: {done.stderr.strip()[-300:]}" if done.returncode != 0 else None
+
+
+def _diagnose(command, out, limit_s):
+    error = _failure(command, limit_s)
+    if error is not None:
+        return None, error
     try:
         diagnosis = json.loads((out / "diagnosis.json").read_text())
     except (OSError, ValueError) as e:

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from math import inf
 from statistics import median
 
-from .plan import LAWS, TOLD_APART
+from ..catalogue import CLASSES
+from ..rig.traps import TRAPS
+from .plan import LAWS, TOLD_APART, TOLD_BY_RIG_TRIALS
 
 LARGEST_SET = 3
 MATERIAL_BIAS = 0.02  # of the true value: less than this needs no mending
@@ -95,6 +97,53 @@ def rates(outcomes) -> list[Rate]:
         Rate("values whose interval covers the truth", count(covered), len(covered), 0.90),
         *(bias_rate(single, name) for name in ("k_srs_nm_per_rad", "x_e_rad")),
     ]
+
+
+RIG = frozenset({*CLASSES["rig"], *CLASSES["sensor"]})
+LARGEST_BIAS = 0.02  # of k_srs by a lever constant that is off, where rig trials measured it
+
+
+def rig_rates(outcomes) -> list[Rate]:
+    """What is required where sessions have rig trials; traps are counted each by itself.
+
+    Behind a trap a fault of the rig may be left open or in a larger set, but nothing else may be named in its place: sets hold 95 %.
+    """
+    plain = [o for o in outcomes if not o.case.trap]
+    single = [o for o in plain if o.case.kind == "mechanism"]
+    empty = lambda group: [o for o in group if o.case.kind == "none"]
+    wrist = lambda group: [o for o in group if o.case.kind == "mechanism" and cause(o) not in RIG]
+    rig = lambda group: [o for o in group if o.case.kind == "mechanism" and cause(o) in RIG]
+    out = [Rate(f"{m} named alone", sum(alone(o, m) for o in single if cause(o) == m), sum(cause(o) == m for o in single), 0.80)
+           for m in TOLD_BY_RIG_TRIALS]
+    out += [_false_alarms("false alarms with nothing hidden", empty(plain)), _no_rig_cause("", wrist(plain))]
+    out.append(_small_biases([o for o in single if cause(o).startswith("lever_")]))
+    for trap in TRAPS:
+        group = [o for o in outcomes if o.case.trap == trap]
+        name = f"trap:{trap}, "
+        out += [_false_alarms(f"{name}false alarms with nothing hidden", empty(group)), _no_rig_cause(name, wrist(group)),
+                Rate(f"{name}nothing else named for a fault of the rig", sum(not _names_another(o) for o in rig(group)), len(rig(group)), 0.95)]
+    return out
+
+
+def _false_alarms(name, empty):
+    return Rate(name, sum(verdict(o) != "adequate" for o in empty), len(empty), 0.05, at_most=True)
+
+
+def _no_rig_cause(name, wrist):
+    """A cause that failed to be told counts against it: no answer is no right answer."""
+    spared = sum(o.diagnosis is not None and not any(c["mechanism"] in RIG for c in causes(o)) for o in wrist)
+    return Rate(f"{name}no rig cause named for a fault of the wrist", spared, len(wrist), 0.97)
+
+
+def _names_another(outcome):
+    """A named set without the true cause, or no answer at all."""
+    return outcome.diagnosis is None or any(cause(outcome) not in named_set(c) for c in causes(outcome))
+
+
+def _small_biases(of_lever):
+    medians = bias_table(of_lever, "k_srs_nm_per_rad")
+    return Rate(f"median bias on k_srs under {LARGEST_BIAS:.0%} (lever constants that are off)", sum(a < LARGEST_BIAS for _, a in medians.values()),
+                len({cause(o) for o in of_lever}), 1.0)
 
 
 def quick_rates(outcomes) -> list[Rate]:

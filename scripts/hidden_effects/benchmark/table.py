@@ -42,23 +42,23 @@ def _laboratories(outcomes):
 def _kinds(outcomes):
     """The same counts for what is hidden: nothing, one mechanism, two, a function in no catalogue, another alien."""
     def kind(o):
-        if o.case.group != "alien":
-            return {"none": "nothing", "mechanism": "a mechanism", "pair": "two mechanisms"}[o.case.group]
+        if o.case.kind != "alien":
+            return {"none": "nothing", "mechanism": "a mechanism", "pair": "two mechanisms"}[o.case.kind]
         return "an alien that is a function at a place" if o.truth["hidden"][0].get("place") else "another alien"
 
     by = defaultdict(list)
     for o in outcomes:
-        by[kind(o)].append(o)
+        by[kind(o) + (f", {o.case.group}" if o.case.trap else "")].append(o)
     rows = [[hidden, len(group), *_verdicts(group)] for hidden, group in by.items()]
     return "## Right, missed, left open and wrong\n\n" + table(["hidden", "sessions", *verdict.KINDS], rows)
 
 
 def _shares(name, group):
-    empty = [o for o in group if o.case.group == "none"]
+    empty = [o for o in group if o.case.kind == "none"]
     asked = [o for o in group if o.oracle]
     findable = [o for o in asked if o.oracle["findable"]]
     apart = [o for o in asked if o.oracle["told_apart"]]
-    places = [p for o in group if o.case.group == "alien" and (p := verdict.place_is_right(o)) is not None]
+    places = [p for o in group if o.case.kind == "alien" and (p := verdict.place_is_right(o)) is not None]
     right = lambda some: _of(sum(verdict.of(o) == verdict.RIGHT for o in some), len(some))
     return [name, len(group), *_verdicts(group), _of(sum(map(verdict.is_false_alarm, empty)), len(empty)), _of(len(findable), len(asked)),
             right(findable), _of(len(apart), len(asked)), right(apart), _of(sum(places), len(places))]
@@ -86,10 +86,10 @@ def _probabilities(outcomes):
 def _confusion(outcomes):
     by = defaultdict(list)
     for o in outcomes:
-        by[o.case.effect].append(o)
+        by[o.case.effect + (f", {o.case.group}" if o.case.trap else "")].append(o)
     rows = []
     for effect, group in by.items():
-        kind, n = group[0].case.group, len(group)
+        kind, n = group[0].case.kind, len(group)
         count = lambda f: f"{sum(map(bool, map(f, group)))}/{n}"
         if kind == "mechanism":
             cells = [count(lambda o: score.found(o, score.cause(o))), count(lambda o: score.alone(o, score.cause(o)))]
@@ -111,7 +111,7 @@ def _fraction(group, nominal):
 
 
 def _bias(outcomes):
-    single = [o for o in outcomes if o.case.group == "mechanism"]
+    single = [o for o in outcomes if o.case.kind == "mechanism"]
     tables = [score.bias_table(single, p) for p in ("k_srs_nm_per_rad", "x_e_rad")]
     rows = [[m] + [f"{t[m][i]:.1%}" if m in t else "" for t in tables for i in (0, 1)]
             for m in dict.fromkeys([*tables[0], *tables[1]])]

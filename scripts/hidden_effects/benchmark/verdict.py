@@ -13,7 +13,7 @@ def of(outcome) -> str | None:
     """None where the program failed and there is no answer to judge."""
     if outcome.diagnosis is None:
         return None
-    return {"none": _of_nothing, "alien": _of_alien}.get(outcome.case.group, _of_causes)(outcome)
+    return {"none": _of_nothing, "alien": _of_alien}.get(outcome.case.kind, _of_causes)(outcome)
 
 
 def _of_nothing(outcome):
@@ -53,7 +53,7 @@ def _of_sets(outcome, hidden):
 
 def is_false_alarm(outcome) -> bool:
     """Anything but `adequate` where nothing is hidden."""
-    return outcome.case.group == "none" and score.verdict(outcome) != "adequate"
+    return outcome.case.kind == "none" and score.verdict(outcome) != "adequate"
 
 
 def free_law(outcome) -> dict | None:

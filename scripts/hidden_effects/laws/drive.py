@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ..plant import FINE_HZ, START_S
 from ..ramp import ResonantServo, smoothed
 from ..scenario import SIZES
 from .law import law
@@ -34,7 +33,7 @@ def _follow(s, natural_hz, damping_ratio, command_corner_hz):
     s.record_command = True
     delay_s = 2 * damping_ratio / (2 * np.pi * natural_hz)
     if command_corner_hz:
-        s.followed = smoothed(s.ramp.angle, command_corner_hz, np.arange(round(START_S * FINE_HZ), round(0.25 * FINE_HZ)) / FINE_HZ)
+        s.followed = smoothed(s.ramp.angle, command_corner_hz, s.ramp.times_s())
         delay_s += 1 / (2 * np.pi * command_corner_hz)
     return {"bandwidth_hz": 2 / (2 * np.pi * delay_s)}, ["bandwidth_hz"], \
         "the value is the natural frequency of a critically damped servo of the same delay; no droop under load"

@@ -1,4 +1,4 @@
-"""Stands in for the program: reads the truth beside the session and answers as --mode says. `diagnose` only."""
+"""Stands in for the program: works out the truth of the session and answers as the mode says. `diagnose`, and `calibrate` before it."""
 
 import json
 import sys
@@ -10,7 +10,15 @@ from hidden_effects.session_writer import truth_of
 
 mode = sys.argv[1]
 effects = dict(part.split(":", 1) for part in sys.argv[2].split(";"))
+if sys.argv[3] == "calibrate":
+    assert (Path(sys.argv[4]) / "rig-trials.csv").exists() and sys.argv[5] == "--out"
+    Path(sys.argv[6]).mkdir(parents=True)
+    if mode != "no calibration":
+        (Path(sys.argv[6]) / "rig-calibration.json").write_text("{}")
+    sys.exit()
 assert sys.argv[3] == "diagnose" and sys.argv[5] == "--out" and sys.argv[7] == "--seed"
+assert ("--calibration" in sys.argv) == (Path(sys.argv[4]) / "rig-trials.csv").exists()
+assert "--calibration" not in sys.argv or Path(sys.argv[10]).is_file()
 session, out, seed = Path(sys.argv[4]), Path(sys.argv[6]), sys.argv[8]
 assert (session / "session.json").exists()
 effect = effects[seed]

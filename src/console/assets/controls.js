@@ -120,8 +120,10 @@ export class Controls {
       // Start and arm again share a key, as do resume and pause, and what is repeated; only the one that applies is shown.
       if (own.command === "rearm") button.hidden = now.phase !== "faulted";
       if (own.command === "start") button.hidden = now.phase === "faulted";
-      if (own.command === "resume") button.hidden = now.phase !== "paused";
-      if (own.command === "pause") button.hidden = now.phase === "paused";
+      // The session also waits for the operator while a load is mounted.
+      const waits = now.phase === "paused" || Boolean(now.rig_trials?.instruction);
+      if (own.command === "resume") button.hidden = !waits;
+      if (own.command === "pause") button.hidden = waits;
       const repeatsEffort = now.possible.includes("repeat_effort");
       if (own.command === "repeat_effort") button.hidden = !repeatsEffort;
       if (own.command === "repeat") button.hidden = repeatsEffort;

@@ -86,7 +86,11 @@ function draw() {
   const under = trial && !trial.status ? `${trial.practice ? "practice" : "trial"} ${trial.number}` : "";
   text("trial", `${under}${rest}${now.pause_asked ? " · pause requested" : ""}`.replace(/^, /, ""));
   const left = now.time_left_s === null || now.is_over ? "" : `, about ${about(now.time_left_s)} to go`;
-  text("progress", `${now.done} of ${now.total} done${left}`);
+  const rig = now.rig_trials;
+  const rigDone = rig ? `rig trials ${rig.done} of ${rig.total}${rig.current ? ` (${rig.current})` : ""}, ` : "";
+  text("progress", `${rigDone}${now.done} of ${now.total} done${left}`);
+  by("mount").hidden = !rig?.instruction;
+  text("mount", rig?.instruction ?? "");
   text("clock", `${now.t_s.toFixed(1)} s`);
   by("gate").value = now.gate;
   strips.draw(now, hello);

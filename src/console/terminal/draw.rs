@@ -53,10 +53,14 @@ fn heading<'a>(snapshot: &Snapshot, info: &'a SessionInfo) -> Text<'a> {
     let left =
         snapshot.time_left_s.map_or(String::new(), |left_s| format!(", about {} left", minutes(left_s)));
     let done = format!("  {} of {} done{left}", snapshot.subject.done, snapshot.subject.total);
+    let rig_trials = snapshot.rig_trials.as_ref().map_or(String::new(), |own| {
+        let current = own.current.as_ref().map_or(String::new(), |current| format!(" ({current})"));
+        format!("  rig trials {} of {}{current}", own.done, own.total)
+    });
     let pause = Span::styled(if snapshot.pause_requested { "  pause comes" } else { "" }, WARN);
     Text::from(vec![
         Line::from(format!("{} · {} · {}", info.subject, info.protocol, info.folder)),
-        Line::from(vec![phase, rest.into(), trial.into(), done.into(), pause]),
+        Line::from(vec![phase, rest.into(), trial.into(), rig_trials.into(), done.into(), pause]),
     ])
 }
 
@@ -195,7 +199,10 @@ fn question<'a>(snapshot: &Snapshot, input: &'a KeyInput) -> Text<'a> {
             ];
             let possible = keys.iter().filter(|(_, _, command)| snapshot.possible.contains(command));
             let own = possible.map(|(key, what, _)| format!("{key} {what}   ")).collect::<String>();
-            Line::styled(format!("{own}e pause after the trial   n note"), SOFT).into()
+            let commands = Line::styled(format!("{own}e pause after the trial   n note"), SOFT);
+            let instruction = snapshot.rig_trials.as_ref().and_then(|own| own.instruction.as_ref());
+            let instruction = instruction.map(|instruction| Line::styled(instruction.clone(), GREEN));
+            Text::from_iter(instruction.into_iter().chain([commands]))
         }
     }
 }

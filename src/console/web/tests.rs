@@ -67,6 +67,7 @@ fn view() -> (ViewModel, crate::console::Views) {
         refused: None,
         phase: Phase::Rest,
         cue: Cue::Rest,
+        target_rad: 0.0,
         feedback_torque_nm: 0.0,
         feedback_emg_mvc: [0.0; 2],
         gate_fraction: 0.0,

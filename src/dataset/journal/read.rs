@@ -135,7 +135,7 @@ mod tests {
     fn journal() -> (Vec<JournalEntry>, Vec<usize>, Vec<u8>) {
         let records: Vec<JournalEntry> = (1..=5)
             .map(|number| JournalEntry::Resumed {
-                interrupted: Some(Interrupted { number, samples: 10 }),
+                interrupted: Some(Interrupted { number, samples: 10, is_rig_trial: false }),
                 files_sha256: Default::default(),
             })
             .collect();

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use super::*;
 use crate::dataset::{DatasetError, NewSession, Status, load};
-use crate::protocol::{Protocol, ValidProtocol};
+use crate::protocol::{BlockMotion, Protocol, RigTrialBlock, ValidProtocol};
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
-use crate::session::{Event, Machine, Operator, Settings, Unpaced, run_control_loop};
+use crate::session::{Event, Machine, Operator, Phase, Settings, Unpaced, run_control_loop};
 
 /// Two short trials, nothing before them.
 pub fn protocol() -> ValidProtocol {
@@ -22,11 +22,29 @@ pub fn protocol() -> ValidProtocol {
     protocol.validate().unwrap()
 }
 
+/// Those trials after four rig trials with three loads.
+pub fn protocol_with_rig_trials() -> ValidProtocol {
+    let mut protocol = Protocol::clone(&protocol());
+    let motion =
+        BlockMotion::Multisine { amplitude_rad: 0.005, lowest_hz: 2.0, highest_hz: 40.0, duration_s: 0.5 };
+    protocol.rig_trials = vec![
+        RigTrialBlock::EmptyHandle { motion, repetitions: 2 },
+        RigTrialBlock::KnownWeight {
+            mass_kg: 1.0,
+            arm_m: 0.1,
+            relative_error: 0.002,
+            duration_s: 0.5,
+            repetitions: 1,
+        },
+    ];
+    protocol.validate().unwrap()
+}
+
 pub struct Starter;
 
 impl Operator for Starter {
-    fn poll_command(&mut self, _: &Machine) -> Option<Event> {
-        None
+    fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
+        machine.awaits_mounting().then_some(Event::Resume)
     }
     fn wait_for_command(&mut self, _: &Machine) -> Event {
         Event::Start
@@ -44,16 +62,21 @@ impl Operator for Starter {
 
 /// Runs the session in `folder`; the number of operations that the disk was asked for.
 pub fn run(folder: &Path, disk: Disk) -> Result<u64, RecordError> {
-    let protocol = protocol();
-    let order = schedule::draw(&protocol, 1, None).unwrap();
-    let settings = Settings::new(&protocol, 1, &order).unwrap();
+    run_protocol(&protocol(), folder, disk)
+}
+
+/// As [`run`], of another protocol.
+pub fn run_protocol(protocol: &ValidProtocol, folder: &Path, disk: Disk) -> Result<u64, RecordError> {
+    let order = schedule::draw(protocol, 1, None).unwrap();
+    let settings = Settings::new(protocol, 1, &order).unwrap();
     let mut recorder = NewSession {
-        protocol: &protocol,
+        protocol,
         order: &order,
         seed: 1,
         subject: "V00",
         lever: Setup::default().lever,
         rig: &serde_json::Value::Null,
+        calibration: None,
         about: &Default::default(),
         subject_fields: &Default::default(),
         motion_delay_samples: 0,

@@ -135,6 +135,7 @@ fn session(lost_periods: u64, measured_fraction: f64) -> (tempfile::TempDir, std
         subject: "V00",
         lever: Setup::default().lever,
         rig: &serde_json::Value::Null,
+        calibration: None,
         about: &Default::default(),
         subject_fields: &Default::default(),
         motion_delay_samples: 0,

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use super::*;
 use crate::dataset::journal::{JournalEntry, JournalText};
-use crate::dataset::recorder::tests::{Starter, run};
+use crate::dataset::recorder::tests::{Starter, protocol_with_rig_trials, run, run_protocol};
+use crate::dataset::trial_csv_writer::HEADER;
 use crate::dataset::{BackgroundRecorder, Manifest, Status, load, replay};
 use crate::protocol::Limits;
 use crate::random::Stream;
@@ -88,6 +89,77 @@ fn a_session_broken_off_at_any_operation_ends_as_if_it_had_not_been() {
     assert!(resumed > 60, "{resumed} sessions were resumed");
 }
 
+/// The rig trials that count, by all that their row says but number and file, without the first sample, as [`counting`].
+fn counting_rig_trials(folder: &Path) -> BTreeMap<String, Vec<String>> {
+    let table = fs::read_to_string(folder.join("rig-trials.csv")).unwrap();
+    let rows = table.lines().skip(1).filter(|row| row.ends_with(",ok"));
+    rows.map(|row| {
+        let mut cells = row.splitn(3, ',');
+        let file = cells.nth(1).unwrap();
+        let record = fs::read_to_string(folder.join(file)).unwrap();
+        (cells.next().unwrap().to_owned(), record.lines().skip(2).map(str::to_owned).collect())
+    })
+    .collect()
+}
+
+#[test]
+fn a_session_with_rig_trials_broken_off_at_any_operation_ends_as_if_it_had_not_been() {
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let protocol = protocol_with_rig_trials();
+    let whole = folder_of_sessions.path().join("whole");
+    let operations = run_protocol(&protocol, &whole, Disk::default()).unwrap();
+    assert_eq!(counting_rig_trials(&whole).len(), 4);
+    let (mut resumed, mut aborted) = (0, 0);
+    // Every third one: three in a row are the beginning, the rows and the end of the same entry.
+    for operation in (0..operations).step_by(3) {
+        let folder = folder_of_sessions.path().join(format!("broken-{operation}"));
+        run_protocol(&protocol, &folder, Disk::failing_from(operation, ErrorKind::StorageFull)).unwrap_err();
+        if !folder.exists() {
+            continue;
+        }
+        go_on(&folder, Disk::default()).unwrap();
+        let case = format!("operation {operation}");
+        assert_as_if_undisturbed(&folder, &whole, &case);
+        assert_eq!(counting_rig_trials(&folder), counting_rig_trials(&whole), "{case}");
+        let table = fs::read_to_string(folder.join("rig-trials.csv")).unwrap();
+        aborted += usize::from(table.contains(",aborted"));
+        resumed += 1;
+    }
+    assert!(resumed > 30 && aborted > 5, "{resumed} sessions were resumed, {aborted} in a rig trial");
+}
+
+#[test]
+fn a_rig_trial_whose_targets_were_changed_does_not_replay() {
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let folder = folder_of_sessions.path().join("s");
+    run_protocol(&protocol_with_rig_trials(), &folder, Disk::default()).unwrap();
+    assert!(replay(&folder).unwrap().is_sound());
+    let file = folder.join("rig-trials/rig-trial-001.csv");
+    let record = fs::read_to_string(&file).unwrap();
+    let mut rows: Vec<String> = record.lines().map(str::to_owned).collect();
+    let moving =
+        rows.iter().position(|row| row.split(',').nth(1).is_some_and(|cell| cell.contains("0.001"))).unwrap();
+    let mut cells: Vec<&str> = rows[moving].split(',').collect();
+    cells[1] = "0.0000000";
+    rows[moving] = cells.join(",");
+    fs::write(&file, rows.join("\n") + "\n").unwrap();
+    let found = replay(&folder).unwrap();
+    assert_eq!(found.changed_files, ["rig-trials/rig-trial-001.csv changed"]);
+    assert_eq!(found.difference.unwrap().recorded, "a target of 0 rad");
+}
+
+#[test]
+fn a_session_without_rig_trials_has_nothing_of_them() {
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let folder = folder_of_sessions.path().join("s");
+    run(&folder, Disk::default()).unwrap();
+    let files = Manifest::take(&folder, true).unwrap().files;
+    assert!(!files.keys().any(|file| file.contains("rig-trial")), "{files:?}");
+    for text in ["protocol.json", JOURNAL] {
+        assert!(!fs::read_to_string(folder.join(text)).unwrap().contains("rig_"), "{text}");
+    }
+}
+
 #[test]
 fn a_session_that_is_at_work_is_not_opened_a_second_time() {
     let folder_of_sessions = tempfile::tempdir().unwrap();
@@ -153,12 +225,12 @@ fn a_record_cut_anywhere_keeps_its_complete_rows() {
     let all = [HEADER, rows[0].as_bytes(), rows[1].as_bytes()].concat();
     for length in 0..=all.len() {
         let whole = (length >= HEADER.len() + rows[0].len()) as u64 + (length == all.len()) as u64;
-        let (good, samples) = complete_rows(&all[..length]);
+        let (good, samples) = complete_rows(&all[..length], HEADER);
         assert_eq!(samples, whole, "cut at {length}");
         assert_eq!(good, all[..HEADER.len() + rows[0].len() * whole as usize]);
     }
     let zeros = [&all[..], &[0; 30][..]].concat();
-    assert_eq!(complete_rows(&zeros).1, 2, "a block of zeros is no row");
+    assert_eq!(complete_rows(&zeros, HEADER).1, 2, "a block of zeros is no row");
 }
 
 #[test]

@@ -1,12 +1,16 @@
 //! Errors of the angle that trials have in common: the angle at rest between two steps of the encoder, which nobody sees before the motor
-//! moves; what smoothing takes out of the motion; and the error of the mean motion of each velocity.
+//! moves; what smoothing takes out of the motion; and the error of the mean motion of each velocity. Beside them the errors of the rig's
+//! measured constants, which all trials share as well.
 
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::rig_knowledge::RigKnowledge;
 use crate::diagnose::predicted_torque::{torques, whitened_change};
-use crate::fit::{Fit, Observations, common_input_error_covariance, median};
+use crate::fit::{
+    Fit, Observations, RigConstants, common_input_error_covariance, further_encoder_covariance, median,
+};
 use crate::statistics::group_indices;
 
 /// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
@@ -26,7 +30,8 @@ pub struct AngleErrors {
     pub columns: Vec<DMatrix<f64>>,
     /// Variance of each error.
     pub variances: DVector<f64>,
-    /// The trials that share each error of the place of rest. These errors come first, then those of smoothing.
+    /// The trials that share each error of the place of rest. These errors come first, then those of smoothing and of the rig's
+    /// constants.
     at_rest: Vec<Vec<usize>>,
     moved: Arc<MovedSessions>,
 }
@@ -38,20 +43,28 @@ struct MovedSessions {
     at_rest: Option<Observations>,
     /// Smoothed once more, and twice more.
     smoothed: [Observations; 2],
+    /// With each error of the rig's constants.
+    rig: Vec<Observations>,
 }
 
 /// What the motions of [`MovedSessions`] change.
 struct Changes {
     at_rest: Option<Vec<DVector<f64>>>,
     smoothing: [Vec<DVector<f64>>; 2],
+    rig: Vec<Vec<DVector<f64>>>,
 }
 
 impl MovedSessions {
-    fn of(observations: &Observations) -> Self {
+    fn of(observations: &Observations, rig: &RigKnowledge) -> Self {
         let once = observations.smoothed_again();
         let twice = once.smoothed_again();
         let at_rest = (observations.angle_step_rad > 0.0).then(|| rounded_at_rest(observations));
-        Self { at_rest, smoothed: [once, twice] }
+        let with_error = |constants: &RigConstants| {
+            let mut changed = observations.with_constants(*constants);
+            changed.trials.iter_mut().for_each(|trial| trial.hold_stretches = Vec::new());
+            changed
+        };
+        Self { at_rest, smoothed: [once, twice], rig: rig.errors.iter().map(with_error).collect() }
     }
 
     /// Changes of the whitened predictions of `fit`.
@@ -66,8 +79,32 @@ impl MovedSessions {
         };
         let [first, both] = self.smoothed.each_ref().map(change);
         let second = first.iter().zip(&both).map(|(first, both)| first * 2.0 - both).collect();
-        Changes { at_rest: self.at_rest.as_ref().map(change), smoothing: [first, second] }
+        Changes {
+            at_rest: self.at_rest.as_ref().map(change),
+            smoothing: [first, second],
+            rig: self
+                .rig
+                .iter()
+                .map(|moved| change_against_record(observations, moved, fit, &from))
+                .collect(),
+        }
     }
+}
+
+/// Change of the whitened predictions of `fit` where the constants of the rig are those of `moved`, less that of the whitened records: the
+/// constants turn both.
+fn change_against_record(
+    observations: &Observations,
+    moved: &Observations,
+    fit: &Fit,
+    from: &[Vec<f64>],
+) -> Vec<DVector<f64>> {
+    let mut to = torques(moved, &fit.kinds, &fit.parameters);
+    for (trial, predicted) in to.iter_mut().enumerate() {
+        let records = moved.trials[trial].measured_nm.iter().zip(&observations.trials[trial].measured_nm);
+        predicted.iter_mut().zip(records).for_each(|(nm, (there, here))| *nm -= there - here);
+    }
+    whitened_change(observations, fit, from, &to)
 }
 
 impl AngleErrors {
@@ -76,19 +113,18 @@ impl AngleErrors {
     /// The place of rest is equally likely anywhere within a step, in common to all trials that return to it; the mean motion of a
     /// velocity adds what its number of trials leaves. The mean motion's error during the ramp has the covariance that the fit's weights
     /// have, once for all trials of a velocity.
-    pub fn of(observations: &Observations, fit: &Fit) -> Self {
+    pub fn of(observations: &Observations, fit: &Fit, rig: &RigKnowledge) -> Self {
         let trials = observations.trials.len();
         let velocities: Vec<Vec<usize>> =
             group_indices(trials, |trial| observations.trials[trial].velocity_rad_s.to_bits())
                 .into_values()
                 .collect();
-        let values = |trial: usize| {
-            fit.objective.whitened_count(observations.noise_index[trial], observations.samples)
-        };
+        let values =
+            |trial: usize| fit.objective.whitened_count(observations.noise_index[trial], observations.rows());
         // Each error: its variance, the trials that share it, and each trial's change.
         let mut errors: Vec<(f64, Vec<usize>, Vec<DVector<f64>>)> = Vec::new();
         let mut at_rest = Vec::new();
-        let moved = MovedSessions::of(observations);
+        let moved = MovedSessions::of(observations, rig);
         let changes = moved.changes(observations, fit);
         if let Some(changes) = changes.at_rest {
             // The variance of a uniform distribution of width one.
@@ -103,6 +139,9 @@ impl AngleErrors {
         for changes in changes.smoothing {
             errors.push((SMOOTHING_SD * SMOOTHING_SD, (0..trials).collect(), changes));
         }
+        for changes in changes.rig {
+            errors.push((1.0, (0..trials).collect(), changes));
+        }
         for direction in mean_motion_errors(observations, fit) {
             let changes: Vec<DVector<f64>> = (0..trials)
                 .map(|trial| fit.objective.whiten(observations.noise_index[trial], &direction))
@@ -111,6 +150,19 @@ impl AngleErrors {
                 let shift: f64 = own.iter().map(|trial| changes[*trial].norm_squared()).sum();
                 if shift > SMALLEST_SHIFT * SMALLEST_SHIFT {
                     errors.push((1.0, own.clone(), changes.clone()));
+                }
+            }
+        }
+        // Trials of one condition rest and move alike, so that the encoders of further channels may round them alike.
+        let conditions = group_indices(trials, |trial| observations.trials[trial].condition);
+        for direction in directions(observations, further_encoder_covariance(observations)) {
+            for own in conditions.values() {
+                let changes: Vec<DVector<f64>> = (0..trials)
+                    .map(|trial| fit.objective.whiten(observations.noise_index[trial], &direction))
+                    .collect();
+                let shift: f64 = own.iter().map(|trial| changes[*trial].norm_squared()).sum();
+                if shift > SMALLEST_SHIFT * SMALLEST_SHIFT {
+                    errors.push((1.0, own.clone(), changes));
                 }
             }
         }
@@ -135,12 +187,12 @@ impl AngleErrors {
                 errors.columns[*trial].set_column(place, &changes[*trial]);
             }
         };
-        let Changes { at_rest, smoothing } = self.moved.changes(observations, fit);
+        let Changes { at_rest, smoothing, rig } = self.moved.changes(observations, fit);
         for (place, shared_by) in self.at_rest.iter().enumerate() {
             at_rest.iter().for_each(|changes| set(place, shared_by, changes));
         }
         let all: Vec<usize> = (0..self.columns.len()).collect();
-        for (place, changes) in smoothing.iter().enumerate() {
+        for (place, changes) in smoothing.iter().chain(&rig).enumerate() {
             set(self.at_rest.len() + place, &all, changes);
         }
         errors
@@ -152,10 +204,15 @@ fn mean_motion_errors(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let middle =
         |parameter: usize| median(&fit.parameters.iter().map(|own| own[parameter]).collect::<Vec<_>>());
     let covariance = common_input_error_covariance(observations, &std::array::from_fn(middle));
+    directions(observations, covariance)
+}
+
+/// Independent directions of unit variance of an error with this covariance on the noise samples, (N m)^2, as values of a trial.
+fn directions(observations: &Observations, covariance: DMatrix<f64>) -> Vec<Vec<f64>> {
     let samples: Vec<usize> = observations.noise_samples().collect();
     let eigen = covariance.symmetric_eigen();
     let direction = |(place, value): (usize, &f64)| {
-        let mut torque = vec![0.0; observations.samples];
+        let mut torque = vec![0.0; observations.rows()];
         for (sample, own) in samples.iter().zip(eigen.eigenvectors.column(place).iter()) {
             torque[*sample] = own * libm::sqrt(value.max(0.0));
         }

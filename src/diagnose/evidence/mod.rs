@@ -8,6 +8,7 @@
 //! | `free_laws`, `angle_error`, `session_prior` | priors of everything unknown |
 //! | `model_posterior` | optimum, spreads and evidence of one model |
 //! | `model_prior`, `model_search` | which models are compared, and what each is held to be before the data |
+//! | `rig_knowledge` | what rig trials say of the constants that causes are about |
 //! | `answer`, `found_law` | from probabilities to causes, sets and the curve of an unknown law |
 
 pub mod angle_error;
@@ -19,5 +20,6 @@ pub mod linearisation;
 pub mod model_posterior;
 pub mod model_prior;
 pub mod model_search;
+pub mod rig_knowledge;
 pub mod session_equations;
 pub mod session_prior;

@@ -7,6 +7,7 @@ use super::angle_error::AngleErrors;
 use super::free_laws::FreeLawRanges;
 use super::gaussian::smooth_precision;
 use super::linearisation::{LinearTrial, Unknowns};
+use super::rig_knowledge::RigKnowledge;
 
 use super::session_equations::{Design, FreeLawPrior, REGRESSORS};
 use crate::diagnose::predicted_torque::torques;
@@ -45,15 +46,17 @@ pub struct SessionPrior {
     regressors: Vec<[f64; REGRESSORS]>,
     /// Order, torque and velocity of each trial, between -1 and 1.
     drifts: Vec<[f64; SIZE_DRIFTS]>,
-    /// Errors of the angle that trials share.
+    /// Errors of the angle and of the rig's constants that trials share.
     pub angle_errors: AngleErrors,
+    /// What is known of the rig.
+    pub rig: RigKnowledge,
     /// Coordinates of the model as given, about which vague priors lie.
     given: Vec<(usize, f64)>,
 }
 
 impl SessionPrior {
     /// The priors for a session that was fitted by `fit`, the model as given.
-    pub fn new(observations: &Observations, fit: &Fit, context: ProbeContext) -> Self {
+    pub fn new(observations: &Observations, fit: &Fit, context: ProbeContext, rig: RigKnowledge) -> Self {
         let count = observations.trials.len();
         let groups = group_indices(count, |trial| observations.trials[trial].condition);
         let conditions: Vec<Vec<usize>> = groups.into_values().collect();
@@ -83,7 +86,8 @@ impl SessionPrior {
             conditions,
             regressors,
             drifts,
-            angle_errors: AngleErrors::of(observations, fit),
+            angle_errors: AngleErrors::of(observations, fit, &rig),
+            rig,
             given: coordinates.map(|(own, value)| (own.parameter, *value)).collect(),
         }
     }

@@ -97,7 +97,7 @@ fn parts(repetitions: &[u32]) -> Vec<i64> {
 
 /// Squared residuals of a fit.
 struct ResidualSquares {
-    /// Mean squared residual of each trial, (N m)^2.
+    /// Mean squared residual of the torque of each trial, (N m)^2.
     of_trials: Vec<f64>,
     /// Whitened sum of squares of all trials (chi-square units).
     weighed: f64,
@@ -106,7 +106,10 @@ struct ResidualSquares {
 impl ResidualSquares {
     fn of(observations: &Observations, fit: &Fit) -> Self {
         let residuals = residuals(observations, fit);
-        let mean = |own: &Vec<f64>| own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64;
+        let mean = |own: &Vec<f64>| {
+            let torque = observations.torque_of(own);
+            torque.iter().map(|e| e * e).sum::<f64>() / torque.len() as f64
+        };
         let weighed = |(trial, own): (usize, &Vec<f64>)| {
             fit.objective.whiten(observations.noise_index[trial], own).norm_squared()
         };

@@ -125,7 +125,7 @@ impl ResidualProjection {
         let known: Vec<Vec<usize>> = (0..count).map(|trial| known(fit, trial)).collect();
         let rows: Vec<usize> = (0..count)
             .map(|trial| {
-                fit.objective.whitened_count(observations.noise_index[trial], observations.samples)
+                fit.objective.whitened_count(observations.noise_index[trial], observations.rows())
                     + known[trial].len()
             })
             .collect();

@@ -38,7 +38,8 @@ const MIN_DESCRIBED_FRACTION: f64 = 0.03;
 
 /// Describes the residuals of `fit`; `None` if they are zero.
 pub fn residual_term(observations: &Observations, fit: &Fit) -> Option<ResidualDescription> {
-    let residuals = residuals(observations, fit);
+    let residuals: Vec<Vec<f64>> =
+        residuals(observations, fit).into_iter().map(|own| observations.torque_of(&own).to_vec()).collect();
     let samples = observations.samples;
     let total = residuals.len() * samples;
     let own = DVector::from_iterator(total, residuals.iter().flatten().copied());

@@ -32,7 +32,7 @@ const DETECTABLE_NORM: f64 = 0.5;
 /// What priors and probe values may depend on.
 pub fn probe_context(observations: &Observations) -> ProbeContext {
     let highest = observations.trials.iter().map(|trial| {
-        let change = trial.measured_nm.iter().copied().fold(0.0, f64::max);
+        let change = observations.torque_of(&trial.measured_nm).iter().copied().fold(0.0, f64::max);
         change + trial.direction * trial.torque_0_nm
     });
     ProbeContext { lever: observations.lever, highest_torque_nm: highest.fold(0.0, f64::max) }

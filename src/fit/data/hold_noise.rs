@@ -3,7 +3,7 @@
 //! This file decides which data the noise is estimated from. [`NoiseCovariance`] holds an estimate and whitens with it.
 
 use super::observations::{NoiseSource, Observations, TrialObservation, mean};
-use crate::dataset::Trial;
+use crate::dataset::{Record, Trial};
 use crate::signal::{FilterSpec, NoiseCovariance};
 
 /// Longest part of the hold that is used, s; the torque gate of a session guarantees this much.
@@ -27,20 +27,25 @@ const MIN_DIFFERENCES: usize = 12;
 const SETTLING_S: f64 = 0.025;
 
 impl Observations {
-    /// Overlapping stretches of `hold`, the filtered torque up to the onset: each as long as the window, less the mean before it,
-    /// read at the noise samples.
-    pub(super) fn hold_stretches(&self, hold: &[f64]) -> Vec<Vec<f64>> {
+    /// Overlapping stretches of `hold`, the filtered channels up to the onset: each as long as the window, less the mean before it,
+    /// read at the noise samples, channel by channel.
+    pub(super) fn hold_stretches(&self, hold: &[&[f64]]) -> Vec<Vec<f64>> {
         let level = self.level_samples();
         let settling =
             if self.sections.is_empty() { 0 } else { libm::ceil(SETTLING_S / self.period_s) as usize };
         let longest = libm::round(HOLD_S / self.period_s) as usize;
-        let begin = settling.max(hold.len().saturating_sub(longest));
+        let length = hold[0].len();
+        let begin = settling.max(length.saturating_sub(longest));
         let mut stretches = Vec::new();
-        let mut end = hold.len();
+        let mut end = length;
         while end >= begin + level + self.samples {
-            let window = &hold[end - self.samples..end];
-            let base = mean(&hold[end - self.samples - level..end - self.samples]);
-            stretches.push(self.noise_samples().map(|i| window[i] - base).collect());
+            let mut stretch = Vec::new();
+            for channel in hold {
+                let window = &channel[end - self.samples..end];
+                let base = mean(&channel[end - self.samples - level..end - self.samples]);
+                stretch.extend(self.window_noise_samples().map(|i| window[i] - base));
+            }
+            stretches.push(stretch);
             end -= (self.samples / STRETCHES_PER_WINDOW).max(1);
         }
         stretches
@@ -61,7 +66,9 @@ impl Observations {
                 .collect()
         };
         let by_level: Vec<_> = levels.iter().map(|level| stretches(Some(*level))).collect();
-        let enough = STRETCHES_PER_SAMPLE * STRETCHES_PER_WINDOW * self.noise_samples().count();
+        // Whether there is a covariance for each level does not depend on the sensors: their further directions are few, and the
+        // precision is corrected for them.
+        let enough = STRETCHES_PER_SAMPLE * STRETCHES_PER_WINDOW * self.window_noise_samples().count();
         if by_level.iter().all(|own| own.len() >= enough) {
             self.noise_covariances =
                 by_level.iter().filter_map(|own| NoiseCovariance::estimate(own)).collect();
@@ -125,10 +132,15 @@ pub(super) fn noise_stride(sample_rate_hz: f64, filter: FilterSpec, samples: usi
 /// The standard deviation comes from second differences during the holds. It is at least that of the quantisation, which a motor
 /// at rest does not show.
 pub(super) fn angle_error(trials: &[&Trial]) -> (f64, f64) {
+    encoder_error(trials, |record| Some(&record.theta_m_rad))
+}
+
+/// As [`angle_error`], of an angle that the records have.
+pub(super) fn encoder_error(trials: &[&Trial], angle: impl Fn(&Record) -> Option<&Vec<f64>>) -> (f64, f64) {
     let (mut squares, mut count, mut step) = (Vec::new(), 0.0, f64::INFINITY);
     for trial in trials {
         // The first sample may have been measured before the trial began.
-        let theta = trial.record.theta_m_rad.get(1..).unwrap_or_default();
+        let theta = angle(&trial.record).and_then(|theta| theta.get(1..)).unwrap_or_default();
         for pair in theta.windows(2) {
             let change = (pair[1] - pair[0]).abs();
             if change > 1e-9 && change < step {

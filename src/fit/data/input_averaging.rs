@@ -33,6 +33,8 @@ impl Observations {
     /// is what the smoothing has changed already, to first order.
     pub fn smoothed_again(&self) -> Self {
         let mut smoothed = self.clone();
+        // The motion is as late as the torque already.
+        smoothed.constants.torque_delay_s = 0.0;
         for trial in &mut smoothed.trials {
             trial.angle_rad = trial.input.motion.iter().map(|knot| knot.theta).collect();
             trial.input.motion = Smoothing::ONE_RECORD.motion(&trial.angle_rad, self.period_s);
@@ -40,6 +42,7 @@ impl Observations {
         if smoothed.angle_smoothings.len() > 1 {
             smoothed.average_motion();
         }
+        smoothed.constants = self.constants;
         smoothed
     }
 
@@ -59,12 +62,13 @@ impl Observations {
         for (trial, angle) in alike.iter().zip(angles) {
             let difference: Vec<f64> = angle.iter().zip(&mean).map(|(own, mean)| own - mean).collect();
             let own = DIFFERENCE_SMOOTHING.motion(&difference, self.period_s);
-            let input = &mut self.trials[*trial].input;
             let sum = |(a, b): (&Kinematics<f64>, &Kinematics<f64>)| Kinematics {
                 theta: a.theta + b.theta,
                 omega: a.omega + b.omega,
             };
-            input.motion = common.iter().zip(&own).map(sum).collect();
+            let motion = self.as_torque_sees(common.iter().zip(&own).map(sum).collect());
+            let input = &mut self.trials[*trial].input;
+            input.motion = motion;
             input.onset = before;
             self.trials[*trial].angle_rad = angle;
         }

@@ -1,7 +1,9 @@
 //! Observations: the measured torque and motion of each trial, prepared from a session for the comparison with the model.
 
 pub mod covariates;
+pub mod further_channels;
 pub mod hold_noise;
 pub mod input_averaging;
 pub mod observations;
 pub mod preprocessing;
+pub mod rig_constants;

@@ -1,8 +1,11 @@
 //! The observations of a session: what the model is driven by, what it must predict, and the noise of both.
 
+use super::rig_constants::RigConstants;
 use crate::signal::{NoiseCovariance, Section};
 use crate::wrist::mechanisms::MechanismKind;
-use crate::wrist::{self, Lever, SimulationSettings, Smoothing, VectorWidth};
+use crate::wrist::{
+    self, Kinematics, Lever, ScaledChannel, SimulationSettings, Smoothing, VectorWidth, delayed_motion,
+};
 
 /// Torque and angle before the ramp are means over this time, s.
 const LEVEL_S: f64 = 0.010;
@@ -32,8 +35,12 @@ pub struct Observations {
     pub samples: usize,
     /// Number of samples before the onset at which the simulation of the base model starts.
     pub lead_samples: usize,
-    /// Sections of the low-pass that predicted torque passes; empty if the rig filtered angle and torque before recording.
+    /// The constants of the rig by which the records became angle and torque.
+    pub constants: RigConstants,
+    /// Sections of the low-pass that the recorded torque passed; empty if the rig filtered angle and torque before recording.
     pub sections: Vec<Section>,
+    /// Sections that predicted torque passes: the same, after the low-pass of the torque channel if it has one.
+    pub prediction_sections: Vec<Section>,
     /// The trials that can be fitted, ordered by condition, repetition and number.
     pub trials: Vec<TrialObservation>,
     /// The trials that cannot be fitted.
@@ -46,9 +53,13 @@ pub struct Observations {
     pub angle_step_rad: f64,
     /// Smoothings applied to the angle, each with the share of the variance of an angle error that passes it.
     pub angle_smoothings: Vec<(f64, Smoothing)>,
+    /// The channels besides the torque that the session has, with their scale.
+    pub further: Vec<ScaledChannel>,
+    /// For each further channel, the step of its encoder in its unit, if quantisation dominates its error; otherwise zero.
+    pub further_step: Vec<f64>,
     /// For each trial, the index of its noise in `noise_covariances`; `None` if no noise could be estimated.
     pub noise_index: Vec<Option<usize>>,
-    /// Estimated covariances of the torque noise on [`Observations::noise_samples`]: one per torque level, or one for all.
+    /// Estimated covariances of the noise of all channels on [`Observations::noise_samples`]: one per torque level, or one for all.
     pub noise_covariances: Vec<NoiseCovariance>,
     /// Data from which the covariances were estimated; `None` if there are no covariances.
     pub noise_source: Option<NoiseSource>,
@@ -92,9 +103,15 @@ pub struct TrialObservation {
     pub angle_rad: Vec<f64>,
     /// Motor motion and covariates that drive the model.
     pub input: wrist::TrialInput,
-    /// Filtered torque in the window less `torque_0_nm`, times `direction`, N m; one value per sample of the window.
+    /// Filtered torque in the window less `torque_0_nm`, times `direction`, N m; one value per sample of the window. The further channels
+    /// follow, treated alike and scaled to N m.
     pub measured_nm: Vec<f64>,
-    /// Stretches of the hold, each processed like the window and read at [`Observations::noise_samples`], N m.
+    /// Filtered cube of the torque in the window, less that before the ramp, times `direction`, (N m)^3: the change of `measured_nm` by a
+    /// cubic torque channel.
+    pub cubed_nm3: Vec<f64>,
+    /// Mean filtered cube of the torque before the ramp, (N m)^3.
+    pub cubed_0_nm3: f64,
+    /// Stretches of the hold, all channels, each processed like the window and read at [`Observations::noise_samples`], N m.
     pub hold_stretches: Vec<Vec<f64>>,
 }
 
@@ -106,16 +123,67 @@ impl Observations {
             period_s: self.period_s,
             samples: self.samples,
             lead_samples: self.lead_samples,
+            constants: self.constants,
             sections: self.sections.clone(),
+            prediction_sections: self.prediction_sections.clone(),
             trials: trials.iter().map(|trial| self.trials[*trial].clone()).collect(),
             excluded_trials: Vec::new(),
             stride: self.stride,
             angle_noise_rad: self.angle_noise_rad,
             angle_step_rad: self.angle_step_rad,
             angle_smoothings: self.angle_smoothings.clone(),
+            further: self.further.clone(),
+            further_step: self.further_step.clone(),
             noise_index: trials.iter().map(|trial| self.noise_index[*trial]).collect(),
             noise_covariances: self.noise_covariances.clone(),
             noise_source: self.noise_source,
+        }
+    }
+
+    /// The same session with other constants of the rig. The noise keeps its estimate, so that fits of both weigh alike.
+    ///
+    /// Exact for the gains and the lever. A nonlinearity, which acts before the filter, is changed to first order.
+    pub fn with_constants(&self, constants: RigConstants) -> Self {
+        let before = self.constants;
+        let (by_angle, delay_s) =
+            (before.angle_gain / constants.angle_gain, constants.torque_delay_s - before.torque_delay_s);
+        // With u = a T + d the recorded torque in the new scale, T' = u + (a c_before - a^3 c_after) T^3 to first order in c.
+        let by_torque = before.torque_gain / constants.torque_gain;
+        let shift_nm = (before.torque_offset_nm - constants.torque_offset_nm) / constants.torque_gain;
+        let cubic = by_torque
+            * (before.torque_nonlinearity_per_nm2
+                - by_torque * by_torque * constants.torque_nonlinearity_per_nm2);
+        let mut changed = self.clone();
+        for trial in &mut changed.trials {
+            for (nm, cubed) in trial.measured_nm.iter_mut().zip(&mut trial.cubed_nm3) {
+                *nm = by_torque * *nm + cubic * *cubed;
+                *cubed *= by_torque * by_torque * by_torque;
+            }
+            trial.torque_0_nm = by_torque * trial.torque_0_nm + shift_nm + cubic * trial.cubed_0_nm3;
+            trial.cubed_0_nm3 *= by_torque * by_torque * by_torque;
+            trial.input.covariates.torque_before_nm = trial.direction * trial.torque_0_nm;
+            trial.theta_0_rad *= by_angle;
+            trial.angle_rad.iter_mut().for_each(|angle| *angle *= by_angle);
+            for knot in &mut trial.input.motion {
+                *knot = Kinematics { theta: knot.theta * by_angle, omega: knot.omega * by_angle };
+            }
+            if delay_s != 0.0 {
+                trial.input.motion = delayed_motion(&trial.input.motion, delay_s, self.period_s);
+            }
+        }
+        changed.angle_noise_rad *= by_angle;
+        changed.angle_step_rad *= by_angle;
+        changed.lever = constants.lever;
+        changed.prediction_sections = constants.prediction_sections(&self.sections, self.period_s);
+        changed.constants = constants;
+        changed
+    }
+
+    /// The motion of the motor, as the torque record sees it, behind a smoothed angle.
+    pub(in crate::fit) fn as_torque_sees(&self, motion: Vec<Kinematics<f64>>) -> Vec<Kinematics<f64>> {
+        match self.constants.torque_delay_s {
+            0.0 => motion,
+            delay_s => delayed_motion(&motion, delay_s, self.period_s),
         }
     }
 
@@ -129,8 +197,15 @@ impl Observations {
     }
 
     /// Indices of the samples of the window to which noise covariances refer; the last sample of the window is among them.
-    pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
+    pub fn window_noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
         (0..self.samples).rev().step_by(self.stride).collect::<Vec<_>>().into_iter().rev()
+    }
+
+    /// Indices of a trial's values to which noise covariances refer: those of the window, channel by channel.
+    pub fn noise_samples(&self) -> impl Iterator<Item = usize> + use<> {
+        let (samples, window) = (self.samples, self.window_noise_samples().collect::<Vec<_>>());
+        (0..1 + self.further.len())
+            .flat_map(move |channel| window.clone().into_iter().map(move |sample| channel * samples + sample))
     }
 
     /// Simulation of the window with the mechanisms `kinds` and `substeps` integration steps per sample.
@@ -147,7 +222,8 @@ impl Observations {
             lead_samples: self.lead_samples + libm::ceil(before_s / self.period_s) as usize,
             baseline_samples: if before_s > 0.0 { self.level_samples() } else { 0 },
             substeps,
-            filter: &self.sections,
+            filter: &self.prediction_sections,
+            further: &self.further,
             derivatives: &[],
             width: VectorWidth::fastest(),
         }

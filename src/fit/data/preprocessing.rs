@@ -2,8 +2,10 @@
 //! window is cut, and the noise is estimated.
 
 use super::covariates::{number_conditions, set_covariates};
+use super::further_channels::{samples_of, unscaled};
 use super::hold_noise::{angle_error, noise_stride};
 use super::observations::{ExcludedTrial, Observations, TrialObservation, mean};
+use super::rig_constants::RigConstants;
 use crate::dataset::{Session, Status, Trial};
 use crate::files::limits;
 use crate::signal::{FilterError, FilterSpec, filter, onset};
@@ -41,6 +43,18 @@ impl Observations {
     /// # Errors
     /// If no trial can be fitted, the window has too few samples, or the filter is not possible at this sample rate.
     pub fn new(session: &Session, settings: PreprocessingSettings) -> Result<Self, PreprocessingError> {
+        Self::of_rig(session, settings, RigConstants::stated(session.lever))
+    }
+
+    /// As [`Observations::new`], where `constants` are those of the rig.
+    ///
+    /// # Errors
+    /// As [`Observations::new`], or if the nonlinearity of the torque channel cannot be taken out of the records.
+    pub fn of_rig(
+        session: &Session,
+        settings: PreprocessingSettings,
+        constants: RigConstants,
+    ) -> Result<Self, PreprocessingError> {
         let period_s = 1.0 / session.sample_rate_hz;
         let sections = match session.recorded_filter {
             Some(_) => Vec::new(),
@@ -57,8 +71,11 @@ impl Observations {
             return Err(PreprocessingError::WindowTooShort { window_s: settings.window_s, samples });
         }
         let filter_in_force = session.recorded_filter.unwrap_or(settings.filter);
+        let further = unscaled(session.further_channels());
         let mut observations = Self {
-            lever: session.lever,
+            lever: constants.lever,
+            constants,
+            prediction_sections: constants.prediction_sections(&sections, period_s),
             period_s,
             samples,
             lead_samples: libm::ceil(LEAD_S / period_s) as usize,
@@ -69,11 +86,18 @@ impl Observations {
             angle_noise_rad: 0.0,
             angle_step_rad: 0.0,
             angle_smoothings: vec![(1.0, Smoothing::ONE_RECORD)],
+            further_step: vec![0.0; further.len()],
+            further,
             noise_index: Vec::new(),
             noise_covariances: Vec::new(),
             noise_source: None,
         };
         let usable: Vec<_> = session.trials.iter().filter(|trial| trial.status == Status::Ok).collect();
+        let torques = usable.iter().flat_map(|trial| &trial.record.torque_l_nm);
+        if let Some(torque_nm) = torques.copied().find(|torque| !constants.is_invertible_at(*torque)) {
+            let per_nm2 = constants.torque_nonlinearity_per_nm2;
+            return Err(PreprocessingError::Nonlinearity { per_nm2, torque_nm });
+        }
         for trial in &usable {
             match observations.observe(trial) {
                 Ok(observation) => observations.trials.push(observation),
@@ -88,7 +112,10 @@ impl Observations {
                 excluded_trials: observations.excluded_trials,
             });
         }
-        (observations.angle_noise_rad, observations.angle_step_rad) = angle_error(&usable);
+        let (noise_rad, step_rad) = angle_error(&usable);
+        observations.angle_noise_rad = noise_rad / constants.angle_gain;
+        observations.angle_step_rad = step_rad / constants.angle_gain;
+        observations.scale_further_channels(&usable);
         number_conditions(&mut observations.trials);
         set_covariates(&mut observations.trials, &usable, period_s);
         // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
@@ -120,20 +147,42 @@ impl Observations {
                 self.samples as f64 * self.period_s * 1e3
             ));
         }
-        let torque = filter(&self.sections, &record.torque_l_nm);
-        let theta_0_rad = mean(&record.theta_m_rad[onset + 1 - level..=onset]);
+        let true_nm: Vec<f64> =
+            record.torque_l_nm.iter().map(|recorded| self.constants.true_torque_nm(*recorded)).collect();
+        let torque = filter(&self.sections, &true_nm);
+        let cubes: Vec<f64> = true_nm.iter().map(|nm| nm * nm * nm).collect();
+        let cubed = filter(&self.sections, &cubes);
+        let cubed_0_nm3 = mean(&cubed[onset + 1 - level..=onset]);
+        let theta_m_rad: Vec<f64> =
+            record.theta_m_rad.iter().map(|recorded| recorded / self.constants.angle_gain).collect();
+        let theta_0_rad = mean(&theta_m_rad[onset + 1 - level..=onset]);
         let torque_0_nm = mean(&torque[onset + 1 - level..=onset]);
         let direction = if trial.velocity_rad_s < 0.0 { -1.0 } else { 1.0 };
-        let measured_nm: Vec<f64> =
+        let mut measured_nm: Vec<f64> =
             torque[onset..onset + self.samples].iter().map(|t| direction * (t - torque_0_nm)).collect();
         if measured_nm.iter().all(|t| t.abs() < 1e-9) {
             return Err("the torque does not change in the window: nothing can be estimated from it".into());
         }
+        let mut channels = vec![torque];
+        for further in &self.further {
+            let values = filter(&self.sections, samples_of(record, further.channel));
+            if values.len() != count {
+                return Err(format!("it has no {}, which other trials have", further.channel.column()));
+            }
+            let level_before = mean(&values[onset + 1 - level..=onset]);
+            let window = &values[onset..onset + self.samples];
+            if window.iter().all(|value| *value == level_before) {
+                return Err(format!("{} does not change in the window", further.channel.column()));
+            }
+            measured_nm.extend(window.iter().map(|value| direction * (value - level_before)));
+            channels.push(values);
+        }
+        let hold: Vec<&[f64]> = channels.iter().map(|channel| &channel[..=onset]).collect();
         let margin = libm::ceil(MARGIN_S / self.period_s) as usize;
         let first = onset.saturating_sub(self.lead_samples + margin);
         let last = (onset + self.samples + margin).min(count - 1);
         let angle_rad: Vec<f64> =
-            record.theta_m_rad[first..=last].iter().map(|x| direction * (x - theta_0_rad)).collect();
+            theta_m_rad[first..=last].iter().map(|x| direction * (x - theta_0_rad)).collect();
         if angle_rad.iter().all(|x| x.abs() < 1e-9) {
             return Err("the motor angle does not change in the window".into());
         }
@@ -150,13 +199,18 @@ impl Observations {
             theta_0_rad,
             torque_0_nm,
             input: wrist::TrialInput {
-                motion: wrist::motor_motion(&angle_rad, self.period_s),
+                motion: self.as_torque_sees(wrist::motor_motion(&angle_rad, self.period_s)),
                 onset: onset - first,
                 covariates: Covariates::default(),
             },
             angle_rad,
+            cubed_nm3: cubed[onset..onset + self.samples]
+                .iter()
+                .map(|own| direction * (own - cubed_0_nm3))
+                .collect(),
+            cubed_0_nm3,
             measured_nm,
-            hold_stretches: self.hold_stretches(&torque[..=onset]),
+            hold_stretches: self.hold_stretches(&hold),
         })
     }
 }
@@ -190,6 +244,17 @@ pub enum PreprocessingError {
     Window {
         /// Length of the window, s.
         window_s: f64,
+    },
+    /// The nonlinearity of the torque channel is no small correction.
+    #[error(
+        "the torque channel's nonlinearity of {per_nm2} 1/(N m)^2 changes the recorded torque of {torque_nm} N m by more than a third: it \
+         was not measured up to that torque; calibrate with a larger weight"
+    )]
+    Nonlinearity {
+        /// The nonlinearity, 1/(N m)^2.
+        per_nm2: f64,
+        /// The recorded torque, N m.
+        torque_nm: f64,
     },
     /// The window has too few samples for six parameters.
     #[error("a window of {window_s} s holds {samples} samples here; at least {MIN_SAMPLES} are needed")]

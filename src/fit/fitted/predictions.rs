@@ -9,11 +9,11 @@ use crate::wrist::SimulatedTorque;
 
 /// The prediction of one trial.
 pub struct Prediction {
-    /// Predicted torque, N m; one value per sample of the window.
+    /// Predicted torque, N m; one value per sample of the window. The further channels follow, scaled to N m.
     pub torque_nm: Vec<f64>,
-    /// Residuals: measured less predicted torque, N m.
+    /// Residuals: measured less predicted values, N m.
     pub residual_nm: Vec<f64>,
-    /// Derivatives of the predicted torque: samples by estimated parameters.
+    /// Derivatives of the predicted values: values by estimated parameters.
     pub jacobian: DMatrix<f64>,
 }
 
@@ -24,7 +24,7 @@ pub fn predictions(observations: &Observations, fit: &Fit) -> Vec<Prediction> {
     let estimated = &fit.parameterisation.estimated;
     let mut response = SimulatedTorque::default();
     predict(observations, &fit.kinds, estimated, &trials, &flat, &mut response);
-    let samples = observations.samples;
+    let samples = observations.rows();
     trials
         .iter()
         .map(|trial| {

@@ -70,31 +70,40 @@ pub fn coordinate_covariances(
         evaluate(observations, &fit.parameterisation, &fit.kinds, &fit.objective, &components, at);
     let of_component = |(component, equations): (&&Component, &GaussNewtonEquations)| {
         let order = component.order();
-        let mut matrix = equations.dense(component);
-        let held: Vec<bool> = order.iter().map(|index| fit.coordinate_at_bound(*index)).collect();
-        for (i, held) in held.iter().enumerate() {
-            if *held {
-                matrix.row_mut(i).fill(0.0);
-                matrix.column_mut(i).fill(0.0);
-                matrix[(i, i)] = 1.0;
-            }
-        }
-        let Some(mut inverse) = invert_scaled(matrix) else {
+        let Some(inverse) = inverse_normal_matrix(fit, component, equations) else {
             return DMatrix::from_element(order.len(), order.len(), f64::INFINITY);
         };
-        if let Objective::LeastSquares = fit.objective {
-            let meat = sandwich_meat(observations, fit, predictions, component, &order);
-            inverse = &inverse * meat * &inverse;
-        }
-        for (i, held) in held.iter().enumerate() {
-            if *held {
-                inverse.row_mut(i).fill(0.0);
-                inverse.column_mut(i).fill(0.0);
+        match fit.objective {
+            Objective::LeastSquares => {
+                &inverse * sandwich_meat(observations, fit, predictions, component, &order) * &inverse
             }
+            Objective::Whitened(_) => inverse,
         }
-        inverse
     };
     Some(components.iter().zip(&equations).map(of_component).collect())
+}
+
+/// Inverse of the Gauss-Newton matrix of a component, in its order; rows and columns of coordinates at a bound, which count as known,
+/// are zero. `None` if the data do not determine the others.
+pub(in crate::fit) fn inverse_normal_matrix(
+    fit: &Fit,
+    component: &Component,
+    equations: &GaussNewtonEquations,
+) -> Option<DMatrix<f64>> {
+    let mut matrix = equations.dense(component);
+    let held: Vec<usize> =
+        (0..matrix.nrows()).filter(|place| fit.coordinate_at_bound(component.order()[*place])).collect();
+    for place in &held {
+        matrix.row_mut(*place).fill(0.0);
+        matrix.column_mut(*place).fill(0.0);
+        matrix[(*place, *place)] = 1.0;
+    }
+    let mut inverse = invert_scaled(matrix)?;
+    for place in &held {
+        inverse.row_mut(*place).fill(0.0);
+        inverse.column_mut(*place).fill(0.0);
+    }
+    Some(inverse)
 }
 
 /// The middle factor of the sandwich estimator: the sum over trials of J'CJ, with the covariance C between all samples.
@@ -112,7 +121,7 @@ fn sandwich_meat(
         let jacobian = &predictions[*trial].jacobian;
         // The covariance is known on the noise samples. Noise and derivatives are smooth in between, so each noise sample stands for
         // its neighbours in the sum over all samples.
-        let weight = observations.samples as f64 / samples.len() as f64;
+        let weight = observations.rows() as f64 / samples.len() as f64;
         let rows =
             DMatrix::from_fn(samples.len(), jacobian.ncols(), |i, j| weight * jacobian[(samples[i], j)]);
         let mut to_coordinates = DMatrix::zeros(jacobian.ncols(), order.len());

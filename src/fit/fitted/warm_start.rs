@@ -19,7 +19,18 @@ use crate::wrist::mechanisms::MechanismKind;
 pub(in crate::fit) const WARM_START: SolverOptions =
     SolverOptions { max_iterations: 40, tolerance: 1e-4, max_log_step: 0.7 };
 
+/// The same where the optimum itself is wanted.
+const TO_THE_END: SolverOptions = SolverOptions { max_iterations: 100, tolerance: 1e-9, max_log_step: 0.7 };
+
 impl Fit {
+    /// This fit to the same session with other constants of the rig, from its optimum, with the same bounds, priors and weights.
+    pub fn refitted_to(&self, observations: &Observations) -> Self {
+        let start = &self.solution.coordinates;
+        let solution =
+            solve(observations, &self.parameterisation, &self.kinds, &self.objective, start, TO_THE_END);
+        Self { other_optima: Vec::new(), ..self.at_solution(solution) }
+    }
+
     /// Fits `model`, which adds mechanisms to the model of this fit, from the optimum of this fit.
     pub fn extended(&self, observations: &Observations, model: &Model) -> Self {
         self.extended_by(observations, model, WARM_START)

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::fit::calibration::constant_effects::ConstantEffects;
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
 use crate::fit::fitted::predictions::{predictions, variance_accounted_for};
@@ -40,6 +41,9 @@ pub struct TrialEstimate {
     pub sem: [Option<f64>; 6],
     /// Standard error from the covariance of the residuals, relative to each parameter; `None` if not determined.
     pub se: [Option<f64>; 6],
+    /// Part of `se` that comes from the errors of the measured constants of the rig; zero without a calibration.
+    #[serde(skip)]
+    pub se_of_rig: [f64; 6],
     /// 95 % profile likelihood intervals of k_dec and x_e; `None` if the parameter is not the trial's own, or not computed.
     #[serde(skip)]
     pub profile: [Option<ProfileInterval>; 2],
@@ -76,6 +80,9 @@ pub struct ConditionEstimate {
     pub averaged: [usize; 9],
     /// Standard errors of the means of the six base parameters, relative to them; `None` if a repetition has none.
     pub se: [Option<f64>; 6],
+    /// Part of `se` that comes from the errors of the measured constants of the rig; zero without a calibration.
+    #[serde(skip)]
+    pub se_of_rig: [f64; 6],
 }
 
 impl TrialEstimate {
@@ -163,9 +170,13 @@ fn with_profiles(
             repetition: trial.repetition,
             k_after_nm_per_rad: values[K_SRS] - values[K_DEC],
             x_t_s: fit.x_t_s(observations, index),
-            vaf: variance_accounted_for(&trial.measured_nm, &predictions[index].residual_nm),
+            vaf: variance_accounted_for(
+                observations.torque_of(&trial.measured_nm),
+                observations.torque_of(&predictions[index].residual_nm),
+            ),
             sem: uncertainties[index].sem,
             se: uncertainties[index].se,
+            se_of_rig: [0.0; 6],
             profile: profiles[index],
             determined: std::array::from_fn(|parameter| !fit.at_bound(index, parameter)),
             converged: fit.outcome(index).termination == Termination::Converged,
@@ -245,6 +256,31 @@ fn remarks(fit: &Fit, index: usize, se: &[Option<f64>; 6], other_optima: &[Other
     remarks
 }
 
+/// Estimates and conditions whose standard errors contain the errors of the rig's constants. Those of `estimates` and `conditions`, from
+/// the noise alone, are independent of them.
+pub fn with_rig_errors(
+    (mut estimates, mut conditions): (Vec<TrialEstimate>, Vec<ConditionEstimate>),
+    effects: &ConstantEffects,
+) -> (Vec<TrialEstimate>, Vec<ConditionEstimate>) {
+    let of_rig = conditions_with(&estimates, |parameter, one, other| {
+        Some(effects.log_covariance(parameter, one, other))
+    });
+    for (condition, of_rig) in conditions.iter_mut().zip(&of_rig) {
+        for (parameter, se) in condition.se.iter_mut().enumerate() {
+            condition.se_of_rig[parameter] =
+                of_rig.se[parameter].filter(|own| own.is_finite()).unwrap_or(0.0);
+            *se = se.map(|own| libm::hypot(own, condition.se_of_rig[parameter]));
+        }
+    }
+    for (trial, estimate) in estimates.iter_mut().enumerate() {
+        for (parameter, se) in estimate.se.iter_mut().enumerate() {
+            estimate.se_of_rig[parameter] = effects.se(parameter, trial);
+            *se = se.map(|own| libm::hypot(own, estimate.se_of_rig[parameter]));
+        }
+    }
+    (estimates, conditions)
+}
+
 /// Means and standard deviations over the repetitions of each condition; `estimates` are ordered by condition. The errors of trials
 /// count as independent.
 pub fn by_condition(estimates: &[TrialEstimate]) -> Vec<ConditionEstimate> {
@@ -302,6 +338,7 @@ pub fn conditions_with(
                 sd: sds,
                 averaged,
                 se: ses,
+                se_of_rig: [0.0; 6],
             }
         })
         .collect()

@@ -4,11 +4,16 @@ use std::path::PathBuf;
 
 use serde_json::{Map, Value, json};
 
-use super::estimates::{ConditionEstimate, TrialEstimate, by_condition, estimates, session_estimates};
-use crate::dataset::{Disk, PROGRAM};
+use super::estimates::{
+    ConditionEstimate, TrialEstimate, by_condition, estimates, session_estimates, with_rig_errors,
+};
+use crate::dataset::{Disk, PROGRAM, RigCalibration, RigQuantity};
 use crate::files::{Folder, csv_cell};
+use crate::fit::calibration::assumed_constants::{ASSUMED_ERROR, AskedFit, assumed_constants};
+use crate::fit::calibration::constant_effects::ConstantEffects;
 use crate::fit::data::observations::{ExcludedTrial, Observations};
 use crate::fit::data::preprocessing::PreprocessingSettings;
+use crate::fit::data::rig_constants::RigConstants;
 use crate::fit::fitted::fit::Fit;
 use crate::fit::fitted::quantities::QUANTITIES;
 use crate::fit::inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread};
@@ -18,7 +23,7 @@ use crate::fit::population::other_optimum::OtherOptimum;
 use crate::fit::population::session_fit::SessionFit;
 use crate::fit::residuals::objective::{Objective, Weighting};
 use crate::signal::NoiseCovariance;
-use crate::wrist::BASE_PARAMETERS;
+use crate::wrist::{BASE_PARAMETERS, ScaledChannel};
 
 /// Version of the format of `fit.json` that this program writes.
 pub const FIT_FORMAT: &str = "ramphold-fit/1";
@@ -55,15 +60,25 @@ impl Results {
         (fit, session): (&Fit, &Result<SessionFit, NoSessionModel>),
         settings: PreprocessingSettings,
         weighting: Weighting,
+        calibration: Option<&RigCalibration>,
     ) -> Self {
         let own = estimates(observations, fit);
-        let independent = (own.clone(), by_condition(&own));
-        let ((estimates, conditions), chosen) = match session {
-            Ok(session) => (session_estimates(observations, session), &session.fit),
-            Err(_) => (independent.clone(), fit),
+        let conditions = by_condition(&own);
+        let of_fit = calibration.map(|own| ConstantEffects::of_fit(observations, fit, own));
+        let independent = with_errors_of(of_fit.as_ref(), (own, conditions));
+        let ((estimates, conditions), chosen, effects) = match session {
+            Ok(session) => {
+                let effects = calibration.map(|own| ConstantEffects::of_session(observations, session, own));
+                let found = with_errors_of(effects.as_ref(), session_estimates(observations, session));
+                (found, &session.fit, effects)
+            }
+            Err(_) => (independent.clone(), fit, of_fit),
         };
         let mut json = json(subject, observations, chosen, settings, weighting, (&estimates, &conditions));
         json["session_model"] = session_model_json(session);
+        let asked = session.as_ref().map_or(AskedFit::Trials(fit), AskedFit::Session);
+        json["rig"] = rig_json(observations, asked, calibration);
+        add_effects(&mut json, effects.as_ref());
         let trials = json["trials"].as_array_mut().into_iter().flatten();
         for (trial, own) in trials.zip(&independent.0) {
             trial["profile_95"] = profile_json(&own.profile);
@@ -96,9 +111,17 @@ impl Results {
     }
 
     /// Adds what the results were made from: the sum of the session, whether the fit of each trial alone was asked for, and the
-    /// contradictions between signals and table that were accepted.
-    pub fn add_input(&mut self, digest: &str, independent: bool, accepted: &[impl serde::Serialize]) {
+    /// contradictions between signals and table that were accepted; `calibration` is the sum of the file of the rig's constants, if there
+    /// was one.
+    pub fn add_input(
+        &mut self,
+        digest: &str,
+        independent: bool,
+        accepted: &[impl serde::Serialize],
+        calibration: Option<&str>,
+    ) {
         self.json["made_from"] = json!({ "session_sha256": digest, "program": PROGRAM });
+        self.json["settings"]["calibration_sha256"] = json!(calibration);
         self.json["settings"]["independent"] = json!(independent);
         // The weighting that was used depends on the data: without noise to measure there is only one.
         self.json["settings"]["weighting_asked"] = json!(self.weighting);
@@ -245,6 +268,7 @@ fn json(
         entry.insert("values".into(), named(&estimate.quantities(), &QUANTITIES));
         entry.insert("sem_eq9_relative".into(), named(&estimate.sem, &BASE_PARAMETERS));
         entry.insert("se_relative".into(), named(&estimate.se, &BASE_PARAMETERS));
+        entry.insert("se_of_rig_relative".into(), named(&estimate.se_of_rig.map(Some), &BASE_PARAMETERS));
         entry.insert("other_optima".into(), other_optima_json(estimate));
         entry.insert("converged".into(), json!(estimate.converged));
         entry.insert("remarks".into(), json!(estimate.remarks));
@@ -259,9 +283,12 @@ fn json(
             "mean": named(&condition.mean, &QUANTITIES),
             "sd": named(&condition.sd, &QUANTITIES),
             "se_relative": named(&condition.se, &BASE_PARAMETERS),
+            "se_of_rig_relative": named(&condition.se_of_rig.map(Some), &BASE_PARAMETERS),
         })
     };
+    let samples = observations.window_noise_samples().count();
     let noise = |noise: &NoiseCovariance| {
+        let noise = noise.of_first(samples);
         json!({
             "stretches": noise.stretches,
             "last_sample_sd_nm": noise.last_sample_sd_nm(),
@@ -269,7 +296,19 @@ fn json(
         })
     };
     let left_out = |left: &ExcludedTrial| json!({ "trial": left.trial, "reason": left.reason });
-    json!({
+    let further = |(place, further): (usize, &ScaledChannel)| {
+        let last = |noise: &NoiseCovariance| {
+            let last = (2 + place) * samples - 1;
+            libm::sqrt(noise.covariance[(last, last)]) / further.nm_per_unit
+        };
+        json!({
+            "column": further.channel.column(),
+            "nm_per_unit": further.nm_per_unit,
+            "last_sample_sd": observations.noise_covariances.iter().map(last).collect::<Vec<_>>(),
+            "encoder_step_rad": further.channel.is_angle().then_some(observations.further_step[place]),
+        })
+    };
+    let mut contents = json!({
         "format": FIT_FORMAT,
         "version": env!("CARGO_PKG_VERSION"),
         "subject": subject,
@@ -278,6 +317,7 @@ fn json(
             "filter": if observations.sections.is_empty() { Value::Null } else { json!(settings.filter) },
             "weighting": weighting_used(weighting, fit),
             "lever": observations.lever,
+            "rig_constants": observations.constants,
             "sample_rate_hz": 1.0 / observations.period_s,
         },
         "model": fit.model.json(),
@@ -291,7 +331,68 @@ fn json(
         "trials": estimates.iter().map(trial).collect::<Vec<_>>(),
         "conditions": conditions.iter().map(condition).collect::<Vec<_>>(),
         "left_out": observations.excluded_trials.iter().map(left_out).collect::<Vec<_>>(),
+    });
+    if !observations.further.is_empty() {
+        contents["further_channels"] = observations.further.iter().enumerate().map(further).collect();
+    }
+    contents
+}
+
+/// Estimates with what the errors of the constants add, if they were measured.
+fn with_errors_of(
+    effects: Option<&ConstantEffects>,
+    found: (Vec<TrialEstimate>, Vec<ConditionEstimate>),
+) -> (Vec<TrialEstimate>, Vec<ConditionEstimate>) {
+    match effects {
+        Some(effects) => with_rig_errors(found, effects),
+        None => found,
+    }
+}
+
+/// What is known of the rig's constants: the calibration, and what an error of the constants would do that nobody measured.
+fn rig_json(observations: &Observations, fit: AskedFit, calibration: Option<&RigCalibration>) -> Value {
+    let is_measured = |quantity: RigQuantity| calibration.is_some_and(|own| own.value(quantity).is_some());
+    let of_lever = [RigQuantity::LeverInertia, RigQuantity::LeverDamping, RigQuantity::LeverStiffness];
+    let lever = match (observations.lever, of_lever.iter().filter(|own| is_measured(**own)).count()) {
+        (None, _) => "rigid",
+        (Some(_), 0) => "assumed",
+        (Some(_), measured) if measured < of_lever.len() => "measured in part",
+        (Some(_), _) => "measured",
+    };
+    let quantity = |own: &crate::dataset::CalibratedQuantity| {
+        json!({
+            "name": own.name, "value": own.value, "se": own.se, "stated": own.stated, "reason": own.reason,
+            "used": own.value.is_some() && RigConstants::applied().contains(&own.name),
+        })
+    };
+    let calibrated = calibration.map(|own| {
+        json!({
+            "session": own.session,
+            "made_utc": own.made_utc,
+            "measured_utc": own.measured_utc,
+            "program": own.program,
+            "p_value_of_misfit": own.fit.p_value_of_misfit,
+            "quantities": own.quantities.iter().map(quantity).collect::<Vec<_>>(),
+        })
+    });
+    json!({
+        "lever": lever,
+        "calibration": calibrated,
+        "assumed_error": ASSUMED_ERROR,
+        "assumed": assumed_constants(observations, fit, is_measured),
     })
+}
+
+/// Adds to each trial how its parameters change by one standard error of each measured constant.
+fn add_effects(json: &mut Value, effects: Option<&ConstantEffects>) {
+    let Some(effects) = effects else { return };
+    for (trial, entry) in json["trials"].as_array_mut().into_iter().flatten().enumerate() {
+        let of = |(quantity, changes): (&RigQuantity, &Vec<[f64; 6]>)| {
+            (quantity.name().to_owned(), named(&changes[trial].map(Some), &BASE_PARAMETERS))
+        };
+        let all: Map<_, _> = effects.quantities.iter().zip(&effects.per_se).map(of).collect();
+        entry["change_by_se_of_constant"] = Value::Object(all);
+    }
 }
 
 /// Values by name.
@@ -306,6 +407,7 @@ fn independent_json(estimate: &TrialEstimate) -> Value {
         "values": named(&estimate.quantities(), &QUANTITIES),
         "sem_eq9_relative": named(&estimate.sem, &BASE_PARAMETERS),
         "se_relative": named(&estimate.se, &BASE_PARAMETERS),
+        "se_of_rig_relative": named(&estimate.se_of_rig.map(Some), &BASE_PARAMETERS),
         "other_optima": other_optima_json(estimate),
         "converged": estimate.converged,
         "remarks": estimate.remarks,

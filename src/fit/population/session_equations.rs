@@ -16,6 +16,10 @@ const MAX_JOINT_STEPS: usize = 6;
 /// Joint steps end where one decreases the cost by less.
 const MIN_DECREASE: f64 = 1e-2;
 
+/// The same where the optimum itself is wanted: a decrease of 1e-6 is a thousandth of a standard error.
+const MAX_STEPS_TO_THE_END: usize = 30;
+const LEAST_DECREASE: f64 = 1e-6;
+
 /// Largest change of a logarithm in one step.
 const MAX_LOG_STEP: f64 = 0.7;
 
@@ -141,9 +145,30 @@ impl TrialBlocks {
         fit: &mut Fit,
         hierarchy: &mut Hierarchy,
     ) {
+        self.step_jointly(observations, fit, hierarchy, (MAX_JOINT_STEPS, MIN_DECREASE));
+    }
+
+    /// The same until nothing is left to gain.
+    pub(super) fn settle_to_the_end(
+        &self,
+        observations: &Observations,
+        fit: &mut Fit,
+        hierarchy: &mut Hierarchy,
+    ) {
+        self.step_jointly(observations, fit, hierarchy, (MAX_STEPS_TO_THE_END, LEAST_DECREASE));
+    }
+
+    /// Steps towards the joint optimum: at most so many, until one decreases the cost by less.
+    fn step_jointly(
+        &self,
+        observations: &Observations,
+        fit: &mut Fit,
+        hierarchy: &mut Hierarchy,
+        (most, least_decrease): (usize, f64),
+    ) {
         self.set_priors(fit, hierarchy);
         let mut equations = SessionEquations::new(observations, fit, hierarchy, self);
-        for _ in 0..MAX_JOINT_STEPS {
+        for _ in 0..most {
             let Some(step) = equations.step() else { return };
             let mut part = 1.0;
             let moved = loop {
@@ -161,7 +186,7 @@ impl TrialBlocks {
             let Some(((next_fit, next_hierarchy), there)) = moved else { return };
             let decrease = equations.cost - there.cost;
             (*fit, *hierarchy, equations) = (next_fit, next_hierarchy, there);
-            if decrease < MIN_DECREASE {
+            if decrease < least_decrease {
                 return;
             }
         }

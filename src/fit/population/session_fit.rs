@@ -1,6 +1,6 @@
 //! The fit of a session as a whole: each trial's parameters with the model of the session as their prior.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::convergence::Converged;
 use super::hierarchy::{Hierarchy, largest_spread};
@@ -139,6 +139,20 @@ impl SessionFit {
         let covariance = covariance.view((0, 0), (coordinates, coordinates)).into_owned();
         let TrialBlocks { parameters, conditions, .. } = trials;
         Ok(Self { fit, hierarchy, parameters, conditions, other_optima, other_places, groups, covariance })
+    }
+
+    /// Change of the fit's coordinates, to first order, where the gradient of the cost with respect to them changes by `gradient`, one
+    /// value for each coordinate. Means and regression follow; the spreads stay.
+    pub fn change_of_coordinates(&self, gradient: &DVector<f64>) -> DVector<f64> {
+        -&self.covariance * gradient
+    }
+
+    /// This fit to the same session with other constants of the rig, from its optimum; the spreads stay.
+    pub fn refitted_to(&self, observations: &Observations) -> Result<Self, NoSessionModel> {
+        let mut moved = self.clone();
+        let trials = TrialBlocks::of(observations, &self.fit)?;
+        trials.settle_to_the_end(observations, &mut moved.fit, &mut moved.hierarchy);
+        Ok(moved)
     }
 
     /// Covariance of the logarithms of a base parameter in two trials, given all trials; `None` where it is not estimated on a

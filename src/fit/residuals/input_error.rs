@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::prediction::predict;
 use crate::fit::data::observations::{Observations, TrialObservation};
+use crate::signal::filter;
 use crate::wrist::{SimulatedTorque, Smoothing};
 
 /// Number of rest positions within a step of the encoder over which the quantisation error is averaged.
@@ -44,41 +45,81 @@ fn smoothed_error_covariance(
     let response = ImpulseResponse::new(observations, smoothing, point);
     let count = observations.samples + response.reach;
     let mut covariance = DMatrix::zeros(samples.len(), samples.len());
-    let mut add_white = |sd_rad: f64, weight: f64, sample: usize| {
-        let mut error = vec![0.0; count];
-        error[sample] = sd_rad * libm::sqrt(weight);
-        response.add_outer_product(&mut covariance, &samples, &error);
+    let mut add = |error: &[f64]| {
+        response.add_outer_product(&mut covariance, observations.samples, &samples, error);
     };
     let step = observations.angle_step_rad;
     if step == 0.0 {
-        (0..count).for_each(|sample| add_white(observations.angle_noise_rad, 1.0, sample));
+        (0..count).for_each(|sample| add(&white(count, observations.angle_noise_rad, 1.0, sample)));
         return covariance;
     }
-    let motions = mean_motions(observations, count);
-    for (share, motion) in &motions {
-        let is_fast = |sample: usize| sample > 0 && (motion[sample] - motion[sample - 1]).abs() > step;
-        (0..count)
-            .filter(|s| is_fast(*s))
-            .for_each(|sample| add_white(step / libm::sqrt(12.0), *share, sample));
+    let motor = |trial: &TrialObservation, sample: usize| {
+        let motion = &trial.input.motion;
+        motion[(trial.input.onset + sample).min(motion.len() - 1)].theta
+    };
+    each_rounding_error(&mean_motions(observations, count, motor), step, add);
+    covariance
+}
+
+/// Covariance, (N m)^2, on the noise samples, of the rounding errors of the encoders among the further channels. The encoder of a
+/// motor at rest does not show the error in the holds.
+pub fn further_encoder_covariance(observations: &Observations) -> DMatrix<f64> {
+    let samples: Vec<usize> = observations.noise_samples().collect();
+    let mut covariance = DMatrix::zeros(samples.len(), samples.len());
+    for (place, further) in observations.further.iter().enumerate() {
+        let step = observations.further_step[place];
+        if step == 0.0 {
+            continue;
+        }
+        let response = ImpulseResponse::of_filter(observations, place);
+        let angle = |trial: &TrialObservation, sample: usize| {
+            observations.further_of(place, &trial.measured_nm)[sample] / further.nm_per_unit
+        };
+        let motions = mean_motions(observations, observations.samples, angle);
+        each_rounding_error(&motions, step, |error| {
+            response.add_outer_product(&mut covariance, observations.samples, &samples, error);
+        });
     }
-    for (share, motion) in &motions {
+    covariance
+}
+
+/// An error at one sample, in rad, of `count`.
+fn white(count: usize, sd_rad: f64, weight: f64, sample: usize) -> Vec<f64> {
+    let mut error = vec![0.0; count];
+    error[sample] = sd_rad * libm::sqrt(weight);
+    error
+}
+
+/// Calls `add` with independent rounding errors of an encoder with steps of `step`, in rad sample by sample from the onset, whose outer
+/// products sum up to their covariance over `motions`, each with its share.
+fn each_rounding_error(motions: &[(f64, Vec<f64>)], step: f64, mut add: impl FnMut(&[f64])) {
+    for (share, motion) in motions {
+        let is_fast = |sample: usize| sample > 0 && (motion[sample] - motion[sample - 1]).abs() > step;
+        (0..motion.len())
+            .filter(|s| is_fast(*s))
+            .for_each(|sample| add(&white(motion.len(), step / libm::sqrt(12.0), *share, sample)));
+    }
+    for (share, motion) in motions {
         let is_fast = |sample: usize| sample > 0 && (motion[sample] - motion[sample - 1]).abs() > step;
         for position in 0..REST_POSITIONS {
             let rest = step * ((position as f64 + 0.5) / REST_POSITIONS as f64 - 0.5);
             let rounding = |theta: f64| libm::round((theta + rest) / step) * step - (theta + rest);
             let weight = libm::sqrt(share / REST_POSITIONS as f64);
-            let error: Vec<f64> = (0..count)
+            let error: Vec<f64> = (0..motion.len())
                 .map(|s| weight * (if is_fast(s) { 0.0 } else { rounding(motion[s]) } - rounding(0.0)))
                 .collect();
-            response.add_outer_product(&mut covariance, &samples, &error);
+            add(&error);
         }
     }
-    covariance
 }
 
-/// Mean motor angle from the onset on, rad, for each velocity, with the share of the trials that have this velocity. The trials rest
+/// Mean of an angle from the onset on, rad, for each velocity, with the share of the trials that have this velocity. The trials rest
 /// at different positions within a step of the encoder, so their mean resolves the motion within a step.
-fn mean_motions(observations: &Observations, count: usize) -> Vec<(f64, Vec<f64>)> {
+fn mean_motions(
+    observations: &Observations,
+    count: usize,
+    angle: impl Fn(&TrialObservation, usize) -> f64,
+) -> Vec<(f64, Vec<f64>)> {
     let key = |trial: &TrialObservation| (trial.velocity_rad_s.to_bits(), trial.label.clone());
     let mut keys: Vec<_> = observations.trials.iter().map(key).collect();
     keys.sort();
@@ -86,55 +127,71 @@ fn mean_motions(observations: &Observations, count: usize) -> Vec<(f64, Vec<f64>
     let of_key = |own: &(u64, Option<String>)| {
         let alike: Vec<&TrialObservation> =
             observations.trials.iter().filter(|trial| key(trial) == *own).collect();
-        let at = |sample: usize| {
-            let theta = |trial: &&TrialObservation| {
-                let motion = &trial.input.motion;
-                motion[(trial.input.onset + sample).min(motion.len() - 1)].theta
-            };
-            alike.iter().map(theta).sum::<f64>() / alike.len() as f64
-        };
+        let at =
+            |sample: usize| alike.iter().map(|trial| angle(trial, sample)).sum::<f64>() / alike.len() as f64;
         let share = alike.len() as f64 / observations.trials.len() as f64;
         (share, (0..count).map(at).collect())
     };
     keys.iter().map(of_key).collect()
 }
 
-/// Impulse response of the torque to an error of the angle at one sample.
+/// Impulse response of the channels to an error of an angle at one sample.
 struct ImpulseResponse {
     /// Number of samples by which the response precedes the error, because the smoothing of the angle looks ahead.
     reach: usize,
-    /// The response, N m/rad, from `reach` samples before the error on.
-    nm_per_rad: Vec<f64>,
+    /// The response of each channel, N m/rad, from `reach` samples before the error on; empty for a channel without a response.
+    nm_per_rad: Vec<Vec<f64>>,
 }
 
 impl ImpulseResponse {
-    /// Impulse response of the base model at the parameters `point`.
+    /// Impulse response of the base model at the parameters `point` to an error of the motor angle.
     fn new(observations: &Observations, smoothing: Smoothing, point: &[f64; 6]) -> Self {
         // Small enough for the model to be linear.
         let error_rad = 1e-7;
-        let reach = smoothing.reach(observations.period_s);
+        // A torque record that is early answers before the angle moves.
+        let early_s = (-observations.constants.torque_delay_s).max(0.0);
+        let reach =
+            smoothing.reach(observations.period_s) + libm::ceil(early_s / observations.period_s) as usize;
         let mut single = observations.subset(&[0]);
         single.samples += reach + 1;
         let mut angle = vec![0.0; single.lead_samples + single.samples + 2 * reach];
         angle[single.lead_samples + reach] = error_rad;
-        single.trials[0].input.motion = smoothing.motion(&angle, single.period_s);
+        single.trials[0].input.motion = single.as_torque_sees(smoothing.motion(&angle, single.period_s));
         single.trials[0].input.onset = single.lead_samples;
         let mut response = SimulatedTorque::default();
         predict(&single, &[], &[], &[0], point, &mut response);
-        Self { reach, nm_per_rad: response.torque_nm.iter().map(|torque| torque / error_rad).collect() }
+        let of_channel = |own: &[f64]| own.iter().map(|torque| torque / error_rad).collect();
+        Self { reach, nm_per_rad: response.torque_nm.chunks_exact(single.samples).map(of_channel).collect() }
     }
 
-    /// Adds to `covariance` the outer product of the torque error at `samples` that the angle error `error` causes, given in rad
-    /// sample by sample from the onset.
-    fn add_outer_product(&self, covariance: &mut DMatrix<f64>, samples: &[usize], error: &[f64]) {
-        let torque = |sample: &usize| {
-            let first = (sample + self.reach + 1).saturating_sub(self.nm_per_rad.len());
+    /// Impulse response of the further channel number `place` to an error of its own, which passes the filter alone.
+    fn of_filter(observations: &Observations, place: usize) -> Self {
+        let mut impulse = vec![0.0; observations.samples];
+        impulse[0] = observations.further[place].nm_per_unit;
+        let mut nm_per_rad = vec![Vec::new(); 1 + observations.further.len()];
+        nm_per_rad[1 + place] = filter(&observations.sections, &impulse);
+        Self { reach: 0, nm_per_rad }
+    }
+
+    /// Adds to `covariance` the outer product of the error at `values` that the angle error `error` causes, given in rad sample by sample
+    /// from the onset. A trial has `samples` values of each channel.
+    fn add_outer_product(
+        &self,
+        covariance: &mut DMatrix<f64>,
+        samples: usize,
+        values: &[usize],
+        error: &[f64],
+    ) {
+        let torque = |value: &usize| {
+            let (response, sample) = (&self.nm_per_rad[value / samples], value % samples);
+            if response.is_empty() {
+                return 0.0;
+            }
+            let first = (sample + self.reach + 1).saturating_sub(response.len());
             let last = (sample + self.reach).min(error.len() - 1);
-            (first..=last)
-                .map(|wrong| error[wrong] * self.nm_per_rad[sample + self.reach - wrong])
-                .sum::<f64>()
+            (first..=last).map(|wrong| error[wrong] * response[sample + self.reach - wrong]).sum::<f64>()
         };
-        let torque = DVector::from_iterator(samples.len(), samples.iter().map(torque));
+        let torque = DVector::from_iterator(values.len(), values.iter().map(torque));
         *covariance += &torque * torque.transpose();
     }
 }

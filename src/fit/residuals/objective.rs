@@ -23,7 +23,7 @@ pub enum Objective {
     /// Half the sum of squared torque residuals, (N m)^2 (section 2.4 of the paper).
     LeastSquares,
     /// Half the sum of squares of whitened residuals, without unit. There is one whitening matrix per noise covariance of the
-    /// session; its columns are the samples of the window.
+    /// session; its columns are the values of a trial.
     Whitened(Vec<DMatrix<f64>>),
 }
 
@@ -58,7 +58,7 @@ impl Objective {
         }
     }
 
-    /// Whitens a torque of the window, N m: multiplies by the whitening matrix, if there is one.
+    /// Whitens the values of a trial, N m: multiplies by the whitening matrix, if there is one.
     pub fn whiten(&self, noise_index: Option<usize>, torque_nm: &[f64]) -> DVector<f64> {
         let torque = DVector::from_column_slice(torque_nm);
         match self.whitening_matrix(noise_index) {
@@ -67,7 +67,7 @@ impl Objective {
         }
     }
 
-    /// Whitens each column of `columns`, whose rows are the samples of the window.
+    /// Whitens each column of `columns`, whose rows are the values of a trial.
     pub fn whiten_columns(&self, noise_index: Option<usize>, columns: &DMatrix<f64>) -> DMatrix<f64> {
         match self.whitening_matrix(noise_index) {
             Some(matrix) => matrix * columns,
@@ -75,8 +75,8 @@ impl Objective {
         }
     }
 
-    /// Number of whitened values of a window of `samples` samples.
-    pub fn whitened_count(&self, noise_index: Option<usize>, samples: usize) -> usize {
-        self.whitening_matrix(noise_index).map_or(samples, DMatrix::nrows)
+    /// Number of whitened values of a trial of `rows` values.
+    pub fn whitened_count(&self, noise_index: Option<usize>, rows: usize) -> usize {
+        self.whitening_matrix(noise_index).map_or(rows, DMatrix::nrows)
     }
 }

@@ -4,15 +4,15 @@ use rayon::prelude::*;
 
 use crate::fit::data::observations::Observations;
 use crate::wrist::mechanisms::MechanismKind;
-use crate::wrist::{SimulatedTorque, SimulationSettings, exact_steps, simulate, substeps};
+use crate::wrist::{SimulatedTorque, SimulationSettings, simulate, steps_per_sample};
 
 /// Number of trials that one thread simulates at a time.
 const BATCH: usize = 16;
 
-/// Predicts the torque of `trials`, N m, and its derivatives with respect to the parameters `wanted`, into `response`.
+/// Predicts the torque of `trials`, N m, with their further channels, and its derivatives with respect to the parameters `wanted`, into `response`.
 ///
-/// `parameters` holds the parameter vectors of the trials, one after the other. `response` gets one row of samples per trial, and
-/// per trial one row of derivatives per sample. The number of integration steps of a trial depends on its own parameters alone,
+/// `parameters` holds the parameter vectors of the trials, one after the other. `response` gets one row of values per trial, and
+/// per trial one row of derivatives per value. The number of integration steps of a trial depends on its own parameters alone,
 /// so its prediction depends neither on the other trials nor on the number of threads.
 pub fn predict(
     observations: &Observations,
@@ -24,14 +24,9 @@ pub fn predict(
 ) {
     let count = parameters.len() / trials.len().max(1);
     let own = |place: usize| &parameters[place * count..(place + 1) * count];
-    // Powers of two: a small step of the parameters seldom changes the integrator, and few batches result.
-    let (lever, period_s) = (observations.lever, observations.period_s);
-    let steps = |place: usize| match kinds {
-        [] => {
-            let speed_rad_s = observations.trials[trials[place]].input.highest_speed_rad_s();
-            exact_steps(lever, own(place), speed_rad_s, period_s)
-        }
-        _ => substeps(lever, own(place), period_s).next_power_of_two(),
+    let steps = |place: usize| {
+        let input = &observations.trials[trials[place]].input;
+        steps_per_sample(observations.lever, kinds, input, own(place), observations.period_s)
     };
     let mut order: Vec<(usize, usize)> = (0..trials.len()).map(|place| (steps(place), place)).collect();
     order.sort_unstable();
@@ -50,7 +45,7 @@ pub fn predict(
         [one] => vec![run(one)],
         several => several.par_iter().map(run).collect(),
     };
-    let (samples, slopes) = (observations.samples, observations.samples * wanted.len());
+    let (samples, slopes) = (observations.rows(), observations.rows() * wanted.len());
     response.torque_nm.resize(trials.len() * samples, 0.0);
     response.slopes.resize(trials.len() * slopes, 0.0);
     for (batch, part) in batches.iter().zip(&parts) {

@@ -1,11 +1,13 @@
-//! Covariance of the residuals: noise of the torque plus the error of the recorded angle, carried through the model.
+//! Covariance of the residuals: noise of the channels plus the error of the recorded angle, carried through the model, plus the
+//! quantisation of further encoders.
 //!
 //! The holds show only the first source (voluntary drift, tremor, noise of the gauge). The error of the angle drives the model
 //! during the ramp; see [`super::input_error`].
 
 use nalgebra::DMatrix;
 
-use super::input_error::input_error_covariance;
+use super::channel_covariance::{enlarged, whitener};
+use super::input_error::{further_encoder_covariance, input_error_covariance};
 use crate::fit::data::hold_noise::STRETCHES_PER_WINDOW;
 use crate::fit::data::observations::Observations;
 use crate::signal::NoiseCovariance;
@@ -20,26 +22,51 @@ const MIN_PRECISION_FACTOR: f64 = 0.25;
 /// Covariance of the residuals for each noise covariance of the session, on the noise samples. `point` are rough values of the base
 /// parameters, which determine how an error of the angle becomes an error of the torque.
 pub fn residual_covariances(observations: &Observations, point: &[f64; 6]) -> Vec<NoiseCovariance> {
-    let input_error = input_error_covariance(observations, point);
+    let input_error = input_error_covariance(observations, point) + further_encoder_covariance(observations);
+    let samples = observations.window_noise_samples().count();
     let with_input_error = |noise: &NoiseCovariance| {
-        let directions = noise.directions(FLOOR_NM * FLOOR_NM);
-        let covariance = (&noise.covariance + &input_error) / precision_factor(noise.stretches, directions);
+        let factors: Vec<f64> =
+            channel_factors(noise, samples).into_iter().map(|(factor, _)| factor).collect();
+        let covariance =
+            enlarged(&(&noise.covariance + &input_error), &factors, samples, FLOOR_NM * FLOOR_NM);
         NoiseCovariance { covariance, stretches: noise.stretches }
     };
     observations.noise_covariances.iter().map(with_input_error).collect()
 }
 
-/// Variance of whitened noise, for each noise covariance of the session: below one by as much as the covariances were enlarged.
+/// Variance of whitened noise, for each noise covariance of the session: below one by as much as the covariances were enlarged, in the
+/// mean over the directions of all channels.
 pub fn precision_factors(observations: &Observations) -> Vec<f64> {
-    let factor =
-        |noise: &NoiseCovariance| precision_factor(noise.stretches, noise.directions(FLOOR_NM * FLOOR_NM));
+    let samples = observations.window_noise_samples().count();
+    let factor = |noise: &NoiseCovariance| match channel_factors(noise, samples).as_slice() {
+        [(only, _)] => *only,
+        several => {
+            let directions: usize = several.iter().map(|(_, directions)| directions).sum();
+            several.iter().map(|(factor, own)| factor * *own as f64).sum::<f64>() / directions.max(1) as f64
+        }
+    };
     observations.noise_covariances.iter().map(factor).collect()
+}
+
+/// Of each channel with `samples` noise samples, the factor of its precision given the channels before it, and the number of directions
+/// that it adds.
+fn channel_factors(noise: &NoiseCovariance, samples: usize) -> Vec<(f64, usize)> {
+    let mut before = 0;
+    let mut factors = Vec::new();
+    for channels in 1..=noise.covariance.nrows() / samples {
+        let directions = noise.of_first(channels * samples).directions(FLOOR_NM * FLOOR_NM);
+        factors.push((precision_factor(noise.stretches, directions), directions.saturating_sub(before)));
+        before = directions;
+    }
+    factors
 }
 
 /// How large the variance of the torque error from the recorded angle is, beside that of the torque's own noise; the largest of
 /// `covariances`, which are those of [`residual_covariances`].
 pub fn angle_error_ratio(observations: &Observations, covariances: &[NoiseCovariance]) -> f64 {
+    let samples = observations.window_noise_samples().count();
     let ratio = |(noise, whole): (&NoiseCovariance, &NoiseCovariance)| {
+        let (noise, whole) = (noise.of_first(samples), whole.of_first(samples));
         let directions = noise.directions(FLOOR_NM * FLOOR_NM);
         let whole = whole.covariance.trace() * precision_factor(noise.stretches, directions);
         whole / noise.covariance.trace() - 1.0
@@ -47,12 +74,13 @@ pub fn angle_error_ratio(observations: &Observations, covariances: &[NoiseCovari
     observations.noise_covariances.iter().zip(covariances).map(ratio).fold(0.0, f64::max)
 }
 
-/// Whitening matrix for each of `covariances`. It has one column per sample of the window; columns between noise samples are zero.
+/// Whitening matrix for each of `covariances`. It has one column per value of a trial; columns between noise samples are zero.
 pub fn whitening_matrices(observations: &Observations, covariances: &[NoiseCovariance]) -> Vec<DMatrix<f64>> {
     let samples: Vec<usize> = observations.noise_samples().collect();
+    let per_channel = observations.window_noise_samples().count();
     let on_all_samples = |noise: &NoiseCovariance| {
-        let whitener = noise.whitener(FLOOR_NM * FLOOR_NM);
-        let mut wide = DMatrix::zeros(whitener.nrows(), observations.samples);
+        let whitener = whitener(&noise.covariance, per_channel, FLOOR_NM * FLOOR_NM);
+        let mut wide = DMatrix::zeros(whitener.nrows(), observations.rows());
         for (column, sample) in samples.iter().enumerate() {
             wide.set_column(*sample, &whitener.column(column));
         }

@@ -335,7 +335,7 @@ impl Fit {
         match self.objective {
             Objective::Whitened(_) => 1.0,
             Objective::LeastSquares => {
-                let windows = observations.samples as f64 * observations.period_s / PAPER_WINDOW_S;
+                let windows = observations.rows() as f64 * observations.period_s / PAPER_WINDOW_S;
                 let trials =
                     self.parameterisation.components[component].trials_of_block(block).count() as f64;
                 present.block_costs().nth(block).unwrap_or(0.0)

@@ -2,7 +2,7 @@
 //!
 //! The scales come from the data rather than from a typical wrist, so that another joint gets suitable starting values as well.
 
-use crate::fit::data::observations::{Observations, TrialObservation};
+use crate::fit::data::observations::Observations;
 use crate::fit::residuals::prediction::predict;
 use crate::random::Stream;
 use crate::wrist::SimulatedTorque;
@@ -24,7 +24,7 @@ pub fn pilot_points(observations: &Observations) -> Vec<[f64; 6]> {
     let cost = |torque: &[f64]| torque.iter().zip(measured).map(|(p, m)| (p - m) * (p - m)).sum::<f64>();
     let mut ranked: Vec<(f64, [f64; 6])> = response
         .torque_nm
-        .chunks_exact(pilot.samples)
+        .chunks_exact(pilot.rows())
         .map(cost)
         .zip(points)
         .filter(|(c, _)| c.is_finite())
@@ -36,24 +36,24 @@ pub fn pilot_points(observations: &Observations) -> Vec<[f64; 6]> {
 /// Index of the trial with the median torque peak.
 fn pilot_trial(observations: &Observations) -> usize {
     let mut order: Vec<usize> = (0..observations.trials.len()).collect();
-    order.sort_by(|a, b| {
-        peak_torque_nm(&observations.trials[*a]).total_cmp(&peak_torque_nm(&observations.trials[*b]))
-    });
+    let peak = |trial: usize| peak_torque_nm(observations.torque_of(&observations.trials[trial].measured_nm));
+    order.sort_by(|a, b| peak(*a).total_cmp(&peak(*b)));
     order[order.len() / 2]
 }
 
-/// Largest absolute change of torque in the window, N m.
-fn peak_torque_nm(trial: &TrialObservation) -> f64 {
-    trial.measured_nm.iter().map(|t| t.abs()).fold(0.0, f64::max)
+/// Largest absolute value of a torque, N m.
+fn peak_torque_nm(torque_nm: &[f64]) -> f64 {
+    torque_nm.iter().map(|t| t.abs()).fold(0.0, f64::max)
 }
 
 /// Points of the parameter space, log-uniform about scales of the record of the only trial of `pilot`.
 fn random_points(pilot: &Observations, peak_angle_rad: f64) -> Vec<[f64; 6]> {
     let trial = &pilot.trials[0];
-    let peak = peak_torque_nm(trial);
+    let torque_nm = pilot.torque_of(&trial.measured_nm);
+    let peak = peak_torque_nm(torque_nm);
     // The first torque peak accelerates the inertias to the speed of the ramp.
     let top_speed = trial.input.motion.iter().map(|k| k.omega).fold(1e-3, f64::max);
-    let peak_at = trial.measured_nm.iter().position(|t| t.abs() == peak).unwrap_or(1).max(1);
+    let peak_at = torque_nm.iter().position(|t| t.abs() == peak).unwrap_or(1).max(1);
     let inertia = 0.5 * peak * peak_at as f64 * pilot.period_s / top_speed;
     let stiffness = peak / peak_angle_rad;
     let mut stream = Stream::new(0, "pilot");

@@ -95,7 +95,7 @@ fn trial_equations(
     row: usize,
     estimated: usize,
 ) -> TrialEquations {
-    let samples = observations.samples;
+    let samples = observations.rows();
     let torque = &response.torque_nm[row * samples..(row + 1) * samples];
     let slopes = &response.slopes[row * samples * estimated..(row + 1) * samples * estimated];
     let residual: Vec<f64> = torque

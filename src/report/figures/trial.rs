@@ -6,7 +6,8 @@ use crate::report::emg::TrialEmg;
 use crate::report::figure::Figure;
 use crate::report::fitted::condition_name;
 use crate::report::scale::{Axis, milliseconds};
-use crate::report::traces::Trace;
+use crate::report::traces::{FurtherTrace, Trace};
+use crate::wrist::FurtherChannel;
 
 /// Draws one trial.
 pub fn trial(trace: &Trace, window_s: f64, biases: &Biases) -> Figure {
@@ -28,13 +29,17 @@ pub fn trial(trace: &Trace, window_s: f64, biases: &Biases) -> Figure {
         Some(None) => " E: rectified EMG; no response of the stretched muscle stands out.".to_owned(),
         None => String::new(),
     };
+    let further = match trace.further.as_slice() {
+        [] => "",
+        _ => " Last: the further channels of the session, filtered as the torque, as a change from the hold.",
+    };
     let biased = format!(" {}", biases.short_note(&["x_t_s"]));
     Figure {
         id: format!("trial-{:03}", trace.number),
         title: format!("Trial {}: {name}, repetition {}", trace.number, trace.repetition),
         caption: format!(
             "A, B: motor angle and filtered torque as recorded; the shaded area is the analysed window of {} ms. C, D: the same \
-             stretch as a change from the hold, with what the fitted wrist does.{mirrored}{responses} {fitted}{remarks}{biased}",
+             stretch as a change from the hold, with what the fitted wrist does.{mirrored}{responses}{further} {fitted}{remarks}{biased}",
             milliseconds(window_s)
         ),
         panels: [
@@ -45,6 +50,9 @@ pub fn trial(trace: &Trace, window_s: f64, biases: &Biases) -> Figure {
         ]
         .into_iter()
         .chain(trace.emg.as_ref().map(|own| emg(own, window_s)))
+        .chain(trace.further.iter().enumerate().map(|(place, own)| {
+            further_channel(own, LETTERS[place + usize::from(trace.emg.is_some())], window_s)
+        }))
         .collect(),
         columns: 2,
     }
@@ -124,6 +132,35 @@ fn torques(trace: &Trace, window_s: f64) -> Panel {
         title: "D  torques".into(),
         x: near_axis(trace, window_s),
         y: Axis::around("change of torque (N m)", values.chain([0.0])),
+        marks,
+        legend,
+    }
+    .panel()
+}
+
+/// Letters of the panels after D.
+const LETTERS: [char; 1 + FurtherChannel::COUNT] = ['E', 'F', 'G', 'H', 'I'];
+
+fn further_channel(own: &FurtherTrace, letter: char, window_s: f64) -> Panel {
+    // Angles are drawn in mrad, as everywhere in the report.
+    let (factor, unit) = if own.channel.is_angle() { (1e3, "mrad") } else { (1.0, own.channel.unit()) };
+    let drawn = |values: &[(f64, f64)]| -> Vec<(f64, f64)> {
+        values.iter().map(|(t, value)| (t * 1e3, value * factor)).collect()
+    };
+    let (measured, fitted) = (drawn(&own.measured), drawn(&own.fitted));
+    let mut legend = vec![(0, Sign::Line(Stroke::Solid), "measured".to_owned())];
+    let mut marks = vec![Mark::Line(0, Stroke::Solid, measured.clone())];
+    if !fitted.is_empty() {
+        marks.push(Mark::Line(2, Stroke::Dashed, fitted.clone()));
+        legend.push((2, Sign::Line(Stroke::Dashed), "fitted".into()));
+    }
+    Chart {
+        title: format!("{letter}  {}", own.channel.title()),
+        x: Axis::new("time from the onset (ms)", 0.0, window_s * 1e3),
+        y: Axis::around(
+            &format!("change of {} ({unit})", own.channel.symbol()),
+            measured.iter().chain(&fitted).map(|p| p.1),
+        ),
         marks,
         legend,
     }

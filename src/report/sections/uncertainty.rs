@@ -40,7 +40,7 @@ pub fn uncertainty(input: &ReportInput) -> ReportSection {
             "parameter",
             "Eq. 9, median",
             "worst",
-            "measured noise, median",
+            if fitted.settings.calibration_sha256.is_some() { "noise and rig, median" } else { "measured noise, median" },
             "worst",
             "ratio of medians",
             "determined in",

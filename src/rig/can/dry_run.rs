@@ -3,7 +3,7 @@
 use super::file::{CanRigFileError, MotorSettings, ValidRigFile};
 use super::limits::HandleLimits;
 use super::mit::check_gains;
-use crate::protocol::{RampAndHold, ValidProtocol};
+use crate::protocol::{GRAVITY_M_S2, RigLoad, RigMotion, ValidProtocol};
 
 /// Periods from a fault to the motor braking: it is read at the end of one, and the command acts at the end of the next.
 const PERIODS_UNTIL_TOLD: f64 = 2.0;
@@ -38,11 +38,15 @@ impl DryRun {
         if limits.check_target(0.0).is_err() {
             reasons.push(format!("the start position is outside the angles {:?} rad", limits.angle_rad));
         }
-        for velocity in &protocol.velocities_rad_s {
-            if let Err(reason) = walk(protocol, rig, *velocity, &limits) {
-                reasons.push(reason);
-            }
+        for velocity_rad_s in &protocol.velocities_rad_s {
+            let walked = protocol
+                .ramp_and_hold(*velocity_rad_s)
+                .map_err(|error| error.to_string())
+                .map(|movement| RigMotion::Ramp { velocity_rad_s: *velocity_rad_s, movement })
+                .and_then(|ramp| walk(rig, &format!("at {velocity_rad_s} rad/s"), &ramp, &limits));
+            reasons.extend(walked.err());
         }
+        rig_trials(protocol, rig, &limits, &mut reasons);
         if reasons.is_empty() {
             return Ok(Self { limits });
         }
@@ -87,6 +91,26 @@ fn torques(protocol: &ValidProtocol, limits: &HandleLimits, reasons: &mut Vec<St
     }
 }
 
+/// The weights and the multisines of the rig trials; their ramps are those of the conditions.
+fn rig_trials(
+    protocol: &ValidProtocol,
+    rig: &ValidRigFile,
+    limits: &HandleLimits,
+    reasons: &mut Vec<String>,
+) {
+    for trial in protocol.rig_plan().iter().filter(|trial| trial.repetition == 1) {
+        let what = format!("in rig trial {} ({})", trial.position, trial.load.name());
+        if let RigLoad::KnownWeight { mass_kg, arm_m, .. } = trial.load
+            && mass_kg * arm_m * GRAVITY_M_S2 >= limits.torque_nm
+        {
+            reasons.push(format!("{what}, the weight is not below the limit of {} N m", limits.torque_nm));
+        }
+        if let RigMotion::Multisine(_) = trial.motion {
+            reasons.extend(walk(rig, &what, &trial.motion, limits).err());
+        }
+    }
+}
+
 /// Steps of the angle in the amplitude of the ramp. With this many the angle, and with it a fitted stiffness, is off by a
 /// quarter of a percent at most.
 const STEPS_IN_RAMP: f64 = 200.0;
@@ -105,23 +129,17 @@ fn resolution(protocol: &ValidProtocol, rig: &ValidRigFile, reasons: &mut Vec<St
     }
 }
 
-/// One condition, from the onset until the motor is back.
-fn walk(
-    protocol: &ValidProtocol,
-    rig: &ValidRigFile,
-    velocity: f64,
-    limits: &HandleLimits,
-) -> Result<(), String> {
-    let movement = protocol.ramp_and_hold(velocity).map_err(|error| error.to_string())?;
+/// One motion, from the onset until the motor is back; `what` is its name for messages.
+fn walk(rig: &ValidRigFile, what: &str, movement: &RigMotion, limits: &HandleLimits) -> Result<(), String> {
     let (period_s, mut before_rad) = (rig.period().seconds(), 0.0);
     let periods = (movement.duration_s() / period_s).ceil() as u64 + 1;
     for period in 0..=periods {
         let t_s = period as f64 * period_s;
         let motion = movement.at(t_s);
         let asked_rad_s = ((motion.angle_rad - before_rad) / period_s).abs().max(motion.velocity_rad_s.abs());
-        let beyond = |what: &str, value: f64, limit: &dyn std::fmt::Debug| {
+        let beyond = |quantity: &str, value: f64, limit: &dyn std::fmt::Debug| {
             Err(format!(
-                "at {velocity} rad/s, {t_s:.3} s after the onset, {what} is {value:.4}, the limit is {limit:?}"
+                "{what}, {t_s:.3} s after the onset, {quantity} is {value:.4}, the limit is {limit:?}"
             ))
         };
         if limits.check_target(motion.angle_rad).is_err() {
@@ -140,16 +158,11 @@ fn walk(
         }
         before_rad = motion.angle_rad;
     }
-    stops(rig, velocity, &movement, limits)
+    stops(rig, what, movement, limits)
 }
 
 /// Whether the motor can be stopped within the rig's angles from everywhere on the way.
-fn stops(
-    rig: &ValidRigFile,
-    velocity: f64,
-    movement: &RampAndHold,
-    limits: &HandleLimits,
-) -> Result<(), String> {
+fn stops(rig: &ValidRigFile, what: &str, movement: &RigMotion, limits: &HandleLimits) -> Result<(), String> {
     let period_s = rig.period().seconds();
     let periods = (movement.duration_s() / period_s).ceil() as u64 + 1;
     for period in 0..=periods {
@@ -165,7 +178,7 @@ fn stops(
                 }
             };
             return Err(format!(
-                "at {velocity} rad/s, {t_s:.3} s after the onset, a quick stop ends at {end_rad:.4} rad, beyond limits.angle_rad \
+                "{what}, {t_s:.3} s after the onset, a quick stop ends at {end_rad:.4} rad, beyond limits.angle_rad \
                  {:?} of the rig; raise {fields}, or run slower ramps",
                 rig.limits.angle_rad
             ));

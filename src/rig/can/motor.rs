@@ -397,6 +397,7 @@ impl ArmedCanMotor {
                 torque_l_nm: readings.torque_nm[at],
                 emg_fcr_mvc: readings.emg_mvc[0] / motor.emg_scale[0],
                 emg_ecr_mvc: readings.emg_mvc[1] / motor.emg_scale[1],
+                ..Sample::default()
             });
         }
     }
@@ -408,7 +409,7 @@ impl ArmedCanMotor {
             Cue::Target { target_nm, .. } => self.shown_nm = *target_nm,
             Cue::Effort(Direction::Flexion) => self.shown_nm = effort_nm,
             Cue::Effort(Direction::Extension) => self.shown_nm = -effort_nm,
-            Cue::Rest | Cue::Relax => self.shown_nm = 0.0,
+            Cue::Rest | Cue::Relax | Cue::RigTrial(_) => self.shown_nm = 0.0,
             // Nothing on the display changes while the motor moves.
             Cue::Moving => {}
         }

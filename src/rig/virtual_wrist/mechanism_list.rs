@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::wrist::mechanisms::{CATALOGUE, MechanismKind};
+use crate::wrist::mechanisms::{CATALOGUE, MechanismClass, MechanismKind};
 
 /// A list of mechanisms and the values of their parameters, as written in a file:
 /// `[{ "mechanism": "joint_damping", "parameters": { "b_j_nm_s_per_rad": 0.05 } }]`.
@@ -26,6 +26,17 @@ impl MechanismList {
             kinds: [&self.kinds[..], &other.kinds].concat(),
             parameters: [&self.parameters[..], &other.parameters].concat(),
         }
+    }
+
+    /// The mechanisms of some classes alone.
+    pub fn of_classes(&self, classes: &[MechanismClass]) -> Self {
+        let mut first = 0;
+        let own = self.kinds.iter().filter_map(|kind| {
+            let parameters = first..first + kind.parameter_count();
+            first = parameters.end;
+            classes.contains(&kind.class()).then(|| (*kind, self.parameters[parameters].to_vec()))
+        });
+        own.collect()
     }
 
     /// The list with every effect that begins before the onset moved to the onset: the subject does not know of the ramp before.

@@ -5,6 +5,7 @@
 
 mod emg;
 mod hidden_effect;
+mod loaded_handle;
 mod mechanism_list;
 mod noise;
 mod person;
@@ -24,6 +25,7 @@ pub use setup::{RigFile, RigFileError, Setup};
 pub use typical_effect::TypicalEffect;
 
 use emg::Emg;
+use loaded_handle::LoadedHandle;
 use sensors::VirtualSensors;
 use servo::Servo;
 use voluntary::VoluntaryTorque;
@@ -31,9 +33,12 @@ use wrist_response::{WristResponse, trial_parameters};
 
 use schemars::{JsonSchema, schema_for};
 
-use super::{Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig, Sample, TrialKey};
+use super::{
+    Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig, RigTrialStage, Sample, TrialKey, UpcomingRigTrial,
+};
 use crate::protocol::Limits;
 use crate::random::Stream;
+use crate::wrist::FurtherValues;
 
 /// The JSON schema of the files of virtual subjects, as text.
 pub fn person_schema_text() -> String {
@@ -101,10 +106,20 @@ pub struct ArmedVirtualWrist {
     emg: Emg,
     sensors: VirtualSensors,
     trial: Option<TrialKey>,
+    rig_trial: Option<RigTrialUnderWay>,
     moving: bool,
     /// Samples since the rig was armed.
     sample: u64,
     lever_torque_nm: f64,
+}
+
+/// The handle with the load of a rig trial.
+struct RigTrialUnderWay {
+    /// Place of the rig trial in the protocol, and how often it was rejected before.
+    key: [u32; 2],
+    /// Whether it has begun, and draws its own random numbers.
+    has_begun: bool,
+    handle: LoadedHandle,
 }
 
 impl ArmedVirtualWrist {
@@ -115,9 +130,15 @@ impl ArmedVirtualWrist {
             wrist: WristResponse::new(&rig.person, &rig.setup, rate),
             voluntary: VoluntaryTorque::new(&rig.person, rate, stream("subject/rest")),
             emg: Emg::new(&rig.person, rate, stream("emg/rest")),
-            sensors: VirtualSensors::new(&rig.setup, &rig.person, rate, stream("noise/rest")),
+            sensors: VirtualSensors::new(
+                &rig.setup,
+                &rig.person,
+                rate,
+                [stream("noise/rest"), stream("noise/further/rest")],
+            ),
             rig,
             trial: None,
+            rig_trial: None,
             moving: false,
             sample: 0,
             lever_torque_nm: 0.0,
@@ -129,10 +150,65 @@ impl ArmedVirtualWrist {
         self.trial = Some(key);
         self.voluntary.restart(self.rig.stream("subject", key));
         self.emg.restart(self.rig.stream("emg", key));
-        self.sensors.restart(self.rig.stream("noise", key));
+        self.sensors.restart([self.rig.stream("noise", key), self.rig.stream("noise/further", key)]);
         self.servo.settle();
         self.wrist.stop();
         self.lever_torque_nm = 0.0;
+    }
+
+    /// Puts a load on the handle, and lets it come to rest.
+    fn mount(&mut self, upcoming: &UpcomingRigTrial) {
+        let UpcomingRigTrial { position, rejections, load, .. } = *upcoming;
+        let handle = LoadedHandle::new(&self.rig.person, &self.rig.setup, load, self.rig.sample_rate_hz);
+        self.servo = Servo::new(&handle.servo_setup(&self.rig.setup), self.rig.sample_rate_hz);
+        self.lever_torque_nm = 0.0;
+        let samples = handle.mounted_samples();
+        self.rig_trial = Some(RigTrialUnderWay { key: [position, rejections], has_begun: false, handle });
+        for _ in 0..samples {
+            self.turn_loaded_handle(0.0, false);
+        }
+    }
+
+    /// One period of a rig trial: motor angle, and torque that the sensor shows. 0 without a rig trial.
+    fn turn_loaded_handle(&mut self, command_rad: f64, is_moving: bool) -> [f64; 2] {
+        let Some(RigTrialUnderWay { handle, .. }) = &mut self.rig_trial else { return [0.0; 2] };
+        let before = self.servo.motion();
+        self.servo.step(command_rad, self.lever_torque_nm);
+        let motor = self.servo.motion();
+        let torque = handle.step(motor, command_rad, is_moving);
+        self.lever_torque_nm = handle.on_motor_nm(torque.lever_nm, before, motor);
+        [handle.motor(motor).theta, torque.measured_nm]
+    }
+
+    fn exchange_in_rig_trial(&mut self, upcoming: &UpcomingRigTrial, command_rad: f64) -> Sample {
+        let key = [upcoming.position, upcoming.rejections];
+        if self.rig_trial.as_ref().is_none_or(|trial| trial.key != key) {
+            self.mount(upcoming);
+        }
+        if let Some(trial) = &mut self.rig_trial
+            && upcoming.stage != RigTrialStage::Mounting
+            && !std::mem::replace(&mut trial.has_begun, true)
+        {
+            // Random numbers of its own, whenever it begins.
+            let own = format!("rig-trial/{}/{}", upcoming.position, upcoming.rejections);
+            let stream = |name: &str| Stream::new(self.rig.seed, &format!("{name}/{own}"));
+            self.sensors.restart([stream("noise"), stream("noise/further")]);
+        }
+        let is_moving = upcoming.stage == RigTrialStage::Moving;
+        let [angle_rad, torque_nm] = self.turn_loaded_handle(command_rad, is_moving);
+        self.sample += 1;
+        let time_s = self.sample as f64 / self.rig.sample_rate_hz;
+        // Of the further channels, which rig trials do not record, nothing is simulated here.
+        let further = FurtherValues { theta_l: 0.0, alpha_l: 0.0, torque_h: 0.0, theta_j: 0.0 };
+        self.sensors.measure(angle_rad, torque_nm, [0.0; 2], &further, time_s)
+    }
+
+    /// Takes the load off, between the commands of which only those of a rig trial have one.
+    fn end_rig_trial(&mut self) {
+        if self.rig_trial.take().is_some() {
+            self.servo = Servo::new(&self.rig.setup, self.rig.sample_rate_hz);
+            self.lever_torque_nm = 0.0;
+        }
     }
 
     fn follow_cue(&mut self, cue: &Cue) {
@@ -159,12 +235,17 @@ impl Armed for ArmedVirtualWrist {
     type Disarmed = VirtualWrist;
 
     fn exchange(&mut self, command: &Command) -> Result<Sample, Fault> {
-        self.follow_cue(&command.cue);
         let angle_rad = match command.motor {
             Motor::Follow { angle_rad } => angle_rad,
             // The safe state of the virtual rig: hold the last command.
             Motor::Safe => self.servo.command_rad(),
         };
+        if let Cue::RigTrial(upcoming) = &command.cue {
+            return Ok(self.exchange_in_rig_trial(upcoming, angle_rad));
+        }
+        self.end_rig_trial();
+        self.follow_cue(&command.cue);
+        let before = self.servo.motion();
         self.servo.step(angle_rad, self.lever_torque_nm);
         let voluntary_nm = self.voluntary.step(&command.cue);
         let response = self.wrist.step(self.servo.motion(), matches!(command.cue, Cue::Rest));
@@ -176,6 +257,7 @@ impl Armed for ArmedVirtualWrist {
             self.servo.motion().theta,
             voluntary_nm + response.measured_nm,
             [emg[0] / self.rig.emg_scale[0], emg[1] / self.rig.emg_scale[1]],
+            &self.wrist.further(&response, [before, self.servo.motion()], voluntary_nm),
             time_s,
         ))
     }
@@ -191,5 +273,7 @@ impl Armed for ArmedVirtualWrist {
     }
 }
 
+#[cfg(test)]
+mod rig_trial_tests;
 #[cfg(test)]
 mod tests;

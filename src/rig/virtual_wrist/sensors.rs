@@ -9,6 +9,7 @@ use super::wrist_response::channels;
 use crate::random::Stream;
 use crate::rig::Sample;
 use crate::wrist::mechanisms::ChannelErrors;
+use crate::wrist::{FurtherChannel, FurtherValues};
 
 /// The sensors of a virtual rig.
 #[derive(Debug, Clone)]
@@ -16,40 +17,55 @@ pub struct VirtualSensors {
     setup: Setup,
     disturbances: MechanismList,
     stream: Stream,
+    /// Noise of the further channels, so that a sensor more does not change the others.
+    further_stream: Stream,
     count_rad: f64,
     channels: ChannelErrors<f64>,
     angle: Delay,
     torque: Delay,
+    further: [Delay; FurtherChannel::COUNT],
 }
 
 impl VirtualSensors {
-    /// The sensors of a rig.
-    pub fn new(setup: &Setup, person: &Person, sample_rate_hz: f64, stream: Stream) -> Self {
+    /// The sensors of a rig. Noise comes from `streams`: that of the torque, and that of the further channels.
+    pub fn new(setup: &Setup, person: &Person, sample_rate_hz: f64, streams: [Stream; 2]) -> Self {
         let switched = person.mechanisms.and(&setup.mechanisms);
         let channels = channels(&switched);
         // The records show only which of the two channels is late.
         let torque_delay = channels.torque_delay_s * sample_rate_hz;
+        let [stream, further_stream] = streams;
         Self {
             count_rad: TAU / setup.encoder_counts_per_revolution,
             setup: setup.clone(),
             disturbances: switched,
             stream,
+            further_stream,
             channels,
             angle: Delay::new((-torque_delay).max(0.0)),
             torque: Delay::new(torque_delay.max(0.0)),
+            // A torque that is early is one that all other channels are late behind.
+            further: std::array::from_fn(|_| Delay::new((-torque_delay).max(0.0))),
         }
     }
 
-    /// Begins anew, with random numbers of its own.
-    pub fn restart(&mut self, stream: Stream) {
-        self.stream = stream;
+    /// Begins anew, with random numbers of its own, as in [`VirtualSensors::new`].
+    pub fn restart(&mut self, streams: [Stream; 2]) {
+        [self.stream, self.further_stream] = streams;
         self.angle.restart();
         self.torque.restart();
+        self.further.iter_mut().for_each(Delay::restart);
     }
 
-    /// The recorded sample at `time_s` of the session.
+    /// The recorded sample at `time_s` of the session, where the further channels would show `further` without an error.
     #[inline]
-    pub fn measure(&mut self, angle_rad: f64, torque_nm: f64, emg_mvc: [f64; 2], time_s: f64) -> Sample {
+    pub fn measure(
+        &mut self,
+        angle_rad: f64,
+        torque_nm: f64,
+        emg_mvc: [f64; 2],
+        further: &FurtherValues<f64>,
+        time_s: f64,
+    ) -> Sample {
         let angle_rad = self.channels.recorded_angle_rad(self.angle.step(angle_rad));
         let torque_nm = self.torque.step(torque_nm)
             + self.setup.gauge_offset_nm
@@ -62,7 +78,27 @@ impl VirtualSensors {
             torque_l_nm: step(torque_nm, self.setup.gauge_step_nm),
             emg_fcr_mvc: step(emg_mvc[0], self.setup.emg_step_mvc),
             emg_ecr_mvc: step(emg_mvc[1], self.setup.emg_step_mvc),
+            further: std::array::from_fn(|place| self.measure_further(place, further)),
         }
+    }
+
+    /// What the further channel at this place shows; `None` if the rig does not have its sensor.
+    fn measure_further(&mut self, place: usize, further: &FurtherValues<f64>) -> Option<f64> {
+        let channel = FurtherChannel::ALL[place];
+        let counted = |counts: Option<f64>| counts.map(|counts| (0.0, TAU / counts));
+        let (noise, step) = match channel {
+            FurtherChannel::HandleAngle => counted(self.setup.handle_encoder_counts_per_revolution),
+            FurtherChannel::HandleAcceleration => {
+                self.setup.accelerometer_noise_rad_s2.map(|noise| (noise, 0.0))
+            }
+            FurtherChannel::HandTorque => self.setup.hand_load_cell_noise_nm.map(|noise| (noise, 0.0)),
+            FurtherChannel::JointAngle => counted(self.setup.joint_encoder_counts_per_revolution),
+        }?;
+        let value = self.further[place].step(further.of(channel));
+        if step > 0.0 {
+            return Some((value / step).round_ties_even() * step);
+        }
+        Some(value + noise * self.further_stream.normal())
     }
 
     fn disturbance(&self, time_s: f64) -> f64 {
@@ -137,11 +173,51 @@ mod tests {
         }
     }
 
+    const FURTHER: FurtherValues<f64> =
+        FurtherValues { theta_l: 0.0123, alpha_l: -250.0, torque_h: 1.4, theta_j: 0.0321 };
+
+    fn streams() -> [Stream; 2] {
+        ["noise", "noise/further"].map(|name| Stream::new(1, name))
+    }
+
+    #[test]
+    fn a_sensor_that_the_rig_has_not_shows_nothing_and_one_that_it_has_changes_no_other() {
+        let plain = Setup::default();
+        let more = Setup {
+            handle_encoder_counts_per_revolution: Some(20_000.0),
+            accelerometer_noise_rad_s2: Some(3.0),
+            hand_load_cell_noise_nm: Some(0.02),
+            ..Setup::default()
+        };
+        let [without, with] = [plain, more].map(|setup| {
+            let mut sensors = VirtualSensors::new(&setup, &Person::default(), 2500.0, streams());
+            (0..5000).map(|_| sensors.measure(0.1, 1.5, [0.2, 0.02], &FURTHER, 0.0)).collect::<Vec<Sample>>()
+        });
+        assert!(without.iter().all(|sample| sample.further == [None; FurtherChannel::COUNT]));
+        for (a, b) in without.iter().zip(&with) {
+            assert_eq!(*a, Sample { further: a.further, ..*b });
+            assert_eq!(b.further[3], None);
+        }
+        let step = TAU / 20_000.0;
+        let angle = with[0].further[0].unwrap();
+        assert!(
+            (angle - 0.0123).abs() <= step / 2.0 && ((angle / step) - (angle / step).round()).abs() < 1e-9
+        );
+        for (place, mean, sd) in [(1, -250.0, 3.0), (2, 1.4, 0.02)] {
+            let values: Vec<f64> = with.iter().map(|sample| sample.further[place].unwrap()).collect();
+            let found = values.iter().sum::<f64>() / values.len() as f64;
+            let squares = values.iter().map(|x| (x - found) * (x - found)).sum::<f64>();
+            assert!((found - mean).abs() < 5.0 * sd / 5000f64.sqrt(), "{place}: mean {found}");
+            assert!(((squares / values.len() as f64).sqrt() / sd - 1.0).abs() < 0.05, "{place}");
+        }
+    }
+
     #[test]
     fn the_sensors_show_steps_of_their_size_and_noise_of_their_size() {
         let setup = Setup::default();
-        let mut sensors = VirtualSensors::new(&setup, &Person::default(), 2500.0, Stream::new(1, "noise"));
-        let samples: Vec<Sample> = (0..20_000).map(|_| sensors.measure(0.1, 1.5, [0.2, 0.02], 0.0)).collect();
+        let mut sensors = VirtualSensors::new(&setup, &Person::default(), 2500.0, streams());
+        let samples: Vec<Sample> =
+            (0..20_000).map(|_| sensors.measure(0.1, 1.5, [0.2, 0.02], &FURTHER, 0.0)).collect();
         let counts = samples[0].theta_m_rad / (TAU / 131_072.0);
         assert!((counts - counts.round()).abs() < 1e-6 && (samples[0].theta_m_rad - 0.1).abs() < 3e-5);
         let mean = samples.iter().map(|sample| sample.torque_l_nm).sum::<f64>() / 2e4;

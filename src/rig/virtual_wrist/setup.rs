@@ -21,6 +21,9 @@ pub struct Setup {
     pub servo_bandwidth_hz: f64,
     /// Damping ratio of the servo. Assumed: 1.
     pub servo_damping_ratio: f64,
+    /// Friction of the handle's bearing, N m; only rig trials have it, in a trial it is part of the wrist. Assumed: none.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub bearing_friction_nm: f64,
     /// Counts of the encoder in a revolution. Assumed: 2^17.
     pub encoder_counts_per_revolution: f64,
     /// Noise of the strain gauges, N m (standard deviation, white). Assumed: 0.01.
@@ -31,8 +34,25 @@ pub struct Setup {
     pub gauge_step_nm: f64,
     /// One step of the EMG's converter, fraction of nominal MVC. Assumed: 0.0001.
     pub emg_step_mvc: f64,
+    /// Counts of an encoder at the handle in a revolution; without it, the rig has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub handle_encoder_counts_per_revolution: Option<f64>,
+    /// Noise of an accelerometer at the handle, rad/s2 (standard deviation, white); without it, the rig has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accelerometer_noise_rad_s2: Option<f64>,
+    /// Noise of a load cell at the hand, N m (standard deviation, white); without it, the rig has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hand_load_cell_noise_nm: Option<f64>,
+    /// Counts of an encoder at the joint itself in a revolution; without it, the rig has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joint_encoder_counts_per_revolution: Option<f64>,
     /// What this rig does beyond Eq. 3-7, from the catalogue of mechanisms.
     pub mechanisms: MechanismList,
+}
+
+// By reference, as serde asks for it.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 impl Default for Setup {
@@ -46,11 +66,16 @@ impl Default for Setup {
             servo_stiffness_nm_per_rad: 1000.0,
             servo_bandwidth_hz: 80.0,
             servo_damping_ratio: 1.0,
+            bearing_friction_nm: 0.0,
             encoder_counts_per_revolution: 131_072.0,
             gauge_noise_nm: 0.01,
             gauge_offset_nm: 0.03,
             gauge_step_nm: 0.0005,
             emg_step_mvc: 0.0001,
+            handle_encoder_counts_per_revolution: None,
+            accelerometer_noise_rad_s2: None,
+            hand_load_cell_noise_nm: None,
+            joint_encoder_counts_per_revolution: None,
             mechanisms: MechanismList::default(),
         }
     }
@@ -127,12 +152,20 @@ impl Setup {
             ("servo_bandwidth_hz", self.servo_bandwidth_hz),
             ("servo_damping_ratio", self.servo_damping_ratio),
             ("encoder_counts_per_revolution", self.encoder_counts_per_revolution),
+            (
+                "handle_encoder_counts_per_revolution",
+                self.handle_encoder_counts_per_revolution.unwrap_or(1.0),
+            ),
+            ("joint_encoder_counts_per_revolution", self.joint_encoder_counts_per_revolution.unwrap_or(1.0)),
         ];
         let not_negative = [
             ("lever.damping_nm_s_per_rad", lever[1]),
+            ("bearing_friction_nm", self.bearing_friction_nm),
             ("gauge_noise_nm", self.gauge_noise_nm),
             ("gauge_step_nm", self.gauge_step_nm),
             ("emg_step_mvc", self.emg_step_mvc),
+            ("accelerometer_noise_rad_s2", self.accelerometer_noise_rad_s2.unwrap_or(0.0)),
+            ("hand_load_cell_noise_nm", self.hand_load_cell_noise_nm.unwrap_or(0.0)),
         ];
         let refuse = |field, found, expected| {
             Err(RigFileError::Value { file: file.to_owned(), field, found, expected })

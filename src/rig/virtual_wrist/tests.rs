@@ -313,3 +313,58 @@ fn a_rig_file_is_read_and_a_bad_one_refused() {
         assert!(message.contains("rig.json") && message.contains(part), "{part:?} is not in: {message}");
     }
 }
+
+/// A rig with every sensor, without quantisation and noise that would matter.
+fn with_all_sensors() -> (Person, Setup) {
+    let (person, setup) = quiet();
+    let setup = Setup {
+        encoder_counts_per_revolution: 1e9,
+        handle_encoder_counts_per_revolution: Some(1e9),
+        accelerometer_noise_rad_s2: Some(0.0),
+        hand_load_cell_noise_nm: Some(0.0),
+        joint_encoder_counts_per_revolution: Some(1e9),
+        ..setup
+    };
+    (person, setup)
+}
+
+#[test]
+fn the_further_sensors_obey_the_equations_of_lever_and_handle() {
+    for rigid in [false, true] {
+        let (person, mut setup) = with_all_sensors();
+        if rigid {
+            setup.lever = None;
+        }
+        let mut wrist = armed(person, setup.clone(), 1);
+        let (hold, ramp) = trial(&mut wrist, 1.5, upcoming(2.6, 1));
+        let samples: Vec<Sample> = hold[9000..].iter().chain(&ramp[..100]).copied().collect();
+        let further = |sample: usize, place: usize| samples[sample].further[place].unwrap();
+        let torque = |sample: usize| samples[sample].torque_l_nm - setup.gauge_offset_nm;
+        let mut largest: f64 = 0.0;
+        for n in 2..samples.len() - 2 {
+            let speed = |value: &dyn Fn(usize) -> f64| (value(n + 1) - value(n - 1)) * RATE / 2.0;
+            let (motor, handle) = (|n: usize| samples[n].theta_m_rad, |n: usize| further(n, 0));
+            let acceleration = (handle(n + 1) - 2.0 * handle(n) + handle(n - 1)) * RATE * RATE;
+            largest = largest.max(further(n, 1).abs());
+            let off = (further(n, 1) - acceleration).abs();
+            assert!(off < 40.0, "rigid {rigid}, sample {n}: {} or {acceleration} rad/s2", further(n, 1));
+            let Some(lever) = setup.lever else {
+                assert!((handle(n) - motor(n)).abs() < 1e-9 && (further(n, 2) - torque(n)).abs() < 1e-9);
+                continue;
+            };
+            // Eq. 5 and Eq. 3.
+            let bent = lever.stiffness_nm_per_rad * (motor(n) - handle(n))
+                + lever.damping_nm_s_per_rad * (speed(&motor) - speed(&handle));
+            assert!((bent - torque(n)).abs() < 0.05, "sample {n}: {bent} or {} N m", torque(n));
+            let inertial = lever.inertia_kg_m2 * further(n, 1);
+            let left = torque(n) - further(n, 2) - inertial;
+            assert!(left.abs() < 1e-6, "sample {n}: {left} N m");
+            // Eq. 6, with the person's stiffness of the interface while nothing moves.
+            if n < 900 {
+                let stiffness = torque(n) / (handle(n) - further(n, 3));
+                assert!((200.0..400.0).contains(&stiffness), "sample {n}: {stiffness} N m/rad");
+            }
+        }
+        assert!(largest > 100.0, "the handle is accelerated: {largest} rad/s2");
+    }
+}

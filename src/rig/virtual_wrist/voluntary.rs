@@ -126,7 +126,7 @@ impl VoluntaryTorque {
 
     fn react(&mut self, cue: &Cue) {
         let (task, shown) = match *cue {
-            Cue::Rest | Cue::Relax => (Task::Nothing, None),
+            Cue::Rest | Cue::Relax | Cue::RigTrial(_) => (Task::Nothing, None),
             Cue::Effort(direction) => (Task::Effort(direction), None),
             Cue::Target { target_nm, shown_nm, .. } => (Task::Torque, Some((target_nm, shown_nm))),
             // The ramp is over before a subject can react to it.

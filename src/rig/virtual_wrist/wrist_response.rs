@@ -8,8 +8,8 @@ use super::voluntary::TrialSpread;
 use crate::rig::Upcoming;
 use crate::wrist::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
 use crate::wrist::{
-    AddedDynamics, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics, NoAddedDynamics, Plant,
-    Torques, substeps,
+    AddedDynamics, FurtherValues, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics,
+    NoAddedDynamics, Plant, State, Torques, substeps,
 };
 
 /// Time constant with which the muscle's resistance decays when the subject relaxes after a ramp, s. Assumed.
@@ -29,6 +29,16 @@ pub struct ResponseSample {
     pub since_onset_s: Option<f64>,
     /// Absolute velocity of the present ramp, rad/s.
     pub speed_rad_s: f64,
+    /// Difference of the handle's angle from the recorded motor angle that the movement causes, rad.
+    handle_rad: f64,
+    /// The same difference of the joint's angle, rad.
+    joint_rad: f64,
+    /// Torque of the reflex, N m. It is slow: it bends lever and interface by their stiffness.
+    reflex_nm: f64,
+    /// Torque between handle and hand that the movement causes, N m.
+    hand_nm: f64,
+    /// Angular acceleration of the handle, rad/s2; `None` without a movement.
+    handle_rad_s2: Option<f64>,
 }
 
 /// The wrist, the hand and the lever during a movement.
@@ -40,6 +50,8 @@ pub struct WristResponse {
     channels: ChannelErrors<f64>,
     gauge_offset_nm: f64,
     period_s: f64,
+    /// Stiffness of the interface in the present trial, N m/rad.
+    interface_nm_per_rad: f64,
     trial: Option<TrialBeforeRamp>,
     moving: Option<Moving>,
 }
@@ -62,7 +74,7 @@ struct Moving {
     sign: f64,
     origin_rad: f64,
     from: Kinematics<f64>,
-    follower_rad: [f64; 2],
+    follower: Follower,
     sample: u64,
     reflex_nm: f64,
     speed_rad_s: f64,
@@ -112,6 +124,7 @@ impl WristResponse {
             mechanisms,
             gauge_offset_nm: setup.gauge_offset_nm,
             period_s: 1.0 / sample_rate_hz,
+            interface_nm_per_rad: person.interface_stiffness_nm_per_rad.at_lowest,
             trial: None,
             moving: None,
         }
@@ -127,8 +140,10 @@ impl WristResponse {
         emg: [f64; 2],
     ) {
         let velocity_rad_s = upcoming.velocity_rad_s;
+        let parameters = trial_parameters(person, velocity_rad_s, target_nm, spread);
+        self.interface_nm_per_rad = parameters[2];
         self.trial = Some(TrialBeforeRamp {
-            parameters: trial_parameters(person, velocity_rad_s, target_nm, spread),
+            parameters,
             covariates: Covariates {
                 velocity_rad_s: velocity_rad_s.abs(),
                 torque_before_nm: 0.0,
@@ -167,7 +182,7 @@ impl WristResponse {
             sign,
             origin_rad: motor.theta,
             from: Kinematics::default(),
-            follower_rad: [0.0; 2],
+            follower: Follower::default(),
             sample: 0,
             reflex_nm: self.reflex.gain_s_per_rad * speed_rad_s * torque_nm.abs(),
             speed_rad_s,
@@ -185,23 +200,53 @@ impl WristResponse {
     pub fn step(&mut self, motor: Kinematics<f64>, relax: bool) -> ResponseSample {
         let Some(moving) = &mut self.moving else { return ResponseSample::default() };
         let to = moving.relative_motion(motor, self.channels.following_hz, self.period_s);
-        let response = moving.advance(&self.mechanisms, &self.reflex, to, self.period_s);
+        let mut response = moving.advance(&self.mechanisms, &self.reflex, to, self.period_s);
         if relax {
             moving.relaxed_samples += 1;
             if moving.relaxed_samples as f64 * self.period_s > self.reaction_s {
                 moving.resistance *= libm::exp(-self.period_s / RELAXATION_S);
             }
         }
+        if let Some(lever) = self.lever {
+            response.handle_rad -= response.reflex_nm / lever.stiffness_nm_per_rad;
+            response.joint_rad -= response.reflex_nm / lever.stiffness_nm_per_rad;
+        }
+        response.joint_rad -= response.reflex_nm / self.interface_nm_per_rad;
+        // If the recorded angle is only a command, handle and joint differ from it by what the motor does.
+        let recorded_rad = moving.sign * (motor.theta - moving.origin_rad);
+        let motor_rad = moving.sign * (to.theta - recorded_rad);
+        response.handle_rad += motor_rad;
+        response.joint_rad += motor_rad;
         if moving.resistance < RELAXED {
             self.moving = None;
         }
         response
     }
+
+    /// What the further channels would show without an error, where the motor moves through `motor` in this period and the subject
+    /// holds `voluntary_nm`. The voluntary torque is slow: it bends lever and interface by their stiffness.
+    pub fn further(
+        &self,
+        response: &ResponseSample,
+        motor: [Kinematics<f64>; 2],
+        voluntary_nm: f64,
+    ) -> FurtherValues<f64> {
+        let bent_rad = self.lever.map_or(0.0, |lever| voluntary_nm / lever.stiffness_nm_per_rad);
+        let theta_l = motor[1].theta + response.handle_rad - bent_rad;
+        let segment = HermiteSegment::new(motor[0], motor[1], self.period_s);
+        FurtherValues {
+            theta_l,
+            alpha_l: response.handle_rad_s2.unwrap_or_else(|| segment.acceleration_at_end()),
+            torque_h: voluntary_nm + response.hand_nm,
+            theta_j: motor[1].theta + response.joint_rad
+                - bent_rad
+                - voluntary_nm / self.interface_nm_per_rad,
+        }
+    }
 }
 
 impl Moving {
-    /// The motor's motion relative to the onset, in the direction of the ramp. If the recorded angle is only a command, the motor follows
-    /// it with two equal lags (mechanism `servo_following`).
+    /// The motor's motion relative to the onset, in the direction of the ramp.
     fn relative_motion(
         &mut self,
         motor: Kinematics<f64>,
@@ -210,13 +255,7 @@ impl Moving {
     ) -> Kinematics<f64> {
         let recorded =
             Kinematics { theta: self.sign * (motor.theta - self.origin_rad), omega: self.sign * motor.omega };
-        let Some(bandwidth_hz) = following_hz else { return recorded };
-        let rate = std::f64::consts::TAU * bandwidth_hz;
-        let keep = libm::exp(-rate * period_s);
-        let [first, second] = &mut self.follower_rad;
-        *first = recorded.theta + keep * (*first - recorded.theta);
-        *second = *first + keep * (*second - *first);
-        Kinematics { theta: *second, omega: rate * (*first - *second) }
+        self.follower.follow(recorded, following_hz, period_s)
     }
 
     fn advance(
@@ -229,7 +268,7 @@ impl Moving {
         let start_s = self.sample as f64 * period_s;
         let end_s = (self.sample + 1) as f64 * period_s;
         let input = HermiteSegment::new(self.from, to, period_s);
-        let torques = if mechanisms.kinds.is_empty() {
+        let (torques, rates) = if mechanisms.kinds.is_empty() {
             self.run(&NoAddedDynamics, &input, to, start_s, end_s)
         } else {
             let history = std::mem::replace(&mut self.history, History::new(0.0, period_s, 0));
@@ -240,11 +279,17 @@ impl Moving {
                 trial: &covariates,
                 history: &history,
             };
-            let torques = self.run(&added_dynamics, &input, to, start_s, end_s);
+            let now = self.run(&added_dynamics, &input, to, start_s, end_s);
             self.history = history;
             let (added, rates) = self.integrator.sampled();
             self.history.push(added, rates);
-            torques
+            now
+        };
+        let motor_rad_s2 = input.acceleration_at_end();
+        let state = self.integrator.state();
+        let (theta_l, alpha_l) = match self.mechanics.plant.lever {
+            Some(_) => (state.theta_l, rates.omega_l),
+            None => (to.theta, motor_rad_s2),
         };
         self.from = to;
         self.sample += 1;
@@ -255,6 +300,13 @@ impl Moving {
             measured_nm: factor * (torques.measured + reflex_nm),
             since_onset_s: Some(end_s),
             speed_rad_s: self.speed_rad_s,
+            reflex_nm: factor * reflex_nm,
+            handle_rad: factor * (theta_l - to.theta),
+            joint_rad: factor * (state.theta_j - to.theta),
+            hand_nm: factor * (torques.interface + reflex_nm),
+            handle_rad_s2: Some(
+                self.sign * (self.resistance * alpha_l + (1.0 - self.resistance) * motor_rad_s2),
+            ),
         }
     }
 
@@ -265,7 +317,7 @@ impl Moving {
         to: Kinematics<f64>,
         start_s: f64,
         end_s: f64,
-    ) -> Torques<f64> {
+    ) -> (Torques<f64>, State<f64>) {
         self.integrator.advance(
             &self.mechanics,
             added_dynamics,
@@ -274,7 +326,31 @@ impl Moving {
             end_s - start_s,
             self.substeps,
         );
-        self.integrator.torques(&self.mechanics, added_dynamics, to, end_s).0
+        self.integrator.torques(&self.mechanics, added_dynamics, to, end_s)
+    }
+}
+
+/// The motor behind a recorded angle that is only a command: it follows with two equal lags (mechanism `servo_following`).
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Follower {
+    lags_rad: [f64; 2],
+}
+
+impl Follower {
+    /// The motion of the motor when the recorded one is `recorded`; the recorded one itself without a bandwidth.
+    pub fn follow(
+        &mut self,
+        recorded: Kinematics<f64>,
+        following_hz: Option<f64>,
+        period_s: f64,
+    ) -> Kinematics<f64> {
+        let Some(bandwidth_hz) = following_hz else { return recorded };
+        let rate = std::f64::consts::TAU * bandwidth_hz;
+        let keep = libm::exp(-rate * period_s);
+        let [first, second] = &mut self.lags_rad;
+        *first = recorded.theta + keep * (*first - recorded.theta);
+        *second = *first + keep * (*second - *first);
+        Kinematics { theta: *second, omega: rate * (*first - *second) }
     }
 }
 

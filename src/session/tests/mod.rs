@@ -7,12 +7,13 @@ mod gate;
 mod motion;
 mod operator;
 mod properties;
+mod rig_trials;
 mod transitions;
 
 use std::sync::Arc;
 
 use super::*;
-use crate::protocol::{Mvc, Protocol};
+use crate::protocol::{Multisine, Mvc, PlannedRigTrial, Protocol, RigLoad, RigMotion};
 use crate::rig::{Command, Cue, Direction, Motor, Punctuality, Sample};
 use crate::schedule;
 
@@ -41,6 +42,33 @@ fn settings_with_everything() -> Settings {
     let mut practice = settings.plan[0];
     practice.key.practice = true;
     settings.plan.insert(0, practice);
+    settings
+}
+
+/// Those settings with three rig trials before everything: a multisine and a ramp of the empty handle, and a weight.
+fn settings_with_rig_trials() -> Settings {
+    let mut settings = settings_with_everything();
+    settings.rig_rest_samples = 5;
+    settings.rig_settle_samples = 10;
+    let ramp = settings.plan[0];
+    let motions = [
+        RigMotion::Multisine(Multisine::new(0.01, [10.0, 30.0], 0.1).unwrap()),
+        RigMotion::Ramp { velocity_rad_s: ramp.velocity_rad_s, movement: ramp.movement },
+        RigMotion::Still { duration_s: 0.1 },
+    ];
+    let weight = RigLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: 1 };
+    let loads = [RigLoad::EmptyHandle, RigLoad::EmptyHandle, weight];
+    settings.rig_plan = (1..)
+        .zip(motions.into_iter().zip(loads))
+        .map(|(position, (motion, load))| PlannedRigTrial {
+            position,
+            rejections: 0,
+            load,
+            relative_error: None,
+            motion,
+            repetition: 1,
+        })
+        .collect();
     settings
 }
 
@@ -114,10 +142,17 @@ impl Bench {
             Cue::Target { target_nm, .. } => (target_nm + self.error_nm, 0.2),
             Cue::Moving => (2.0, 0.2),
             Cue::Effort(_) => (8.0, self.effort_mvc),
+            Cue::RigTrial(_) => (1.0, 0.0),
             Cue::Rest | Cue::Relax => (0.0, 0.0),
         };
         let ecr = if matches!(self.command.cue, Cue::Effort(_)) { self.effort_mvc } else { self.ecr_mvc };
-        Sample { theta_m_rad, torque_l_nm: torque_nm + self.offset_nm, emg_fcr_mvc: emg, emg_ecr_mvc: ecr }
+        Sample {
+            theta_m_rad,
+            torque_l_nm: torque_nm + self.offset_nm,
+            emg_fcr_mvc: emg,
+            emg_ecr_mvc: ecr,
+            ..Sample::default()
+        }
     }
 
     fn feed(&mut self, input: Input) -> Output {
@@ -149,11 +184,13 @@ impl Bench {
         self.give(Reading::Sample(self.sample()), Some(word))
     }
 
-    /// Samples until something happens.
+    /// Samples until something happens; every load is mounted, and the subject seated, at once.
     #[track_caller]
     fn run_to_event(&mut self) -> TransitionRecord {
         for _ in 0..100_000 {
-            if let Some(transition) = self.tick().transition {
+            let waits = self.machine.awaits_mounting();
+            let output = if waits { self.say(Event::Resume) } else { self.tick() };
+            if let Some(transition) = output.transition {
                 return transition;
             }
         }

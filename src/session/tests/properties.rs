@@ -67,7 +67,8 @@ impl Observed {
             prop_assert_eq!(output.phase, Phase::Faulted, "a broken limit is a fault in the same step");
         }
         self.count_band(before);
-        if matches!(output.transition, Some(TransitionRecord { event: Event::Onset, .. })) {
+        if matches!(output.transition, Some(TransitionRecord { from: Phase::Delay, event: Event::Onset, .. }))
+        {
             let needed = self.bench.machine.settings().gate_samples;
             prop_assert!(self.in_band > needed, "the ramp starts {} samples into the gate", self.in_band);
         }
@@ -138,7 +139,7 @@ proptest! {
 
     #[test]
     fn any_sequence_of_inputs_keeps_the_invariants(stretches in stretches()) {
-        let mut settings = settings_with_everything();
+        let mut settings = settings_with_rig_trials();
         settings.gate.antagonist_limit_mvc = Some(0.5);
         let bench = Bench::new(settings);
         let mut observed = Observed { bench, in_band: 0, last_angle_rad: 0.0, ended: BTreeMap::new() };

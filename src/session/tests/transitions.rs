@@ -9,9 +9,12 @@ use crate::session::transitions::{self, Effect, Guard, TRANSITIONS};
 
 /// A session in each phase.
 fn in_every_phase() -> Vec<Bench> {
-    let everything = settings_with_everything;
+    let everything = settings_with_rig_trials;
     let mut benches = vec![Bench::new(everything())];
     for phase in [
+        Phase::RigSetup,
+        Phase::RigSettle,
+        Phase::RigMotion,
         Phase::Offset,
         Phase::MvcEffort,
         Phase::MvcRest,
@@ -79,6 +82,9 @@ fn a_word_that_the_table_does_not_have_is_refused_whatever_the_guards() {
     // Written out, so that a line added to the table by mistake is noticed.
     let forbidden = [
         (Phase::Ready, "pause resume skip repeat repeat_effort rearm"),
+        (Phase::RigSetup, "start repeat_effort rearm"),
+        (Phase::RigSettle, "start resume repeat repeat_effort rearm"),
+        (Phase::RigMotion, "start resume skip repeat repeat_effort rearm"),
         (Phase::Offset, "start resume skip repeat repeat_effort rearm"),
         (Phase::MvcEffort, "start resume skip repeat repeat_effort rearm"),
         (Phase::MvcRest, "start resume skip repeat rearm"),
@@ -118,8 +124,11 @@ fn a_fault_stops_every_phase_in_which_the_motor_has_power_and_no_other() {
 /// Sessions in which everything goes wrong now and then.
 fn random_walk(seed: u64, samples: usize) -> Vec<TransitionRecord> {
     let mut stream = Stream::new(seed, "walk");
-    let mut settings = settings_with_everything();
+    let mut settings = settings_with_rig_trials();
     settings.gate.antagonist_limit_mvc = Some(0.5);
+    if stream.uniform() < 0.5 {
+        settings.rig_plan.clear();
+    }
     if stream.uniform() < 0.2 {
         settings.offset_samples = None;
     }
@@ -189,7 +198,9 @@ fn trials_begin_and_end_only_where_they_can() {
     for line in TRANSITIONS {
         let (inside, outside) = (line.from.in_trial(), !line.to.in_trial());
         match line.effect {
-            Effect::Begin => assert!(!inside && line.to == Phase::Hold, "{line:?}"),
+            Effect::Begin => {
+                assert!(!inside && matches!(line.to, Phase::Hold | Phase::RigSettle), "{line:?}");
+            }
             Effect::Ok | Effect::Reject | Effect::Abort | Effect::LeaveOut => {
                 assert!(inside && outside, "{line:?}")
             }

@@ -123,6 +123,7 @@ fn torque(kinds: &[MechanismKind], values: &[f64]) -> SimulatedTorque {
         baseline_samples: BASELINE,
         substeps: substeps(Some(LEVER), &parameters(3.25, 2.1), PERIOD_S),
         filter: &[],
+        further: &[],
         derivatives: &[0, 1, 2, 3, 4, 5],
         width: VectorWidth::fastest(),
     };

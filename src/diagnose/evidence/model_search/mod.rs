@@ -90,6 +90,34 @@ impl<'a> ModelSearch<'a> {
         self.models.push(ComparedModel { causes, log_odds, posterior, outliers });
     }
 
+    /// Adds the models in which a constant is off that rig trials tell, beside at most one other cause.
+    ///
+    /// All models are fitted with the constants as measured, so that such a cause changes no fit: the rig trials alone decide. It does not
+    /// help to explain what came with the person.
+    pub fn add_told_causes(&mut self) {
+        let told: Vec<MechanismKind> = self.prior.rig.told().collect();
+        let mut added = Vec::new();
+        for model in self.models.iter().filter(|model| model.causes.len() <= 1) {
+            for kind in &told {
+                added.push((model, vec![*kind]));
+            }
+        }
+        for (place, one) in told.iter().enumerate() {
+            added.extend(told[place + 1..].iter().map(|other| (&self.models[0], vec![*one, *other])));
+        }
+        let extended = |(model, kinds): (&ComparedModel, Vec<MechanismKind>)| ComparedModel {
+            log_odds: model.log_odds + self.prior.rig.log_odds(&kinds) + self.model_prior.log_odds(&kinds),
+            causes: model.causes.iter().copied().chain(kinds).collect(),
+            posterior: model.posterior.clone(),
+            outliers: model.outliers.clone(),
+        };
+        let extended: Vec<ComparedModel> = added.into_iter().map(extended).collect();
+        for own in &extended {
+            tracing::debug!(causes = ?own.causes, log_odds = own.log_odds, "told by rig trials");
+        }
+        self.models.extend(extended);
+    }
+
     /// The largest log odds so far.
     pub fn best_log_odds(&self) -> f64 {
         self.models.iter().map(|own| own.log_odds).fold(f64::NEG_INFINITY, f64::max)

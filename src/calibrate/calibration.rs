@@ -1,0 +1,346 @@
+//! A calibration: all constants of a rig from its rig trials, with their joint covariance.
+
+use nalgebra::DVector;
+
+use super::constants::{REPORTED, RigCoordinates};
+use super::covariance::{RigCovariance, covariance};
+use super::encoder::step_positions;
+use super::error::CalibrateError;
+use super::fit::{RigFit, RigFitInput, RigPrior};
+use super::loads::{LoadCheck, check_loads};
+use super::misfit::{RigMisfit, cells, misfit, scatter_within};
+use super::moments::MomentChannel;
+use super::noise::PowerSpectrum;
+use super::prepared_trial::{ChannelNoise, PreparedTrial};
+use super::reported::reported;
+use crate::dataset::{
+    CalibrationFit, CalibrationLoad, CalibrationNoise, HandleLoad, NoiseSpectrum, RIG_TRIAL_REST_S,
+    RigCalibration, RigTrial, RigTrialMotion, RigTrials, Status,
+};
+use crate::random::Stream;
+use crate::statistics::t_quantile;
+
+/// Positions of the encoder's steps that are tried.
+const POSITIONS: usize = 32;
+
+/// Places of the torque channel's delay and low-pass among the coordinates.
+const DELAY_PLACE: usize = 7;
+const LAG_PLACE: usize = 8;
+
+/// Seed of the draws of a calibration, so that it is the same each time.
+const SEED: u64 = 1;
+
+/// A calibration and what was found on the way.
+#[derive(Debug, Clone)]
+pub struct CalibrationOutcome {
+    /// The calibration, as the file has it.
+    pub calibration: RigCalibration,
+    /// Misfit of the model.
+    pub misfit: RigMisfit,
+    /// What the loads say of each other.
+    pub loads: Vec<LoadCheck>,
+}
+
+/// The trials of a session, ready to be fitted.
+pub struct PreparedRig {
+    /// The trials that are analysed.
+    pub trials: Vec<PreparedTrial>,
+    /// Noise of the channels.
+    pub noise: ChannelNoise,
+    /// Standard deviation of a trial's mean torque, N m.
+    pub mean_sd_nm: f64,
+    /// Largest torque beside its median, N m.
+    pub largest_nm: f64,
+    /// Where the speed of the friction starts: a hundredth of the largest speed of the targets, rad/s.
+    pub friction_speed_rad_s: f64,
+    /// The loads with a stated value, without direction.
+    pub loads: Vec<HandleLoad>,
+}
+
+impl PreparedRig {
+    /// Prepares the trials of status ok that `used` takes. The noise of the torque is at least `known`: few rests tell it badly.
+    ///
+    /// # Errors
+    /// If there are none, or one cannot be analysed.
+    pub fn new(
+        trials: &RigTrials,
+        used: fn(&RigTrial) -> bool,
+        known: Option<&NoiseSpectrum>,
+    ) -> Result<Self, CalibrateError> {
+        let analysed: Vec<&RigTrial> =
+            trials.trials.iter().filter(|trial| trial.status == Status::Ok && used(trial)).collect();
+        if !analysed.iter().any(|trial| trial.motion != RigTrialMotion::Still) {
+            return Err(CalibrateError::NoMotion);
+        }
+        for trial in &analysed {
+            check_return(trial, trials.sample_rate_hz)?;
+        }
+        let mut noise = ChannelNoise::measure(&analysed, trials.sample_rate_hz);
+        if noise.torque_nm == 0.0 {
+            return Err(CalibrateError::NoNoise);
+        }
+        if let Some(known) = known {
+            let known = PowerSpectrum {
+                frequency_hz: known.frequency_hz.clone(),
+                power_per_hz: known.power_nm2_per_hz.clone(),
+            };
+            noise.torque = noise.torque.larger(&known);
+        }
+        let positions = step_positions(POSITIONS, &mut Stream::new(SEED, "calibrate/encoder"));
+        let prepared: Vec<PreparedTrial> = analysed
+            .iter()
+            .map(|trial| PreparedTrial::new(trial, trials.sample_rate_hz, &noise, &positions))
+            .collect();
+        let mut loads: Vec<HandleLoad> = Vec::new();
+        for trial in &analysed {
+            let load = trial.load.without_sign();
+            if load.relative_error().is_some() && !loads.contains(&load) {
+                loads.push(load);
+            }
+        }
+        let mean_sd_nm = mean_sd_nm(&prepared, &noise);
+        Ok(Self {
+            mean_sd_nm,
+            largest_nm: largest_nm(&analysed),
+            friction_speed_rad_s: 0.01 * largest_speed_rad_s(&analysed, trials.sample_rate_hz),
+            trials: prepared,
+            noise,
+            loads,
+        })
+    }
+}
+
+/// The signals are taken as periodic: a record must end where it began.
+fn check_return(trial: &RigTrial, sample_rate_hz: f64) -> Result<(), CalibrateError> {
+    let angle = &trial.record.theta_m_rad;
+    let rest = ((RIG_TRIAL_REST_S * sample_rate_hz) as usize).min(angle.len());
+    let start = angle[..rest].iter().sum::<f64>() / rest as f64;
+    let farthest = angle.iter().fold(0.0, |far: f64, value| far.max((value - start).abs()));
+    let end = angle.last().map_or(0.0, |last| last - start);
+    // A ramp that is not taken back ends at its farthest angle, or near it.
+    if trial.motion != RigTrialMotion::Still && end.abs() > 0.5 * farthest {
+        return Err(CalibrateError::NoReturn { file: trial.file.clone(), end_rad: end });
+    }
+    Ok(())
+}
+
+/// Largest mean speed of the targets over 10 ms, which do not show the steps in which a target may be written.
+fn largest_speed_rad_s(trials: &[&RigTrial], sample_rate_hz: f64) -> f64 {
+    let samples = ((0.01 * sample_rate_hz) as usize).max(1);
+    let ways = trials.iter().flat_map(|trial| {
+        let target = &trial.record.target_rad;
+        target.iter().zip(target.iter().skip(samples)).map(|(before, after)| (after - before).abs())
+    });
+    ways.fold(0.0, f64::max) * sample_rate_hz / samples as f64
+}
+
+fn largest_nm(trials: &[&RigTrial]) -> f64 {
+    let mut largest: f64 = 0.0;
+    for trial in trials {
+        let torque = &trial.record.torque_l_nm;
+        let mean = torque.iter().sum::<f64>() / torque.len() as f64;
+        largest = torque.iter().fold(largest, |far, value| far.max((value - mean).abs()));
+        if let HandleLoad::KnownWeight { .. } = trial.load {
+            largest = largest.max(mean.abs());
+        }
+    }
+    largest
+}
+
+/// Standard deviation of the mean torque of a trial: from the scatter of the trials with one load, at least that of the noise. It
+/// contains the error of its own few degrees of freedom, so that 1.96 of it make a 95 % interval.
+fn mean_sd_nm(trials: &[PreparedTrial], noise: &ChannelNoise) -> f64 {
+    let mut groups: Vec<(HandleLoad, Vec<f64>)> = Vec::new();
+    let mut of_noise: f64 = 0.0;
+    for trial in trials {
+        of_noise = of_noise.max(trial.variance(noise.torque.at(0.0)));
+        if matches!(trial.load, HandleLoad::ClampedHandle | HandleLoad::KnownSpring { .. }) {
+            continue;
+        }
+        let mean = trial.torque[0].re;
+        match groups.iter_mut().find(|(load, _)| *load == trial.load) {
+            Some((_, means)) => means.push(mean),
+            None => groups.push((trial.load, vec![mean])),
+        }
+    }
+    let (mut sum, mut freedom) = (0.0, 0.0);
+    for (_, means) in &groups {
+        let mean = means.iter().sum::<f64>() / means.len() as f64;
+        sum += means.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>();
+        freedom += means.len() as f64 - 1.0;
+    }
+    if freedom == 0.0 {
+        return libm::sqrt(of_noise);
+    }
+    let factor = t_quantile(0.975, freedom) / super::covariance::INTERVAL;
+    libm::sqrt((sum / freedom).max(of_noise)) * factor
+}
+
+/// Fits all constants of the rig to all its rig trials of status ok.
+///
+/// `program` and `session` are the names that the file gets; the date is the caller's.
+///
+/// # Errors
+/// If no trial can be analysed.
+pub fn calibrate(
+    trials: &RigTrials,
+    program: &str,
+    session: &str,
+) -> Result<CalibrationOutcome, CalibrateError> {
+    let prepared = PreparedRig::new(trials, |_| true, None)?;
+    let coordinates = RigCoordinates::new(trials.lever, prepared.largest_nm, prepared.loads.clone());
+    let mut input = RigFitInput {
+        trials: &prepared.trials,
+        prior: RigPrior::of_engineering(&coordinates),
+        coordinates,
+        noise: &prepared.noise,
+        mean_sd_nm: prepared.mean_sd_nm,
+        friction_speed_rad_s: prepared.friction_speed_rad_s,
+        torque_scale: 1.0,
+        servo_scale: 1.0,
+    };
+    let fit = fit_with_scatter(&mut input);
+    let misfit = misfit(&input, &fit, &mut Stream::new(SEED, "calibrate/misfit"));
+    let mut found = covariance(&input, &fit);
+    grow_with_misfit(&fit, &mut found);
+    let loads = check_loads(&input, &fit, &found);
+    let reported = reported(&input, &fit.point, &found, trials.lever);
+    let mut calibration =
+        RigCalibration::new(program.to_owned(), session.to_owned(), reported.quantities, reported.covariance);
+    calibration.measured_utc.clone_from(&trials.measured_utc);
+    calibration.sources.clone_from(&trials.sources);
+    calibration.loads = described_loads(&prepared.trials);
+    calibration.noise = CalibrationNoise {
+        torque_nm: prepared.noise.torque_nm,
+        spectrum: NoiseSpectrum {
+            frequency_hz: prepared.noise.torque.frequency_hz.clone(),
+            power_nm2_per_hz: prepared.noise.torque.power_per_hz.clone(),
+        },
+    };
+    calibration.fit = CalibrationFit {
+        samples: prepared.trials.iter().map(|trial| trial.samples).sum(),
+        p_value_of_misfit: Some(misfit.p_value),
+    };
+    calibration.warnings = loads.iter().filter(|check| check.disagrees()).map(warning).collect();
+    Ok(CalibrationOutcome { calibration, misfit, loads })
+}
+
+/// Fits, and once more with the noise that the scatter of repetitions shows, where it is larger than that at rest.
+pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
+    let first = on_the_side_of_lag(input, input.fit(None));
+    let cells = cells(input.trials);
+    let standardised: Vec<DVector<f64>> =
+        first.equations.iter().map(|own| own.standardised.clone()).collect();
+    let (sum, freedom) = scatter_within(&cells, &first.equations, &standardised, MomentChannel::Torque);
+    input.torque_scale = if freedom > 0.0 { libm::sqrt((sum / freedom).max(1.0)) } else { 1.0 };
+    // No motor is exactly of second order: what the model of the servo leaves is its noise.
+    input.servo_scale = libm::sqrt(mean_square(&first, |channel| channel == MomentChannel::Servo).max(1.0));
+    input.fit(Some(&first.point))
+}
+
+/// A low-pass and its inverse change the amplitude of the torque alike, and with another delay nearly the phase: the search may end at
+/// the inverse. The fit from the other side is taken if it is the better one.
+fn on_the_side_of_lag(input: &RigFitInput<'_>, fit: RigFit) -> RigFit {
+    let [delay, lag] = [DELAY_PLACE, LAG_PLACE].map(|place| input.coordinates.scales[place]);
+    let lag_s = lag.value(fit.point[LAG_PLACE]);
+    if lag_s >= 0.0 {
+        return fit;
+    }
+    let mut other = fit.point.clone();
+    other[LAG_PLACE] = lag.coordinate(-lag_s);
+    other[DELAY_PLACE] = delay.coordinate(delay.value(fit.point[DELAY_PLACE]) + 2.0 * lag_s);
+    let other = input.fit(Some(&other));
+    let cost = |fit: &RigFit| fit.equations.iter().map(|own| own.residual.norm_squared()).sum::<f64>();
+    if cost(&other) < cost(&fit) { other } else { fit }
+}
+
+/// Mean square of the moments of some channels, in standard deviations; the coordinates are few beside the moments.
+fn mean_square(fit: &RigFit, of: fn(MomentChannel) -> bool) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for own in &fit.equations {
+        for (label, value) in own.labels.iter().zip(own.standardised.iter()) {
+            if of(label.channel) {
+                sum += value * value;
+                count += 1.0;
+            }
+        }
+    }
+    if count > 0.0 { sum / count } else { 0.0 }
+}
+
+/// Where the model leaves more than the noise, the covariance of the constants that follow from the torque grows as much.
+fn grow_with_misfit(fit: &RigFit, found: &mut RigCovariance) {
+    let growth = libm::sqrt(mean_square(fit, |channel| channel != MomentChannel::Servo).max(1.0));
+    let is_of_torque = |place: usize| place != 9 && place < REPORTED;
+    for row in 0..found.covariance.nrows() {
+        for column in 0..found.covariance.ncols() {
+            let factor = |place: usize| if is_of_torque(place) { growth } else { 1.0 };
+            found.covariance[(row, column)] *= factor(row) * factor(column);
+        }
+        found.data_se[row] *= if is_of_torque(row) { growth } else { 1.0 };
+    }
+}
+
+/// The loads of the file: what was at the handle in how many trials.
+fn described_loads(trials: &[PreparedTrial]) -> Vec<CalibrationLoad> {
+    let mut found: Vec<(HandleLoad, usize)> = Vec::new();
+    for trial in trials {
+        let load = trial.load.without_sign();
+        match found.iter_mut().find(|(own, _)| *own == load) {
+            Some((_, count)) => *count += 1,
+            None => found.push((load, 1)),
+        }
+    }
+    let described = |(load, trials): (HandleLoad, usize)| {
+        let mut own = CalibrationLoad {
+            load: load.name().to_owned(),
+            mass_kg: None,
+            arm_m: None,
+            inertia_kg_m2: None,
+            stiffness_nm_per_rad: None,
+            relative_error: load.relative_error(),
+            trials,
+        };
+        match load {
+            HandleLoad::KnownWeight { mass_kg, arm_m, .. } => {
+                own.mass_kg = Some(mass_kg);
+                own.arm_m = Some(arm_m);
+            }
+            HandleLoad::KnownInertia { inertia_kg_m2, .. } => own.inertia_kg_m2 = Some(inertia_kg_m2),
+            HandleLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
+                own.stiffness_nm_per_rad = Some(stiffness_nm_per_rad);
+            }
+            HandleLoad::EmptyHandle | HandleLoad::ClampedHandle => {}
+        }
+        own
+    };
+    found.into_iter().map(described).collect()
+}
+
+/// A load for messages, with its stated value.
+pub fn named_load(load: HandleLoad) -> String {
+    match load {
+        HandleLoad::EmptyHandle | HandleLoad::ClampedHandle => load.name().to_owned(),
+        HandleLoad::KnownWeight { mass_kg, arm_m, .. } => {
+            format!("known_weight of {mass_kg} kg at {arm_m} m")
+        }
+        HandleLoad::KnownInertia { inertia_kg_m2, .. } => format!("known_inertia of {inertia_kg_m2} kg m2"),
+        HandleLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
+            format!("known_spring of {stiffness_nm_per_rad} N m/rad")
+        }
+    }
+}
+
+/// A load that disagrees with the others, as a sentence.
+fn warning(check: &LoadCheck) -> String {
+    let or: Vec<String> = check.or.iter().map(|load| named_load(*load)).collect();
+    let or =
+        if or.is_empty() { String::new() } else { format!("; or {} is wrong in its place", or.join(" or ")) };
+    format!(
+        "{} disagrees with the other loads: by them it is {:+.1} % from its stated value (standard error {:.1} %, p = {:.2e}){or}",
+        named_load(check.load),
+        100.0 * check.difference.unwrap_or(f64::NAN),
+        100.0 * check.se,
+        check.p_value
+    )
+}

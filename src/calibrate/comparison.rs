@@ -1,0 +1,235 @@
+//! The check of the day: whether a few trials with the empty handle agree with a calibration, and which quantity differs if not.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::calibration::{PreparedRig, fit_with_scatter};
+use super::constants::{CoordinateScale, REPORTED, RigCoordinates, time_constant_s};
+use super::covariance::{INTERVAL, inverse};
+use super::error::CalibrateError;
+use super::fit::{RigFit, RigFitInput, RigPrior};
+use super::misfit::square_root;
+use crate::dataset::{HandleLoad, RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials};
+use crate::statistics::{chi_square_tail, holm, t_two_sided};
+
+/// Significance level over all quantities.
+pub const DIFFERENCE_LEVEL: f64 = 0.05;
+
+/// Degrees of freedom of a normal distribution.
+const MANY: f64 = 1e9;
+
+/// How much one quantity differs from a calibration, if it alone does.
+#[derive(Debug, Clone, PartialEq)]
+pub struct QuantityDifference {
+    /// Which one.
+    pub name: RigQuantity,
+    /// Its value in the calibration.
+    pub calibrated: f64,
+    /// Today's value less that of the calibration, in the same unit.
+    pub difference: f64,
+    /// Standard error of the difference, that of the calibration included.
+    pub se: f64,
+    /// Probability of a difference this large by chance, adjusted for the number of quantities by Holm's method.
+    pub p_value: f64,
+}
+
+/// Comparison of today's trials with a calibration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigComparison {
+    /// Each quantity that the calibration has and these trials can see, first the one whose change explains the trials best.
+    pub quantities: Vec<QuantityDifference>,
+    /// The quantity that differs, if one does, and those that explain the trials as well: one of them changed.
+    pub changed: Vec<RigQuantity>,
+    /// Number of trials.
+    pub trials: usize,
+    /// Probability of trials so different if nothing changed.
+    pub p_value: f64,
+}
+
+/// Compares the empty-handle trials of a session with a calibration of another one.
+///
+/// The calibration's values and covariance are the prior. Each quantity is tested alone: the others stay within the calibration's
+/// uncertainty.
+///
+/// # Errors
+/// If there are no trials with the empty handle in motion, or the calibration has no values.
+pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigComparison, CalibrateError> {
+    if calibration.covariance_of.is_empty() {
+        return Err(CalibrateError::NothingCalibrated(calibration.session.clone()));
+    }
+    let of_the_empty_handle =
+        |trial: &RigTrial| trial.load == HandleLoad::EmptyHandle && trial.motion != RigTrialMotion::Still;
+    let prepared = PreparedRig::new(trials, of_the_empty_handle, Some(&calibration.noise.spectrum)).map_err(
+        |error| if error == CalibrateError::NoMotion { CalibrateError::NoEmptyHandle } else { error },
+    )?;
+    let coordinates = RigCoordinates::new(trials.lever, prepared.largest_nm, Vec::new());
+    let (prior, prior_covariance) = calibrated_prior(&coordinates, calibration);
+    let mean = prior.mean.clone();
+    let mut input = RigFitInput {
+        trials: &prepared.trials,
+        coordinates,
+        prior,
+        noise: &prepared.noise,
+        mean_sd_nm: prepared.mean_sd_nm,
+        friction_speed_rad_s: prepared.friction_speed_rad_s,
+        torque_scale: 1.0,
+        servo_scale: 1.0,
+    };
+    let fit = fit_with_scatter(&mut input);
+
+    let unchanged = Linearised::new(&input, &fit, &mean, &prior_covariance);
+    let mut found = Vec::new();
+    for name in &calibration.covariance_of {
+        let place = RigQuantity::ALL.iter().position(|own| own == name).unwrap_or_default();
+        if unchanged.change(place).is_none_or(|(_, se)| INTERVAL * se > 1.0) {
+            // A change that would show only beyond what engineering allows is not seen by these trials.
+            continue;
+        }
+        // The constants that fit best if this one changed, and what is then left unexplained.
+        let mut free = prior_covariance.clone();
+        free[(place, place)] += 1.0;
+        input.prior.precision = inverse(free);
+        let fit = input.fit(Some(&fit.point));
+        let from_mean = &fit.point - &mean;
+        let left = fit.equations.iter().map(|own| own.residual.norm_squared()).sum::<f64>()
+            + from_mean.dot(&(&input.prior.precision * &from_mean));
+        let Some((difference, se)) = Linearised::new(&input, &fit, &mean, &prior_covariance).change(place)
+        else {
+            continue;
+        };
+        let calibrated = calibration.value(*name).unwrap_or(f64::NAN);
+        let slope = natural_slope(*name, input.coordinates.scales[place], calibrated);
+        let own = QuantityDifference {
+            name: *name,
+            calibrated,
+            difference: difference * slope,
+            se: se * slope.abs(),
+            p_value: t_two_sided(difference / se, MANY),
+        };
+        found.push((left, own));
+    }
+    let p: Vec<f64> = found.iter().map(|(_, own)| own.p_value).collect();
+    for ((_, own), p_value) in found.iter_mut().zip(holm(&p)) {
+        own.p_value = p_value;
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let differing = || found.iter().filter(|(_, own)| own.p_value < DIFFERENCE_LEVEL);
+    let least = differing().next().map_or(f64::NAN, |(left, _)| *left);
+    let changed = differing()
+        .filter(|(left, _)| *left < least + INTERVAL * INTERVAL)
+        .map(|(_, own)| own.name)
+        .collect();
+    Ok(RigComparison {
+        changed,
+        trials: prepared.trials.len(),
+        p_value: unchanged.p_value(),
+        quantities: found.into_iter().map(|(_, own)| own).collect(),
+    })
+}
+
+/// All trials as one system that is linear about a fit, with the constants at the calibration's values.
+struct Linearised {
+    jacobian: DMatrix<f64>,
+    residual: DVector<f64>,
+    /// Inverse covariance of the residual if nothing changed.
+    weights: DMatrix<f64>,
+    /// Its covariance, with the errors of the encoder's steps that repeat.
+    covariance: DMatrix<f64>,
+}
+
+impl Linearised {
+    fn new(
+        input: &RigFitInput<'_>,
+        fit: &RigFit,
+        mean: &DVector<f64>,
+        prior_covariance: &DMatrix<f64>,
+    ) -> Self {
+        let rows: usize = fit.equations.iter().map(|own| own.residual.len()).sum();
+        let size = input.coordinates.count();
+        let mut jacobian = DMatrix::zeros(rows, size);
+        let mut residual = DVector::zeros(rows);
+        let positions = fit.equations.first().map_or(0, |own| own.step_errors.len());
+        let mut steps = DMatrix::zeros(rows, positions);
+        let mut from = 0;
+        for own in &fit.equations {
+            let count = own.residual.len();
+            jacobian.view_mut((from, 0), (count, size)).copy_from(&own.jacobian);
+            residual.rows_mut(from, count).copy_from(&own.residual);
+            for (position, error) in own.step_errors.iter().enumerate() {
+                steps.view_mut((from, position), (count, 1)).copy_from(error);
+            }
+            from += count;
+        }
+        residual += &jacobian * (mean - &fit.point);
+        let of_prior = &jacobian * square_root(prior_covariance);
+        let white = &of_prior * of_prior.transpose() + DMatrix::identity(rows, rows);
+        let weights = inverse(white.clone());
+        // The steps of the encoder count twice: as white, and as the errors of one motion that repeat.
+        let covariance = white + &steps * steps.transpose() / positions.max(1) as f64;
+        Self { jacobian, residual, weights, covariance }
+    }
+
+    /// Change of one coordinate that explains the residual best if the others did not change, and its standard error; `None` if it has
+    /// no effect.
+    fn change(&self, place: usize) -> Option<(f64, f64)> {
+        let column = self.jacobian.column(place).clone_owned();
+        let weighted = &self.weights * &column;
+        let information = column.dot(&weighted);
+        let variance = weighted.dot(&(&self.covariance * &weighted));
+        (information > 0.0)
+            .then(|| (-weighted.dot(&self.residual) / information, libm::sqrt(variance) / information))
+    }
+
+    /// Probability of differences this large, of all reported quantities together.
+    fn p_value(&self) -> f64 {
+        let weighted = &self.weights * self.jacobian.columns(0, REPORTED).clone_owned();
+        let score = weighted.transpose() * &self.residual;
+        let eigen = (weighted.transpose() * &self.covariance * &weighted).symmetric_eigen();
+        let largest = eigen.eigenvalues.amax();
+        let (mut sum, mut freedom) = (0.0, 0.0);
+        for (place, value) in eigen.eigenvalues.iter().enumerate() {
+            // Directions without information have only rounding in them.
+            if *value > largest * 1e-10 {
+                let along = eigen.eigenvectors.column(place).dot(&score);
+                sum += along * along / value;
+                freedom += 1.0;
+            }
+        }
+        chi_square_tail(sum, freedom)
+    }
+}
+
+/// The calibration as a prior of the coordinates; those without a value have what engineering allows.
+fn calibrated_prior(coordinates: &RigCoordinates, calibration: &RigCalibration) -> (RigPrior, DMatrix<f64>) {
+    let size = coordinates.count();
+    let mut mean = DVector::zeros(size);
+    let mut covariance = DMatrix::identity(size, size);
+    let place = |name: RigQuantity| RigQuantity::ALL.iter().position(|own| *own == name).unwrap_or_default();
+    let slope = |name: RigQuantity| {
+        let value = calibration.value(name).unwrap_or(f64::NAN);
+        natural_slope(name, coordinates.scales[place(name)], value)
+    };
+    for (row, name) in calibration.covariance_of.iter().enumerate() {
+        let value = calibration.value(*name).unwrap_or(f64::NAN);
+        let of_coordinate = match name {
+            RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth => time_constant_s(value),
+            _ => value,
+        };
+        mean[place(*name)] = coordinates.scales[place(*name)].coordinate(of_coordinate);
+        for (column, other) in calibration.covariance_of.iter().enumerate() {
+            covariance[(place(*name), place(*other))] =
+                calibration.covariance[row][column] / (slope(*name) * slope(*other));
+        }
+    }
+    (RigPrior { mean, precision: inverse(covariance.clone()) }, covariance)
+}
+
+/// Change of a quantity with its coordinate, at a value of the quantity.
+fn natural_slope(name: RigQuantity, scale: CoordinateScale, value: f64) -> f64 {
+    match (name, scale) {
+        (_, CoordinateScale::Factor { range, .. }) => value * range,
+        (RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth, CoordinateScale::Linear { range, .. }) => {
+            -range * std::f64::consts::TAU * value * value
+        }
+        (_, CoordinateScale::Linear { range, .. }) => range,
+    }
+}

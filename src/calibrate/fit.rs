@@ -1,0 +1,333 @@
+//! The joint fit of all constants to all rig trials: Gauss-Newton steps with damping, products renewed between them.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::constants::{FIRST_KNOWN, FittedConstants, REPORTED, RigCoordinates};
+use super::moments::{
+    MomentChannel, MomentLabel, Needed, OfTorqueChannel, TrialMoments, TrialResidual, residual,
+    torque_channel_derivative,
+};
+use super::prepared_trial::{ChannelNoise, PreparedTrial};
+
+/// Times that the products are renewed at the constants found.
+const RENEWALS: usize = 3;
+/// Steps of the search between two renewals.
+const STEPS: usize = 30;
+/// Step of the finite differences, as a part of what engineering allows. It is so small because a combination of constants that no trial
+/// tells must come out as one, however many samples there are.
+const DIFFERENCE: f64 = 1e-7;
+/// Largest step, in standard errors, at which the search has ended.
+const ENDED: f64 = 1e-2;
+/// Place of the servo's bandwidth among the coordinates, and of the friction's and the cubic part's.
+const SERVO_PLACE: usize = 9;
+const FRICTION_PLACE: usize = 10;
+const CUBIC_PLACE: usize = 5;
+
+/// The trials of a fit and what is known of their noise.
+pub struct RigFitInput<'a> {
+    /// The trials.
+    pub trials: &'a [PreparedTrial],
+    /// The coordinates.
+    pub coordinates: RigCoordinates,
+    /// What is known of them before.
+    pub prior: RigPrior,
+    /// The noise at rest.
+    pub noise: &'a ChannelNoise,
+    /// Standard deviation of a trial's mean torque, N m.
+    pub mean_sd_nm: f64,
+    /// Speed that the factor of the friction's speed refers to, rad/s.
+    pub friction_speed_rad_s: f64,
+    /// Standard deviation of a moment of the torque beside that of the noise at rest.
+    pub torque_scale: f64,
+    /// Standard deviation of a moment of the servo beside that of the noise at rest.
+    pub servo_scale: f64,
+}
+
+/// What is known of the coordinates before the trials are seen.
+#[derive(Debug, Clone)]
+pub struct RigPrior {
+    /// Their means.
+    pub mean: DVector<f64>,
+    /// Inverse of their covariance.
+    pub precision: DMatrix<f64>,
+}
+
+impl RigPrior {
+    /// What engineering allows about the start of the coordinates, and the stated values of the loads.
+    pub fn of_engineering(coordinates: &RigCoordinates) -> Self {
+        let precision = coordinates.prior_sd.iter().map(|sd| 1.0 / (sd * sd));
+        let precision = DVector::from_iterator(coordinates.count(), precision);
+        Self { mean: DVector::zeros(coordinates.count()), precision: DMatrix::from_diagonal(&precision) }
+    }
+}
+
+/// The equations of one trial at a point, in units in which its noise is independent with variance one.
+pub struct RigTrialEquations {
+    /// Labels of the moments.
+    pub labels: Vec<MomentLabel>,
+    /// Residual of each, in standard deviations; not made independent.
+    pub standardised: DVector<f64>,
+    /// Residual, independent.
+    pub residual: DVector<f64>,
+    /// Derivative of the residual.
+    pub jacobian: DMatrix<f64>,
+    /// Covariance of the residual under the noise without the encoder's steps, in the same units.
+    pub noise_covariance: DMatrix<f64>,
+    /// Residual that each position of the encoder's steps would make.
+    pub step_errors: Vec<DVector<f64>>,
+    /// Inverse of the noise's Cholesky factor, from moments to independent values.
+    pub deviations: DVector<f64>,
+    /// Cholesky factor of the noise of the moments.
+    pub factor: DMatrix<f64>,
+}
+
+/// A fit.
+pub struct RigFit {
+    /// The coordinates found.
+    pub point: DVector<f64>,
+    /// The equations there, trial by trial.
+    pub equations: Vec<RigTrialEquations>,
+}
+
+/// Products and whitening of one trial.
+struct Whitened {
+    moments: TrialMoments,
+    labels: Vec<MomentLabel>,
+    scales: DVector<f64>,
+    factor: DMatrix<f64>,
+}
+
+impl RigFitInput<'_> {
+    /// Fits from the start, or from a point.
+    pub fn fit(&self, from: Option<&DVector<f64>>) -> RigFit {
+        let mut point = from.cloned().unwrap_or_else(|| self.prior.mean.clone());
+        let mut whitened = self.whitened(&point);
+        for _ in 0..RENEWALS {
+            let (found, se) = self.search(&whitened, point.clone());
+            let moved = (&found - &point).component_div(&se).amax();
+            point = found;
+            whitened = self.whitened(&point);
+            if moved < 0.1 {
+                break;
+            }
+        }
+        let equations = self.equations(&whitened, &point);
+        RigFit { point, equations }
+    }
+
+    fn whitened(&self, point: &DVector<f64>) -> Vec<Whitened> {
+        let constants = self.coordinates.constants(point.as_slice());
+        let range = |place: usize| {
+            self.coordinates.scales[place].value(1.0) - self.coordinates.scales[place].value(0.0)
+        };
+        let small_terms = [range(FRICTION_PLACE), range(CUBIC_PLACE)];
+        self.trials
+            .par_iter()
+            .map(|trial| {
+                let handle = self.coordinates.at_handle(&constants, trial.load);
+                let moments = TrialMoments::new(
+                    trial,
+                    &constants,
+                    handle,
+                    self.noise,
+                    self.friction_speed_rad_s,
+                    small_terms,
+                );
+                let labels = moments.labels();
+                let scale = |label: &MomentLabel| match label.channel {
+                    MomentChannel::Mean => 1.0,
+                    MomentChannel::Torque => self.torque_scale,
+                    MomentChannel::Servo => self.servo_scale,
+                };
+                let scales = DVector::from_iterator(labels.len(), labels.iter().map(scale));
+                let factor = cholesky_factor(moments.covariance(trial, self.noise, true));
+                Whitened { moments, labels, scales, factor }
+            })
+            .collect()
+    }
+
+    fn residual(&self, place: usize, constants: &FittedConstants, needed: Needed) -> TrialResidual {
+        let trial = &self.trials[place];
+        let handle = self.coordinates.at_handle(constants, trial.load);
+        residual(trial, constants, handle, self.friction_speed_rad_s, needed)
+    }
+
+    /// Moments of a trial's residual, in units of their scale.
+    fn scaled(&self, whitened: &Whitened, residual: &TrialResidual) -> DVector<f64> {
+        whitened.moments.of(residual, self.mean_sd_nm).component_div(&whitened.scales)
+    }
+
+    /// Independent residuals and their derivatives, trial by trial.
+    fn linearised(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<(DVector<f64>, DMatrix<f64>)> {
+        let constants = self.coordinates.constants(point.as_slice());
+        (0..self.trials.len())
+            .into_par_iter()
+            .map(|place| {
+                let own = &whitened[place];
+                let base = self.residual(place, &constants, Needed::Both);
+                let at = self.scaled(own, &base);
+                let mut jacobian = DMatrix::zeros(at.len(), self.coordinates.count());
+                for column in 0..self.coordinates.count() {
+                    if !self.matters(column, place) {
+                        continue;
+                    }
+                    let derivative = if let Some(of) = of_torque_channel(column) {
+                        let derivative =
+                            torque_channel_derivative(&self.trials[place], &base, &constants, of);
+                        self.scaled(own, &derivative) * self.coordinates.scales[column].range()
+                    } else {
+                        let mut moved = point.clone();
+                        moved[column] += DIFFERENCE;
+                        let moved = self.coordinates.constants(moved.as_slice());
+                        let is_of_servo = is_of_servo(column);
+                        let needed = if is_of_servo { Needed::Servo } else { Needed::Torque };
+                        let mut change = self.scaled(own, &self.residual(place, &moved, needed));
+                        for (row, label) in own.labels.iter().enumerate() {
+                            // The other residual was not computed: it does not change.
+                            change[row] = if (label.channel == MomentChannel::Servo) == is_of_servo {
+                                (change[row] - at[row]) / DIFFERENCE
+                            } else {
+                                0.0
+                            };
+                        }
+                        change
+                    };
+                    jacobian.set_column(column, &derivative);
+                }
+                (solve_lower(&own.factor, &at), solve_lower_columns(&own.factor, &jacobian))
+            })
+            .collect()
+    }
+
+    /// Whether a coordinate can matter to a trial.
+    fn matters(&self, column: usize, place: usize) -> bool {
+        match column.checked_sub(RigCoordinates::first_load()) {
+            None => true,
+            Some(load) => self.trials[place].load.without_sign() == self.coordinates.loads[load],
+        }
+    }
+
+    /// Searches the point of the smallest cost with fixed products; also its standard errors.
+    fn search(&self, whitened: &[Whitened], start: DVector<f64>) -> (DVector<f64>, DVector<f64>) {
+        let cost = |residuals: &[(DVector<f64>, DMatrix<f64>)], point: &DVector<f64>| -> f64 {
+            let from_mean = point - &self.prior.mean;
+            let prior = from_mean.dot(&(&self.prior.precision * &from_mean));
+            residuals.iter().map(|(residual, _)| residual.norm_squared()).sum::<f64>() + prior
+        };
+        let mut point = start;
+        let mut equations = self.linearised(whitened, &point);
+        let mut value = cost(&equations, &point);
+        let mut damping = 1e-3;
+        let mut se = DVector::from_element(point.len(), 1.0);
+        for _ in 0..STEPS {
+            let mut normal = self.prior.precision.clone();
+            let mut gradient = &self.prior.precision * (&point - &self.prior.mean);
+            for (residual, jacobian) in &equations {
+                normal += jacobian.transpose() * jacobian;
+                gradient += jacobian.transpose() * residual;
+            }
+            if let Some(inverse) = normal.clone().cholesky().map(|factor| factor.inverse()) {
+                se = inverse.diagonal().map(libm::sqrt);
+            }
+            let mut step = None;
+            while damping < 1e12 {
+                let mut damped = normal.clone();
+                for place in 0..point.len() {
+                    damped[(place, place)] *= 1.0 + damping;
+                }
+                let Some(factor) = damped.cholesky() else {
+                    damping *= 10.0;
+                    continue;
+                };
+                let change = -factor.solve(&gradient);
+                let candidate = &point + &change;
+                let there = self.linearised(whitened, &candidate);
+                let there_value = cost(&there, &candidate);
+                if there_value <= value {
+                    damping = (damping / 10.0).max(1e-12);
+                    step = Some(change.component_div(&se).amax());
+                    (point, equations, value) = (candidate, there, there_value);
+                    break;
+                }
+                // At the optimum rounding decides which of two points is the better one.
+                if change.component_div(&se).amax() < ENDED {
+                    break;
+                }
+                damping *= 10.0;
+            }
+            if step.is_none_or(|step| step < ENDED) {
+                break;
+            }
+        }
+        (point, se)
+    }
+
+    fn equations(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<RigTrialEquations> {
+        let constants = self.coordinates.constants(point.as_slice());
+        let linearised = self.linearised(whitened, point);
+        let parts = whitened.par_iter().zip(linearised).enumerate();
+        parts
+            .map(|(place, (own, (residual, jacobian)))| {
+                let trial = &self.trials[place];
+                let scaled = self.scaled(own, &self.residual(place, &constants, Needed::Both));
+                let deviations = DVector::from_fn(scaled.len(), |row, _| own.factor.row(row).norm());
+                let noise = own.moments.covariance(trial, self.noise, false);
+                let half = solve_lower_columns(&own.factor, &noise);
+                RigTrialEquations {
+                    labels: own.labels.clone(),
+                    standardised: scaled.component_div(&deviations),
+                    residual,
+                    jacobian,
+                    noise_covariance: solve_lower_columns(&own.factor, &half.transpose()),
+                    step_errors: trial
+                        .angle_errors
+                        .iter()
+                        .map(|error| solve_lower(&own.factor, &own.moments.of_angle_error(error)))
+                        .collect(),
+                    deviations,
+                    factor: own.factor.clone(),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Which constant of the torque channel a coordinate is.
+fn of_torque_channel(column: usize) -> Option<OfTorqueChannel> {
+    match column {
+        3 => Some(OfTorqueChannel::Gain),
+        4 => Some(OfTorqueChannel::Offset),
+        7 => Some(OfTorqueChannel::Delay),
+        8 => Some(OfTorqueChannel::Lag),
+        _ => None,
+    }
+}
+
+/// Whether a coordinate is one of the servo.
+fn is_of_servo(column: usize) -> bool {
+    column == SERVO_PLACE || (REPORTED..=FIRST_KNOWN).contains(&column)
+}
+
+/// Lower factor of a covariance of products, of which some may nearly be sums of others: these count once.
+fn cholesky_factor(covariance: DMatrix<f64>) -> DMatrix<f64> {
+    let mut ridge = 1e-9;
+    loop {
+        let mut raised = covariance.clone();
+        for place in 0..raised.nrows() {
+            raised[(place, place)] *= 1.0 + ridge;
+        }
+        match raised.cholesky() {
+            Some(factor) => return factor.l(),
+            None => ridge *= 10.0,
+        }
+    }
+}
+
+fn solve_lower(factor: &DMatrix<f64>, vector: &DVector<f64>) -> DVector<f64> {
+    factor.solve_lower_triangular(vector).unwrap_or_else(|| vector.clone())
+}
+
+fn solve_lower_columns(factor: &DMatrix<f64>, matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    factor.solve_lower_triangular(matrix).unwrap_or_else(|| matrix.clone())
+}

@@ -1,0 +1,119 @@
+//! Fourier coefficients of a record below a highest frequency, and the way back to a coarser time axis.
+
+use std::sync::Arc;
+
+use rustfft::num_complex::Complex64;
+use rustfft::{Fft, FftPlanner};
+
+/// Points of the time axis of [`Fourier::to_time`] for each coefficient, at least. The cube of a torque has three times its frequencies; a
+/// friction that changes its direction has many more, which must not be folded back.
+const POINTS_PER_COEFFICIENT: usize = 8;
+
+/// The transforms of records of one length.
+#[derive(Clone)]
+pub struct Fourier {
+    record: Arc<dyn Fft<f64>>,
+    forward: Arc<dyn Fft<f64>>,
+    inverse: Arc<dyn Fft<f64>>,
+    samples: usize,
+    /// Number of coefficients, from frequency 0 up.
+    pub coefficients: usize,
+    /// Distance between two coefficients, Hz.
+    pub step_hz: f64,
+}
+
+impl Fourier {
+    /// The transforms of records with `samples` samples; coefficients from 0 up to `top_hz`.
+    pub fn new(samples: usize, sample_rate_hz: f64, top_hz: f64) -> Self {
+        let step_hz = sample_rate_hz / samples as f64;
+        let coefficients = ((top_hz / step_hz).floor() as usize + 1).min(samples / 2);
+        let points = (POINTS_PER_COEFFICIENT * coefficients).next_power_of_two();
+        let mut planner = FftPlanner::new();
+        Self {
+            record: planner.plan_fft_forward(samples),
+            forward: planner.plan_fft_forward(points),
+            inverse: planner.plan_fft_inverse(points),
+            samples,
+            coefficients,
+            step_hz,
+        }
+    }
+
+    /// Angular frequency of a coefficient, rad/s.
+    pub fn omega(&self, coefficient: usize) -> f64 {
+        std::f64::consts::TAU * self.frequency_hz(coefficient)
+    }
+
+    /// Samples a second of the record.
+    pub fn sample_rate_hz(&self) -> f64 {
+        self.step_hz * self.samples as f64
+    }
+
+    /// Frequency of a coefficient, Hz.
+    pub fn frequency_hz(&self, coefficient: usize) -> f64 {
+        self.step_hz * coefficient as f64
+    }
+
+    /// Coefficients of a record; that of frequency 0 is its mean.
+    pub fn of_record(&self, record: &[f64]) -> Vec<Complex64> {
+        self.transformed(&*self.record, record, self.samples)
+    }
+
+    /// Coefficients of values on the coarser time axis.
+    pub fn of_time(&self, values: &[f64]) -> Vec<Complex64> {
+        self.transformed(&*self.forward, values, values.len())
+    }
+
+    fn transformed(&self, transform: &dyn Fft<f64>, values: &[f64], count: usize) -> Vec<Complex64> {
+        let mut buffer: Vec<Complex64> = values.iter().map(|value| Complex64::new(*value, 0.0)).collect();
+        transform.process(&mut buffer);
+        buffer.truncate(self.coefficients);
+        buffer.iter().map(|value| value / count as f64).collect()
+    }
+
+    /// The record without what is above the highest frequency, on its own time axis.
+    pub fn smoothed(&self, record: &[f64]) -> Vec<f64> {
+        let coefficients = self.of_record(record);
+        let mut planner = FftPlanner::new();
+        on_axis(&*planner.plan_fft_inverse(self.samples), &coefficients, self.samples)
+    }
+
+    /// Values of a signal with these coefficients on the coarser time axis.
+    pub fn to_time(&self, coefficients: &[Complex64]) -> Vec<f64> {
+        on_axis(&*self.inverse, coefficients, self.inverse.len())
+    }
+}
+
+fn on_axis(inverse: &dyn Fft<f64>, coefficients: &[Complex64], points: usize) -> Vec<f64> {
+    let mut buffer = vec![Complex64::ZERO; points];
+    for (place, value) in coefficients.iter().enumerate() {
+        buffer[place] = *value;
+        if place > 0 {
+            buffer[points - place] = value.conj();
+        }
+    }
+    inverse.process(&mut buffer);
+    buffer.iter().map(|value| value.re).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sine_has_one_coefficient_and_comes_back() {
+        let fourier = Fourier::new(1000, 500.0, 40.0);
+        let wave = |time_s: f64| 0.3 + 2.0 * libm::sin(std::f64::consts::TAU * 10.0 * time_s);
+        let record: Vec<f64> = (0..1000).map(|sample| wave(f64::from(sample) / 500.0)).collect();
+        let found = fourier.of_record(&record);
+        assert!((found[0].re - 0.3).abs() < 1e-12 && (found[20] - Complex64::new(0.0, -1.0)).norm() < 1e-12);
+        let values = fourier.to_time(&found);
+        for (place, value) in values.iter().enumerate() {
+            let time_s = 2.0 * place as f64 / values.len() as f64;
+            assert!((value - wave(time_s)).abs() < 1e-9);
+        }
+        let again = fourier.of_time(&values);
+        assert!(again.iter().zip(&found).all(|(a, b)| (a - b).norm() < 1e-12));
+        assert!(fourier.smoothed(&record).iter().zip(&record).all(|(a, b)| (a - b).abs() < 1e-9));
+    }
+}

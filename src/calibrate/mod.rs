@@ -1,0 +1,37 @@
+//! The constants of the rig, from trials without a person: lever, gains, delay, filter, servo and friction, with their covariance.
+//!
+//! ```text
+//! rig trials -> prepared_trial   Fourier coefficients, noise at rest, errors of the encoder
+//!            -> rig_model        what the model of the rig predicts at each frequency
+//!            -> moments          products of the residual with motions that follow from the target alone
+//!            -> fit              joint fit of all constants to all trials
+//!            -> covariance       noise, steps of the encoder, scatter of whole trials
+//!            -> reported, misfit, loads
+//!            -> calibration, comparison
+//! ```
+
+mod calibration;
+mod comparison;
+mod constants;
+mod covariance;
+mod encoder;
+mod error;
+mod fit;
+mod fourier;
+mod loads;
+mod misfit;
+mod moments;
+mod noise;
+mod prepared_trial;
+mod reported;
+mod rig_model;
+
+pub use calibration::{CalibrationOutcome, calibrate, named_load};
+pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, compare};
+pub use error::CalibrateError;
+pub use loads::LoadCheck;
+pub use misfit::{LoadResidual, RigMisfit};
+pub use noise::PowerSpectrum;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,344 @@
+//! What of a trial's residual the fit sees: its products with the motion that the target alone predicts.
+//!
+//! The recorded angle is wrong by the encoder's steps, and these errors go through the stiff lever into the torque that the model
+//! predicts. Least squares over such a residual would be biased. The target is free of these errors: products of the residual with
+//! motions computed from the target (instruments) have the mean zero if the model is right, whatever the encoder does.
+
+use nalgebra::{DMatrix, DVector};
+use rustfft::num_complex::Complex64;
+
+use super::constants::{AtHandle, FittedConstants};
+use super::prepared_trial::{ChannelNoise, PreparedTrial};
+use super::rig_model::{HandleMotion, recorded_torque, servo_response, torque_response};
+use crate::dataset::HandleLoad;
+
+/// Bands in an octave of frequency; each has two products, in phase and in quadrature.
+const BANDS_PER_OCTAVE: f64 = 2.0;
+
+/// Index of the first small term's moment; bands have indices nearer to zero.
+const FIRST_SMALL_TERM: i32 = 1000;
+
+/// What a moment belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MomentChannel {
+    /// Mean of the recorded torque.
+    Mean,
+    /// Torque that follows from the motion.
+    Torque,
+    /// HandleMotion that follows from the target.
+    Servo,
+}
+
+/// Which product of a trial's residual.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MomentLabel {
+    /// What it belongs to.
+    pub channel: MomentChannel,
+    /// Which one: a band and phase, or a small term of the model.
+    pub index: i32,
+}
+
+/// One product: its weights over the coefficients.
+struct Instrument {
+    label: MomentLabel,
+    /// Place of the first weight.
+    from: usize,
+    weights: Vec<Complex64>,
+}
+
+impl Instrument {
+    /// Weight of a coefficient between the first and the last.
+    fn at(&self, place: usize) -> Complex64 {
+        self.weights[place - self.from]
+    }
+
+    fn places(&self) -> std::ops::Range<usize> {
+        self.from..self.from + self.weights.len()
+    }
+
+    fn product(&self, residual: &[Complex64]) -> f64 {
+        self.weights
+            .iter()
+            .zip(&residual[self.from..])
+            .map(|(weight, value)| (weight.conj() * value).re)
+            .sum()
+    }
+}
+
+/// The products of one trial.
+pub struct TrialMoments {
+    instruments: Vec<Instrument>,
+    /// Whether the mean is used, as the last moment.
+    has_mean: bool,
+    /// What is at the handle, for the response.
+    response: Vec<Complex64>,
+}
+
+/// Residual of a trial, as Fourier coefficients.
+pub struct TrialResidual {
+    /// Recorded less predicted torque; the first one is the mean.
+    pub torque: Option<Vec<Complex64>>,
+    /// Recorded angle less that which follows from the target.
+    pub servo: Option<Vec<Complex64>>,
+}
+
+/// Which residuals are asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Needed {
+    /// Both.
+    Both,
+    /// That of the torque.
+    Torque,
+    /// That of the servo.
+    Servo,
+}
+
+/// The recorded angle that follows from the target.
+fn expected_motion(trial: &PreparedTrial, constants: &FittedConstants) -> Vec<Complex64> {
+    let fourier = &trial.fourier;
+    let response = |place: usize| servo_response(constants, fourier.omega(place), fourier.sample_rate_hz());
+    trial.target.iter().enumerate().map(|(place, target)| response(place) * target).collect()
+}
+
+/// Residual of a trial at some constants.
+pub fn residual(
+    trial: &PreparedTrial,
+    constants: &FittedConstants,
+    handle: AtHandle,
+    friction_speed_rad_s: f64,
+    needed: Needed,
+) -> TrialResidual {
+    let expected = expected_motion(trial, constants);
+    let torque = (needed != Needed::Servo).then(|| {
+        let motion = HandleMotion { recorded: &trial.angle, expected: &expected };
+        let predicted = recorded_torque(constants, handle, motion, &trial.fourier, friction_speed_rad_s);
+        let mut left: Vec<Complex64> =
+            trial.torque.iter().zip(predicted).map(|(own, model)| own - model).collect();
+        left[0] -= constants.torque_offset_nm;
+        left
+    });
+    let servo = (needed != Needed::Torque && trial.moves())
+        .then(|| trial.angle.iter().zip(&expected).map(|(own, model)| own - model).collect());
+    TrialResidual { torque, servo }
+}
+
+/// A constant of the torque channel, whose effect follows from the predicted torque without a new prediction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OfTorqueChannel {
+    /// Its gain.
+    Gain,
+    /// Its offset.
+    Offset,
+    /// Its delay.
+    Delay,
+    /// Its low-pass.
+    Lag,
+}
+
+/// Derivative of a residual with a constant of the torque channel; with the logarithm of the gain.
+pub fn torque_channel_derivative(
+    trial: &PreparedTrial,
+    at: &TrialResidual,
+    constants: &FittedConstants,
+    of: OfTorqueChannel,
+) -> TrialResidual {
+    let left = at.torque.as_deref().unwrap_or_default();
+    let derivative = (0..left.len()).map(|place| {
+        let offset = if place == 0 { constants.torque_offset_nm } else { 0.0 };
+        let predicted = trial.torque[place] - left[place] - offset;
+        let s = Complex64::new(0.0, trial.fourier.omega(place));
+        match of {
+            OfTorqueChannel::Gain => -predicted,
+            OfTorqueChannel::Offset => Complex64::new(if place == 0 { -1.0 } else { 0.0 }, 0.0),
+            OfTorqueChannel::Delay => s * predicted,
+            OfTorqueChannel::Lag => s * predicted / (1.0 + s * constants.torque_lag_s),
+        }
+    });
+    TrialResidual { torque: Some(derivative.collect()), servo: None }
+}
+
+impl TrialMoments {
+    /// The products of a trial at some constants. `small_terms` are changes of friction and of the cubic part whose effects become
+    /// products of their own.
+    pub fn new(
+        trial: &PreparedTrial,
+        constants: &FittedConstants,
+        handle: AtHandle,
+        noise: &ChannelNoise,
+        friction_speed_rad_s: f64,
+        small_terms: [f64; 2],
+    ) -> Self {
+        let fourier = &trial.fourier;
+        let count = fourier.coefficients;
+        let response: Vec<Complex64> =
+            (0..count).map(|place| torque_response(constants, handle, fourier.omega(place))).collect();
+        let mut own = Self { instruments: Vec::new(), has_mean: has_mean(trial.load), response };
+        if !trial.moves() {
+            return own;
+        }
+        let expected = expected_motion(trial, constants);
+        let torque_variance = own.torque_variance(trial, noise);
+        let servo_variance: Vec<f64> = (0..count)
+            .map(|place| trial.variance(noise.step_power + noise.angle.at(fourier.frequency_hz(place))))
+            .collect();
+        let motion = HandleMotion { recorded: &expected, expected: &expected };
+        let predict = |constants: &FittedConstants| {
+            recorded_torque(constants, handle, motion, fourier, friction_speed_rad_s)
+        };
+        let torque = predict(constants);
+        own.add_bands(trial, MomentChannel::Torque, &torque, &torque_variance);
+        let [friction, cubic] = small_terms;
+        let changed = [
+            FittedConstants {
+                bearing_friction_nm: constants.bearing_friction_nm + friction,
+                ..constants.clone()
+            },
+            FittedConstants {
+                torque_nonlinearity_per_nm2: constants.torque_nonlinearity_per_nm2 + cubic,
+                ..constants.clone()
+            },
+        ];
+        for (place, changed) in changed.iter().enumerate() {
+            let effect: Vec<Complex64> =
+                predict(changed).iter().zip(&torque).map(|(with, without)| with - without).collect();
+            let index = FIRST_SMALL_TERM + place as i32;
+            own.add(MomentChannel::Torque, index, &effect, &torque_variance, 1..count);
+        }
+        own.add_bands(trial, MomentChannel::Servo, &expected, &servo_variance);
+        own
+    }
+
+    /// Variance of each coefficient of the torque's residual: noise of the torque, and of the angle through the model.
+    fn torque_variance(&self, trial: &PreparedTrial, noise: &ChannelNoise) -> Vec<f64> {
+        let angle = |hz: f64| noise.step_power + noise.angle.at(hz);
+        (0..self.response.len())
+            .map(|place| {
+                let hz = trial.fourier.frequency_hz(place);
+                trial.variance(noise.torque.at(hz) + self.response[place].norm_sqr() * angle(hz))
+            })
+            .collect()
+    }
+
+    fn add_bands(
+        &mut self,
+        trial: &PreparedTrial,
+        channel: MomentChannel,
+        signal: &[Complex64],
+        variance: &[f64],
+    ) {
+        let band = |place: usize| {
+            libm::floor(BANDS_PER_OCTAVE * libm::log2(trial.fourier.frequency_hz(place))) as i32
+        };
+        let mut from = 1;
+        while from < signal.len() {
+            let index = band(from);
+            let to = (from..signal.len()).find(|place| band(*place) != index).unwrap_or(signal.len());
+            let quadrature: Vec<Complex64> = signal.iter().map(|value| Complex64::I * value).collect();
+            self.add(channel, 2 * index, signal, variance, from..to);
+            self.add(channel, 2 * index + 1, &quadrature, variance, from..to);
+            from = to;
+        }
+    }
+
+    /// Adds the product with `signal` over some coefficients, of variance one under the noise. A signal that is smaller than the noise
+    /// tells nothing and is left out.
+    fn add(
+        &mut self,
+        channel: MomentChannel,
+        index: i32,
+        signal: &[Complex64],
+        variance: &[f64],
+        places: std::ops::Range<usize>,
+    ) {
+        let energy: f64 = places.clone().map(|place| signal[place].norm_sqr() / variance[place]).sum();
+        if !(energy >= 1.0 && energy.is_finite()) {
+            return;
+        }
+        let scale = std::f64::consts::SQRT_2 / libm::sqrt(energy);
+        let from = places.start;
+        let weights = places.map(|place| scale * signal[place] / variance[place]).collect();
+        self.instruments.push(Instrument { label: MomentLabel { channel, index }, from, weights });
+    }
+
+    /// Labels of the moments, in their order.
+    pub fn labels(&self) -> Vec<MomentLabel> {
+        let mean = self.has_mean.then_some(MomentLabel { channel: MomentChannel::Mean, index: 0 });
+        self.instruments.iter().map(|own| own.label).chain(mean).collect()
+    }
+
+    /// The moments of a residual; those of a residual that was not asked for are zero. `mean_sd_nm` is the standard deviation of a
+    /// trial's mean.
+    pub fn of(&self, residual: &TrialResidual, mean_sd_nm: f64) -> DVector<f64> {
+        let products = self.instruments.iter().map(|instrument| {
+            let side = match instrument.label.channel {
+                MomentChannel::Servo => &residual.servo,
+                _ => &residual.torque,
+            };
+            side.as_ref().map_or(0.0, |side| instrument.product(side))
+        });
+        let mean =
+            self.has_mean.then(|| residual.torque.as_ref().map_or(0.0, |side| side[0].re / mean_sd_nm));
+        let moments: Vec<f64> = products.chain(mean).collect();
+        DVector::from_vec(moments)
+    }
+
+    /// The moments of an error of the recorded angle.
+    pub fn of_angle_error(&self, error: &[Complex64]) -> DVector<f64> {
+        let torque: Vec<Complex64> =
+            error.iter().zip(&self.response).map(|(own, response)| -response * own).collect();
+        let residual = TrialResidual { torque: Some(torque), servo: Some(error.to_vec()) };
+        let mut moments = self.of(&residual, 1.0);
+        if self.has_mean {
+            // The mean torque of these loads does not depend on the angle.
+            let last = moments.len() - 1;
+            moments[last] = 0.0;
+        }
+        moments
+    }
+
+    /// Covariance of the moments under the noise of both channels, the steps of the encoder left out or taken as white.
+    pub fn covariance(&self, trial: &PreparedTrial, noise: &ChannelNoise, with_steps: bool) -> DMatrix<f64> {
+        let count = self.response.len();
+        let hz = |place: usize| trial.fourier.frequency_hz(place);
+        let torque: Vec<f64> = (0..count).map(|place| trial.variance(noise.torque.at(hz(place)))).collect();
+        let steps = if with_steps { noise.step_power } else { 0.0 };
+        let angle: Vec<f64> =
+            (0..count).map(|place| trial.variance(steps + noise.angle.at(hz(place)))).collect();
+        // Weights of each moment on the torque's noise and on the angle's.
+        let size = self.instruments.len();
+        let of_angle = |instrument: &Instrument, place: usize| match instrument.label.channel {
+            MomentChannel::Servo => instrument.at(place),
+            _ => -self.response[place].conj() * instrument.at(place),
+        };
+        let mut covariance =
+            DMatrix::identity(size + usize::from(self.has_mean), size + usize::from(self.has_mean));
+        for row in 0..size {
+            for column in 0..=row {
+                let (one, other) = (&self.instruments[row], &self.instruments[column]);
+                let is_torque = |own: &Instrument| own.label.channel == MomentChannel::Torque;
+                let both_torque = is_torque(one) && is_torque(other);
+                let (first, second) = (one.places(), other.places());
+                let sum: f64 = (first.start.max(second.start)..first.end.min(second.end))
+                    .map(|place| {
+                        let by_angle =
+                            (of_angle(one, place).conj() * of_angle(other, place)).re * angle[place];
+                        let by_torque = (one.at(place).conj() * other.at(place)).re * torque[place];
+                        by_angle + if both_torque { by_torque } else { 0.0 }
+                    })
+                    .sum();
+                covariance[(row, column)] = 0.5 * sum;
+                covariance[(column, row)] = 0.5 * sum;
+            }
+        }
+        covariance
+    }
+}
+
+/// Whether the mean torque of a trial with this load tells the offset. Where the load's torque depends on the angle, the unknown place
+/// of the start position within a step of the encoder makes an error of the mean.
+fn has_mean(load: HandleLoad) -> bool {
+    match load {
+        HandleLoad::EmptyHandle | HandleLoad::KnownWeight { .. } | HandleLoad::KnownInertia { .. } => true,
+        HandleLoad::ClampedHandle | HandleLoad::KnownSpring { .. } => false,
+    }
+}

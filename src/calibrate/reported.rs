@@ -1,0 +1,190 @@
+//! From fitted coordinates to reported quantities: which the loads tell, their values, errors and reasons.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::constants::{CoordinateScale, REPORTED, RigCoordinates, time_constant_s};
+use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, inverse};
+use super::fit::RigFitInput;
+use crate::dataset::{CalibratedQuantity, HandleLoad, RigQuantity};
+use crate::wrist::Lever;
+
+/// What is reported of the coordinates.
+pub struct Reported {
+    /// The quantities, in the order of the file.
+    pub quantities: Vec<CalibratedQuantity>,
+    /// Covariance of those that have a value.
+    pub covariance: Vec<Vec<f64>>,
+}
+
+/// The reported quantities of a fit.
+pub fn reported(
+    input: &RigFitInput<'_>,
+    point: &DVector<f64>,
+    found: &RigCovariance,
+    lever: Option<Lever>,
+) -> Reported {
+    let scales = &input.coordinates.scales;
+    let states: Vec<Told> = (0..REPORTED)
+        .map(|place| {
+            let own = RigQuantity::ALL[place];
+            // A coordinate whose interval is wider than what engineering allows is not told.
+            if INTERVAL * found.data_se[place] > 1.0 {
+                return Told::Unknown;
+            }
+            let se = libm::sqrt(found.covariance[(place, place)]);
+            told(own, scales[place], point[place], se)
+        })
+        .collect();
+    let untold: Vec<usize> = (0..REPORTED).filter(|place| matches!(states[*place], Told::Unknown)).collect();
+    let quantities = (0..REPORTED).map(|place| {
+        let name = RigQuantity::ALL[place];
+        let (value, se, reason) = match &states[place] {
+            Told::Value { value, se, .. } => (Some(*value), Some(*se), None),
+            Told::Bound(reason) => (None, None, Some(reason.clone())),
+            Told::Unknown => (None, None, Some(reason(input, found, place, &untold))),
+        };
+        CalibratedQuantity { name, value, se, stated: stated(name, lever), reason }
+    });
+    let quantities: Vec<CalibratedQuantity> = quantities.collect();
+    let known: Vec<(usize, f64)> = states
+        .iter()
+        .enumerate()
+        .filter_map(|(place, state)| match state {
+            Told::Value { se, sign, .. } => Some((place, se * sign)),
+            _ => None,
+        })
+        .collect();
+    let correlation = |row: usize, column: usize| {
+        let variance = |place: usize| found.covariance[(place, place)];
+        found.covariance[(row, column)] / libm::sqrt(variance(row) * variance(column))
+    };
+    let covariance = known
+        .iter()
+        .map(|(row, se)| {
+            let with = |(column, other): &(usize, f64)| {
+                if row == column { se * se } else { correlation(*row, *column).clamp(-1.0, 1.0) * se * other }
+            };
+            known.iter().map(with).collect()
+        })
+        .collect();
+    Reported { quantities, covariance }
+}
+
+/// What is known of a quantity.
+enum Told {
+    /// Value, standard error, and the sign of its change with the coordinate.
+    Value { value: f64, se: f64, sign: f64 },
+    /// Only a bound.
+    Bound(String),
+    /// Nothing.
+    Unknown,
+}
+
+/// A quantity from its coordinate. The standard error is such that 1.96 of them reach the farther end of the coordinate's interval.
+fn told(quantity: RigQuantity, scale: CoordinateScale, coordinate: f64, se: f64) -> Told {
+    let value = scale.value(coordinate);
+    let (low, high) = (scale.value(coordinate - INTERVAL * se), scale.value(coordinate + INTERVAL * se));
+    match quantity {
+        RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth => {
+            if low <= 0.0 {
+                let bound = time_constant_s(high);
+                let what =
+                    if quantity == RigQuantity::TorqueCutoff { "a low-pass" } else { "a limit of the motor" };
+                return Told::Bound(if bound > 0.0 {
+                    format!(
+                        "no sign of {what} in the trials: it is above {bound:.0} Hz (95 %), if there is one"
+                    )
+                } else {
+                    format!(
+                        "the trials contradict {what}: the time constant is below zero; look for a delay of the other channel"
+                    )
+                });
+            }
+            let frequency = time_constant_s(value);
+            let farther = (time_constant_s(low) - frequency).max(frequency - time_constant_s(high));
+            Told::Value { value: frequency, se: farther / INTERVAL, sign: -1.0 }
+        }
+        _ => Told::Value { value, se: (high - value).max(value - low) / INTERVAL, sign: 1.0 },
+    }
+}
+
+/// What the session states: its lever, and a rig without errors for the rest.
+fn stated(quantity: RigQuantity, lever: Option<Lever>) -> Option<f64> {
+    match quantity {
+        RigQuantity::LeverInertia => lever.map(|own| own.inertia_kg_m2),
+        RigQuantity::LeverDamping => lever.map(|own| own.damping_nm_s_per_rad),
+        RigQuantity::LeverStiffness => lever.map(|own| own.stiffness_nm_per_rad),
+        RigQuantity::TorqueGain | RigQuantity::AngleGain => Some(1.0),
+        RigQuantity::TorqueOffset
+        | RigQuantity::TorqueNonlinearity
+        | RigQuantity::TorqueDelay
+        | RigQuantity::BearingFriction => Some(0.0),
+        RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth => None,
+    }
+}
+
+/// Why a quantity has no value: what it is known together with, and which load would tell it.
+fn reason(input: &RigFitInput<'_>, found: &RigCovariance, place: usize, untold: &[usize]) -> String {
+    let others: Vec<usize> = untold.iter().copied().filter(|other| *other != place).collect();
+    let names = |places: &[usize]| {
+        places.iter().map(|place| RigQuantity::ALL[*place].name()).collect::<Vec<_>>().join(" and ")
+    };
+    let one: Vec<[usize; 1]> = others.iter().map(|other| [*other]).collect();
+    let mut together: Vec<Vec<usize>> =
+        one.iter().filter(|own| told_with(found, place, *own)).map(|own| own.to_vec()).collect();
+    if together.is_empty() {
+        for (index, first) in others.iter().enumerate() {
+            for second in &others[index + 1..] {
+                if told_with(found, place, &[*first, *second]) {
+                    together.push(vec![*first, *second]);
+                }
+            }
+        }
+    }
+    let known = if together.is_empty() {
+        String::new()
+    } else {
+        let sets: Vec<String> = together.iter().map(|own| names(own)).collect();
+        format!("known only together with {}; ", sets.join(", or with "))
+    };
+    format!("{known}{}", remedy(RigQuantity::ALL[place], &input.coordinates, input))
+}
+
+/// Whether data and stated loads would tell a coordinate if they told others.
+fn told_with(found: &RigCovariance, place: usize, given: &[usize]) -> bool {
+    let size = found.information.nrows();
+    let kept: Vec<usize> = (0..size).filter(|own| !given.contains(own)).collect();
+    let information = DMatrix::from_fn(kept.len(), kept.len(), |row, column| {
+        found.information[(kept[row], kept[column])] + if row == column { NOTHING_KNOWN } else { 0.0 }
+    });
+    let Some(own) = kept.iter().position(|kept| *kept == place) else { return false };
+    INTERVAL * libm::sqrt(inverse(information)[(own, own)]) <= 1.0
+}
+
+/// What would tell a quantity.
+fn remedy(quantity: RigQuantity, coordinates: &RigCoordinates, input: &RigFitInput<'_>) -> String {
+    let has = |name: &str| input.trials.iter().any(|trial| trial.load.name() == name);
+    let stated = |name: &str| coordinates.loads.iter().any(|load: &HandleLoad| load.name() == name);
+    let missing = match quantity {
+        RigQuantity::TorqueGain | RigQuantity::TorqueOffset if !stated("known_weight") => {
+            "a known_weight on both sides would tell it"
+        }
+        RigQuantity::AngleGain if !stated("known_inertia") && !stated("known_spring") => {
+            "a known_inertia or a known_spring, beside a known_weight, would tell it"
+        }
+        RigQuantity::LeverInertia if !stated("known_inertia") => "a known_inertia would tell it",
+        RigQuantity::LeverStiffness | RigQuantity::LeverDamping if !has("clamped_handle") => {
+            "a clamped_handle would tell it"
+        }
+        RigQuantity::TorqueNonlinearity => {
+            "known_weights of several masses up to the largest torque would tell it"
+        }
+        RigQuantity::TorqueGain | RigQuantity::LeverInertia | RigQuantity::AngleGain
+            if !stated("known_weight") =>
+        {
+            "a known_weight would tell it"
+        }
+        _ => "more repetitions, or a motion of more and higher frequencies, would tell it",
+    };
+    format!("these trials cannot tell it better than engineering allows; {missing}")
+}

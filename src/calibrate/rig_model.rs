@@ -1,0 +1,128 @@
+//! The model of the rig without a person (Eq. 5 of the paper, and the two channels), at the frequencies of a record.
+//!
+//! The linear part is exact at each frequency, and follows the recorded angle. The friction of the bearing and the cubic part of the
+//! torque are small. They are computed in time, along the motion that follows from the target: a function that is not linear would turn
+//! the errors of the encoder into a torque.
+
+use rustfft::num_complex::Complex64;
+
+use super::constants::{AtHandle, FittedConstants};
+use super::fourier::Fourier;
+
+/// Number of times that the friction is computed along the solution that contains it.
+const FRICTION_PASSES: usize = 2;
+
+/// A motion of the motor as the rig's channels have it.
+#[derive(Clone, Copy)]
+pub struct HandleMotion<'a> {
+    /// Recorded angle relative to the start position.
+    pub recorded: &'a [Complex64],
+    /// The recorded angle that follows from the target, without the errors of the encoder.
+    pub expected: &'a [Complex64],
+}
+
+/// The recorded torque, as Fourier coefficients, without the offset. `friction_speed_rad_s` is the speed that the factor of the
+/// friction's speed refers to.
+pub fn recorded_torque(
+    constants: &FittedConstants,
+    handle: AtHandle,
+    motion: HandleMotion<'_>,
+    fourier: &Fourier,
+    friction_speed_rad_s: f64,
+) -> Vec<Complex64> {
+    let places = motion.recorded.len();
+    let friction = friction(constants, handle, motion.expected, fourier, friction_speed_rad_s);
+    let torque_along = |angle: &[Complex64]| -> Vec<Complex64> {
+        let mut torque: Vec<Complex64> = (0..places)
+            .map(|place| {
+                let [lever, whole, load] = impedances(constants, handle, fourier.omega(place));
+                let angle = angle[place] / constants.angle_gain;
+                if handle.is_clamped {
+                    lever * angle
+                } else {
+                    lever * (load * angle + friction[place]) / whole
+                }
+            })
+            .collect();
+        torque[0] += handle.torque_nm;
+        torque
+    };
+    let mut torque = torque_along(motion.recorded);
+    if constants.torque_nonlinearity_per_nm2 != 0.0 {
+        let expected = fourier.to_time(&torque_along(motion.expected));
+        let cube: Vec<f64> = expected.iter().map(|torque| torque * torque * torque).collect();
+        for (value, cube) in torque.iter_mut().zip(fourier.of_time(&cube)) {
+            *value += constants.torque_nonlinearity_per_nm2 * cube;
+        }
+    }
+    for (place, value) in torque.iter_mut().enumerate() {
+        *value *= torque_channel(constants, fourier.omega(place));
+    }
+    torque
+}
+
+/// Friction of the bearing along a motion; computed once more along the motion of the handle with friction.
+fn friction(
+    constants: &FittedConstants,
+    handle: AtHandle,
+    motion: &[Complex64],
+    fourier: &Fourier,
+    friction_speed_rad_s: f64,
+) -> Vec<Complex64> {
+    let mut friction = vec![Complex64::ZERO; motion.len()];
+    if handle.is_clamped || constants.bearing_friction_nm == 0.0 {
+        return friction;
+    }
+    let full_at_rad_s = friction_speed_rad_s * constants.friction_speed_factor;
+    for _ in 0..FRICTION_PASSES {
+        let speed: Vec<Complex64> = (0..motion.len())
+            .map(|place| {
+                let omega = fourier.omega(place);
+                let [lever, whole, _] = impedances(constants, handle, omega);
+                Complex64::new(0.0, omega) * (lever * motion[place] / constants.angle_gain - friction[place])
+                    / whole
+            })
+            .collect();
+        let torque: Vec<f64> = fourier
+            .to_time(&speed)
+            .iter()
+            .map(|speed| constants.bearing_friction_nm * libm::tanh(speed / full_at_rad_s))
+            .collect();
+        friction = fourier.of_time(&torque);
+    }
+    friction
+}
+
+/// Of the lever (k_l + b_l s), of lever, handle and load together, and of handle and load.
+fn impedances(constants: &FittedConstants, handle: AtHandle, omega: f64) -> [Complex64; 3] {
+    let s = Complex64::new(0.0, omega);
+    let own = &constants.lever;
+    let lever = own.stiffness_nm_per_rad + own.damping_nm_s_per_rad * s;
+    let load = (own.inertia_kg_m2 + handle.inertia_kg_m2) * s * s + handle.stiffness_nm_per_rad;
+    [lever, lever + load, load]
+}
+
+/// Response of the torque channel: gain, delay and low-pass.
+fn torque_channel(constants: &FittedConstants, omega: f64) -> Complex64 {
+    let delay = Complex64::new(0.0, -omega * constants.torque_delay_s).exp();
+    constants.torque_gain * delay / Complex64::new(1.0, omega * constants.torque_lag_s)
+}
+
+/// Response of the recorded torque to a small change of the recorded angle.
+pub fn torque_response(constants: &FittedConstants, handle: AtHandle, omega: f64) -> Complex64 {
+    let [lever, whole, load] = impedances(constants, handle, omega);
+    let torque = if handle.is_clamped { lever } else { lever * load / whole };
+    torque * torque_channel(constants, omega) / constants.angle_gain
+}
+
+/// Response of the recorded angle to the target. Between two targets the drive may hold the last one, or go there in a straight line, or
+/// know the whole way: powers 1, 2 and 0 of the response of a hold.
+pub fn servo_response(constants: &FittedConstants, omega: f64, sample_rate_hz: f64) -> Complex64 {
+    let half = 0.5 * omega / sample_rate_hz;
+    let hold = if half == 0.0 { 1.0 } else { libm::pow(libm::sin(half) / half, constants.servo_hold) };
+    let (period_s, damping) = (constants.servo_period_s, constants.servo_damping);
+    let delay = Complex64::new(0.0, -omega * constants.servo_delay_s).exp();
+    let of_frequency = omega * period_s;
+    hold * constants.servo_gain * delay
+        / Complex64::new(1.0 - of_frequency * of_frequency, 2.0 * damping * of_frequency)
+}

@@ -1,0 +1,200 @@
+//! Tests of the calibration with a rig that is simulated in another way.
+
+mod coverage;
+mod simulator;
+
+use std::path::Path;
+
+use self::simulator::{ALL_LOADS, Loads, TrueRig, rig_trials, truth};
+use super::{CalibrateError, CalibrationOutcome, calibrate, compare};
+use crate::dataset::{HandleLoad, RigCalibration, RigQuantity, RigTrialMotion, RigTrials};
+use crate::wrist::Lever;
+
+const NO_LOADS: Loads = Loads { weight: false, inertia: false, clamp: false, spring: false };
+
+fn calibrated(trials: &RigTrials) -> CalibrationOutcome {
+    calibrate(trials, "ramphold", "rig").unwrap()
+}
+
+/// Differences from the truth in standard errors, of the quantities that have a value.
+fn deviations(outcome: &CalibrationOutcome, rig: &TrueRig) -> Vec<(RigQuantity, f64)> {
+    let quantities = &outcome.calibration.quantities;
+    let of = |(own, truth): (&crate::dataset::CalibratedQuantity, f64)| {
+        Some((own.name, (own.value? - truth) / own.se?))
+    };
+    quantities.iter().zip(truth(rig)).filter_map(of).collect()
+}
+
+#[test]
+fn every_constant_is_found_within_its_error_with_coarse_and_fine_encoders() {
+    for (seed, bits, rate_hz) in [(1, 17, 2000.0), (2, 13, 1000.0)] {
+        let rig = TrueRig { encoder_bits: bits, sample_rate_hz: rate_hz, ..TrueRig::usual(seed) };
+        let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));
+        let found = deviations(&outcome, &rig);
+        assert!(found.len() >= 10, "{found:?}");
+        for (name, z) in &found {
+            assert!(z.abs() < 4.0, "{bits} bits: {} is {z:.1} standard errors off", name.name());
+        }
+        let mean_square = found.iter().map(|(_, z)| z * z).sum::<f64>() / found.len() as f64;
+        assert!(mean_square < 3.0, "{bits} bits: {found:?}");
+        assert!(outcome.misfit.p_value > 0.001, "{:?}", outcome.misfit);
+        assert!(outcome.calibration.warnings.is_empty(), "{:?}", outcome.calibration.warnings);
+    }
+}
+
+#[test]
+fn the_errors_are_small_enough_to_be_of_use() {
+    let rig = TrueRig::usual(3);
+    let calibration = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0)).calibration;
+    for (name, largest) in [
+        (RigQuantity::LeverInertia, 0.03),
+        (RigQuantity::LeverStiffness, 0.03),
+        (RigQuantity::LeverDamping, 0.05),
+        (RigQuantity::TorqueGain, 0.01),
+        (RigQuantity::AngleGain, 0.03),
+        (RigQuantity::TorqueDelay, 0.2),
+        (RigQuantity::ServoBandwidth, 0.05),
+    ] {
+        let part = calibration.se(name).unwrap() / calibration.value(name).unwrap();
+        assert!(part < largest, "{}: {part}", name.name());
+    }
+}
+
+#[test]
+fn a_calibration_passes_the_checks_of_its_file() {
+    let rig = TrueRig::usual(4);
+    let calibration = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0)).calibration;
+    let text = serde_json::to_string(&calibration).unwrap();
+    assert_eq!(RigCalibration::parse(&text, Path::new("c.json")).unwrap(), calibration);
+    // Inertia and gain of the angle follow from each other through the bar: their errors are not independent.
+    let together = calibration.covariance_between(RigQuantity::LeverInertia, RigQuantity::AngleGain).unwrap();
+    let alone =
+        calibration.se(RigQuantity::LeverInertia).unwrap() * calibration.se(RigQuantity::AngleGain).unwrap();
+    assert!(together.abs() > 0.5 * alone, "{}", together / alone);
+}
+
+#[test]
+fn an_empty_handle_tells_no_gain_and_no_lever_but_says_what_would() {
+    let rig = TrueRig::usual(5);
+    let outcome = calibrated(&rig_trials(&rig, NO_LOADS, |_| 1.0));
+    let quantity =
+        |name: RigQuantity| outcome.calibration.quantities.iter().find(|own| own.name == name).unwrap();
+    for (name, load) in [
+        (RigQuantity::LeverInertia, "known_inertia"),
+        (RigQuantity::LeverStiffness, "clamped_handle"),
+        (RigQuantity::TorqueGain, "known_weight"),
+        (RigQuantity::AngleGain, "known_inertia"),
+    ] {
+        let own = quantity(name);
+        assert_eq!((own.value, own.se), (None, None), "{name:?}");
+        let reason = own.reason.as_deref().unwrap();
+        assert!(reason.contains(load) && reason.contains("known only together with"), "{reason}");
+    }
+    for name in [RigQuantity::TorqueOffset, RigQuantity::TorqueDelay, RigQuantity::ServoBandwidth] {
+        assert!(quantity(name).value.is_some(), "{name:?}: {:?}", quantity(name).reason);
+    }
+}
+
+#[test]
+fn a_cut_off_too_high_to_be_seen_has_a_bound_and_no_value() {
+    let rig = TrueRig { torque_cutoff_hz: 4_000.0, ..TrueRig::usual(6) };
+    let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));
+    let cutoff = &outcome.calibration.quantities[8];
+    assert_eq!((cutoff.name, cutoff.value), (RigQuantity::TorqueCutoff, None));
+    assert!(cutoff.reason.as_deref().unwrap().contains("it is above "), "{cutoff:?}");
+}
+
+fn wrong_spring(load: &HandleLoad) -> f64 {
+    if matches!(load, HandleLoad::KnownSpring { .. }) { 1.25 } else { 1.0 }
+}
+
+#[test]
+fn a_load_with_a_wrong_value_disagrees_with_the_others() {
+    let rig = TrueRig::usual(7);
+    let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, wrong_spring));
+    let spring = outcome.loads.iter().find(|own| matches!(own.load, HandleLoad::KnownSpring { .. })).unwrap();
+    assert!(spring.disagrees(), "{spring:?}");
+    assert!((spring.difference.unwrap() - 0.25).abs() < 0.08, "{spring:?}");
+    // Only spring and bar tell the gain of the angle: either may be the wrong one, and no weight is.
+    assert!(spring.or.iter().all(|load| matches!(load, HandleLoad::KnownInertia { .. })), "{spring:?}");
+    assert!(
+        outcome
+            .loads
+            .iter()
+            .all(|own| !own.disagrees() || !matches!(own.load, HandleLoad::KnownWeight { .. }))
+    );
+    assert!(outcome.calibration.warnings.iter().any(|text| text.starts_with("known_spring of 20 N m/rad")));
+}
+
+#[test]
+fn a_wrong_value_of_the_only_load_of_its_kind_cannot_be_seen() {
+    let rig = TrueRig::usual(8);
+    let outcome =
+        calibrated(&rig_trials(&rig, Loads { weight: false, clamp: true, ..ALL_LOADS }, wrong_spring));
+    let mut trials = rig_trials(&rig, Loads { spring: false, weight: false, ..ALL_LOADS }, |_| 1.0);
+    trials.trials.retain(|trial| !matches!(trial.load, HandleLoad::ClampedHandle));
+    let alone = calibrated(&trials);
+    assert_eq!(alone.loads.len(), 1);
+    assert_eq!((alone.loads[0].difference, alone.loads[0].disagrees()), (None, false));
+    // Bar and spring without a weight tell the same quotient of both gains, and so each other.
+    assert!(outcome.loads.iter().any(super::LoadCheck::disagrees), "{:?}", outcome.loads);
+}
+
+fn of_the_day(rig: &TrueRig) -> RigTrials {
+    let mut trials = rig_trials(rig, NO_LOADS, |_| 1.0);
+    trials.trials.retain(|trial| {
+        trial.repetition == 1
+            && matches!(trial.motion, RigTrialMotion::Ramp { velocity_rad_s } if velocity_rad_s != -1.3)
+    });
+    assert_eq!(trials.trials.len(), 3);
+    trials
+}
+
+#[test]
+fn three_ramps_of_another_day_agree_with_a_calibration_or_name_what_changed() {
+    let rig = TrueRig::usual(9);
+    let calibration = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0)).calibration;
+    let another_day = TrueRig { seed: 10, ..rig.clone() };
+    let unchanged = compare(&of_the_day(&another_day), &calibration).unwrap();
+    assert_eq!(unchanged.changed, [], "{unchanged:?}");
+
+    let changed = |change: fn(&mut TrueRig)| {
+        let mut rig = another_day.clone();
+        change(&mut rig);
+        compare(&of_the_day(&rig), &calibration).unwrap()
+    };
+    let offset = changed(|rig| rig.torque_offset_nm += 0.1);
+    assert_eq!(offset.changed, [RigQuantity::TorqueOffset], "{offset:?}");
+    assert!((offset.quantities[0].difference - 0.1).abs() < 3.0 * offset.quantities[0].se);
+    let delay = changed(|rig| rig.torque_delay_s += 0.001);
+    assert!(delay.changed.contains(&RigQuantity::TorqueDelay), "{delay:?}");
+    assert!(!delay.changed.contains(&RigQuantity::TorqueGain), "{delay:?}");
+    let heavier = changed(|rig| {
+        rig.lever = Lever { inertia_kg_m2: 1.3 * rig.lever.inertia_kg_m2, ..rig.lever };
+    });
+    assert!(heavier.changed.contains(&RigQuantity::LeverInertia), "{heavier:?}");
+    assert!(heavier.p_value < 0.001);
+}
+
+#[test]
+fn what_cannot_be_analysed_is_refused_with_the_reason() {
+    let rig = TrueRig::usual(11);
+    let mut trials = of_the_day(&rig);
+    let record = &mut trials.trials[0].record;
+    let kept = record.theta_m_rad.len() / 2;
+    for channel in [&mut record.target_rad, &mut record.theta_m_rad, &mut record.torque_l_nm] {
+        channel.truncate(kept);
+    }
+    let error = calibrate(&trials, "ramphold", "rig").unwrap_err();
+    assert!(
+        matches!(&error, CalibrateError::NoReturn { file, .. } if file == "rig-trials/rig-trial-001.csv"),
+        "{error}"
+    );
+    trials.trials.clear();
+    assert_eq!(calibrate(&trials, "ramphold", "rig").unwrap_err(), CalibrateError::NoMotion);
+    let mut silent = of_the_day(&rig);
+    for trial in &mut silent.trials {
+        trial.record.torque_l_nm.fill(0.1);
+    }
+    assert_eq!(calibrate(&silent, "ramphold", "rig").unwrap_err(), CalibrateError::NoNoise);
+}

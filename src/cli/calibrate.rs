@@ -1,0 +1,240 @@
+//! `ramphold calibrate`: the constants of the rig from its rig trials, and whether today's agree with them.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use crate::app::{Console, Failure, check_out, now_utc};
+use crate::calibrate::{
+    CalibrationOutcome, QuantityDifference, RigComparison, calibrate, compare, named_load,
+};
+use crate::dataset::{Disk, Manifest, PROGRAM, RIG_CALIBRATION, RigCalibration, RigTrials, load_rig_trials};
+use crate::files;
+use crate::protocol::significant;
+
+use super::verb::Verb;
+
+/// Calibrate the rig: fit its constants to the rig trials of a session, or compare them with an earlier calibration.
+///
+/// The verb fits lever inertia, damping and stiffness, gain, offset, non-linearity, delay and low-pass of the torque, gain of the angle,
+/// bandwidth of the servo and friction of the bearing to all rig trials together (rig-trials.csv). It says which of them these loads
+/// cannot tell and which load would, whether the model of the rig describes the trials, and whether a stated load disagrees with the
+/// others. It writes rig-calibration.json into the session's folder.
+///
+/// With --compare it writes nothing: the empty-handle trials of the session are compared with that calibration, and the quantity that
+/// differs is named. Exit code 1 if one differs.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  ramphold calibrate sessions/rig-2026-11\n  \
+                        ramphold calibrate sessions/S01 --compare sessions/rig-2026-11/rig-calibration.json")]
+pub struct CalibrateArgs {
+    /// The session's folder.
+    #[arg(value_name = "SESSION")]
+    session: PathBuf,
+    /// File for the calibration [default: rig-calibration.json in the session's folder, which is replaced].
+    #[arg(long, value_name = "FILE", conflicts_with = "compare")]
+    out: Option<PathBuf>,
+    /// Compare the session's empty-handle trials with this calibration.
+    #[arg(long, value_name = "FILE")]
+    compare: Option<PathBuf>,
+    /// Print JSON instead of the summary.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Verb for CalibrateArgs {
+    fn run(self, console: &Console) -> Result<(), Failure> {
+        if let Some(out) = &self.out {
+            check_out("--out", out)?;
+            if files::exists(out) {
+                return Err(Failure::Usage(format!(
+                    "{}: exists already and is not overwritten; give another --out",
+                    out.display()
+                )));
+            }
+        }
+        let earlier = self.compare.as_deref().map(RigCalibration::read).transpose()?;
+        let trials = load_rig_trials(&self.session)?;
+        match earlier {
+            Some(earlier) => self.compare_with(&trials, &earlier, console),
+            None => self.calibrate(&trials, console),
+        }
+    }
+}
+
+impl CalibrateArgs {
+    fn calibrate(&self, trials: &RigTrials, console: &Console) -> Result<(), Failure> {
+        let mut outcome =
+            calibrate(trials, PROGRAM, &folder_name(&self.session)).map_err(|source| self.failure(source))?;
+        outcome.calibration.made_utc = Some(now_utc());
+        match &self.out {
+            Some(out) => outcome.calibration.write_as(&Disk::default(), out)?,
+            None => {
+                outcome.calibration.write(&Disk::default(), &self.session)?;
+                Manifest::renew_results(&Disk::default(), &self.session)?;
+            }
+        }
+        let file = self.out.clone().unwrap_or_else(|| self.session.join(RIG_CALIBRATION));
+        console.message(format_args!("written: {}", file.display()));
+        if self.json {
+            let text = serde_json::to_string_pretty(&calibration_json(&outcome)).unwrap_or_default();
+            writeln!(console.results(), "{text}")?;
+            return Ok(());
+        }
+        print_calibration(console, &outcome)
+    }
+
+    fn compare_with(
+        &self,
+        trials: &RigTrials,
+        earlier: &RigCalibration,
+        console: &Console,
+    ) -> Result<(), Failure> {
+        let comparison = compare(trials, earlier).map_err(|source| self.failure(source))?;
+        if self.json {
+            let text = serde_json::to_string_pretty(&comparison_json(&comparison)).unwrap_or_default();
+            writeln!(console.results(), "{text}")?;
+        } else {
+            print_comparison(console, earlier, &comparison)?;
+        }
+        if comparison.changed.is_empty() {
+            return Ok(());
+        }
+        let names: Vec<&str> = comparison.changed.iter().map(|name| name.name()).collect();
+        Err(Failure::RigChanged { session: self.session.clone(), quantities: names.join(" or ") })
+    }
+
+    fn failure(&self, source: crate::calibrate::CalibrateError) -> Failure {
+        Failure::Calibrate { session: self.session.display().to_string(), source }
+    }
+}
+
+/// Name of the session's folder.
+fn folder_name(session: &Path) -> String {
+    let absolute = std::path::absolute(session).unwrap_or_else(|_| session.to_owned());
+    absolute.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn calibration_json(outcome: &CalibrationOutcome) -> serde_json::Value {
+    let residuals = outcome.misfit.loads.iter().map(|own| {
+        json!({
+            "load": own.load.name(), "sign": own.load.sign(), "trials": own.trials, "ratio": own.ratio,
+            "p_value": own.p_value,
+        })
+    });
+    let loads = outcome.loads.iter().map(|own| {
+        json!({
+            "load": named_load(own.load), "difference": own.difference, "se": own.se,
+            "p_value": own.difference.map(|_| own.p_value),
+            "or": own.or.iter().map(|load| named_load(*load)).collect::<Vec<_>>(),
+        })
+    });
+    json!({
+        "calibration": outcome.calibration,
+        "residuals_by_load": residuals.collect::<Vec<_>>(),
+        "stated_loads": loads.collect::<Vec<_>>(),
+        "p_value_of_servo": outcome.misfit.servo_p_value,
+    })
+}
+
+fn print_calibration(console: &Console, outcome: &CalibrationOutcome) -> Result<(), Failure> {
+    let mut out = console.results();
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), significant);
+    writeln!(out, "{:28} {:>12} {:>12} {:>12}", "quantity", "value", "se", "stated")?;
+    for own in &outcome.calibration.quantities {
+        let stated = number(own.stated);
+        writeln!(
+            out,
+            "{:28} {:>12} {:>12} {stated:>12}",
+            own.name.name(),
+            number(own.value),
+            number(own.se)
+        )?;
+        if let Some(reason) = &own.reason {
+            writeln!(out, "  {reason}")?;
+        }
+    }
+    writeln!(out, "\nresidual by load, beside what noise and encoder make (1: as expected)")?;
+    for own in &outcome.misfit.loads {
+        let side = match own.load.sign() {
+            Some(sign) if sign < 0.0 => ", other side",
+            _ => "",
+        };
+        let name = format!("{}{side}", named_load(own.load));
+        writeln!(out, "{name:44} {:3} trials {:>6.2}  p = {:.3}", own.trials, own.ratio, own.p_value)?;
+    }
+    writeln!(
+        out,
+        "misfit of the model of the rig beside the scatter of repetitions: p = {:.3}; of the servo: p = {:.3}",
+        outcome.misfit.p_value, outcome.misfit.servo_p_value
+    )?;
+    for own in &outcome.loads {
+        let name = named_load(own.load);
+        match own.difference {
+            Some(difference) => writeln!(
+                out,
+                "{name}: by the other loads {:+.1} % from its stated value (standard error {:.1} %), p = {:.3}",
+                100.0 * difference,
+                100.0 * own.se,
+                own.p_value
+            )?,
+            None => writeln!(
+                out,
+                "{name}: the other loads do not tell its value, so that a wrong one would not be seen"
+            )?,
+        }
+    }
+    for warning in &outcome.calibration.warnings {
+        writeln!(out, "warning: {warning}")?;
+    }
+    Ok(())
+}
+
+fn comparison_json(comparison: &RigComparison) -> serde_json::Value {
+    let one = |own: &QuantityDifference| {
+        json!({
+            "name": own.name, "calibrated": own.calibrated, "difference": own.difference, "se": own.se,
+            "p_value": own.p_value,
+        })
+    };
+    json!({
+        "trials": comparison.trials,
+        "p_value": comparison.p_value,
+        "changed": comparison.changed,
+        "quantities": comparison.quantities.iter().map(one).collect::<Vec<_>>(),
+    })
+}
+
+fn print_comparison(
+    console: &Console,
+    earlier: &RigCalibration,
+    comparison: &RigComparison,
+) -> Result<(), Failure> {
+    let mut out = console.results();
+    writeln!(
+        out,
+        "{} trials with the empty handle beside the calibration of {} ({}): p = {:.3}",
+        comparison.trials,
+        earlier.session,
+        earlier.measured_utc.as_deref().or(earlier.made_utc.as_deref()).unwrap_or("date not known"),
+        comparison.p_value
+    )?;
+    writeln!(
+        out,
+        "{:28} {:>12} {:>12} {:>12} {:>9}",
+        "quantity, if it alone differs", "calibrated", "difference", "se", "p"
+    )?;
+    for own in &comparison.quantities {
+        let [calibrated, difference, se] = [own.calibrated, own.difference, own.se].map(significant);
+        writeln!(
+            out,
+            "{:28} {calibrated:>12} {difference:>12} {se:>12} {:>9.4}",
+            own.name.name(),
+            own.p_value
+        )?;
+    }
+    if comparison.changed.is_empty() {
+        writeln!(out, "no quantity differs from the calibration")?;
+    }
+    Ok(())
+}

@@ -1,0 +1,466 @@
+//! Trials without a person, which measure the rig: reading `rig-trials.csv` and its records.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::csv_input::{CsvTable, SessionFolder};
+use super::error::{DatasetError, FilePlace};
+use super::hexadecimal::sha256;
+use super::load::{check_total_size, read_description};
+use super::rig_calibration::CalibrationSource;
+use super::rig_trial_csv_reader::{RigTrialSignals, parse_rig_record};
+use super::session_about::SessionCard;
+use crate::files::{excerpt, limits};
+use crate::session::Status;
+use crate::wrist::Lever;
+
+/// Name of the table of rig trials in a session's folder.
+pub const RIG_TRIALS_TABLE: &str = "rig-trials.csv";
+
+/// What is at the handle in a rig trial.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum HandleLoad {
+    /// Nothing.
+    EmptyHandle,
+    /// A mass on a thread over a disc at the handle's axis.
+    KnownWeight {
+        /// Mass, kg.
+        mass_kg: f64,
+        /// Radius of the disc, m.
+        arm_m: f64,
+        /// 1 if the weight resists motion in the positive direction, -1 if in the negative one.
+        sign: f64,
+        /// Standard deviation of the torque, as a part of it.
+        relative_error: f64,
+    },
+    /// A bar bolted on the handle.
+    KnownInertia {
+        /// Moment of inertia about the handle's axis, kg m2.
+        inertia_kg_m2: f64,
+        /// Standard deviation of the inertia, as a part of it.
+        relative_error: f64,
+    },
+    /// A stop that holds the handle.
+    ClampedHandle,
+    /// A linear spring between handle and ground, relaxed at the start position.
+    KnownSpring {
+        /// Stiffness, N m/rad.
+        stiffness_nm_per_rad: f64,
+        /// Standard deviation of the stiffness, as a part of it.
+        relative_error: f64,
+    },
+}
+
+impl HandleLoad {
+    /// Name of the kind, as in the table.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::EmptyHandle => "empty_handle",
+            Self::KnownWeight { .. } => "known_weight",
+            Self::KnownInertia { .. } => "known_inertia",
+            Self::ClampedHandle => "clamped_handle",
+            Self::KnownSpring { .. } => "known_spring",
+        }
+    }
+
+    /// Standard deviation of the stated value, as a part of it; `None` for a load without one.
+    pub fn relative_error(&self) -> Option<f64> {
+        match *self {
+            Self::EmptyHandle | Self::ClampedHandle => None,
+            Self::KnownWeight { relative_error, .. }
+            | Self::KnownInertia { relative_error, .. }
+            | Self::KnownSpring { relative_error, .. } => Some(relative_error),
+        }
+    }
+
+    /// Direction of a weight: 1 or -1; `None` for other loads.
+    pub fn sign(&self) -> Option<f64> {
+        match *self {
+            Self::KnownWeight { sign, .. } => Some(sign),
+            _ => None,
+        }
+    }
+
+    /// The load without its direction: a weight on either side is one weight.
+    pub fn without_sign(self) -> Self {
+        match self {
+            Self::KnownWeight { mass_kg, arm_m, relative_error, .. } => {
+                Self::KnownWeight { mass_kg, arm_m, sign: 1.0, relative_error }
+            }
+            other => other,
+        }
+    }
+}
+
+/// What the motor does in a rig trial.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RigTrialMotion {
+    /// It holds the start position.
+    Still,
+    /// A ramp of the protocol, its hold and the way back.
+    Ramp {
+        /// Velocity, rad/s; negative turns the other way.
+        velocity_rad_s: f64,
+    },
+    /// A sum of sines.
+    Multisine,
+}
+
+/// One rig trial and its record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigTrial {
+    /// Number in the table.
+    pub number: u32,
+    /// Path of the record inside the session folder, with `/`.
+    pub file: String,
+    /// What is at the handle.
+    pub load: HandleLoad,
+    /// What the motor does.
+    pub motion: RigTrialMotion,
+    /// Which repetition.
+    pub repetition: u32,
+    /// What became of it; only trials of status ok are analysed.
+    pub status: Status,
+    /// The signals.
+    pub record: RigTrialSignals,
+}
+
+/// The rig trials of a session.
+#[derive(Debug, Clone)]
+pub struct RigTrials {
+    /// Samples a second, all channels.
+    pub sample_rate_hz: f64,
+    /// The lever that the session states or assumes; `None` for a rigid one.
+    pub lever: Option<Lever>,
+    /// When the session began, UTC, where known.
+    pub measured_utc: Option<String>,
+    /// The trials in the order they were run, whatever their status.
+    pub trials: Vec<RigTrial>,
+    /// The files that were read, with their sums.
+    pub sources: Vec<CalibrationSource>,
+}
+
+/// Reads and checks the rig trials of the session in `folder`.
+///
+/// # Errors
+/// The first thing wrong, in the order session.json, rig-trials.csv, records; it names file, line, column and what was
+/// expected. No file is changed, none outside the folder is opened.
+pub fn load_rig_trials(folder: &Path) -> Result<RigTrials, DatasetError> {
+    let card = SessionCard::read(folder)?;
+    let folder = SessionFolder::open(folder)?;
+    let about = read_description(&folder)?;
+    let text = folder.text(RIG_TRIALS_TABLE, limits::TABLE_BYTES, None)?;
+    let rows = read_table(&folder, &text)?;
+    check_total_size(&folder, rows.iter().map(|row| (row.trial.file.as_str(), &row.file_at)))?;
+    let mut sources =
+        vec![CalibrationSource { file: RIG_TRIALS_TABLE.into(), sha256: sha256(text.as_bytes()) }];
+    // Every record is read before the first error is chosen, so that the message does not depend on threads.
+    let read: Vec<Result<(RigTrial, Option<CalibrationSource>), DatasetError>> =
+        rows.into_par_iter().map(|row| row.with_record(&folder, about.sample_rate_hz)).collect();
+    let mut trials = Vec::with_capacity(read.len());
+    for outcome in read {
+        let (trial, source) = outcome?;
+        trials.push(trial);
+        sources.extend(source);
+    }
+    Ok(RigTrials {
+        sample_rate_hz: about.sample_rate_hz,
+        lever: about.rig.lever,
+        measured_utc: card.about.started_utc,
+        trials,
+        sources,
+    })
+}
+
+/// A row of the table, whose record is still to be read.
+struct RigRow {
+    trial: RigTrial,
+    file_at: FilePlace,
+}
+
+impl RigRow {
+    fn with_record(
+        mut self,
+        folder: &SessionFolder,
+        sample_rate_hz: f64,
+    ) -> Result<(RigTrial, Option<CalibrationSource>), DatasetError> {
+        if self.trial.file.is_empty() {
+            return Ok((self.trial, None));
+        }
+        let text = folder.text(&self.trial.file, limits::RECORD_BYTES, Some(&self.file_at))?;
+        let name = folder.name(&self.trial.file);
+        let analysed = self.trial.status == Status::Ok;
+        self.trial.record = parse_rig_record(&name, &text, sample_rate_hz, analysed)?;
+        let source = CalibrationSource { file: self.trial.file.clone(), sha256: sha256(text.as_bytes()) };
+        Ok((self.trial, Some(source)))
+    }
+}
+
+/// Columns of the table that belong to some loads or motions only.
+const OF_SOME: [&str; 7] =
+    ["velocity_rad_s", "sign", "mass_kg", "arm_m", "inertia_kg_m2", "stiffness_nm_per_rad", "relative_error"];
+
+fn read_table(folder: &SessionFolder, text: &str) -> Result<Vec<RigRow>, DatasetError> {
+    let header = "a header trial,file,load,motion,velocity_rad_s,repetition,sign,mass_kg,arm_m,inertia_kg_m2,\
+                  stiffness_nm_per_rad,relative_error,status and a row a trial";
+    let mut table = CsvTable::new(folder.name(RIG_TRIALS_TABLE), text, header)?;
+    let [number, file, load, motion, repetition, status] =
+        columns(&table, ["trial", "file", "load", "motion", "repetition", "status"])?;
+    let of_some = columns(&table, OF_SOME)?;
+    let mut rows = Vec::new();
+    let mut seen = BTreeMap::new();
+    let mut records = BTreeMap::new();
+    while table.next_row()? {
+        if rows.len() == limits::MAX_SESSION_TRIALS {
+            let at = FilePlace::line(folder.name(RIG_TRIALS_TABLE), table.line());
+            return Err(DatasetError::TooMany { at, what: "trials", limit: limits::MAX_SESSION_TRIALS });
+        }
+        let trial_number = table.count(number)?;
+        if let Some(first_line) = seen.insert(trial_number, table.line()) {
+            let at = table.place(number);
+            return Err(DatasetError::DuplicateTrial { at, number: trial_number, first_line });
+        }
+        let trial_status = match table.text(status) {
+            "ok" => Status::Ok,
+            "aborted" => Status::Aborted,
+            "rejected" => Status::Rejected,
+            _ => return Err(table.invalid(status, "ok, aborted or rejected")),
+        };
+        let trial_file = table.text(file).to_owned();
+        if trial_file.is_empty() && trial_status == Status::Ok {
+            let expected = "the path of the trial's record, such as rig-trials/rig-trial-001.csv";
+            return Err(table.invalid(file, expected));
+        }
+        if !trial_file.is_empty()
+            && let Some(first_line) = records.insert(trial_file.clone(), table.line())
+        {
+            let file_name = excerpt(&trial_file).into_owned();
+            return Err(DatasetError::SharedRecord { at: table.place(file), file: file_name, first_line });
+        }
+        let mut cells = Cells { table: &table, columns: of_some, used: [false; OF_SOME.len()] };
+        let trial_motion = cells.motion(motion)?;
+        let trial_load = cells.load(load)?;
+        cells.check_others_empty()?;
+        rows.push(RigRow {
+            trial: RigTrial {
+                number: trial_number,
+                file: trial_file,
+                load: trial_load,
+                motion: trial_motion,
+                repetition: table.count(repetition)?,
+                status: trial_status,
+                record: RigTrialSignals::default(),
+            },
+            file_at: table.place(file),
+        });
+    }
+    Ok(rows)
+}
+
+fn columns<const N: usize>(table: &CsvTable<'_>, names: [&str; N]) -> Result<[usize; N], DatasetError> {
+    let mut found = [0; N];
+    for (place, name) in found.iter_mut().zip(names) {
+        *place = table.column(name)?;
+    }
+    Ok(found)
+}
+
+/// The cells of the present row that belong to some loads or motions only; those not asked for must be empty.
+struct Cells<'a, 'text> {
+    table: &'a CsvTable<'text>,
+    columns: [usize; OF_SOME.len()],
+    used: [bool; OF_SOME.len()],
+}
+
+impl Cells<'_, '_> {
+    fn motion(&mut self, column: usize) -> Result<RigTrialMotion, DatasetError> {
+        match self.table.text(column) {
+            "still" => Ok(RigTrialMotion::Still),
+            "multisine" => Ok(RigTrialMotion::Multisine),
+            "ramp" => {
+                let is_velocity = |value: f64| value != 0.0;
+                let velocity_rad_s =
+                    self.number("velocity_rad_s", is_velocity, "a velocity in rad/s other than 0")?;
+                Ok(RigTrialMotion::Ramp { velocity_rad_s })
+            }
+            _ => Err(self.table.invalid(column, "still, ramp or multisine")),
+        }
+    }
+
+    fn load(&mut self, column: usize) -> Result<HandleLoad, DatasetError> {
+        let positive = |value: f64| value > 0.0;
+        match self.table.text(column) {
+            "empty_handle" => Ok(HandleLoad::EmptyHandle),
+            "clamped_handle" => Ok(HandleLoad::ClampedHandle),
+            "known_weight" => Ok(HandleLoad::KnownWeight {
+                mass_kg: self.number("mass_kg", positive, "a mass in kg above 0")?,
+                arm_m: self.number("arm_m", positive, "a lever arm in m above 0")?,
+                sign: self.number("sign", |value| value.abs() == 1.0, "1 or -1")?,
+                relative_error: self.relative_error()?,
+            }),
+            "known_inertia" => Ok(HandleLoad::KnownInertia {
+                inertia_kg_m2: self.number("inertia_kg_m2", positive, "an inertia in kg m2 above 0")?,
+                relative_error: self.relative_error()?,
+            }),
+            "known_spring" => Ok(HandleLoad::KnownSpring {
+                stiffness_nm_per_rad: self.number(
+                    "stiffness_nm_per_rad",
+                    positive,
+                    "a stiffness in N m/rad above 0",
+                )?,
+                relative_error: self.relative_error()?,
+            }),
+            _ => {
+                let expected = "empty_handle, known_weight, known_inertia, clamped_handle or known_spring";
+                Err(self.table.invalid(column, expected))
+            }
+        }
+    }
+
+    fn relative_error(&mut self) -> Result<f64, DatasetError> {
+        let expected =
+            "the standard deviation of the stated value as a part of it, above 0 and below 1 (0.01 for 1 %)";
+        self.number("relative_error", |value| value > 0.0 && value < 1.0, expected)
+    }
+
+    fn number(&mut self, name: &str, good: fn(f64) -> bool, expected: &str) -> Result<f64, DatasetError> {
+        let place = OF_SOME.iter().position(|own| *own == name).unwrap_or_default();
+        self.used[place] = true;
+        let column = self.columns[place];
+        match self.table.text(column).parse::<f64>() {
+            Ok(value) if value.is_finite() && good(value) => Ok(value),
+            _ => Err(self.table.invalid(column, expected)),
+        }
+    }
+
+    fn check_others_empty(&self) -> Result<(), DatasetError> {
+        for (column, used) in self.columns.into_iter().zip(self.used) {
+            if !used && !self.table.text(column).is_empty() {
+                return Err(self
+                    .table
+                    .invalid(column, "an empty cell: this load or motion has no such value"));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    const HEADER: &str = "trial,file,load,motion,velocity_rad_s,repetition,sign,mass_kg,arm_m,inertia_kg_m2,\
+                          stiffness_nm_per_rad,relative_error,status\n";
+
+    const ROWS: [&str; 5] = [
+        "1,rig-trials/rig-trial-001.csv,empty_handle,ramp,1.3,1,,,,,,,ok",
+        "2,rig-trials/rig-trial-002.csv,known_weight,still,,1,-1,1.0,0.1,,,0.002,ok",
+        "3,rig-trials/rig-trial-003.csv,known_inertia,multisine,,1,,,,0.004,,0.01,rejected",
+        "4,,clamped_handle,multisine,,1,,,,,,,aborted",
+        "5,rig-trials/rig-trial-005.csv,known_spring,multisine,,1,,,,,20,0.01,ok",
+    ];
+
+    fn record(samples: usize, rest: usize) -> String {
+        let mut text = "t_s,target_rad,theta_m_rad,torque_l_nm,theta_l_rad\n".to_owned();
+        for sample in 0..samples {
+            let target = if sample < rest { 0.0 } else { 0.01 };
+            text += &format!("{},{target},{target},0.1,0.2\n", sample as f64 / 1000.0);
+        }
+        text
+    }
+
+    fn session(rows: &[String]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let about = r#"{ "format": "ramphold-session/1", "subject": { "id": "rig" }, "sample_rate_hz": 1000,
+            "rig": { "lever": null }, "recorded_filter": null, "started_utc": "2026-11-24T10:00:00Z" }"#;
+        fs::write(folder.path().join("session.json"), about).unwrap();
+        fs::write(folder.path().join(RIG_TRIALS_TABLE), format!("{HEADER}{}\n", rows.join("\n"))).unwrap();
+        fs::create_dir(folder.path().join("rig-trials")).unwrap();
+        for number in [1, 2, 3, 5] {
+            let file = folder.path().join(format!("rig-trials/rig-trial-00{number}.csv"));
+            // A rejected trial may have been broken off in the rest.
+            fs::write(file, if number == 3 { record(50, 50) } else { record(400, 250) }).unwrap();
+        }
+        folder
+    }
+
+    fn rows() -> Vec<String> {
+        ROWS.map(str::to_owned).to_vec()
+    }
+
+    fn refusal(change: impl FnOnce(&mut Vec<String>)) -> String {
+        let mut rows = rows();
+        change(&mut rows);
+        let folder = session(&rows);
+        load_rig_trials(folder.path()).expect_err("must be refused").to_string()
+    }
+
+    #[test]
+    fn rig_trials_are_read_with_their_loads_and_sums() {
+        let folder = session(&rows());
+        let read = load_rig_trials(folder.path()).unwrap();
+        assert_eq!(read.trials.len(), 5);
+        assert_eq!(read.measured_utc.as_deref(), Some("2026-11-24T10:00:00Z"));
+        assert_eq!(read.trials[0].motion, RigTrialMotion::Ramp { velocity_rad_s: 1.3 });
+        let weight = HandleLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: -1.0, relative_error: 0.002 };
+        assert_eq!(read.trials[1].load, weight);
+        assert_eq!(read.trials[2].status, Status::Rejected);
+        assert_eq!(read.trials[3].record, RigTrialSignals::default());
+        assert_eq!(read.trials[4].record.theta_l_rad.as_ref().map(Vec::len), Some(400));
+        // The table and four records.
+        assert_eq!(read.sources.len(), 5);
+        assert_eq!(read.sources[1].sha256, sha256(record(400, 250).as_bytes()));
+    }
+
+    #[test]
+    fn a_wrong_cell_is_refused_with_line_and_column() {
+        let replace = |row: usize, from: &'static str, to: &'static str| {
+            refusal(|rows| {
+                assert!(rows[row].contains(from));
+                rows[row] = rows[row].replacen(from, to, 1);
+            })
+        };
+        for (message, parts) in [
+            (replace(0, "empty_handle", "nothing"), ["line 2, column load", "empty_handle, known_weight"]),
+            (replace(0, "ramp,1.3", "ramp,0"), ["line 2, column velocity_rad_s", "other than 0"]),
+            (replace(0, "ramp,1.3", "chirp,"), ["line 2, column motion", "still, ramp or multisine"]),
+            (replace(1, ",-1,1.0", ",,1.0"), ["line 3, column sign", "1 or -1"]),
+            (replace(1, "1.0,0.1", "1.0,-0.1"), ["line 3, column arm_m", "above 0"]),
+            (replace(1, "0.002", "2"), ["line 3, column relative_error", "0.01 for 1 %"]),
+            (replace(2, "0.004", ""), ["line 4, column inertia_kg_m2", "above 0"]),
+            (replace(3, ",,,,,,,aborted", ",,1,,,,,aborted"), ["line 5, column mass_kg", "an empty cell"]),
+            (
+                replace(4, "spring,multisine,", "spring,multisine,1.3"),
+                ["line 6, column velocity", "an empty cell"],
+            ),
+            (replace(4, "005.csv", "001.csv"), ["line 6, column file", "line 2 already"]),
+            (replace(4, "rig-trials/rig-trial-005.csv", "../x.csv"), ["line 6, column file", "leads out of"]),
+            (replace(3, "aborted", "ok"), ["line 5, column file", "the path of the trial's record"]),
+            (replace(0, ",ok", ",fine"), ["line 2, column status", "ok, aborted or rejected"]),
+        ] {
+            assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_record_must_begin_at_time_zero_with_a_rest() {
+        let complaint = |text: &str| {
+            let folder = session(&rows());
+            fs::write(folder.path().join("rig-trials/rig-trial-001.csv"), text).unwrap();
+            load_rig_trials(folder.path()).expect_err("must be refused").to_string()
+        };
+        let early = complaint(&record(400, 150));
+        assert!(early.contains("rig-trial-001.csv, line 152, column target_rad"), "{early}");
+        let late = complaint(&record(400, 250).replacen("\n0,", "\n0.5,", 1));
+        assert!(late.contains("line 2, column t_s") && late.contains("time 0"), "{late}");
+        assert!(complaint(&record(150, 150)).contains("150 samples"));
+        let gap = complaint(&record(400, 250).replacen("\n0.3,", "\n0.31,", 1));
+        assert!(gap.contains("gap in time"), "{gap}");
+        let missing = complaint(&record(400, 250).replacen("target_rad", "angle", 1));
+        assert!(missing.contains("column target_rad is missing"), "{missing}");
+    }
+}

@@ -1,0 +1,310 @@
+//! What rig trials say of the rig's constants, as evidence for and against causes.
+//!
+//! A calibration is one more observation, c_hat ~ N(c, C), of constants c. Without a cause a constant lies about its stated value within
+//! a tolerance, as every rig is built; a cause says that it may lie anywhere within the cause's prior. All models are fitted with the
+//! constants at c_hat, whose errors C are unknowns that the trials share.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::gaussian::twice_log_diagonal;
+use crate::dataset::{RigCalibration, RigQuantity};
+use crate::diagnose::interval::Interval;
+use crate::fit::{CalibrationMisuse, RigConstants};
+use crate::wrist::Lever;
+use crate::wrist::mechanisms::{MechanismKind, Prior, ProbeContext};
+
+/// Half width of a 95 % interval, in standard deviations.
+const HALF_INTERVAL_95: f64 = 1.96;
+
+/// A constant that no rig has at zero is not tried at a smaller part of its value, however badly it is known.
+const LEAST_PART: f64 = 0.1;
+
+/// A constant that a cause can be about.
+struct CausedConstant {
+    kind: MechanismKind,
+    quantity: RigQuantity,
+    /// Standard deviation of a sound rig's constant about its stated value: as a part of it, or in seconds of a delay and of the time
+    /// constant of a low-pass. Declared in docs/explanation/diagnosis.md.
+    tolerance: f64,
+}
+
+/// The constants that causes are about, with what is within the tolerance of a sound rig.
+const CAUSED: [CausedConstant; 7] = [
+    caused(MechanismKind::LeverInertia, RigQuantity::LeverInertia, 0.03),
+    caused(MechanismKind::LeverDamping, RigQuantity::LeverDamping, 0.05),
+    caused(MechanismKind::LeverStiffness, RigQuantity::LeverStiffness, 0.03),
+    caused(MechanismKind::TorqueGain, RigQuantity::TorqueGain, 0.01),
+    caused(MechanismKind::AngleGain, RigQuantity::AngleGain, 0.005),
+    caused(MechanismKind::ChannelSkew, RigQuantity::TorqueDelay, 1e-4),
+    caused(MechanismKind::TorqueLag, RigQuantity::TorqueCutoff, 1e-4),
+];
+
+const fn caused(kind: MechanismKind, quantity: RigQuantity, tolerance: f64) -> CausedConstant {
+    CausedConstant { kind, quantity, tolerance }
+}
+
+/// A measured constant, in the coordinate in which its deviations are normal.
+#[derive(Debug, Clone)]
+struct ToldConstant {
+    kind: MechanismKind,
+    quantity: RigQuantity,
+    /// Value and standard error, in the unit of the constant.
+    value: f64,
+    se: f64,
+    /// Measured less stated, in the coordinate.
+    deviation: f64,
+    /// Standard deviation of a sound rig's deviation, in the coordinate.
+    tolerance: f64,
+    /// Mean and standard deviation of the deviation where the cause is at work.
+    caused: (f64, f64),
+}
+
+/// The constants of a rig, and how well they are known.
+#[derive(Debug, Clone)]
+pub struct RigKnowledge {
+    /// The constants of the analysis.
+    pub constants: RigConstants,
+    /// What the session states.
+    pub stated: RigConstants,
+    /// Independent errors of the constants, of one standard deviation each: the constants with the error.
+    pub errors: Vec<RigConstants>,
+    told: Vec<ToldConstant>,
+    /// Covariance of the deviations of `told`.
+    covariance: DMatrix<f64>,
+}
+
+impl RigKnowledge {
+    /// Nothing beside what a session with this lever states.
+    pub fn stated(lever: Option<Lever>) -> Self {
+        let stated = RigConstants::stated(lever);
+        Self {
+            constants: stated,
+            stated,
+            errors: Vec::new(),
+            told: Vec::new(),
+            covariance: DMatrix::zeros(0, 0),
+        }
+    }
+
+    /// What `calibration` says of the rig of a session that states this lever.
+    ///
+    /// # Errors
+    /// If the calibration cannot be used for such a session.
+    pub fn measured(calibration: &RigCalibration, lever: Option<Lever>) -> Result<Self, CalibrationMisuse> {
+        let constants = RigConstants::calibrated(calibration, lever)?;
+        let stated = RigConstants::stated(lever);
+        let context = ProbeContext { lever, highest_torque_nm: 0.0 };
+        let mut told = Vec::new();
+        let mut slopes = Vec::new();
+        for own in &CAUSED {
+            let known = calibration.value(own.quantity).zip(calibration.se(own.quantity));
+            let Some((value, se)) = known else { continue };
+            let Some((constant, slope)) = told_constant(own, (value, se), &stated, &context) else {
+                continue;
+            };
+            told.push(constant);
+            slopes.push(slope);
+        }
+        let covariance = DMatrix::from_fn(told.len(), told.len(), |i, j| {
+            let own = calibration.covariance_between(told[i].quantity, told[j].quantity);
+            own.unwrap_or(0.0) * slopes[i] * slopes[j]
+        });
+        Ok(Self { errors: errors(calibration, constants), constants, stated, told, covariance })
+    }
+
+    /// Whether the rig trials tell the constant that this cause is about.
+    pub fn tells(&self, kind: MechanismKind) -> bool {
+        self.told.iter().any(|own| own.kind == kind)
+    }
+
+    /// The causes whose constants the rig trials tell.
+    pub fn told(&self) -> impl Iterator<Item = MechanismKind> {
+        self.told.iter().map(|own| own.kind)
+    }
+
+    /// Logarithm of the density of the measured constants where `causes` are at work, against where none is.
+    pub fn log_odds(&self, causes: &[MechanismKind]) -> f64 {
+        if !self.told.iter().any(|own| causes.contains(&own.kind)) {
+            return 0.0;
+        }
+        self.log_density(causes) - self.log_density(&[])
+    }
+
+    fn log_density(&self, causes: &[MechanismKind]) -> f64 {
+        let prior = |own: &ToldConstant| match causes.contains(&own.kind) {
+            true => own.caused,
+            false => (0.0, own.tolerance),
+        };
+        let mut covariance = self.covariance.clone();
+        for (place, own) in self.told.iter().enumerate() {
+            covariance[(place, place)] += prior(own).1 * prior(own).1;
+        }
+        let off =
+            DVector::from_iterator(self.told.len(), self.told.iter().map(|own| own.deviation - prior(own).0));
+        // Tolerances make it positive definite.
+        let Some(factor) = covariance.cholesky() else { return f64::NEG_INFINITY };
+        -0.5 * (off.dot(&factor.solve(&off)) + twice_log_diagonal(factor.l_dirty()))
+    }
+
+    /// The measured value of the constant that a cause is about, with its 95 % interval.
+    pub fn interval(&self, kind: MechanismKind) -> Option<Interval> {
+        let own = self.told.iter().find(|own| own.kind == kind)?;
+        let half = HALF_INTERVAL_95 * own.se;
+        Some(Interval { value: own.value, low: Some(own.value - half), high: Some(own.value + half) })
+    }
+
+    /// How far the constant that a cause is about is from its stated value, in standard deviations of a sound rig's and of the
+    /// measurement together.
+    pub fn deviation_sds(&self, kind: MechanismKind) -> Option<f64> {
+        let place = self.told.iter().position(|own| own.kind == kind)?;
+        let own = &self.told[place];
+        let variance = self.covariance[(place, place)] + own.tolerance * own.tolerance;
+        Some(own.deviation.abs() / libm::sqrt(variance))
+    }
+
+    /// The constants of the analysis, but that which a cause is about as the session states it.
+    pub fn as_stated(&self, kind: MechanismKind) -> Option<RigConstants> {
+        let own = self.told.iter().find(|own| own.kind == kind)?;
+        Some(match self.stated.value(own.quantity) {
+            Some(stated) => self.constants.with(own.quantity, stated),
+            None => RigConstants { torque_cutoff_hz: self.stated.torque_cutoff_hz, ..self.constants },
+        })
+    }
+}
+
+/// A measured constant in its coordinate, and the derivative of the coordinate; `None` if the session states nothing to compare with.
+fn told_constant(
+    own: &CausedConstant,
+    (value, se): (f64, f64),
+    stated: &RigConstants,
+    context: &ProbeContext,
+) -> Option<(ToldConstant, f64)> {
+    let prior = own.kind.prior(0, context);
+    let (deviation, slope, caused) = match (own.quantity, prior) {
+        (RigQuantity::TorqueCutoff, Prior::LogNormal { median, log_sd }) => {
+            let time_constant = |cutoff_hz: f64| 1.0 / (std::f64::consts::TAU * cutoff_hz);
+            let typical = time_constant(median);
+            (time_constant(value), -time_constant(value) / value, (typical, typical * log_sd))
+        }
+        (RigQuantity::TorqueDelay, Prior::Normal { mean, sd }) => (value, 1.0, (mean, sd)),
+        // A measured damping may be zero or less, which has no logarithm.
+        (RigQuantity::LeverDamping, Prior::LogNormal { log_sd, .. }) => {
+            let stated = stated.value(own.quantity).filter(|stated| *stated > 0.0)?;
+            (value / stated - 1.0, 1.0 / stated, (0.0, log_sd))
+        }
+        (_, Prior::LogNormal { log_sd, .. }) => {
+            let stated = stated.value(own.quantity).filter(|stated| *stated > 0.0)?;
+            (libm::log(value / stated), 1.0 / value, (0.0, log_sd))
+        }
+        _ => return None,
+    };
+    let (kind, quantity, tolerance) = (own.kind, own.quantity, own.tolerance);
+    Some((ToldConstant { kind, quantity, value, se, deviation, tolerance, caused }, slope))
+}
+
+/// The constants with each of the independent errors that the covariance of a calibration consists of.
+fn errors(calibration: &RigCalibration, constants: RigConstants) -> Vec<RigConstants> {
+    let known = calibration.covariance_of.iter().copied();
+    let quantities: Vec<RigQuantity> = known.filter(|own| constants.value(*own).is_some()).collect();
+    let se: Vec<f64> = quantities.iter().filter_map(|own| calibration.se(*own)).collect();
+    let correlation = DMatrix::from_fn(quantities.len(), quantities.len(), |i, j| {
+        calibration.covariance_between(quantities[i], quantities[j]).unwrap_or(0.0) / (se[i] * se[j])
+    });
+    let eigen = correlation.symmetric_eigen();
+    let with_error = |(place, variance): (usize, &f64)| {
+        let sd = libm::sqrt(variance.max(0.0));
+        quantities.iter().enumerate().fold(constants, |changed, (row, quantity)| {
+            let by = sd * se[row] * eigen.eigenvectors[(row, place)];
+            let value = constants.value(*quantity).unwrap_or(0.0);
+            let least = if quantity.is_positive() { LEAST_PART * value } else { f64::NEG_INFINITY };
+            changed.with(*quantity, (value + by).max(least))
+        })
+    };
+    eigen.eigenvalues.iter().enumerate().map(with_error).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::CalibratedQuantity;
+
+    const LEVER: Lever =
+        Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
+
+    fn known(told: &[(RigQuantity, f64, f64)]) -> RigKnowledge {
+        let quantity = |name: RigQuantity| {
+            let own = told.iter().find(|(quantity, ..)| *quantity == name);
+            CalibratedQuantity {
+                name,
+                value: own.map(|(_, value, _)| *value),
+                se: own.map(|(.., se)| *se),
+                stated: RigConstants::stated(Some(LEVER)).value(name),
+                reason: own.is_none().then(|| "no load tells it".to_owned()),
+            }
+        };
+        let quantities: Vec<CalibratedQuantity> = RigQuantity::ALL.map(quantity).to_vec();
+        let variances: Vec<f64> = quantities.iter().filter_map(|own| own.se).map(|se| se * se).collect();
+        let row = |i: usize| (0..variances.len()).map(|j| if i == j { variances[i] } else { 0.0 }).collect();
+        let covariance = (0..variances.len()).map(row).collect();
+        let calibration = RigCalibration::new("test".into(), "rig".into(), quantities, covariance);
+        RigKnowledge::measured(&calibration, Some(LEVER)).unwrap()
+    }
+
+    #[test]
+    fn a_constant_that_is_off_speaks_for_its_cause_and_one_within_the_tolerance_against_it() {
+        let causes = [
+            (MechanismKind::LeverInertia, RigQuantity::LeverInertia, [0.0024, 0.001_616], 1e-5),
+            (MechanismKind::LeverDamping, RigQuantity::LeverDamping, [0.6, 0.41], 0.01),
+            (MechanismKind::LeverStiffness, RigQuantity::LeverStiffness, [650.0, 905.0], 5.0),
+            (MechanismKind::TorqueGain, RigQuantity::TorqueGain, [1.1, 1.003], 0.000_5),
+            (MechanismKind::AngleGain, RigQuantity::AngleGain, [0.9, 0.998], 0.000_5),
+            (MechanismKind::ChannelSkew, RigQuantity::TorqueDelay, [0.001, 0.000_03], 1e-5),
+            (MechanismKind::TorqueLag, RigQuantity::TorqueCutoff, [150.0, 2500.0], 5.0),
+        ];
+        for (kind, quantity, [off, sound], se) in causes {
+            let odds = |value: f64| known(&[(quantity, value, se)]).log_odds(&[kind]);
+            assert!(odds(off) > 10.0, "{kind:?} at {off}: {}", odds(off));
+            assert!(odds(sound) < -1.0, "{kind:?} at {sound}: {}", odds(sound));
+            let knowledge = known(&[(quantity, off, se)]);
+            assert!(knowledge.tells(kind));
+            let interval = knowledge.interval(kind).unwrap();
+            assert!((interval.value - off).abs() < 1e-12 && interval.low.unwrap() < off);
+            assert!(knowledge.deviation_sds(kind).unwrap() > 4.0);
+            let stated = knowledge.as_stated(kind).unwrap();
+            assert_eq!(stated.value(quantity), RigConstants::stated(Some(LEVER)).value(quantity));
+        }
+    }
+
+    #[test]
+    fn a_constant_that_nobody_measured_well_speaks_for_nothing() {
+        let badly = known(&[(RigQuantity::LeverInertia, 0.0024, 0.0024)]);
+        assert!(badly.log_odds(&[MechanismKind::LeverInertia]).abs() < 0.2);
+        let nothing = RigKnowledge::stated(Some(LEVER));
+        assert_eq!(nothing.log_odds(&[MechanismKind::LeverInertia]), 0.0);
+        assert!(!nothing.tells(MechanismKind::LeverInertia) && nothing.errors.is_empty());
+    }
+
+    #[test]
+    fn a_cause_of_the_wrist_has_the_rigs_odds_of_none() {
+        let knowledge = known(&[(RigQuantity::TorqueGain, 1.3, 0.01)]);
+        assert_eq!(knowledge.log_odds(&[MechanismKind::JointFriction]), 0.0);
+        let both = knowledge.log_odds(&[MechanismKind::JointFriction, MechanismKind::TorqueGain]);
+        assert_eq!(both, knowledge.log_odds(&[MechanismKind::TorqueGain]));
+    }
+
+    #[test]
+    fn the_errors_of_the_constants_are_their_covariance() {
+        let knowledge = known(&[
+            (RigQuantity::TorqueGain, 1.02, 0.002),
+            (RigQuantity::TorqueCutoff, 200.0, 8.0),
+            (RigQuantity::LeverInertia, 0.0016, 2e-5),
+        ]);
+        assert_eq!(knowledge.errors.len(), 3);
+        for (quantity, se) in [(RigQuantity::TorqueGain, 0.002), (RigQuantity::TorqueCutoff, 8.0)] {
+            let centre = knowledge.constants.value(quantity).unwrap();
+            let squares = knowledge.errors.iter().map(|own| own.value(quantity).unwrap() - centre);
+            let variance: f64 = squares.map(|by| by * by).sum();
+            assert!((variance / (se * se) - 1.0).abs() < 1e-9, "{quantity:?}: {variance}");
+        }
+    }
+}
