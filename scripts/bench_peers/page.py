@@ -111,8 +111,8 @@ def peak(r: dict) -> str:
         f"A simulation with six sensitivities asks for {operations['sensitivities']:,} additions, multiplications and divisions, "
         f"counted by running the model over numbers that count: {done / 1e9:.1f} thousand million a second, which is "
         f"{done / (2 * at_most):.0%} of the {2 * at_most / 1e9:.0f} that the same core does when it does nothing but fused "
-        f"multiply-adds on registers of {operations['lanes']}. The model does not fuse, so that every width of vector gives the same "
-        f"bits: {done / at_most:.0%} of what can be had without."
+        f"multiply-adds on registers of {operations['lanes']}. The steps of the model are fused, in the same places at every "
+        f"width of vector, so that all give the same bits; the filter is not."
     )
 
 
@@ -157,7 +157,8 @@ evaluations ({call} for 12 trials) times as many as (b) needed at the least.{cut
   the same one, which (a) found when it was let run to the end.
 - The bootstrap is `ramphold::fit::bootstrap`, timed over 200 refits on two threads; the peers refit the first six of its
   sessions. The time of two cores is half the time on the core of all threads together. Ours does more: a drawn session's
-  optimum need not be the one about the truth, so every refit looks for others. The peers go down from the truth and no further; they
+  optimum need not be the one about the truth, so every refit goes on from the
+  optimum it was drawn from and tries the others that the noise did not rule out there. The peers go down from the truth and no further; they
   are given the tolerance that leads to the best that either of them finds.
 
 ## The share of the processor
