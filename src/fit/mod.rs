@@ -20,6 +20,7 @@
 
 mod calibration;
 mod data;
+mod envelope;
 mod fitted;
 mod inference;
 mod linalg;
