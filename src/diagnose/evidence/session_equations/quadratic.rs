@@ -7,6 +7,7 @@ use super::products::Products;
 use super::spreads::{ExpectedSquares, Spreads};
 use crate::diagnose::evidence::gaussian::twice_log_diagonal;
 use crate::diagnose::evidence::linearisation::LinearTrial;
+use crate::fit::inverse_of;
 
 /// The quadratic approximation of the negative logarithm of posterior density at a point, for given spreads.
 #[derive(Debug, Clone)]
@@ -140,7 +141,7 @@ impl Design {
         for (matrix, mixed, gradient) in blocks {
             let factor = matrix.cholesky()?;
             log_determinant += twice_log_diagonal(factor.l_dirty());
-            let inverse = factor.inverse();
+            let inverse = inverse_of(&factor);
             let towards = &inverse * &mixed;
             let alone = &inverse * &gradient;
             schur.gemm(-1.0, &mixed.transpose(), &towards, 1.0);
@@ -153,7 +154,7 @@ impl Design {
         let factor = schur.cholesky()?;
         log_determinant += twice_log_diagonal(factor.l_dirty());
         let border_step = -factor.solve(&schur_gradient);
-        let border_covariance = factor.inverse();
+        let border_covariance = inverse_of(&factor);
         let mut decrease = -0.5 * corner_gradient.dot(&border_step);
         let trials = products.trials.len();
         let mut step = Point {
