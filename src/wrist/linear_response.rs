@@ -18,7 +18,7 @@ pub(super) const LONGEST_LINEAR_STEP: f64 = 1.0;
 pub(super) const FORCE: usize = 4;
 
 /// 1/n!.
-const INVERSE_FACTORIALS: [f64; TERMS + FORCE + 1] = {
+const TAYLOR_WEIGHTS: [f64; TERMS + FORCE + 1] = {
     let mut all = [1.0; TERMS + FORCE + 1];
     let mut n = 1;
     while n < all.len() {
@@ -48,7 +48,7 @@ pub(super) struct LinearResponse<P, const STATES: usize, const N: usize> {
 }
 
 /// The acceleration of one inertia for each state, per step and step.
-type Row<P, const STATES: usize, const N: usize> = [Jet<P, N>; STATES];
+type Acceleration<P, const STATES: usize, const N: usize> = [Jet<P, N>; STATES];
 
 impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N> {
     /// The response over a step of `step_s` of a wrist with the `parameters` I_j, b_h, k_h, k_srs. A rigid lever has two states, a
@@ -64,7 +64,7 @@ impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N>
         ];
         let joint = STATES - 2;
         let zero = Jet::constant(0.0);
-        let mut rows: [Row<P, STATES, N>; 2] = [[zero; STATES]; 2];
+        let mut rows: [Acceleration<P, STATES, N>; 2] = [[zero; STATES]; 2];
         rows[1][joint] = -interface[0] - per_inertia * short_range.scale(step_s);
         rows[1][joint + 1] = -interface[1] - per_inertia.scale(joint_damping);
         let torque_at_interface = [stiffness, damping.scale(1.0 / step_s)];
@@ -110,7 +110,7 @@ impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N>
 
     /// `rows` holds the accelerations of handle and joint, at a rigid lever of the joint alone, in the last row.
     #[inline(always)]
-    fn fill(&mut self, rows: &[Row<P, STATES, N>; 2], drive: [Jet<P, N>; 2], per_torque: Jet<P, N>) {
+    fn fill(&mut self, rows: &[Acceleration<P, STATES, N>; 2], drive: [Jet<P, N>; 2], per_torque: Jet<P, N>) {
         let zero = Jet::constant(0.0);
         let bodies = STATES / 2;
         // phi_0 ... phi_4 of a unit change of speed of each body, the handle's first.
@@ -158,7 +158,7 @@ impl<P: Plain, const STATES: usize, const N: usize> LinearResponse<P, STATES, N>
 /// phi_0 ... phi_4 of M, applied to a unit of the state `index`, a speed.
 #[inline(always)]
 fn of_unit_speed<P: Plain, const STATES: usize, const N: usize>(
-    rows: &[Row<P, STATES, N>; 2],
+    rows: &[Acceleration<P, STATES, N>; 2],
     index: usize,
 ) -> [[Jet<P, N>; STATES]; FORCE + 1] {
     let zero = Jet::constant(0.0);
@@ -172,7 +172,7 @@ fn of_unit_speed<P: Plain, const STATES: usize, const N: usize>(
         while row < STATES {
             let mut which = 0;
             while which <= FORCE {
-                let weight = P::splat(INVERSE_FACTORIALS[term + which]);
+                let weight = P::splat(TAYLOR_WEIGHTS[term + which]);
                 sums[which][row] = sums[which][row].plus_scaled(power[row], weight);
                 which += 1;
             }

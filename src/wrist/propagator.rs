@@ -14,8 +14,8 @@ use crate::number::{Jet, Number, Plain};
 const PARAMETERS: usize = BASE_PARAMETERS.len();
 
 /// Indices of k_dec and x_e.
-const K_DEC: usize = LINEAR_PARAMETERS;
-const X_E: usize = LINEAR_PARAMETERS + 1;
+const DECREMENT: usize = LINEAR_PARAMETERS;
+const LIMIT: usize = LINEAR_PARAMETERS + 1;
 
 /// Below minus this, log(1 + exp(x)) and its slope count as zero. They are below 3e-9 there, less than 1e-10 N m.
 const SILENT: f64 = 20.0;
@@ -77,8 +77,8 @@ impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize>
             index += 1;
         }
         let response = LinearResponse::new(lever, &linear, JOINT_DAMPING_NM_S_PER_RAD, step_s);
-        let decrement = Jet::<P, ALL>::variable(parameters[K_DEC], K_DEC);
-        let limit = Jet::<P, ALL>::variable(parameters[X_E], X_E);
+        let decrement = Jet::<P, ALL>::variable(parameters[DECREMENT], DECREMENT);
+        let limit = Jet::<P, ALL>::variable(parameters[LIMIT], LIMIT);
         let slope = decrement.scale(YIELD_SMOOTHNESS_PER_NM);
         Self {
             response,
@@ -204,8 +204,8 @@ impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize>
         let past = angle.value - self.elastic_limit;
         let beyond = angle
             .times(self.slope)
-            .with_slope(K_DEC, past * P::splat(YIELD_SMOOTHNESS_PER_NM))
-            .with_slope(X_E, -self.slope);
+            .with_slope(DECREMENT, past * P::splat(YIELD_SMOOTHNESS_PER_NM))
+            .with_slope(LIMIT, -self.slope);
         let beyond = Jet { value: self.slope * past, slope: beyond.slope };
         let is_near = beyond.value + P::splat(SILENT);
         let (one, zero) = (P::splat(1.0), P::splat(0.0));
@@ -215,7 +215,7 @@ impl<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize>
         let torque = (value - self.at_rest).times(counts * P::splat(1.0 / YIELD_SMOOTHNESS_PER_NM));
         // d/dx of the torque is k_dec logistic(beyond) times the speed.
         let part = beyond.chain(logistic, logistic * (one - logistic));
-        let stiffness = part.times(self.decrement).with_slope(K_DEC, part.value);
+        let stiffness = part.times(self.decrement).with_slope(DECREMENT, part.value);
         let rate = (stiffness * speed).times(counts);
         Loss { torque, rate }
     }
