@@ -37,10 +37,7 @@ impl EnvelopeCholesky {
             }
             let (diagonal, before) = here.split_last_mut()?;
             let pivot = *diagonal - dot(before, before);
-            if !(pivot > 0.0) {
-                return None;
-            }
-            *diagonal = libm::sqrt(pivot);
+            *diagonal = Some(pivot).filter(|pivot| *pivot > 0.0).map(libm::sqrt)?;
         }
         Some(own)
     }

@@ -81,12 +81,15 @@ impl<T: Number> Mechanics<T> {
     pub fn new(plant: Plant<T>) -> Self {
         let one = T::constant(1.0);
         let yield_slope = plant.smoothness * plant.stiffness_decrement;
+        // A closure would be compiled without the vector instructions of the surrounding function.
+        #[allow(clippy::manual_map)]
+        let inverse_lever_inertia = match plant.lever {
+            Some(lever) => Some(one / lever.inertia),
+            None => None,
+        };
         Self {
             plant,
-            inverse_lever_inertia: match plant.lever {
-                Some(lever) => Some(one / lever.inertia),
-                None => None,
-            },
+            inverse_lever_inertia,
             inverse_joint_inertia: one / plant.joint_inertia,
             yield_slope,
             inverse_smoothness: one / plant.smoothness,
