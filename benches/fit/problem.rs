@@ -62,9 +62,8 @@ impl Problem {
         let starting_values = search.starting_values(&prepared, &Model::paper()).swap_remove(0);
         let (weighed, covariances) =
             Objective::new(&prepared, Weighting::MeasuredNoise, Some(&starting_values.median_values()));
-        let mut fit =
+        let fit =
             Fit::from_starting_values(&prepared, &Model::paper(), weighed, covariances, &starting_values);
-        fit.search_multistart(&prepared);
         Self { prepared, starting_values, fit }
     }
 

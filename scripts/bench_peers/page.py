@@ -157,8 +157,7 @@ evaluations ({call} for 12 trials) times as many as (b) needed at the least.{cut
   the same one, which (a) found when it was let run to the end.
 - The bootstrap is `ramphold::fit::bootstrap`, timed over 200 refits on two threads; the peers refit the first six of its
   sessions. The time of two cores is half the time on the core of all threads together. Ours does more: a drawn session's
-  optimum need not be the one about the truth, so every refit goes on from the
-  optimum it was drawn from and tries the others that the noise did not rule out there. The peers go down from the truth and no further; they
+  optimum need not be the one about the truth, so every refit looks for others. The peers go down from the truth and no further; they
   are given the tolerance that leads to the best that either of them finds.
 
 ## The share of the processor

@@ -22,15 +22,6 @@ pub type Restart = (f64, f64);
 const BLOCK_RESTARTS: [Restart; 8] =
     [(0.1, 0.6), (0.2, 0.6), (0.2, 0.9), (0.35, 0.3), (0.35, 0.6), (0.5, 0.6), (0.7, 0.6), (0.85, 0.6)];
 
-/// Where single blocks are restarted.
-#[derive(Clone, Copy)]
-enum Restarts<'a> {
-    /// At [`BLOCK_RESTARTS`].
-    Everywhere,
-    /// At optima that are known.
-    At(&'a [BlockOptimum]),
-}
-
 /// Restarts of all trials of a component together.
 const COMPONENT_RESTARTS: [Restart; 2] = [(0.4, 0.6), (0.6, 0.6)];
 
@@ -78,7 +69,7 @@ impl Fit {
     pub fn search_multistart(&mut self, observations: &Observations) {
         if self.has_local_x_e() {
             self.restart_components(observations);
-            self.restart_blocks(observations, Restarts::Everywhere);
+            self.restart_blocks(observations);
         }
     }
 
@@ -89,9 +80,8 @@ impl Fit {
         let solution = solve(session, &self.parameterisation, &self.kinds, &self.objective, start, options);
         let mut fit = self.at_solution(solution);
         if fit.has_local_x_e() {
-            // The parameters that trials share are nearly right already, so components need not be restarted. The optima between which the
-            // noise can choose are those of this fit.
-            fit.restart_blocks(session, Restarts::At(&self.other_optima));
+            // The parameters that trials share are nearly right already, so components need not be restarted.
+            fit.restart_blocks(session);
         }
         fit
     }
@@ -121,12 +111,12 @@ impl Fit {
     }
 
     /// Restarts single blocks until no block improves.
-    fn restart_blocks(&mut self, observations: &Observations, restarts: Restarts) {
+    fn restart_blocks(&mut self, observations: &Observations) {
         let components = self.parameterisation.components.len();
         let mut other_optima = vec![Vec::new(); components];
         let mut open = vec![true; components];
         for _ in 0..MAX_ROUNDS {
-            let alternatives = self.alternative_optima(observations, &open, restarts);
+            let alternatives = self.alternative_optima(observations, &open);
             self.collect_other_optima(&alternatives, &open, &mut other_optima);
             open = self.adopt_best_blocks(observations, &alternatives);
             if !open.contains(&true) {
@@ -138,32 +128,18 @@ impl Fit {
     }
 
     /// The optima that the blocks of the open components reach from the restarts that are not dropped.
-    fn alternative_optima(
-        &self,
-        observations: &Observations,
-        open: &[bool],
-        restarts: Restarts,
-    ) -> Vec<AlternativeOptimum> {
+    fn alternative_optima(&self, observations: &Observations, open: &[bool]) -> Vec<AlternativeOptimum> {
+        let present = self.normal_equations(observations);
         let mut blocks = Vec::new();
-        let mut starts = Vec::new();
         for (component, own) in self.parameterisation.components.iter().enumerate() {
             for block in 0..own.blocks.len() {
                 if open[component] && self.coordinate_of(component, block, X_E).is_some() {
-                    let own = self.block_starts(observations, (component, block), restarts);
-                    blocks.extend(own.iter().map(|_| (component, block)));
-                    starts.extend(own);
+                    blocks.extend([(component, block); BLOCK_RESTARTS.len()]);
                 }
             }
         }
-        if blocks.is_empty() {
-            return Vec::new();
-        }
-        let present = self.normal_equations(observations);
         let subproblems = BlockSubproblems::new(observations, self, &present, &blocks);
-        let mut start = subproblems.start.clone();
-        for (range, own) in subproblems.ranges.iter().zip(&starts) {
-            start[range.start..range.start + own.len()].copy_from_slice(own);
-        }
+        let start = self.restart_coordinates(observations, &subproblems, &blocks);
         let present_cost =
             |block: &BlockIndex| present[block.0].block_costs().nth(block.1).unwrap_or(f64::INFINITY);
         let unit = |block: &BlockIndex| self.cost_unit(observations, *block, &present[block.0]);
@@ -192,39 +168,28 @@ impl Fit {
         kept.iter().zip(&solution.outcomes).map(alternative).collect()
     }
 
-    /// Coordinates from which a block is restarted, in its order.
-    fn block_starts(
+    /// Coordinates from which the subproblems start: the optimum of the fit, except for k_srs, k_dec and x_e of the block.
+    fn restart_coordinates(
         &self,
         observations: &Observations,
-        (component, block): BlockIndex,
-        restarts: Restarts,
-    ) -> Vec<Vec<f64>> {
-        let own = &self.parameterisation.components[component];
-        let coordinates = &own.blocks[block];
-        let trials: Vec<usize> = own.trials_of_block(block).collect();
-        match restarts {
-            Restarts::At(optima) => {
-                let of_block = optima.iter().filter(|optimum| optimum.trials == trials);
-                of_block.map(|optimum| optimum.coordinates.clone()).collect()
-            }
-            Restarts::Everywhere => {
-                let Some(trial) = trials.first() else { return Vec::new() };
-                let start = |restart: &Restart| {
-                    let mut start: Vec<f64> =
-                        coordinates.iter().map(|index| self.solution.coordinates[*index]).collect();
-                    for (parameter, value) in self.restart_values(observations, *trial, *restart) {
-                        let Some(coordinate) = self.coordinate_of(component, block, parameter) else {
-                            continue;
-                        };
-                        let at = coordinates.iter().position(|index| *index == coordinate).unwrap_or(0);
-                        let bounds = &self.parameterisation.coordinates[coordinate];
-                        start[at] = libm::log(value).clamp(bounds.low, bounds.high);
-                    }
-                    start
-                };
-                BLOCK_RESTARTS.iter().map(start).collect()
+        subproblems: &BlockSubproblems,
+        blocks: &[BlockIndex],
+    ) -> Vec<f64> {
+        let mut start = subproblems.start.clone();
+        for (subproblem, block) in blocks.iter().enumerate() {
+            let component = &self.parameterisation.components[block.0];
+            let Some(trial) = component.trials_of_block(block.1).next() else { continue };
+            let restart = BLOCK_RESTARTS[subproblem % BLOCK_RESTARTS.len()];
+            for (parameter, value) in self.restart_values(observations, trial, restart) {
+                let Some(coordinate) = self.coordinate_of(block.0, block.1, parameter) else { continue };
+                let own = &component.blocks[block.1];
+                let at = subproblems.ranges[subproblem].start
+                    + own.iter().position(|index| *index == coordinate).unwrap_or(0);
+                let bounds = &subproblems.parameterisation.coordinates[at];
+                start[at] = libm::log(value).clamp(bounds.low, bounds.high);
             }
         }
+        start
     }
 
     /// k_srs, k_dec and x_e of a trial at a restart, by parameter index. The mean stiffness up to the end of the window stays, because
