@@ -140,8 +140,11 @@ impl Work<'_> {
         let mut consumers = (self.recorder, check);
         let ended = run_control_loop(rig, self.machine, &mut operator, &mut Unpaced, &mut consumers);
         operator.finish();
+        let settled = consumers.0.settle();
         consumers.1.finish();
+        // An error that ended the session comes first.
         ended?;
+        settled?;
         Ok(None)
     }
 
