@@ -96,10 +96,12 @@ fn main() {
             subject_fields: &Default::default(),
             motion_delay_samples: 0,
         };
-        let mut recorder =
-            session.create(&folder.path().join("s"), Disk::default()).expect("it can be written");
+        let mut recorder = session
+            .create(&folder.path().join("s"), Disk::synchronised_at_the_end())
+            .expect("it can be written");
         run_control_loop(wrist(), &mut machine, &mut Starter, &mut Unpaced, &mut recorder)
             .expect("it can be kept");
+        recorder.settle().expect("it can be kept");
         kept_s = least(kept_s, watch.stop());
     }
     let figures = |[clock, on_core]: [f64; 2]| {

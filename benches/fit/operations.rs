@@ -3,11 +3,8 @@
 use std::cell::Cell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use ramphold::number::{Jet, Lanes, Number, Plain};
-use ramphold::signal::SectionState;
-use ramphold::wrist::{
-    HermiteSegment, Integrator, Kinematics, Mechanics, NoAddedDynamics, Plant, RecordedInput,
-};
+use ramphold::number::{Lanes, Number, Plain};
+use ramphold::wrist::{SimulatedTorque, VectorWidth, simulate_over};
 
 use crate::problem::Problem;
 
@@ -81,6 +78,14 @@ impl Lanes for Counting {
     fn min(self, other: Self) -> Self {
         Self(Lanes::min(self.0, other.0))
     }
+    /// A multiplication and an addition.
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        counted(0.0);
+        counted(self.0.mul_add(factor.0, addend.0))
+    }
+    fn any_positive(self) -> bool {
+        self.0 > 0.0
+    }
     fn where_positive(self, yes: Self, no: Self) -> Self {
         if self.0 > 0.0 { yes } else { no }
     }
@@ -91,31 +96,17 @@ impl Lanes for Counting {
 
 /// Operations of one simulation, and of one with six sensitivities.
 pub fn of_a_simulation(problem: &Problem) -> (u64, u64) {
-    (count::<Counting>(problem), count::<Jet<Counting, 6>>(problem))
+    (count(problem, &[]), count(problem, &[0, 1, 2, 3, 4, 5]))
 }
 
 /// What a trial of the base model does, from its first sample to its last.
-fn count<T: Number<Plain = Counting>>(problem: &Problem) -> u64 {
-    let (prepared, input) = (&problem.prepared, &problem.prepared.trials[0].input);
-    let own = &problem.start_parameters()[0];
-    let parameters: Vec<T> =
-        own.iter().enumerate().map(|(index, value)| T::variable(Counting(*value), index)).collect();
-    let first = input.onset - prepared.lead_samples;
-    let knot = |sample: usize| {
-        let knot = input.motion[first + sample];
-        Kinematics { theta: Counting(knot.theta), omega: Counting(knot.omega) }
-    };
+fn count(problem: &Problem, wanted: &[usize]) -> u64 {
     DONE.set(0);
-    let mechanics = Mechanics::separate(Plant::base(prepared.lever, &parameters));
-    let mut walk = Integrator::at_rest();
-    let mut memories = vec![SectionState::<T>::silent(); prepared.sections.len()];
-    for sample in 0..prepared.lead_samples + prepared.samples {
-        let drive = RecordedInput(HermiteSegment::new(knot(sample), knot(sample + 1), prepared.period_s));
-        let mut torque =
-            walk.advance(&mechanics, &NoAddedDynamics, &drive, 0.0, prepared.period_s, problem.substeps());
-        for (section, memory) in prepared.sections.iter().zip(&mut memories) {
-            torque = section.step(memory, torque);
-        }
-    }
+    simulate_over::<Counting>(
+        &problem.request(VectorWidth::One, wanted),
+        &[&problem.prepared.trials[0].input],
+        &problem.start_parameters()[0],
+        &mut SimulatedTorque::default(),
+    );
     DONE.get()
 }

@@ -12,7 +12,7 @@ use ramphold::fit::{
 };
 use ramphold::wrist::{
     JOINT_DAMPING_NM_S_PER_RAD, Kinematics, SimulatedTorque, SimulationSettings, VectorWidth,
-    YIELD_SMOOTHNESS_PER_NM, simulate, substeps,
+    YIELD_SMOOTHNESS_PER_NM, simulate, steps_per_sample, substeps,
 };
 use serde_json::{Value, json};
 
@@ -108,11 +108,20 @@ impl Problem {
 
     /// A simulation of the session's windows, with derivatives for the parameters `wanted`.
     pub fn request<'a>(&'a self, width: VectorWidth, wanted: &'a [usize]) -> SimulationSettings<'a> {
-        SimulationSettings { derivatives: wanted, width, ..self.prepared.request(&[], self.substeps()) }
+        SimulationSettings { derivatives: wanted, width, ..self.prepared.request(&[], self.steps()) }
     }
 
-    /// Runge-Kutta steps a sample that the fit takes at the start.
-    pub fn substeps(&self) -> usize {
+    /// Steps a sample that the fit takes at the start.
+    fn steps(&self) -> usize {
+        let Observations { lever, period_s, trials, .. } = &self.prepared;
+        let own = self.start_parameters();
+        let steps = trials.iter().zip(&own);
+        let steps = steps.map(|(trial, own)| steps_per_sample(*lever, &[], &trial.input, own, *period_s));
+        steps.max().unwrap_or(1)
+    }
+
+    /// Runge-Kutta steps a sample that the peers take.
+    fn substeps(&self) -> usize {
         let period_s = self.prepared.period_s;
         let steps = |own: &Vec<f64>| substeps(self.prepared.lever, own, period_s).next_power_of_two();
         self.start_parameters().iter().map(steps).max().unwrap_or(1)

@@ -111,8 +111,8 @@ def peak(r: dict) -> str:
         f"A simulation with six sensitivities asks for {operations['sensitivities']:,} additions, multiplications and divisions, "
         f"counted by running the model over numbers that count: {done / 1e9:.1f} thousand million a second, which is "
         f"{done / (2 * at_most):.0%} of the {2 * at_most / 1e9:.0f} that the same core does when it does nothing but fused "
-        f"multiply-adds on registers of {operations['lanes']}. The model does not fuse, so that every width of vector gives the same "
-        f"bits: {done / at_most:.0%} of what can be had without."
+        f"multiply-adds on registers of {operations['lanes']}. The steps of the model are fused, in the same places at every "
+        f"width of vector, so that all give the same bits; the filter is not."
     )
 
 

@@ -139,6 +139,12 @@ impl SessionRig {
         }
     }
 
+    /// The disk that a new session on this rig is written to. What was measured on a person in real time is lost for good if the machine
+    /// dies before it is on the disk; a session in simulated time is run again.
+    pub fn disk(&self) -> Disk {
+        if self.may_wait() { Disk::synchronised_at_the_end() } else { Disk::default() }
+    }
+
     /// Whether the control loop has no deadlines, so that it may wait for the disk and the console.
     pub fn may_wait(&self) -> bool {
         matches!(self, Self::Virtual { pace: Pace::Unlimited, .. })

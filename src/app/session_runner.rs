@@ -128,7 +128,10 @@ impl Work<'_> {
         let mut operator = CommandLineOperator::new(self.stop, self.machine, self.console);
         let ended = run_control_loop(rig, self.machine, &mut operator, &mut Unpaced, &mut self.recorder);
         operator.finish();
+        let settled = self.recorder.settle();
+        // An error that ended the session comes first.
         ended?;
+        settled?;
         Ok(None)
     }
 

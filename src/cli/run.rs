@@ -8,7 +8,7 @@ use crate::app::{
     add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc, parse_seed,
     subject_number, utc_offset_s, with_hidden_effect,
 };
-use crate::dataset::{Disk, NewSession, RecordError, SessionAbout, Wrist};
+use crate::dataset::{NewSession, RecordError, SessionAbout, Wrist};
 use crate::files;
 use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
@@ -199,7 +199,7 @@ impl RunArgs {
             subject_fields: &self.subject_fields(),
             motion_delay_samples: settings.motion_delay_samples,
         }
-        .create(&folder, Disk::default())?;
+        .create(&folder, rig.disk())?;
         console.message(format_args!("session {}, subject {subject}, seed {seed}", folder.display()));
         let description = SessionDescription {
             protocol,

@@ -164,7 +164,7 @@ fn write(
             }
             Err(_) => match actions.try_recv() {
                 Ok(action) => recorder.record_action(action)?,
-                Err(_) if over => return Ok(()),
+                Err(_) if over => return recorder.settle(),
                 Err(_) => thread::park_timeout(WRITER_SLEEP),
             },
         }

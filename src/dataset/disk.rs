@@ -1,4 +1,5 @@
-//! Writing so that what was said to be written is there after a crash.
+//! Writing so that what was said to be written is there after a crash of the machine. A session of a virtual rig in simulated time can be
+//! made again from its seed, so it may promise this for its end alone.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -14,9 +15,17 @@ pub struct Disk {
     operations: Cell<u64>,
     fails_from: Option<(u64, ErrorKind)>,
     takes: Duration,
+    /// Files are synchronised by [`Disk::settle`] alone.
+    settles: bool,
 }
 
 impl Disk {
+    /// A disk that hands every write to the operating system at once, so that the death of the program takes nothing, and that is
+    /// synchronised by [`Disk::settle`] alone. Only for sessions that can be made again from their seed.
+    pub fn synchronised_at_the_end() -> Self {
+        Self { settles: true, ..Self::default() }
+    }
+
     /// A disk whose operations fail from the given one on (the first is 0), as a full or dying disk does.
     pub fn failing_from(operation: u64, kind: ErrorKind) -> Self {
         Self { fails_from: Some((operation, kind)), ..Self::default() }
@@ -85,10 +94,19 @@ impl Disk {
         file.write_all(bytes)
     }
 
-    /// Returns when the data of a file are on the disk.
+    /// Returns when the data of a file are on the disk, unless the disk is synchronised at the end.
     pub fn sync(&self, file: &File) -> io::Result<()> {
         self.operate()?;
-        file.sync_data()
+        if self.settles { Ok(()) } else { file.sync_data() }
+    }
+
+    /// Returns when everything below `folder` is on the disk, if it is not so already.
+    pub fn settle(&self, folder: &Folder) -> io::Result<()> {
+        if !self.settles {
+            return Ok(());
+        }
+        self.operate()?;
+        folder.sync_tree()
     }
 
     /// Writes a whole file: the old one, or none, or all of the new one is there, never a part.
@@ -100,7 +118,7 @@ impl Disk {
         self.operate()?;
         file.rename()?;
         self.operate()?;
-        file.finish()
+        if self.settles { Ok(()) } else { file.finish() }
     }
 
     /// Gives a file its name for good.
@@ -113,7 +131,7 @@ impl Disk {
     /// Returns when the names in the folder that `name` is in are on the disk.
     pub fn sync_names(&self, folder: &Folder, name: impl AsRef<Path>) -> io::Result<()> {
         self.operate()?;
-        folder.sync_names(name)
+        if self.settles { Ok(()) } else { folder.sync_names(name) }
     }
 }
 
@@ -135,6 +153,24 @@ mod tests {
         }
         write(&Disk::default(), b"new").unwrap();
         assert_eq!(read(), b"new");
+    }
+
+    #[test]
+    fn a_disk_that_is_synchronised_at_the_end_writes_the_same_files_and_fails_when_settling_fails() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = Folder::open(place.path()).unwrap();
+        let disk = Disk::synchronised_at_the_end();
+        disk.create_folder(&folder, "trials").unwrap();
+        disk.write(&folder, "trials/trials.csv", b"all of it").unwrap();
+        assert_eq!(folder.read("trials/trials.csv", 10).unwrap(), b"all of it");
+        assert_eq!(folder.tree().unwrap().len(), 1, "no temporary file is left");
+        disk.settle(&folder).unwrap();
+        let failing = Disk { settles: true, ..Disk::failing_from(0, ErrorKind::StorageFull) };
+        assert_eq!(failing.settle(&folder).unwrap_err().kind(), ErrorKind::StorageFull);
+        // Another disk has synchronised everything already.
+        let operations = disk.operations();
+        Disk::failing_from(0, ErrorKind::StorageFull).settle(&folder).unwrap();
+        assert_eq!(disk.operations(), operations);
     }
 
     #[test]

@@ -151,7 +151,7 @@ impl Journal {
         disk.sync(&self.file)
     }
 
-    /// Adds a record; it is on the disk when this returns.
+    /// Adds a record; it is on the disk when this returns, unless `disk` is synchronised at the end.
     pub fn append(&mut self, disk: &Disk, record: &JournalEntry) -> io::Result<()> {
         self.line.clear();
         self.line.resize(HEAD, b' ');

@@ -152,7 +152,7 @@ impl Recorder {
         self.folder.path()
     }
 
-    /// Writes an operator's action into the journal. It is on disk when this returns.
+    /// Writes an operator's action into the journal. It is on disk when this returns, unless the disk is synchronised at the end.
     pub fn record_action(&mut self, action: AuditEntry) -> Result<(), RecordError> {
         self.append(&JournalEntry::Console(action))
     }
@@ -212,6 +212,14 @@ impl Recorder {
         self.append(&JournalEntry::Recorded(RecordSum { file, bytes, sha256: hexadecimal(sum) }))
     }
 
+    /// Returns when the whole session is on the disk, at the end of it. Only a disk that is synchronised at the end has anything to do.
+    ///
+    /// # Errors
+    /// If the disk fails.
+    pub fn settle(&self) -> Result<(), RecordError> {
+        self.disk.settle(&self.folder).map_err(RecordError::at(self.folder.path()))
+    }
+
     pub(super) fn write_tables(&self, progress: &Progress) -> Result<(), RecordError> {
         for (name, bytes) in tables::of_session(progress, &self.settings, &self.rows) {
             let path = self.folder.path_of(name);
@@ -224,12 +232,12 @@ impl Recorder {
 impl StepConsumer for Recorder {
     type Error = RecordError;
 
-    /// Writes into the journal how the rig knew its start position. It is on disk when this returns.
+    /// Writes into the journal how the rig knew its start position. It is on disk when this returns, as with every step.
     fn note_origin(&mut self, origin: Origin, sample: u64) -> Result<(), RecordError> {
         self.append(&JournalEntry::Origin { sample, origin })
     }
 
-    /// Records a step. It is on disk when this returns.
+    /// Records a step. It is on disk when this returns, unless the disk is synchronised at the end.
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), RecordError> {
         let split = self.splitter.split(step.record);
         if let Some(sample) = &step.measured {

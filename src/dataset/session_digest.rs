@@ -21,6 +21,7 @@ impl Session {
         put(&self.sample_rate_hz.to_le_bytes());
         put(format!("{:?}", self.lever).as_bytes());
         put(format!("{:?}", self.recorded_filter).as_bytes());
+        let mut bytes = Vec::new();
         for trial in &self.trials {
             put(table_row(trial).as_bytes());
             let record = &trial.record;
@@ -32,17 +33,25 @@ impl Session {
                 record.emg_ecr_mvc.as_ref(),
             ];
             for channel in channels {
-                let samples = channel.into_iter().flatten();
-                put(&samples.flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>());
+                put(little_endian(channel.map_or(&[], Vec::as_slice), &mut bytes));
             }
             for channel in record.further_channels() {
                 put(channel.column().as_bytes());
-                let samples = record.further(channel).into_iter().flatten();
-                put(&samples.flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>());
+                put(little_endian(record.further(channel).map_or(&[], Vec::as_slice), &mut bytes));
             }
         }
         hexadecimal(sum)
     }
+}
+
+/// The samples as bytes, written over what `bytes` held.
+fn little_endian<'a>(samples: &[f64], bytes: &'a mut Vec<u8>) -> &'a [u8] {
+    bytes.resize(8 * samples.len(), 0);
+    let (eights, _) = bytes.as_chunks_mut::<8>();
+    for (eight, sample) in eights.iter_mut().zip(samples) {
+        *eight = sample.to_le_bytes();
+    }
+    bytes
 }
 
 /// What the table says of a trial.

@@ -218,6 +218,11 @@ impl Folder {
         parent.handle.sync()
     }
 
+    #[cfg(target_os = "linux")]
+    pub(super) fn sync_file_system(&self) -> io::Result<()> {
+        self.handle.sync_file_system()
+    }
+
     /// What lies in the folder, by name.
     ///
     /// # Errors

@@ -90,6 +90,12 @@ impl FolderHandle {
         Ok(rustix::fs::fsync(&self.0)?)
     }
 
+    /// Returns when the whole file system that it is in is on the disk.
+    #[cfg(target_os = "linux")]
+    pub fn sync_file_system(&self) -> io::Result<()> {
+        Ok(rustix::fs::syncfs(&self.0)?)
+    }
+
     /// The names in it; at most `limit`.
     pub fn names(&self, limit: usize) -> io::Result<Vec<OsString>> {
         let mut names = Vec::new();

@@ -85,6 +85,35 @@ impl<P: Plain, const N: usize> Number for Jet<P, N> {
     }
 }
 
+impl<P: Plain, const N: usize> Jet<P, N> {
+    /// `self + a b`, fused, where `a` has the first `M` derivatives alone.
+    #[inline(always)]
+    pub fn plus_product<const M: usize>(self, a: Jet<P, M>, b: Self) -> Self {
+        let mut sum = Self {
+            value: a.value.mul_add(b.value, self.value),
+            slope: each_slope!(N, |i| a.value.mul_add(b.slope[i], self.slope[i])),
+        };
+        let mut i = 0;
+        while i < M {
+            sum.slope[i] = a.slope[i].mul_add(b.value, sum.slope[i]);
+            i += 1;
+        }
+        sum
+    }
+
+    /// `self + a factor`, fused, where `a` has the first `M` derivatives alone and the factor is a constant.
+    #[inline(always)]
+    pub fn plus_scaled<const M: usize>(mut self, a: Jet<P, M>, factor: P) -> Self {
+        self.value = a.value.mul_add(factor, self.value);
+        let mut i = 0;
+        while i < M {
+            self.slope[i] = a.slope[i].mul_add(factor, self.slope[i]);
+            i += 1;
+        }
+        self
+    }
+}
+
 impl<P: Plain, const N: usize> Add for Jet<P, N> {
     type Output = Self;
     #[inline(always)]

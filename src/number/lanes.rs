@@ -1,8 +1,8 @@
 //! The arithmetic that scalars and vectors of scalars share.
 //!
 //! A [`Lanes`] value holds one `f64` per lane: a single one (`f64`) or several at once (the vectors of the sibling file). Every operation
-//! is done lane by lane in IEEE double precision, without fused multiply-add. So a trial's result has the same bits in a
-//! scalar and in any lane of a vector.
+//! is done lane by lane in IEEE double precision, and a multiplication is fused with an addition only where the code says so
+//! ([`Lanes::mul_add`]). So a trial's result has the same bits in a scalar and in any lane of a vector.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -31,6 +31,12 @@ pub trait Lanes:
     /// The smaller of `self` and `other`, lane by lane; `other` where either is NaN.
     fn min(self, other: Self) -> Self;
 
+    /// `self factor + addend` with one rounding, lane by lane. A processor without the instruction computes the same bits slowly.
+    fn mul_add(self, factor: Self, addend: Self) -> Self;
+
+    /// Whether any lane is above 0.
+    fn any_positive(self) -> bool;
+
     /// `yes` in the lanes where `self` is above 0, `no` in the others.
     fn where_positive(self, yes: Self, no: Self) -> Self;
 
@@ -54,6 +60,16 @@ impl Lanes for f64 {
     #[inline(always)]
     fn lane(self, _lane: usize) -> f64 {
         self
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: f64, addend: f64) -> f64 {
+        f64::mul_add(self, factor, addend)
+    }
+
+    #[inline(always)]
+    fn any_positive(self) -> bool {
+        self > 0.0
     }
 
     // Written as the vector instructions compare: the second operand where either is NaN.

@@ -74,14 +74,14 @@ pub trait Number:
     /// log(1 + exp(self)), without overflow; its derivative is the logistic function.
     #[inline(always)]
     fn softplus(self) -> Self {
-        let (value, slope) = elementary::softplus(self.plain());
+        let (value, slope) = self.plain().softplus_and_slope();
         self.chain(value, slope)
     }
 
     /// The logistic function 1 / (1 + exp(-self)).
     #[inline(always)]
     fn logistic(self) -> Self {
-        let (_, value) = elementary::softplus(self.plain());
+        let (_, value) = self.plain().softplus_and_slope();
         self.chain(value, value * (Self::Plain::splat(1.0) - value))
     }
 
@@ -101,7 +101,13 @@ pub trait Number:
 }
 
 /// A number without derivatives: one value per lane.
-pub trait Plain: Lanes + Number<Plain = Self> + Send + Sync {}
+pub trait Plain: Lanes + Number<Plain = Self> + Send + Sync {
+    /// log(1 + exp(self)), without overflow, and its slope, the logistic function.
+    #[inline(always)]
+    fn softplus_and_slope(self) -> (Self, Self) {
+        elementary::softplus(self)
+    }
+}
 
 impl Number for f64 {
     type Plain = f64;

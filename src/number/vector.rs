@@ -16,7 +16,7 @@ use super::traits::{Number, Plain};
 
 macro_rules! vector {
     ($(#[$doc:meta])* $name:ident, $register:ty, $lanes:literal, $add:ident, $sub:ident, $mul:ident, $div:ident,
-     $max:ident, $min:ident, $splat:ident, $load:ident) => {
+     $max:ident, $min:ident, $fused:ident, $splat:ident, $load:ident) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy)]
         #[repr(transparent)]
@@ -85,6 +85,15 @@ macro_rules! vector {
                 Self(unsafe { $min(self.0, other.0) })
             }
             #[inline(always)]
+            fn mul_add(self, factor: Self, addend: Self) -> Self {
+                // SAFETY: the processor has the instruction (module docs, Safety).
+                Self(unsafe { $fused(self.0, factor.0, addend.0) })
+            }
+            #[inline(always)]
+            fn any_positive(self) -> bool {
+                self.has_positive()
+            }
+            #[inline(always)]
             fn where_positive(self, yes: Self, no: Self) -> Self {
                 self.select(yes, no)
             }
@@ -109,17 +118,23 @@ macro_rules! vector {
 }
 
 vector!(
-    /// Four values (AVX2).
+    /// Four values (AVX2 and FMA).
     Four, __m256d, 4, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
-    _mm256_max_pd, _mm256_min_pd, _mm256_set1_pd, _mm256_loadu_pd
+    _mm256_max_pd, _mm256_min_pd, _mm256_fmadd_pd, _mm256_set1_pd, _mm256_loadu_pd
 );
 vector!(
     /// Eight values (AVX-512).
     Eight, __m512d, 8, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd,
-    _mm512_max_pd, _mm512_min_pd, _mm512_set1_pd, _mm512_loadu_pd
+    _mm512_max_pd, _mm512_min_pd, _mm512_fmadd_pd, _mm512_set1_pd, _mm512_loadu_pd
 );
 
 impl Four {
+    #[inline(always)]
+    fn has_positive(self) -> bool {
+        // SAFETY: the processor has AVX2 (module docs, Safety).
+        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_GT_OQ>(self.0, _mm256_setzero_pd())) != 0 }
+    }
+
     #[inline(always)]
     fn select(self, yes: Self, no: Self) -> Self {
         // SAFETY: the processor has AVX2 (module docs, Safety).
@@ -140,6 +155,12 @@ impl Four {
 }
 
 impl Eight {
+    #[inline(always)]
+    fn has_positive(self) -> bool {
+        // SAFETY: the processor has AVX-512 (module docs, Safety).
+        unsafe { _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0, _mm512_setzero_pd()) != 0 }
+    }
+
     #[inline(always)]
     fn select(self, yes: Self, no: Self) -> Self {
         // SAFETY: the processor has AVX-512 (module docs, Safety).

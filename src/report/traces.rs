@@ -9,7 +9,8 @@ use crate::fit::{ExcludedTrial, Model, Observations, PreprocessingSettings, RigC
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
 use crate::wrist::{
-    self, ScaledChannel, SimulatedTorque, SimulationSettings, TraceSample, simulate, substeps,
+    self, ScaledChannel, SimulatedTorque, SimulationSettings, TraceSample, simulate, steps_per_sample,
+    substeps,
 };
 
 /// The measured and fitted traces of a trial. Torques and angles are changes from the hold, turned so that the
@@ -124,6 +125,8 @@ fn one(
     let samples = trial.input.motion.len() - trial.input.onset;
     let request = SimulationSettings { samples, ..prepared.request(&kinds, substeps) };
     trace.instants = wrist::trace(&request, &trial.input, &parameters);
+    let steps = steps_per_sample(prepared.lever, &kinds, &trial.input, &parameters, prepared.period_s);
+    let request = SimulationSettings { substeps: steps, ..request };
     let mut response = SimulatedTorque::default();
     simulate(&request, &[&trial.input], &parameters, &mut response);
     let times = (0..).map(|sample| f64::from(sample) * prepared.period_s);

@@ -131,8 +131,9 @@ pub fn simulate_unit(unit: &Unit, storage: SessionStorage) -> Result<Option<Sess
                 subject_fields: &Default::default(),
                 motion_delay_samples: 0,
             };
-            let mut recorder = new.create(&path, Disk::default())?;
+            let mut recorder = new.create(&path, Disk::synchronised_at_the_end())?;
             run_to_the_end(wrist, &mut machine, &mut recorder)??;
+            recorder.settle()?;
             Manifest::take(&path, true)?.write(&Disk::default(), &path)?;
             Ok(Some(dataset::load(&path)?))
         }

@@ -2,13 +2,13 @@
 
 use super::further_channel::FurtherValues;
 use super::history::History;
-use super::integrate::{CorrectedInput, HermiteSegment, Integrator, MotorInput, RecordedInput};
-use super::mechanics::{AddedDynamics, Kinematics, Mechanics, NoAddedDynamics};
+use super::integrate::{HermiteSegment, Integrator};
+use super::mechanics::{Kinematics, Mechanics};
 use super::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates, MechanismKind};
 use super::motion::{corrected_motion, gather};
 use super::plant::{BASE_PARAMETERS, Plant};
+use super::propagator::{MovingWrist, Propagator, part_of_sample};
 use super::simulation::{SimulatedTorque, SimulationSettings, TrialInput};
-use super::sparse_coefficient::DerivativeStructure;
 use crate::number::{Jet, Lanes, Number, Plain};
 use crate::signal::SectionState;
 
@@ -57,10 +57,9 @@ const MAX_SECTIONS: usize = 5;
 /// Simulates the batch with the smallest number type that has the derivatives of this pass.
 #[inline(always)]
 pub(super) fn run<P: Plain>(batch: &Batch, response: &mut SimulatedTorque) {
-    let is_base = batch.settings.kinds.is_empty() && batch.settings.further.is_empty();
-    match (is_base, batch.wanted.len()) {
-        (true, 0) => base::<P, P>(batch, response),
-        (true, _) => base::<P, Jet<P, 6>>(batch, response),
+    match (batch.settings.kinds.is_empty(), batch.wanted.len()) {
+        (true, 0) => base::<P, 0, 0>(batch, response),
+        (true, _) => base::<P, 4, 6>(batch, response),
         (false, 0) => extended::<P, P>(batch, response),
         // Most mechanisms have one parameter that is estimated.
         (false, ..=7) => extended::<P, Jet<P, 7>>(batch, response),
@@ -93,23 +92,46 @@ fn seeded<P: Plain, T: Number<Plain = P>>(batch: &Batch, slots: &Slots) -> Vec<T
     seeded
 }
 
+/// The base model, with `ALL` derivatives of which `LINEAR` are by parameters of its linear part.
 #[inline(always)]
-fn base<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: &mut SimulatedTorque) {
+fn base<P: Plain, const LINEAR: usize, const ALL: usize>(batch: &Batch, response: &mut SimulatedTorque) {
+    match batch.settings.lever {
+        None => propagated::<P, 2, LINEAR, ALL>(batch, response),
+        Some(_) => propagated::<P, 4, LINEAR, ALL>(batch, response),
+    }
+}
+
+#[inline(always)]
+fn propagated<P: Plain, const STATES: usize, const LINEAR: usize, const ALL: usize>(
+    batch: &Batch,
+    response: &mut SimulatedTorque,
+) {
+    let settings = batch.settings;
     let slots = batch.own_slots();
-    let parameters = seeded::<P, T>(batch, &slots);
-    let mechanics = Mechanics::separate(Plant::base(batch.settings.lever, &parameters));
-    let mut run = Run::<T>::new(batch, slots);
+    let mut parameters = [P::splat(0.0); BASE_PARAMETERS.len()];
+    parameters.copy_from_slice(&seeded::<P, P>(batch, &slots));
+    let step_s = settings.period_s / settings.substeps as f64;
+    let propagator = Propagator::<P, STATES, LINEAR, ALL>::new(settings.lever, &parameters, step_s);
+    let mut wrist = MovingWrist::<P, STATES, ALL>::at_rest();
+    let has_further = !settings.further.is_empty();
+    let channels = if has_further { Channels::All } else { Channels::Torque };
+    let mut run = Run::<Jet<P, ALL>>::new(batch, slots, channels);
     let mut from = recorded::<P>(batch, 0);
     while run.sample < run.samples {
         let to = recorded::<P>(batch, run.sample + 1);
-        run.step(
-            batch,
-            response,
-            &mechanics,
-            &NoAddedDynamics,
-            &RecordedInput(HermiteSegment::new(from, to, batch.settings.period_s)),
-            Channels::Torque,
-        );
+        let segment = HermiteSegment::new(from, to, settings.period_s);
+        let torque = propagator.torque(&wrist, &segment);
+        if has_further {
+            let further = propagator.further_values(&wrist, &segment, torque);
+            run.store(batch, response, torque, Some(&further));
+        } else {
+            run.store(batch, response, torque, None);
+        }
+        let mut step = 0;
+        while step < settings.substeps {
+            propagator.step(&mut wrist, &part_of_sample(&segment, step, settings.substeps));
+            step += 1;
+        }
         from = to;
     }
 }
@@ -145,7 +167,9 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: 
             history = History::new(start_s, settings.period_s, states);
         }
         let motion = motion::<P, T>(batch, &channels);
-        let mut run = Run::<T>::new(batch, slots);
+        let mut integrator = Integrator::at_rest();
+        let mut values = FurtherValues::at_rest();
+        let mut run = Run::<T>::new(batch, slots, runs[number]);
         while run.sample < run.samples {
             let added_dynamics = ActiveMechanisms {
                 kinds: settings.kinds,
@@ -154,9 +178,19 @@ pub(super) fn extended<P: Plain, T: Number<Plain = P>>(batch: &Batch, response: 
                 history: &history,
             };
             let segment = HermiteSegment::new(motion[run.sample], motion[run.sample + 1], settings.period_s);
-            run.step(batch, response, &mechanics, &added_dynamics, &CorrectedInput(segment), runs[number]);
+            let has_further = runs[number] != Channels::Torque;
+            let torque = integrator.advance_observed(
+                &mechanics,
+                &added_dynamics,
+                &segment,
+                start_s + run.sample as f64 * settings.period_s,
+                settings.period_s,
+                settings.substeps,
+                has_further.then_some(&mut values),
+            );
+            run.store(batch, response, torque, has_further.then_some(&values));
             if has_states {
-                let (added, rates) = run.integrator.sampled();
+                let (added, rates) = integrator.sampled();
                 history.push(added, rates);
             }
         }
@@ -175,13 +209,12 @@ enum Channels {
     All,
 }
 
-/// The state of a run: where the wrist is, and what the filter has_states.
+/// What becomes of the values of each sample: they are filtered, levelled and stored.
 struct Run<T> {
     slots: Slots,
     samples: usize,
     sample: usize,
-    start_s: f64,
-    integrator: Integrator<T>,
+    channels: Channels,
     torque: ChannelRun<T>,
     /// One for each further channel.
     further: Vec<ChannelRun<T>>,
@@ -218,58 +251,42 @@ impl<T: Number> ChannelRun<T> {
 
 impl<T: Number> Run<T> {
     #[inline(always)]
-    fn new(batch: &Batch, slots: Slots) -> Self {
-        let settings = batch.settings;
+    fn new(batch: &Batch, slots: Slots, channels: Channels) -> Self {
         Self {
             slots,
-            samples: settings.lead_samples + settings.samples,
+            samples: batch.settings.lead_samples + batch.settings.samples,
             sample: 0,
-            start_s: -(settings.lead_samples as f64) * settings.period_s,
-            integrator: Integrator::at_rest(),
+            channels,
             torque: ChannelRun::new(),
-            further: vec![ChannelRun::new(); settings.further.len()],
+            further: vec![ChannelRun::new(); batch.settings.further.len()],
         }
     }
 
-    /// Stores the values of the present sample and integrates to the next.
+    /// Stores the torque in the lever (N m) and the further channels at the present sample, as far as this run does, and goes on to
+    /// the next.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)]
-    fn step<C: DerivativeStructure<T>, X: AddedDynamics<T>, D: MotorInput<T>>(
+    fn store(
         &mut self,
         batch: &Batch,
         response: &mut SimulatedTorque,
-        mechanics: &Mechanics<T, C>,
-        added_dynamics: &X,
-        input: &D,
-        channels: Channels,
+        torque: T,
+        further: Option<&FurtherValues<T>>,
     ) {
         let settings = batch.settings;
-        let time_s = self.start_s + self.sample as f64 * settings.period_s;
-        let zero = T::constant(0.0);
-        let mut values = FurtherValues { theta_l: zero, alpha_l: zero, torque_h: zero, theta_j: zero };
-        let observed = (channels != Channels::Torque).then_some(&mut values);
-        let torque = self.integrator.advance_observed(
-            mechanics,
-            added_dynamics,
-            input,
-            time_s,
-            settings.period_s,
-            settings.substeps,
-            observed,
-        );
-        if channels != Channels::Further {
+        let is_stored = self.sample >= settings.lead_samples;
+        if self.channels != Channels::Further {
             let torque = self.torque.step(settings, self.sample, torque);
-            if self.sample >= settings.lead_samples {
+            if is_stored {
                 store(batch, &self.slots, response, self.sample - settings.lead_samples, torque);
             }
         }
-        if channels != Channels::Torque {
+        if let Some(values) = further {
             let mut place = 0;
             while place < settings.further.len() {
                 let scaled = values.of(settings.further[place].channel);
                 let scaled = scaled.scale(settings.further[place].nm_per_unit);
                 let value = self.further[place].step(settings, self.sample, scaled);
-                if self.sample >= settings.lead_samples {
+                if is_stored {
                     let row = settings.samples * (1 + place) + self.sample - settings.lead_samples;
                     store(batch, &self.slots, response, row, value);
                 }

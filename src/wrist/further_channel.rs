@@ -1,5 +1,7 @@
 //! Channels that a session may have besides motor angle and lever torque.
 
+use crate::number::Number;
+
 /// A channel besides motor angle and torque in the lever.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FurtherChannel {
@@ -88,7 +90,14 @@ pub struct FurtherValues<T> {
     pub theta_j: T,
 }
 
-impl<T: Copy> FurtherValues<T> {
+impl<T: Number> FurtherValues<T> {
+    /// No change from the steady state.
+    #[inline(always)]
+    pub fn at_rest() -> Self {
+        let zero = T::constant(0.0);
+        Self { theta_l: zero, alpha_l: zero, torque_h: zero, theta_j: zero }
+    }
+
     /// The value of one channel, in its unit.
     #[inline(always)]
     pub fn of(&self, channel: FurtherChannel) -> T {

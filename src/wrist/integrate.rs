@@ -4,14 +4,13 @@ use super::further_channel::FurtherValues;
 use super::mechanics::{AddedDynamics, Kinematics, Mechanics, State, Torques};
 use super::mechanisms::MAX_ADDED_STATES;
 use super::plant::Lever;
-use super::sparse_coefficient::DerivativeStructure;
-use crate::number::{Number, Plain};
+use crate::number::Number;
 
 /// The motor's motion between two samples: the cubic through angle and speed at both samples (Hermite).
 #[derive(Debug, Clone, Copy)]
 pub struct HermiteSegment<T> {
     start: Kinematics<T>,
-    /// DerivativeStructure of the square and the cube of the fraction of the way.
+    /// Coefficients of the square and the cube of the fraction of the way.
     square: T,
     cube: T,
     period_s: f64,
@@ -31,9 +30,15 @@ impl<T: Number> HermiteSegment<T> {
         }
     }
 
+    /// The angle as a polynomial in the fraction of the period, rad.
+    #[inline(always)]
+    pub(super) fn coefficients(&self) -> [T; 4] {
+        [self.start.theta, self.start.omega.scale(self.period_s), self.square, self.cube]
+    }
+
     /// Angle and speed at the fraction `u` (0 to 1) of the period.
     #[inline(always)]
-    fn at(&self, u: f64) -> Kinematics<T> {
+    pub fn at(&self, u: f64) -> Kinematics<T> {
         let theta = self.start.theta
             + self.start.omega.scale(self.period_s * u)
             + self.square.scale(u * u)
@@ -46,7 +51,7 @@ impl<T: Number> HermiteSegment<T> {
 
     /// Angular acceleration at the start of the segment, rad/s2.
     #[inline(always)]
-    fn acceleration_at_start(&self) -> T {
+    pub(super) fn acceleration_at_start(&self) -> T {
         self.square.scale(2.0 / (self.period_s * self.period_s))
     }
 
@@ -54,47 +59,6 @@ impl<T: Number> HermiteSegment<T> {
     #[inline(always)]
     pub fn acceleration_at_end(&self) -> T {
         (self.square.scale(2.0) + self.cube.scale(6.0)).scale(1.0 / (self.period_s * self.period_s))
-    }
-}
-
-/// The input of the model between two samples: the motor's motion.
-pub trait MotorInput<T> {
-    /// Angle and speed at the fraction `u` (0 to 1) of the period.
-    fn at(&self, u: f64) -> Kinematics<T>;
-
-    /// Angular acceleration at the start of the period, rad/s2.
-    fn acceleration_at_start(&self) -> T;
-}
-
-/// A motion that depends on estimated parameters: the record, corrected for errors of its channel.
-#[derive(Debug, Clone, Copy)]
-pub struct CorrectedInput<T>(pub HermiteSegment<T>);
-
-impl<T: Number> MotorInput<T> for CorrectedInput<T> {
-    #[inline(always)]
-    fn at(&self, u: f64) -> Kinematics<T> {
-        self.0.at(u)
-    }
-
-    #[inline(always)]
-    fn acceleration_at_start(&self) -> T {
-        self.0.acceleration_at_start()
-    }
-}
-
-/// A motion without derivatives: the record as it is.
-#[derive(Debug, Clone, Copy)]
-pub struct RecordedInput<P>(pub HermiteSegment<P>);
-
-impl<P: Plain, T: Number<Plain = P>> MotorInput<T> for RecordedInput<P> {
-    #[inline(always)]
-    fn at(&self, u: f64) -> Kinematics<T> {
-        self.0.at(u).lift()
-    }
-
-    #[inline(always)]
-    fn acceleration_at_start(&self) -> T {
-        T::lift(self.0.acceleration_at_start())
     }
 }
 
@@ -143,9 +107,9 @@ impl<T: Number> Integrator<T> {
     }
 
     /// The torques at the present state, with the motor at `motor`, `time_s` after the onset; and the rates of the state.
-    pub fn torques<C: DerivativeStructure<T>, X: AddedDynamics<T>>(
+    pub fn torques<X: AddedDynamics<T>>(
         &self,
-        mechanics: &Mechanics<T, C>,
+        mechanics: &Mechanics<T>,
         added_dynamics: &X,
         motor: Kinematics<T>,
         time_s: f64,
@@ -165,11 +129,11 @@ impl<T: Number> Integrator<T> {
     /// # Panics
     /// If the added dynamics have more than [`MAX_ADDED_STATES`] states: a mechanism is switched on more than once.
     #[inline(always)]
-    pub fn advance<C: DerivativeStructure<T>, X: AddedDynamics<T>, D: MotorInput<T>>(
+    pub fn advance<X: AddedDynamics<T>>(
         &mut self,
-        mechanics: &Mechanics<T, C>,
+        mechanics: &Mechanics<T>,
         added_dynamics: &X,
-        input: &D,
+        input: &HermiteSegment<T>,
         start_s: f64,
         period_s: f64,
         substeps: usize,
@@ -183,11 +147,11 @@ impl<T: Number> Integrator<T> {
     /// As [`Integrator::advance`].
     #[inline(always)]
     #[allow(clippy::too_many_arguments)]
-    pub fn advance_observed<C: DerivativeStructure<T>, X: AddedDynamics<T>, D: MotorInput<T>>(
+    pub fn advance_observed<X: AddedDynamics<T>>(
         &mut self,
-        mechanics: &Mechanics<T, C>,
+        mechanics: &Mechanics<T>,
         added_dynamics: &X,
-        input: &D,
+        input: &HermiteSegment<T>,
         start_s: f64,
         period_s: f64,
         substeps: usize,
@@ -240,12 +204,12 @@ impl<T: Number> Integrator<T> {
 
 /// What the further channels show at `state`. At a rigid lever the handle moves with the motor.
 #[inline(always)]
-fn further_values<T: Number, C: DerivativeStructure<T>, D: MotorInput<T>>(
-    mechanics: &Mechanics<T, C>,
+fn further_values<T: Number>(
+    mechanics: &Mechanics<T>,
     state: State<T>,
     rates: &State<T>,
     torques: &Torques<T>,
-    input: &D,
+    input: &HermiteSegment<T>,
 ) -> FurtherValues<T> {
     let (theta_l, alpha_l) = match mechanics.plant.lever {
         Some(_) => (state.theta_l, rates.omega_l),

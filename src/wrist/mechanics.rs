@@ -3,7 +3,6 @@
 //! All angles and torques are changes from the steady state before the ramp, as in section 2.4 of the paper.
 
 use super::plant::Plant;
-use super::sparse_coefficient::{Coefficient, Dense, DerivativeStructure, Sparse};
 use crate::number::{Number, Plain};
 
 /// Angle and angular velocity at one time.
@@ -62,71 +61,38 @@ pub struct Torques<T> {
 
 /// The plant prepared for integration: quantities that are constant within a trial are computed once.
 #[derive(Debug, Clone, Copy)]
-pub struct Mechanics<T: Number, C: DerivativeStructure<T> = Dense> {
+pub struct Mechanics<T> {
     /// The coefficients.
     pub plant: Plant<T>,
-    lever: Option<LeverFactors<C::Constant>>,
-    /// 1 / I_j, b_h, k_h, k_srs, x_e, b_j.
-    inverse_joint_inertia: C::SingleParameter<0>,
-    interface_damping: C::SingleParameter<1>,
-    interface_stiffness: C::SingleParameter<2>,
-    short_range_stiffness: C::SingleParameter<3>,
-    elastic_limit: C::SingleParameter<5>,
-    joint_damping: C::Constant,
-    /// a_s k_dec.
-    yield_slope: C::SingleParameter<4>,
-    inverse_smoothness: C::Constant,
+    /// 1 / I_l; `None` for a rigid lever.
+    inverse_lever_inertia: Option<T>,
+    /// 1 / I_j.
+    inverse_joint_inertia: T,
+    /// a_s k_dec, and 1 / a_s.
+    yield_slope: T,
+    inverse_smoothness: T,
     /// log(1 + exp(-a_s k_dec x_e)): Eq. 2 is not exactly zero at theta_j = 0, but the change from the steady state is.
     yield_at_rest: T,
-}
-
-/// 1 / I_l, b_l and k_l.
-#[derive(Debug, Clone, Copy)]
-struct LeverFactors<F> {
-    inverse_inertia: F,
-    damping: F,
-    stiffness: F,
 }
 
 impl<T: Number> Mechanics<T> {
     /// Prepares `plant`, as mechanisms may have altered it.
     #[inline(always)]
     pub fn new(plant: Plant<T>) -> Self {
-        Self::prepared(plant)
-    }
-}
-
-impl<T: Number> Mechanics<T, Sparse> {
-    /// Prepares the `plant` of the base model, whose parameter number i carries at most the derivative number i.
-    #[inline(always)]
-    pub fn separate(plant: Plant<T>) -> Self {
-        Self::prepared(plant)
-    }
-}
-
-impl<T: Number, C: DerivativeStructure<T>> Mechanics<T, C> {
-    #[inline(always)]
-    fn prepared(plant: Plant<T>) -> Self {
         let one = T::constant(1.0);
         let yield_slope = plant.smoothness * plant.stiffness_decrement;
+        // A closure would be compiled without the vector instructions of the surrounding function.
+        #[allow(clippy::manual_map)]
+        let inverse_lever_inertia = match plant.lever {
+            Some(lever) => Some(one / lever.inertia),
+            None => None,
+        };
         Self {
             plant,
-            lever: match plant.lever {
-                Some(lever) => Some(LeverFactors {
-                    inverse_inertia: C::constant(one / lever.inertia),
-                    damping: C::constant(lever.damping),
-                    stiffness: C::constant(lever.stiffness),
-                }),
-                None => None,
-            },
-            inverse_joint_inertia: C::single_parameter(one / plant.joint_inertia),
-            interface_damping: C::single_parameter(plant.interface_damping),
-            interface_stiffness: C::single_parameter(plant.interface_stiffness),
-            short_range_stiffness: C::single_parameter(plant.short_range_stiffness),
-            elastic_limit: C::single_parameter(plant.elastic_limit),
-            joint_damping: C::constant(plant.joint_damping),
-            yield_slope: C::single_parameter(yield_slope),
-            inverse_smoothness: C::constant(one / plant.smoothness),
+            inverse_lever_inertia,
+            inverse_joint_inertia: one / plant.joint_inertia,
+            yield_slope,
+            inverse_smoothness: one / plant.smoothness,
             yield_at_rest: (-(yield_slope * plant.elastic_limit)).softplus(),
         }
     }
@@ -134,9 +100,9 @@ impl<T: Number, C: DerivativeStructure<T>> Mechanics<T, C> {
     /// The elastic joint torque T_j,elas (Eq. 2) as a change from the steady state, and a_s k_dec (theta_j - x_e).
     #[inline(always)]
     pub fn elastic_torque(&self, theta_j: T) -> (T, T) {
-        let beyond = self.yield_slope.multiply(self.elastic_limit.subtract_from(theta_j));
-        let loss = self.inverse_smoothness.multiply(beyond.softplus() - self.yield_at_rest);
-        (self.short_range_stiffness.multiply(theta_j) - loss, beyond)
+        let beyond = self.yield_slope * (theta_j - self.plant.elastic_limit);
+        let loss = self.inverse_smoothness * (beyond.softplus() - self.yield_at_rest);
+        (self.plant.short_range_stiffness * theta_j - loss, beyond)
     }
 
     /// The torques (Eq. 3-7) at `state` and at the added states `added`; writes the rates of both into `rates` and
@@ -153,27 +119,28 @@ impl<T: Number, C: DerivativeStructure<T>> Mechanics<T, C> {
         rates: &mut State<T>,
         added_rates: &mut [T],
     ) -> Torques<T> {
-        let (handle, lever_torque) = match self.lever {
+        let plant = &self.plant;
+        let (handle, lever_torque) = match plant.lever {
             None => (motor, T::constant(0.0)),
             Some(lever) => {
-                let torque = lever.damping.multiply(motor.omega - state.omega_l)
-                    + lever.stiffness.multiply(motor.theta - state.theta_l); // Eq. 5
+                let torque = lever.damping * (motor.omega - state.omega_l)
+                    + lever.stiffness * (motor.theta - state.theta_l); // Eq. 5
                 (Kinematics { theta: state.theta_l, omega: state.omega_l }, torque)
             }
         };
-        let interface = self.interface_damping.multiply(handle.omega - state.omega_j)
-            + self.interface_stiffness.multiply(handle.theta - state.theta_j); // Eq. 6
+        let interface = plant.interface_damping * (handle.omega - state.omega_j)
+            + plant.interface_stiffness * (handle.theta - state.theta_j); // Eq. 6
         let (elastic, beyond) = self.elastic_torque(state.theta_j);
-        let joint = self.joint_damping.multiply(state.omega_j) + elastic; // Eq. 7
+        let joint = plant.joint_damping * state.omega_j + elastic; // Eq. 7
         let mut torques = Torques { lever: lever_torque, interface, joint, beyond, measured: lever_torque };
         if X::ACTIVE {
-            let context = Context { plant: &self.plant, state, handle, time_s };
+            let context = Context { plant, state, handle, time_s };
             added_dynamics.add_torques(&context, added, &mut torques, added_rates);
         }
-        rates.omega_j = self.inverse_joint_inertia.multiply(torques.interface - torques.joint); // Eq. 4
+        rates.omega_j = self.inverse_joint_inertia * (torques.interface - torques.joint); // Eq. 4
         rates.theta_j = state.omega_j;
-        if let Some(lever) = self.lever {
-            rates.omega_l = lever.inverse_inertia.multiply(torques.lever - torques.interface); // Eq. 3
+        if let Some(inverse_inertia) = self.inverse_lever_inertia {
+            rates.omega_l = inverse_inertia * (torques.lever - torques.interface); // Eq. 3
             rates.theta_l = state.omega_l;
         } else {
             torques.lever = torques.interface;

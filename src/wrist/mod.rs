@@ -11,27 +11,25 @@ mod further_channel;
 mod history;
 mod integrate;
 mod interpolation;
+mod linear_response;
 mod mechanics;
 mod motion;
 mod plant;
+mod propagator;
 mod simulate;
 mod simulation;
-mod sparse_coefficient;
 #[cfg(test)]
 mod tests;
 mod trace;
 
 pub use further_channel::{FurtherChannel, FurtherValues, ScaledChannel};
 pub use history::History;
-pub use integrate::{
-    CorrectedInput, HermiteSegment, Integrator, LONGEST_STEP, MotorInput, RecordedInput, substeps,
-};
+pub use integrate::{HermiteSegment, Integrator, LONGEST_STEP, substeps};
 pub use mechanics::{AddedDynamics, Context, Kinematics, Mechanics, NoAddedDynamics, State, Torques};
 pub use motion::{Smoothing, delayed_motion, motor_motion, servo_response};
 pub use plant::{
     BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, LeverCoefficients, Plant, YIELD_SMOOTHNESS_PER_NM,
 };
-pub use simulate::simulate;
-pub use simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth};
-pub use sparse_coefficient::{Coefficient, Dense, DerivativeStructure, Sparse};
+pub use simulate::{simulate, simulate_over};
+pub use simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, steps_per_sample};
 pub use trace::{TraceSample, srs_period_s, trace};

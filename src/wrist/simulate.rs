@@ -1,9 +1,9 @@
 //! Simulation of whole trials, several at once, with derivatives.
 
 use super::batch::{self, Batch, MAX_DERIVATIVES};
-#[cfg(target_arch = "x86_64")]
-use super::simulation::has_avx_512;
 use super::simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth};
+#[cfg(target_arch = "x86_64")]
+use super::simulation::{has_avx_2, has_avx_512};
 use crate::number::Plain;
 
 /// Simulates `trials`; `parameters` holds a vector of [`SimulationSettings::parameter_count`] for each, one after the other.
@@ -17,24 +17,22 @@ pub fn simulate(
     parameters: &[f64],
     response: &mut SimulatedTorque,
 ) {
-    let count = settings.parameter_count();
-    assert_eq!(parameters.len(), count * trials.len(), "one parameter vector per trial");
-    for trial in trials {
-        assert!(trial.motion.len() >= trial.onset + settings.samples, "motion too short");
-    }
-    response.torque_nm.clear();
-    response.torque_nm.resize(trials.len() * settings.rows(), 0.0);
-    response.slopes.clear();
-    response.slopes.resize(trials.len() * settings.rows() * settings.derivatives.len(), 0.0);
+    let given = Trials::new(settings, trials, parameters, response);
     let count = trials.len();
-    let given = Trials { settings, trials, parameters };
     match settings.width {
+        #[cfg(target_arch = "x86_64")]
+        VectorWidth::One if is_x86_feature_detected!("fma") => {
+            given.each_group::<f64>(0..count, response, |batch, response| {
+                // SAFETY: the processor has FMA, as asked just now.
+                unsafe { group_of_one_fused(batch, response) }
+            });
+        }
         VectorWidth::One => given.each_group::<f64>(0..count, response, group_of_one),
         #[cfg(target_arch = "x86_64")]
         VectorWidth::Four => {
-            assert!(is_x86_feature_detected!("avx2"), "this processor has no AVX2");
+            assert!(has_avx_2(), "this processor has no AVX2 or no FMA");
             given.each_group::<crate::number::Four>(0..count, response, |batch, response| {
-                // SAFETY: the processor has AVX2, as asserted above.
+                // SAFETY: the processor has AVX2 and FMA, as asserted above.
                 unsafe { group_of_four(batch, response) }
             });
         }
@@ -56,6 +54,20 @@ pub fn simulate(
     }
 }
 
+/// As [`simulate`], over a type of number of the caller's.
+///
+/// # Panics
+/// As [`simulate`].
+pub fn simulate_over<P: Plain>(
+    settings: &SimulationSettings,
+    trials: &[&TrialInput],
+    parameters: &[f64],
+    response: &mut SimulatedTorque,
+) {
+    let given = Trials::new(settings, trials, parameters, response);
+    given.each_group::<P>(0..trials.len(), response, |batch, response| batch::run::<P>(batch, response));
+}
+
 /// What is to be simulated.
 struct Trials<'a> {
     settings: &'a SimulationSettings<'a>,
@@ -63,7 +75,26 @@ struct Trials<'a> {
     parameters: &'a [f64],
 }
 
-impl Trials<'_> {
+impl<'a> Trials<'a> {
+    /// Checks what is to be simulated, and makes room for it in `response`.
+    fn new(
+        settings: &'a SimulationSettings<'a>,
+        trials: &'a [&'a TrialInput],
+        parameters: &'a [f64],
+        response: &mut SimulatedTorque,
+    ) -> Self {
+        let count = settings.parameter_count();
+        assert_eq!(parameters.len(), count * trials.len(), "one parameter vector per trial");
+        for trial in trials {
+            assert!(trial.motion.len() >= trial.onset + settings.samples, "motion too short");
+        }
+        response.torque_nm.clear();
+        response.torque_nm.resize(trials.len() * settings.rows(), 0.0);
+        response.slopes.clear();
+        response.slopes.resize(trials.len() * settings.rows() * settings.derivatives.len(), 0.0);
+        Self { settings, trials, parameters }
+    }
+
     /// Runs the trials in `range` in groups of as many as `P` has lanes.
     fn each_group<P: Plain>(
         &self,
@@ -99,21 +130,28 @@ fn group_of_one(batch: &Batch, response: &mut SimulatedTorque) {
     batch::run::<f64>(batch, response);
 }
 
+/// One trial, with the instruction for what is fused; without it the same bits take longer.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "fma")]
+fn group_of_one_fused(batch: &Batch, response: &mut SimulatedTorque) {
+    batch::run::<f64>(batch, response);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
 fn group_of_four(batch: &Batch, response: &mut SimulatedTorque) {
     batch::run::<crate::number::Four>(batch, response);
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]
 fn group_of_eight(batch: &Batch, response: &mut SimulatedTorque) {
     batch::run::<crate::number::Eight>(batch, response);
 }
 
 /// Four trials with the registers of the widest vectors.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]
 fn half_a_group_of_eight(batch: &Batch, response: &mut SimulatedTorque) {
     batch::run::<crate::number::Four>(batch, response);
 }

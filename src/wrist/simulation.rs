@@ -1,6 +1,8 @@
 //! Input, settings and output of a simulation of whole trials.
 
 use super::further_channel::ScaledChannel;
+use super::integrate::substeps;
+use super::linear_response::exact_steps;
 use super::mechanics::Kinematics;
 use super::mechanisms::{Covariates, MechanismKind};
 use super::plant::{BASE_PARAMETERS, Lever};
@@ -32,7 +34,7 @@ pub struct SimulationSettings<'a> {
     pub lead_samples: usize,
     /// Number of samples, the last at the onset, whose mean is subtracted from the prediction; 0 subtracts nothing.
     pub baseline_samples: usize,
-    /// Runge-Kutta steps per sample.
+    /// Steps per sample, at least those of [`steps_per_sample`].
     pub substeps: usize,
     /// Sections of the filter for the predicted torque.
     pub filter: &'a [Section],
@@ -42,6 +44,13 @@ pub struct SimulationSettings<'a> {
     pub derivatives: &'a [usize],
     /// Which vector instructions to use.
     pub width: VectorWidth,
+}
+
+impl TrialInput {
+    /// The motor's highest speed, rad/s.
+    fn highest_speed_rad_s(&self) -> f64 {
+        self.motion.iter().fold(0.0, |highest, knot| knot.omega.abs().max(highest))
+    }
 }
 
 impl SimulationSettings<'_> {
@@ -56,12 +65,28 @@ impl SimulationSettings<'_> {
     }
 }
 
+/// Steps per sample for an error below 1e-5 N m at these `parameters`: exact ones of the base model, Runge-Kutta steps with mechanisms.
+/// A power of two: a small step of the parameters seldom changes it, and few trials of a session have steps of their own.
+pub fn steps_per_sample(
+    lever: Option<Lever>,
+    kinds: &[MechanismKind],
+    trial: &TrialInput,
+    parameters: &[f64],
+    period_s: f64,
+) -> usize {
+    if kinds.is_empty() {
+        exact_steps(lever, parameters, trial.highest_speed_rad_s(), period_s)
+    } else {
+        substeps(lever, parameters, period_s).next_power_of_two()
+    }
+}
+
 /// Number of trials that are simulated at once. The results have the same bits with every width.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VectorWidth {
     /// One at a time, on any processor.
     One,
-    /// Four at a time (AVX2).
+    /// Four at a time (AVX2 and FMA).
     #[cfg(target_arch = "x86_64")]
     Four,
     /// Eight at a time (AVX-512).
@@ -78,7 +103,7 @@ impl VectorWidth {
             if has_avx_512() {
                 widths.push(Self::Eight);
             }
-            if is_x86_feature_detected!("avx2") {
+            if has_avx_2() {
                 widths.push(Self::Four);
             }
             widths.push(Self::One);
@@ -105,6 +130,12 @@ pub struct SimulatedTorque {
     pub slopes: Vec<f64>,
 }
 
+/// Whether the processor has all instructions that vectors of four are compiled for.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn has_avx_2() -> bool {
+    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+}
+
 /// Whether the processor has all instructions that the widest vectors are compiled for.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn has_avx_512() -> bool {
@@ -112,4 +143,5 @@ pub(super) fn has_avx_512() -> bool {
         && is_x86_feature_detected!("avx512dq")
         && is_x86_feature_detected!("avx512vl")
         && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("fma")
 }

@@ -2,7 +2,7 @@
 
 use super::batch::{Batch, motion};
 use super::history::History;
-use super::integrate::{CorrectedInput, HermiteSegment, Integrator};
+use super::integrate::{HermiteSegment, Integrator};
 use super::mechanics::{AddedDynamics, Kinematics, Mechanics, State, Torques};
 use super::mechanisms::ActiveMechanisms;
 use super::plant::{BASE_PARAMETERS, Plant};
@@ -60,8 +60,7 @@ pub fn trace(settings: &SimulationSettings, trial: &TrialInput, parameters: &[f6
         if sample >= settings.lead_samples {
             instants.push(instant(&mechanics, &added_dynamics, &integrator, motion[sample], time_s));
         }
-        let segment =
-            CorrectedInput(HermiteSegment::new(motion[sample], motion[sample + 1], settings.period_s));
+        let segment = HermiteSegment::new(motion[sample], motion[sample + 1], settings.period_s);
         integrator.advance(
             &mechanics,
             &added_dynamics,

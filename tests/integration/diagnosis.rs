@@ -252,7 +252,8 @@ fn a_design_asks_for_what_it_needs() {
 fn the_proposed_protocol_passes_the_check_and_promises_more_than_the_one_before() {
     let workspace = Workspace::new();
     workspace.call(0, &["run", PAPER, "--seed", "5", "--out", "s"]);
-    let between = ["joint_damping", "stress_relaxation"];
+    // Two that a longer ramp separates for certain. Between causes that none of the session's trials shows, the answer hangs on chance.
+    let between = ["joint_friction", "interface_slack"];
     let (table, _) =
         workspace.call(0, &["design", "s", "--between", between[0], between[1], "--out", "next.json"]);
     workspace.call(0, &["check", "next.json"]);

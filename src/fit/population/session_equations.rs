@@ -6,8 +6,9 @@ use nalgebra::{DMatrix, DVector};
 use super::hierarchy::{Hierarchy, LinearPrior};
 use super::trial_blocks::{TrialBlocks, normal_equations};
 use crate::fit::data::observations::Observations;
+use crate::fit::envelope::EnvelopeCholesky;
 use crate::fit::fitted::fit::Fit;
-use crate::fit::linalg::{cholesky, invert_scaled};
+use crate::fit::linalg::invert_scaled;
 use crate::fit::solver::levenberg_marquardt::Solution;
 
 /// Largest number of joint steps between two estimates of the spreads.
@@ -35,6 +36,8 @@ pub(super) struct SessionEquations {
     cost: f64,
     gradient: DVector<f64>,
     matrix: DMatrix<f64>,
+    /// The unknowns in the order in which they are eliminated: the trials of a component, what they share, at the end what all trials share.
+    order: Vec<usize>,
 }
 
 impl SessionEquations {
@@ -49,8 +52,11 @@ impl SessionEquations {
         let count = coordinates
             + hierarchy.condition_means.len() * hierarchy.trial_variance.len()
             + hierarchy.coefficients.len();
-        let mut own =
-            Self { cost: 0.0, gradient: DVector::zeros(count), matrix: DMatrix::zeros(count, count) };
+        let (gradient, matrix) = (DVector::zeros(count), DMatrix::zeros(count, count));
+        let mut order = Vec::with_capacity(count);
+        fit.parameterisation.components.iter().for_each(|component| order.extend(component.order()));
+        order.extend(coordinates..count);
+        let mut own = Self { cost: 0.0, gradient, matrix, order };
         let equations = normal_equations(observations, fit);
         for (component, equations) in fit.parameterisation.components.iter().zip(&equations) {
             let order = component.order();
@@ -125,7 +131,8 @@ impl SessionEquations {
         let scale = self.matrix.diagonal().map(|own| 1.0 / libm::sqrt(own));
         let count = scale.len();
         let scaled = DMatrix::from_fn(count, count, |i, j| self.matrix[(i, j)] * scale[i] * scale[j]);
-        let step = -cholesky(scaled)?.solve(&self.gradient.component_mul(&scale)).component_mul(&scale);
+        let factor = EnvelopeCholesky::new(&scaled, self.order.clone())?;
+        let step = -factor.solve(&self.gradient.component_mul(&scale)).component_mul(&scale);
         let longest = step.amax();
         longest.is_finite().then(|| step * (MAX_LOG_STEP / longest).min(1.0))
     }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::fit::data::observations::Observations;
 use crate::wrist::mechanisms::MechanismKind;
-use crate::wrist::{SimulatedTorque, SimulationSettings, simulate, substeps};
+use crate::wrist::{SimulatedTorque, SimulationSettings, simulate, steps_per_sample};
 
 /// Number of trials that one thread simulates at a time.
 const BATCH: usize = 16;
@@ -24,9 +24,10 @@ pub fn predict(
 ) {
     let count = parameters.len() / trials.len().max(1);
     let own = |place: usize| &parameters[place * count..(place + 1) * count];
-    // Powers of two: a small step of the parameters seldom changes the integrator, and few batches result.
-    let steps =
-        |place: usize| substeps(observations.lever, own(place), observations.period_s).next_power_of_two();
+    let steps = |place: usize| {
+        let input = &observations.trials[trials[place]].input;
+        steps_per_sample(observations.lever, kinds, input, own(place), observations.period_s)
+    };
     let mut order: Vec<(usize, usize)> = (0..trials.len()).map(|place| (steps(place), place)).collect();
     order.sort_unstable();
     let batches: Vec<&[(usize, usize)]> =

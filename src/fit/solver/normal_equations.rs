@@ -98,15 +98,20 @@ fn trial_equations(
     let samples = observations.rows();
     let torque = &response.torque_nm[row * samples..(row + 1) * samples];
     let slopes = &response.slopes[row * samples * estimated..(row + 1) * samples * estimated];
-    let residual: Vec<f64> = torque
-        .iter()
-        .zip(&observations.trials[trial].measured_nm)
-        .map(|(predicted, measured)| predicted - measured)
-        .collect();
+    let measured = &observations.trials[trial].measured_nm;
+    let residual = torque.iter().zip(measured).map(|(predicted, measured)| predicted - measured);
     match objective.whitening_matrix(observations.noise_index[trial]) {
         Some(whitening) => {
-            let jacobian = whitening * DMatrix::from_row_slice(samples, estimated, slopes);
-            let residual = whitening * DVector::from_vec(residual);
+            // One product for the derivatives and the residual, whose column is the last.
+            let mut columns = DMatrix::zeros(samples, estimated + 1);
+            for (row, slopes) in slopes.chunks_exact(estimated.max(1)).enumerate() {
+                for (column, slope) in slopes.iter().enumerate() {
+                    columns[(row, column)] = *slope;
+                }
+            }
+            columns.column_mut(estimated).iter_mut().zip(residual).for_each(|(to, from)| *to = from);
+            let whitened = whitening * columns;
+            let (jacobian, residual) = (whitened.columns(0, estimated), whitened.column(estimated));
             TrialEquations {
                 cost: 0.5 * residual.norm_squared(),
                 gradient: jacobian.tr_mul(&residual),
@@ -117,7 +122,7 @@ fn trial_equations(
             let mut matrix = DMatrix::zeros(estimated, estimated);
             let mut gradient = DVector::zeros(estimated);
             let mut cost = 0.0;
-            for (slopes, residual) in slopes.chunks_exact(estimated.max(1)).zip(&residual) {
+            for (slopes, residual) in slopes.chunks_exact(estimated.max(1)).zip(residual.clone()) {
                 for a in 0..estimated {
                     gradient[a] += slopes[a] * residual;
                     for b in 0..=a {
@@ -125,7 +130,7 @@ fn trial_equations(
                     }
                 }
             }
-            for residual in &residual {
+            for residual in residual {
                 cost += 0.5 * residual * residual;
             }
             matrix.fill_upper_triangle_with_lower_triangle();

@@ -8,7 +8,7 @@ use crate::protocol::{GRAVITY_M_S2, RigLoad};
 use crate::wrist::mechanisms::{ActiveMechanisms, Covariates, MechanismClass};
 use crate::wrist::{
     AddedDynamics, Context, HermiteSegment, History, Integrator, Kinematics, LONGEST_STEP, Lever, Mechanics,
-    Plant, RecordedInput, Torques,
+    Plant, Torques,
 };
 
 /// Speed at which the friction of the bearing has three quarters of its torque, rad/s. It stands for a step at rest, which no
@@ -183,7 +183,7 @@ impl LoadedHandle {
             },
             further_nm,
         };
-        let input = RecordedInput(HermiteSegment::new(self.from, to, self.period_s));
+        let input = HermiteSegment::new(self.from, to, self.period_s);
         integrator.advance(&self.mechanics, &torque, &input, start_s, self.period_s, self.substeps);
         let (torques, _) = integrator.torques(&self.mechanics, &torque, to, start_s + self.period_s);
         if let Some(sample) = &mut self.sample {

@@ -5,7 +5,7 @@ use super::setup::Setup;
 use crate::protocol::Sweep;
 use crate::wrist::mechanisms::{CATALOGUE, Covariates, MechanismKind, ProbeContext};
 use crate::wrist::{
-    Kinematics, SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, simulate, substeps,
+    Kinematics, SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, simulate, steps_per_sample,
 };
 
 /// Ramp velocity of the figure, rad/s, its amplitude, rad, and its rise time, s: of the paper's protocol.
@@ -67,7 +67,7 @@ impl TypicalEffect {
                 samples: SAMPLES,
                 lead_samples: LEAD_SAMPLES,
                 baseline_samples: 0,
-                substeps: substeps(setup.lever, parameters, period_s),
+                substeps: steps_per_sample(setup.lever, kinds, &trial, parameters, period_s),
                 filter: &[],
                 further: &[],
                 derivatives: &[],

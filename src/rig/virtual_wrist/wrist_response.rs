@@ -9,7 +9,7 @@ use crate::rig::Upcoming;
 use crate::wrist::mechanisms::{ActiveMechanisms, ChannelErrors, Covariates};
 use crate::wrist::{
     AddedDynamics, FurtherValues, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics,
-    NoAddedDynamics, Plant, RecordedInput, State, Torques, substeps,
+    NoAddedDynamics, Plant, State, Torques, substeps,
 };
 
 /// Time constant with which the muscle's resistance decays when the subject relaxes after a ramp, s. Assumed.
@@ -267,8 +267,7 @@ impl Moving {
     ) -> ResponseSample {
         let start_s = self.sample as f64 * period_s;
         let end_s = (self.sample + 1) as f64 * period_s;
-        let segment = HermiteSegment::new(self.from, to, period_s);
-        let input = RecordedInput(segment);
+        let input = HermiteSegment::new(self.from, to, period_s);
         let (torques, rates) = if mechanisms.kinds.is_empty() {
             self.run(&NoAddedDynamics, &input, to, start_s, end_s)
         } else {
@@ -286,7 +285,7 @@ impl Moving {
             self.history.push(added, rates);
             now
         };
-        let motor_rad_s2 = segment.acceleration_at_end();
+        let motor_rad_s2 = input.acceleration_at_end();
         let state = self.integrator.state();
         let (theta_l, alpha_l) = match self.mechanics.plant.lever {
             Some(_) => (state.theta_l, rates.omega_l),
@@ -314,7 +313,7 @@ impl Moving {
     fn run<X: AddedDynamics<f64>>(
         &mut self,
         added_dynamics: &X,
-        input: &RecordedInput<f64>,
+        input: &HermiteSegment<f64>,
         to: Kinematics<f64>,
         start_s: f64,
         end_s: f64,

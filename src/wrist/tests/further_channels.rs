@@ -39,10 +39,19 @@ fn further_channels_show_the_states_and_torques_of_the_model() {
         let instants = trace(&settings, &trial, &parameters);
         for (sample, instant) in instants.iter().enumerate() {
             let of = |place: usize| channel(&got, place)[sample];
-            assert_eq!(got[sample].to_bits(), instant.torques.measured.to_bits());
-            assert_eq!(of(0).to_bits(), instant.state.theta_l.to_bits());
-            assert_eq!(of(2).to_bits(), instant.torques.interface.to_bits());
-            assert_eq!(of(3).to_bits(), instant.state.theta_j.to_bits());
+            // The trace takes Runge-Kutta steps, as mechanisms do; the base model takes exact ones.
+            let same = |got: f64, want: f64, tolerance: f64| {
+                let is_same = if kinds.is_empty() {
+                    (got - want).abs() < tolerance
+                } else {
+                    got.to_bits() == want.to_bits()
+                };
+                assert!(is_same, "{kinds:?}, sample {sample}: {got} instead of {want}");
+            };
+            same(got[sample], instant.torques.measured, 1e-5);
+            same(of(0), instant.state.theta_l, 1e-7);
+            same(of(2), instant.torques.interface, 1e-5);
+            same(of(3), instant.state.theta_j, 1e-7);
         }
         // The acceleration against the difference of the speed.
         let speed = |sample: usize| instants[sample].state.omega_l;
@@ -112,8 +121,10 @@ fn further_channels_change_no_bit_of_the_torque_and_have_the_same_bits_in_every_
 fn a_late_torque_channel_is_late_behind_the_further_channels() {
     let (kinds, trial) = ([MechanismKind::ChannelSkew], ramp(2.6));
     let late: Vec<f64> = PERSON.into_iter().chain([0.0012]).collect();
-    let on_time = run(&with_further(&[], &[], &[]), &trial, &PERSON).torque_nm;
-    let got = run(&with_further(&kinds, &[], &[6]), &trial, &late);
+    // Small steps: Runge-Kutta ones with a mechanism and exact ones without differ by their errors.
+    let fine = |settings| SimulationSettings { substeps: 8, ..settings };
+    let on_time = run(&fine(with_further(&[], &[], &[])), &trial, &PERSON).torque_nm;
+    let got = run(&fine(with_further(&kinds, &[], &[6])), &trial, &late);
     for place in 0..ALL.len() {
         let error =
             largest(channel(&got.torque_nm, place).iter().zip(channel(&on_time, place)).map(|(a, b)| a - b));

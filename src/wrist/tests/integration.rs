@@ -1,50 +1,122 @@
-//! The integrator against itself with very small steps.
+//! The exact steps of the base model against Runge-Kutta steps that are far smaller, and the order of both.
 
 use super::*;
-use crate::wrist::substeps;
+use crate::wrist::integrate::{HermiteSegment, Integrator};
+use crate::wrist::{Mechanics, NoAddedDynamics, Plant, steps_per_sample};
 
-/// Greatest difference of the unfiltered torque from that with 256 steps a sample, N m.
-fn error_nm(lever: Option<Lever>, trial: &TrialInput, parameters: &[f64; 6]) -> f64 {
-    let torque = |substeps| {
-        run(&SimulationSettings { lever, substeps, ..settings(&[], &[], &[]) }, trial, parameters).torque_nm
-    };
-    let own = torque(substeps(lever, parameters, PERIOD_S));
-    own.iter().zip(torque(256)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+/// The unfiltered torque by `substeps` Runge-Kutta steps a sample, N m.
+fn by_runge_kutta(
+    lever: Option<Lever>,
+    trial: &TrialInput,
+    parameters: &[f64; 6],
+    (period_s, samples): (f64, usize),
+    substeps: usize,
+) -> Vec<f64> {
+    let mechanics = Mechanics::new(Plant::base(lever, parameters));
+    let mut integrator = Integrator::at_rest();
+    let mut torque_nm = Vec::new();
+    for knots in trial.motion[trial.onset..=trial.onset + samples].windows(2) {
+        let segment = HermiteSegment::new(knots[0], knots[1], period_s);
+        let torque = integrator.advance(&mechanics, &NoAddedDynamics, &segment, 0.0, period_s, substeps);
+        torque_nm.push(torque);
+    }
+    torque_nm
 }
 
-/// Log-uniform over everything that parameters.md calls plausible, and twice that on either side.
+/// The unfiltered torque by `substeps` exact steps a sample, N m.
+fn by_exact_steps(
+    lever: Option<Lever>,
+    trial: &TrialInput,
+    parameters: &[f64; 6],
+    (period_s, samples): (f64, usize),
+    substeps: usize,
+) -> Vec<f64> {
+    let settings = SimulationSettings {
+        lever,
+        substeps,
+        period_s,
+        samples,
+        lead_samples: 0,
+        width: VectorWidth::One,
+        ..settings(&[], &[], &[])
+    };
+    run(&settings, trial, parameters).torque_nm
+}
+
+fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// Log-uniform between two positive limits.
+fn between(stream: &mut Stream, (low, high): (f64, f64)) -> f64 {
+    low * libm::exp(stream.uniform() * libm::log(high / low))
+}
+
+/// Over everything that parameters.md calls plausible, and twice that on either side. The elastic limit is crossed at any time, at
+/// once or never.
 fn draw(stream: &mut Stream) -> [f64; 6] {
-    let ranges = [(1e-3, 1e-2), (0.15, 6.0), (50.0, 1000.0), (7.5, 46.0), (4.5, 40.0), (0.0125, 0.13)];
-    ranges.map(|(low, high)| low * libm::exp(stream.uniform() * libm::log(high / low)))
+    [(1e-3, 1e-2), (0.15, 6.0), (50.0, 1000.0), (7.5, 46.0), (4.5, 40.0), (0.002, 0.2)]
+        .map(|range| between(stream, range))
+}
+
+/// No lever, that of the design, and one that is light or heavy, soft or stiff.
+fn levers(stream: &mut Stream) -> [Option<Lever>; 3] {
+    let drawn = Lever {
+        inertia_kg_m2: between(stream, (4e-4, 5e-3)),
+        damping_nm_s_per_rad: between(stream, (0.04, 4.0)),
+        stiffness_nm_per_rad: between(stream, (300.0, 5000.0)),
+    };
+    [None, Some(LEVER), Some(drawn)]
 }
 
 #[test]
-fn the_integration_error_stays_below_ten_micronewtonmetres() {
+fn the_error_of_exact_steps_stays_below_ten_micronewtonmetres_at_every_rate() {
     let mut stream = Stream::new(1, "integration");
     let mut worst: f64 = 0.0;
-    for _ in 0..150 {
-        let parameters = draw(&mut stream);
-        let trial = ramp(1.0 + 3.0 * stream.uniform());
-        for lever in [Some(LEVER), None] {
-            let error = error_nm(lever, &trial, &parameters);
-            assert!(error < 1e-5, "{error:e} N m at {parameters:?}, lever {lever:?}");
-            worst = worst.max(error);
+    for rate_hz in [1e3, 2.5e3, 5e3, 1e4] {
+        let window = (1.0 / rate_hz, (0.050 * rate_hz) as usize);
+        for _ in 0..40 {
+            let parameters = draw(&mut stream);
+            let trial = ramp_sampled(1.0 + 3.0 * stream.uniform(), window.0);
+            for lever in levers(&mut stream) {
+                let steps = steps_per_sample(lever, &[], &trial, &parameters, window.0);
+                let own = by_exact_steps(lever, &trial, &parameters, window, steps);
+                let reference = by_runge_kutta(lever, &trial, &parameters, window, 256);
+                let error = largest_difference(&own, &reference);
+                assert!(
+                    error < 1e-5,
+                    "{error:e} N m at {rate_hz} Hz, {parameters:?}, lever {lever:?}, {steps} steps"
+                );
+                worst = worst.max(error);
+            }
         }
     }
     println!("largest integration error {worst:e} N m");
 }
 
+/// Before the yield nothing is approximated: many exact steps are as good as one.
+#[test]
+fn without_a_yield_one_exact_step_is_as_good_as_many() {
+    let trial = ramp(2.6);
+    let mut never_yields = PERSON;
+    never_yields[5] = 5.0;
+    let torque = |steps| by_exact_steps(Some(LEVER), &trial, &never_yields, (PERIOD_S, SAMPLES), steps);
+    let error = largest_difference(&torque(2), &torque(64));
+    assert!(error < 1e-11, "{error:e} N m");
+}
+
 #[test]
 fn half_the_steps_make_sixteen_times_the_error() {
     let trial = ramp(2.6);
-    let torque = |substeps| {
-        run(&SimulationSettings { substeps, ..settings(&[], &[], &[]) }, &trial, &PERSON).torque_nm
+    let window = (PERIOD_S, SAMPLES);
+    let exact = |steps| by_exact_steps(Some(LEVER), &trial, &PERSON, window, steps);
+    let runge_kutta = |steps| by_runge_kutta(Some(LEVER), &trial, &PERSON, window, steps);
+    let reference = runge_kutta(256);
+    let ratio = |coarse: Vec<f64>, fine: Vec<f64>| {
+        largest_difference(&coarse, &reference) / largest_difference(&fine, &reference)
     };
-    let reference = torque(256);
-    let error = |substeps| {
-        let own = torque(substeps);
-        own.iter().zip(&reference).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-    };
-    let ratio = error(2) / error(4);
-    assert!((10.0..25.0).contains(&ratio), "the scheme is of fourth order: {ratio}");
+    let of_runge_kutta = ratio(runge_kutta(2), runge_kutta(4));
+    assert!((10.0..25.0).contains(&of_runge_kutta), "Runge-Kutta is of fourth order: {of_runge_kutta}");
+    let of_exact = ratio(exact(1), exact(2));
+    assert!((10.0..80.0).contains(&of_exact), "a cubic yield is at least of fourth order: {of_exact}");
 }

@@ -25,9 +25,15 @@ const PERSON: [f64; 6] = [0.005, 1.2, 300.0, 20.0, 13.0, 0.04];
 
 /// A ramp whose speed rises as a raised cosine in 18 ms.
 fn ramp(velocity_rad_s: f64) -> TrialInput {
+    ramp_sampled(velocity_rad_s, PERIOD_S)
+}
+
+/// The same, a sample every `period_s`.
+fn ramp_sampled(velocity_rad_s: f64, period_s: f64) -> TrialInput {
     let rise_s = 0.018;
+    let after = libm::ceil((SAMPLES + 40) as f64 * PERIOD_S / period_s) as usize;
     let knot = |sample: usize| {
-        let t = (sample as f64 - 40.0) * PERIOD_S;
+        let t = (sample as f64 - 40.0) * period_s;
         if t <= 0.0 {
             return Kinematics::default();
         }
@@ -39,7 +45,7 @@ fn ramp(velocity_rad_s: f64) -> TrialInput {
         }
     };
     TrialInput {
-        motion: (0..40 + SAMPLES + 40).map(knot).collect(),
+        motion: (0..40 + after).map(knot).collect(),
         onset: 40,
         covariates: Covariates {
             velocity_rad_s,

@@ -7,6 +7,7 @@ use super::products::Products;
 use super::spreads::{ExpectedSquares, Spreads};
 use crate::diagnose::evidence::gaussian::twice_log_diagonal;
 use crate::diagnose::evidence::linearisation::LinearTrial;
+use crate::fit::inverse_of;
 
 /// The quadratic approximation of the negative logarithm of posterior density at a point, for given spreads.
 #[derive(Debug, Clone)]
@@ -86,6 +87,10 @@ impl Design {
         let mut view = corner_gradient.rows_mut(coefficients, common);
         view += &precision * &off;
         let noise = 1.0 / spreads.noise;
+        let mut view = corner.view_mut((coefficients, coefficients), (common, common));
+        view += &products.common * noise;
+        let mut view = corner_gradient.rows_mut(coefficients, common);
+        view -= &products.common_residual * noise;
         let mut blocks = Vec::with_capacity(self.conditions.len());
         for (condition, trials) in self.conditions.iter().enumerate() {
             let mean_at = trials.len() * size;
@@ -102,10 +107,6 @@ impl Design {
                 view += &own.mixed * noise;
                 let mut view = gradient.rows_mut(at, size);
                 view -= &own.own_residual * noise;
-                let mut view = corner.view_mut((coefficients, coefficients), (common, common));
-                view += &own.common * noise;
-                let mut view = corner_gradient.rows_mut(coefficients, common);
-                view -= &own.common_residual * noise;
                 for k in 0..size {
                     let weight = trial_precision[k] / self.variance_factor[*trial];
                     let off = point.own[*trial][k] - point.means[condition][k];
@@ -140,7 +141,7 @@ impl Design {
         for (matrix, mixed, gradient) in blocks {
             let factor = matrix.cholesky()?;
             log_determinant += twice_log_diagonal(factor.l_dirty());
-            let inverse = factor.inverse();
+            let inverse = inverse_of(&factor);
             let towards = &inverse * &mixed;
             let alone = &inverse * &gradient;
             schur.gemm(-1.0, &mixed.transpose(), &towards, 1.0);
@@ -153,7 +154,7 @@ impl Design {
         let factor = schur.cholesky()?;
         log_determinant += twice_log_diagonal(factor.l_dirty());
         let border_step = -factor.solve(&schur_gradient);
-        let border_covariance = factor.inverse();
+        let border_covariance = inverse_of(&factor);
         let mut decrease = -0.5 * corner_gradient.dot(&border_step);
         let trials = products.trials.len();
         let mut step = Point {
@@ -175,7 +176,9 @@ impl Design {
         let common_covariance =
             border_covariance.view((coefficients, coefficients), (common, common)).into_owned();
         // Mean squares of the residuals: at the minimum, and what the uncertainty of the unknowns adds.
-        let mut residual = products.squares();
+        let mut residual = products.squares() - 2.0 * products.common_residual.dot(&step.common)
+            + step.common.dot(&(&products.common * &step.common))
+            + products.common.dot(&common_covariance);
         for (condition, (block, gradient)) in eliminated.iter().zip(&gradients).enumerate() {
             let EliminatedBlock { inverse, towards, alone } = block;
             let members = &self.conditions[condition];
@@ -189,15 +192,10 @@ impl Design {
                 let own = &products.trials[*trial];
                 let moved = own_step.rows(at, size).into_owned();
                 residual -= 2.0 * own.own_residual.dot(&moved);
-                residual += moved.dot(&(&own.own * &moved))
-                    + own.own.component_mul(&covariance.view((at, at), (size, size))).sum();
-                let moved_common = &step.common;
-                residual -= 2.0 * own.common_residual.dot(moved_common);
-                residual += moved_common.dot(&(&own.common * moved_common))
-                    + own.common.component_mul(&common_covariance).sum();
-                let cross = -with_border.view((at, coefficients), (size, common));
-                residual += 2.0 * moved.dot(&(&own.mixed * moved_common))
-                    + 2.0 * own.mixed.component_mul(&cross).sum();
+                residual +=
+                    moved.dot(&(&own.own * &moved)) + own.own.dot(&covariance.view((at, at), (size, size)));
+                let cross = with_border.view((at, coefficients), (size, common));
+                residual += 2.0 * moved.dot(&(&own.mixed * &step.common)) - 2.0 * own.mixed.dot(&cross);
                 for k in 0..size {
                     let off =
                         point.own[*trial][k] + moved[k] - point.means[condition][k] - own_step[mean_at + k];
