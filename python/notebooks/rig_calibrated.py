@@ -72,7 +72,4 @@ calibration.save("S01/rig-calibration.json")
 assert ramphold.Session.load("S01").fit().json == session.fit(calibration="S01/rig-calibration.json").json
 
 # %% [markdown]
-# And on another day, a few ramps with the empty handle say whether the rig is still the same.
-
-# %%
-calibration.compare("S01")
+# On another day, a few ramps with the empty handle say whether the rig is still the same: `calibration.compare(folder)`.

@@ -165,6 +165,12 @@ class Session:
         return lever
 
     @property
+    def recorded_filter(self) -> dict[str, Any] | None:
+        """What the rig filtered before recording; None if nothing."""
+        recorded: dict[str, Any] | None = self._description["recorded_filter"]
+        return recorded
+
+    @property
     def digest(self) -> str:
         """SHA-256 over all that an analysis reads; results name it as session_sha256."""
         return self._native.digest

@@ -2,14 +2,16 @@
 
 import sys
 
+import jax
 import numpy as np
-from conftest import ROOT
+from conftest import PARAMETERS, ROOT
 
 import ramphold
 
 sys.path.insert(0, str(ROOT / "python/examples"))
 
 from four_lines import analyse  # noqa: E402
+from jax_torque import torque_function  # noqa: E402
 from scipy_fit import parameters_of_trial  # noqa: E402
 
 
@@ -39,3 +41,14 @@ def test_scipy_finds_the_optimum_of_the_fit(loaded):
     best = fit.parameters().loc[trial].to_numpy()
     found = parameters_of_trial(fit, trial, best * 1.05)
     assert np.abs(np.log(found / best) / errors.loc[trial].to_numpy()).max() < 0.1
+
+
+def test_jax_has_the_torque_and_its_derivatives_in_both_modes(ramp):
+    torque = torque_function(ramp)
+    point = np.array([PARAMETERS[name] for name in ramphold.BASE_PARAMETERS])
+    own = ramphold.simulate(point, ramp, derivatives=True)
+    assert np.array_equal(jax.jit(torque)(point), own.torque_nm)
+    for derivative in (jax.jacfwd, jax.jacrev):
+        assert np.allclose(derivative(torque)(point), own.jacobian, rtol=1e-12, atol=1e-12), derivative
+    points = point * np.linspace(0.9, 1.1, 3)[:, None]
+    assert np.array_equal(jax.vmap(torque)(points), ramphold.simulate(points, ramp).torque_nm)

@@ -12,7 +12,7 @@ PAGES = ROOT / "docs/notebooks/built"
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
 def test_a_notebook_runs(name):
-    done = subprocess.run([sys.executable, ROOT / "scripts/notebooks", name, "--out", PAGES], capture_output=True, text=True, timeout=280)
+    done = subprocess.run([sys.executable, ROOT / "scripts/notebooks", name, "--out", PAGES], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     page = (PAGES / f"{name.replace('_', '-')}.md").read_text()
     assert "<pre>" in page and (ROOT / f"docs/notebooks/{name.replace('_', '-')}.md").exists()
