@@ -2,11 +2,11 @@
 
 use nalgebra::DVector;
 
-use super::constants::{REPORTED, RigCoordinates};
+use super::constants::{REPORTED, RigCoordinates, time_constant_s};
 use super::covariance::{RigCovariance, covariance};
 use super::encoder::step_positions;
 use super::error::CalibrateError;
-use super::fit::{RigFit, RigFitInput, RigPrior};
+use super::fit::{RigFit, RigFitInput, RigPrior, SERVO_PLACE};
 use super::loads::{LoadCheck, check_loads};
 use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
@@ -26,6 +26,10 @@ const POSITIONS: usize = 32;
 /// Places of the torque channel's delay and low-pass among the coordinates.
 const DELAY_PLACE: usize = 7;
 const LAG_PLACE: usize = 8;
+
+/// Natural frequencies of the servo at which the search starts besides the usual one, Hz: each half of the one before, down to what a
+/// servo that follows a ramp of the paper can have.
+const FURTHER_SERVO_STARTS_HZ: [f64; 2] = [60.0, 30.0];
 
 /// Seed of the draws of a calibration, so that it is the same each time.
 const SEED: u64 = 1;
@@ -227,7 +231,7 @@ pub fn calibrate(
 
 /// Fits, and once more with the noise that the scatter of repetitions shows, where it is larger than that at rest.
 pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
-    let first = on_the_side_of_lag(input, input.fit(None));
+    let first = on_the_side_of_lag(input, from_each_servo(input));
     let cells = cells(input.trials);
     let standardised: Vec<DVector<f64>> =
         first.equations.iter().map(|own| own.standardised.clone()).collect();
@@ -236,6 +240,24 @@ pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
     // No motor is exactly of second order: what the model of the servo leaves is its noise.
     input.servo_scale = libm::sqrt(mean_square(&first, |channel| channel == MomentChannel::Servo).max(1.0));
     input.fit(Some(&first.point))
+}
+
+/// The best of the fits that start with a servo of each bandwidth: where it begins too fast, the search may take what the servo leaves
+/// behind for its delay, and the handle's motion for that of the lever.
+fn from_each_servo(input: &RigFitInput<'_>) -> RigFit {
+    let servo = input.coordinates.scales[SERVO_PLACE];
+    let starting_at = |frequency_hz: f64| {
+        let mut start = input.prior.mean.clone();
+        start[SERVO_PLACE] = servo.coordinate(time_constant_s(frequency_hz));
+        input.fit(Some(&start))
+    };
+    let others = FURTHER_SERVO_STARTS_HZ.into_iter().map(starting_at);
+    others.fold(input.fit(None), |best, other| if cost(&other) < cost(&best) { other } else { best })
+}
+
+/// Sum of squares of what a fit leaves.
+fn cost(fit: &RigFit) -> f64 {
+    fit.equations.iter().map(|own| own.residual.norm_squared()).sum()
 }
 
 /// A low-pass and its inverse change the amplitude of the torque alike, and with another delay nearly the phase: the search may end at
@@ -250,7 +272,6 @@ fn on_the_side_of_lag(input: &RigFitInput<'_>, fit: RigFit) -> RigFit {
     other[LAG_PLACE] = lag.coordinate(-lag_s);
     other[DELAY_PLACE] = delay.coordinate(delay.value(fit.point[DELAY_PLACE]) + 2.0 * lag_s);
     let other = input.fit(Some(&other));
-    let cost = |fit: &RigFit| fit.equations.iter().map(|own| own.residual.norm_squared()).sum::<f64>();
     if cost(&other) < cost(&fit) { other } else { fit }
 }
 
