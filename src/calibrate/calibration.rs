@@ -6,7 +6,7 @@ use super::constants::{REPORTED, RigCoordinates, time_constant_s};
 use super::covariance::{RigCovariance, covariance};
 use super::encoder::step_positions;
 use super::error::CalibrateError;
-use super::fit::{RigFit, RigFitInput, RigPrior, SERVO_PLACE};
+use super::fit::{RigFit, RigFitInput, RigPrior, SERVO_PLACE, is_of_servo};
 use super::loads::{LoadCheck, check_loads};
 use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
@@ -27,9 +27,8 @@ const POSITIONS: usize = 32;
 const DELAY_PLACE: usize = 7;
 const LAG_PLACE: usize = 8;
 
-/// Natural frequencies of the servo at which the search starts besides the usual one, Hz: each half of the one before, down to what a
-/// servo that follows a ramp of the paper can have.
-const FURTHER_SERVO_STARTS_HZ: [f64; 2] = [60.0, 30.0];
+/// Natural frequencies of the servo at which the search starts, Hz: the median of its mechanism's prior, and a quarter of it.
+const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];
 
 /// Seed of the draws of a calibration, so that it is the same each time.
 const SEED: u64 = 1;
@@ -231,7 +230,8 @@ pub fn calibrate(
 
 /// Fits, and once more with the noise that the scatter of repetitions shows, where it is larger than that at rest.
 pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
-    let first = on_the_side_of_lag(input, from_each_servo(input));
+    let first = from_each_servo(input);
+    let first = on_the_side_of_lag(input, first);
     let cells = cells(input.trials);
     let standardised: Vec<DVector<f64>> =
         first.equations.iter().map(|own| own.standardised.clone()).collect();
@@ -242,17 +242,28 @@ pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
     input.fit(Some(&first.point))
 }
 
-/// The best of the fits that start with a servo of each bandwidth: where it begins too fast, the search may take what the servo leaves
-/// behind for its delay, and the handle's motion for that of the lever.
-fn from_each_servo(input: &RigFitInput<'_>) -> RigFit {
+/// The best of the fits that start with a servo of each bandwidth. The servo's own constants are searched first, with the others as stated:
+/// where the target's motion is not known yet, the search would take what the servo leaves behind for the handle's.
+fn from_each_servo(input: &mut RigFitInput<'_>) -> RigFit {
+    /// Precision of a coordinate that stays where it is, far above what any trial tells.
+    const HELD: f64 = 1e12;
     let servo = input.coordinates.scales[SERVO_PLACE];
-    let starting_at = |frequency_hz: f64| {
-        let mut start = input.prior.mean.clone();
+    let prior = input.prior.clone();
+    let mut best: Option<RigFit> = None;
+    for frequency_hz in SERVO_STARTS_HZ {
+        let mut start = prior.mean.clone();
         start[SERVO_PLACE] = servo.coordinate(time_constant_s(frequency_hz));
-        input.fit(Some(&start))
-    };
-    let others = FURTHER_SERVO_STARTS_HZ.into_iter().map(starting_at);
-    others.fold(input.fit(None), |best, other| if cost(&other) < cost(&best) { other } else { best })
+        for place in (0..start.len()).filter(|place| !is_of_servo(*place)) {
+            input.prior.precision[(place, place)] = HELD;
+        }
+        let moved = input.fit(Some(&start)).point;
+        input.prior = prior.clone();
+        let found = input.fit(Some(&moved));
+        if best.as_ref().is_none_or(|best| cost(&found) < cost(best)) {
+            best = Some(found);
+        }
+    }
+    best.unwrap_or_else(|| input.fit(None))
 }
 
 /// Sum of squares of what a fit leaves.

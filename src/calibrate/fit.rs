@@ -305,7 +305,7 @@ fn of_torque_channel(column: usize) -> Option<OfTorqueChannel> {
 }
 
 /// Whether a coordinate is one of the servo.
-fn is_of_servo(column: usize) -> bool {
+pub fn is_of_servo(column: usize) -> bool {
     column == SERVO_PLACE || (REPORTED..=FIRST_KNOWN).contains(&column)
 }
 
