@@ -104,6 +104,7 @@ impl Verb for ResumeArgs {
                 protocol: &protocol,
                 subject: &subject,
                 lever: rig.lever(),
+                recorded_filter: rig.recorded_filter(),
                 rig: rig.name(),
                 questions: rig.questions(),
                 folder: &self.session,

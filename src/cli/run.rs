@@ -13,6 +13,7 @@ use crate::files;
 use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
 use crate::rig::can::{CanMotor, Connection, DryRun};
+use crate::rig::unmeasured_channels;
 use crate::rig::virtual_wrist::{Person, RigFile, Seal, VirtualWrist, draw_hidden_effect};
 use crate::schedule;
 use crate::session::{Machine, Settings};
@@ -138,6 +139,13 @@ impl RunArgs {
         let hidden = self.hide.map(|seed| draw_hidden_effect(seed, lever)).unwrap_or_default();
         let rig_json = rig_json(&rig, &subject, self.hide.map(|seed| Seal::new(seed, &hidden)));
         let setup = with_hidden_effect(setup.clone(), &hidden);
+        let missing = unmeasured_channels(protocol, [setup.emg; 2]);
+        if !missing.is_empty() {
+            return Err(Failure::Usage(format!(
+                "the virtual rig measures no EMG (field emg): {}; measure it, or change the protocol",
+                missing.join("; ")
+            )));
+        }
         let wrist = VirtualWrist::new(subject.clone(), setup, seed, settings.sample_rate_hz);
         let rig = SessionRig::Virtual { wrist: Box::new(wrist), lever, pace };
         self.start(
@@ -187,6 +195,7 @@ impl RunArgs {
         let calibration = self.calibration.as_deref().map(UsedCalibration::given).transpose()?.flatten();
         // A calibration that no analysis can use is found before a trial is run.
         UsedCalibration::constants(calibration.as_ref(), lever)?;
+        let signals = rig.recorded_signals(settings.sample_rate_hz);
         let recorder = NewSession {
             protocol,
             order: &order,
@@ -197,6 +206,7 @@ impl RunArgs {
             calibration: calibration.as_ref().map(|own| own.bytes.as_slice()),
             about: &self.about(&rig),
             subject_fields: &self.subject_fields(),
+            signals: &signals,
             motion_delay_samples: settings.motion_delay_samples,
         }
         .create(&folder, Disk::default())?;
@@ -205,6 +215,7 @@ impl RunArgs {
             protocol,
             subject,
             lever,
+            recorded_filter: signals.recorded_filter,
             rig: rig.name(),
             questions: rig.questions(),
             folder: &folder,

@@ -30,8 +30,8 @@ pub struct Step {
     pub target_rad: f64,
     /// Low-pass filtered torque without the offset, N m, as the subject sees it.
     pub feedback_torque_nm: f64,
-    /// Smoothed rectified EMG of flexor and extensor, fraction of MVC.
-    pub feedback_emg_mvc: [f64; 2],
+    /// Smoothed rectified EMG of flexor and extensor, fraction of MVC; `None` where it is not measured.
+    pub feedback_emg_mvc: [Option<f64>; 2],
     /// Fraction of the gate's time that the torque has been in the band, 0 to 1.
     pub gate_fraction: f64,
 }

@@ -29,4 +29,5 @@ mod source_rules;
 mod stranger;
 mod supply_chain;
 mod trials;
+mod without_emg;
 mod workspace;
