@@ -74,6 +74,7 @@
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
 //! | import | [`import`] | sessions from foreign recordings |
+//! | attach | [`attach`] | recordings of other devices, aligned with the trials of a session |
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
 //! | calibration | [`calibrate`] | the constants of the rig from trials without a person, and whether they are those of another day |
 //! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |
@@ -89,6 +90,7 @@
 //! the ramp is positive.
 
 pub mod app;
+pub mod attach;
 pub mod calibrate;
 pub mod cli;
 pub mod consistency;

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::attach::AttachError;
 use crate::calibrate::CalibrateError;
 use crate::consistency::Contradictions;
 use crate::console::ConsoleError;
@@ -105,6 +106,9 @@ pub enum Failure {
     /// A recording cannot be imported.
     #[error(transparent)]
     Import(#[from] ImportError),
+    /// A recording cannot be attached.
+    #[error(transparent)]
+    Attach(#[from] AttachError),
     /// The study cannot be done.
     #[error(transparent)]
     Study(#[from] StudyError),
@@ -246,6 +250,13 @@ impl Failure {
             | Self::CanRig(_)
             | Self::Record(RecordError::Exists(_)) => 2,
             Self::Export(error) => {
+                if error.is_bad_input() {
+                    2
+                } else {
+                    1
+                }
+            }
+            Self::Attach(error) => {
                 if error.is_bad_input() {
                     2
                 } else {

@@ -8,8 +8,8 @@ use crate::app::{Console, Failure};
 
 use super::verb::Verb;
 use super::{
-    calibrate, check, cohort, design, diagnose, export, fit, import, power, replay, report, resume, reveal,
-    rig, run, schedule, schema, states, trials, verify, watch,
+    attach, calibrate, check, cohort, design, diagnose, export, fit, import, power, replay, report, resume,
+    reveal, rig, run, schedule, schema, states, trials, verify, watch,
 };
 
 /// The verbs and the structs of their arguments; clap spells `RigCheck` as `rig-check`.
@@ -40,6 +40,7 @@ verbs! {
     Check(check::CheckArgs),
     Calibrate(calibrate::CalibrateArgs),
     Import(import::ImportArgs),
+    Attach(attach::AttachArgs),
     Trials(trials::TrialsArgs),
     Fit(fit::FitArgs),
     Cohort(cohort::CohortArgs),

@@ -8,16 +8,17 @@ use crate::export::{self, Participant, Rows};
 
 use super::verb::Verb;
 
-/// Export sessions as a BIDS dataset or as one Parquet table.
+/// Export sessions as a BIDS dataset, as one Parquet table or as one .mat file.
 ///
-/// One of --bids and --parquet is required. The sessions are not changed.
+/// One of --bids, --parquet and --mat is required. The sessions are not changed.
 #[derive(Debug, clap::Args)]
 #[command(
-    group(clap::ArgGroup::new("format").required(true).args(["bids", "parquet"])),
+    group(clap::ArgGroup::new("format").required(true).args(["bids", "parquet", "mat"])),
     after_help = "Examples:\n  ramphold export sessions --bids study\n  \
                   ramphold export sessions/S01 --bids study --participant 01\n  \
                   ramphold export sessions --parquet samples.parquet\n  \
-                  ramphold export sessions --parquet trials.parquet --trials"
+                  ramphold export sessions --parquet trials.parquet --trials\n  \
+                  ramphold export sessions --mat sessions.mat"
 )]
 pub struct ExportArgs {
     /// Session folders, or folders of session folders.
@@ -35,6 +36,9 @@ pub struct ExportArgs {
     /// Write one row per trial, with its fit, instead of one per sample.
     #[arg(long, requires = "parquet")]
     trials: bool,
+    /// Write a .mat file, which MATLAB and Octave open, to this file, which must not exist yet.
+    #[arg(long, value_name = "FILE")]
+    mat: Option<PathBuf>,
 }
 
 impl Verb for ExportArgs {
@@ -47,6 +51,11 @@ impl Verb for ExportArgs {
             check_out("--parquet", file)?;
             let rows = if self.trials { Rows::Trials } else { Rows::Samples };
             export::write_parquet(&folders, file, rows)?;
+            console.message(format_args!("{} sessions in {}", folders.len(), file.display()));
+        }
+        if let Some(file) = &self.mat {
+            check_out("--mat", file)?;
+            export::write_mat(&folders, file)?;
             console.message(format_args!("{} sessions in {}", folders.len(), file.display()));
         }
         if let Some(target) = &self.bids {

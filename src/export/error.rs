@@ -55,6 +55,19 @@ pub enum ExportError {
         /// The largest value of the format.
         limit: f64,
     },
+    /// More than a variable of a .mat file can hold.
+    #[error(
+        "{}: the sessions make {bytes} bytes, and a .mat file of version 5 holds {limit}; export fewer sessions to a file",
+        path.display()
+    )]
+    TooLarge {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// Bytes of the variable.
+        bytes: usize,
+        /// Most bytes of a variable.
+        limit: usize,
+    },
     /// The program was built without the feature that the option needs.
     #[error(
         "{option}: this program was built without the feature {feature}; build it with: \

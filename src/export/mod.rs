@@ -1,8 +1,11 @@
-//! Sessions in the formats of other tools: a BIDS dataset, tidy Parquet tables.
+//! Sessions in the formats of other tools: a BIDS dataset, tidy Parquet tables, .mat files.
 
 mod bdf;
 mod bids;
 mod error;
+mod fit_rows;
+mod mat;
+mod mat_file;
 #[cfg(feature = "parquet")]
 mod parquet;
 #[cfg(not(feature = "parquet"))]
@@ -13,5 +16,6 @@ mod sidecars;
 
 pub use bids::{Participant, write as write_bids};
 pub use error::ExportError;
+pub use mat::write as write_mat;
 pub use parquet::write as write_parquet;
 pub use rows::Rows;

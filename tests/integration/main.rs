@@ -1,6 +1,7 @@
 //! The program and the library from outside, in one test binary: it is linked once, and tests that wait run side by side.
 
 mod architecture;
+mod attach;
 mod calibration;
 mod cohort;
 mod command_line;
