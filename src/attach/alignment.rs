@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::attachment::{self, ATTACHED, Attachment, AttachmentTrial, ClockComparison, LeftOut};
 use super::correlation::{Sampled, SearchedRecording};
 use super::error::AttachError;
-use super::event_match::{Candidate, MatchProblem, match_events};
+use super::event_match::{EventCandidate, MatchProblem, match_events};
 use super::trigger;
 use crate::dataset::{self, PROGRAM, RampTime, Record, Session, Trial};
 use crate::files::{self, limits};
@@ -13,6 +13,9 @@ use crate::import::{Recording, SourceTable, TIME_COLUMN, read_recording};
 
 /// A step longer than this many usual ones is a gap.
 const GAP_STEPS: f64 = 1.5;
+
+/// The most places of a trial by a shared signal: as many as a session has trials of one condition, and more.
+const MOST_PLACES: usize = 200;
 
 /// How a recording says when its samples were taken.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +66,8 @@ pub struct AttachRequest {
     pub table: Option<String>,
     /// Columns of the EMG of flexor and extensor carpi radialis.
     pub emg: [Option<String>; 2],
+    /// Mean rectified EMG of flexor and extensor at maximal effort, in the unit of their columns.
+    pub emg_at_mvc: [Option<f64>; 2],
     /// Name of the attachment; that of the file without its ending if not given.
     pub name: Option<String>,
 }
@@ -261,7 +266,7 @@ fn edges_in(
 
 /// A trial that was found: its number, when its ramp began on the clock of the recording, and its correlation.
 #[derive(Debug, Clone, Copy)]
-struct Found {
+struct AlignedRamp {
     trial: u32,
     onset_s: f64,
     residual_s: Option<f64>,
@@ -269,9 +274,9 @@ struct Found {
 
 /// What was found of all trials.
 #[derive(Debug, Default)]
-struct FoundTrials {
+struct AlignedRamps {
     by: String,
-    trials: Vec<Found>,
+    trials: Vec<AlignedRamp>,
     clock: ClockComparison,
     /// Rate of the recording's clock over that of the session, where known.
     speed: Option<f64>,
@@ -284,7 +289,7 @@ fn at_events(
     ramps: &[RampTime],
     times_s: &[f64],
     table: &TimedTable,
-) -> Result<FoundTrials, AttachError> {
+) -> Result<AlignedRamps, AttachError> {
     let by = match &request.reference {
         Reference::Trigger { column, .. } => format!("trigger, column {column}"),
         Reference::Marker(text) => format!("marker {text:?}"),
@@ -304,8 +309,8 @@ fn at_events(
             ),
         ));
     }
-    let candidates: Vec<Candidate> =
-        times_s.iter().map(|time_s| Candidate { time_s: *time_s, weight: 1.0 }).collect();
+    let candidates: Vec<EventCandidate> =
+        times_s.iter().map(|time_s| EventCandidate { time_s: *time_s, weight: 1.0 }).collect();
     let grain_s = 2.0 / table.rate_hz;
     matched(request, ramps, |_| candidates.as_slice(), (grain_s, table.length_s()), by, |_, own| own)
 }
@@ -316,7 +321,7 @@ fn in_order(
     session: &Session,
     times_s: &[f64],
     by: String,
-) -> Result<FoundTrials, AttachError> {
+) -> Result<AlignedRamps, AttachError> {
     let trials: Vec<&Trial> = session.trials.iter().filter(|trial| trial.onset_s.is_some()).collect();
     if trials.len() != times_s.len() {
         return Err(not_aligned(
@@ -331,8 +336,8 @@ fn in_order(
     }
     let found = trials.iter().zip(times_s);
     let trials =
-        found.map(|(trial, time_s)| Found { trial: trial.number, onset_s: *time_s, residual_s: None });
-    Ok(FoundTrials { by, trials: trials.collect(), ..FoundTrials::default() })
+        found.map(|(trial, time_s)| AlignedRamp { trial: trial.number, onset_s: *time_s, residual_s: None });
+    Ok(AlignedRamps { by, trials: trials.collect(), ..AlignedRamps::default() })
 }
 
 /// Trials at markers: those with a number are of that trial, the others are matched by their times.
@@ -343,7 +348,7 @@ fn at_markers(
     recording: &Recording,
     text: &str,
     table: &TimedTable,
-) -> Result<FoundTrials, AttachError> {
+) -> Result<AlignedRamps, AttachError> {
     let numbered: Vec<(u32, f64)> = recording
         .markers
         .iter()
@@ -370,7 +375,7 @@ fn at_markers(
         return at_events(request, session, ramps, &times_s, table);
     }
     let mut found =
-        FoundTrials { by: format!("marker {text:?} with the trial's number"), ..FoundTrials::default() };
+        AlignedRamps { by: format!("marker {text:?} with the trial's number"), ..AlignedRamps::default() };
     for trial in &session.trials {
         let own: Vec<f64> = numbered
             .iter()
@@ -380,7 +385,7 @@ fn at_markers(
         match own.as_slice() {
             [] => {}
             [time_s] => {
-                found.trials.push(Found { trial: trial.number, onset_s: *time_s, residual_s: None });
+                found.trials.push(AlignedRamp { trial: trial.number, onset_s: *time_s, residual_s: None });
             }
             several => {
                 let reason = format!("{} markers of trial {}; expected one", several.len(), trial.number);
@@ -412,7 +417,7 @@ fn by_signal(
     table: &TimedTable,
     column: &str,
     shared: &str,
-) -> Result<FoundTrials, AttachError> {
+) -> Result<AlignedRamps, AttachError> {
     if ramps.is_empty() {
         let reason = "ramps of one condition look alike, and a session without a journal has no times to tell them apart by; use a \
                       trigger or markers";
@@ -453,7 +458,10 @@ fn by_signal(
     if known.is_empty() {
         return Err(not_aligned(request, format!("no trial of the session has {shared} and an onset")));
     }
-    let places: Vec<Vec<Candidate>> = known.iter().map(|(_, trial)| searched.places(*trial)).collect();
+    // Trials of one condition look alike: each may fit at the places of the others.
+    let most = known.len().min(MOST_PLACES);
+    let places: Vec<Vec<EventCandidate>> =
+        known.iter().map(|(_, trial)| searched.places(*trial, most)).collect();
     let ramps: Vec<RampTime> = known.iter().map(|(ramp, _)| *ramp).collect();
     let by = format!("correlation of {column} with {shared}");
     let grain_s = 0.01;
@@ -472,12 +480,12 @@ fn by_signal(
 fn matched<'a>(
     request: &AttachRequest,
     ramps: &[RampTime],
-    candidates: impl Fn(usize) -> &'a [Candidate],
+    candidates: impl Fn(usize) -> &'a [EventCandidate],
     (grain_s, length_s): (f64, f64),
     by: String,
-    exact: impl Fn(usize, Candidate) -> Candidate,
-) -> Result<FoundTrials, AttachError> {
-    let mut found = FoundTrials { by, ..FoundTrials::default() };
+    exact: impl Fn(usize, EventCandidate) -> EventCandidate,
+) -> Result<AlignedRamps, AttachError> {
+    let mut found = AlignedRamps { by, ..AlignedRamps::default() };
     let mut pairs = Vec::new();
     let mut problem = None;
     let mut first = 0;
@@ -495,7 +503,7 @@ fn matched<'a>(
                     if matches!(request.reference, Reference::Signal { .. }) {
                         found.clock.lowest_correlation = Some(lowest);
                     }
-                    found.trials.push(Found { trial, onset_s: own.time_s, residual_s: None });
+                    found.trials.push(AlignedRamp { trial, onset_s: own.time_s, residual_s: None });
                     pairs.push((stretch[event].stretch, stretch[event].onset_s, own.time_s));
                 }
             }
@@ -528,7 +536,7 @@ fn found_in(request: &AttachRequest) -> &'static str {
     }
 }
 
-impl FoundTrials {
+impl AlignedRamps {
     /// Fits one speed of the recording's clock, and an offset for each stretch, to pairs of stretch, time in the session and time in the
     /// recording, which are those of the trials.
     fn compare_clocks(&mut self, pairs: &[(usize, f64, f64)]) {
@@ -576,7 +584,7 @@ fn cut(
     name: String,
     session: &Session,
     table: &TimedTable,
-    found: FoundTrials,
+    found: AlignedRamps,
     source: Vec<u8>,
 ) -> Aligned {
     let columns = table.columns();
@@ -631,6 +639,8 @@ fn cut(
         aligned_by: found.by,
         emg_fcr: request.emg[0].clone(),
         emg_ecr: request.emg[1].clone(),
+        emg_fcr_at_mvc: request.emg_at_mvc[0],
+        emg_ecr_at_mvc: request.emg_at_mvc[1],
         clock: ClockComparison { rate_hz: table.rate_hz, ..found.clock },
         trials,
         left_out,

@@ -38,6 +38,12 @@ pub struct Attachment {
     /// The column that is the EMG of the extensor carpi radialis, if one was named.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emg_ecr: Option<String>,
+    /// Mean rectified EMG of the flexor at maximal effort, in the unit of its column.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emg_fcr_at_mvc: Option<f64>,
+    /// Mean rectified EMG of the extensor at maximal effort, in the unit of its column.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emg_ecr_at_mvc: Option<f64>,
     /// How the clocks compare.
     pub clock: ClockComparison,
     /// The trials, in the order in which they were run.

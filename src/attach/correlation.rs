@@ -3,13 +3,10 @@
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex;
 
-use super::event_match::Candidate;
+use super::event_match::EventCandidate;
 
 /// Rate at which places are sought first, Hz: ramp and stretch response last some ten milliseconds.
 const COARSE_HZ: f64 = 200.0;
-
-/// Places of one trial that are kept: one for each trial that looks alike.
-const MOST_PLACES: usize = 200;
 
 /// Two places are at least this far apart, s.
 const APART_S: f64 = 0.05;
@@ -74,8 +71,9 @@ impl<'a> SearchedRecording<'a> {
         Self { whole, coarse_hz, coarse, sums, planner: FftPlanner::new() }
     }
 
-    /// The places at which `trial` fits best, in order of time: when its time 0 is there, and the correlation coefficient.
-    pub fn places(&mut self, trial: Sampled) -> Vec<Candidate> {
+    /// The places at which `trial` fits best, at most `most`, in order of time: when its time 0 is there, and the correlation
+    /// coefficient.
+    pub fn places(&mut self, trial: Sampled, most: usize) -> Vec<EventCandidate> {
         // The trial at the steps of the coarse recording.
         let duration_s = trial.values.len().saturating_sub(1) as f64 / trial.rate_hz;
         let length = (duration_s * self.coarse_hz) as usize;
@@ -102,12 +100,12 @@ impl<'a> SearchedRecording<'a> {
             })
             .collect();
         peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
-        peaks.truncate(MOST_PLACES);
+        peaks.truncate(most);
         peaks.sort_by_key(|peak| peak.0);
         let time_s = |at: usize| self.whole.time_s(at as f64 * self.whole.rate_hz / self.coarse_hz) + shift_s;
         peaks
             .into_iter()
-            .map(|(at, weight)| Candidate { time_s: time_s(at) - trial.start_s, weight })
+            .map(|(at, weight)| EventCandidate { time_s: time_s(at) - trial.start_s, weight })
             .collect()
     }
 
@@ -141,7 +139,7 @@ impl<'a> SearchedRecording<'a> {
     }
 
     /// The place near `place` at which `trial` fits best, to a part of a sample.
-    pub fn refined(&self, trial: Sampled, place: Candidate) -> Candidate {
+    pub fn refined(&self, trial: Sampled, place: EventCandidate) -> EventCandidate {
         let step_s = 0.5 / self.whole.rate_hz.max(trial.rate_hz);
         let reach = (1.5 / self.coarse_hz / step_s).ceil() as i64;
         let at = |step: i64| place.time_s + step as f64 * step_s;
@@ -156,7 +154,7 @@ impl<'a> SearchedRecording<'a> {
                 time_s += 0.5 * (before - after) / bend * step_s;
             }
         }
-        Candidate { time_s, weight: fits.get(best).copied().unwrap_or(0.0) }
+        EventCandidate { time_s, weight: fits.get(best).copied().unwrap_or(0.0) }
     }
 
     /// Correlation coefficient with the time 0 of the trial at `time_s` of the recording, over the samples of the recording.
@@ -221,7 +219,7 @@ mod tests {
             let mut searched = SearchedRecording::new(Sampled { start_s: 100.0, rate_hz, values: &values });
             for (number, values) in trials.iter().enumerate() {
                 let trial = Sampled { start_s: 0.0, rate_hz: 2500.0, values };
-                let places = searched.places(trial);
+                let places = searched.places(trial, 10);
                 let best = places.iter().max_by(|a, b| a.weight.total_cmp(&b.weight)).unwrap();
                 let refined = searched.refined(trial, *best);
                 let off_s = refined.time_s - 100.0 - begin_s(number);
@@ -236,7 +234,7 @@ mod tests {
         let trial = Sampled { start_s: 0.0, rate_hz: 2500.0, values: &values };
         for recording in [vec![1.0; 100_000], values[..1200].to_vec()] {
             let own = Sampled { start_s: 0.0, rate_hz: 2500.0, values: &recording };
-            assert_eq!(SearchedRecording::new(own).places(trial), []);
+            assert_eq!(SearchedRecording::new(own).places(trial, 10), []);
         }
     }
 }

@@ -16,7 +16,7 @@ const MOST_MISSED: usize = 5;
 
 /// A time in the recording that can be that of an event.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Candidate {
+pub struct EventCandidate {
     /// Time on the clock of the recording, s.
     pub time_s: f64,
     /// How well it fits, as its correlation; 1 for a pulse or a marker.
@@ -48,10 +48,10 @@ pub enum MatchProblem {
 /// If what was found may be chance, or two places fit alike.
 pub fn match_events<'a>(
     expected_s: &[f64],
-    candidates: impl Fn(usize) -> &'a [Candidate],
+    candidates: impl Fn(usize) -> &'a [EventCandidate],
     grain_s: f64,
     length_s: f64,
-) -> Result<Vec<Option<Candidate>>, MatchProblem> {
+) -> Result<Vec<Option<EventCandidate>>, MatchProblem> {
     let anchors = expected_s.len().div_ceil(MOST_ANCHORS).max(1);
     let mut best: Option<Chain> = None;
     let mut second: Option<Chain> = None;
@@ -76,10 +76,6 @@ pub fn match_events<'a>(
         }
     }
     let best = best.ok_or(MatchProblem::TooFew { found: 0 })?;
-    if let Some(other) = second.filter(|other| other.found >= best.found && !best.is_heavier_than(other)) {
-        let first = |chain: &Chain| chain.matched.iter().flatten().next().map_or(0.0, |own| own.time_s);
-        return Err(MatchProblem::Ambiguous { at_s: [first(&best), first(&other)], found: best.found });
-    }
     // The anchor is there by choice. Poisson's upper tail is at most exp(-m) (e m / q)^q.
     let (confirmed, by_chance) = (best.found.saturating_sub(1) as f64, best.found_by_chance.max(1e-300));
     let log_tail = -by_chance + confirmed * (1.0 + libm::log(by_chance) - libm::log(confirmed.max(1e-300)));
@@ -87,13 +83,17 @@ pub fn match_events<'a>(
     if is_chance {
         return Err(MatchProblem::TooFew { found: best.found });
     }
+    if let Some(other) = second.filter(|other| other.found >= best.found && !best.is_heavier_than(other)) {
+        let first = |chain: &Chain| chain.matched.iter().flatten().next().map_or(0.0, |own| own.time_s);
+        return Err(MatchProblem::Ambiguous { at_s: [first(&best), first(&other)], found: best.found });
+    }
     Ok(best.matched)
 }
 
 /// Events with the candidates that follow from one of them.
 #[derive(Debug, Clone)]
 struct Chain {
-    matched: Vec<Option<Candidate>>,
+    matched: Vec<Option<EventCandidate>>,
     found: usize,
     weight: f64,
     /// Expected number of events that would be found among candidates at random times.
@@ -103,8 +103,8 @@ struct Chain {
 impl Chain {
     fn from_anchor<'a>(
         expected_s: &[f64],
-        candidates: &impl Fn(usize) -> &'a [Candidate],
-        (anchor, candidate): (usize, Candidate),
+        candidates: &impl Fn(usize) -> &'a [EventCandidate],
+        (anchor, candidate): (usize, EventCandidate),
         grain_s: f64,
         length_s: f64,
     ) -> Self {
@@ -122,7 +122,7 @@ impl Chain {
                 chain.found_by_chance += own.len() as f64 * (2.0 * within_s / length_s).min(1.0);
                 let from = own.partition_point(|one| one.time_s < wanted_s - within_s);
                 let near = own[from..].iter().take_while(|one| one.time_s <= wanted_s + within_s);
-                let off = |one: &Candidate| (one.time_s - wanted_s).abs();
+                let off = |one: &EventCandidate| (one.time_s - wanted_s).abs();
                 let nearest =
                     near.max_by(|a, b| a.weight.total_cmp(&b.weight).then(off(b).total_cmp(&off(a))));
                 let Some(nearest) = nearest else {
@@ -142,7 +142,7 @@ impl Chain {
         chain
     }
 
-    fn keep(&mut self, event: usize, candidate: Candidate) {
+    fn keep(&mut self, event: usize, candidate: EventCandidate) {
         self.matched[event] = Some(candidate);
         self.found += 1;
         self.weight += candidate.weight;
@@ -181,8 +181,9 @@ mod tests {
             .collect()
     }
 
-    fn pulses(times_s: impl Iterator<Item = f64>) -> Vec<Candidate> {
-        let mut own: Vec<Candidate> = times_s.map(|time_s| Candidate { time_s, weight: 1.0 }).collect();
+    fn pulses(times_s: impl Iterator<Item = f64>) -> Vec<EventCandidate> {
+        let mut own: Vec<EventCandidate> =
+            times_s.map(|time_s| EventCandidate { time_s, weight: 1.0 }).collect();
         own.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         own
     }

@@ -5,6 +5,7 @@
 //! of the two clocks. No sample is changed or resampled: each keeps its value, and gets its time on the axis of its trial.
 
 mod alignment;
+mod attached_emg;
 mod attachment;
 mod correlation;
 mod error;
@@ -12,5 +13,6 @@ mod event_match;
 mod trigger;
 
 pub use alignment::{Aligned, AttachRequest, ClockSource, Reference, align};
+pub use attached_emg::{AttachedEmg, AttachedTrialEmg, attached_emg};
 pub use attachment::{ATTACHED, Attachment, AttachmentTrial, ClockComparison};
 pub use error::AttachError;

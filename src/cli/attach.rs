@@ -63,6 +63,12 @@ pub struct AttachArgs {
     /// Column with the EMG of the extensor carpi radialis.
     #[arg(long, value_name = "COLUMN")]
     emg_ecr: Option<String>,
+    /// Mean rectified EMG of the flexor at maximal effort, in the unit of its column; the report then shows the EMG.
+    #[arg(long, value_name = "VALUE", requires = "emg_fcr")]
+    fcr_at_mvc: Option<f64>,
+    /// Mean rectified EMG of the extensor at maximal effort, in the unit of its column.
+    #[arg(long, value_name = "VALUE", requires = "emg_ecr")]
+    ecr_at_mvc: Option<f64>,
     /// Name of the attachment [default: that of the file].
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
@@ -119,6 +125,11 @@ impl AttachArgs {
             }
             (None, None) => ClockSource::Format,
         };
+        for (option, value) in [("--fcr-at-mvc", self.fcr_at_mvc), ("--ecr-at-mvc", self.ecr_at_mvc)] {
+            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+                return Err(Failure::Usage(format!("{option} {value}: expected a number above 0")));
+            }
+        }
         let reference = match (self.trigger, self.marker, self.signal, self.shared) {
             (Some(column), ..) => {
                 Reference::Trigger { column, threshold: self.threshold, falling: self.falling }
@@ -136,6 +147,7 @@ impl AttachArgs {
             reference,
             table: self.table,
             emg: [self.emg_fcr, self.emg_ecr],
+            emg_at_mvc: [self.fcr_at_mvc, self.ecr_at_mvc],
             name: self.name,
         })
     }

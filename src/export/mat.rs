@@ -15,7 +15,7 @@ use crate::files::{self, Folder};
 const VARIABLE: &str = "sessions";
 
 /// The fields of a trial that every session has, in order.
-const FIELDS: [&str; 9] = [
+const TRIAL_FIELDS: [&str; 9] = [
     "trial",
     "velocity_rad_s",
     "torque_nm",
@@ -111,7 +111,7 @@ fn trials(session: &Session, fits: &BTreeMap<u32, BTreeMap<String, String>>) -> 
     channels.extend(optional.into_iter().filter(|(_, of)| is_measured(of)));
     let table = Columns::of(session.trials.iter().map(|trial| &trial.extra));
     let fit = Columns::of(fits.values());
-    let mut fields: Vec<String> = FIELDS.iter().map(|name| (*name).to_owned()).collect();
+    let mut fields: Vec<String> = TRIAL_FIELDS.iter().map(|name| (*name).to_owned()).collect();
     fields.extend(channels.iter().map(|(name, _)| (*name).to_owned()));
     fields.extend(["table".to_owned(), "fit".to_owned()]);
     let element = |trial: &Trial| {

@@ -200,7 +200,9 @@ pub fn events_meaning() -> Value {
         },
         "trial": { "Description": "Number of the trial in the session", "HED": "Experimental-trial/#" },
         "status": { "Description": "Outcome of the trial", "Levels": {
-            "ok": "complete", "rejected": "a rule of the protocol was broken", "aborted": "ended before its time" } },
+            "ok": "complete", "rejected": "a rule of the protocol was broken", "aborted": "ended before its time" },
+            "HED": {
+                "ok": "Label/Trial-complete", "rejected": "Label/Trial-rejected", "aborted": "Label/Trial-aborted" } },
     })
 }
 

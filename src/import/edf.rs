@@ -9,12 +9,12 @@ use super::error::ImportError;
 use super::recording::{Marker, Recording, TIME_COLUMN};
 use super::source_table::SourceTable;
 
-const HEADER: usize = 256;
+const EDF_HEADER: usize = 256;
 /// The most signals that are read.
 const MOST_SIGNALS: usize = 4096;
 
 /// What the header says of a signal.
-struct Signal {
+struct EdfSignal {
     label: String,
     physical: [f64; 2],
     digital: [f64; 2],
@@ -22,7 +22,7 @@ struct Signal {
     each: usize,
 }
 
-impl Signal {
+impl EdfSignal {
     fn is_annotation(&self) -> bool {
         self.label.ends_with("Annotations")
     }
@@ -67,16 +67,17 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
         return Err(broken("a recording with interruptions (EDF+D)".into()));
     }
     let signal_count = count(field(252, 4)?, "signals")?;
-    let start = HEADER * (signal_count + 1);
+    let start = EDF_HEADER * (signal_count + 1);
     if signal_count == 0 || signal_count > MOST_SIGNALS || bytes.len() < start {
         return Err(broken(format!("a header of {signal_count} signals in {} bytes", bytes.len())));
     }
     // The fields of the signals stand one kind after the other.
-    let of_signal =
-        |before: usize, length: usize, at: usize| field(HEADER + before * signal_count + length * at, length);
+    let of_signal = |before: usize, length: usize, at: usize| {
+        field(EDF_HEADER + before * signal_count + length * at, length)
+    };
     let mut signals = Vec::with_capacity(signal_count);
     for at in 0..signal_count {
-        let signal = Signal {
+        let signal = EdfSignal {
             label: of_signal(0, 16, at)?,
             physical: [
                 number(of_signal(104, 8, at)?, "physical minimum")?,
@@ -95,7 +96,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
     }
     let record_s = number(field(244, 8)?, "duration of a record")?;
     let in_record = width * signals.iter().map(|signal| signal.each).sum::<usize>();
-    if in_record == 0 || !(record_s > 0.0 || signals.iter().all(Signal::is_annotation)) {
+    if in_record == 0 || !(record_s > 0.0 || signals.iter().all(EdfSignal::is_annotation)) {
         return Err(broken(format!("records of {in_record} bytes and {record_s} s")));
     }
     let there = (bytes.len() - start) / in_record;

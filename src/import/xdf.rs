@@ -14,9 +14,9 @@ const MOST_STREAMS: usize = 1000;
 const MOST_CHANNELS: usize = 10_000;
 
 /// Tags of chunks.
-const STREAM_HEADER: u16 = 2;
-const SAMPLES: u16 = 3;
-const CLOCK_OFFSET: u16 = 4;
+const STREAM_HEADER_CHUNK: u16 = 2;
+const SAMPLES_CHUNK: u16 = 3;
+const CLOCK_OFFSET_CHUNK: u16 = 4;
 
 /// A type of values.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +46,7 @@ impl ValueKind {
 }
 
 /// A stream while it is read.
-struct Stream {
+struct XdfStream {
     id: u32,
     name: String,
     labels: Vec<String>,
@@ -114,33 +114,33 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
         expected: "an XDF file that is whole, as LabRecorder writes it",
     };
     let mut cursor = Cursor(bytes.strip_prefix(b"XDF:").unwrap_or(bytes));
-    let mut streams: Vec<Stream> = Vec::new();
+    let mut streams: Vec<XdfStream> = Vec::new();
     while !cursor.0.is_empty() {
         let at = bytes.len() - cursor.0.len();
         let cut = || broken(format!("a chunk at byte {at} that is cut off or no chunk"));
         let length = cursor.length().ok_or_else(cut)?;
         let mut chunk = Cursor(cursor.take(length).ok_or_else(cut)?);
         let tag = u16::from_le_bytes(chunk.number().ok_or_else(cut)?);
-        if !(STREAM_HEADER..=CLOCK_OFFSET).contains(&tag) {
+        if !(STREAM_HEADER_CHUNK..=CLOCK_OFFSET_CHUNK).contains(&tag) {
             continue;
         }
         let id = u32::from_le_bytes(chunk.number().ok_or_else(cut)?);
         let count = streams.len();
         let known = streams.iter_mut().find(|stream| stream.id == id);
         match (tag, known) {
-            (STREAM_HEADER, None) if count < MOST_STREAMS => {
+            (STREAM_HEADER_CHUNK, None) if count < MOST_STREAMS => {
                 let text = String::from_utf8_lossy(chunk.0);
                 streams.push(header(id, &text).map_err(|found| broken(format!("stream {id}: {found}")))?);
             }
-            (STREAM_HEADER, None) => return Err(broken(format!("more than {MOST_STREAMS} streams"))),
-            (STREAM_HEADER, Some(_)) => return Err(broken(format!("two headers of stream {id}"))),
-            (SAMPLES, Some(stream)) => samples(&mut chunk, stream).ok_or_else(|| {
+            (STREAM_HEADER_CHUNK, None) => return Err(broken(format!("more than {MOST_STREAMS} streams"))),
+            (STREAM_HEADER_CHUNK, Some(_)) => return Err(broken(format!("two headers of stream {id}"))),
+            (SAMPLES_CHUNK, Some(stream)) => samples(&mut chunk, stream).ok_or_else(|| {
                 broken(format!(
                     "stream {:?}: samples at byte {at} that are not as its header says",
                     stream.name
                 ))
             })?,
-            (CLOCK_OFFSET, Some(stream)) => {
+            (CLOCK_OFFSET_CHUNK, Some(stream)) => {
                 let measured = chunk.number().zip(chunk.number());
                 let (time, offset) = measured.ok_or_else(cut)?;
                 let pair = (f64::from_le_bytes(time), f64::from_le_bytes(offset));
@@ -185,7 +185,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
 }
 
 /// What the XML header of a stream says.
-fn header(id: u32, text: &str) -> Result<Stream, String> {
+fn header(id: u32, text: &str) -> Result<XdfStream, String> {
     let document =
         roxmltree::Document::parse(text).map_err(|error| format!("its header is no XML ({error})"))?;
     let info = document.root_element();
@@ -213,7 +213,7 @@ fn header(id: u32, text: &str) -> Result<Stream, String> {
     if labels.len() != count {
         labels = (1..=count).map(|channel| format!("channel_{channel}")).collect();
     }
-    Ok(Stream {
+    Ok(XdfStream {
         id,
         name: field("name"),
         labels,
@@ -227,7 +227,7 @@ fn header(id: u32, text: &str) -> Result<Stream, String> {
 }
 
 /// Adds the samples of a chunk; `None` if it has not as many bytes as its counts need.
-fn samples(chunk: &mut Cursor, stream: &mut Stream) -> Option<()> {
+fn samples(chunk: &mut Cursor, stream: &mut XdfStream) -> Option<()> {
     let count = chunk.length()?;
     // Each sample has at least the byte that says whether it has a time stamp.
     if count > chunk.0.len() {
