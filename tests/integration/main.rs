@@ -14,6 +14,7 @@ mod fit_input;
 mod further_channels;
 mod import;
 mod input_checks;
+mod laboratory;
 mod motor_cycle_memory;
 mod optional_parts;
 mod protocol_check;
