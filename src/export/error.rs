@@ -35,6 +35,11 @@ pub enum ExportError {
     /// No trial has any samples.
     #[error("{}: no trial has samples; there is nothing to export", .0.display())]
     Nothing(PathBuf),
+    /// A session without a journal, in which nobody knows when its trials were.
+    #[error(
+        "{}: has no journal, so nobody knows when its trials were; an XDF file needs that. Use --mat, --bids or --parquet", .0.display()
+    )]
+    NoTimes(PathBuf),
     /// A result table that cannot be read.
     #[error("{}: cannot be read as a table: {message}. Write it again with: ramphold fit", path.display())]
     Table {

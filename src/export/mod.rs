@@ -1,4 +1,4 @@
-//! Sessions in the formats of other tools: a BIDS dataset, tidy Parquet tables, .mat files.
+//! Sessions in the formats of other tools: a BIDS dataset, tidy Parquet tables, .mat files, XDF.
 
 mod bdf;
 mod bids;
@@ -13,9 +13,11 @@ mod parquet;
 mod parquet;
 mod rows;
 mod sidecars;
+mod xdf;
 
 pub use bids::{Participant, write as write_bids};
 pub use error::ExportError;
 pub use mat::write as write_mat;
 pub use parquet::write as write_parquet;
 pub use rows::Rows;
+pub use xdf::write as write_xdf;
