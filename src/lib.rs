@@ -72,6 +72,7 @@
 //! | rig | [`rig`] | what moves the wrist and measures it: the virtual wrist, or a motor on a CAN bus |
 //! | session | [`session`] | the experiment as a state machine, and the control loop around it |
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
+//! | lsl | [`lsl`] | a running session as streams of Lab Streaming Layer |
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
 //! | import | [`import`] | sessions from foreign recordings |
 //! | attach | [`attach`] | recordings of other devices, aligned with the trials of a session |
@@ -102,6 +103,7 @@ pub mod files;
 pub mod fit;
 pub mod import;
 pub mod json_file;
+pub mod lsl;
 pub mod number;
 pub mod protocol;
 pub mod random;

@@ -13,6 +13,7 @@ use crate::files::is_refusal;
 use crate::fit::{CalibrationMisuse, ModelError, PreprocessingError, WriteError};
 use crate::import::ImportError;
 use crate::json_file::JsonFileError;
+use crate::lsl::LslError;
 use crate::protocol::{ProtocolError, TooShort};
 use crate::report::ReportError;
 use crate::rig::can;
@@ -106,6 +107,9 @@ pub enum Failure {
     /// A recording cannot be imported.
     #[error(transparent)]
     Import(#[from] ImportError),
+    /// The session cannot be published.
+    #[error(transparent)]
+    Lsl(#[from] LslError),
     /// A recording cannot be attached.
     #[error(transparent)]
     Attach(#[from] AttachError),
@@ -243,6 +247,7 @@ impl Failure {
             | Self::Read { .. }
             | Self::Usage(_)
             | Self::Import(_)
+            | Self::Lsl(_)
             | Self::Resume(ResumeError::Dataset(_) | ResumeError::NotAsItWas { .. })
             | Self::TooShort(_)
             | Self::Person(_)

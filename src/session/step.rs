@@ -92,6 +92,15 @@ pub trait StepConsumer {
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), Self::Error>;
 }
 
+/// A consumer that may be there or not.
+impl<A: StepConsumer<Error = Infallible>> StepConsumer for Option<A> {
+    type Error = Infallible;
+
+    fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), Infallible> {
+        self.as_mut().map_or(Ok(()), |own| own.consume(step, progress))
+    }
+}
+
 /// Two consumers of the same steps. The first one (the recorder) decides whether the session can go on.
 impl<A: StepConsumer, B: StepConsumer<Error = Infallible>> StepConsumer for (A, B) {
     type Error = A::Error;
