@@ -207,6 +207,8 @@ impl RunArgs {
         // A calibration that no analysis can use is found before a trial is run.
         UsedCalibration::constants(calibration.as_ref(), lever)?;
         let signals = rig.recorded_signals(settings.sample_rate_hz);
+        // Before the folder is made: without the library there is no session.
+        let lsl = self.publish(&settings, &signals, &folder, console)?;
         let recorder = NewSession {
             protocol,
             order: &order,
@@ -232,7 +234,6 @@ impl RunArgs {
             folder: &folder,
             earlier_trials: Vec::new(),
         };
-        let lsl = self.publish(&settings, &signals, &folder, console)?;
         let setup = self.console.setup(description, self.yes, rig.may_wait())?;
         let machine = Machine::new(Arc::new(settings));
         let (options, is_confirmed) = (&self.console, self.yes);
