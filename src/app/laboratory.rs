@@ -14,8 +14,8 @@ use super::failure::Failure;
 use super::session_rig::is_can_rig_file;
 
 /// The protocols that come with the program.
-const PAPER: &str = include_str!("../../protocols/de-vlugt-2011.json");
-const QUICK: &str = include_str!("../../protocols/quick.json");
+const PAPER_PROTOCOL: &str = include_str!("../../protocols/de-vlugt-2011.json");
+const QUICK_PROTOCOL: &str = include_str!("../../protocols/quick.json");
 
 /// What a laboratory begins with.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,8 +43,8 @@ impl Laboratory {
         }
         let is_can = rig != "virtual" && is_can_rig_file(Path::new(rig));
         let text = match protocol {
-            "paper" => PAPER.to_owned(),
-            "quick" => QUICK.to_owned(),
+            "paper" => PAPER_PROTOCOL.to_owned(),
+            "quick" => QUICK_PROTOCOL.to_owned(),
             file => ValidProtocol::read(Path::new(file))?.text().to_owned(),
         };
         let text = if emg || is_can { text } else { without_emg(&text) };

@@ -179,6 +179,8 @@ impl<'a> SearchedRecording<'a> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
     use crate::random::Stream;
 
@@ -191,7 +193,7 @@ mod tests {
             let ramp = ((time_s - 0.5) / 0.05).clamp(0.0, 1.0);
             ramp + waves
                 .iter()
-                .map(|[hz, phase, size]| size * libm::sin(6.283 * hz * time_s + phase))
+                .map(|[hz, phase, size]| size * libm::sin(TAU * hz * time_s + phase))
                 .sum::<f64>()
         }
     }

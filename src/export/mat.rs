@@ -14,6 +14,9 @@ use crate::files::{self, Folder};
 /// The variable of the file.
 const VARIABLE: &str = "sessions";
 
+/// Name of a channel, and its samples in a record.
+type RecordColumn = (&'static str, fn(&Record) -> Option<&Vec<f64>>);
+
 /// The fields of a trial that every session has, in order.
 const TRIAL_FIELDS: [&str; 9] = [
     "trial",
@@ -93,11 +96,11 @@ fn session(folder: &Path) -> Result<MatValue, ExportError> {
 
 /// The trials, in the order in which they were run. A field is there where any trial of the session has it.
 fn trials(session: &Session, fits: &BTreeMap<u32, BTreeMap<String, String>>) -> StructArray {
-    let mut channels: Vec<(&str, fn(&Record) -> Option<&Vec<f64>>)> = vec![
+    let mut channels: Vec<RecordColumn> = vec![
         ("theta_m_rad", |record| Some(&record.theta_m_rad)),
         ("torque_l_nm", |record| Some(&record.torque_l_nm)),
     ];
-    let optional: [(&str, fn(&Record) -> Option<&Vec<f64>>); 2 + FurtherChannel::COUNT] = [
+    let optional: [RecordColumn; 2 + FurtherChannel::COUNT] = [
         ("emg_fcr_mvc", |record| record.emg_fcr_mvc.as_ref()),
         ("emg_ecr_mvc", |record| record.emg_ecr_mvc.as_ref()),
         (FurtherChannel::HandleAngle.column(), |record| record.theta_l_rad.as_ref()),

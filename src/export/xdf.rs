@@ -33,11 +33,11 @@ pub fn write(folder: &Path, file: &Path) -> Result<(), ExportError> {
 }
 
 /// Name, type, unit and samples of a channel.
-type Channel = (&'static str, &'static str, &'static str, fn(&Record) -> Option<&Vec<f64>>);
+type XdfChannel = (&'static str, &'static str, &'static str, fn(&Record) -> Option<&Vec<f64>>);
 
 /// The channels that every record of `session` with samples has.
-fn channels(session: &Session) -> Vec<Channel> {
-    let all: [Channel; 4 + FurtherChannel::COUNT] = [
+fn channels(session: &Session) -> Vec<XdfChannel> {
+    let all: [XdfChannel; 4 + FurtherChannel::COUNT] = [
         ("theta_m_rad", "Angle", "rad", |record| Some(&record.theta_m_rad)),
         ("torque_l_nm", "Torque", "N m", |record| Some(&record.torque_l_nm)),
         ("emg_fcr_mvc", "EMG", "MVC", |record| record.emg_fcr_mvc.as_ref()),

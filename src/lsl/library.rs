@@ -6,21 +6,20 @@ use std::path::{Path, PathBuf};
 use libloading::{Library, Symbol};
 
 /// Names under which the library is looked for.
-#[cfg(target_os = "windows")]
-const NAMES: [&str; 2] = ["lsl.dll", "liblsl64.dll"];
-/// Names under which the library is looked for.
-#[cfg(target_os = "macos")]
-const NAMES: [&str; 2] = ["liblsl.dylib", "/opt/homebrew/lib/liblsl.dylib"];
-/// Names under which the library is looked for.
-#[cfg(not(any(target_os = "windows", target_os = "macos")))]
-const NAMES: [&str; 2] = ["liblsl.so", "liblsl.so.2"];
+const NAMES: [&str; 2] = if cfg!(target_os = "windows") {
+    ["lsl.dll", "liblsl64.dll"]
+} else if cfg!(target_os = "macos") {
+    ["liblsl.dylib", "/opt/homebrew/lib/liblsl.dylib"]
+} else {
+    ["liblsl.so", "liblsl.so.2"]
+};
 
 /// `cft_double64` and `cft_string` of lsl_c.h.
-const DOUBLE: c_int = 2;
-const TEXT: c_int = 3;
+const DOUBLE_FORMAT: c_int = 2;
+const TEXT_FORMAT: c_int = 3;
 
 /// Samples, or seconds of a regular stream, that an outlet keeps for a reader that is slow.
-const KEPT_S: c_int = 360;
+const OUTLET_KEPT_S: c_int = 360;
 
 type Pointer = *mut c_void;
 type CreateInfo =
@@ -174,7 +173,7 @@ impl LslLibrary {
     /// If the library refuses.
     pub fn outlet(&self, stream: &StreamDescription) -> Result<Outlet<'_>, LslError> {
         let refused = || LslError::NoStream { stream: stream.name.to_owned() };
-        let format = if stream.is_text { TEXT } else { DOUBLE };
+        let format = if stream.is_text { TEXT_FORMAT } else { DOUBLE_FORMAT };
         let [name, kind, source] = [stream.name, stream.kind, stream.source].map(text);
         let count = stream.channels.len() as c_int;
         // SAFETY: the texts live during the call, which copies them.
@@ -196,7 +195,7 @@ impl LslLibrary {
         }
         // SAFETY: `info` is a stream's; the outlet has a copy of it, so that it can be destroyed, once.
         let outlet = unsafe {
-            let outlet = (self.create_outlet)(info, 0, KEPT_S);
+            let outlet = (self.create_outlet)(info, 0, OUTLET_KEPT_S);
             (self.destroy_info)(info);
             outlet
         };

@@ -91,7 +91,19 @@ fn a_recording_with_a_trigger_is_cut_into_the_trials_and_no_sample_is_changed() 
     let measured = Measured::new();
     let samples = measured.write_csv("emg.csv");
     let before = files(&measured.workspace.path("s"));
-    let arguments = ["attach", "s", "emg.csv", "--time", "t", "--trigger", "TRIG", "--emg-fcr", "EMG 1"];
+    let arguments = [
+        "attach",
+        "s",
+        "emg.csv",
+        "--time",
+        "t",
+        "--trigger",
+        "TRIG",
+        "--emg-fcr",
+        "EMG 1",
+        "--fcr-at-mvc",
+        "2",
+    ];
     let (told, _) = measured.workspace.call(0, &arguments);
     assert!(told.contains("drift against the session's clock: "), "{told}");
 
@@ -143,6 +155,17 @@ fn a_recording_with_a_trigger_is_cut_into_the_trials_and_no_sample_is_changed() 
     assert!(
         files(&measured.workspace.path("bids")).keys().any(|name| name.ends_with("attached/emg/source.csv"))
     );
+
+    // The report shows this EMG, at its own rate and in its own unit.
+    measured.workspace.call(0, &["report", "s"]);
+    let report = fs::read_to_string(measured.workspace.path("s/results/report.html")).unwrap();
+    assert!(report.contains("The EMG is that of the attachment emg, 2000 samples a second."));
+    assert!(report.contains("EMG by trial") && report.contains("Maximal efforts"));
+    // Noise between -0.5 and 0.5 has a mean size of 0.25: 12.5 % of 2.
+    let (_, table) = report.split_once("EMG by trial").unwrap();
+    let row = table.split("<tr").find(|row| row.contains(">1<")).unwrap();
+    let cells: Vec<f64> = row.split('>').filter_map(|cell| cell.split('<').next()?.parse().ok()).collect();
+    assert!((cells[1] - 12.5).abs() < 0.5, "{row}");
 
     let (_, message) = measured.workspace.call(2, &arguments);
     assert!(message.contains("is there already and is not overwritten"), "{message}");
