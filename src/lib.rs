@@ -71,8 +71,8 @@
 //! | timing | [`timing`] | the clock, a periodic timer, and a histogram of how late it was |
 //! | rig | [`rig`] | what moves the wrist and measures it: the virtual wrist, or a motor on a CAN bus |
 //! | session | [`session`] | the experiment as a state machine, and the control loop around it |
-//! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
 //! | lsl | [`lsl`] | a running session as streams of Lab Streaming Layer |
+//! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
 //! | import | [`import`] | sessions from foreign recordings |
 //! | attach | [`attach`] | recordings of other devices, aligned with the trials of a session |

@@ -22,10 +22,12 @@ const TEXT_FORMAT: c_int = 3;
 const OUTLET_KEPT_S: c_int = 360;
 
 type Pointer = *mut c_void;
+// SAFETY: these are the functions of lsl_c.h; who calls one keeps what it asks of its pointers.
 type CreateInfo =
     unsafe extern "C" fn(*const c_char, *const c_char, c_int, c_double, c_int, *const c_char) -> Pointer;
 type GetDesc = unsafe extern "C" fn(Pointer) -> Pointer;
 type AppendChild = unsafe extern "C" fn(Pointer, *const c_char) -> Pointer;
+// SAFETY: as above.
 type AppendValue = unsafe extern "C" fn(Pointer, *const c_char, *const c_char) -> Pointer;
 type CreateOutlet = unsafe extern "C" fn(Pointer, c_int, c_int) -> Pointer;
 type Destroy = unsafe extern "C" fn(Pointer);

@@ -77,7 +77,7 @@ fn every_state_of_a_session_is_told() {
         fs::write(&path, of(fs::read_to_string(&path).unwrap())).unwrap();
     };
     edit("all/s4-contradictory/trials.csv", &|text| {
-        text.replace(",1.3,", ",-1.3,").replace(",3.25,", ",-3.25,")
+        text.replace("csv,1.3,", "csv,-1.3,").replace("csv,3.25,", "csv,-3.25,")
     });
     fs::remove_dir_all(workspace.path("all/s4-contradictory/results")).unwrap();
     edit("all/s5-other-data/session.json", &|text| text.replace("S07", "S08"));
