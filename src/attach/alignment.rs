@@ -116,11 +116,8 @@ pub fn align(request: &AttachRequest) -> Result<Aligned, AttachError> {
     for column in request.emg.iter().flatten() {
         table.column(column)?;
     }
-    let ramps = match dataset::ramp_times(&request.session)? {
-        Some(ramps) => ramps,
-        // Without a journal nobody knows when the ramps were; their order is known.
-        None => Vec::new(),
-    };
+    // Without a journal nobody knows when the ramps were; their order is known.
+    let ramps = dataset::ramp_times(&request.session)?.unwrap_or_default();
     let found = match &request.reference {
         Reference::Trigger { column, threshold, falling } => {
             let times_s = edges_in(request, &recording, column, *threshold, *falling)?;
