@@ -1,4 +1,5 @@
-//! Sets the environment variable RAMPHOLD_COMMIT to the commit that the program is built from, if it is known.
+//! Sets the environment variable RAMPHOLD_COMMIT to the commit that the program is built from, if it is known; RAMPHOLD_BUILT_FROM to
+//! the same or "unknown", and RAMPHOLD_FEATURES to the optional parts that are built in, both for `--version`.
 //!
 //! Only release builds get it, because other builds are made of work in progress. An archive made by git contains the
 //! commit in the file COMMIT (see .gitattributes). Elsewhere git is asked. Without both, the commit is unknown and the
@@ -8,6 +9,8 @@ use std::process::Command;
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rustc-env=RAMPHOLD_FEATURES={}", features());
+    println!("cargo::rustc-env=RAMPHOLD_BUILT_FROM=unknown");
     if std::env::var("PROFILE").as_deref() != Ok("release") {
         return;
     }
@@ -27,7 +30,16 @@ fn main() {
     };
     if let Some(commit) = commit.filter(|commit| is_hash(commit)) {
         println!("cargo::rustc-env=RAMPHOLD_COMMIT={commit}");
+        println!("cargo::rustc-env=RAMPHOLD_BUILT_FROM={commit}");
     }
+}
+
+/// The optional parts that are built in, as text.
+fn features() -> String {
+    let parts = ["matlab", "parquet", "terminal", "tls"];
+    let built = |part: &&str| std::env::var_os(format!("CARGO_FEATURE_{}", part.to_uppercase())).is_some();
+    let built: Vec<&str> = parts.into_iter().filter(built).collect();
+    if built.is_empty() { "no optional parts".to_owned() } else { format!("with {}", built.join(", ")) }
 }
 
 /// The output of a git command; `None` without git, or outside a repository of this project.

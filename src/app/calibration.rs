@@ -57,7 +57,11 @@ impl UsedCalibration {
         bytes.map(|bytes| Self::parse(bytes, file)).transpose()
     }
 
-    fn parse(bytes: Vec<u8>, file: PathBuf) -> Result<Self, Failure> {
+    /// The calibration in the bytes of `file`.
+    ///
+    /// # Errors
+    /// If they are no calibration.
+    pub fn parse(bytes: Vec<u8>, file: PathBuf) -> Result<Self, Failure> {
         let calibration = RigCalibration::parse(&String::from_utf8_lossy(&bytes), &file)?;
         Ok(Self { calibration, sha256: sha256(&bytes), file, bytes })
     }

@@ -21,6 +21,7 @@ mod new_session;
 mod pace;
 mod question;
 mod results_folder;
+mod rig_calibration;
 mod rig_trials_text;
 mod safe_output;
 mod seed;
@@ -32,7 +33,9 @@ mod session_state;
 mod signals;
 mod wall_clock;
 
-pub use analysis::{FitRequest, preprocess_and_fit, preprocessing_settings};
+pub use analysis::{
+    AnalysedSession, AnalysisRequest, DiagnosedSession, FittedSession, preprocessing_settings, with_window,
+};
 pub use calibration::UsedCalibration;
 pub use checked_session::{CheckedSession, load_checked};
 pub use console::Console;
@@ -48,6 +51,7 @@ pub use new_session::{draw_seed, new_folder, subject_number};
 pub use pace::Pace;
 pub use question::ask;
 pub use results_folder::{ResultsFolder, check_has_none, check_out};
+pub use rig_calibration::{calibrate_rig, compare_rig};
 pub use rig_trials_text::rig_trials_text;
 pub use seed::parse_seed;
 pub use session_report::{tell_foreign_results, write_report, write_report_to, write_study_report};

@@ -3,19 +3,26 @@
 use std::path::Path;
 
 use crate::dataset::{Disk, Manifest, Resumable};
+use crate::fit::{Model, Results, Weighting};
 use crate::session::{Machine, Phase, Status};
 
 use super::{
-    Console, Failure, FitRequest, ResultsFolder, fit_table, preprocess_and_fit, ran_on_can_motor,
+    AnalysedSession, AnalysisRequest, Console, Failure, ResultsFolder, fit_table, ran_on_can_motor,
     write_report,
 };
+
+/// The results of a session that has just been run, as nothing was asked for.
+fn fit_as_run(folder: &Path, console: &Console) -> Result<Results, Failure> {
+    let session = AnalysedSession::read(folder, &AnalysisRequest::default(), console)?;
+    Ok(session.fit(&Model::default(), Weighting::default(), false)?.results)
+}
 
 /// Results of a session that the operator ended before its last trial, from the trials that there are.
 fn finish_early(left: usize, is_virtual: bool, folder: &Path, console: &Console) -> Result<(), Failure> {
     let disk = Disk::default();
     let shown = folder.display();
-    let fitted = preprocess_and_fit(folder, &FitRequest::default(), console);
-    if let Ok((_, results, _)) = &fitted {
+    let fitted = fit_as_run(folder, console);
+    if let Ok(results) = &fitted {
         let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
         results.write(&disk, &own)?;
         write_report(folder, &own, console)?;
@@ -25,7 +32,7 @@ fn finish_early(left: usize, is_virtual: bool, folder: &Path, console: &Console)
         "the session was ended with {left} trials left to do. Go on with: ramphold resume {shown}"
     ));
     match fitted {
-        Ok((_, results, _)) => fit_table(console, &results),
+        Ok(results) => fit_table(console, &results),
         Err(reason) => {
             console
                 .message(format_args!("there is no fit yet: {reason}. Make it with: ramphold fit {shown}"));
@@ -69,12 +76,12 @@ pub fn finish_session(
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
         return Err(Failure::Ended { folder: folder.to_owned(), left: machine.progress().queue().len() });
     }
-    let fitted = preprocess_and_fit(folder, &FitRequest::default(), console);
+    let fitted = fit_as_run(folder, console);
     if fitted.is_err() {
         // What was measured is complete, whatever the analysis says of it.
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
     }
-    let (_, results, _) = fitted?;
+    let results = fitted?;
     let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
     results.write(&disk, &own)?;
     write_report(folder, &own, console)?;

@@ -22,6 +22,7 @@ mod loads;
 mod misfit;
 mod moments;
 mod noise;
+mod output;
 mod prepared_trial;
 mod reported;
 mod rig_model;

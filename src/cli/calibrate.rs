@@ -1,15 +1,11 @@
 //! `ramphold calibrate`: the constants of the rig from its rig trials, and whether today's agree with them.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use serde_json::json;
-
-use crate::app::{Console, Failure, check_out, now_utc};
-use crate::calibrate::{
-    CalibrationOutcome, QuantityDifference, RigComparison, calibrate, compare, named_load,
-};
-use crate::dataset::{Disk, Manifest, PROGRAM, RIG_CALIBRATION, RigCalibration, RigTrials, load_rig_trials};
+use crate::app::{Console, Failure, calibrate_rig, check_out, compare_rig};
+use crate::calibrate::{CalibrationOutcome, RigComparison, named_load};
+use crate::dataset::{Disk, Manifest, RIG_CALIBRATION, RigCalibration};
 use crate::files;
 use crate::protocol::significant;
 
@@ -54,19 +50,16 @@ impl Verb for CalibrateArgs {
             }
         }
         let earlier = self.compare.as_deref().map(RigCalibration::read).transpose()?;
-        let trials = load_rig_trials(&self.session)?;
         match earlier {
-            Some(earlier) => self.compare_with(&trials, &earlier, console),
-            None => self.calibrate(&trials, console),
+            Some(earlier) => self.compare_with(&earlier, console),
+            None => self.calibrate(console),
         }
     }
 }
 
 impl CalibrateArgs {
-    fn calibrate(&self, trials: &RigTrials, console: &Console) -> Result<(), Failure> {
-        let mut outcome =
-            calibrate(trials, PROGRAM, &folder_name(&self.session)).map_err(|source| self.failure(source))?;
-        outcome.calibration.made_utc = Some(now_utc());
+    fn calibrate(&self, console: &Console) -> Result<(), Failure> {
+        let outcome = calibrate_rig(&self.session)?;
         match &self.out {
             Some(out) => outcome.calibration.write_as(&Disk::default(), out)?,
             None => {
@@ -77,22 +70,17 @@ impl CalibrateArgs {
         let file = self.out.clone().unwrap_or_else(|| self.session.join(RIG_CALIBRATION));
         console.message(format_args!("written: {}", file.display()));
         if self.json {
-            let text = serde_json::to_string_pretty(&calibration_json(&outcome)).unwrap_or_default();
+            let text = serde_json::to_string_pretty(&outcome.to_json()).unwrap_or_default();
             writeln!(console.results(), "{text}")?;
             return Ok(());
         }
         print_calibration(console, &outcome)
     }
 
-    fn compare_with(
-        &self,
-        trials: &RigTrials,
-        earlier: &RigCalibration,
-        console: &Console,
-    ) -> Result<(), Failure> {
-        let comparison = compare(trials, earlier).map_err(|source| self.failure(source))?;
+    fn compare_with(&self, earlier: &RigCalibration, console: &Console) -> Result<(), Failure> {
+        let comparison = compare_rig(&self.session, earlier)?;
         if self.json {
-            let text = serde_json::to_string_pretty(&comparison_json(&comparison)).unwrap_or_default();
+            let text = serde_json::to_string_pretty(&comparison.to_json()).unwrap_or_default();
             writeln!(console.results(), "{text}")?;
         } else {
             print_comparison(console, earlier, &comparison)?;
@@ -103,38 +91,6 @@ impl CalibrateArgs {
         let names: Vec<&str> = comparison.changed.iter().map(|name| name.name()).collect();
         Err(Failure::RigChanged { session: self.session.clone(), quantities: names.join(" or ") })
     }
-
-    fn failure(&self, source: crate::calibrate::CalibrateError) -> Failure {
-        Failure::Calibrate { session: self.session.display().to_string(), source }
-    }
-}
-
-/// Name of the session's folder.
-fn folder_name(session: &Path) -> String {
-    let absolute = std::path::absolute(session).unwrap_or_else(|_| session.to_owned());
-    absolute.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-fn calibration_json(outcome: &CalibrationOutcome) -> serde_json::Value {
-    let residuals = outcome.misfit.loads.iter().map(|own| {
-        json!({
-            "load": own.load.name(), "sign": own.load.sign(), "trials": own.trials, "ratio": own.ratio,
-            "p_value": own.p_value,
-        })
-    });
-    let loads = outcome.loads.iter().map(|own| {
-        json!({
-            "load": named_load(own.load), "difference": own.difference, "se": own.se,
-            "p_value": own.difference.map(|_| own.p_value),
-            "or": own.or.iter().map(|load| named_load(*load)).collect::<Vec<_>>(),
-        })
-    });
-    json!({
-        "calibration": outcome.calibration,
-        "residuals_by_load": residuals.collect::<Vec<_>>(),
-        "stated_loads": loads.collect::<Vec<_>>(),
-        "p_value_of_servo": outcome.misfit.servo_p_value,
-    })
 }
 
 fn print_calibration(console: &Console, outcome: &CalibrationOutcome) -> Result<(), Failure> {
@@ -188,21 +144,6 @@ fn print_calibration(console: &Console, outcome: &CalibrationOutcome) -> Result<
         writeln!(out, "warning: {warning}")?;
     }
     Ok(())
-}
-
-fn comparison_json(comparison: &RigComparison) -> serde_json::Value {
-    let one = |own: &QuantityDifference| {
-        json!({
-            "name": own.name, "calibrated": own.calibrated, "difference": own.difference, "se": own.se,
-            "p_value": own.p_value,
-        })
-    };
-    json!({
-        "trials": comparison.trials,
-        "p_value": comparison.p_value,
-        "changed": comparison.changed,
-        "quantities": comparison.quantities.iter().map(one).collect::<Vec<_>>(),
-    })
 }
 
 fn print_comparison(

@@ -1,5 +1,6 @@
 //! The program's command line: the verbs, and the exit code.
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -59,7 +60,7 @@ verbs! {
 
 /// Ramp-and-hold experiments on the human wrist: run the protocol, fit the model, find what the model gets wrong.
 #[derive(Debug, Parser)]
-#[command(name = "ramphold", version, arg_required_else_help = true, after_help = EXIT_CODES)]
+#[command(name = "ramphold", version = VERSION, arg_required_else_help = true, after_help = EXIT_CODES)]
 pub struct CommandLine {
     #[command(subcommand)]
     verb: Verbs,
@@ -74,20 +75,43 @@ pub struct CommandLine {
 const EXIT_CODES: &str =
     "Exit codes: 0 done; 1 the work failed or was only partly possible; 2 wrong input or usage.";
 
-/// Reads the arguments, runs the verb and prints why it failed, if it did.
+/// Reads the program's arguments, runs the verb and prints why it failed, if it did.
 pub fn main() -> ExitCode {
-    let command_line = CommandLine::parse();
+    ExitCode::from(run_program(std::env::args_os()))
+}
+
+/// Runs the program with `arguments`, the first of which is its name; returns the exit code. Once in a process: it sets up the
+/// messages of the whole process.
+pub fn run_program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let command_line = match CommandLine::try_parse_from(arguments) {
+        Ok(command_line) => command_line,
+        Err(error) => {
+            // Where this cannot be printed, nothing can.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(2);
+        }
+    };
     let console = Console::new(command_line.quiet, command_line.verbose);
     match command_line.verb.run(&console) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(failure) => {
             if !failure.is_broken_pipe() {
                 console.error(&failure);
             }
-            ExitCode::from(failure.exit_code())
+            failure.exit_code()
         }
     }
 }
+
+/// What `--version` prints: version, commit and optional parts.
+pub const VERSION: &str = concat!(
+    env!("CARGO_PKG_VERSION"),
+    " (commit ",
+    env!("RAMPHOLD_BUILT_FROM"),
+    "; ",
+    env!("RAMPHOLD_FEATURES"),
+    ")"
+);
 
 #[cfg(test)]
 mod tests {

@@ -4,18 +4,16 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{
-    CheckedSession, Console, Failure, ResultsFolder, UsedCalibration, check_has_none, check_out,
-    folder_of_diagnosis, load_checked, parse_seed, preprocessing_settings, read_model, write_report,
+    AnalysedSession, AnalysisRequest, Console, DiagnosedSession, Failure, ResultsFolder, check_has_none,
+    check_out, folder_of_diagnosis, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
-use crate::dataset::{Disk, Manifest, PROGRAM, Session};
-use crate::diagnose::{
-    Cause, CauseEvidence, Diagnosis, DiagnosisInput, FoundLaw, Verdict, diagnose, picture,
-};
+use crate::dataset::{Disk, Manifest, Session};
+use crate::diagnose::{Cause, CauseEvidence, Diagnosis, FoundLaw, Verdict, picture};
 use crate::fit::NoiseSource;
 use crate::protocol::significant;
 use crate::report;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::verb::Verb;
 
@@ -59,30 +57,22 @@ pub struct DiagnoseArgs {
 impl Verb for DiagnoseArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
         let model = read_model(self.model.as_deref())?;
-        let CheckedSession { session, accepted } = load_checked(&self.session, &self.accept)?;
-        let given = self.given_folder(&session)?;
-        let settings = preprocessing_settings(&self.session, self.window)?;
-        let used = UsedCalibration::of_session(self.calibration.as_deref(), &self.session)?;
-        let rig = UsedCalibration::knowledge(used.as_ref(), session.lever)?;
-        used.iter().for_each(|used| used.announce(console));
-        let input = DiagnosisInput::of_rig(&session, settings, &model, rig)
-            .map_err(|source| Failure::Prepare { session: self.session.display().to_string(), source })?;
-        let prepared = &input.observations;
-        if prepared.noise_source != Some(NoiseSource::Holds) {
+        let asked = AnalysisRequest {
+            window_s: self.window,
+            calibration: self.calibration.clone(),
+            accept: self.accept.clone(),
+        };
+        let session = AnalysedSession::read(&self.session, &asked, console)?;
+        let given = self.given_folder(&session.checked.session)?;
+        let input = session.prepare_diagnosis(&model)?;
+        if input.observations.noise_source != Some(NoiseSource::Holds) {
             console.message("no hold before the ramps: the noise is estimated from the repetitions instead");
         }
         let stages = console.stages();
-        let diagnosis = diagnose(&input, &model, self.seed, &|stage| stages.set_message(stage));
+        let found = session.diagnose(input, &model, self.seed, &|stage| stages.set_message(stage));
         stages.finish_and_clear();
-        let mut json = diagnosis.to_json(prepared);
-        json["accepted"] = json!(accepted);
-        json["settings"] = json!({
-            "window_s": settings.window_s,
-            "seed": self.seed,
-            "calibration_sha256": used.as_ref().map(|used| &used.sha256),
-        });
-        json["model"] = model.json();
-        json["made_from"] = json!({ "session_sha256": session.digest(), "program": PROGRAM });
+        let DiagnosedSession { input, diagnosis, json } = found;
+        let prepared = &input.observations;
         let folder = match given {
             Some(folder) => folder,
             None => folder_of_diagnosis(&self.session, &json)?,

@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::app::{
-    Console, Failure, FitRequest, ResultsFolder, check_has_none, check_out, fit_table, folder_of_fit,
-    parse_seed, preprocess_and_fit, read_model, write_report,
+    AnalysedSession, AnalysisRequest, Console, Failure, FittedSession, ResultsFolder, check_has_none,
+    check_out, fit_table, folder_of_fit, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, session_folders};
@@ -93,23 +93,20 @@ impl Verb for FitArgs {
 
 impl FitArgs {
     fn fit(&self, session: &Path, model: &Model, console: &Console) -> Result<Results, Failure> {
-        let (observations, mut results, fit) = preprocess_and_fit(session, &self.request(model), console)?;
+        let asked = AnalysisRequest {
+            window_s: self.window,
+            calibration: self.calibration.clone(),
+            accept: self.accept.clone(),
+        };
+        let weighting = if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise };
+        let session = AnalysedSession::read(session, &asked, console)?;
+        let FittedSession { observations, mut results, independent, .. } =
+            session.fit(model, weighting, self.independent)?;
         if let Some(refits) = self.bootstrap {
-            let scatter = fit::bootstrap(&observations, &fit, refits as usize, self.seed);
+            let scatter = fit::bootstrap(&observations, &independent, refits as usize, self.seed);
             results.add_bootstrap(refits as usize, self.seed, &scatter);
         }
         Ok(results)
-    }
-
-    fn request(&self, model: &Model) -> FitRequest {
-        FitRequest {
-            model: model.clone(),
-            window_s: self.window,
-            weighting: if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise },
-            independent: self.independent,
-            accept: self.accept.clone(),
-            calibration: self.calibration.clone(),
-        }
     }
 
     /// The results folder of each session in `--out`, where nothing is replaced; none without `--out`: the fit then decides.

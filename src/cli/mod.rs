@@ -31,4 +31,4 @@ mod verb;
 mod verify;
 mod watch;
 
-pub use command_line::{CommandLine, main};
+pub use command_line::{CommandLine, VERSION, main, run_program};

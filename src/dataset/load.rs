@@ -45,7 +45,7 @@ pub fn load_amended(folder: &Path, amendments: &Amendments) -> Result<Session, D
     let trials: Vec<Result<Trial, DatasetError>> =
         rows.into_par_iter().map(|row| row.with_record(&folder, about.sample_rate_hz)).collect();
     let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
-    check_further_channels(&folder, &trials)?;
+    check_further_channels(&trials, |trial| FilePlace::line(folder.name(&trial.file), 1))?;
     Ok(Session {
         subject: about.subject,
         sample_rate_hz: about.sample_rate_hz,
@@ -55,8 +55,12 @@ pub fn load_amended(folder: &Path, amendments: &Amendments) -> Result<Session, D
     })
 }
 
-/// Refuses a record with other further channels than the first record of the session. A record without rows may have any.
-fn check_further_channels(folder: &SessionFolder, trials: &[Trial]) -> Result<(), DatasetError> {
+/// Refuses a record with other further channels than the first record of the session; `at` is the place of a trial's channels. A record
+/// without rows may have any.
+pub(super) fn check_further_channels(
+    trials: &[Trial],
+    at: impl Fn(&Trial) -> FilePlace,
+) -> Result<(), DatasetError> {
     let mut recorded = trials.iter().filter(|trial| !trial.record.theta_m_rad.is_empty());
     let Some(first) = recorded.next() else { return Ok(()) };
     let channels = first.record.further_channels();
@@ -68,10 +72,10 @@ fn check_further_channels(folder: &SessionFolder, trials: &[Trial]) -> Result<()
         some => some.iter().map(|channel| channel.column()).collect::<Vec<_>>().join(", "),
     };
     Err(DatasetError::FurtherChannels {
-        at: FilePlace::line(folder.name(&other.file), 1),
+        at: at(other),
         found: names(&other.record.further_channels()),
         expected: names(&channels),
-        first: folder.name(&first.file),
+        first: at(first).file.into(),
     })
 }
 
@@ -129,7 +133,7 @@ pub(super) fn read_description(folder: &SessionFolder) -> Result<ParsedDescripti
     check_format(|| FilePlace::field(name.clone(), "format"), &version.format, SESSION_FORMAT)?;
     missing_fields(&name, &text)?;
     let about: ParsedDescription = parse_json(&name, &text)?;
-    check_values(&name, &about)?;
+    check_values(&name, about.sample_rate_hz, about.rig.lever.as_ref(), about.recorded_filter.as_ref())?;
     Ok(about)
 }
 
@@ -146,7 +150,13 @@ fn missing_fields(name: &str, text: &str) -> Result<(), DatasetError> {
     Err(DatasetError::MissingFields { at: FilePlace::file(name), fields: missing.join(", ") })
 }
 
-fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetError> {
+/// Whether a session can have this rate, lever and filter; `name` is the file, or what was given instead.
+pub(super) fn check_values(
+    name: &str,
+    rate: f64,
+    lever: Option<&Lever>,
+    recorded_filter: Option<&FilterSpec>,
+) -> Result<(), DatasetError> {
     let field = |field: &str, found: f64, good: bool, expected: &str| {
         if good {
             return Ok(());
@@ -157,10 +167,9 @@ fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetErro
             expected: expected.to_owned(),
         })
     };
-    let rate = about.sample_rate_hz;
     let possible = rate > 0.0 && rate <= limits::MAX_SAMPLE_RATE_HZ;
     field("sample_rate_hz", rate, possible, "a number of samples a second above 0 and at most 1000000")?;
-    if let Some(lever) = &about.rig.lever {
+    if let Some(lever) = lever {
         let positive = |value: f64| value.is_finite() && value > 0.0;
         let (inertia, damping, stiffness) =
             (lever.inertia_kg_m2, lever.damping_nm_s_per_rad, lever.stiffness_nm_per_rad);
@@ -169,7 +178,7 @@ fn check_values(name: &str, about: &ParsedDescription) -> Result<(), DatasetErro
         field("rig.lever.damping_nm_s_per_rad", damping, damped, "a damping from 0 up")?;
         field("rig.lever.stiffness_nm_per_rad", stiffness, positive(stiffness), "a stiffness above 0")?;
     }
-    if let Some(FilterSpec::Butterworth { order, cutoff_hz, .. }) = about.recorded_filter {
+    if let Some(FilterSpec::Butterworth { order, cutoff_hz, .. }) = recorded_filter.copied() {
         field("recorded_filter.order", f64::from(order), (1..=10).contains(&order), "an order from 1 to 10")?;
         let possible = cutoff_hz > 0.0 && cutoff_hz < rate / 2.0;
         field("recorded_filter.cutoff_hz", cutoff_hz, possible, "a frequency below half the sample rate")?;
@@ -294,37 +303,39 @@ impl Row {
         let text = folder.text(&self.trial.file, limits::RECORD_BYTES, Some(&self.file_at))?;
         let name = folder.name(&self.trial.file);
         self.trial.record = trial_csv_reader::parse(&name, &text, sample_rate_hz)?;
-        self.check_onset(&name, sample_rate_hz)?;
+        check_record(&self.trial, &name, &self.onset_at, sample_rate_hz)?;
         Ok(self.trial)
     }
+}
 
-    fn check_onset(&self, name: &str, sample_rate_hz: f64) -> Result<(), DatasetError> {
-        let record = &self.trial.record;
-        let samples = record.theta_m_rad.len();
-        let analysed = self.trial.status == Status::Ok;
-        let needed = (2.0 * AROUND_ONSET_S * sample_rate_hz).floor() as usize;
-        if analysed && samples < needed {
-            return Err(DatasetError::TooShort {
-                at: FilePlace::file(name),
-                found: samples,
-                expected: needed,
-            });
-        }
-        let Some(onset_s) = self.trial.onset_s else { return Ok(()) };
-        let (first_s, last_s) =
-            (record.start_s, record.start_s + samples.saturating_sub(1) as f64 / sample_rate_hz);
-        // Onsets are printed with few digits too.
-        let rounding_s = 0.5 / sample_rate_hz;
-        let margin_s = if analysed { AROUND_ONSET_S - 2.0 * rounding_s } else { 0.0 };
-        let inside = |margin_s: f64| {
-            onset_s >= first_s + margin_s - rounding_s && onset_s <= last_s - margin_s + rounding_s
-        };
-        let expected = match (inside(0.0) && samples > 0, inside(margin_s)) {
-            (false, _) => "inside the record",
-            (true, false) => "with at least 40 ms of the record before and after it",
-            (true, true) => return Ok(()),
-        };
-        let at = self.onset_at.clone();
-        Err(DatasetError::Onset { at, onset_s, expected, record: name.to_owned(), first_s, last_s })
+/// Whether a trial's record, called `name` in messages, is long enough to be analysed, and its onset, given at `onset_at`, lies in it.
+pub(super) fn check_record(
+    trial: &Trial,
+    name: &str,
+    onset_at: &FilePlace,
+    sample_rate_hz: f64,
+) -> Result<(), DatasetError> {
+    let record = &trial.record;
+    let samples = record.theta_m_rad.len();
+    let analysed = trial.status == Status::Ok;
+    let needed = (2.0 * AROUND_ONSET_S * sample_rate_hz).floor() as usize;
+    if analysed && samples < needed {
+        return Err(DatasetError::TooShort { at: FilePlace::file(name), found: samples, expected: needed });
     }
+    let Some(onset_s) = trial.onset_s else { return Ok(()) };
+    let (first_s, last_s) =
+        (record.start_s, record.start_s + samples.saturating_sub(1) as f64 / sample_rate_hz);
+    // Onsets are printed with few digits too.
+    let rounding_s = 0.5 / sample_rate_hz;
+    let margin_s = if analysed { AROUND_ONSET_S - 2.0 * rounding_s } else { 0.0 };
+    let inside = |margin_s: f64| {
+        onset_s >= first_s + margin_s - rounding_s && onset_s <= last_s - margin_s + rounding_s
+    };
+    let expected = match (inside(0.0) && samples > 0, inside(margin_s)) {
+        (false, _) => "inside the record",
+        (true, false) => "with at least 40 ms of the record before and after it",
+        (true, true) => return Ok(()),
+    };
+    let at = onset_at.clone();
+    Err(DatasetError::Onset { at, onset_s, expected, record: name.to_owned(), first_s, last_s })
 }

@@ -311,8 +311,13 @@ impl RigCalibration {
     pub fn write_as(&self, disk: &Disk, file: &Path) -> Result<(), RecordError> {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         let write =
-            || disk.write(&Folder::open(file.parent().unwrap_or(Path::new("")))?, &*name, &pretty(self));
+            || disk.write(&Folder::open(file.parent().unwrap_or(Path::new("")))?, &*name, &self.text());
         write().map_err(RecordError::at(file))
+    }
+
+    /// The bytes of the file.
+    pub fn text(&self) -> Vec<u8> {
+        pretty(self)
     }
 
     /// Value of a constant, in the unit of its name; `None` if the loads could not tell it.

@@ -56,7 +56,7 @@ pub(super) fn parse_rig_record(
             return Err(table.invalid(time, "time 0 in the first row of a rig trial"));
         }
     }
-    check_times(file, &times_s, &lines, sample_rate_hz)?;
+    check_times(&times_s, sample_rate_hz, |row| FilePlace::cell(file, lines[row], "column t_s"))?;
     let [target_rad, theta_m_rad, torque_l_nm] = channels;
     let [theta_l_rad, alpha_l_rad_s2, torque_h_nm] = further;
     if analysed {

@@ -8,7 +8,7 @@ use crate::files::limits;
 use crate::protocol::ValidProtocol;
 
 /// Name of the protocol in a session folder.
-const PROTOCOL: &str = "protocol.json";
+pub(super) const PROTOCOL: &str = "protocol.json";
 
 /// Reads the protocol of the session in `folder`; `None` if it has none, as a session that another program measured.
 ///

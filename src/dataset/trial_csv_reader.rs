@@ -54,7 +54,7 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
         }
         lines.push(table.line());
     }
-    check_times(file, &times_s, &lines, sample_rate_hz)?;
+    check_times(&times_s, sample_rate_hz, |row| FilePlace::cell(file, lines[row], "column t_s"))?;
     record.start_s = times_s.first().copied().unwrap_or(0.0);
     Ok(record)
 }
@@ -70,16 +70,14 @@ pub(super) fn parse_targets(file: &str, text: &str) -> Result<Vec<f64>, DatasetE
     Ok(targets_rad)
 }
 
-/// Whether the samples lie where an even time axis of the session's rate puts them.
+/// Whether the samples lie where an even time axis of the session's rate puts them; `at` names the place of a sample.
 pub(super) fn check_times(
-    file: &str,
     times_s: &[f64],
-    lines: &[u64],
     sample_rate_hz: f64,
+    at: impl Fn(usize) -> FilePlace,
 ) -> Result<(), DatasetError> {
     let Some(&first_s) = times_s.first() else { return Ok(()) };
     let step_s = 1.0 / sample_rate_hz;
-    let at = |row: usize| FilePlace::cell(file, lines[row], "column t_s");
     let rate = |row: usize| DatasetError::Rate {
         at: at(row),
         found_hz: 1.0 / median_step(times_s),

@@ -44,7 +44,7 @@ pub use fitted::fit::Fit;
 pub use fitted::predictions::{Prediction, predictions, variance_accounted_for};
 pub use fitted::quantities::{QUANTITIES, simulated_trajectory};
 pub use fitted::uncertainty::{Uncertainty, coordinate_covariances, uncertainties};
-pub use inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread, bootstrap};
+pub use inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread, bootstrap, bootstrap_watched};
 pub use inference::profile::{PROFILED_PARAMETERS, ProfileInterval, profiles};
 pub use inference::resampling::{NoiseSampler, draw_observations};
 pub use model::model_file::{MODEL_FORMAT, ModelError};

@@ -17,6 +17,7 @@
 
 mod duration;
 mod error;
+mod examples;
 mod multisine;
 mod rig_trial_block;
 mod rig_trials;
@@ -31,6 +32,7 @@ mod valid;
 
 pub use duration::{APPROACH_S, Duration};
 pub use error::{Problem, ProtocolError};
+pub use examples::EXAMPLES;
 pub use multisine::Multisine;
 pub use rig_trial_block::{BlockMotion, RigTrialBlock};
 pub use rig_trials::{

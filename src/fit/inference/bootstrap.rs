@@ -31,6 +31,17 @@ pub struct BootstrapSpread {
 ///
 /// Each refit has its own random stream, so the result does not depend on the number of threads.
 pub fn bootstrap(observations: &Observations, fit: &Fit, refits: usize, seed: u64) -> Vec<BootstrapSpread> {
+    bootstrap_watched(observations, fit, refits, seed, || ())
+}
+
+/// As [`bootstrap`], calling `begins` before each refit. A program that has to stop in between does so by unwinding from there.
+pub fn bootstrap_watched(
+    observations: &Observations,
+    fit: &Fit,
+    refits: usize,
+    seed: u64,
+    begins: impl Fn() + Sync,
+) -> Vec<BootstrapSpread> {
     if fit.residual_covariances.is_empty() {
         return Vec::new();
     }
@@ -40,6 +51,7 @@ pub fn bootstrap(observations: &Observations, fit: &Fit, refits: usize, seed: u6
     let drawn: Vec<Vec<[Option<f64>; COUNT]>> = (0..refits)
         .into_par_iter()
         .map(|number| {
+            begins();
             let mut stream = Stream::new(seed, &format!("fit/bootstrap/{number}"));
             let session = draw_observations(observations, &predicted, &noise, &mut stream);
             let refitted = fit.refitted(&session);

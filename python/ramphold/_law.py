@@ -1,0 +1,169 @@
+"""Own mechanisms without Rust: a function of one argument at a place of the model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._arguments import number
+from ._errors import InputError
+from ._native import catalogue, spline_basis
+
+if TYPE_CHECKING:
+    from ._simulate import Motion
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 401
+
+
+def _laws() -> dict[tuple[str, str], dict[str, Any]]:
+    """The free laws that are splines, by place and argument."""
+    entries = [entry for entry in json.loads(catalogue()) if entry["is_free_law"]]
+    return {(own["place"], own["argument"]): own for own in entries if len(own["parameters"]) == 10}
+
+
+class OwnLaw:
+    """An own mechanism: a smooth function h of one argument, added at a place of the model.
+
+    It acts as a free law of the crate does: h is represented by a cubic spline with eight coefficients over a range, and is constant
+    beyond it. At rest it adds nothing. `deviation` says how far the spline is from the function that was given. The function itself
+    is not called during a simulation. What a law costs, `slowdown` measures: its ten parameters have derivatives too, and the model
+    without mechanisms takes a shorter way.
+
+    Places and arguments: `OwnLaw.places()`. A law of past speed or past torque, of two arguments, or with a state of its own is not
+    possible here; it takes a mechanism in Rust (see "Add a mechanism" in the book).
+    """
+
+    def __init__(self, place: str, argument: str, low: float, high: float, coefficients: ArrayLike) -> None:
+        """The law with these eight coefficients over the range `low` to `high`; see `from_points` and `from_function`."""
+        laws = _laws()
+        if (place, argument) not in laws:
+            known = ", ".join(f"{own} {of}" for own, of in laws)
+            raise InputError(f"law at {place!r} of {argument!r}; expected a place and an argument: {known}")
+        self._entry = laws[(place, argument)]
+        self.place, self.argument = place, argument
+        self.low, self.high = number(low, "low"), number(high, "high")
+        if self.low >= self.high:
+            raise InputError(f"range {low} to {high}; expected the lower end first")
+        self.coefficients: Array = np.array([number(own, "coefficients") for own in np.ravel(np.asarray(coefficients))])
+        if self.coefficients.shape != (8,):
+            raise InputError(f"coefficients: {self.coefficients.size}; expected 8")
+        self.deviation = 0.0
+
+    @staticmethod
+    def places() -> list[tuple[str, str, str]]:
+        """Place, argument and equation of every law that there can be."""
+        return [(place, argument, own["equation"]) for (place, argument), own in _laws().items()]
+
+    @classmethod
+    def from_points(cls, place: str, argument: str, u: ArrayLike, h: ArrayLike, *, tolerance: float) -> OwnLaw:
+        """The law through points, such as the knots of a spline.
+
+        u: arguments in rising order, shape (points,), at least 8, in the argument's unit.
+        h: values there, shape (points,), N m (rad at the angle channel); a constant in h has no effect.
+        tolerance: largest distance between spline and points that you accept, in the unit of h.
+        """
+        try:
+            at, values = np.asarray(u, dtype=np.float64), np.asarray(h, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"points: {error}; expected numbers") from None
+        if at.ndim != 1 or at.shape != values.shape or at.size < 8:
+            raise InputError(f"points of shape {at.shape} and {values.shape}; expected two rows of the same length, 8 or more")
+        if not (np.isfinite(at).all() and np.isfinite(values).all() and (np.diff(at) > 0).all()):
+            raise InputError("points: expected finite numbers, the arguments in rising order")
+        basis = spline_basis(np.ascontiguousarray(at), float(at[0]), float(at[-1]))
+        design = np.column_stack([basis, np.ones(at.size)])
+        solution = np.linalg.lstsq(design, values, rcond=None)[0]
+        law = cls(place, argument, float(at[0]), float(at[-1]), solution[:8] - solution[:8].mean())
+        law.deviation = float(np.abs(design @ solution - values).max())
+        if law.deviation > number(tolerance, "tolerance"):
+            raise InputError(
+                f"the spline of eight coefficients is {law.deviation:.3g} from the points; expected at most the tolerance of "
+                f"{tolerance:.3g}: give a shorter range, or a smoother law"
+            )
+        return law
+
+    @classmethod
+    def from_function(
+        cls, place: str, argument: str, function: Callable[[float], float], low: float, high: float, *, tolerance: float
+    ) -> OwnLaw:
+        """The law of a Python function of one number, over the range `low` to `high` of its argument.
+
+        tolerance: largest distance between spline and function that you accept, N m (rad at the angle channel).
+        """
+        begin, end = number(low, "low"), number(high, "high")
+        if begin >= end:
+            raise InputError(f"range {low} to {high}; expected the lower end first")
+        u = np.linspace(begin, end, _SAMPLES)
+        return cls.from_points(place, argument, u, [number(function(float(own)), "the function's value") for own in u],
+                               tolerance=tolerance)
+
+    def __call__(self, u: ArrayLike) -> Array:
+        """h(u) - h(0), shape as `u`."""
+        at = np.asarray(u, dtype=np.float64)
+        basis = spline_basis(np.ascontiguousarray(at.reshape(-1)), self.low, self.high)
+        return np.asarray((basis @ self.coefficients).reshape(at.shape))
+
+    def as_mechanism(self) -> dict[str, Any]:
+        """The law with its values, for `simulate` and `Session.simulate`."""
+        names = [own["name"] for own in self._entry["parameters"]]
+        return {"mechanism": self._entry["id"],
+                "parameters": dict(zip(names, [self.low, self.high, *map(float, self.coefficients)], strict=True))}
+
+    def in_model(self, *, fitted: bool = False) -> dict[str, Any]:
+        """The law in a model file: as it is, or with coefficients that a fit estimates from these on, one value a session."""
+        own = self.as_mechanism()
+        if fitted:
+            ends = list(own["parameters"])[:2]
+            own["parameters"] = {
+                name: value if name in ends else {"scope": "session", "value": value}
+                for name, value in own["parameters"].items()
+            }
+        return own
+
+    def slowdown(self, motion: Motion, parameters: ArrayLike, *, repetitions: int = 200) -> float:
+        """How many times longer a simulation with derivatives takes with the law than without, measured here and now."""
+        import time
+
+        from ._simulate import simulate
+
+        def lasts(added: list[OwnLaw]) -> float:
+            taken: list[float] = []
+            for _ in range(repetitions):
+                begin = time.perf_counter()
+                simulate(parameters, motion, mechanisms=added, derivatives=True)
+                taken.append(time.perf_counter() - begin)
+            return float(np.median(taken))
+
+        return lasts([self]) / lasts([])
+
+
+def mechanism_list(added: Sequence[Mapping[str, Any] | OwnLaw]) -> list[dict[str, Any]]:
+    """Mechanisms as JSON."""
+    return [own.as_mechanism() if isinstance(own, OwnLaw) else own for own in _sequence(added)]
+
+
+def model_text(model: Mapping[str, Any] | None, added: Sequence[Mapping[str, Any] | OwnLaw]) -> dict[str, Any] | None:
+    """A model with mechanisms added to it; None for the model of the paper."""
+    if model is not None and not isinstance(model, Mapping):
+        raise InputError(f"model: {type(model).__name__}; expected a dict, as in a model file")
+    own = [entry.in_model() if isinstance(entry, OwnLaw) else entry for entry in _sequence(added)]
+    if model is None and not own:
+        return None
+    whole: dict[str, Any] = {"format": "ramphold-model/1", **(model or {})}
+    whole["mechanisms"] = [*whole.get("mechanisms", []), *own]
+    return whole
+
+
+def _sequence(added: Sequence[Mapping[str, Any] | OwnLaw]) -> list[Any]:
+    if isinstance(added, (str, bytes, Mapping, OwnLaw)) or not isinstance(added, Sequence):
+        raise InputError(f"mechanisms: {type(added).__name__}; expected a list")
+    for own in added:
+        if not isinstance(own, (Mapping, OwnLaw)):
+            raise InputError(f"mechanisms: {type(own).__name__}; expected dicts and OwnLaw")
+    return [own if isinstance(own, OwnLaw) else dict(own) for own in added]

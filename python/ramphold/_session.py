@@ -1,0 +1,415 @@
+"""Sessions: read, given as arrays or simulated; fitted and diagnosed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._arguments import PathOrJson, count, json_text, listener, names, number, optional_number, path, text_of
+from ._calibration import CalibrationSource, calibration_argument
+from ._errors import InputError
+from ._law import OwnLaw, mechanism_list, model_text
+from ._native import NativeSession
+from ._protocol import Protocol
+from ._results import Diagnosis, Fit, Listener
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_TABLE = ("trial", "velocity_rad_s", "torque_nm", "repetition", "condition", "onset_s", "status")
+
+_RATE_ROUNDING = 1e-3
+"""Rates are whole numbers; times are rounded by up to this part of a record. As the program's import does it."""
+
+
+class Session:
+    """A measured or simulated session: signals and table of its trials, checked by the rules for a session's folder."""
+
+    def __init__(self, native: NativeSession) -> None:
+        """Sessions are made by `load`, `from_arrays` and `simulate`."""
+        if not isinstance(native, NativeSession):
+            raise InputError("a session is made by Session.load, Session.from_arrays or Session.simulate")
+        self._native = native
+        self._description: dict[str, Any] = json.loads(native.description)
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Session:
+        """Reads a session's folder. Window and filter of the session's protocol and the calibration in its folder hold for its
+        analysis, as in the program.
+
+        Raises `InputError` with file, line, column and what was expected.
+        """
+        return cls(NativeSession.load(path(folder, "folder")))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        t: Array | Sequence[Array],
+        theta: Array | Sequence[Array],
+        torque: Array | Sequence[Array],
+        *,
+        trials: Any,
+        lever: Mapping[str, float] | None,
+        recorded_filter: Mapping[str, Any] | None = None,
+        subject: str = "S01",
+        sample_rate_hz: float | None = None,
+        emg_fcr: Array | Sequence[Array | None] | None = None,
+        emg_ecr: Array | Sequence[Array | None] | None = None,
+        theta_l: Array | Sequence[Array] | None = None,
+        alpha_l: Array | Sequence[Array] | None = None,
+        torque_h: Array | Sequence[Array] | None = None,
+        theta_j: Array | Sequence[Array] | None = None,
+    ) -> Session:
+        """A session from a lab's own arrays.
+
+        t: time, shape (samples,) for all trials, or (trials, samples), or a list of one array a trial; s.
+        theta: angle of the motor, shape (trials, samples) or a list of arrays, rad; unfiltered, offsets not removed.
+        torque: torque in the lever, as `theta`, N m; what resists a positive ramp is positive.
+        trials: the table, one row a trial: a pandas or polars frame, a dict of columns, or a list of dicts. Needed: velocity_rad_s,
+            torque_nm (target). Known: trial (number; else 1, 2, ...), repetition (else counted in each condition), onset_s (on the
+            axis of t; else found by the analysis), status (ok, aborted or rejected; else ok), condition (a label). Other columns
+            are kept as text; the analysis reads rest_s (rest before the trial, s).
+        lever: None for a rigid lever, else a dict of inertia_kg_m2, damping_nm_s_per_rad and stiffness_nm_per_rad.
+        recorded_filter: None if nothing was filtered before recording, else the filter, such as
+            {"kind": "butterworth", "order": 3, "cutoff_hz": 50}.
+        sample_rate_hz: samples a second; else from `t`.
+        emg_fcr, emg_ecr: EMG, as `theta`, fraction of maximal voluntary contraction; a list may hold None for a trial without.
+        theta_l, alpha_l, torque_h, theta_j: further channels, as `theta`: angle of the handle (rad), its acceleration (rad/s2), torque
+            between handle and hand (N m), angle of the joint (rad). The fit uses what there is; all trials have the same channels.
+
+        Arrays are contiguous and of float64; each is copied once. Raises `InputError` otherwise, and if times have gaps, values are
+        not finite, or the table does not fit the signals. Wrong units are found by `fit` and `diagnose`, which hold the signals
+        against the table.
+        """
+        rows = _rows(trials)
+        given = {
+            "theta": theta, "torque": torque, "emg_fcr": emg_fcr, "emg_ecr": emg_ecr,
+            "theta_l": theta_l, "alpha_l": alpha_l, "torque_h": torque_h, "theta_j": theta_j,
+        }
+        channels = {
+            name: _records(values, name, len(rows))
+            for name, values in given.items()
+            if values is not None or name in ("theta", "torque")
+        }
+        times = _times(t, len(rows))
+        rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else _rate(times[0])
+        if not isinstance(subject, str):
+            raise InputError(f"subject: {subject!r}; expected a text")
+        description = {
+            "subject": subject,
+            "sample_rate_hz": rate,
+            "lever": _optional_mapping(lever, "lever"),
+            "recorded_filter": _optional_mapping(recorded_filter, "recorded_filter"),
+            "trials": _table(rows),
+        }
+        columns = {"t": times, **channels}
+        signals = [
+            {name: own[index] for name, own in columns.items() if own[index] is not None or name not in ("emg_fcr", "emg_ecr")}
+            for index in range(len(rows))
+        ]
+        return cls(NativeSession.from_arrays(json_text(description, "session"), signals))
+
+    @classmethod
+    def simulate(
+        cls,
+        protocol: Protocol | PathOrJson,
+        seed: int,
+        *,
+        person: PathOrJson | None = None,
+        rig: PathOrJson | None = None,
+        mechanisms: Sequence[Mapping[str, Any] | OwnLaw] = (),
+        subject: str = "V01",
+        subject_number: int = 1,
+    ) -> Session:
+        """The session of a virtual subject on a virtual rig.
+
+        person, rig: files or dicts, as for `ramphold run`; without them the average person and the assumed rig.
+        mechanisms: what the wrist or the rig does beyond the model: a list of {"mechanism": id, "parameters": {name: value}} with
+            every parameter (`ramphold.mechanisms()` lists them), or `OwnLaw`.
+        """
+        own = protocol if isinstance(protocol, Protocol) else Protocol(protocol)
+        added = mechanism_list(mechanisms)
+        native = NativeSession.simulate(
+            own._native,
+            count(seed, "seed"),
+            text_of(person, "person"),
+            text_of(rig, "rig"),
+            json_text(added, "mechanisms") if added else None,
+            str(subject),
+            count(subject_number, "subject_number", 1, 2**32 - 1),
+        )
+        return cls(native)
+
+    @property
+    def subject(self) -> str:
+        """Id of the subject."""
+        return str(self._description["subject"])
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Samples a second."""
+        return float(self._description["sample_rate_hz"])
+
+    @property
+    def lever(self) -> dict[str, float] | None:
+        """The lever between motor and handle; None for a rigid one."""
+        lever: dict[str, float] | None = self._description["lever"]
+        return lever
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over all that an analysis reads; results name it as session_sha256."""
+        return self._native.digest
+
+    def to_frame(self) -> pd.DataFrame:
+        """The table: one row a trial."""
+        import pandas as pd
+
+        rows = [{**{key: own[key] for key in _TABLE}, **own["extra"]} for own in self._description["trials"]]
+        return pd.DataFrame(rows)
+
+    def record(self, trial: int) -> pd.DataFrame:
+        """The signals of trial number `trial`: columns t_s (s), theta_m_rad (rad), torque_l_nm (N m), EMG and further channels where
+        measured."""
+        import pandas as pd
+
+        numbers = [own["trial"] for own in self._description["trials"]]
+        if count(trial, "trial", 0, 2**32 - 1) not in numbers:
+            raise InputError(f"trial {trial}: not among the trials {numbers}")
+        return pd.DataFrame(dict(self._native.record(numbers.index(trial))))
+
+    def save(self, folder: str | Path) -> None:
+        """Writes a new session folder, which the program analyses with the same results: numbers have as many digits as it takes to
+        read back the same, and protocol and calibration of the session come along."""
+        self._native.save(path(folder, "folder"))
+
+    def check(self) -> list[dict[str, Any]]:
+        """What the signals say against the table, such as a unit that is not SI; empty if nothing."""
+        found: list[dict[str, Any]] = json.loads(self._native.contradictions())
+        return found
+
+    def fit(
+        self,
+        *,
+        model: Mapping[str, Any] | None = None,
+        mechanisms: Sequence[Mapping[str, Any] | OwnLaw] = (),
+        window_s: float | None = None,
+        calibration: CalibrationSource | None = None,
+        plain: bool = False,
+        independent: bool = False,
+        accept: Sequence[str] = (),
+        bootstrap: int | None = None,
+        seed: int = 1,
+        progress: Callable[[int, int], object] | None = None,
+    ) -> Fit:
+        """Fits the wrist model; the options are those of `ramphold fit`.
+
+        model: the contents of a model file; else the model of the paper.
+        mechanisms: what is added to the model: entries of a model file, or `OwnLaw`, which keeps its values (`OwnLaw.in_model` also
+            makes one whose coefficients are fitted).
+        window_s: analysed time after the onset, s; else that of the protocol, or 0.040.
+        calibration: constants of the rig: a `Calibration`, its file, or its contents; "none" uses what the session states. Else that in
+            the session's folder, if there is one.
+        plain: weight every sample equally instead of by the noise measured in the holds.
+        independent: each trial on its own, without the model of the session.
+        accept: names of checks of the signals against the table that may fail, such as "onset".
+        bootstrap: refit so many simulated sessions, and give the scatter of the estimates.
+        progress: called before each refit of a bootstrap with the number of refits that have begun, and of all.
+
+        Other threads of Python run meanwhile. Ctrl-C raises KeyboardInterrupt at once; the work itself ends in the background.
+        """
+        refits = None if bootstrap is None else count(bootstrap, "bootstrap", 2, 1_000_000)
+        own = model_text(model, mechanisms)
+        text = None if own is None else json_text(own, "model")
+        window = optional_number(window_s, "window_s")
+        file, calibrated = calibration_argument(calibration)
+        tell, begun = listener(progress), 0
+
+        def refit(_: str) -> None:
+            nonlocal begun
+            begun += 1
+            if tell is not None and refits is not None:
+                tell(begun, refits)
+
+        fitted = self._native.fit(
+            text, window, file, calibrated, bool(plain), bool(independent), names(accept, "accept"), refits, count(seed, "seed"), refit
+        )
+        return Fit(fitted)
+
+    def diagnose(
+        self,
+        *,
+        model: Mapping[str, Any] | None = None,
+        mechanisms: Sequence[Mapping[str, Any] | OwnLaw] = (),
+        window_s: float | None = None,
+        calibration: CalibrationSource | None = None,
+        accept: Sequence[str] = (),
+        seed: int = 1,
+        progress: Listener | None = None,
+    ) -> Diagnosis:
+        """Diagnoses the session; the options are those of `ramphold diagnose`, and otherwise as for `fit`.
+
+        seed: of the draws of noise that give the null distributions.
+        progress: called with the name of each stage.
+
+        Ctrl-C raises KeyboardInterrupt at once; the work stops in the background at its next stage.
+        """
+        own = model_text(model, mechanisms)
+        text = None if own is None else json_text(own, "model")
+        window = optional_number(window_s, "window_s")
+        file, calibrated = calibration_argument(calibration)
+        return Diagnosis(self._native.diagnose(
+            text, window, file, calibrated, names(accept, "accept"), count(seed, "seed"), listener(progress)
+        ))
+
+    def plot(self) -> Figure:
+        """Angle and torque of every trial about its onset: a Matplotlib figure."""
+        from ._plots import figure_of_session
+
+        return figure_of_session(self)
+
+    def _repr_html_(self) -> str:
+        from ._plots import embedded
+
+        table = self.to_frame().to_html(index=False, na_rep="", float_format="%.4g", max_rows=12)
+        return str(table) + embedded(self.plot)
+
+    def __repr__(self) -> str:
+        return f"<ramphold.Session of {self.subject}: {len(self._description['trials'])} trials at {self.sample_rate_hz:g} Hz>"
+
+
+def _rows(trials: Any) -> list[dict[str, Any]]:
+    """The rows of a table, whatever it came as."""
+    if hasattr(trials, "to_dicts"):  # polars
+        rows: Any = trials.to_dicts()
+    elif hasattr(trials, "to_dict") and hasattr(trials, "columns"):  # pandas
+        rows = trials.to_dict("records")
+    elif isinstance(trials, Mapping):
+        try:
+            columns = {name: list(values) for name, values in trials.items()}
+        except TypeError:
+            raise InputError("trials: expected a column of values for each name") from None
+        if len({len(values) for values in columns.values()}) > 1:
+            raise InputError("trials: the columns have different lengths; expected one value a trial")
+        rows = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+    elif isinstance(trials, Sequence) and not isinstance(trials, (str, bytes)):
+        rows = list(trials)
+    else:
+        raise InputError(f"trials: {type(trials).__name__}; expected a frame, a dict of columns, or a list of dicts")
+    if not rows or not all(isinstance(row, Mapping) and all(isinstance(key, str) for key in row) for row in rows):
+        raise InputError("trials: expected at least one row, with a name for each column")
+    return [dict(row) for row in rows]
+
+
+def _table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The table of a session as the native part takes it."""
+    missing = [name for name in ("velocity_rad_s", "torque_nm") if name not in rows[0]]
+    if missing:
+        raise InputError(f"trials: column {missing[0]} is missing; the columns are: {', '.join(map(str, rows[0]))}")
+    seen: dict[object, int] = {}
+    table: list[dict[str, Any]] = []
+    for index, row in enumerate(rows):
+        where = f"trials, row {index}"
+        velocity, torque = (number(row.get(name), f"{where}, {name}") for name in ("velocity_rad_s", "torque_nm"))
+        label = None if _is_empty(row.get("condition")) else str(row["condition"]).strip()
+        condition = (velocity, torque, label)
+        seen[condition] = seen.get(condition, 0) + 1
+        repetition = row.get("repetition")
+        onset = row.get("onset_s")
+        status = row.get("status", "ok")
+        if status not in ("ok", "aborted", "rejected"):
+            raise InputError(f"{where}, status: {status!r} is not valid; expected ok, aborted or rejected")
+        trial = index + 1 if _is_empty(row.get("trial")) else _whole(row["trial"], f"{where}, trial")
+        table.append({
+            "trial": trial,
+            "velocity_rad_s": velocity,
+            "torque_nm": torque,
+            "repetition": seen[condition] if _is_empty(repetition) else _whole(repetition, f"{where}, repetition"),
+            "condition": label,
+            "onset_s": None if _is_empty(onset) else number(onset, f"{where}, onset_s"),
+            "status": status,
+            "extra": {name: _cell(value) for name, value in row.items() if name not in _TABLE},
+        })
+    return table
+
+
+def _whole(value: object, name: str) -> int:
+    """A whole number, also one that a frame with gaps has made a float."""
+    found = number(value, name)
+    if found != int(found):
+        raise InputError(f"{name}: {value!r} is not valid; expected a whole number")
+    return count(int(found), name, 0, 2**32 - 1)
+
+
+def _is_empty(value: object) -> bool:
+    return value is None or (isinstance(value, (float, np.floating)) and bool(np.isnan(value))) or value == ""
+
+
+def _cell(value: object) -> str:
+    """A further column as text, as a table would hold it."""
+    if _is_empty(value):
+        return ""
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    return str(value).strip()
+
+
+def _as_array(value: object) -> Any:
+    """A column of a frame as an array of its own; anything else as it is."""
+    to_numpy = getattr(value, "to_numpy", None)
+    return value if isinstance(value, np.ndarray) or to_numpy is None else np.ascontiguousarray(to_numpy())
+
+
+def _records(values: object, name: str, trials: int) -> list[object]:
+    """One array a trial."""
+    own = _as_array(values)
+    if isinstance(own, np.ndarray):
+        if own.ndim == 1 and trials == 1:
+            return [own]
+        if own.ndim != 2:
+            raise InputError(f"{name}: shape {own.shape}; expected (trials, samples), or a list of one array a trial")
+        if not own.flags.c_contiguous:
+            raise InputError(f"{name}: not contiguous; expected one trial after the other in memory (numpy.ascontiguousarray copies)")
+        records: list[object] = list(own)
+    elif isinstance(own, Sequence) and not isinstance(own, (str, bytes)):
+        records = [_as_array(record) for record in own]
+    else:
+        raise InputError(f"{name}: {type(own).__name__}; expected an array, or a list of one array a trial")
+    if len(records) != trials:
+        raise InputError(f"{name}: {len(records)} records; expected {trials}, one for each row of trials")
+    return records
+
+
+def _times(t: object, trials: int) -> list[object]:
+    own = _as_array(t)
+    if isinstance(own, np.ndarray) and own.ndim == 1:
+        return [own] * trials
+    return _records(own, "t", trials)
+
+
+def _rate(time: object) -> float:
+    """The rate of an even time axis; a whole number where it is one but for rounding."""
+    if not isinstance(time, np.ndarray) or time.dtype != np.float64 or time.ndim != 1 or time.size < 2:
+        raise InputError("t: expected an array of float64 with at least two samples for each trial")
+    lasts = float(time[-1] - time[0])
+    if not (np.isfinite(lasts) and lasts > 0):
+        raise InputError("t: does not rise; expected seconds in rising order")
+    rate = (time.size - 1) / lasts
+    whole = round(rate)
+    return float(whole) if abs(rate - whole) < _RATE_ROUNDING * whole else rate
+
+
+def _optional_mapping(value: object, name: str) -> dict[str, Any] | None:
+    if value is None:
+        return None
+    if not isinstance(value, Mapping):
+        raise InputError(f"{name}: {type(value).__name__}; expected a dict or None")
+    return dict(value)

@@ -1,0 +1,61 @@
+"""Own mechanisms without Rust."""
+
+import numpy as np
+import pytest
+from conftest import PARAMETERS, QUICK
+
+import ramphold
+
+
+def friction(omega):
+    return 0.15 * np.tanh(omega / 0.8)
+
+
+@pytest.fixture(scope="module")
+def law():
+    return ramphold.OwnLaw.from_function("joint", "speed", friction, -1.0, 4.0, tolerance=0.01)
+
+
+def test_a_law_is_the_function_that_was_given(law):
+    u = np.linspace(-1.0, 4.0, 77)
+    assert np.abs(law(u) - (friction(u) - friction(0.0))).max() < 2 * law.deviation + 1e-12
+    assert 0.0 < law.deviation < 0.01
+
+
+def test_a_line_is_met_exactly_and_acts_as_the_mechanism_that_it_is(ramp):
+    """A torque in proportion to the joint's speed is the catalogue's joint damping."""
+    law = ramphold.OwnLaw.from_points("joint", "speed", np.linspace(-20, 20, 9), 0.03 * np.linspace(-20, 20, 9), tolerance=1e-9)
+    own = ramphold.simulate(PARAMETERS, ramp, mechanisms=[law]).torque_nm
+    # The catalogue's damping includes the model's b_j of 1e-5.
+    damping = {"mechanism": "joint_damping", "parameters": {"b_j_nm_s_per_rad": 0.03 + 1e-5}}
+    known = ramphold.simulate(PARAMETERS, ramp, mechanisms=[damping]).torque_nm
+    assert np.abs(known - ramphold.simulate(PARAMETERS, ramp).torque_nm).max() > 1e-3
+    assert np.abs(own - known).max() < 1e-9
+
+
+def test_a_function_that_the_spline_cannot_follow_is_refused():
+    with pytest.raises(ramphold.InputError, match="tolerance"):
+        ramphold.OwnLaw.from_function("joint", "speed", lambda u: np.sin(40 * u), 0.0, 4.0, tolerance=0.01)
+    with pytest.raises(ramphold.InputError, match="joint speed"):
+        ramphold.OwnLaw.from_function("elbow", "speed", friction, 0.0, 4.0, tolerance=0.01)
+
+
+def test_a_law_is_simulated_fitted_and_diagnosed(law):
+    session = ramphold.Session.simulate(QUICK, 3, mechanisms=[law])
+    without, whole = session.fit(), session.fit(mechanisms=[law])
+    k_srs = [own.to_frame("conditions")["k_srs_nm_per_rad"].mean() for own in (without, whole)]
+    truth = ramphold.Session.simulate(QUICK, 3).fit().to_frame("conditions")["k_srs_nm_per_rad"].mean()
+    assert abs(k_srs[1] - truth) < abs(k_srs[0] - truth)
+    assert session.diagnose(mechanisms=[law]).verdict == "adequate"
+    assert session.diagnose().verdict != "adequate"
+
+
+def test_coefficients_of_a_law_can_be_fitted(law):
+    session = ramphold.Session.simulate(QUICK, 3, mechanisms=[law])
+    fit = session.fit(model={"mechanisms": [law.in_model(fitted=True)]})
+    assert any(name.startswith("free_joint_speed") for name in fit.parameters().columns)
+
+
+def test_what_a_law_costs_is_measured(law, ramp):
+    base = [PARAMETERS[name] for name in ramphold.BASE_PARAMETERS]
+    assert law.slowdown(ramp, base, repetitions=20) > 0.5
