@@ -94,6 +94,7 @@ fn main() {
             rig: &serde_json::Value::Null,
             about: &Default::default(),
             subject_fields: &Default::default(),
+            signals: &Default::default(),
             motion_delay_samples: 0,
         };
         let mut recorder = session

@@ -54,6 +54,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             calibration: None,
             about: &Default::default(),
             subject_fields: &Default::default(),
+            signals: &Default::default(),
             motion_delay_samples: 0,
         };
         let disk = Disk::slow(Duration::from_millis(disk_takes));

@@ -71,9 +71,11 @@
 //! | timing | [`timing`] | the clock, a periodic timer, and a histogram of how late it was |
 //! | rig | [`rig`] | what moves the wrist and measures it: the virtual wrist, or a motor on a CAN bus |
 //! | session | [`session`] | the experiment as a state machine, and the control loop around it |
+//! | lsl | [`lsl`] | a running session as streams of Lab Streaming Layer |
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
 //! | import | [`import`] | sessions from foreign recordings |
+//! | attach | [`attach`] | recordings of other devices, aligned with the trials of a session |
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
 //! | calibration | [`calibrate`] | the constants of the rig from trials without a person, and whether they are those of another day |
 //! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |
@@ -89,6 +91,7 @@
 //! the ramp is positive.
 
 pub mod app;
+pub mod attach;
 pub mod calibrate;
 pub mod cli;
 pub mod consistency;
@@ -100,6 +103,7 @@ pub mod files;
 pub mod fit;
 pub mod import;
 pub mod json_file;
+pub mod lsl;
 pub mod number;
 pub mod protocol;
 pub mod random;

@@ -9,6 +9,7 @@ use crate::console::{CommandQuestions, ConsoleSetup, PageAddresses, SessionInfo,
 use crate::dataset::{Trial, Wrist};
 use crate::fit::PreprocessingSettings;
 use crate::protocol::ValidProtocol;
+use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 use clap::ValueEnum;
 
@@ -71,6 +72,8 @@ pub struct SessionDescription<'a> {
     pub subject: &'a str,
     /// Lever of the rig.
     pub lever: Option<Lever>,
+    /// Filter that angle and torque pass before they are recorded.
+    pub recorded_filter: Option<FilterSpec>,
     /// Name of the rig.
     pub rig: &'a str,
     /// What the operator is asked before commands of this rig.
@@ -161,6 +164,7 @@ impl ConsoleOptions {
                 subject: session.subject.to_owned(),
                 sample_rate_hz: protocol.signal.sample_rate_hz,
                 lever: session.lever,
+                recorded_filter: session.recorded_filter,
                 preprocessing: PreprocessingSettings {
                     window_s: protocol.window_s,
                     filter: protocol.signal.filter,

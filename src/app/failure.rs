@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::attach::AttachError;
 use crate::calibrate::CalibrateError;
 use crate::consistency::Contradictions;
 use crate::console::ConsoleError;
@@ -12,6 +13,7 @@ use crate::files::is_refusal;
 use crate::fit::{CalibrationMisuse, ModelError, PreprocessingError, WriteError};
 use crate::import::ImportError;
 use crate::json_file::JsonFileError;
+use crate::lsl::LslError;
 use crate::protocol::{ProtocolError, TooShort};
 use crate::report::ReportError;
 use crate::rig::can;
@@ -105,6 +107,12 @@ pub enum Failure {
     /// A recording cannot be imported.
     #[error(transparent)]
     Import(#[from] ImportError),
+    /// The session cannot be published.
+    #[error(transparent)]
+    Lsl(#[from] LslError),
+    /// A recording cannot be attached.
+    #[error(transparent)]
+    Attach(#[from] AttachError),
     /// The study cannot be done.
     #[error(transparent)]
     Study(#[from] StudyError),
@@ -239,6 +247,7 @@ impl Failure {
             | Self::Read { .. }
             | Self::Usage(_)
             | Self::Import(_)
+            | Self::Lsl(_)
             | Self::Resume(ResumeError::Dataset(_) | ResumeError::NotAsItWas { .. })
             | Self::TooShort(_)
             | Self::Person(_)
@@ -246,6 +255,13 @@ impl Failure {
             | Self::CanRig(_)
             | Self::Record(RecordError::Exists(_)) => 2,
             Self::Export(error) => {
+                if error.is_bad_input() {
+                    2
+                } else {
+                    1
+                }
+            }
+            Self::Attach(error) => {
                 if error.is_bad_input() {
                     2
                 } else {

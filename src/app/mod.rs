@@ -14,6 +14,7 @@ mod diagnosis_file;
 mod failure;
 mod fit_table;
 mod import_questions;
+mod laboratory;
 mod model_file;
 mod motor_operator;
 mod named_results;
@@ -29,6 +30,7 @@ mod session_report;
 mod session_results;
 mod session_rig;
 mod session_runner;
+mod session_state;
 mod signals;
 mod wall_clock;
 
@@ -43,10 +45,12 @@ pub use diagnosis_file::{named_causes, read_diagnosis, read_stored_fit};
 pub use failure::Failure;
 pub use fit_table::fit_table;
 pub use import_questions::ask_for_mapping;
+pub use laboratory::Laboratory;
 pub use model_file::{add_mechanisms_of_model, read_model};
 pub use named_results::{folder_of_diagnosis, folder_of_fit};
 pub use new_session::{draw_seed, new_folder, subject_number};
 pub use pace::Pace;
+pub use question::ask;
 pub use results_folder::{ResultsFolder, check_has_none, check_out};
 pub use rig_calibration::{calibrate_rig, compare_rig};
 pub use rig_trials_text::rig_trials_text;
@@ -58,5 +62,6 @@ pub use session_rig::{
     with_hidden_effect,
 };
 pub use session_runner::SessionRun;
+pub use session_state::{SessionState, SessionSummary};
 pub use signals::stop_on_signals;
 pub use wall_clock::{now_utc, operator_name, utc_offset_s};

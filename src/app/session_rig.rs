@@ -8,9 +8,11 @@ use crate::console::CommandQuestions;
 use crate::dataset::{self, Disk, RecordError, Resumable};
 use crate::files::{self, Folder, limits};
 use crate::json_file;
+use crate::rig::RecordedSignals;
 use crate::rig::can::file::ValidRigFile;
 use crate::rig::can::{CanMotor, Connection, DryRun, OriginError, ResumedOrigin, Summary};
 use crate::rig::virtual_wrist::{MechanismList, Person, RigFile, Seal, SealError, Setup, VirtualWrist};
+use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 use serde::Deserialize;
 use serde_json::Value;
@@ -105,6 +107,22 @@ impl SessionRig {
         match self {
             Self::Virtual { lever, .. } => *lever,
             Self::Can(motor) => motor.lever(),
+        }
+    }
+
+    /// The filter that both angle and torque passed before they are recorded.
+    pub fn recorded_filter(&self) -> Option<FilterSpec> {
+        match self {
+            Self::Virtual { .. } => None,
+            Self::Can(motor) => motor.recorded_filter(),
+        }
+    }
+
+    /// What is known of the recorded channels, of a rig that is sampled at `sample_rate_hz`.
+    pub fn recorded_signals(&self, sample_rate_hz: f64) -> RecordedSignals {
+        match self {
+            Self::Virtual { wrist, .. } => wrist.recorded_signals(sample_rate_hz),
+            Self::Can(motor) => motor.recorded_signals(),
         }
     }
 

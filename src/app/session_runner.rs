@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::console::{ConsoleSetup, Live, SETS_ORIGIN_HERE};
 use crate::dataset::{BackgroundRecorder, Recorder};
+use crate::lsl::{LslFeed, LslPublisher};
 use crate::rig::Rig;
 use crate::session::{Event, Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
@@ -32,6 +33,8 @@ pub struct SessionRun<'a> {
     pub options: &'a ConsoleOptions,
     /// Whether the first arming of a motor was confirmed on the command line.
     pub is_confirmed: bool,
+    /// The session's streams of Lab Streaming Layer, if it is published.
+    pub lsl: Option<(LslPublisher, LslFeed)>,
 }
 
 impl SessionRun<'_> {
@@ -67,7 +70,8 @@ impl SessionRun<'_> {
         stop: Arc<AtomicBool>,
         console: &Console,
     ) -> Result<(Machine, Option<Live>), Failure> {
-        let Self { folder, rig, mut machine, recorder, setup, options, is_confirmed } = self;
+        let Self { folder, rig, mut machine, recorder, setup, options, is_confirmed, lsl } = self;
+        let (publisher, feed) = lsl.unzip();
         let rate_hz = machine.settings().sample_rate_hz;
         let work = Work {
             machine: &mut machine,
@@ -77,6 +81,7 @@ impl SessionRun<'_> {
             options,
             console,
             stop: stop.clone(),
+            lsl: feed,
         };
         let live = match rig {
             SessionRig::Virtual { wrist, pace: Pace::Unlimited, .. } => work.without_deadlines(*wrist)?,
@@ -101,6 +106,11 @@ impl SessionRun<'_> {
                 live
             }
         };
+        if let Some(lost) = publisher.map(LslPublisher::finish).filter(|lost| *lost > 0) {
+            console.announce(format_args!(
+                "Lab Streaming Layer: {lost} samples were not published; the session has them"
+            ));
+        }
         Ok((machine, live))
     }
 }
@@ -115,6 +125,8 @@ struct Work<'a> {
     console: &'a Console,
     /// Set by signals and by the operator: the session ends at once.
     stop: Arc<AtomicBool>,
+    /// The session's end of its streams; only in real time.
+    lsl: Option<LslFeed>,
 }
 
 impl Work<'_> {
@@ -127,7 +139,8 @@ impl Work<'_> {
                 rig,
                 self.machine,
                 &mut Unpaced,
-                (recorder, self.folder),
+                (recorder, None),
+                self.folder,
                 setup,
                 options,
                 console,
@@ -163,7 +176,8 @@ impl Work<'_> {
                 rig,
                 self.machine,
                 pacing,
-                (recorder, self.folder),
+                (recorder, self.lsl),
+                self.folder,
                 setup,
                 self.options,
                 self.console,
@@ -173,9 +187,9 @@ impl Work<'_> {
         }
         let check = self.day_check()?;
         let mut operator = operator(self.machine);
-        let mut consumers = (recorder(self.recorder, self.machine), check);
+        let mut consumers = ((recorder(self.recorder, self.machine), self.lsl), check);
         let ended = run_control_loop(rig, self.machine, &mut operator, pacing, &mut consumers);
-        let written = consumers.0.finish();
+        let written = consumers.0.0.finish();
         consumers.1.finish();
         // An error of the disk that ended the session comes first.
         let rig = ended?;
@@ -197,13 +211,14 @@ fn with_console<R: Rig>(
     rig: R,
     machine: &mut Machine,
     pacing: &mut impl Pacing,
-    (recorder, folder): (BackgroundRecorder, &Path),
+    recorder: (BackgroundRecorder, Option<LslFeed>),
+    folder: &Path,
     setup: ConsoleSetup,
     options: &ConsoleOptions,
     console: &Console,
     stop: Arc<AtomicBool>,
 ) -> Result<(R, Live), Failure> {
-    let (mut live, feed, mut operator) = Live::open(setup, machine, recorder.actions(), stop)?;
+    let (mut live, feed, mut operator) = Live::open(setup, machine, recorder.0.actions(), stop)?;
     if let Some(pages) = live.pages() {
         options.pages.announce(&pages, console);
     }
@@ -211,7 +226,7 @@ fn with_console<R: Rig>(
     live.take_terminal()?;
     let mut consumers = ((recorder, feed), check);
     let ended = run_control_loop(rig, machine, &mut operator, pacing, &mut consumers);
-    let written = consumers.0.0.finish();
+    let written = consumers.0.0.0.finish();
     consumers.1.finish();
     live.release_terminal();
     // An error of the disk that ended the session comes first.

@@ -9,8 +9,8 @@ use crate::app::{Console, Failure};
 
 use super::verb::Verb;
 use super::{
-    calibrate, check, cohort, design, diagnose, export, fit, import, power, replay, report, resume, reveal,
-    rig, run, schedule, schema, states, trials, verify, watch,
+    attach, calibrate, check, cohort, design, diagnose, export, fit, import, new, power, replay, report,
+    resume, reveal, rig, run, schedule, schema, sessions, states, trials, verify, watch,
 };
 
 /// The verbs and the structs of their arguments; clap spells `RigCheck` as `rig-check`.
@@ -32,6 +32,8 @@ macro_rules! verbs {
 }
 
 verbs! {
+    New(new::NewArgs),
+    Sessions(sessions::SessionsArgs),
     Rig(rig::RigArgs),
     Run(run::RunArgs),
     Resume(resume::ResumeArgs),
@@ -41,6 +43,7 @@ verbs! {
     Check(check::CheckArgs),
     Calibrate(calibrate::CalibrateArgs),
     Import(import::ImportArgs),
+    Attach(attach::AttachArgs),
     Trials(trials::TrialsArgs),
     Fit(fit::FitArgs),
     Cohort(cohort::CohortArgs),

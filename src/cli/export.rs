@@ -8,16 +8,18 @@ use crate::export::{self, Participant, Rows};
 
 use super::verb::Verb;
 
-/// Export sessions as a BIDS dataset or as one Parquet table.
+/// Export sessions as a BIDS dataset, as one Parquet table, as one .mat file or as an XDF file.
 ///
-/// One of --bids and --parquet is required. The sessions are not changed.
+/// One of --bids, --parquet, --mat and --xdf is required. The sessions are not changed.
 #[derive(Debug, clap::Args)]
 #[command(
-    group(clap::ArgGroup::new("format").required(true).args(["bids", "parquet"])),
+    group(clap::ArgGroup::new("format").required(true).args(["bids", "parquet", "mat", "xdf"])),
     after_help = "Examples:\n  ramphold export sessions --bids study\n  \
                   ramphold export sessions/S01 --bids study --participant 01\n  \
                   ramphold export sessions --parquet samples.parquet\n  \
-                  ramphold export sessions --parquet trials.parquet --trials"
+                  ramphold export sessions --parquet trials.parquet --trials\n  \
+                  ramphold export sessions --mat sessions.mat\n  \
+                  ramphold export sessions/S01 --xdf S01.xdf"
 )]
 pub struct ExportArgs {
     /// Session folders, or folders of session folders.
@@ -35,6 +37,12 @@ pub struct ExportArgs {
     /// Write one row per trial, with its fit, instead of one per sample.
     #[arg(long, requires = "parquet")]
     trials: bool,
+    /// Write a .mat file, which MATLAB and Octave open, to this file, which must not exist yet.
+    #[arg(long, value_name = "FILE")]
+    mat: Option<PathBuf>,
+    /// Write one session as XDF, the format of LabRecorder, to this file, which must not exist yet.
+    #[arg(long, value_name = "FILE")]
+    xdf: Option<PathBuf>,
 }
 
 impl Verb for ExportArgs {
@@ -48,6 +56,22 @@ impl Verb for ExportArgs {
             let rows = if self.trials { Rows::Trials } else { Rows::Samples };
             export::write_parquet(&folders, file, rows)?;
             console.message(format_args!("{} sessions in {}", folders.len(), file.display()));
+        }
+        if let Some(file) = &self.mat {
+            check_out("--mat", file)?;
+            export::write_mat(&folders, file)?;
+            console.message(format_args!("{} sessions in {}", folders.len(), file.display()));
+        }
+        if let Some(file) = &self.xdf {
+            check_out("--xdf", file)?;
+            let [folder] = folders.as_slice() else {
+                return Err(Failure::Usage(format!(
+                    "--xdf holds one session, but {} are given",
+                    folders.len()
+                )));
+            };
+            export::write_xdf(folder, file)?;
+            console.message(format_args!("{} in {}", folder.display(), file.display()));
         }
         if let Some(target) = &self.bids {
             check_out("--bids", target)?;

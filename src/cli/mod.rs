@@ -4,6 +4,7 @@
 //! verb's help), declare the file here, and add it to the list in `command_line`. Results go to standard output,
 //! messages to standard error. A verb imports no other verb; what several verbs need is in [`app`](crate::app).
 
+mod attach;
 mod calibrate;
 mod check;
 mod cohort;
@@ -13,6 +14,7 @@ mod diagnose;
 mod export;
 mod fit;
 mod import;
+mod new;
 mod power;
 mod replay;
 pub(crate) mod report;
@@ -22,6 +24,7 @@ mod rig;
 mod run;
 mod schedule;
 mod schema;
+mod sessions;
 mod states;
 mod trials;
 mod verb;

@@ -104,6 +104,7 @@ impl Verb for ResumeArgs {
                 protocol: &protocol,
                 subject: &subject,
                 lever: rig.lever(),
+                recorded_filter: rig.recorded_filter(),
                 rig: rig.name(),
                 questions: rig.questions(),
                 folder: &self.session,
@@ -114,6 +115,6 @@ impl Verb for ResumeArgs {
             None
         };
         let (folder, options, is_confirmed) = (self.session, &self.console, self.yes);
-        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed }.run(console)
+        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl: None }.run(console)
     }
 }

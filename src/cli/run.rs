@@ -10,10 +10,12 @@ use crate::app::{
 };
 use crate::dataset::{NewSession, RecordError, SessionAbout, Wrist};
 use crate::files;
+use crate::lsl::{LslFeed, LslLibrary, LslPublisher, MARKERS_STREAM, SIGNALS_STREAM};
 use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
 use crate::rig::can::{CanMotor, Connection, DryRun};
 use crate::rig::virtual_wrist::{Person, RigFile, Seal, VirtualWrist, draw_hidden_effect};
+use crate::rig::{RecordedSignals, unmeasured_channels};
 use crate::schedule;
 use crate::session::{Machine, Settings};
 use crate::wrist::Lever;
@@ -69,6 +71,12 @@ pub struct RunArgs {
     /// A field of the subject that session.json keeps, such as age=31 or condition=fatigued. May be given several times.
     #[arg(long, value_name = "FIELD=VALUE", value_parser = subject_field)]
     about: Vec<(String, String)>,
+    /// Publish the session over Lab Streaming Layer: its samples, and a marker for each transition. Needs a motor, or --real-time.
+    #[arg(long)]
+    lsl: bool,
+    /// The file of liblsl [default: where the operating system finds it].
+    #[arg(long, value_name = "FILE", requires = "lsl")]
+    lsl_library: Option<PathBuf>,
     #[command(flatten)]
     console: ConsoleOptions,
 }
@@ -100,6 +108,10 @@ impl Verb for RunArgs {
         let pace = Pace::new(self.real_time, self.speed)?;
         match self.rig.as_deref().filter(|file| is_can_rig_file(file)) {
             Some(file) => self.run_on_motor(&protocol, file, console),
+            None if self.lsl && !self.real_time => Err(Failure::Usage(
+                "--lsl: others see the session while it runs, so it must run in real time; add --real-time"
+                    .to_owned(),
+            )),
             None => self.run_on_virtual_wrist(&protocol, pace, console),
         }
     }
@@ -138,6 +150,13 @@ impl RunArgs {
         let hidden = self.hide.map(|seed| draw_hidden_effect(seed, lever)).unwrap_or_default();
         let rig_json = rig_json(&rig, &subject, self.hide.map(|seed| Seal::new(seed, &hidden)));
         let setup = with_hidden_effect(setup.clone(), &hidden);
+        let missing = unmeasured_channels(protocol, [setup.emg; 2]);
+        if !missing.is_empty() {
+            return Err(Failure::Usage(format!(
+                "the virtual rig measures no EMG (field emg): {}; measure it, or change the protocol",
+                missing.join("; ")
+            )));
+        }
         let wrist = VirtualWrist::new(subject.clone(), setup, seed, settings.sample_rate_hz);
         let rig = SessionRig::Virtual { wrist: Box::new(wrist), lever, pace };
         self.start(
@@ -187,6 +206,9 @@ impl RunArgs {
         let calibration = self.calibration.as_deref().map(UsedCalibration::given).transpose()?.flatten();
         // A calibration that no analysis can use is found before a trial is run.
         UsedCalibration::constants(calibration.as_ref(), lever)?;
+        let signals = rig.recorded_signals(settings.sample_rate_hz);
+        // Before the folder is made: without the library there is no session.
+        let lsl = self.publish(&settings, &signals, &folder, console)?;
         let recorder = NewSession {
             protocol,
             order: &order,
@@ -197,6 +219,7 @@ impl RunArgs {
             calibration: calibration.as_ref().map(|own| own.bytes.as_slice()),
             about: &self.about(&rig),
             subject_fields: &self.subject_fields(),
+            signals: &signals,
             motion_delay_samples: settings.motion_delay_samples,
         }
         .create(&folder, rig.disk())?;
@@ -205,6 +228,7 @@ impl RunArgs {
             protocol,
             subject,
             lever,
+            recorded_filter: signals.recorded_filter,
             rig: rig.name(),
             questions: rig.questions(),
             folder: &folder,
@@ -213,7 +237,31 @@ impl RunArgs {
         let setup = self.console.setup(description, self.yes, rig.may_wait())?;
         let machine = Machine::new(Arc::new(settings));
         let (options, is_confirmed) = (&self.console, self.yes);
-        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed }.run(console)
+        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl }.run(console)
+    }
+
+    /// Publishes the session over Lab Streaming Layer, if that was asked for.
+    fn publish(
+        &self,
+        settings: &Settings,
+        signals: &RecordedSignals,
+        folder: &Path,
+        console: &Console,
+    ) -> Result<Option<(LslPublisher, LslFeed)>, Failure> {
+        if !self.lsl {
+            return Ok(None);
+        }
+        let library = LslLibrary::load(self.lsl_library.as_deref())?;
+        let emg = ["emg_fcr_mvc", "emg_ecr_mvc"].map(|column| signals.channels.contains_key(column));
+        let source = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let delay = settings.motion_delay_samples;
+        let (publisher, feed) = LslPublisher::start(library, settings.sample_rate_hz, delay, emg, &source)?;
+        console.message(format_args!(
+            "Lab Streaming Layer: streams {SIGNALS_STREAM:?} and {MARKERS_STREAM:?}, liblsl {}.{}",
+            publisher.version() / 100,
+            publisher.version() % 100
+        ));
+        Ok(Some((publisher, feed)))
     }
 
     /// When, who and what. A virtual session does not say when it was run: equal sessions have equal files.

@@ -1,12 +1,13 @@
-//! Whether EMG is free of offsets and a fraction of maximal voluntary contraction.
+//! Whether EMG is free of offsets, a fraction of maximal voluntary contraction, and goes on changing.
 //!
 //! Raw EMG and its envelope are both right: the analysis rectifies what has both signs.
 
 use super::contradiction::Contradiction;
+use super::frozen_emg::check_frozen;
 use super::measured_trial::mean;
 use super::ramp::rounded;
 use super::signal_check::SignalCheck;
-use crate::dataset::Trial;
+use crate::dataset::{Record, Trial};
 
 /// Raw EMG has a mean of zero over a trial, and an envelope has no negative values. A signal with negative values whose mean is above
 /// this part of its root mean square has an offset, which would be rectified with it.
@@ -24,35 +25,44 @@ const LOWEST_MVC: f64 = 1e-3;
 /// One channel over all trials.
 struct EmgChannel<'a> {
     column: &'static str,
-    records: Vec<&'a [f64]>,
+    /// Number of the trial, and its record.
+    records: Vec<(u32, &'a [f64])>,
 }
 
 impl EmgChannel<'_> {
     /// Mean over the trials of the mean of `of` over the samples.
     fn mean_of(&self, of: impl Fn(f64) -> f64) -> f64 {
-        let of_record = |record: &&[f64]| mean(&record.iter().map(|x| of(*x)).collect::<Vec<_>>());
+        let of_record =
+            |(_, record): &(u32, &[f64])| mean(&record.iter().map(|x| of(*x)).collect::<Vec<_>>());
         mean(&self.records.iter().map(of_record).collect::<Vec<_>>())
     }
 }
 
 /// What is wrong with the EMG of `trials`.
-pub fn check_emg(trials: &[&Trial]) -> Vec<Contradiction> {
+pub fn check_emg(trials: &[&Trial], sample_rate_hz: f64) -> Vec<Contradiction> {
+    let channel = |column: &'static str, of: fn(&Record) -> Option<&Vec<f64>>| EmgChannel {
+        column,
+        records: trials
+            .iter()
+            .filter_map(|trial| Some((trial.number, of(&trial.record)?.as_slice())))
+            .collect(),
+    };
     let channels = [
-        EmgChannel {
-            column: "emg_fcr_mvc",
-            records: trials.iter().filter_map(|trial| trial.record.emg_fcr_mvc.as_deref()).collect(),
-        },
-        EmgChannel {
-            column: "emg_ecr_mvc",
-            records: trials.iter().filter_map(|trial| trial.record.emg_ecr_mvc.as_deref()).collect(),
-        },
+        channel("emg_fcr_mvc", |record| record.emg_fcr_mvc.as_ref()),
+        channel("emg_ecr_mvc", |record| record.emg_ecr_mvc.as_ref()),
     ];
     let is_held = trials.iter().any(|trial| trial.torque_nm != 0.0);
     let is_low = |channel: &EmgChannel| channel.records.is_empty() || channel.mean_of(f64::abs) < LOWEST_MVC;
     let is_silent = is_held && channels.iter().all(is_low);
     let numbers: Vec<u32> = trials.iter().map(|trial| trial.number).collect();
     let there = channels.iter().filter(|channel| !channel.records.is_empty());
-    there.filter_map(|channel| check_channel(channel, is_silent, &numbers)).collect()
+    there
+        .filter_map(|channel| {
+            // What does not change is neither silent nor in volts.
+            let frozen = check_frozen(channel.column, &channel.records, sample_rate_hz);
+            frozen.or_else(|| check_channel(channel, is_silent, &numbers))
+        })
+        .collect()
 }
 
 fn check_channel(channel: &EmgChannel, is_silent: bool, trials: &[u32]) -> Option<Contradiction> {

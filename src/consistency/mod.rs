@@ -9,6 +9,7 @@
 
 mod contradiction;
 mod emg;
+mod frozen_emg;
 mod hold;
 mod lever;
 mod likely_mistake;

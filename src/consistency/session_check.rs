@@ -11,7 +11,7 @@ pub fn contradictions(session: &Session) -> Vec<Contradiction> {
     let usable: Vec<&Trial> = session.trials.iter().filter(|trial| trial.status == Status::Ok).collect();
     let found = of_trials(&usable, session.sample_rate_hz);
     let lever = session.lever.as_ref().and_then(lever::check_lever);
-    found.into_iter().chain(lever).chain(emg::check_emg(&usable)).collect()
+    found.into_iter().chain(lever).chain(emg::check_emg(&usable, session.sample_rate_hz)).collect()
 }
 
 /// Checks `session`, whose contradictions of the kinds `accepted` are known and meant.

@@ -24,13 +24,15 @@ pub enum SignalCheck {
     AngleRange,
     /// Whether EMG is free of offsets and a fraction of maximal voluntary contraction.
     Emg,
+    /// Whether EMG goes on changing, as long as its noise and resolution make it.
+    EmgFrozen,
     /// Whether the lever can pass on a ramp of some ten milliseconds.
     Lever,
 }
 
 impl SignalCheck {
     /// All checks.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::RampSpeed,
         Self::RampDirection,
         Self::Onset,
@@ -38,6 +40,7 @@ impl SignalCheck {
         Self::Resistance,
         Self::AngleRange,
         Self::Emg,
+        Self::EmgFrozen,
         Self::Lever,
     ];
 
@@ -51,6 +54,7 @@ impl SignalCheck {
             Self::Resistance => "resistance",
             Self::AngleRange => "angle-range",
             Self::Emg => "emg",
+            Self::EmgFrozen => "emg-frozen",
             Self::Lever => "lever",
         }
     }

@@ -12,6 +12,7 @@ use crate::fit::{
     Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate, Weighting,
     estimates_without_profiles, predictions, session_estimates,
 };
+use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
 /// What the fit of a trial needs beside the trial.
@@ -23,6 +24,8 @@ pub struct TrialFitContext {
     pub sample_rate_hz: f64,
     /// The lever of the rig.
     pub lever: Option<Lever>,
+    /// The filter that both channels passed before they were recorded.
+    pub recorded_filter: Option<FilterSpec>,
     /// Window and filter of the analysis.
     pub preprocessing: PreprocessingSettings,
 }
@@ -150,7 +153,7 @@ fn fit(context: &TrialFitContext, trials: &[Trial]) -> Result<Box<TrialFit>, Str
             subject: Subject { id: context.subject.clone() },
             sample_rate_hz: context.sample_rate_hz,
             lever: context.lever,
-            recorded_filter: None,
+            recorded_filter: context.recorded_filter,
             trials: trials.to_vec(),
         };
         Observations::new(&session, context.preprocessing).map_err(|error| error.to_string())

@@ -96,6 +96,7 @@ impl RecordedSession {
             subject: session.subject.id,
             sample_rate_hz: session.sample_rate_hz,
             lever: session.lever,
+            recorded_filter: session.recorded_filter,
             preprocessing: PreprocessingSettings {
                 window_s: protocol.window_s,
                 filter: protocol.signal.filter,

@@ -22,8 +22,8 @@ pub struct SubjectView {
     pub level: f64,
     /// Half-width of the band around the target, as a fraction of the target.
     pub band_fraction: f64,
-    /// EMG of flexor and extensor, fraction of MVC.
-    pub emg_mvc: [f64; 2],
+    /// EMG of flexor and extensor, fraction of MVC; `None` where it is not measured.
+    pub emg_mvc: [Option<f64>; 2],
     /// Fraction of the gate's time that the torque has been in the band, 0 to 1.
     pub gate: f64,
     /// Remaining rest, s.
@@ -117,7 +117,7 @@ impl Snapshot {
                 direction: None,
                 level: 0.0,
                 band_fraction: 0.0,
-                emg_mvc: [0.0; 2],
+                emg_mvc: [None; 2],
                 gate: 0.0,
                 rest_left_s: None,
                 rest_s: None,

@@ -21,8 +21,8 @@ pub struct Bin {
     pub angle_rad: [f32; 2],
     /// Lowest and highest torque on the display, N m.
     pub torque_nm: [f32; 2],
-    /// Highest smoothed EMG of flexor and extensor, MVC.
-    pub emg_mvc: [f32; 2],
+    /// Highest smoothed EMG of flexor and extensor, MVC; `None` where it is not measured.
+    pub emg_mvc: [Option<f32>; 2],
     /// The target, N m, while there is one.
     pub target_nm: Option<f32>,
     /// Fraction of the gate's time that the torque has been in the band, 0 to 1.
@@ -47,12 +47,14 @@ impl StripChart {
             _ => None,
         };
         let (angle, torque) = (sample.theta_m_rad as f32, step.feedback_torque_nm as f32);
-        let emg = step.feedback_emg_mvc.map(|value| value as f32);
+        let emg = step.feedback_emg_mvc.map(|level| level.map(|value| value as f32));
         match self.bins.back_mut().filter(|bin| begins_s <= bin.t_s) {
             Some(bin) => {
                 bin.angle_rad = [bin.angle_rad[0].min(angle), bin.angle_rad[1].max(angle)];
                 bin.torque_nm = [bin.torque_nm[0].min(torque), bin.torque_nm[1].max(torque)];
-                bin.emg_mvc = [bin.emg_mvc[0].max(emg[0]), bin.emg_mvc[1].max(emg[1])];
+                for (highest, now) in bin.emg_mvc.iter_mut().zip(emg) {
+                    *highest = highest.zip(now).map(|(highest, now)| highest.max(now)).or(now);
+                }
                 bin.gate = step.gate_fraction as f32;
             }
             None => {

@@ -329,7 +329,10 @@ impl ViewModel {
         // The display stands still while the motor moves.
         if shown.instruction != Instruction::Moving {
             shown.gate = step.gate_fraction;
-            shown.emg_mvc = if measures { step.feedback_emg_mvc } else { [0.0; 2] };
+            shown.emg_mvc = match measures {
+                true => step.feedback_emg_mvc,
+                false => shown.emg_mvc.map(|level| level.map(|_| 0.0)),
+            };
             snapshot.target_nm = None;
             (shown.direction, shown.level) = match step.cue {
                 Cue::Target { target_nm, .. } => {

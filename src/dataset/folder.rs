@@ -17,9 +17,11 @@ use super::tables;
 use super::{RIG_CALIBRATION, SESSION_FORMAT};
 use crate::files::{self, Folder};
 use crate::protocol::ValidProtocol;
+use crate::rig::{RecordedChannel, RecordedSignals};
 use crate::schedule;
 use crate::session::Settings;
 use crate::session::rules::RULES;
+use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
 /// What is known of a session before it begins.
@@ -43,6 +45,8 @@ pub struct NewSession<'a> {
     pub about: &'a SessionAbout,
     /// Further fields of the subject.
     pub subject_fields: &'a Map<String, Value>,
+    /// What the rig does to its signals before they are recorded.
+    pub signals: &'a RecordedSignals,
     /// By how many samples the motor follows a command later than at the next sample.
     pub motion_delay_samples: u64,
 }
@@ -56,7 +60,9 @@ pub(super) struct Description {
     pub about: SessionAbout,
     sample_rate_hz: f64,
     rig: RigDescription,
-    recorded_filter: Option<crate::signal::FilterSpec>,
+    recorded_filter: Option<FilterSpec>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    channels: BTreeMap<String, RecordedChannel>,
     pub seed: u64,
     program: String,
 }
@@ -161,7 +167,8 @@ impl NewSession<'_> {
             about: self.about.clone(),
             sample_rate_hz,
             rig: RigDescription { lever: self.lever },
-            recorded_filter: None,
+            recorded_filter: self.signals.recorded_filter,
+            channels: self.signals.channels.clone(),
             seed: self.seed,
             program: PROGRAM.to_owned(),
         }

@@ -166,6 +166,16 @@ impl Manifest {
         Self::renew(disk, folder, |file| file.starts_with("results/") || file == RIG_CALIBRATION)
     }
 
+    /// Takes note of recordings of other devices that were put beside the raw data, in the folder `attached`.
+    ///
+    /// # Errors
+    /// As [`Manifest::renew_results`].
+    pub fn renew_attachments(disk: &Disk, folder: &Path, attached: &str) -> Result<(), RecordError> {
+        Self::renew(disk, folder, |file| {
+            file.strip_prefix(attached).is_some_and(|rest| rest.starts_with('/'))
+        })
+    }
+
     /// Takes note of judgements on trials that the operator gave; see [`Amendments`](super::Amendments).
     ///
     /// # Errors

@@ -59,12 +59,7 @@ impl MemoryRecorder {
         self.records.resize_with(progress.attempts().len(), || None);
         if let (Some(last), Some(attempt)) = (self.records.last_mut(), progress.current()) {
             // Practice is not analysed.
-            let empty = || Record {
-                emg_fcr_mvc: Some(Vec::new()),
-                emg_ecr_mvc: Some(Vec::new()),
-                ..Record::default()
-            };
-            *last = (!attempt.planned.key.practice).then(empty);
+            *last = (!attempt.planned.key.practice).then(Record::default);
         }
     }
 
@@ -76,8 +71,8 @@ impl MemoryRecorder {
         for (channel, value) in
             [(&mut record.emg_fcr_mvc, sample.emg_fcr_mvc), (&mut record.emg_ecr_mvc, sample.emg_ecr_mvc)]
         {
-            if let Some(channel) = channel {
-                channel.push(value + 0.0);
+            if let Some(value) = value {
+                channel.get_or_insert_default().push(value + 0.0);
             }
         }
         for (channel, value) in FurtherChannel::ALL.into_iter().zip(sample.further) {

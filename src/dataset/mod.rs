@@ -15,6 +15,7 @@ mod load;
 mod manifest;
 mod memory_recorder;
 mod pretty_json;
+mod ramp_times;
 mod record_splitter;
 mod recorder;
 mod recovery;
@@ -50,6 +51,7 @@ pub use journal::{Damage, JOURNAL, JOURNAL_FORMAT, JournalEntry, JournalLine, Jo
 pub use load::{load, load_amended};
 pub use manifest::{Change, MANIFEST, Manifest};
 pub use memory_recorder::MemoryRecorder;
+pub use ramp_times::{RampTime, ramp_times};
 pub use recorder::{RecordError, Recorder};
 pub use recovery::operator_actions;
 pub use replay::{Difference, Garbage, Replay, StepObserver, replay, replay_watched};

@@ -10,12 +10,12 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::error::{DatasetError, FilePlace};
+use super::error::DatasetError;
 use super::journal::{JOURNAL, JournalEntry};
 use super::recorder::part_of;
 use super::recovery::{RecoveredSession, RecoveredState};
 use super::tables::header_of_file;
-use super::trial_csv_writer::HEADER;
+use super::trial_csv_writer::RIG_HEADER;
 use super::{FurtherChannel, trial_csv_reader};
 use crate::files::{excerpt, limits};
 use crate::protocol::Limits;
@@ -486,13 +486,8 @@ impl<'a> Replayer<'a> {
             return Ok(RecordedSamples { next: 0, ..RecordedSamples::default() });
         }
         let record = trial_csv_reader::parse(&name, whole, self.session.settings.sample_rate_hz)?;
-        let has_emg = header_of_file(file) == HEADER;
-        if has_emg && (record.emg_fcr_mvc.is_none() || record.emg_ecr_mvc.is_none()) {
-            let expected = "the columns emg_fcr_mvc and emg_ecr_mvc".to_owned();
-            return Err(DatasetError::Empty { at: FilePlace::file(name), expected });
-        }
-        // The EMG of a rig trial, which nobody is part of, is not recorded, and nothing depends on it.
-        let emg_mvc = |channel: &Option<Vec<f64>>, row: usize| channel.as_ref().map_or(0.0, |emg| emg[row]);
+        let is_rig_trial = header_of_file(file) == RIG_HEADER;
+        let emg_mvc = |channel: &Option<Vec<f64>>, row: usize| channel.as_ref().map(|emg| emg[row]);
         let samples: Vec<Sample> = (0..record.theta_m_rad.len())
             .map(|row| Sample {
                 theta_m_rad: record.theta_m_rad[row],
@@ -502,7 +497,8 @@ impl<'a> Replayer<'a> {
                 further: FurtherChannel::ALL.map(|channel| Some(record.further(channel)?[row])),
             })
             .collect();
-        let targets_rad = if has_emg { Vec::new() } else { trial_csv_reader::parse_targets(&name, whole)? };
+        let targets_rad =
+            if is_rig_trial { trial_csv_reader::parse_targets(&name, whole)? } else { Vec::new() };
         let mut monitor = LimitMonitor::new((&self.limits).into(), self.session.settings.sample_rate_hz);
         let breaks = samples
             .iter()

@@ -1,5 +1,6 @@
 //! When, who and what of a measured session, as `session.json` keeps it.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -10,6 +11,7 @@ use super::csv_input::SessionFolder;
 use super::description_json::parse_json;
 use super::error::DatasetError;
 use crate::files::limits;
+use crate::rig::RecordedChannel;
 
 /// When, who and what of a session. A virtual session has none of it but what was given.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -42,6 +44,9 @@ pub struct SessionCard {
     /// Seed of the session, if this program ran it.
     #[serde(default)]
     pub seed: Option<u64>,
+    /// What is known of the channels, by the name of their column.
+    #[serde(default)]
+    pub channels: BTreeMap<String, RecordedChannel>,
 }
 
 /// The subject with free fields, such as age, sex or dominant hand.

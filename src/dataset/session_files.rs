@@ -81,6 +81,8 @@ fn is_of_format(file: &str) -> bool {
         None => OF_SESSION.contains(&file) || is_numbered(file, "bus", ".json"),
         Some(("trials" | "familiarisation", name)) => is_numbered(name, "trial-", ".csv"),
         Some((RIG_FOLDER, name)) => is_numbered(name, "rig-trial-", ".csv"),
+        // A recording of another device: its file, what is known of it, and its trials.
+        Some(("attached", name)) => name.split('/').count() == 2,
         Some(("before", name)) => ["offset", "effort-"].iter().any(|stem| {
             let stem_end = name.strip_suffix(".csv").and_then(|name| name.strip_prefix(stem));
             stem_end.is_some_and(|end| end.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-'))

@@ -1,7 +1,10 @@
 //! JSON schema of `session.json`, for laboratories that write their own.
 
+use std::collections::BTreeMap;
+
 use schemars::{JsonSchema, schema_for};
 
+use crate::rig::RecordedChannel;
 use crate::signal::FilterSpec;
 
 /// The least that a session's `session.json` must say; further fields are kept.
@@ -21,6 +24,9 @@ struct SessionFile {
     /// The filter that both channels passed before they were recorded; null says none.
     #[schemars(required)]
     recorded_filter: Option<FilterSpec>,
+    /// What is known of the channels, by the name of their column, such as `emg_fcr_mvc`.
+    #[schemars(default)]
+    channels: Option<BTreeMap<String, RecordedChannel>>,
     /// When the session began, in UTC: `2026-11-24T15:00:00Z`.
     #[schemars(default)]
     started_utc: Option<String>,

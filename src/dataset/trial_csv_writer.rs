@@ -10,8 +10,11 @@ pub struct TrialCsvWriter {
     time_places: usize,
 }
 
-/// The columns of a record without further channels.
-pub const HEADER: &[u8] = b"t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc\n";
+/// The columns that every record of a trial has.
+pub const HEADER: &[u8] = b"t_s,theta_m_rad,torque_l_nm\n";
+
+/// The columns of the muscles that are measured.
+const EMG_COLUMNS: [&str; 2] = ["emg_fcr_mvc", "emg_ecr_mvc"];
 
 /// The columns of the record of a rig trial, of which no muscle is part.
 pub const RIG_HEADER: &[u8] = b"t_s,target_rad,theta_m_rad,torque_l_nm\n";
@@ -19,11 +22,11 @@ pub const RIG_HEADER: &[u8] = b"t_s,target_rad,theta_m_rad,torque_l_nm\n";
 /// The header of a record of samples like this one.
 pub fn header(sample: &Sample) -> Vec<u8> {
     let mut header = HEADER[..HEADER.len() - 1].to_vec();
-    for (channel, value) in FurtherChannel::ALL.into_iter().zip(sample.further) {
-        if value.is_some() {
-            header.push(b',');
-            header.extend_from_slice(channel.column().as_bytes());
-        }
+    let muscles = EMG_COLUMNS.into_iter().zip([sample.emg_fcr_mvc, sample.emg_ecr_mvc]);
+    let further = FurtherChannel::ALL.into_iter().map(FurtherChannel::column).zip(sample.further);
+    for (column, _) in muscles.chain(further).filter(|(_, value)| value.is_some()) {
+        header.push(b',');
+        header.extend_from_slice(column.as_bytes());
     }
     header.push(b'\n');
     header
@@ -35,9 +38,11 @@ pub fn header_of(record: &[u8]) -> Option<&[u8]> {
         return Some(&record[..RIG_HEADER.len()]);
     }
     let end = record.iter().position(|byte| *byte == b'\n')?;
-    let further = std::str::from_utf8(record[..end].strip_prefix(&HEADER[..HEADER.len() - 1])?).ok()?;
-    let is_known = |name: &str| FurtherChannel::ALL.into_iter().any(|channel| channel.column() == name);
-    let all_known = further.is_empty() || further.strip_prefix(',')?.split(',').all(is_known);
+    let optional = std::str::from_utf8(record[..end].strip_prefix(&HEADER[..HEADER.len() - 1])?).ok()?;
+    let is_known = |name: &str| {
+        EMG_COLUMNS.contains(&name) || FurtherChannel::ALL.into_iter().any(|channel| channel.column() == name)
+    };
+    let all_known = optional.is_empty() || optional.strip_prefix(',')?.split(',').all(is_known);
     all_known.then_some(&record[..=end])
 }
 
@@ -64,15 +69,14 @@ impl TrialCsvWriter {
             [
                 (values.theta_m_rad, resolution::ANGLE_PER_RAD, 7),
                 (values.torque_l_nm, resolution::TORQUE_PER_NM, 5),
-                (values.emg_fcr_mvc, resolution::EMG_PER_MVC, 5),
-                (values.emg_ecr_mvc, resolution::EMG_PER_MVC, 5),
             ],
         );
+        for value in [values.emg_fcr_mvc, values.emg_ecr_mvc].into_iter().flatten() {
+            push_cell(rows, (value, resolution::EMG_PER_MVC, 5));
+        }
         for (channel, value) in FurtherChannel::ALL.into_iter().zip(values.further) {
             let Some(value) = value else { continue };
-            rows.push(b',');
-            let nearest = value * resolution::further_steps(channel) + f64::copysign(0.5, value);
-            push_decimal(rows, nearest as i64, resolution::further_places(channel));
+            push_cell(rows, (value, resolution::further_steps(channel), resolution::further_places(channel)));
         }
         rows.push(b'\n');
     }
@@ -94,12 +98,17 @@ impl TrialCsvWriter {
     fn push_cells<const N: usize>(&self, rows: &mut Vec<u8>, sample: u64, cells: [(f64, f64, usize); N]) {
         let ticks = self.time_s(sample) * 10f64.powi(self.time_places as i32);
         push_decimal(rows, ticks.round() as i64, self.time_places);
-        for (value, steps, places) in cells {
-            rows.push(b',');
-            // Half a step away from zero and the cut towards it round to the nearest step.
-            push_decimal(rows, (value * steps + f64::copysign(0.5, value)) as i64, places);
+        for cell in cells {
+            push_cell(rows, cell);
         }
     }
+}
+
+/// Adds a value, rounded to the nearest of its steps, after a comma.
+fn push_cell(rows: &mut Vec<u8>, (value, steps, places): (f64, f64, usize)) {
+    rows.push(b',');
+    // Half a step away from zero and the cut towards it round to the nearest step.
+    push_decimal(rows, (value * steps + f64::copysign(0.5, value)) as i64, places);
 }
 
 /// Adds `number / 10^places` as a decimal.
@@ -132,14 +141,35 @@ mod tests {
         let sample = Sample {
             theta_m_rad: -0.0014123,
             torque_l_nm: 2.1,
-            emg_fcr_mvc: 0.0,
-            emg_ecr_mvc: -1.5,
+            emg_fcr_mvc: Some(0.0),
+            emg_ecr_mvc: Some(-1.5),
             ..Sample::default()
         };
         let mut text = Vec::new();
         TrialCsvWriter::new(2500.0).push(&mut text, 3, &sample);
         assert_eq!(String::from_utf8(text).unwrap(), "0.0012,-0.0014123,2.10000,0.00000,-1.50000\n");
-        assert_eq!(header(&sample), HEADER);
+        assert_eq!(header(&sample), b"t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc\n");
+    }
+
+    #[test]
+    fn a_muscle_that_is_not_measured_has_no_column() {
+        for (emg, columns, cells) in
+            [([None, None], "", ""), ([None, Some(0.25)], ",emg_ecr_mvc", ",0.25000")]
+        {
+            let sample = Sample { emg_fcr_mvc: emg[0], emg_ecr_mvc: emg[1], ..Sample::default() };
+            let mut text = Vec::new();
+            TrialCsvWriter::new(2500.0).push(&mut text, 0, &sample);
+            assert_eq!(
+                String::from_utf8(text.clone()).unwrap(),
+                format!("0.0000,0.0000000,0.00000{cells}\n")
+            );
+            let header = header(&sample);
+            assert_eq!(
+                String::from_utf8(header.clone()).unwrap(),
+                format!("t_s,theta_m_rad,torque_l_nm{columns}\n")
+            );
+            assert_eq!(header_of(&[header.clone(), text].concat()), Some(&header[..]));
+        }
     }
 
     #[test]
@@ -148,10 +178,9 @@ mod tests {
             Sample { further: [Some(-0.00123), Some(-412.5), Some(1.25), None], ..Sample::default() };
         let mut text = Vec::new();
         TrialCsvWriter::new(2500.0).push(&mut text, 0, &sample);
-        let row = "0.0000,0.0000000,0.00000,0.00000,0.00000,-0.0012300,-412.500,1.25000\n";
+        let row = "0.0000,0.0000000,0.00000,-0.0012300,-412.500,1.25000\n";
         assert_eq!(String::from_utf8(text.clone()).unwrap(), row);
-        let columns =
-            "t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc,theta_l_rad,alpha_l_rad_s2,torque_h_nm\n";
+        let columns = "t_s,theta_m_rad,torque_l_nm,theta_l_rad,alpha_l_rad_s2,torque_h_nm\n";
         let header = header(&sample);
         assert_eq!(String::from_utf8(header.clone()).unwrap(), columns);
         let record = [header.clone(), text].concat();
@@ -175,8 +204,8 @@ mod tests {
             let sample = Sample {
                 theta_m_rad: angle,
                 torque_l_nm: torque,
-                emg_fcr_mvc: fcr,
-                emg_ecr_mvc: ecr,
+                emg_fcr_mvc: Some(fcr),
+                emg_ecr_mvc: Some(ecr),
                 further: [Some(handle), Some(acceleration), Some(hand), None],
             }
             .rounded();
@@ -186,7 +215,7 @@ mod tests {
             let read: Vec<f64> = text.trim().split(',').map(|cell| cell.parse().unwrap()).collect();
             let further: Vec<f64> = sample.further.into_iter().flatten().collect();
             prop_assert_eq!(&read[1..5], &[
-                sample.theta_m_rad, sample.torque_l_nm, sample.emg_fcr_mvc, sample.emg_ecr_mvc
+                sample.theta_m_rad, sample.torque_l_nm, sample.emg_fcr_mvc.unwrap(), sample.emg_ecr_mvc.unwrap()
             ]);
             prop_assert_eq!(&read[5..], &further[..]);
         }

@@ -197,8 +197,14 @@ impl Entry {
             &name("emg.json"),
             &sidecars::emg(&self.session, record.theta_m_rad.len(), channels.len() - 2 - further, further),
         )?;
-        target
-            .put(&name("channels.tsv"), &sidecars::emg_channels(channels.iter().map(|channel| channel.label)))
+        target.put(
+            &name("channels.tsv"),
+            &sidecars::emg_channels(
+                channels.iter().map(|channel| channel.label),
+                self.session.sample_rate_hz,
+                &self.card.channels,
+            ),
+        )
     }
 
     fn motion(

@@ -35,6 +35,11 @@ pub enum ExportError {
     /// No trial has any samples.
     #[error("{}: no trial has samples; there is nothing to export", .0.display())]
     Nothing(PathBuf),
+    /// A session without a journal, in which nobody knows when its trials were.
+    #[error(
+        "{}: has no journal, so nobody knows when its trials were; an XDF file needs that. Use --mat, --bids or --parquet", .0.display()
+    )]
+    NoTimes(PathBuf),
     /// A result table that cannot be read.
     #[error("{}: cannot be read as a table: {message}. Write it again with: ramphold fit", path.display())]
     Table {
@@ -54,6 +59,19 @@ pub enum ExportError {
         value: f64,
         /// The largest value of the format.
         limit: f64,
+    },
+    /// More than a variable of a .mat file can hold.
+    #[error(
+        "{}: the sessions make {bytes} bytes, and a .mat file of version 5 holds {limit}; export fewer sessions to a file",
+        path.display()
+    )]
+    TooLarge {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// Bytes of the variable.
+        bytes: usize,
+        /// Most bytes of a variable.
+        limit: usize,
     },
     /// The program was built without the feature that the option needs.
     #[error(

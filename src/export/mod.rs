@@ -1,8 +1,11 @@
-//! Sessions in the formats of other tools: a BIDS dataset, tidy Parquet tables.
+//! Sessions in the formats of other tools: a BIDS dataset, tidy Parquet tables, .mat files, XDF.
 
 mod bdf;
 mod bids;
 mod error;
+mod fit_rows;
+mod mat;
+mod mat_file;
 #[cfg(feature = "parquet")]
 mod parquet;
 #[cfg(not(feature = "parquet"))]
@@ -10,8 +13,11 @@ mod parquet;
 mod parquet;
 mod rows;
 mod sidecars;
+mod xdf;
 
 pub use bids::{Participant, write as write_bids};
 pub use error::ExportError;
+pub use mat::write as write_mat;
 pub use parquet::write as write_parquet;
 pub use rows::Rows;
+pub use xdf::write as write_xdf;

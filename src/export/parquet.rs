@@ -13,9 +13,10 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
 use super::error::ExportError;
+use super::fit_rows::fit_rows;
 use super::rows::Rows;
 use crate::dataset::{self, FurtherChannel, Session, Trial};
-use crate::files::{self, Folder, limits};
+use crate::files::{self, Folder};
 
 /// A column of the table.
 enum Column {
@@ -122,7 +123,7 @@ fn trials(sessions: &[(PathBuf, Session)]) -> Result<ParquetColumns, ExportError
             append(&mut columns, own)
         }
         onsets.extend(session.trials.iter().map(|trial| trial.onset_s));
-        let fits = fits(folder)?;
+        let fits = fit_rows(folder)?;
         more.extend(session.trials.iter().map(|trial| {
             let mut row = trial.extra.clone();
             row.extend(fits.get(&trial.number).cloned().unwrap_or_default());
@@ -157,27 +158,6 @@ fn append(columns: &mut ParquetColumns, more: ParquetColumns) {
             _ => {}
         }
     }
-}
-
-/// The rows of `fit.csv` by trial; none without that file.
-fn fits(session: &Path) -> Result<BTreeMap<u32, BTreeMap<String, String>>, ExportError> {
-    const FIT: &str = "results/fit.csv";
-    let path = session.join(FIT);
-    let bytes = Folder::open(session).and_then(|folder| folder.read_if_there(FIT, limits::FIT_BYTES));
-    let Some(bytes) = bytes.map_err(ExportError::at(&path))? else { return Ok(BTreeMap::new()) };
-    let bad = |message: String| ExportError::Table { path: path.clone(), message };
-    let mut reader = csv::Reader::from_reader(bytes.as_slice());
-    let columns = reader.headers().map_err(|error| bad(error.to_string()))?.len();
-    if columns > limits::MAX_COLUMNS {
-        return Err(bad(format!("{columns} columns; expected at most {}", limits::MAX_COLUMNS)));
-    }
-    let mut fits = BTreeMap::new();
-    for row in reader.deserialize() {
-        let row: BTreeMap<String, String> = row.map_err(|error| bad(error.to_string()))?;
-        let trial = row.get("trial").and_then(|text| text.parse().ok());
-        fits.insert(trial.ok_or_else(|| bad("a row has no number in its column trial".into()))?, row);
-    }
-    Ok(fits)
 }
 
 fn write_groups(file: &mut File, groups: &[ParquetColumns]) -> Result<(), ParquetError> {

@@ -1,8 +1,11 @@
 //! The JSON and TSV files that describe a BIDS recording.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 
 use crate::dataset::{FurtherChannel, PROGRAM, Session, Trial};
+use crate::rig::{ChannelFilter, RecordedChannel};
 
 /// The task's name in files.
 pub const TASK: &str = "rampandhold";
@@ -10,11 +13,15 @@ pub const TASK: &str = "rampandhold";
 /// The version of BIDS that is written.
 const BIDS_VERSION: &str = "1.11.0";
 
+/// The version of the Hierarchical Event Descriptors with which events are tagged.
+const HED_VERSION: &str = "8.4.0";
+
 /// `dataset_description.json` of the dataset.
 pub fn dataset() -> Value {
     json!({
         "Name": "Ramp-and-hold experiments on the human wrist",
         "BIDSVersion": BIDS_VERSION,
+        "HEDVersion": HED_VERSION,
         "DatasetType": "raw",
         "GeneratedBy": [generated_by()],
     })
@@ -89,19 +96,56 @@ fn filters(session: &Session) -> Value {
     session.recorded_filter.map_or(json!("n/a"), |filter| json!({ "BeforeRecording": filter }))
 }
 
-/// `_channels.tsv` of an EMG recording with the channels named.
-pub fn emg_channels<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    let rows =
-        names.map(|name| match EMG_CHANNELS.iter().find(|row| row.starts_with(&format!("{name}\t"))) {
-            Some(row) => format!("{row}\n"),
+/// `_channels.tsv` of an EMG recording with the channels named, whose samples come at `rate_hz`; `known` is what the session says of them.
+pub fn emg_channels<'a>(
+    names: impl Iterator<Item = &'a str>,
+    rate_hz: f64,
+    known: &BTreeMap<String, RecordedChannel>,
+) -> String {
+    let rows = names.map(|name| {
+        let known = known.iter().find(|(column, _)| column.strip_prefix(name).is_some_and(is_unit_of_column));
+        let filters = cutoffs(known.map(|(_, channel)| channel));
+        let rest = match EMG_CHANNELS.iter().find(|row| row.starts_with(&format!("{name}\t"))) {
+            Some(row) => (*row).to_owned(),
             None => match FurtherChannel::ALL.into_iter().find(|channel| channel.symbol() == name) {
                 Some(channel) => {
-                    format!("{name}\tMISC\t{}\t{}\tn/a\tn/a\tn/a\n", unit(channel), channel.title())
+                    format!("{name}\tMISC\t{}\t{}\tn/a\tn/a\tn/a", unit(channel), channel.title())
                 }
-                None => format!("{name}\tMISC\tn/a\tn/a\tn/a\tn/a\tn/a\n"),
+                None => format!("{name}\tMISC\tn/a\tn/a\tn/a\tn/a\tn/a"),
             },
-        });
-    "name\ttype\tunits\tdescription\treference\tgroup\ttarget_muscle\n".to_owned() + &rows.collect::<String>()
+        };
+        format!("{rest}\t{rate_hz}\t{filters}\n")
+    });
+    "name\ttype\tunits\tdescription\treference\tgroup\ttarget_muscle\tsampling_frequency\tlow_cutoff\thigh_cutoff\tnotch\n"
+        .to_owned()
+        + &rows.collect::<String>()
+}
+
+/// Whether this is the part of a column's name after that of its channel, as `_mvc` of `emg_fcr_mvc`.
+fn is_unit_of_column(rest: &str) -> bool {
+    ["_mvc", "_rad", "_nm", "_rad_s2"].contains(&rest)
+}
+
+/// Cut-off frequencies of a channel's high-pass and low-pass, and its notch, Hz; `n/a` where there is none or it is not known.
+fn cutoffs(known: Option<&RecordedChannel>) -> String {
+    let filters = known.and_then(|channel| channel.filter.as_deref()).unwrap_or_default();
+    let of = |cutoff: fn(&ChannelFilter) -> Option<f64>| {
+        filters.iter().find_map(cutoff).map_or("n/a".to_owned(), |cutoff_hz| cutoff_hz.to_string())
+    };
+    // BIDS: the high-pass is the low cut-off.
+    let low = of(|filter| match filter {
+        ChannelFilter::HighPass { cutoff_hz, .. } => Some(*cutoff_hz),
+        _ => None,
+    });
+    let high = of(|filter| match filter {
+        ChannelFilter::LowPass { cutoff_hz, .. } => Some(*cutoff_hz),
+        _ => None,
+    });
+    let notch = of(|filter| match filter {
+        ChannelFilter::Notch { frequency_hz } => Some(*frequency_hz),
+        _ => None,
+    });
+    format!("{low}\t{high}\t{notch}")
 }
 
 const EMG_CHANNELS: [&str; 4] = [
@@ -137,13 +181,28 @@ torque_l\tn/a\tMISC\twrist\tN.m\ttorque in the lever, positive resists extension
 /// What the columns of `_events.tsv` mean.
 pub fn events_meaning() -> Value {
     json!({
-        "trial_type": { "Description": "ramp: the motor begins to extend the wrist" },
-        "velocity_rad_s": { "Description": "Ramp velocity", "Units": "rad/s" },
-        "torque_nm": { "Description": "Target torque", "Units": "N.m" },
-        "repetition": { "Description": "Repetition index of its condition, from 1" },
-        "trial": { "Description": "Number of the trial in the session" },
+        "trial_type": {
+            "Description": "What happens",
+            "Levels": { "ramp": "The motor begins to turn the wrist" },
+            "HED": { "ramp": "Sensory-event, Experimental-stimulus, Somatic-presentation, (Machine, (Stretch, Wrist))" },
+        },
+        "velocity_rad_s": {
+            "Description": "Ramp velocity", "Units": "rad/s",
+            "HED": "(Parameter-label/Ramp-velocity, Parameter-value/#)",
+        },
+        "torque_nm": {
+            "Description": "Target torque", "Units": "N.m",
+            "HED": "(Parameter-label/Target-torque, Parameter-value/#)",
+        },
+        "repetition": {
+            "Description": "Repetition index of its condition, from 1",
+            "HED": "(Parameter-label/Repetition, Parameter-value/#)",
+        },
+        "trial": { "Description": "Number of the trial in the session", "HED": "Experimental-trial/#" },
         "status": { "Description": "Outcome of the trial", "Levels": {
-            "ok": "complete", "rejected": "a rule of the protocol was broken", "aborted": "ended before its time" } },
+            "ok": "complete", "rejected": "a rule of the protocol was broken", "aborted": "ended before its time" },
+            "HED": {
+                "ok": "Label/Trial-complete", "rejected": "Label/Trial-rejected", "aborted": "Label/Trial-aborted" } },
     })
 }
 

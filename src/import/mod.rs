@@ -1,4 +1,5 @@
-//! Sessions from foreign recordings: a folder of CSV files, a `.mat` file, a Parquet table, or one long record with a ramp signal.
+//! Sessions from foreign recordings: a folder of CSV files, a `.mat` file, a Parquet table, EDF, BDF or XDF, or one long record with a
+//! ramp signal.
 //!
 //! A [`Mapping`] says which column is what, in which unit and with which sign. [`import`] reads the tables, converts them, cuts a
 //! long record into trials, finds the onsets and groups speeds and torques into conditions. Nothing is written before
@@ -6,6 +7,7 @@
 
 mod conditions;
 mod cut;
+mod edf;
 mod error;
 mod mapping;
 #[cfg(feature = "matlab")]
@@ -17,15 +19,18 @@ mod mat_v73;
 #[cfg(feature = "parquet")]
 mod parquet_source;
 mod picture;
+mod recording;
 mod session_build;
 mod source_files;
 mod source_table;
 mod write;
+mod xdf;
 
 pub use error::ImportError;
 pub use mapping::{IMPORT_FORMAT, LongRecord, MappedSignal, Mapping, SignalColumns, SignalUnit, schema_text};
+pub use recording::{Marker, Recording, TIME_COLUMN};
 pub use session_build::{ImportedSession, import};
-pub use source_files::read_source;
+pub use source_files::{read_recording, read_source};
 pub use source_table::SourceTable;
 
 #[cfg(test)]

@@ -4,11 +4,13 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::error::ImportError;
+use super::recording::Recording;
 use super::source_table::SourceTable;
+use super::{edf, xdf};
 use crate::files::{self, Folder, limits};
 
 /// Kinds of files that are read.
-const KINDS: &str = "a folder of .csv or .mat files, or a .csv, .txt, .tsv, .mat or .parquet file";
+const KINDS: &str = "a folder of such files, or a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf or .xdf file";
 
 /// Reads the tables of `source`: one of each file of a folder, in the order of their names and numbers; of a .mat file with matrices one of each of their columns.
 ///
@@ -39,12 +41,42 @@ pub fn read_source(source: &Path) -> Result<Vec<SourceTable>, ImportError> {
     Ok(tables)
 }
 
+/// Reads one file with its tables and markers.
+///
+/// # Errors
+/// As [`read_source`].
+pub fn read_recording(file: &Path) -> Result<Recording, ImportError> {
+    match extension(file).as_str() {
+        "edf" | "bdf" => read_stamped(file, edf::is_edf, edf::read),
+        "xdf" => read_stamped(file, xdf::is_xdf, xdf::read),
+        _ => Ok(Recording { tables: read_file(file)?, markers: Vec::new() }),
+    }
+}
+
+/// Reads a file whose format has a clock of its own.
+fn read_stamped(
+    path: &Path,
+    is_of_kind: fn(&[u8]) -> bool,
+    read: fn(&[u8], &Path) -> Result<Recording, ImportError>,
+) -> Result<Recording, ImportError> {
+    let unreadable = |source| ImportError::Unreadable { path: path.into(), source };
+    let bytes = files::read(path, limits::RECORDING_BYTES).map_err(unreadable)?;
+    if !is_of_kind(&bytes) {
+        return Err(ImportError::Source {
+            path: path.into(),
+            found: "a file that does not begin as its name says".into(),
+            expected: "an EDF, BDF or XDF file",
+        });
+    }
+    read(&bytes, path)
+}
+
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
 fn is_known(path: &Path) -> bool {
-    ["csv", "txt", "tsv", "mat", "parquet"].contains(&extension(path).as_str())
+    ["csv", "txt", "tsv", "mat", "parquet", "edf", "bdf", "xdf"].contains(&extension(path).as_str())
 }
 
 fn read_file(path: &Path) -> Result<Vec<SourceTable>, ImportError> {
@@ -52,6 +84,7 @@ fn read_file(path: &Path) -> Result<Vec<SourceTable>, ImportError> {
         "csv" | "txt" | "tsv" => Ok(vec![read_text_table(path)?]),
         "mat" => read_mat(path),
         "parquet" => read_parquet(path),
+        "edf" | "bdf" | "xdf" => Ok(read_recording(path)?.tables),
         _ => Err(ImportError::Source {
             path: path.into(),
             found: "a file of another kind".into(),

@@ -13,6 +13,7 @@ use super::error::ReportError;
 use super::fitted::Fitted;
 use super::journal::{SessionTimes, times};
 use super::traces::{Trace, traces};
+use crate::attach::attached_emg;
 use crate::dataset::{self, Amendments, JOURNAL, Session, SessionCard};
 use crate::files::{Folder, is_refusal, limits};
 use crate::fit::{ExcludedTrial, FIT_FORMAT};
@@ -38,6 +39,8 @@ pub struct ReportInput {
     pub fitted: Option<Fitted>,
     /// The measured and fitted traces of the trials.
     pub traces: Vec<Trace>,
+    /// The attachment that the EMG is from, and its samples a second; `None` for the EMG of the session's own records.
+    pub emg_from: Option<(String, f64)>,
     /// A second fit to lay beside the first, with its name.
     pub beside: Option<(String, Fitted)>,
     /// The diagnosis.
@@ -107,7 +110,12 @@ impl ReportInput {
         if !has_results.1 {
             missing.push("There is no diagnosis yet. Run: ramphold diagnose SESSION".into());
         }
-        let (traces, excluded) = traces(&session, fitted.as_ref(), protocol.as_ref(), &mut missing);
+        let attached = attached_emg(folder).unwrap_or_else(|error| {
+            missing.push(format!("The attached EMG cannot be read: {error}."));
+            None
+        });
+        let (traces, excluded) =
+            traces(&session, fitted.as_ref(), protocol.as_ref(), attached.as_ref(), &mut missing);
         let diagnosis = diagnosis.as_ref().map(Diagnosed::of);
         Ok(Self {
             biases: Biases::of(diagnosis.as_ref(), fitted.as_ref()),
@@ -121,6 +129,7 @@ impl ReportInput {
             lateness,
             fitted,
             traces,
+            emg_from: attached.map(|own| (own.name, own.rate_hz)),
             beside,
             diagnosis,
             missing,

@@ -15,6 +15,8 @@ pub struct SessionTimes {
     pub notes: Vec<(f64, String)>,
     /// Faults and other incidents, with their time, s.
     pub incidents: Vec<(f64, String)>,
+    /// Peak torque, N m, and peak EMG of flexor and extensor in each maximal effort.
+    pub efforts: Vec<[f64; 3]>,
     /// Lines that could not be read.
     pub unread_lines: usize,
 }
@@ -43,6 +45,10 @@ pub fn times(text: &str, sample_rate_hz: f64) -> SessionTimes {
             times.notes.push((before_s + sample as f64 / sample_rate_hz, note.to_owned()));
         }
         let detail = &record["detail"];
+        let peaks = ["peak_torque_nm", "peak_fcr", "peak_ecr"].map(|name| detail["effort"][name].as_f64());
+        if let [Some(torque_nm), Some(fcr), Some(ecr)] = peaks {
+            times.efforts.push([torque_nm, fcr, ecr]);
+        }
         if detail["began"]["practice"] == false {
             trial = detail["began"]["number"].as_u64().map(|number| (number as u32, last_s));
         }

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use super::emg::{TrialEmg, find_onsets, trial_emg};
 use super::fitted::{Fitted, FittedTrial};
-use crate::dataset::{FurtherChannel, Session, Status};
+use crate::attach::AttachedEmg;
+use crate::dataset::{FurtherChannel, Record, Session, Status};
 use crate::fit::{ExcludedTrial, Model, Observations, PreprocessingSettings, RigConstants, TrialObservation};
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
@@ -67,6 +68,7 @@ pub fn traces(
     session: &Session,
     fitted: Option<&Fitted>,
     protocol: Option<&ValidProtocol>,
+    attached: Option<&AttachedEmg>,
     missing: &mut Vec<String>,
 ) -> (Vec<Trace>, Vec<ExcludedTrial>) {
     let view = match (fitted, protocol) {
@@ -95,6 +97,11 @@ pub fn traces(
     let fit = fitted_model.as_ref().map(|(fitted, model)| (*fitted, model));
     let mut traces: Vec<Trace> =
         prepared.trials.par_iter().map(|trial| one(session, &prepared, trial, fitted, fit)).collect();
+    if let Some(attached) = attached {
+        for (trace, trial) in traces.iter_mut().zip(&prepared.trials) {
+            trace.emg = emg_of_attachment(attached, trial);
+        }
+    }
     find_onsets(&mut traces.iter_mut().filter_map(|trace| trace.emg.as_mut()).collect::<Vec<_>>());
     let bare = traces.iter().filter(|trace| trace.instants.is_empty()).count();
     if fitted.is_some() && bare > 0 {
@@ -143,6 +150,15 @@ fn one(
         .map(|(measured, (_, fitted))| measured - fitted)
         .collect();
     trace
+}
+
+/// The EMG of a trial from another device, which has a rate of its own; `None` if the trial is not in it.
+fn emg_of_attachment(attached: &AttachedEmg, trial: &TrialObservation) -> Option<TrialEmg> {
+    let own = attached.trials.get(&trial.number)?;
+    let onset = libm::round((trial.onset_s - own.start_s) * attached.rate_hz);
+    let [emg_fcr_mvc, emg_ecr_mvc] = own.mvc.clone();
+    let record = Record { emg_fcr_mvc, emg_ecr_mvc, ..Record::default() };
+    trial_emg(&record, onset.max(0.0) as usize, trial.velocity_rad_s, 1.0 / attached.rate_hz)
 }
 
 fn recorded(session: &Session, prepared: &Observations, trial: &TrialObservation) -> Trace {

@@ -33,6 +33,15 @@ pub enum Fault {
     /// The period ended without a sample.
     #[error("no sample arrived in its period; check the connection to the rig")]
     NoSample,
+    /// The rig does not measure a channel that the protocol depends on.
+    #[error(
+        "the rig does not measure the {channel} channel, which the protocol depends on; add it to the rig file, or take \
+         gate.antagonist_limit_mvc out of the protocol"
+    )]
+    NotMeasured {
+        /// Which channel.
+        channel: Channel,
+    },
     /// The EMG of a muscle stayed silent in a maximal effort, so that nothing can be given as a fraction of it.
     #[error("the {channel} channel stayed silent in the maximal effort; check its electrodes")]
     SilentEffort {
@@ -52,6 +61,7 @@ impl Fault {
             Self::NotANumber { .. } => "not_a_number",
             Self::Limit { .. } => "limit",
             Self::NoSample => "no_sample",
+            Self::NotMeasured { .. } => "not_measured",
             Self::SilentEffort { .. } => "silent_effort",
             Self::Device(fault) => fault.code(),
         }
@@ -93,7 +103,9 @@ impl Fault {
     /// The class of the fault; `None` for a fault of a device in a journal that does not give the class.
     pub fn class(&self) -> Option<FaultClass> {
         match self {
-            Self::NotANumber { .. } | Self::SilentEffort { .. } => Some(FaultClass::Sensor),
+            Self::NotANumber { .. } | Self::NotMeasured { .. } | Self::SilentEffort { .. } => {
+                Some(FaultClass::Sensor)
+            }
             Self::Limit { .. } => Some(FaultClass::Limit),
             Self::NoSample => Some(FaultClass::Cycle),
             Self::Device(fault) => fault.class(),

@@ -86,18 +86,19 @@ impl LimitMonitor {
         self.sample += samples;
     }
 
-    /// Checks a whole sample: every channel must be a finite number, and within its limit.
+    /// Checks a whole sample: every measured channel must be a finite number, and within its limit.
     ///
     /// # Errors
     /// The first channel that is not a number, or the first quantity that exceeds its limit.
     pub fn check_sample(&mut self, sample: &Sample) -> Result<(), Fault> {
         let channels = [
-            (Channel::Angle, sample.theta_m_rad),
-            (Channel::Torque, sample.torque_l_nm),
+            (Channel::Angle, Some(sample.theta_m_rad)),
+            (Channel::Torque, Some(sample.torque_l_nm)),
             (Channel::EmgFcr, sample.emg_fcr_mvc),
             (Channel::EmgEcr, sample.emg_ecr_mvc),
         ];
-        if let Some((channel, _)) = channels.into_iter().find(|(_, value)| !value.is_finite()) {
+        let is_no_number = |value: Option<f64>| value.is_some_and(|value| !value.is_finite());
+        if let Some((channel, _)) = channels.into_iter().find(|(_, value)| is_no_number(*value)) {
             return Err(Fault::NotANumber { channel });
         }
         let is_given_again = self.last.replace(*sample) == Some(*sample);

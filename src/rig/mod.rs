@@ -9,13 +9,17 @@ mod command;
 mod fault;
 mod interface;
 mod limit_monitor;
+mod recorded_channel;
 mod sample;
 mod schema;
+mod unmeasured;
 pub mod virtual_wrist;
 
 pub use command::{Command, Cue, Direction, Motor, RigTrialStage, TrialKey, Upcoming, UpcomingRigTrial};
 pub use fault::{Channel, DeviceFault, Fault, FaultClass, Quantity};
 pub use interface::{Armed, ArmingConsent, Origin, Punctuality, Rig, Vitals};
 pub use limit_monitor::{Exceeded, LimitMonitor, MotionLimits};
+pub use recorded_channel::{ChannelDetails, ChannelFilter, RecordedChannel, RecordedSignals};
 pub use sample::{Sample, resolution};
 pub use schema::schema_text;
+pub use unmeasured::unmeasured_channels;

@@ -9,10 +9,11 @@ pub struct Sample {
     pub theta_m_rad: f64,
     /// Torque in the lever, offset included, N m.
     pub torque_l_nm: f64,
-    /// EMG of the flexor carpi radialis, band-passed and not rectified, fraction of MVC.
-    pub emg_fcr_mvc: f64,
-    /// EMG of the extensor carpi radialis, the antagonist, fraction of MVC.
-    pub emg_ecr_mvc: f64,
+    /// EMG of the flexor carpi radialis, band-passed and not rectified, fraction of MVC; `None` for a rig that does not measure
+    /// it.
+    pub emg_fcr_mvc: Option<f64>,
+    /// EMG of the extensor carpi radialis, the antagonist, fraction of MVC; `None` for a rig that does not measure it.
+    pub emg_ecr_mvc: Option<f64>,
     /// Further channels in the order of [`FurtherChannel::ALL`], each in its unit; `None` for a sensor that the rig does not have.
     pub further: [Option<f64>; FurtherChannel::COUNT],
 }
@@ -50,8 +51,8 @@ impl Sample {
         Self {
             theta_m_rad: round(self.theta_m_rad, resolution::ANGLE_PER_RAD),
             torque_l_nm: round(self.torque_l_nm, resolution::TORQUE_PER_NM),
-            emg_fcr_mvc: round(self.emg_fcr_mvc, resolution::EMG_PER_MVC),
-            emg_ecr_mvc: round(self.emg_ecr_mvc, resolution::EMG_PER_MVC),
+            emg_fcr_mvc: self.emg_fcr_mvc.map(|emg| round(emg, resolution::EMG_PER_MVC)),
+            emg_ecr_mvc: self.emg_ecr_mvc.map(|emg| round(emg, resolution::EMG_PER_MVC)),
             further: std::array::from_fn(|place| {
                 self.further[place]
                     .map(|value| round(value, resolution::further_steps(FurtherChannel::ALL[place])))

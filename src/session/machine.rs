@@ -265,6 +265,10 @@ impl Machine {
                 (self.in_phase >= self.settings.samples(rest_s)).then_some((Event::RestOver, None))
             }
             Phase::Rest => (self.in_phase >= self.settings.rest_samples).then_some((Event::RestOver, None)),
+            Phase::Hold | Phase::Delay if self.antagonist_is_unknown() => {
+                let fault = Fault::NotMeasured { channel: Channel::EmgEcr };
+                Some((Event::Fault, Some(TransitionDetail::Fault(fault))))
+            }
             Phase::Hold => self.watch_gate().map(|event| (event, None)),
             Phase::Delay => self.watch_delay(on_disk),
             Phase::Ramp | Phase::RampHold | Phase::Return => {
@@ -290,12 +294,12 @@ impl Machine {
     }
 
     fn measure_effort(&mut self) -> Option<(Event, Option<TransitionDetail>)> {
-        let now = [self.feedback.torque_nm, self.feedback.fcr_mvc, self.feedback.ecr_mvc];
-        if now[0].abs() > self.peaks[0].abs() {
-            self.peaks[0] = now[0];
+        if self.feedback.torque_nm.abs() > self.peaks[0].abs() {
+            self.peaks[0] = self.feedback.torque_nm;
         }
-        self.peaks[1] = self.peaks[1].max(now[1]);
-        self.peaks[2] = self.peaks[2].max(now[2]);
+        // A muscle that is not measured stays silent.
+        self.peaks[1] = self.peaks[1].max(self.feedback.fcr_mvc.unwrap_or(0.0));
+        self.peaks[2] = self.peaks[2].max(self.feedback.ecr_mvc.unwrap_or(0.0));
         let duration_s = self.settings.mvc.as_ref().map_or(0.0, |mvc| mvc.duration_s);
         if self.in_phase < self.settings.samples(duration_s) {
             return None;
@@ -351,7 +355,12 @@ impl Machine {
     }
 
     fn antagonist_is_active(&self) -> bool {
-        self.gate.antagonist_is_active(self.feedback.ecr_mvc)
+        self.feedback.ecr_mvc.is_some_and(|ecr_mvc| self.gate.antagonist_is_active(ecr_mvc))
+    }
+
+    /// Whether the gate depends on the antagonist's EMG, which is not measured.
+    fn antagonist_is_unknown(&self) -> bool {
+        self.gate.needs_antagonist() && self.feedback.ecr_mvc.is_none()
     }
 
     fn shown_nm(&self) -> f64 {

@@ -14,10 +14,10 @@ pub struct FeedbackFilter {
     emg_share: f64,
     /// Torque, offset included, N m.
     pub torque_nm: f64,
-    /// Rectified EMG of the flexor, fraction of MVC.
-    pub fcr_mvc: f64,
-    /// Rectified EMG of the extensor, fraction of MVC.
-    pub ecr_mvc: f64,
+    /// Rectified EMG of the flexor, fraction of MVC; `None` where it is not measured.
+    pub fcr_mvc: Option<f64>,
+    /// Rectified EMG of the extensor, fraction of MVC; `None` where it is not measured.
+    pub ecr_mvc: Option<f64>,
     started: bool,
 }
 
@@ -29,8 +29,8 @@ impl FeedbackFilter {
             torque_share: share(1.0 / (TAU * cutoff_hz)),
             emg_share: share(EMG_TIME_CONSTANT_S),
             torque_nm: 0.0,
-            fcr_mvc: 0.0,
-            ecr_mvc: 0.0,
+            fcr_mvc: None,
+            ecr_mvc: None,
             started: false,
         }
     }
@@ -43,18 +43,22 @@ impl FeedbackFilter {
 
     /// Goes on with EMG in another unit: the values of FCR and ECR so far are divided by `factors`.
     pub fn rescale_emg(&mut self, factors: [f64; 2]) {
-        self.fcr_mvc /= factors[0];
-        self.ecr_mvc /= factors[1];
+        self.fcr_mvc = self.fcr_mvc.map(|emg| emg / factors[0]);
+        self.ecr_mvc = self.ecr_mvc.map(|emg| emg / factors[1]);
     }
 
     /// Filters one sample.
     pub fn update(&mut self, sample: &Sample) {
         if !self.started {
             self.started = true;
-            (self.torque_nm, self.fcr_mvc, self.ecr_mvc) = (sample.torque_l_nm, 0.0, 0.0);
+            (self.torque_nm, self.fcr_mvc, self.ecr_mvc) = (sample.torque_l_nm, None, None);
         }
         self.torque_nm += self.torque_share * (sample.torque_l_nm - self.torque_nm);
-        self.fcr_mvc += self.emg_share * (sample.emg_fcr_mvc.abs() - self.fcr_mvc);
-        self.ecr_mvc += self.emg_share * (sample.emg_ecr_mvc.abs() - self.ecr_mvc);
+        for (level, measured) in
+            [(&mut self.fcr_mvc, sample.emg_fcr_mvc), (&mut self.ecr_mvc, sample.emg_ecr_mvc)]
+        {
+            let before = level.unwrap_or(0.0);
+            *level = measured.map(|emg| before + self.emg_share * (emg.abs() - before));
+        }
     }
 }

@@ -30,8 +30,8 @@ pub struct Step {
     pub target_rad: f64,
     /// Low-pass filtered torque without the offset, N m, as the subject sees it.
     pub feedback_torque_nm: f64,
-    /// Smoothed rectified EMG of flexor and extensor, fraction of MVC.
-    pub feedback_emg_mvc: [f64; 2],
+    /// Smoothed rectified EMG of flexor and extensor, fraction of MVC; `None` where it is not measured.
+    pub feedback_emg_mvc: [Option<f64>; 2],
     /// Fraction of the gate's time that the torque has been in the band, 0 to 1.
     pub gate_fraction: f64,
 }
@@ -90,6 +90,15 @@ pub trait StepConsumer {
 
     /// Takes one step; `progress` is the session's progress after it. With a real-time rig this must not block.
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), Self::Error>;
+}
+
+/// A consumer that may be there or not.
+impl<A: StepConsumer<Error = Infallible>> StepConsumer for Option<A> {
+    type Error = Infallible;
+
+    fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), Infallible> {
+        self.as_mut().map_or(Ok(()), |own| own.consume(step, progress))
+    }
 }
 
 /// Two consumers of the same steps. The first one (the recorder) decides whether the session can go on.

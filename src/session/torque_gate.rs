@@ -48,6 +48,11 @@ impl TorqueGate {
         (torque_nm - target_nm).abs() < self.gate.band_fraction * target_nm.abs()
     }
 
+    /// Whether the gate depends on the antagonist's EMG.
+    pub fn needs_antagonist(&self) -> bool {
+        self.gate.antagonist_limit_mvc.is_some()
+    }
+
     /// Whether the antagonist's EMG, a fraction of MVC, exceeds the limit of the protocol, if there is one.
     pub fn antagonist_is_active(&self, ecr_mvc: f64) -> bool {
         self.gate.antagonist_limit_mvc.is_some_and(|limit| ecr_mvc > limit)

@@ -364,5 +364,5 @@ fn shifts_are_parsed_and_invalid_text_is_refused() {
 #[test]
 fn the_schema_in_the_repository_is_up_to_date() {
     let file = Path::new(PROTOCOLS).join("study.schema.json");
-    assert_eq!(fs::read_to_string(file).unwrap(), schema_text(), "run: ramphold schema study");
+    assert!(fs::read_to_string(file).unwrap() == schema_text(), "run: ramphold schema study");
 }

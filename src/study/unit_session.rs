@@ -129,6 +129,7 @@ pub fn simulate_unit(unit: &Unit, storage: SessionStorage) -> Result<Option<Sess
                 calibration: None,
                 about: &Default::default(),
                 subject_fields: &Default::default(),
+                signals: &setup.recorded_signals(protocol.signal.sample_rate_hz),
                 motion_delay_samples: 0,
             };
             let mut recorder = new.create(&path, Disk::synchronised_at_the_end())?;

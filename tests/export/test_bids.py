@@ -70,6 +70,33 @@ def test_the_motion_recordings_hold_the_numbers_of_the_session(dataset, measured
         assert numpy.array_equal(values.T, [record["theta_m_rad"], record["torque_l_nm"]])
 
 
+def test_every_event_has_hed_tags_that_their_tools_take(dataset):
+    from hed.models import Sidecar, TabularInput
+    from hed.schema import load_schema_version
+
+    schema = load_schema_version(json.loads((dataset / "dataset_description.json").read_text())["HEDVersion"])
+    sidecar = Sidecar(str(dataset / "task-rampandhold_events.json"))
+    assert sidecar.validate(schema) == []
+    tables = [path for path in dataset.rglob("*_events.tsv") if len(path.read_text().splitlines()) > 1]
+    assert len(tables) > 8
+    for path in tables:
+        events = TabularInput(str(path), sidecar=sidecar)
+        assert events.validate(schema) == []
+        (tags,) = events.series_a
+        assert "Experimental-stimulus" in tags and "Parameter-label/Ramp-velocity" in tags
+    wrong = Sidecar(str(dataset / "task-rampandhold_events.json"))
+    wrong.loaded_dict["trial_type"]["HED"]["ramp"] = "No-such-tag"
+    assert wrong.validate(schema) != []
+
+
+def test_channels_have_their_rate_and_the_band_of_their_amplifier(dataset):
+    (path, *_) = (dataset / "sub-S01/ses-01/emg").glob("*_channels.tsv")
+    rows = {row["name"]: row for row in csv.DictReader(path.open(), delimiter="\t")}
+    assert [row["sampling_frequency"] for row in rows.values()] == ["2500"] * 4
+    bands = {name: (row["low_cutoff"], row["high_cutoff"], row["notch"]) for name, row in rows.items()}
+    assert bands["emg_fcr"] == ("20", "450", "n/a") and bands["theta_m"] == ("n/a", "n/a", "n/a")
+
+
 def test_events_tell_the_onset_and_the_condition(dataset, session):
     for row, _ in records(session):
         name = f"sub-S01_ses-01_task-rampandhold_run-{int(row['trial']):03}_events.tsv"

@@ -1,6 +1,7 @@
 //! The program and the library from outside, in one test binary: it is linked once, and tests that wait run side by side.
 
 mod architecture;
+mod attach;
 mod calibration;
 mod cohort;
 mod command_line;
@@ -13,6 +14,7 @@ mod fit_input;
 mod further_channels;
 mod import;
 mod input_checks;
+mod laboratory;
 mod motor_cycle_memory;
 mod optional_parts;
 mod protocol_check;
@@ -29,4 +31,5 @@ mod source_rules;
 mod stranger;
 mod supply_chain;
 mod trials;
+mod without_emg;
 mod workspace;

@@ -125,7 +125,7 @@ impl ObedientDrive {
         self.counter = self.counter.wrapping_add(1);
         let [c0, c1] = self.counter.to_le_bytes();
         self.answers.push_back(Frame::new(0x180 + NODE, &[s0, s1, p0, p1, p2, p3, c0, 0]));
-        self.answers.push_back(Frame::new(0x280 + NODE, &[c0, c1, 0, 0, 0, 0]));
+        self.answers.push_back(Frame::new(0x280 + NODE, &[c0, c1, c0, 0, c0, 0]));
         self.reached = self.target;
     }
 }

@@ -73,13 +73,16 @@ export class Strips {
       inside(view, () => this.line(view, seen, (bin) => bin.angle_rad, colour("c1")));
     }
     if (signals.has("emg")) {
+      // The EMG of a muscle that is not measured is null.
+      const measured = [0, 1].map((muscle) => seen.filter((bin) => bin.emg_mvc[muscle] !== null));
       const most = seen.reduce((most, bin) => Math.max(most, ...bin.emg_mvc), 0.2) * 1.08;
-      const view = chart("emg", [0, most], "EMG, MVC:");
+      const view = chart("emg", [0, most], measured.some((bins) => bins.length) || !seen.length ? "EMG, MVC:" : "EMG: not measured");
       inside(view, () => {
-        this.line(view, seen, (bin) => [bin.emg_mvc[1], bin.emg_mvc[1]], colour("c4"));
-        this.line(view, seen, (bin) => [bin.emg_mvc[0], bin.emg_mvc[0]], colour("c2"));
+        this.line(view, measured[1], (bin) => [bin.emg_mvc[1], bin.emg_mvc[1]], colour("c4"));
+        this.line(view, measured[0], (bin) => [bin.emg_mvc[0], bin.emg_mvc[0]], colour("c2"));
       });
-      for (const [at, name, ink] of [[70, "FCR", "c2"], [98, "ECR", "c4"]]) {
+      for (const [at, name, ink, muscle] of [[70, "FCR", "c2", 0], [98, "ECR", "c4", 1]]) {
+        if (!measured[muscle].length) continue;
         view.pen.fillStyle = colour(ink);
         view.pen.fillText(name, MARGIN + at, 7);
       }

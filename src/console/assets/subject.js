@@ -127,8 +127,9 @@ function box(pen, x0, y0, x1, y1, colour) {
   pen.fillRect(Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0));
 }
 
-/// EMG of a muscle as a fraction of its maximum, which is the top.
+/// EMG of a muscle as a fraction of its maximum, which is the top. Of a muscle that is not measured, nothing is drawn.
 function muscle(pen, left, wide, height, part, colour) {
+  if (part === null) return;
   const [top, tall] = [0.14 * height, 0.72 * height];
   box(pen, left, top, left + wide, top + tall, COLOURS.trough);
   const filled = Math.max(0, Math.min(part, 1)) * tall;

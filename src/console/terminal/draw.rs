@@ -82,7 +82,7 @@ fn bar_lines<'a>(snapshot: &Snapshot, width: usize) -> Vec<Line<'a>> {
     let named = |name: &'static str, line: Vec<Span<'a>>| {
         Line::from([vec![Span::raw(format!("{name:>7} "))], line].concat())
     };
-    vec![
+    let mut lines = vec![
         Line::from(""),
         named(
             "torque",
@@ -90,9 +90,12 @@ fn bar_lines<'a>(snapshot: &Snapshot, width: usize) -> Vec<Line<'a>> {
         ),
         named("", vec![Span::raw(torque)]),
         named("gate", bar(shown.gate, None, room, GREEN)),
-        named("FCR", bar(shown.emg_mvc[0], None, room, SOFT)),
-        named("ECR", bar(shown.emg_mvc[1], None, room, SOFT)),
-    ]
+    ];
+    // A muscle that is not measured has no bar: an empty one would say that it is silent.
+    for (name, level) in ["FCR", "ECR"].into_iter().zip(shown.emg_mvc) {
+        lines.extend(level.map(|level| named(name, bar(level, None, room, SOFT))));
+    }
+    lines
 }
 
 /// A bar of a fraction of the room, with a band drawn into it.

@@ -55,6 +55,7 @@ fn view() -> (ViewModel, crate::console::Views) {
         subject: "V00".to_owned(),
         sample_rate_hz: settings.sample_rate_hz,
         lever: None,
+        recorded_filter: None,
         preprocessing: PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter },
     });
     let progress = Progress::new(&settings);
@@ -69,7 +70,7 @@ fn view() -> (ViewModel, crate::console::Views) {
         cue: Cue::Rest,
         target_rad: 0.0,
         feedback_torque_nm: 0.0,
-        feedback_emg_mvc: [0.0; 2],
+        feedback_emg_mvc: [None; 2],
         gate_fraction: 0.0,
     };
     view.take(&TimedStep::now(&step));

@@ -79,6 +79,7 @@ pub fn run_protocol(protocol: &ValidProtocol, folder: &Path, disk: Disk) -> Resu
         calibration: None,
         about: &Default::default(),
         subject_fields: &Default::default(),
+        signals: &Default::default(),
         motion_delay_samples: 0,
     }
     .create(folder, disk)?;

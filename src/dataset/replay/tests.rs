@@ -138,6 +138,7 @@ fn session(lost_periods: u64, measured_fraction: f64) -> (tempfile::TempDir, std
         calibration: None,
         about: &Default::default(),
         subject_fields: &Default::default(),
+        signals: &Default::default(),
         motion_delay_samples: 0,
     }
     .create(&folder, Disk::default())

@@ -221,7 +221,7 @@ fn a_disk_that_fails_behind_the_ring_ends_the_session() {
 
 #[test]
 fn a_record_cut_anywhere_keeps_its_complete_rows() {
-    let rows = ["0.0000,0.0000000,2.1,0,0\n", "0.0004,0.0000000,2.2,0,0\n"];
+    let rows = ["0.0000,0.0000000,2.1\n", "0.0004,0.0000000,2.2\n"];
     let all = [HEADER, rows[0].as_bytes(), rows[1].as_bytes()].concat();
     for length in 0..=all.len() {
         let whole = (length >= HEADER.len() + rows[0].len()) as u64 + (length == all.len()) as u64;
@@ -242,9 +242,9 @@ fn a_record_is_settled_under_its_name_whatever_was_there() {
     let complete_record = || super::complete_record(&Disk::default(), &opened, "trial-001.csv");
     assert_eq!(complete_record().unwrap().0, 0);
     assert_eq!(fs::read(&path).unwrap(), HEADER);
-    fs::write(&part, [HEADER, b"0.0,0.0,2.1,0,0\n0.1,0."].concat()).unwrap();
+    fs::write(&part, [HEADER, b"0.0,0.0,2.1\n0.1,0."].concat()).unwrap();
     assert_eq!(complete_record().unwrap().0, 1);
-    assert_eq!(fs::read(&path).unwrap(), [HEADER, b"0.0,0.0,2.1,0,0\n"].concat());
+    assert_eq!(fs::read(&path).unwrap(), [HEADER, b"0.0,0.0,2.1\n"].concat());
     assert!(!part.exists());
     let (samples, sum) = complete_record().unwrap();
     assert_eq!(samples, 1, "settling twice changes nothing");

@@ -42,11 +42,72 @@ pub fn emg(input: &ReportInput) -> Option<ReportSection> {
         note: None,
     }
     .html();
+    section.html += &trials_table(input).html();
+    if let Some(efforts) = efforts_table(input) {
+        section.html += &efforts.html();
+    }
+    if let Some((name, rate_hz)) = &input.emg_from {
+        section
+            .paragraph(&format!("The EMG is that of the attachment {name}, {rate_hz:.0} samples a second."));
+    }
     section.paragraph(
         "Rectified EMG, averaged over 5 ms, relative to its mean in the last 0.5 s of the hold. The onset is the first time within 100 ms \
          at which it exceeds the level that 5 % of the 100 ms stretches of all holds exceed somewhere.",
     );
     Some(section)
+}
+
+/// Background and latency of each trial.
+fn trials_table(input: &ReportInput) -> HtmlTable {
+    let head = [
+        "trial",
+        "condition",
+        "FCR in the hold (% MVC)",
+        "ECR in the hold (% MVC)",
+        "latency of the response (ms)",
+    ];
+    let mut traces: Vec<&Trace> = input.traces.iter().filter(|trace| trace.emg.is_some()).collect();
+    traces.sort_by_key(|trace| trace.number);
+    let row = |trace: &Trace| {
+        let emg = trace.emg.as_ref();
+        let level =
+            |muscle: usize| Cell::number(emg.and_then(|emg| emg.hold_mvc[muscle]).map(|own| 100.0 * own), 3);
+        vec![
+            Cell::Number(trace.number.to_string()),
+            Cell::text(condition_name(trace.label.as_ref(), trace.velocity_rad_s, trace.torque_nm)),
+            level(0),
+            level(1),
+            Cell::number(emg.and_then(|emg| emg.onset_s).map(|onset_s| 1e3 * onset_s), 3),
+        ]
+    };
+    HtmlTable {
+        caption: "EMG by trial".into(),
+        head: head.map(String::from).to_vec(),
+        rows: traces.into_iter().map(row).collect(),
+        note: Some("A dash: no response stands out, or the muscle was not measured.".into()),
+    }
+}
+
+/// The maximal efforts, from the journal; `None` if there were none.
+fn efforts_table(input: &ReportInput) -> Option<HtmlTable> {
+    let efforts = &input.times.as_ref()?.efforts;
+    let row = |(number, effort): (usize, &[f64; 3])| {
+        let [torque_nm, fcr, ecr] = *effort;
+        vec![
+            Cell::Number((number + 1).to_string()),
+            Cell::number(Some(torque_nm), 3),
+            Cell::number(Some(fcr), 3),
+            Cell::number(Some(ecr), 3),
+        ]
+    };
+    (!efforts.is_empty()).then(|| HtmlTable {
+        caption: "Maximal efforts".into(),
+        head: ["effort", "peak torque (N m)", "peak FCR", "peak ECR"].map(String::from).to_vec(),
+        rows: efforts.iter().enumerate().map(row).collect(),
+        note: Some(
+            "Highest smoothed values; EMG in the unit of the rig file. The largest of each muscle is 100 % MVC.".into(),
+        ),
+    })
 }
 
 fn row(own: &[Trace]) -> Vec<Cell> {

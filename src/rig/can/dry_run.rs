@@ -4,6 +4,7 @@ use super::file::{CanRigFileError, MotorSettings, ValidRigFile};
 use super::limits::HandleLimits;
 use super::mit::check_gains;
 use crate::protocol::{GRAVITY_M_S2, RigLoad, RigMotion, ValidProtocol};
+use crate::rig::unmeasured_channels;
 
 /// Periods from a fault to the motor braking: it is read at the end of one, and the command acts at the end of the next.
 const PERIODS_UNTIL_TOLD: f64 = 2.0;
@@ -73,14 +74,15 @@ fn sampling(protocol: &ValidProtocol, rig: &ValidRigFile, reasons: &mut Vec<Stri
 }
 
 fn channels(protocol: &ValidProtocol, rig: &ValidRigFile, reasons: &mut Vec<String>) {
-    let signals = &rig.signals;
-    if protocol.before.mvc.is_some() && (signals.emg_fcr.is_none() || signals.emg_ecr.is_none()) {
+    let emg = [rig.signals.emg_fcr, rig.signals.emg_ecr].map(|signal| signal.is_some());
+    reasons.extend(unmeasured_channels(protocol, emg));
+    if protocol.gate.antagonist_limit_mvc.is_some() && emg[1] && rig.tolerate.unchanged_emg_periods.is_none()
+    {
         reasons.push(
-            "the protocol measures maximal efforts, which needs signals emg_fcr and emg_ecr".to_owned(),
+            "the protocol's gate has antagonist_limit_mvc, and an EMG that has frozen would pass for a silent muscle; add \
+             tolerate.unchanged_emg_periods, 50 for an amplifier whose noise is at least one count"
+                .to_owned(),
         );
-    }
-    if protocol.gate.antagonist_limit_mvc.is_some() && signals.emg_ecr.is_none() {
-        reasons.push("the protocol's gate has antagonist_limit_mvc, which needs signal emg_ecr".to_owned());
     }
 }
 

@@ -101,6 +101,21 @@ pub enum CanFault {
         /// How many the rig file tolerates.
         tolerated: u32,
     },
+    /// The EMG of a muscle did not change, though the samples came.
+    #[error(
+        "the {channel} was {emg_mvc} MVC to the last digit in {periods} periods, {tolerated} are tolerated: the amplifier or its \
+         electrode has stopped, and nobody would see whether the muscle is active; check its cable and supply"
+    )]
+    FrozenEmg {
+        /// Which muscle's.
+        channel: Channel,
+        /// The EMG, MVC as the rig file scales it.
+        emg_mvc: f64,
+        /// In how many periods.
+        periods: u32,
+        /// How many the rig file tolerates.
+        tolerated: u32,
+    },
     /// The drive is in its fault state, or any but the one it must be in.
     #[error("the drive left OPERATION ENABLED: it is in {state} (statusword {statusword:04X}h)")]
     NotEnabled {
@@ -501,6 +516,7 @@ impl CanFault {
             Self::Malformed { .. }
             | Self::StaleSample { .. }
             | Self::FrozenTorque { .. }
+            | Self::FrozenEmg { .. }
             | Self::NotANumber { .. } => FaultClass::Sensor,
             Self::Angle { .. }
             | Self::Speed { .. }

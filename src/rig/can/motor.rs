@@ -23,8 +23,10 @@ use super::summary::Summary;
 use super::target_motion::{Profile, TargetMotion};
 use crate::protocol::Limits;
 use crate::rig::{
-    Armed, ArmingConsent, Command, Cue, Direction, Fault, Motor, Origin, Punctuality, Rig, Sample, Vitals,
+    Armed, ArmingConsent, Command, Cue, Direction, Fault, Motor, Origin, Punctuality, RecordedSignals, Rig,
+    Sample, Vitals,
 };
+use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
 /// How long a drive may take from SHUTDOWN to following its target.
@@ -85,6 +87,16 @@ impl CanMotor {
     /// The lever between motor and handle; `None` for a rigid one.
     pub fn lever(&self) -> Option<Lever> {
         self.connection.file.lever
+    }
+
+    /// The filter that both angle and torque passed before their numbers are on the bus.
+    pub fn recorded_filter(&self) -> Option<FilterSpec> {
+        self.connection.file.recorded_filter
+    }
+
+    /// What is known of the recorded channels.
+    pub fn recorded_signals(&self) -> RecordedSignals {
+        self.connection.file.recorded_signals()
     }
 
     /// The rig's name.
@@ -395,8 +407,8 @@ impl ArmedCanMotor {
             self.ready.push_back(Sample {
                 theta_m_rad: motor.connection.drive.angle(readings, at).0,
                 torque_l_nm: readings.torque_nm[at],
-                emg_fcr_mvc: readings.emg_mvc[0] / motor.emg_scale[0],
-                emg_ecr_mvc: readings.emg_mvc[1] / motor.emg_scale[1],
+                emg_fcr_mvc: readings.emg_mvc[0].map(|emg| emg[at] / motor.emg_scale[0]),
+                emg_ecr_mvc: readings.emg_mvc[1].map(|emg| emg[at] / motor.emg_scale[1]),
                 ..Sample::default()
             });
         }
@@ -464,8 +476,8 @@ impl Armed for ArmedCanMotor {
             *scale *= factor;
         }
         for sample in &mut self.ready {
-            sample.emg_fcr_mvc /= factors[0];
-            sample.emg_ecr_mvc /= factors[1];
+            sample.emg_fcr_mvc = sample.emg_fcr_mvc.map(|emg| emg / factors[0]);
+            sample.emg_ecr_mvc = sample.emg_ecr_mvc.map(|emg| emg / factors[1]);
         }
     }
 

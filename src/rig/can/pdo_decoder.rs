@@ -22,8 +22,8 @@ pub struct Readings {
     pub steps: [f64; MAX_SAMPLES],
     /// Handle torque, N m; NaN where the sensor says that there is none.
     pub torque_nm: [f64; MAX_SAMPLES],
-    /// EMG of FCR and ECR, MVC.
-    pub emg_mvc: [f64; 2],
+    /// EMG of FCR and ECR, MVC; `None` where it is not measured, NaN where the amplifier says that there is none.
+    pub emg_mvc: [Option<[f64; MAX_SAMPLES]>; 2],
     /// Sample counter.
     pub counter: u32,
 }
@@ -32,7 +32,9 @@ impl Readings {
     /// The first channel that has no measurement.
     pub fn channel_without_number(&self, samples: usize) -> Option<Channel> {
         let torque = self.torque_nm[..samples].iter().any(|torque| !torque.is_finite());
-        let [fcr, ecr] = self.emg_mvc.map(|emg| !emg.is_finite());
+        let [fcr, ecr] = self
+            .emg_mvc
+            .map(|emg| emg.is_some_and(|values| values[..samples].iter().any(|emg| !emg.is_finite())));
         let found = [(torque, Channel::Torque), (fcr, Channel::EmgFcr), (ecr, Channel::EmgEcr)];
         found.into_iter().find_map(|(missing, channel)| missing.then_some(channel))
     }
@@ -81,11 +83,17 @@ pub enum Wanted {
 }
 
 #[derive(Debug, Clone, Copy)]
+struct EmgScale {
+    scale: (DataType, f64, Option<f64>),
+    samples: usize,
+}
+
+#[derive(Debug, Clone, Copy)]
 struct Scales {
     torque: (DataType, f64, Option<f64>),
     samples: usize,
     steps: Option<DataType>,
-    emg: [Option<(DataType, f64, Option<f64>)>; 2],
+    emg: [Option<EmgScale>; 2],
     counter: Option<DataType>,
 }
 
@@ -116,7 +124,10 @@ impl PdoDecoder {
         let signals = &file.signals;
         let count = |invalid: Option<i64>| invalid.map(|count| count as f64);
         let emg = |signal: Option<EmgSignal>| {
-            signal.map(|signal| (signal.kind, signal.mvc_per_count, count(signal.invalid)))
+            signal.map(|signal| EmgScale {
+                scale: (signal.kind, signal.mvc_per_count, count(signal.invalid)),
+                samples: signal.samples.min(MAX_SAMPLES),
+            })
         };
         let torque = &signals.torque;
         let scales = Scales {
@@ -126,7 +137,8 @@ impl PdoDecoder {
             emg: [emg(signals.emg_fcr), emg(signals.emg_ecr)],
             counter: signals.counter.map(|counter| counter.kind),
         };
-        let readings = Readings::default();
+        let emg_mvc = scales.emg.map(|emg| emg.map(|_| [0.0; MAX_SAMPLES]));
+        let readings = Readings { emg_mvc, ..Readings::default() };
         Self { layouts, scales, seen: 0, owed: [0; MAX_FRAMES], readings, before: readings }
     }
 
@@ -251,8 +263,19 @@ impl PdoDecoder {
             Carried::Counter => {
                 readings.counter = scales.counter.and_then(|kind| kind.read(data)).unwrap_or(0.0) as u32;
             }
-            Carried::EmgFcr => readings.emg_mvc[0] = scales.emg[0].map_or(0.0, |emg| scaled(emg, data)),
-            Carried::EmgEcr => readings.emg_mvc[1] = scales.emg[1].map_or(0.0, |emg| scaled(emg, data)),
+            Carried::EmgFcr | Carried::EmgEcr => {
+                let muscle = usize::from(carried == Carried::EmgEcr);
+                let Some((EmgScale { scale, samples }, values)) =
+                    scales.emg[muscle].zip(readings.emg_mvc[muscle].as_mut())
+                else {
+                    return;
+                };
+                for (at, value) in values.iter_mut().enumerate() {
+                    // A single value stands for its whole period.
+                    let from = at.min(samples - 1) * scale.0.bytes();
+                    *value = scaled(scale, data.get(from..).unwrap_or(&[]));
+                }
+            }
         }
     }
 }
@@ -316,7 +339,8 @@ mod tests {
         decoder.begin();
         decoder.decode(&Frame::new(0x285, &[7, 0, 0, 0, 0, 0])).unwrap();
         decoder.give_up();
-        assert_eq!(decoder.readings(), &Readings::default());
+        let before = Readings { emg_mvc: [Some([0.0; MAX_SAMPLES]); 2], ..Readings::default() };
+        assert_eq!(decoder.readings(), &before);
     }
 
     #[test]

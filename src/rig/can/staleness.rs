@@ -1,10 +1,11 @@
-//! Stale samples: a counter that does not count, or a torque that does not change.
+//! Stale samples: a counter that does not count, or a torque or EMG that does not change.
 
 use super::fault::CanFault;
 use super::file::{CanRigFile, Carried, FrameLayout};
 use super::pdo_decoder::{MAX_SAMPLES, Readings};
+use crate::rig::Channel;
 
-/// Whether samples go on: the counter by one each period, or at least a torque that changes.
+/// Whether samples go on: the counter by one each period, or at least a torque that changes; and whether EMG changes.
 #[derive(Debug, Clone)]
 pub struct StalenessCheck {
     /// Largest number of the counter, if there is one.
@@ -13,6 +14,10 @@ pub struct StalenessCheck {
     torque_before: [f64; MAX_SAMPLES],
     unchanged: u32,
     tolerated: u32,
+    emg_before: [Option<[f64; MAX_SAMPLES]>; 2],
+    emg_unchanged: [u32; 2],
+    /// Periods with the same EMG that are tolerated; `None` if it is not checked.
+    emg_tolerated: Option<u32>,
     /// By how much the counter may go on besides the one of each period.
     slack: u32,
     /// Periods without an answer to SYNC since the last readings.
@@ -39,6 +44,9 @@ impl StalenessCheck {
             torque_before: [f64::NAN; MAX_SAMPLES],
             unchanged: 0,
             tolerated: file.tolerate.unchanged_torque_periods,
+            emg_before: [None; 2],
+            emg_unchanged: [0; 2],
+            emg_tolerated: file.tolerate.unchanged_emg_periods,
             slack: 0,
             unanswered: 0,
             behind: 0,
@@ -62,8 +70,8 @@ impl StalenessCheck {
     /// The readings of one more period.
     ///
     /// # Errors
-    /// [`CanFault::StaleSample`], [`CanFault::FrozenTorque`], or [`CanFault::MissedCycle`] where every answer is that to an
-    /// earlier SYNC.
+    /// [`CanFault::StaleSample`], [`CanFault::FrozenTorque`], [`CanFault::FrozenEmg`], or [`CanFault::MissedCycle`] where every
+    /// answer is that to an earlier SYNC.
     pub fn check(&mut self, readings: &Readings) -> Result<(), CanFault> {
         self.check_counter(readings.counter)?;
         self.unchanged = if readings.torque_nm == self.torque_before { self.unchanged + 1 } else { 0 };
@@ -71,6 +79,22 @@ impl StalenessCheck {
         if self.unchanged > self.tolerated {
             let (periods, tolerated) = (self.unchanged, self.tolerated);
             return Err(CanFault::FrozenTorque { torque_nm: readings.torque_nm[0], periods, tolerated });
+        }
+        self.check_emg(readings)
+    }
+
+    /// Each muscle by itself: one amplifier may stop while the other goes on.
+    fn check_emg(&mut self, readings: &Readings) -> Result<(), CanFault> {
+        let Some(tolerated) = self.emg_tolerated else { return Ok(()) };
+        let before = std::mem::replace(&mut self.emg_before, readings.emg_mvc);
+        for (muscle, channel) in [Channel::EmgFcr, Channel::EmgEcr].into_iter().enumerate() {
+            let Some(now) = readings.emg_mvc[muscle] else { continue };
+            let unchanged = &mut self.emg_unchanged[muscle];
+            *unchanged = if before[muscle] == Some(now) { *unchanged + 1 } else { 0 };
+            if *unchanged > tolerated {
+                let periods = *unchanged;
+                return Err(CanFault::FrozenEmg { channel, emg_mvc: now[0], periods, tolerated });
+            }
         }
         Ok(())
     }
@@ -143,6 +167,29 @@ mod tests {
         fresh.expect_unanswered();
         let found = (9..20).find(|counter| check(&mut fresh, *counter).is_err());
         assert_eq!(found, Some(12), "3 in a row are tolerated");
+    }
+
+    #[test]
+    fn emg_of_one_muscle_that_stands_still_is_found_after_the_tolerated_periods_and_only_if_the_rig_file_says_so()
+     {
+        let frozen = |tolerated: Option<u32>| {
+            let mut check = StalenessCheck::new(&plain());
+            check.emg_tolerated = tolerated;
+            (0..200).find_map(|counter| {
+                let moving = f64::from(counter);
+                let mut readings = Readings { counter, ..Readings::default() };
+                readings.torque_nm[0] = moving;
+                // The flexor goes on until the extensor has long stopped.
+                readings.emg_mvc = [Some([moving; MAX_SAMPLES]), Some([0.02; MAX_SAMPLES])];
+                check.check(&readings).err()
+            })
+        };
+        let fault = frozen(Some(50)).unwrap();
+        let expected =
+            CanFault::FrozenEmg { channel: Channel::EmgEcr, emg_mvc: 0.02, periods: 51, tolerated: 50 };
+        assert_eq!(fault, expected);
+        assert!(fault.to_string().contains("the ECR EMG was 0.02 MVC"), "{fault}");
+        assert_eq!(frozen(None), None);
     }
 
     #[test]

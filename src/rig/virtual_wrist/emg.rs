@@ -8,6 +8,12 @@ use crate::random::Stream;
 /// Standard deviation of a normal number whose absolute value has mean 1.
 const DEVIATION_OF_UNIT_MEAN: f64 = 1.253_314_137_315_500_1;
 
+/// Cut-off frequencies of the virtual amplifier, of second order each, Hz: the band of the paper's amplifier, or what the
+/// sampling rate leaves of it.
+pub fn amplifier_band_hz(sample_rate_hz: f64) -> [f64; 2] {
+    [20.0, 450f64.min(0.45 * sample_rate_hz)]
+}
+
 /// EMG of the flexor carpi radialis (FCR) and the extensor carpi radialis (ECR).
 #[derive(Debug, Clone)]
 pub struct Emg {
@@ -24,9 +30,9 @@ pub struct Emg {
 impl Emg {
     /// The EMG of `person`.
     pub fn new(person: &Person, sample_rate_hz: f64, stream: Stream) -> Self {
-        // The band of the paper's amplifier, or what the sampling rate leaves of it.
-        let highest_hz = 450f64.min(0.45 * sample_rate_hz);
-        let band = [Biquad::high_pass(20.0, sample_rate_hz), Biquad::low_pass(highest_hz, sample_rate_hz)];
+        let [lowest_hz, highest_hz] = amplifier_band_hz(sample_rate_hz);
+        let band =
+            [Biquad::high_pass(lowest_hz, sample_rate_hz), Biquad::low_pass(highest_hz, sample_rate_hz)];
         Self {
             muscles: person.muscles,
             reflex: person.reflex,

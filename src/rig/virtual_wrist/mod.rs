@@ -34,7 +34,8 @@ use wrist_response::{WristResponse, trial_parameters};
 use schemars::{JsonSchema, schema_for};
 
 use super::{
-    Armed, ArmingConsent, Command, Cue, Fault, Motor, Rig, RigTrialStage, Sample, TrialKey, UpcomingRigTrial,
+    Armed, ArmingConsent, Command, Cue, Fault, Motor, RecordedSignals, Rig, RigTrialStage, Sample, TrialKey,
+    UpcomingRigTrial,
 };
 use crate::protocol::Limits;
 use crate::random::Stream;
@@ -80,6 +81,11 @@ impl VirtualWrist {
         let mut voluntary =
             VoluntaryTorque::new(&self.person, self.sample_rate_hz, self.stream("subject", key));
         trial_parameters(&self.person, velocity_rad_s, torque_nm, &voluntary.draw_trial())
+    }
+
+    /// What is known of the recorded channels.
+    pub fn recorded_signals(&self, sample_rate_hz: f64) -> RecordedSignals {
+        self.setup.recorded_signals(sample_rate_hz)
     }
 
     /// The random numbers of a trial: a trial that is repeated after a crash is the same trial.

@@ -73,11 +73,12 @@ impl VirtualSensors {
             + self.disturbance(time_s);
         let step =
             |value: f64, step: f64| if step > 0.0 { (value / step).round_ties_even() * step } else { value };
+        let emg = |value: f64| self.setup.emg.then(|| step(value, self.setup.emg_step_mvc));
         Sample {
             theta_m_rad: step(angle_rad, self.count_rad),
             torque_l_nm: step(torque_nm, self.setup.gauge_step_nm),
-            emg_fcr_mvc: step(emg_mvc[0], self.setup.emg_step_mvc),
-            emg_ecr_mvc: step(emg_mvc[1], self.setup.emg_step_mvc),
+            emg_fcr_mvc: emg(emg_mvc[0]),
+            emg_ecr_mvc: emg(emg_mvc[1]),
             further: std::array::from_fn(|place| self.measure_further(place, further)),
         }
     }

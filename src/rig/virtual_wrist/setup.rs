@@ -1,13 +1,16 @@
 //! The virtual rig: servo, lever and sensors.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::emg::amplifier_band_hz;
 use super::mechanism_list::MechanismList;
 use crate::json_file::{self, JsonFileError};
-use crate::wrist::Lever;
+use crate::rig::{ChannelDetails, ChannelFilter, RecordedChannel, RecordedSignals};
+use crate::wrist::{FurtherChannel, Lever};
 
 /// The virtual rig. Values that no source gives are marked as assumed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,6 +35,9 @@ pub struct Setup {
     pub gauge_offset_nm: f64,
     /// One step of the torque's converter, N m. Assumed: 0.0005.
     pub gauge_step_nm: f64,
+    /// Whether the rig measures the EMG of flexor and extensor; without it, records have no EMG. Assumed: yes.
+    #[serde(skip_serializing_if = "is_true")]
+    pub emg: bool,
     /// One step of the EMG's converter, fraction of nominal MVC. Assumed: 0.0001.
     pub emg_step_mvc: f64,
     /// Counts of an encoder at the handle in a revolution; without it, the rig has none.
@@ -55,6 +61,11 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
+// By reference, as serde asks for it.
+fn is_true(value: &bool) -> bool {
+    *value
+}
+
 impl Default for Setup {
     fn default() -> Self {
         Self {
@@ -71,6 +82,7 @@ impl Default for Setup {
             gauge_noise_nm: 0.01,
             gauge_offset_nm: 0.03,
             gauge_step_nm: 0.0005,
+            emg: true,
             emg_step_mvc: 0.0001,
             handle_encoder_counts_per_revolution: None,
             accelerometer_noise_rad_s2: None,
@@ -78,6 +90,46 @@ impl Default for Setup {
             joint_encoder_counts_per_revolution: None,
             mechanisms: MechanismList::default(),
         }
+    }
+}
+
+impl Setup {
+    /// What is known of the recorded channels. Delays are left out: a virtual rig may have one that is to be found.
+    pub fn recorded_signals(&self, sample_rate_hz: f64) -> RecordedSignals {
+        let [high_pass_hz, low_pass_hz] = amplifier_band_hz(sample_rate_hz);
+        let emg_filter = vec![
+            ChannelFilter::HighPass { cutoff_hz: high_pass_hz, order: Some(2) },
+            ChannelFilter::LowPass { cutoff_hz: low_pass_hz, order: Some(2) },
+        ];
+        let channel = |unit: &str, filter: Vec<ChannelFilter>, origin: &str| {
+            let details = ChannelDetails {
+                filter: Some(filter),
+                origin: Some(origin.to_owned()),
+                ..ChannelDetails::default()
+            };
+            RecordedChannel::new(sample_rate_hz, unit, details)
+        };
+        let mut channels = BTreeMap::from([
+            ("theta_m_rad".to_owned(), channel("rad", Vec::new(), "virtual encoder")),
+            ("torque_l_nm".to_owned(), channel("N m", Vec::new(), "virtual strain gauges")),
+        ]);
+        if self.emg {
+            for column in ["emg_fcr_mvc", "emg_ecr_mvc"] {
+                channels.insert(column.to_owned(), channel("MVC", emg_filter.clone(), "virtual amplifier"));
+            }
+        }
+        for (further, is_there) in [
+            (FurtherChannel::HandleAngle, self.handle_encoder_counts_per_revolution.is_some()),
+            (FurtherChannel::HandleAcceleration, self.accelerometer_noise_rad_s2.is_some()),
+            (FurtherChannel::HandTorque, self.hand_load_cell_noise_nm.is_some()),
+            (FurtherChannel::JointAngle, self.joint_encoder_counts_per_revolution.is_some()),
+        ] {
+            if is_there {
+                let own = channel(further.unit(), Vec::new(), "virtual sensor");
+                channels.insert(further.column().to_owned(), own);
+            }
+        }
+        RecordedSignals { recorded_filter: None, channels }
     }
 }
 

@@ -20,12 +20,12 @@ fn a_channel_without_a_number_is_a_fault_in_the_same_step() {
             for phase in [Phase::Rest, Phase::Hold, Phase::Ramp, Phase::Return] {
                 let mut bench = Bench::in_phase(settings(), phase);
                 let mut sample = bench.sample();
-                *match channel {
-                    Channel::Angle => &mut sample.theta_m_rad,
-                    Channel::Torque => &mut sample.torque_l_nm,
-                    Channel::EmgFcr => &mut sample.emg_fcr_mvc,
-                    Channel::EmgEcr => &mut sample.emg_ecr_mvc,
-                } = value;
+                match channel {
+                    Channel::Angle => sample.theta_m_rad = value,
+                    Channel::Torque => sample.torque_l_nm = value,
+                    Channel::EmgFcr => sample.emg_fcr_mvc = Some(value),
+                    Channel::EmgEcr => sample.emg_ecr_mvc = Some(value),
+                }
                 assert_faults(&mut bench, sample, |fault| fault == Fault::NotANumber { channel });
             }
         }
@@ -126,9 +126,29 @@ fn a_rig_cannot_be_rearmed_without_a_sample_or_beyond_a_limit() {
 fn an_effort_with_a_silent_muscle_is_a_fault_that_names_it() {
     let mut bench = Bench::in_phase(settings_with_everything(), Phase::MvcEffort);
     while bench.machine.phase() == Phase::MvcEffort {
-        let sample = Sample { emg_fcr_mvc: 0.0, ..bench.sample() };
+        let sample = Sample { emg_fcr_mvc: Some(0.0), ..bench.sample() };
         bench.give(Reading::Sample(sample), None);
     }
     let detail = bench.transitions.last().unwrap().detail;
     assert_eq!(detail, Some(TransitionDetail::Fault(Fault::SilentEffort { channel: Channel::EmgFcr })));
+}
+
+#[test]
+fn a_gate_on_an_antagonist_that_is_not_measured_is_a_fault_and_without_it_a_trial_goes_on() {
+    for limit in [Some(0.3), None] {
+        for phase in [Phase::Hold, Phase::Delay] {
+            let mut settings = settings();
+            settings.gate.antagonist_limit_mvc = limit;
+            let mut bench = Bench::in_phase(settings, phase);
+            let sample = Sample { emg_ecr_mvc: None, ..bench.sample() };
+            if limit.is_some() {
+                assert_faults(&mut bench, sample, |fault| {
+                    fault == Fault::NotMeasured { channel: Channel::EmgEcr }
+                });
+            } else {
+                let output = bench.give(Reading::Sample(sample), None);
+                assert_ne!(output.phase, Phase::Faulted);
+            }
+        }
+    }
 }

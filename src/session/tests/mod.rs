@@ -149,8 +149,8 @@ impl Bench {
         Sample {
             theta_m_rad,
             torque_l_nm: torque_nm + self.offset_nm,
-            emg_fcr_mvc: emg,
-            emg_ecr_mvc: ecr,
+            emg_fcr_mvc: Some(emg),
+            emg_ecr_mvc: Some(ecr),
             ..Sample::default()
         }
     }

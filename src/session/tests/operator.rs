@@ -76,13 +76,13 @@ fn what_is_shown_of_the_muscles_does_not_fall_to_zero_at_the_end_of_the_efforts(
     let mut last_mvc = 0.0;
     while bench.machine.phase() != Phase::Hold {
         let factors_before = bench.machine.progress().emg_factors();
-        let before_mvc = bench.machine.feedback().ecr_mvc;
+        let before_mvc = bench.machine.feedback().ecr_mvc.unwrap_or(0.0);
         bench.tick();
         let factor = match (factors_before, bench.machine.progress().emg_factors()) {
             (None, Some(factors)) => factors[1],
             _ => 1.0,
         };
-        let ecr_mvc = bench.machine.feedback().ecr_mvc * factor;
+        let ecr_mvc = bench.machine.feedback().ecr_mvc.unwrap_or(0.0) * factor;
         // An effort begins with smoothing of its own; apart from that a sample changes it by at most its share.
         if !matches!(bench.machine.phase(), Phase::Offset | Phase::MvcEffort) && last_mvc > 0.0 {
             assert!(ecr_mvc >= 0.97 * before_mvc, "{before_mvc} fell to {ecr_mvc}");

@@ -1,6 +1,7 @@
 //! Sizes and identifiers of the frames of a rig file.
 
 use super::rig_file::{CanRigFile, Carried, FrameLayout, MitMotor, MotorSettings};
+use crate::rig::{RecordedChannel, RecordedSignals};
 
 impl CanRigFile {
     /// Bytes of something carried.
@@ -14,8 +15,8 @@ impl CanRigFile {
                 signals.position_steps.map_or(0, |steps| steps.kind.bytes() * steps.samples)
             }
             Carried::Counter => signals.counter.map_or(0, |counter| counter.kind.bytes()),
-            Carried::EmgFcr => signals.emg_fcr.map_or(0, |emg| emg.kind.bytes()),
-            Carried::EmgEcr => signals.emg_ecr.map_or(0, |emg| emg.kind.bytes()),
+            Carried::EmgFcr => signals.emg_fcr.map_or(0, |emg| emg.kind.bytes() * emg.samples),
+            Carried::EmgEcr => signals.emg_ecr.map_or(0, |emg| emg.kind.bytes() * emg.samples),
         }
     }
 
@@ -30,6 +31,30 @@ impl CanRigFile {
             MotorSettings::Cia402(_) => 6 + self.display.map_or(0, |display| display.kind.bytes()),
             MotorSettings::Cansimple(_) | MotorSettings::Mit(_) => 8,
         }
+    }
+}
+
+impl CanRigFile {
+    /// What is known of the recorded channels. EMG that comes once a period has the rate of the periods.
+    pub fn recorded_signals(&self) -> RecordedSignals {
+        let (signals, known) = (&self.signals, &self.channels);
+        let rate_hz = |samples: usize| samples as f64 * 1e6 / f64::from(self.period_us);
+        let sampled_hz = rate_hz(signals.torque.samples);
+        let moved = [
+            ("theta_m_rad", sampled_hz, "rad", &known.position),
+            ("torque_l_nm", sampled_hz, "N m", &known.torque),
+        ];
+        let muscles = [
+            ("emg_fcr_mvc", signals.emg_fcr, &known.emg_fcr),
+            ("emg_ecr_mvc", signals.emg_ecr, &known.emg_ecr),
+        ];
+        let measured = muscles
+            .into_iter()
+            .filter_map(|(column, emg, details)| Some((column, rate_hz(emg?.samples), "MVC", details)));
+        let channels = moved.into_iter().chain(measured).map(|(column, rate_hz, unit, details)| {
+            (column.to_owned(), RecordedChannel::new(rate_hz, unit, details.clone()))
+        });
+        RecordedSignals { recorded_filter: self.recorded_filter, channels: channels.collect() }
     }
 }
 

@@ -3,8 +3,10 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use crate::rig::ChannelDetails;
 use crate::rig::can::bus::{BitRate, BusSpec};
 use crate::rig::can::canopen::{DataType, Object};
+use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
 /// Format and version of the rig files that this program reads.
@@ -41,6 +43,13 @@ pub struct CanRigFile {
     pub frames: Vec<FrameLayout>,
     /// What is in them.
     pub signals: Signals,
+    /// What is known of the channels before their numbers are on the bus: delay, filters, range, origin.
+    #[serde(default)]
+    pub channels: ChannelsDetails,
+    /// The filter that both angle and torque passed before their numbers are on the bus; the analysis does not filter again.
+    /// Without it, none.
+    #[serde(default)]
+    pub recorded_filter: Option<FilterSpec>,
     /// A display on the bus that shows the person the target; without it they look at the console.
     #[serde(default)]
     pub display: Option<Display>,
@@ -363,6 +372,20 @@ pub struct TorqueSignal {
     pub invalid: Option<i64>,
 }
 
+/// What is known of each channel.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ChannelsDetails {
+    /// The motor angle.
+    pub position: ChannelDetails,
+    /// The handle torque; its range in N m.
+    pub torque: ChannelDetails,
+    /// EMG of the flexor carpi radialis; its range in MVC as the rig file scales it.
+    pub emg_fcr: ChannelDetails,
+    /// EMG of the extensor carpi radialis; its range in MVC as the rig file scales it.
+    pub emg_ecr: ChannelDetails,
+}
+
 /// EMG.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -372,10 +395,18 @@ pub struct EmgSignal {
     /// How the number is laid out.
     #[serde(rename = "type")]
     pub kind: DataType,
+    /// How many values of the last period it holds, oldest first, the last one at SYNC: 1, or as many as torques. A single
+    /// value stands for all samples of its period.
+    #[serde(default = "one")]
+    pub samples: usize,
     /// MVC for each count.
     pub mvc_per_count: f64,
     /// The count that says that there is no measurement.
     pub invalid: Option<i64>,
+}
+
+fn one() -> usize {
+    1
 }
 
 /// Sample counter.
@@ -481,6 +512,10 @@ pub struct Tolerances {
     pub garbled_frames: u64,
     /// Periods in a row in which the torque may be the same to the last digit.
     pub unchanged_torque_periods: u32,
+    /// Periods in a row in which the EMG of a muscle may be the same to the last digit; without it, EMG that has frozen is only
+    /// found when the session is analysed. A protocol whose gate rests on the antagonist's EMG needs it.
+    #[serde(default)]
+    pub unchanged_emg_periods: Option<u32>,
 }
 
 /// For the emulated motor, whose time moves with SYNC.

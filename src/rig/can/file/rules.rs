@@ -6,6 +6,7 @@ use crate::protocol::Problem;
 use crate::protocol::source::JsonNode;
 use crate::rig::can::budget::{Budget, HIGHEST_LOAD};
 use crate::rig::can::units::BusPeriod;
+use crate::signal::FilterSpec;
 
 /// Measuring devices that are watched beside the motor.
 const MOST_SENSORS: usize = 2;
@@ -42,6 +43,7 @@ pub(super) fn problems(file: &CanRigFile, source: &JsonNode) -> Vec<Problem> {
     motor(file, &mut problems);
     limits(file, &mut problems);
     signals(file, &mut problems);
+    channels(file, &mut problems);
     frames(file, &mut problems);
     for (path, expected) in identifiers::collisions(file) {
         problems.add(&path, expected, "give each sender on the bus identifiers of its own");
@@ -248,10 +250,54 @@ fn signals(file: &CanRigFile, problems: &mut Problems) {
             "torque and angle must be measured at the same times",
         );
     }
+    for (field, emg) in [("emg_fcr", signals.emg_fcr), ("emg_ecr", signals.emg_ecr)] {
+        let Some(emg) = emg else { continue };
+        if !scale(emg.mvc_per_count) {
+            problems.add(&format!("signals.{field}.mvc_per_count"), "MVC for each count, not 0", "");
+        }
+        if emg.samples != 1 && emg.samples != signals.torque.samples {
+            problems.add(
+                &format!("signals.{field}.samples"),
+                format!("1, or {} as torque", signals.torque.samples),
+                "EMG that is not measured with the torque would have to be resampled",
+            );
+        }
+    }
     if let Some(display) = file.display
         && (!scale(display.nm_per_count) || !matches!(file.motor, MotorSettings::Cia402(_)))
     {
         problems.add("display", "an object of a CiA 402 drive, with N m for each count", "");
+    }
+}
+
+fn channels(file: &CanRigFile, problems: &mut Problems) {
+    let channels = &file.channels;
+    for (name, details) in [
+        ("position", &channels.position),
+        ("torque", &channels.torque),
+        ("emg_fcr", &channels.emg_fcr),
+        ("emg_ecr", &channels.emg_ecr),
+    ] {
+        let path = format!("channels.{name}");
+        problems.in_range(&format!("{path}.delay_s"), details.delay_s.unwrap_or(0.0), -1.0, 1.0);
+        for (at, filter) in details.filter.iter().flatten().enumerate() {
+            for (field, value) in filter.positive_fields() {
+                problems.in_range(&format!("{path}.filter[{at}].{field}"), value, 1e-6, 1e6);
+            }
+        }
+        if let Some([low, high]) = details.range
+            && !(low < high && low.is_finite() && high.is_finite())
+        {
+            problems.add(&format!("{path}.range"), "[lowest, highest]", "");
+        }
+    }
+    let Some(filter) = file.recorded_filter else { return };
+    let FilterSpec::Butterworth { order, cutoff_hz, .. } = filter;
+    problems.in_range("recorded_filter.order", f64::from(order), 1.0, f64::from(*FilterSpec::ORDERS.end()));
+    let rate_hz = file.signals.torque.samples as f64 * 1e6 / f64::from(file.period_us.max(1));
+    if !(cutoff_hz > 0.0 && cutoff_hz < rate_hz / 2.0) {
+        let expected = format!("a frequency below half the sample rate of {rate_hz} Hz");
+        problems.add("recorded_filter.cutoff_hz", expected, "");
     }
 }
 

@@ -247,8 +247,10 @@ impl EmulatedServoDrive {
         first[2..6].copy_from_slice(&told.1.to_le_bytes());
         first[6..].copy_from_slice(&torque.to_le_bytes());
         let [low, high] = self.periods.to_le_bytes();
+        let flexor = 100 + (self.periods % 5) as u8;
+        let extensor = if wire.has(BenchFault::EmgFrozen) { 100 } else { flexor };
         wire.send(now, 0x180 + self.node.id, &first);
-        wire.send(now, 0x280 + self.node.id, &[low, high, 100, 0, 100, 0]);
+        wire.send(now, 0x280 + self.node.id, &[low, high, flexor, 0, extensor, 0]);
         if let Some(data) = self.staged.take() {
             let had_power = self.state.has_power();
             self.obey(u16::from_le_bytes([data[0], data[1]]), wire);

@@ -33,6 +33,8 @@ const HELD: &[(BenchFault, &[&str], u64)] = &[
     (B::Push(14.0), &["torque"], AT_ONCE_MS),
     (B::TorqueInvalid, &["not_a_number"], HOLD_MS),
     (B::TorqueStale, &["stale_sample"], HOLD_MS),
+    // It is found after the tolerated periods.
+    (B::EmgFrozen, &["frozen_emg"], HOLD_MS + 100),
     (B::CounterStale, &["stale_sample"], HOLD_MS),
     (B::Silent, &["missed_cycle"], WATCHDOG_MS),
     (B::Deaf, &["missed_cycle"], WATCHDOG_MS),
@@ -132,6 +134,7 @@ fn the_adapter_of_an_odrive_axis_makes_the_motor_safe() {
         (B::Push(14.0), &["torque"], 700),
         (B::TorqueInvalid, &["not_a_number"], 700),
         (B::TorqueStale, &["stale_sample"], 700),
+        (B::EmgFrozen, &["frozen_emg"], 1200),
         (B::Error { code: 4, fatal: false }, &["motor_error"], 60),
         (B::HeartbeatStop, &["heartbeat_lost"], 1200),
         (B::Silent, &["missed_cycle"], 1200),

@@ -37,8 +37,10 @@ impl EmulatedTransducer {
         self.last_torque_nm = torque_nm;
         let [a, b, c, d] = torque_nm.to_le_bytes();
         let [low, high] = self.periods.to_le_bytes();
+        let flexor = 100 + (self.periods % 5) as u8;
+        let extensor = if wire.has(BenchFault::EmgFrozen) { 100 } else { flexor };
         wire.send(now, 0x180 + self.node.id, &[a, b, c, d, low, high]);
-        wire.send(now, 0x280 + self.node.id, &[100, 0, 100, 0]);
+        wire.send(now, 0x280 + self.node.id, &[flexor, 0, extensor, 0]);
     }
 }
 

@@ -38,6 +38,8 @@ pub enum BenchFault {
     TorqueInvalid,
     /// Torque and counter stand still.
     TorqueStale,
+    /// The EMG of the extensor stands still.
+    EmgFrozen,
     /// The counter stands still.
     CounterStale,
     /// No frame reaches the master.

@@ -1,0 +1,127 @@
+//! `attachment.json`: what is known of a recording that was attached, and its files.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::dataset::{Disk, Manifest, RecordError};
+use crate::files::Folder;
+
+use super::error::AttachError;
+
+/// Folder of the attachments in a session.
+pub const ATTACHED: &str = "attached";
+
+/// Format and version of `attachment.json`.
+const ATTACHMENT_FORMAT: &str = "ramphold-attachment/1";
+
+/// A recording of another device beside the raw data.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Attachment {
+    /// Format and version.
+    pub format: String,
+    /// The program that aligned it, with its version.
+    pub program: String,
+    /// Name of the recording's file in this folder, as it came.
+    pub source: String,
+    /// SHA-256 of it.
+    pub source_sha256: String,
+    /// The table or stream that was attached.
+    pub table: String,
+    /// Its columns, as they came: names and values are those of the recording.
+    pub columns: Vec<String>,
+    /// How the ramps were found: `trigger`, `marker` or `correlation`, and in what.
+    pub aligned_by: String,
+    /// The column that is the EMG of the flexor carpi radialis, if one was named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emg_fcr: Option<String>,
+    /// The column that is the EMG of the extensor carpi radialis, if one was named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emg_ecr: Option<String>,
+    /// Mean rectified EMG of the flexor at maximal effort, in the unit of its column.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emg_fcr_at_mvc: Option<f64>,
+    /// Mean rectified EMG of the extensor at maximal effort, in the unit of its column.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub emg_ecr_at_mvc: Option<f64>,
+    /// How the clocks compare.
+    pub clock: ClockComparison,
+    /// The trials, in the order in which they were run.
+    pub trials: Vec<AttachmentTrial>,
+    /// Trials that are not in the recording, and why.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// The clock of a recording beside that of the session.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct ClockComparison {
+    /// Samples a second of the recording, by its own clock.
+    pub rate_hz: f64,
+    /// How much faster the clock of the recording runs than that of the session, parts per million; `null` where no two ramps could
+    /// be compared.
+    pub drift_ppm: Option<f64>,
+    /// Root mean square of what the ramps are off the straight line between the clocks, s.
+    pub residual_rms_s: Option<f64>,
+    /// The largest of it, s.
+    pub residual_largest_s: Option<f64>,
+    /// Lowest correlation coefficient of a trial, where the alignment is by a shared signal.
+    pub lowest_correlation: Option<f64>,
+}
+
+/// A trial of the session in a recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AttachmentTrial {
+    /// Number of the trial.
+    pub trial: u32,
+    /// Its file in this folder: `t_s` on the axis of the trial's own record, and the columns.
+    pub file: String,
+    /// When the ramp began, on the clock of the recording, s.
+    pub onset_s: f64,
+    /// How far that is off the straight line between the clocks, s.
+    pub residual_s: Option<f64>,
+    /// Samples in the file.
+    pub samples: usize,
+}
+
+/// A trial that is not in a recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Number of the trial.
+    pub trial: u32,
+    /// Why.
+    pub because: String,
+}
+
+impl Attachment {
+    /// What is the same for all attachments of this version.
+    pub(super) fn format() -> String {
+        ATTACHMENT_FORMAT.to_owned()
+    }
+}
+
+/// Writes an attachment into a new folder `name` of those of `session`: `files` with their bytes, and the description.
+pub(super) fn write(
+    session: &Path,
+    name: &str,
+    files: &[(String, Vec<u8>)],
+    attachment: &Attachment,
+) -> Result<(), AttachError> {
+    let disk = Disk::default();
+    let target = session.join(ATTACHED).join(name);
+    let description = serde_json::to_string_pretty(attachment).unwrap_or_default() + "\n";
+    let write = || {
+        let folder = Folder::open(session)?;
+        let above = folder.folder_made(ATTACHED)?;
+        // Made under another name: a folder with the attachment's name is a whole one.
+        let beginning = format!(".{name}.{}.new", std::process::id());
+        let own = disk.create_folder(&above, &beginning)?;
+        for (file, bytes) in files {
+            disk.write(&own, file, bytes)?;
+        }
+        disk.write(&own, "attachment.json", description.as_bytes())?;
+        disk.rename(&above, &beginning, name)
+    };
+    write().map_err(RecordError::at(&target))?;
+    Manifest::renew_attachments(&disk, session, ATTACHED)?;
+    Ok(())
+}

@@ -1,0 +1,18 @@
+//! Recordings of other devices, aligned with the trials of a session.
+//!
+//! Another device has a clock of its own. [`align`] finds the ramps of the session in its recording, by a trigger, by markers, or by
+//! a signal that both have; [`Aligned::write`] cuts the recording into trials and puts them beside the raw data, with what is known
+//! of the two clocks. No sample is changed or resampled: each keeps its value, and gets its time on the axis of its trial.
+
+mod alignment;
+mod attached_emg;
+mod attachment;
+mod correlation;
+mod error;
+mod event_match;
+mod trigger;
+
+pub use alignment::{Aligned, AttachRequest, ClockSource, Reference, align};
+pub use attached_emg::{AttachedEmg, AttachedTrialEmg, attached_emg};
+pub use attachment::{ATTACHED, Attachment, AttachmentTrial, ClockComparison};
+pub use error::AttachError;

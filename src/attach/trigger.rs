@@ -1,0 +1,44 @@
+//! The edges of a trigger signal.
+
+/// Times at which `values` cross `threshold`, upwards or, for a `falling` trigger, downwards, s; the crossing is interpolated between the
+/// samples about it.
+pub fn edges(times_s: &[f64], values: &[f64], threshold: f64, falling: bool) -> Vec<f64> {
+    let sign = if falling { -1.0 } else { 1.0 };
+    let above = |value: f64| sign * (value - threshold);
+    let steps = values.windows(2).zip(times_s.windows(2));
+    steps
+        .filter(|(value, _)| above(value[0]) <= 0.0 && above(value[1]) > 0.0)
+        .map(|(value, time)| {
+            let share = (threshold - value[0]) / (value[1] - value[0]);
+            time[0] + share * (time[1] - time[0])
+        })
+        .collect()
+}
+
+/// A threshold between the level at which a trigger rests, its median, and the level farthest from it.
+pub fn middle(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (Some(low), Some(high)) = (sorted.first(), sorted.last()) else { return 0.0 };
+    let rest = sorted[sorted.len() / 2];
+    let far = if high - rest >= rest - low { *high } else { *low };
+    0.5 * (rest + far)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_of_pulses_up_and_down_are_found_between_their_levels() {
+        for (rest, pulse, falling) in [(0.1, 5.0, false), (5.0, 0.2, true), (-3.0, -1.0, false)] {
+            let values: Vec<f64> =
+                (0..1000).map(|sample| if (sample / 10) % 20 == 7 { pulse } else { rest }).collect();
+            let times: Vec<f64> = (0..1000).map(|sample| f64::from(sample) * 1e-3).collect();
+            let found = edges(&times, &values, middle(&values), falling);
+            let expected = [0.0695, 0.2695, 0.4695, 0.6695, 0.8695];
+            assert_eq!(found.len(), expected.len(), "{found:?}");
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! `ramphold sessions`: the sessions of a laboratory, and how far each is.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use crate::app::{Console, Failure, SessionSummary};
+use crate::dataset::session_folders;
+
+use super::verb::Verb;
+
+/// List sessions with date, subject, trials and state.
+///
+/// The state is unfinished (ramphold resume goes on with it), measured, fitted, diagnosed, or doubtful: its files cannot be read, its
+/// signals contradict its table, or its results are of other data. The reasons are among the messages, and in --json.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  ramphold sessions\n  ramphold sessions study/sessions --json")]
+pub struct SessionsArgs {
+    /// Session folders, or folders of session folders.
+    #[arg(value_name = "DIR", default_value = "sessions")]
+    folders: Vec<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Verb for SessionsArgs {
+    fn run(self, console: &Console) -> Result<(), Failure> {
+        let mut folders = session_folders(&self.folders)?;
+        folders.sort_by(|a, b| natord::compare(&a.to_string_lossy(), &b.to_string_lossy()));
+        let sessions: Vec<SessionSummary> = folders.iter().map(|folder| SessionSummary::of(folder)).collect();
+        let mut out = console.results();
+        if self.json {
+            writeln!(out, "{}", serde_json::to_string_pretty(&sessions).unwrap_or_default())?;
+            return Ok(());
+        }
+        let width = |of: &dyn Fn(&SessionSummary) -> usize, least: usize| {
+            sessions.iter().map(of).max().unwrap_or(0).max(least)
+        };
+        let name = |own: &SessionSummary| own.session.display().to_string();
+        let subject = |own: &SessionSummary| own.subject.clone().unwrap_or_else(|| "-".to_owned());
+        let (wide, subjects) =
+            (width(&|own| name(own).chars().count(), 7), width(&|own| subject(own).chars().count(), 7));
+        writeln!(
+            out,
+            "{:wide$}  {:20}  {:subjects$}  {:>9}  state",
+            "session", "began (UTC)", "subject", "trials ok"
+        )?;
+        for own in &sessions {
+            let started = own.started_utc.as_deref().unwrap_or("-");
+            let trials = format!("{}/{}", own.trials_ok, own.trials);
+            let (name, subject) = (name(own), subject(own));
+            writeln!(
+                out,
+                "{name:wide$}  {started:20}  {subject:subjects$}  {trials:>9}  {}",
+                own.state.name()
+            )?;
+            for reason in &own.reasons {
+                console.message(format_args!("{name}: {reason}"));
+            }
+        }
+        Ok(())
+    }
+}

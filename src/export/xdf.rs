@@ -1,0 +1,174 @@
+//! A session as an XDF file, the format of LabRecorder: a stream of samples and a stream of markers for each stretch of the session.
+//!
+//! "XDF Specification 1.0": `XDF:`, then chunks of a length, a tag and content; the reader is in `import`. A session has no clock but its
+//! samples: times are counted from the beginning of each stretch, as the journal has them. Written here: no crate writes this format.
+
+use std::path::{Path, PathBuf};
+
+use super::error::ExportError;
+use crate::dataset::{self, FurtherChannel, RampTime, Record, Session, Trial};
+use crate::files::{self, Folder};
+
+/// Tags of chunks.
+const FILE_HEADER_TAG: u16 = 1;
+const STREAM_HEADER_TAG: u16 = 2;
+const SAMPLES_TAG: u16 = 3;
+const STREAM_FOOTER_TAG: u16 = 6;
+
+/// Writes the session in `folder` to a new file.
+///
+/// # Errors
+/// If the session cannot be read, has no journal and so no times, or the file exists already or cannot be written.
+pub fn write(folder: &Path, file: &Path) -> Result<(), ExportError> {
+    if files::exists(file) {
+        return Err(ExportError::Exists(file.into()));
+    }
+    let session = dataset::load(folder)?;
+    let ramps = dataset::ramp_times(folder)?.ok_or_else(|| ExportError::NoTimes(folder.into()))?;
+    let bytes = xdf(&session, &ramps);
+    let above = Folder::open(file.parent().unwrap_or(Path::new("")));
+    above
+        .and_then(|above| above.write(PathBuf::from(file.file_name().unwrap_or_default()), &bytes))
+        .map_err(ExportError::at(file))
+}
+
+/// Name, type, unit and samples of a channel.
+type XdfChannel = (&'static str, &'static str, &'static str, fn(&Record) -> Option<&Vec<f64>>);
+
+/// The channels that every record of `session` with samples has.
+fn channels(session: &Session) -> Vec<XdfChannel> {
+    let all: [XdfChannel; 4 + FurtherChannel::COUNT] = [
+        ("theta_m_rad", "Angle", "rad", |record| Some(&record.theta_m_rad)),
+        ("torque_l_nm", "Torque", "N m", |record| Some(&record.torque_l_nm)),
+        ("emg_fcr_mvc", "EMG", "MVC", |record| record.emg_fcr_mvc.as_ref()),
+        ("emg_ecr_mvc", "EMG", "MVC", |record| record.emg_ecr_mvc.as_ref()),
+        ("theta_l_rad", "Angle", "rad", |record| record.theta_l_rad.as_ref()),
+        ("alpha_l_rad_s2", "Acceleration", "rad/s2", |record| record.alpha_l_rad_s2.as_ref()),
+        ("torque_h_nm", "Torque", "N m", |record| record.torque_h_nm.as_ref()),
+        ("theta_j_rad", "Angle", "rad", |record| record.theta_j_rad.as_ref()),
+    ];
+    let recorded = || session.trials.iter().filter(|trial| !trial.record.theta_m_rad.is_empty());
+    all.into_iter().filter(|(_, _, _, of)| recorded().all(|trial| of(&trial.record).is_some())).collect()
+}
+
+fn xdf(session: &Session, ramps: &[RampTime]) -> Vec<u8> {
+    let mut bytes = b"XDF:".to_vec();
+    let program = dataset::PROGRAM;
+    chunk(
+        &mut bytes,
+        FILE_HEADER_TAG,
+        format!("<?xml version=\"1.0\"?><info><version>1.0</version><writer>{program}</writer></info>")
+            .as_bytes(),
+    );
+    let channels = channels(session);
+    for (stretch, ramps) in ramps.chunk_by(|a, b| a.stretch == b.stretch).enumerate() {
+        let [signals, markers] = [2 * stretch as u32 + 1, 2 * stretch as u32 + 2];
+        let ending = if stretch == 0 { String::new() } else { format!(" {}", stretch + 1) };
+        let rate_hz = session.sample_rate_hz;
+        let described: String = channels
+            .iter()
+            .map(|(name, kind, unit, _)| {
+                format!("<channel><label>{name}</label><unit>{unit}</unit><type>{kind}</type></channel>")
+            })
+            .collect();
+        let head = Head { name: format!("ramphold signals{ending}"), kind: "Mixed", format: "double64" };
+        header(&mut bytes, signals, &head, channels.len(), rate_hz, &described);
+        let head = Head { name: format!("ramphold markers{ending}"), kind: "Markers", format: "string" };
+        header(&mut bytes, markers, &head, 1, 0.0, "<channel><label>event</label></channel>");
+        let mut ends = [Span::default(), Span::default()];
+        for (ramp, trial) in ramps.iter().filter_map(|ramp| Some((ramp, trial(session, ramp)?))) {
+            let Some(onset_s) = trial.onset_s else { continue };
+            let start_s = ramp.onset_s - (onset_s - trial.record.start_s);
+            let samples = trial.record.theta_m_rad.len();
+            let mut content = signals.to_le_bytes().to_vec();
+            content.push(8);
+            content.extend_from_slice(&(samples as u64).to_le_bytes());
+            for sample in 0..samples {
+                let time_s = start_s + sample as f64 / rate_hz;
+                ends[0].add(time_s);
+                content.push(8);
+                content.extend_from_slice(&time_s.to_le_bytes());
+                for (_, _, _, of) in &channels {
+                    let value = of(&trial.record).map_or(f64::NAN, |values| values[sample]);
+                    content.extend_from_slice(&value.to_le_bytes());
+                }
+            }
+            chunk(&mut bytes, SAMPLES_TAG, &content);
+            let end_s = start_s + samples as f64 / rate_hz;
+            let events = [(start_s, "begin".to_owned()), (ramp.onset_s, "onset".to_owned())];
+            let ended = (end_s, trial.status.name().to_owned());
+            for (time_s, event) in events.into_iter().chain([ended]) {
+                ends[1].add(time_s);
+                marker(&mut bytes, markers, time_s, &format!("{event} {}", trial.number));
+            }
+        }
+        footer(&mut bytes, signals, &ends[0]);
+        footer(&mut bytes, markers, &ends[1]);
+    }
+    bytes
+}
+
+/// The trial of a ramp, if it has samples.
+fn trial<'a>(session: &'a Session, ramp: &RampTime) -> Option<&'a Trial> {
+    let trial = session.trials.iter().find(|trial| Some(trial.number) == ramp.trial)?;
+    (!trial.record.theta_m_rad.is_empty()).then_some(trial)
+}
+
+/// What the header of a stream says first.
+struct Head {
+    name: String,
+    kind: &'static str,
+    format: &'static str,
+}
+
+/// First and last time of a stream, and its number of samples.
+#[derive(Debug, Default)]
+struct Span {
+    ends_s: Option<[f64; 2]>,
+    count: usize,
+}
+
+impl Span {
+    fn add(&mut self, time_s: f64) {
+        let [first_s, _] = self.ends_s.unwrap_or([time_s; 2]);
+        self.ends_s = Some([first_s, time_s]);
+        self.count += 1;
+    }
+}
+
+fn header(bytes: &mut Vec<u8>, id: u32, head: &Head, count: usize, rate_hz: f64, channels: &str) {
+    let Head { name, kind, format } = head;
+    let xml = format!(
+        "<?xml version=\"1.0\"?><info><name>{name}</name><type>{kind}</type><channel_count>{count}</channel_count>\
+         <nominal_srate>{rate_hz}</nominal_srate><channel_format>{format}</channel_format><source_id></source_id>\
+         <created_at>0</created_at><desc><channels>{channels}</channels></desc></info>"
+    );
+    chunk(bytes, STREAM_HEADER_TAG, &[&id.to_le_bytes(), xml.as_bytes()].concat());
+}
+
+fn footer(bytes: &mut Vec<u8>, id: u32, span: &Span) {
+    let [first_s, last_s] = span.ends_s.unwrap_or_default();
+    let xml = format!(
+        "<?xml version=\"1.0\"?><info><first_timestamp>{first_s}</first_timestamp><last_timestamp>{last_s}</last_timestamp>\
+         <sample_count>{}</sample_count><clock_offsets></clock_offsets></info>",
+        span.count
+    );
+    chunk(bytes, STREAM_FOOTER_TAG, &[&id.to_le_bytes(), xml.as_bytes()].concat());
+}
+
+fn marker(bytes: &mut Vec<u8>, id: u32, time_s: f64, text: &str) {
+    let mut content = id.to_le_bytes().to_vec();
+    content.extend_from_slice(&[1, 1, 8]);
+    content.extend_from_slice(&time_s.to_le_bytes());
+    content.push(4);
+    content.extend_from_slice(&(text.len() as u32).to_le_bytes());
+    content.extend_from_slice(text.as_bytes());
+    chunk(bytes, SAMPLES_TAG, &content);
+}
+
+fn chunk(bytes: &mut Vec<u8>, tag: u16, content: &[u8]) {
+    bytes.push(8);
+    bytes.extend_from_slice(&(content.len() as u64 + 2).to_le_bytes());
+    bytes.extend_from_slice(&tag.to_le_bytes());
+    bytes.extend_from_slice(content);
+}

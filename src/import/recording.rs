@@ -1,0 +1,24 @@
+//! A recording of another device: its tables, and the markers in it.
+
+use super::source_table::SourceTable;
+
+/// Name of the column of time in tables of formats that have a clock of their own, s.
+pub const TIME_COLUMN: &str = "time_s";
+
+/// A recording.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Recording {
+    /// Tables of numbers, one for each rate or stream.
+    pub tables: Vec<SourceTable>,
+    /// Markers, in the order of the file.
+    pub markers: Vec<Marker>,
+}
+
+/// A text at a time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Marker {
+    /// Time on the clock of the tables, s.
+    pub time_s: f64,
+    /// The text.
+    pub text: String,
+}

@@ -1,0 +1,383 @@
+//! Reads XDF, the format in which LabRecorder keeps streams of Lab Streaming Layer.
+//!
+//! "XDF Specification 1.0", the Swartz Center: `XDF:`, then chunks with a length, a tag and content. Time stamps are on the
+//! clock of each stream's computer; clock offsets bring them to that of the recorder.
+
+use std::path::Path;
+
+use super::error::ImportError;
+use super::recording::{Marker, Recording, TIME_COLUMN};
+use super::source_table::SourceTable;
+
+/// The most streams, and the most channels of a stream, that are read.
+const MOST_STREAMS: usize = 1000;
+const MOST_CHANNELS: usize = 10_000;
+
+/// Tags of chunks.
+const STREAM_HEADER_CHUNK: u16 = 2;
+const SAMPLES_CHUNK: u16 = 3;
+const CLOCK_OFFSET_CHUNK: u16 = 4;
+
+/// A type of values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum ValueKind {
+    Int8,
+    Int16,
+    Int32,
+    Int64,
+    Float32,
+    Double64,
+    Text,
+}
+
+impl ValueKind {
+    fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "int8" => Self::Int8,
+            "int16" => Self::Int16,
+            "int32" => Self::Int32,
+            "int64" => Self::Int64,
+            "float32" => Self::Float32,
+            "double64" => Self::Double64,
+            "string" => Self::Text,
+            _ => return None,
+        })
+    }
+}
+
+/// A stream while it is read.
+struct XdfStream {
+    id: u32,
+    name: String,
+    labels: Vec<String>,
+    kind: ValueKind,
+    nominal_hz: f64,
+    times_s: Vec<f64>,
+    values: Vec<Vec<f64>>,
+    texts: Vec<String>,
+    /// Time of measurement and value of each clock offset, s.
+    offsets: Vec<(f64, f64)>,
+}
+
+/// Reads bytes from the front; every count is held against what is left.
+struct Cursor<'a>(&'a [u8]);
+
+impl<'a> Cursor<'a> {
+    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(taken)
+    }
+
+    fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.take(N)?.try_into().ok()
+    }
+
+    /// A length with the count of its bytes before it: 1, 4 or 8.
+    fn length(&mut self) -> Option<usize> {
+        match self.number::<1>()? {
+            [1] => Some(usize::from(self.number::<1>()?[0])),
+            [4] => usize::try_from(u32::from_le_bytes(self.number()?)).ok(),
+            [8] => usize::try_from(u64::from_le_bytes(self.number()?)).ok(),
+            _ => None,
+        }
+    }
+
+    fn value(&mut self, kind: ValueKind) -> Option<f64> {
+        Some(match kind {
+            ValueKind::Int8 => f64::from(i8::from_le_bytes(self.number()?)),
+            ValueKind::Int16 => f64::from(i16::from_le_bytes(self.number()?)),
+            ValueKind::Int32 => f64::from(i32::from_le_bytes(self.number()?)),
+            ValueKind::Int64 => i64::from_le_bytes(self.number()?) as f64,
+            ValueKind::Float32 => f64::from(f32::from_le_bytes(self.number()?)),
+            ValueKind::Double64 => f64::from_le_bytes(self.number()?),
+            ValueKind::Text => return None,
+        })
+    }
+
+    fn text(&mut self) -> Option<String> {
+        let length = self.length()?;
+        Some(String::from_utf8_lossy(self.take(length)?).into_owned())
+    }
+}
+
+/// Whether the bytes begin as a file of this kind does.
+pub fn is_xdf(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"XDF:")
+}
+
+/// Reads the streams in `bytes`: a table for each stream of numbers, markers of those of text; `path` is for messages.
+pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
+    let broken = |found: String| ImportError::Source {
+        path: path.into(),
+        found,
+        expected: "an XDF file that is whole, as LabRecorder writes it",
+    };
+    let mut cursor = Cursor(bytes.strip_prefix(b"XDF:").unwrap_or(bytes));
+    let mut streams: Vec<XdfStream> = Vec::new();
+    while !cursor.0.is_empty() {
+        let at = bytes.len() - cursor.0.len();
+        let cut = || broken(format!("a chunk at byte {at} that is cut off or no chunk"));
+        let length = cursor.length().ok_or_else(cut)?;
+        let mut chunk = Cursor(cursor.take(length).ok_or_else(cut)?);
+        let tag = u16::from_le_bytes(chunk.number().ok_or_else(cut)?);
+        if !(STREAM_HEADER_CHUNK..=CLOCK_OFFSET_CHUNK).contains(&tag) {
+            continue;
+        }
+        let id = u32::from_le_bytes(chunk.number().ok_or_else(cut)?);
+        let count = streams.len();
+        let known = streams.iter_mut().find(|stream| stream.id == id);
+        match (tag, known) {
+            (STREAM_HEADER_CHUNK, None) if count < MOST_STREAMS => {
+                let text = String::from_utf8_lossy(chunk.0);
+                streams.push(header(id, &text).map_err(|found| broken(format!("stream {id}: {found}")))?);
+            }
+            (STREAM_HEADER_CHUNK, None) => return Err(broken(format!("more than {MOST_STREAMS} streams"))),
+            (STREAM_HEADER_CHUNK, Some(_)) => return Err(broken(format!("two headers of stream {id}"))),
+            (SAMPLES_CHUNK, Some(stream)) => samples(&mut chunk, stream).ok_or_else(|| {
+                broken(format!(
+                    "stream {:?}: samples at byte {at} that are not as its header says",
+                    stream.name
+                ))
+            })?,
+            (CLOCK_OFFSET_CHUNK, Some(stream)) => {
+                let measured = chunk.number().zip(chunk.number());
+                let (time, offset) = measured.ok_or_else(cut)?;
+                let pair = (f64::from_le_bytes(time), f64::from_le_bytes(offset));
+                if pair.0.is_finite() && pair.1.is_finite() {
+                    stream.offsets.push(pair);
+                }
+            }
+            _ => return Err(broken(format!("a chunk at byte {at} of stream {id}, which has no header"))),
+        }
+    }
+    let mut recording = Recording::default();
+    for mut stream in streams {
+        let correction = clock_line(&stream.offsets);
+        for time_s in &mut stream.times_s {
+            *time_s += correction.0 + correction.1 * *time_s;
+        }
+        if let Some(row) = stream
+            .times_s
+            .windows(2)
+            .position(|pair| pair[0].partial_cmp(&pair[1]).is_none_or(|order| order.is_gt()))
+        {
+            return Err(broken(format!(
+                "stream {:?}, sample {}: time goes from {} to {} s",
+                stream.name,
+                row + 2,
+                stream.times_s[row],
+                stream.times_s[row + 1]
+            )));
+        }
+        if stream.kind == ValueKind::Text {
+            let own = stream.times_s.iter().zip(stream.texts);
+            recording.markers.extend(own.map(|(time_s, text)| Marker { time_s: *time_s, text }));
+            continue;
+        }
+        let time = (TIME_COLUMN.to_owned(), stream.times_s);
+        let columns = std::iter::once(time).chain(stream.labels.into_iter().zip(stream.values)).collect();
+        recording
+            .tables
+            .push(SourceTable { name: format!("{}, stream {}", path.display(), stream.name), columns });
+    }
+    Ok(recording)
+}
+
+/// What the XML header of a stream says.
+fn header(id: u32, text: &str) -> Result<XdfStream, String> {
+    let document =
+        roxmltree::Document::parse(text).map_err(|error| format!("its header is no XML ({error})"))?;
+    let info = document.root_element();
+    let field = |name: &str| {
+        let node = info.children().find(|node| node.has_tag_name(name));
+        node.and_then(|node| node.text()).map_or(String::new(), |text| text.trim().to_owned())
+    };
+    let kind = field("channel_format");
+    let kind = ValueKind::named(&kind).ok_or_else(|| format!("its channel_format is {kind:?}"))?;
+    let count = field("channel_count");
+    let count: usize = count.parse().map_err(|_| format!("its channel_count is {count:?}"))?;
+    if count == 0 || count > MOST_CHANNELS {
+        return Err(format!("it has {count} channels; expected 1 to {MOST_CHANNELS}"));
+    }
+    let rate = field("nominal_srate");
+    let nominal_hz: f64 = if rate.is_empty() { 0.0 } else { rate.parse().unwrap_or(f64::NAN) };
+    if !(nominal_hz >= 0.0 && nominal_hz.is_finite()) {
+        return Err(format!("its nominal_srate is {rate:?}"));
+    }
+    let mut labels: Vec<String> = info
+        .descendants()
+        .filter(|node| node.has_tag_name("label"))
+        .filter_map(|node| node.text().map(|text| text.trim().to_owned()))
+        .collect();
+    if labels.len() != count {
+        labels = (1..=count).map(|channel| format!("channel_{channel}")).collect();
+    }
+    Ok(XdfStream {
+        id,
+        name: field("name"),
+        labels,
+        kind,
+        nominal_hz,
+        times_s: Vec::new(),
+        values: vec![Vec::new(); if kind == ValueKind::Text { 0 } else { count }],
+        texts: Vec::new(),
+        offsets: Vec::new(),
+    })
+}
+
+/// Adds the samples of a chunk; `None` if it has not as many bytes as its counts need.
+fn samples(chunk: &mut Cursor, stream: &mut XdfStream) -> Option<()> {
+    let count = chunk.length()?;
+    // Each sample has at least the byte that says whether it has a time stamp.
+    if count > chunk.0.len() {
+        return None;
+    }
+    for _ in 0..count {
+        let time_s = match chunk.number::<1>()? {
+            [0] => {
+                let step_s = if stream.nominal_hz > 0.0 { 1.0 / stream.nominal_hz } else { 0.0 };
+                stream.times_s.last().map_or(0.0, |last| last + step_s)
+            }
+            [8] => f64::from_le_bytes(chunk.number()?),
+            _ => return None,
+        };
+        if stream.kind == ValueKind::Text {
+            let texts: Option<Vec<String>> = stream.labels.iter().map(|_| chunk.text()).collect();
+            stream.texts.push(texts?.join(" "));
+        } else {
+            for values in &mut stream.values {
+                values.push(chunk.value(stream.kind)?);
+            }
+        }
+        stream.times_s.push(time_s);
+    }
+    chunk.0.is_empty().then_some(())
+}
+
+/// Intercept and slope of the line through the clock offsets; a constant where there is one, none without any.
+fn clock_line(offsets: &[(f64, f64)]) -> (f64, f64) {
+    let count = offsets.len().max(1) as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| offsets.iter().map(of).sum::<f64>() / count;
+    let (time, offset) = (mean(|pair| pair.0), mean(|pair| pair.1));
+    let (mut square, mut product) = (0.0, 0.0);
+    for (t, o) in offsets {
+        square += (t - time) * (t - time);
+        product += (t - time) * (o - offset);
+    }
+    let slope = if square > 0.0 { product / square } else { 0.0 };
+    (offset - slope * time, slope)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chunk(bytes: &mut Vec<u8>, tag: u16, content: &[u8]) {
+        bytes.push(4);
+        bytes.extend_from_slice(&(content.len() as u32 + 2).to_le_bytes());
+        bytes.extend_from_slice(&tag.to_le_bytes());
+        bytes.extend_from_slice(content);
+    }
+
+    fn stream_header(bytes: &mut Vec<u8>, id: u32, name: &str, kind: &str, count: &str) {
+        let xml = format!(
+            "<?xml version=\"1.0\"?><info><name>{name}</name><channel_count>{count}</channel_count>\
+             <nominal_srate>100</nominal_srate><channel_format>{kind}</channel_format></info>"
+        );
+        chunk(bytes, 2, &[&id.to_le_bytes(), xml.as_bytes()].concat());
+    }
+
+    /// A stream of two channels whose clock is 5 s behind, and markers.
+    fn file() -> Vec<u8> {
+        let mut bytes = b"XDF:".to_vec();
+        chunk(&mut bytes, 1, b"<?xml version=\"1.0\"?><info><version>1.0</version></info>");
+        stream_header(&mut bytes, 1, "EMG", "int16", "2");
+        stream_header(&mut bytes, 2, "markers", "string", "1");
+        let mut content = 1u32.to_le_bytes().to_vec();
+        content.extend_from_slice(&[1, 3, 8]);
+        content.extend_from_slice(&10.0f64.to_le_bytes());
+        content.extend([7i16, -8].into_iter().flat_map(i16::to_le_bytes));
+        for value in [9i16, 11] {
+            content.push(0);
+            content.extend([value, -value].into_iter().flat_map(i16::to_le_bytes));
+        }
+        chunk(&mut bytes, 3, &content);
+        for time in [9.0f64, 11.0] {
+            let content =
+                [1u32.to_le_bytes().as_slice(), &time.to_le_bytes(), &5.0f64.to_le_bytes()].concat();
+            chunk(&mut bytes, 4, &content);
+        }
+        let mut content = 2u32.to_le_bytes().to_vec();
+        content.extend_from_slice(&[1, 1, 8]);
+        content.extend_from_slice(&15.01f64.to_le_bytes());
+        content.extend_from_slice(&[1, 5]);
+        content.extend_from_slice(b"onset");
+        chunk(&mut bytes, 3, &content);
+        bytes
+    }
+
+    #[test]
+    fn streams_are_on_the_clock_of_the_recorder_and_texts_are_markers() {
+        let read = read(&file(), Path::new("a.xdf")).unwrap();
+        let [table] = read.tables.as_slice() else { panic!("{:?}", read.tables) };
+        let times = table.column(TIME_COLUMN).unwrap();
+        assert!(times.iter().zip([15.0, 15.01, 15.02]).all(|(a, b)| (a - b).abs() < 1e-9), "{times:?}");
+        assert_eq!(table.column("channel_2").unwrap(), [-8.0, -9.0, -11.0]);
+        assert_eq!(read.markers, [Marker { time_s: 15.01, text: "onset".into() }]);
+    }
+
+    #[test]
+    fn files_that_are_cut_off_anywhere_or_lie_about_their_counts_are_refused_or_end_at_a_chunk() {
+        let whole = file();
+        let ends: Vec<usize> = {
+            let mut cursor = Cursor(&whole[4..]);
+            let mut ends = vec![4];
+            while let Some(length) = cursor.length() {
+                cursor.take(length);
+                ends.push(whole.len() - cursor.0.len());
+            }
+            ends
+        };
+        for length in 4..whole.len() {
+            assert_eq!(
+                read(&whole[..length], Path::new("a.xdf")).is_ok(),
+                ends.contains(&length),
+                "cut at {length}"
+            );
+        }
+        for (kind, count, words) in [
+            ("int16", "99999999", "it has 99999999 channels"),
+            ("int16", "-1", "its channel_count is"),
+            ("complex", "1", "its channel_format is \"complex\""),
+        ] {
+            let mut bytes = b"XDF:".to_vec();
+            stream_header(&mut bytes, 1, "EMG", kind, count);
+            let message = read(&bytes, Path::new("a.xdf")).unwrap_err().to_string();
+            assert!(message.contains(words), "{message}");
+        }
+        // A chunk that says that it has 2^60 samples.
+        let mut bytes = b"XDF:".to_vec();
+        stream_header(&mut bytes, 1, "EMG", "int8", "1");
+        let content = [1u32.to_le_bytes().as_slice(), &[8], &(1u64 << 60).to_le_bytes()].concat();
+        chunk(&mut bytes, 3, &content);
+        let message = read(&bytes, Path::new("a.xdf")).unwrap_err().to_string();
+        assert!(message.contains("not as its header says"), "{message}");
+    }
+
+    #[test]
+    fn a_clock_that_jumps_back_is_refused() {
+        let mut bytes = b"XDF:".to_vec();
+        stream_header(&mut bytes, 1, "EMG", "int8", "1");
+        let mut content = 1u32.to_le_bytes().to_vec();
+        content.extend_from_slice(&[1, 2]);
+        for time in [10.0f64, 9.0] {
+            content.push(8);
+            content.extend_from_slice(&time.to_le_bytes());
+            content.push(1);
+        }
+        chunk(&mut bytes, 3, &content);
+        let message = read(&bytes, Path::new("a.xdf")).unwrap_err().to_string();
+        assert!(message.contains("stream \"EMG\", sample 2: time goes from 10 to 9 s"), "{message}");
+    }
+}
