@@ -6,7 +6,7 @@ use std::path::Path;
 
 use ramphold::dataset::{self, RigCalibration, Session};
 use ramphold::fit::{
-    ConditionEstimate, ConstantEffects, Fit, Model, Observations, PreprocessingSettings, RigConstants,
+    AskedFit, ConditionEstimate, ConstantEffects, Fit, Model, Observations, PreprocessingSettings, RigConstants,
     SessionFit, TrialEstimate, Weighting, by_condition, estimates_without_profiles, predictions,
     session_estimates, with_rig_errors,
 };
@@ -136,8 +136,8 @@ fn fit(
     let means = by_condition(&own);
     let (own, means) = match known {
         Some(known) => {
-            let effects = ConstantEffects::of_fit(&observations, &independent, known);
-            with_rig_errors((own, means), &effects)
+            let effects = ConstantEffects::new(&observations, AskedFit::Trials(&independent), known);
+            with_rig_errors((own, means), &effects.ok_or(Failed)?)
         }
         None => (own, means),
     };
@@ -147,7 +147,8 @@ fn fit(
             let found = session_estimates(&observations, session);
             match known {
                 Some(known) => {
-                    with_rig_errors(found, &ConstantEffects::of_session(&observations, session, known))
+                    let effects = ConstantEffects::new(&observations, AskedFit::Session(session), known);
+                    with_rig_errors(found, &effects.ok_or(Failed)?)
                 }
                 None => found,
             }
