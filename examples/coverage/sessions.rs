@@ -6,9 +6,9 @@ use std::path::Path;
 
 use ramphold::dataset::{self, RigCalibration, Session};
 use ramphold::fit::{
-    AskedFit, ConditionEstimate, ConstantEffects, Fit, Model, Observations, PreprocessingSettings, RigConstants,
-    SessionFit, TrialEstimate, Weighting, by_condition, estimates_without_profiles, predictions,
-    session_estimates, with_rig_errors,
+    AskedFit, ConditionEstimate, ConstantEffects, Fit, Model, Observations, PreprocessingSettings,
+    RigConstants, SessionFit, TrialEstimate, Weighting, by_condition, estimates_without_profiles,
+    predictions, session_estimates, with_rig_errors,
 };
 use ramphold::protocol::Protocol;
 use ramphold::rig::TrialKey;

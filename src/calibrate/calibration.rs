@@ -2,11 +2,11 @@
 
 use nalgebra::DVector;
 
-use super::constants::{REPORTED, RigCoordinates, time_constant_s};
+use super::constants::{REPORTED, RigCoordinates};
 use super::covariance::{RigCovariance, covariance};
 use super::encoder::step_positions;
 use super::error::CalibrateError;
-use super::fit::{RigFit, RigFitInput, RigPrior, SERVO_PLACE, is_of_servo};
+use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::loads::{LoadCheck, check_loads};
 use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
@@ -26,9 +26,6 @@ const POSITIONS: usize = 32;
 /// Places of the torque channel's delay and low-pass among the coordinates.
 const DELAY_PLACE: usize = 7;
 const LAG_PLACE: usize = 8;
-
-/// Natural frequencies of the servo at which the search starts, Hz: the median of its mechanism's prior, and a quarter of it.
-const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];
 
 /// Seed of the draws of a calibration, so that it is the same each time.
 const SEED: u64 = 1;
@@ -230,8 +227,7 @@ pub fn calibrate(
 
 /// Fits, and once more with the noise that the scatter of repetitions shows, where it is larger than that at rest.
 pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
-    let first = from_each_servo(input);
-    let first = on_the_side_of_lag(input, first);
+    let first = on_the_side_of_lag(input, input.fit(None));
     let cells = cells(input.trials);
     let standardised: Vec<DVector<f64>> =
         first.equations.iter().map(|own| own.standardised.clone()).collect();
@@ -240,35 +236,6 @@ pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
     // No motor is exactly of second order: what the model of the servo leaves is its noise.
     input.servo_scale = libm::sqrt(mean_square(&first, |channel| channel == MomentChannel::Servo).max(1.0));
     input.fit(Some(&first.point))
-}
-
-/// The best of the fits that start with a servo of each bandwidth. The servo's own constants are searched first, with the others as stated:
-/// where the target's motion is not known yet, the search would take what the servo leaves behind for the handle's.
-fn from_each_servo(input: &mut RigFitInput<'_>) -> RigFit {
-    /// Precision of a coordinate that stays where it is, far above what any trial tells.
-    const HELD: f64 = 1e12;
-    let servo = input.coordinates.scales[SERVO_PLACE];
-    let prior = input.prior.clone();
-    let mut best: Option<RigFit> = None;
-    for frequency_hz in SERVO_STARTS_HZ {
-        let mut start = prior.mean.clone();
-        start[SERVO_PLACE] = servo.coordinate(time_constant_s(frequency_hz));
-        for place in (0..start.len()).filter(|place| !is_of_servo(*place)) {
-            input.prior.precision[(place, place)] = HELD;
-        }
-        let moved = input.fit(Some(&start)).point;
-        input.prior = prior.clone();
-        let found = input.fit(Some(&moved));
-        if best.as_ref().is_none_or(|best| cost(&found) < cost(best)) {
-            best = Some(found);
-        }
-    }
-    best.unwrap_or_else(|| input.fit(None))
-}
-
-/// Sum of squares of what a fit leaves.
-fn cost(fit: &RigFit) -> f64 {
-    fit.equations.iter().map(|own| own.residual.norm_squared()).sum()
 }
 
 /// A low-pass and its inverse change the amplitude of the torque alike, and with another delay nearly the phase: the search may end at
@@ -283,6 +250,7 @@ fn on_the_side_of_lag(input: &RigFitInput<'_>, fit: RigFit) -> RigFit {
     other[LAG_PLACE] = lag.coordinate(-lag_s);
     other[DELAY_PLACE] = delay.coordinate(delay.value(fit.point[DELAY_PLACE]) + 2.0 * lag_s);
     let other = input.fit(Some(&other));
+    let cost = |fit: &RigFit| fit.equations.iter().map(|own| own.residual.norm_squared()).sum::<f64>();
     if cost(&other) < cost(&fit) { other } else { fit }
 }
 

@@ -20,7 +20,7 @@ const DIFFERENCE: f64 = 1e-7;
 /// Largest step, in standard errors, at which the search has ended.
 const ENDED: f64 = 1e-2;
 /// Place of the servo's bandwidth among the coordinates, and of the friction's and the cubic part's.
-pub const SERVO_PLACE: usize = 9;
+const SERVO_PLACE: usize = 9;
 const FRICTION_PLACE: usize = 10;
 const CUBIC_PLACE: usize = 5;
 
@@ -305,7 +305,7 @@ fn of_torque_channel(column: usize) -> Option<OfTorqueChannel> {
 }
 
 /// Whether a coordinate is one of the servo.
-pub fn is_of_servo(column: usize) -> bool {
+fn is_of_servo(column: usize) -> bool {
     column == SERVO_PLACE || (REPORTED..=FIRST_KNOWN).contains(&column)
 }
 

@@ -5,6 +5,7 @@ import sys
 import time
 
 import pylsl
+from pylsl.util import LostError
 
 
 def main(target):
@@ -27,7 +28,7 @@ def main(target):
         for name, inlet in inlets.items():
             try:
                 samples, times = inlet.pull_chunk(timeout=0.02, max_samples=4096)
-            except pylsl.LostError:
+            except LostError:
                 ended.add(name)
                 continue
             if times:
