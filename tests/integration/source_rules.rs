@@ -35,7 +35,8 @@ fn every_unsafe_says_why_it_is_sound() {
         for (number, line) in lines.iter().enumerate() {
             let code = code(line);
             let words = code.split(|c: char| !c.is_alphanumeric() && c != '_');
-            if !words.clone().any(|word| word == "unsafe") {
+            // The type of a foreign function does nothing: its calls must say why they are sound.
+            if !words.clone().any(|word| word == "unsafe") || code.contains("unsafe extern") {
                 continue;
             }
             let reasoned =
