@@ -72,11 +72,4 @@ LABORATORIES = {
     "direct": Laboratory("assumed: a direct drive of high bandwidth with a rigid handle", sample_hz=5000, encoder_bits=20, lever=RIGID,
                          ramp_profile="minimum jerk", servo_bandwidth_factor=2.0, velocities_rad_s=(1.3, 2.2, 3.1), repetitions=4,
                          gauge_noise=1.3, has_emg=False, rig_trials="direct"),
-    "ward": Laboratory("assumed: a cart for the bedside, with a light lever, a noisy gauge and few repetitions", sample_hz=1000,
-                       encoder_bits=18, lever=lever(0.0011, 0.3, 650.0), ramp_rise_factor=1.4, velocities_rad_s=(1.2, 1.9, 2.6),
-                       torques_nm=(0.7, 1.2, 1.7), repetitions=4, gauge_noise=1.3, longest_hold_s=0.7, rig_trials="slow"),
-    "hydraulic": Laboratory("assumed: a hydraulic actuator with a heavy steel lever, fast, and read through a resolver", sample_hz=5000,
-                            encoder_bits=16, lever=lever(0.0030, 0.9, 3200.0), ramp_profile="trapezoid", ramp_rise_factor=0.9,
-                            servo_bandwidth_factor=1.5, velocities_rad_s=(1.4, 2.1, 2.8, 3.5), torques_nm=(1.2, 2.4), repetitions=4,
-                            gauge_spectrum="1/f", has_emg=False, rig_trials="stiff"),
 }
