@@ -13,6 +13,7 @@ use super::moments::MomentChannel;
 use super::noise::PowerSpectrum;
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
 use super::reported::reported;
+use super::starts::fit_from_starts;
 use crate::dataset::{
     CalibrationFit, CalibrationLoad, CalibrationNoise, HandleLoad, NoiseSpectrum, RIG_TRIAL_REST_S,
     RigCalibration, RigTrial, RigTrialMotion, RigTrials, Status,
@@ -22,10 +23,6 @@ use crate::statistics::t_quantile;
 
 /// Positions of the encoder's steps that are tried.
 const POSITIONS: usize = 32;
-
-/// Places of the torque channel's delay and low-pass among the coordinates.
-const DELAY_PLACE: usize = 7;
-const LAG_PLACE: usize = 8;
 
 /// Seed of the draws of a calibration, so that it is the same each time.
 const SEED: u64 = 1;
@@ -227,7 +224,7 @@ pub fn calibrate(
 
 /// Fits, and once more with the noise that the scatter of repetitions shows, where it is larger than that at rest.
 pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
-    let first = on_the_side_of_lag(input, input.fit(None));
+    let first = fit_from_starts(input);
     let cells = cells(input.trials);
     let standardised: Vec<DVector<f64>> =
         first.equations.iter().map(|own| own.standardised.clone()).collect();
@@ -235,23 +232,7 @@ pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
     input.torque_scale = if freedom > 0.0 { libm::sqrt((sum / freedom).max(1.0)) } else { 1.0 };
     // No motor is exactly of second order: what the model of the servo leaves is its noise.
     input.servo_scale = libm::sqrt(mean_square(&first, |channel| channel == MomentChannel::Servo).max(1.0));
-    input.fit(Some(&first.point))
-}
-
-/// A low-pass and its inverse change the amplitude of the torque alike, and with another delay nearly the phase: the search may end at
-/// the inverse. The fit from the other side is taken if it is the better one.
-fn on_the_side_of_lag(input: &RigFitInput<'_>, fit: RigFit) -> RigFit {
-    let [delay, lag] = [DELAY_PLACE, LAG_PLACE].map(|place| input.coordinates.scales[place]);
-    let lag_s = lag.value(fit.point[LAG_PLACE]);
-    if lag_s >= 0.0 {
-        return fit;
-    }
-    let mut other = fit.point.clone();
-    other[LAG_PLACE] = lag.coordinate(-lag_s);
-    other[DELAY_PLACE] = delay.coordinate(delay.value(fit.point[DELAY_PLACE]) + 2.0 * lag_s);
-    let other = input.fit(Some(&other));
-    let cost = |fit: &RigFit| fit.equations.iter().map(|own| own.residual.norm_squared()).sum::<f64>();
-    if cost(&other) < cost(&fit) { other } else { fit }
+    input.fit(&first.point)
 }
 
 /// Mean square of the moments of some channels, in standard deviations; the coordinates are few beside the moments.

@@ -88,10 +88,9 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
         let mut free = prior_covariance.clone();
         free[(place, place)] += 1.0;
         input.prior.precision = inverse(free);
-        let fit = input.fit(Some(&fit.point));
-        let from_mean = &fit.point - &mean;
+        let fit = input.fit(&fit.point);
         let left = fit.equations.iter().map(|own| own.residual.norm_squared()).sum::<f64>()
-            + from_mean.dot(&(&input.prior.precision * &from_mean));
+            + input.prior.misfit(&fit.point);
         let Some((difference, se)) = Linearised::new(&input, &fit, &mean, &prior_covariance).change(place)
         else {
             continue;

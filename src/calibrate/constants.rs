@@ -7,11 +7,15 @@ use crate::wrist::Lever;
 /// Number of quantities that a calibration reports; their coordinates come first, in the order of [`RigQuantity::ALL`].
 pub const REPORTED: usize = RigQuantity::ALL.len();
 
-/// Coordinates that are fitted and not reported: damping ratio, delay, gain and hold of the servo, and the speed of the friction.
-pub const NOT_REPORTED: usize = 5;
+/// Coordinates that are fitted and not reported: damping ratio, delay, gain, compliance and its delay, hold and speed
+/// command of the servo, and the speed of the friction.
+pub const NOT_REPORTED: usize = 8;
 
 /// Place of the first coordinate with a prior that is knowledge, not a guard: it stays where nothing else is assumed.
-pub const FIRST_KNOWN: usize = REPORTED + 3;
+pub const FIRST_KNOWN: usize = REPORTED + 5;
+
+/// Place of the friction's speed among the coordinates.
+pub const FRICTION_SPEED_PLACE: usize = REPORTED + NOT_REPORTED - 1;
 
 /// The constants that the model of the rig needs.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,8 +42,14 @@ pub struct FittedConstants {
     pub servo_delay_s: f64,
     /// Recorded angle over target at rest.
     pub servo_gain: f64,
+    /// How far a torque in the lever turns the recorded angle at rest, rad/(N m).
+    pub servo_compliance_rad_per_nm: f64,
+    /// How late the motor yields to that torque, s.
+    pub servo_compliance_delay_s: f64,
     /// Power of the response of a hold between two targets: 0 to 2.
     pub servo_hold: f64,
+    /// Part of the target's speed that the servo's damping acts against: 0 if it brakes the motor, 1 if it brakes the error.
+    pub servo_speed_command: f64,
     /// Speed at which the friction is at 76 % of its full value, beside a hundredth of the largest speed.
     pub friction_speed_factor: f64,
     /// Coulomb friction of the bearing, N m.
@@ -155,12 +165,16 @@ impl RigCoordinates {
             factor(1.0),
             linear(0.0, time_constant_s(LOWEST_SERVO_HZ)),
             factor(1.0),
+            linear(0.0, 1.0 / lever.stiffness_nm_per_rad),
+            linear(0.0, LARGEST_DELAY_S),
             linear(1.0, 1.0),
+            linear(0.5, 0.5),
             CoordinateScale::Factor { start: 1.0, range: libm::log(FRICTION_SPEED_FACTOR) },
         ];
         let mut prior_sd = vec![1.0; scales.len()];
-        // The straight line and the whole way are both common: each is one standard deviation from the middle.
+        // Both ends of either range are common: each is one standard deviation from the middle.
         prior_sd[FIRST_KNOWN] = 1.0;
+        prior_sd[FIRST_KNOWN + 1] = 1.0;
         for load in &loads {
             scales.push(CoordinateScale::Linear { start: 1.0, range: 1.0 });
             prior_sd.push(load.relative_error().unwrap_or(0.0));
@@ -198,9 +212,24 @@ impl RigCoordinates {
             servo_damping: value(11),
             servo_delay_s: value(12),
             servo_gain: value(13),
-            servo_hold: value(14),
-            friction_speed_factor: value(15),
+            servo_compliance_rad_per_nm: value(14),
+            servo_compliance_delay_s: value(15),
+            servo_hold: value(16),
+            servo_speed_command: value(17),
+            friction_speed_factor: value(18),
             load_factors: (Self::first_load()..self.count()).map(value).collect(),
+        }
+    }
+
+    /// The constants at a point, with a motor that follows its target exactly.
+    pub fn constants_with_ideal_servo(&self, point: &[f64]) -> FittedConstants {
+        FittedConstants {
+            servo_period_s: 0.0,
+            servo_delay_s: 0.0,
+            servo_gain: 1.0,
+            servo_compliance_rad_per_nm: 0.0,
+            servo_hold: 0.0,
+            ..self.constants(point)
         }
     }
 

@@ -20,8 +20,8 @@ const DIFFERENCE: f64 = 1e-7;
 /// Largest step, in standard errors, at which the search has ended.
 const ENDED: f64 = 1e-2;
 /// Place of the servo's bandwidth among the coordinates, and of the friction's and the cubic part's.
-const SERVO_PLACE: usize = 9;
-const FRICTION_PLACE: usize = 10;
+pub const SERVO_PLACE: usize = 9;
+pub const FRICTION_PLACE: usize = 10;
 const CUBIC_PLACE: usize = 5;
 
 /// The trials of a fit and what is known of their noise.
@@ -54,6 +54,12 @@ pub struct RigPrior {
 }
 
 impl RigPrior {
+    /// Square of a point's distance from the mean, in standard deviations.
+    pub fn misfit(&self, point: &DVector<f64>) -> f64 {
+        let from_mean = point - &self.mean;
+        from_mean.dot(&(&self.precision * &from_mean))
+    }
+
     /// What engineering allows about the start of the coordinates, and the stated values of the loads.
     pub fn of_engineering(coordinates: &RigCoordinates) -> Self {
         let precision = coordinates.prior_sd.iter().map(|sd| 1.0 / (sd * sd));
@@ -99,12 +105,21 @@ struct Whitened {
 }
 
 impl RigFitInput<'_> {
-    /// Fits from the start, or from a point.
-    pub fn fit(&self, from: Option<&DVector<f64>>) -> RigFit {
-        let mut point = from.cloned().unwrap_or_else(|| self.prior.mean.clone());
+    /// Fits all coordinates from a point.
+    pub fn fit(&self, from: &DVector<f64>) -> RigFit {
+        self.fit_some(from, |_| true)
+    }
+
+    /// Fits the coordinates of the servo from a point; the others stay where they are.
+    pub fn fit_servo(&self, from: &DVector<f64>) -> RigFit {
+        self.fit_some(from, is_of_servo)
+    }
+
+    fn fit_some(&self, from: &DVector<f64>, is_free: fn(usize) -> bool) -> RigFit {
+        let mut point = from.clone();
         let mut whitened = self.whitened(&point);
         for _ in 0..RENEWALS {
-            let (found, se) = self.search(&whitened, point.clone());
+            let (found, se) = self.search(&whitened, point.clone(), is_free);
             let moved = (&found - &point).component_div(&se).amax();
             point = found;
             whitened = self.whitened(&point);
@@ -116,24 +131,22 @@ impl RigFitInput<'_> {
         RigFit { point, equations }
     }
 
-    fn whitened(&self, point: &DVector<f64>) -> Vec<Whitened> {
-        let constants = self.coordinates.constants(point.as_slice());
+    /// The products of a trial at some constants.
+    pub fn moments(&self, trial: &PreparedTrial, constants: &FittedConstants) -> TrialMoments {
         let range = |place: usize| {
             self.coordinates.scales[place].value(1.0) - self.coordinates.scales[place].value(0.0)
         };
         let small_terms = [range(FRICTION_PLACE), range(CUBIC_PLACE)];
+        let handle = self.coordinates.at_handle(constants, trial.load);
+        TrialMoments::new(trial, constants, handle, self.noise, self.friction_speed_rad_s, small_terms)
+    }
+
+    fn whitened(&self, point: &DVector<f64>) -> Vec<Whitened> {
+        let constants = self.coordinates.constants(point.as_slice());
         self.trials
             .par_iter()
             .map(|trial| {
-                let handle = self.coordinates.at_handle(&constants, trial.load);
-                let moments = TrialMoments::new(
-                    trial,
-                    &constants,
-                    handle,
-                    self.noise,
-                    self.friction_speed_rad_s,
-                    small_terms,
-                );
+                let moments = self.moments(trial, &constants);
                 let labels = moments.labels();
                 let scale = |label: &MomentLabel| match label.channel {
                     MomentChannel::Mean => 1.0,
@@ -147,10 +160,17 @@ impl RigFitInput<'_> {
             .collect()
     }
 
-    fn residual(&self, place: usize, constants: &FittedConstants, needed: Needed) -> TrialResidual {
+    /// Residual of the trial in a place.
+    pub fn residual(
+        &self,
+        place: usize,
+        moments: &TrialMoments,
+        constants: &FittedConstants,
+        needed: Needed,
+    ) -> TrialResidual {
         let trial = &self.trials[place];
         let handle = self.coordinates.at_handle(constants, trial.load);
-        residual(trial, constants, handle, self.friction_speed_rad_s, needed)
+        residual(trial, moments, constants, handle, self.friction_speed_rad_s, needed)
     }
 
     /// Moments of a trial's residual, in units of their scale.
@@ -159,17 +179,22 @@ impl RigFitInput<'_> {
     }
 
     /// Independent residuals and their derivatives, trial by trial.
-    fn linearised(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<(DVector<f64>, DMatrix<f64>)> {
+    fn linearised(
+        &self,
+        whitened: &[Whitened],
+        point: &DVector<f64>,
+        is_free: fn(usize) -> bool,
+    ) -> Vec<(DVector<f64>, DMatrix<f64>)> {
         let constants = self.coordinates.constants(point.as_slice());
         (0..self.trials.len())
             .into_par_iter()
             .map(|place| {
                 let own = &whitened[place];
-                let base = self.residual(place, &constants, Needed::Both);
+                let base = self.residual(place, &own.moments, &constants, Needed::Both);
                 let at = self.scaled(own, &base);
                 let mut jacobian = DMatrix::zeros(at.len(), self.coordinates.count());
                 for column in 0..self.coordinates.count() {
-                    if !self.matters(column, place) {
+                    if !is_free(column) || !self.matters(column, place) {
                         continue;
                     }
                     let derivative = if let Some(of) = of_torque_channel(column) {
@@ -182,7 +207,7 @@ impl RigFitInput<'_> {
                         let moved = self.coordinates.constants(moved.as_slice());
                         let is_of_servo = is_of_servo(column);
                         let needed = if is_of_servo { Needed::Servo } else { Needed::Torque };
-                        let mut change = self.scaled(own, &self.residual(place, &moved, needed));
+                        let mut change = self.scaled(own, &self.residual(place, &own.moments, &moved, needed));
                         for (row, label) in own.labels.iter().enumerate() {
                             // The other residual was not computed: it does not change.
                             change[row] = if (label.channel == MomentChannel::Servo) == is_of_servo {
@@ -209,14 +234,18 @@ impl RigFitInput<'_> {
     }
 
     /// Searches the point of the smallest cost with fixed products; also its standard errors.
-    fn search(&self, whitened: &[Whitened], start: DVector<f64>) -> (DVector<f64>, DVector<f64>) {
+    fn search(
+        &self,
+        whitened: &[Whitened],
+        start: DVector<f64>,
+        is_free: fn(usize) -> bool,
+    ) -> (DVector<f64>, DVector<f64>) {
         let cost = |residuals: &[(DVector<f64>, DMatrix<f64>)], point: &DVector<f64>| -> f64 {
-            let from_mean = point - &self.prior.mean;
-            let prior = from_mean.dot(&(&self.prior.precision * &from_mean));
-            residuals.iter().map(|(residual, _)| residual.norm_squared()).sum::<f64>() + prior
+            residuals.iter().map(|(residual, _)| residual.norm_squared()).sum::<f64>()
+                + self.prior.misfit(point)
         };
         let mut point = start;
-        let mut equations = self.linearised(whitened, &point);
+        let mut equations = self.linearised(whitened, &point, is_free);
         let mut value = cost(&equations, &point);
         let mut damping = 1e-3;
         let mut se = DVector::from_element(point.len(), 1.0);
@@ -226,6 +255,13 @@ impl RigFitInput<'_> {
             for (residual, jacobian) in &equations {
                 normal += jacobian.transpose() * jacobian;
                 gradient += jacobian.transpose() * residual;
+            }
+            for place in (0..point.len()).filter(|place| !is_free(*place)) {
+                // Neither the trials nor what is known before move it.
+                normal.fill_row(place, 0.0);
+                normal.fill_column(place, 0.0);
+                normal[(place, place)] = 1.0;
+                gradient[place] = 0.0;
             }
             if let Some(inverse) = normal.clone().cholesky().map(|factor| factor.inverse()) {
                 se = inverse.diagonal().map(libm::sqrt);
@@ -242,7 +278,7 @@ impl RigFitInput<'_> {
                 };
                 let change = -factor.solve(&gradient);
                 let candidate = &point + &change;
-                let there = self.linearised(whitened, &candidate);
+                let there = self.linearised(whitened, &candidate, is_free);
                 let there_value = cost(&there, &candidate);
                 if there_value <= value {
                     damping = (damping / 10.0).max(1e-12);
@@ -265,12 +301,13 @@ impl RigFitInput<'_> {
 
     fn equations(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<RigTrialEquations> {
         let constants = self.coordinates.constants(point.as_slice());
-        let linearised = self.linearised(whitened, point);
+        let linearised = self.linearised(whitened, point, |_| true);
         let parts = whitened.par_iter().zip(linearised).enumerate();
         parts
             .map(|(place, (own, (residual, jacobian)))| {
                 let trial = &self.trials[place];
-                let scaled = self.scaled(own, &self.residual(place, &constants, Needed::Both));
+                let residual_there = self.residual(place, &own.moments, &constants, Needed::Both);
+                let scaled = self.scaled(own, &residual_there);
                 let deviations = DVector::from_fn(scaled.len(), |row, _| own.factor.row(row).norm());
                 let noise = own.moments.covariance(trial, self.noise, false);
                 let half = solve_lower_columns(&own.factor, &noise);
@@ -306,11 +343,11 @@ fn of_torque_channel(column: usize) -> Option<OfTorqueChannel> {
 
 /// Whether a coordinate is one of the servo.
 fn is_of_servo(column: usize) -> bool {
-    column == SERVO_PLACE || (REPORTED..=FIRST_KNOWN).contains(&column)
+    column == SERVO_PLACE || (REPORTED..=FIRST_KNOWN + 1).contains(&column)
 }
 
 /// Lower factor of a covariance of products, of which some may nearly be sums of others: these count once.
-fn cholesky_factor(covariance: DMatrix<f64>) -> DMatrix<f64> {
+pub fn cholesky_factor(covariance: DMatrix<f64>) -> DMatrix<f64> {
     let mut ridge = 1e-9;
     loop {
         let mut raised = covariance.clone();
@@ -324,7 +361,7 @@ fn cholesky_factor(covariance: DMatrix<f64>) -> DMatrix<f64> {
     }
 }
 
-fn solve_lower(factor: &DMatrix<f64>, vector: &DVector<f64>) -> DVector<f64> {
+pub fn solve_lower(factor: &DMatrix<f64>, vector: &DVector<f64>) -> DVector<f64> {
     factor.solve_lower_triangular(vector).unwrap_or_else(|| vector.clone())
 }
 

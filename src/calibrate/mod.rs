@@ -5,6 +5,7 @@
 //!            -> rig_model        what the model of the rig predicts at each frequency
 //!            -> moments          products of the residual with motions that follow from the target alone
 //!            -> fit              joint fit of all constants to all trials
+//!            -> starts           fits from several starts; likelihood says which one is right
 //!            -> covariance       noise, steps of the encoder, scatter of whole trials
 //!            -> reported, misfit, loads
 //!            -> calibration, comparison
@@ -18,6 +19,7 @@ mod encoder;
 mod error;
 mod fit;
 mod fourier;
+mod likelihood;
 mod loads;
 mod misfit;
 mod moments;
@@ -26,6 +28,7 @@ mod output;
 mod prepared_trial;
 mod reported;
 mod rig_model;
+mod starts;
 
 pub use calibration::{CalibrationOutcome, calibrate, named_load};
 pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, compare};

@@ -9,7 +9,10 @@ use rustfft::num_complex::Complex64;
 
 use super::constants::{AtHandle, FittedConstants};
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
-use super::rig_model::{HandleMotion, recorded_torque, servo_response, torque_response};
+use super::rig_model::{
+    HandleMotion, loaded_servo_response, recorded_torque, servo_response, servo_yield, torque_channel,
+    torque_response,
+};
 use crate::dataset::HandleLoad;
 
 /// Bands in an octave of frequency; each has two products, in phase and in quadrature.
@@ -70,8 +73,32 @@ pub struct TrialMoments {
     instruments: Vec<Instrument>,
     /// Whether the mean is used, as the last moment.
     has_mean: bool,
-    /// What is at the handle, for the response.
+    at: TrialResponses,
+}
+
+/// What a residual and its noise depend on beside the record, at some constants.
+struct TrialResponses {
+    /// Response of the recorded torque to the recorded angle.
     response: Vec<Complex64>,
+    /// Response of the recorded angle to the recorded torque, through the servo that yields.
+    back_response: Vec<Complex64>,
+    /// Torque in the lever as its record shows it.
+    lever_torque: Vec<Complex64>,
+}
+
+impl TrialResponses {
+    fn new(trial: &PreparedTrial, constants: &FittedConstants, handle: AtHandle) -> Self {
+        let fourier = &trial.fourier;
+        let places = 0..fourier.coefficients;
+        let channel = |place: usize| torque_channel(constants, fourier.omega(place));
+        let back = |place: usize| servo_yield(constants, fourier.omega(place)) / channel(place);
+        let response = |place: usize| torque_response(constants, handle, fourier.omega(place));
+        Self {
+            response: places.clone().map(response).collect(),
+            back_response: places.clone().map(back).collect(),
+            lever_torque: places.map(|place| trial.torque[place] / channel(place)).collect(),
+        }
+    }
 }
 
 /// Residual of a trial, as Fourier coefficients.
@@ -94,22 +121,29 @@ pub enum Needed {
 }
 
 /// The recorded angle that follows from the target.
-fn expected_motion(trial: &PreparedTrial, constants: &FittedConstants) -> Vec<Complex64> {
+fn expected_motion(
+    trial: &PreparedTrial,
+    constants: &FittedConstants,
+    handle: AtHandle,
+) -> Vec<Complex64> {
     let fourier = &trial.fourier;
-    let response = |place: usize| servo_response(constants, fourier.omega(place), fourier.sample_rate_hz());
+    let response = |place: usize| {
+        loaded_servo_response(constants, handle, fourier.omega(place), fourier.sample_rate_hz())
+    };
     trial.target.iter().enumerate().map(|(place, target)| response(place) * target).collect()
 }
 
-/// Residual of a trial at some constants.
+/// Residual of a trial at some constants. `moments` has the torque that turns the motor back.
 pub fn residual(
     trial: &PreparedTrial,
+    moments: &TrialMoments,
     constants: &FittedConstants,
     handle: AtHandle,
     friction_speed_rad_s: f64,
     needed: Needed,
 ) -> TrialResidual {
-    let expected = expected_motion(trial, constants);
     let torque = (needed != Needed::Servo).then(|| {
+        let expected = expected_motion(trial, constants, handle);
         let motion = HandleMotion { recorded: &trial.angle, expected: &expected };
         let predicted = recorded_torque(constants, handle, motion, &trial.fourier, friction_speed_rad_s);
         let mut left: Vec<Complex64> =
@@ -117,8 +151,16 @@ pub fn residual(
         left[0] -= constants.torque_offset_nm;
         left
     });
-    let servo = (needed != Needed::Torque && trial.moves())
-        .then(|| trial.angle.iter().zip(&expected).map(|(own, model)| own - model).collect());
+    let servo = (needed != Needed::Torque && trial.moves()).then(|| {
+        let fourier = &trial.fourier;
+        let left = |(place, angle): (usize, &Complex64)| {
+            let omega = fourier.omega(place);
+            angle
+                - servo_response(constants, omega, fourier.sample_rate_hz()) * trial.target[place]
+                - servo_yield(constants, omega) * moments.at.lever_torque[place]
+        };
+        trial.angle.iter().enumerate().map(left).collect()
+    });
     TrialResidual { torque, servo }
 }
 
@@ -170,13 +212,12 @@ impl TrialMoments {
     ) -> Self {
         let fourier = &trial.fourier;
         let count = fourier.coefficients;
-        let response: Vec<Complex64> =
-            (0..count).map(|place| torque_response(constants, handle, fourier.omega(place))).collect();
-        let mut own = Self { instruments: Vec::new(), has_mean: has_mean(trial.load), response };
+        let at = TrialResponses::new(trial, constants, handle);
+        let mut own = Self { instruments: Vec::new(), has_mean: has_mean(trial.load), at };
         if !trial.moves() {
             return own;
         }
-        let expected = expected_motion(trial, constants);
+        let expected = expected_motion(trial, constants, handle);
         let torque_variance = own.torque_variance(trial, noise);
         let servo_variance: Vec<f64> = (0..count)
             .map(|place| trial.variance(noise.step_power + noise.angle.at(fourier.frequency_hz(place))))
@@ -208,13 +249,18 @@ impl TrialMoments {
         own
     }
 
+    /// Takes residuals and noise at other constants; the products stay.
+    pub fn move_to(&mut self, trial: &PreparedTrial, constants: &FittedConstants, handle: AtHandle) {
+        self.at = TrialResponses::new(trial, constants, handle);
+    }
+
     /// Variance of each coefficient of the torque's residual: noise of the torque, and of the angle through the model.
     fn torque_variance(&self, trial: &PreparedTrial, noise: &ChannelNoise) -> Vec<f64> {
         let angle = |hz: f64| noise.step_power + noise.angle.at(hz);
-        (0..self.response.len())
+        (0..self.at.response.len())
             .map(|place| {
                 let hz = trial.fourier.frequency_hz(place);
-                trial.variance(noise.torque.at(hz) + self.response[place].norm_sqr() * angle(hz))
+                trial.variance(noise.torque.at(hz) + self.at.response[place].norm_sqr() * angle(hz))
             })
             .collect()
     }
@@ -285,7 +331,7 @@ impl TrialMoments {
     /// The moments of an error of the recorded angle.
     pub fn of_angle_error(&self, error: &[Complex64]) -> DVector<f64> {
         let torque: Vec<Complex64> =
-            error.iter().zip(&self.response).map(|(own, response)| -response * own).collect();
+            error.iter().zip(&self.at.response).map(|(own, response)| -response * own).collect();
         let residual = TrialResidual { torque: Some(torque), servo: Some(error.to_vec()) };
         let mut moments = self.of(&residual, 1.0);
         if self.has_mean {
@@ -298,7 +344,7 @@ impl TrialMoments {
 
     /// Covariance of the moments under the noise of both channels, the steps of the encoder left out or taken as white.
     pub fn covariance(&self, trial: &PreparedTrial, noise: &ChannelNoise, with_steps: bool) -> DMatrix<f64> {
-        let count = self.response.len();
+        let count = self.at.response.len();
         let hz = |place: usize| trial.fourier.frequency_hz(place);
         let torque: Vec<f64> = (0..count).map(|place| trial.variance(noise.torque.at(hz(place)))).collect();
         let steps = if with_steps { noise.step_power } else { 0.0 };
@@ -308,22 +354,25 @@ impl TrialMoments {
         let size = self.instruments.len();
         let of_angle = |instrument: &Instrument, place: usize| match instrument.label.channel {
             MomentChannel::Servo => instrument.at(place),
-            _ => -self.response[place].conj() * instrument.at(place),
+            _ => -self.at.response[place].conj() * instrument.at(place),
+        };
+        let of_torque = |instrument: &Instrument, place: usize| match instrument.label.channel {
+            MomentChannel::Servo => -self.at.back_response[place].conj() * instrument.at(place),
+            _ => instrument.at(place),
         };
         let mut covariance =
             DMatrix::identity(size + usize::from(self.has_mean), size + usize::from(self.has_mean));
         for row in 0..size {
             for column in 0..=row {
                 let (one, other) = (&self.instruments[row], &self.instruments[column]);
-                let is_torque = |own: &Instrument| own.label.channel == MomentChannel::Torque;
-                let both_torque = is_torque(one) && is_torque(other);
                 let (first, second) = (one.places(), other.places());
                 let sum: f64 = (first.start.max(second.start)..first.end.min(second.end))
                     .map(|place| {
                         let by_angle =
                             (of_angle(one, place).conj() * of_angle(other, place)).re * angle[place];
-                        let by_torque = (one.at(place).conj() * other.at(place)).re * torque[place];
-                        by_angle + if both_torque { by_torque } else { 0.0 }
+                        let by_torque =
+                            (of_torque(one, place).conj() * of_torque(other, place)).re * torque[place];
+                        by_angle + by_torque
                     })
                     .sum();
                 covariance[(row, column)] = 0.5 * sum;

@@ -103,26 +103,53 @@ fn impedances(constants: &FittedConstants, handle: AtHandle, omega: f64) -> [Com
 }
 
 /// Response of the torque channel: gain, delay and low-pass.
-fn torque_channel(constants: &FittedConstants, omega: f64) -> Complex64 {
+pub fn torque_channel(constants: &FittedConstants, omega: f64) -> Complex64 {
     let delay = Complex64::new(0.0, -omega * constants.torque_delay_s).exp();
     constants.torque_gain * delay / Complex64::new(1.0, omega * constants.torque_lag_s)
 }
 
-/// Response of the recorded torque to a small change of the recorded angle.
-pub fn torque_response(constants: &FittedConstants, handle: AtHandle, omega: f64) -> Complex64 {
+/// Response of the torque in the lever to a small change of the recorded angle.
+fn lever_response(constants: &FittedConstants, handle: AtHandle, omega: f64) -> Complex64 {
     let [lever, whole, load] = impedances(constants, handle, omega);
     let torque = if handle.is_clamped { lever } else { lever * load / whole };
-    torque * torque_channel(constants, omega) / constants.angle_gain
+    torque / constants.angle_gain
 }
 
-/// Response of the recorded angle to the target. Between two targets the drive may hold the last one, or go there in a straight line, or
-/// know the whole way: powers 1, 2 and 0 of the response of a hold.
+/// Response of the recorded torque to a small change of the recorded angle.
+pub fn torque_response(constants: &FittedConstants, handle: AtHandle, omega: f64) -> Complex64 {
+    lever_response(constants, handle, omega) * torque_channel(constants, omega)
+}
+
+/// Response of the recorded angle to the target without a torque in the lever. Between two targets the drive may hold the last one, or go
+/// there in a straight line, or know the whole way: powers 1, 2 and 0 of the response of a hold.
 pub fn servo_response(constants: &FittedConstants, omega: f64, sample_rate_hz: f64) -> Complex64 {
     let half = 0.5 * omega / sample_rate_hz;
     let hold = if half == 0.0 { 1.0 } else { libm::pow(libm::sin(half) / half, constants.servo_hold) };
-    let (period_s, damping) = (constants.servo_period_s, constants.servo_damping);
     let delay = Complex64::new(0.0, -omega * constants.servo_delay_s).exp();
-    let of_frequency = omega * period_s;
-    hold * constants.servo_gain * delay
-        / Complex64::new(1.0 - of_frequency * of_frequency, 2.0 * damping * of_frequency)
+    let braking = 2.0 * constants.servo_damping * omega * constants.servo_period_s;
+    let speed = Complex64::new(1.0, constants.servo_speed_command * braking);
+    hold * constants.servo_gain * delay * speed * second_order(constants, omega)
+}
+
+/// Response of the recorded angle to the torque in the lever, which turns the motor back, rad/(N m).
+pub fn servo_yield(constants: &FittedConstants, omega: f64) -> Complex64 {
+    let delay = Complex64::new(0.0, -omega * constants.servo_compliance_delay_s).exp();
+    -constants.servo_compliance_rad_per_nm * delay * second_order(constants, omega)
+}
+
+/// Response of the recorded angle to the target with the load at the handle.
+pub fn loaded_servo_response(
+    constants: &FittedConstants,
+    handle: AtHandle,
+    omega: f64,
+    sample_rate_hz: f64,
+) -> Complex64 {
+    let back = servo_yield(constants, omega) * lever_response(constants, handle, omega);
+    servo_response(constants, omega, sample_rate_hz) / (1.0 - back)
+}
+
+/// Response of the servo's inertia, damping and stiffness, 1 at rest.
+fn second_order(constants: &FittedConstants, omega: f64) -> Complex64 {
+    let of_frequency = omega * constants.servo_period_s;
+    1.0 / Complex64::new(1.0 - of_frequency * of_frequency, 2.0 * constants.servo_damping * of_frequency)
 }

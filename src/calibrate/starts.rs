@@ -1,0 +1,78 @@
+//! The fits from several starts, and the choice between them.
+
+use nalgebra::DVector;
+
+use super::constants::{FRICTION_SPEED_PLACE, time_constant_s};
+use super::fit::{FRICTION_PLACE, RigFit, RigFitInput, SERVO_PLACE};
+use super::likelihood::CommonProducts;
+
+/// Natural frequencies of the servo at which a search starts, Hz: the median of its mechanism's prior, and a quarter of it.
+const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];
+
+/// Places of the torque channel's delay and low-pass among the coordinates.
+const DELAY_PLACE: usize = 7;
+const LAG_PLACE: usize = 8;
+
+/// A fit and how likely it is.
+struct Candidate {
+    fit: RigFit,
+    deviance: f64,
+}
+
+/// The most likely of the fits from several starts.
+///
+/// One start is the rig as stated. At the others the servo is found first, from several bandwidths, with the rest as stated: where the
+/// motion that follows from the target is not known yet, a search takes what the servo leaves for the handle's. The best fit is then left
+/// for the places at which a search is known to end wrongly.
+pub fn fit_from_starts(input: &RigFitInput<'_>) -> RigFit {
+    let mut products = CommonProducts::new(input);
+    let mut candidate = |from: &DVector<f64>| {
+        let fit = input.fit(from);
+        let deviance = products.deviance(input, &fit.point);
+        Candidate { fit, deviance }
+    };
+    let mut best = candidate(&input.prior.mean);
+    let servo = input.coordinates.scales[SERVO_PLACE];
+    for frequency_hz in SERVO_STARTS_HZ {
+        let mut start = input.prior.mean.clone();
+        start[SERVO_PLACE] = servo.coordinate(time_constant_s(frequency_hz));
+        best = likelier(best, candidate(&input.fit_servo(&start).point));
+    }
+    for other in [other_side_of_lag, usual_friction] {
+        if let Some(start) = other(input, &best.fit.point) {
+            best = likelier(best, candidate(&start));
+        }
+    }
+    best.fit
+}
+
+fn likelier(best: Candidate, other: Candidate) -> Candidate {
+    if other.deviance < best.deviance { other } else { best }
+}
+
+/// A low-pass and its inverse change the amplitude of the torque alike, and with another delay nearly the phase: the search may end at
+/// the inverse.
+fn other_side_of_lag(input: &RigFitInput<'_>, point: &DVector<f64>) -> Option<DVector<f64>> {
+    let [delay, lag] = [DELAY_PLACE, LAG_PLACE].map(|place| input.coordinates.scales[place]);
+    let lag_s = lag.value(point[LAG_PLACE]);
+    (lag_s < 0.0).then(|| {
+        let mut other = point.clone();
+        other[LAG_PLACE] = lag.coordinate(-lag_s);
+        other[DELAY_PLACE] = delay.coordinate(delay.value(point[DELAY_PLACE]) + 2.0 * lag_s);
+        other
+    })
+}
+
+/// A friction whose speed ended far from where it started may be no friction: one that rises with all speeds is a damping, and one that
+/// is whole at every speed follows the noise of the handle at rest.
+fn usual_friction(input: &RigFitInput<'_>, point: &DVector<f64>) -> Option<DVector<f64>> {
+    let mean = &input.prior.mean;
+    let sd = input.coordinates.prior_sd[FRICTION_SPEED_PLACE];
+    ((point[FRICTION_SPEED_PLACE] - mean[FRICTION_SPEED_PLACE]).abs() > sd).then(|| {
+        let mut other = point.clone();
+        for place in [FRICTION_PLACE, FRICTION_SPEED_PLACE] {
+            other[place] = mean[place];
+        }
+        other
+    })
+}
