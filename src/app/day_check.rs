@@ -2,12 +2,14 @@
 //! that the session was given.
 
 use std::convert::Infallible;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use crate::calibrate::{RigComparison, compare};
-use crate::console::lower_thread_priority;
+use crate::console::{OperatorNotice, lower_thread_priority};
 use crate::dataset::{RigCalibration, RigTrials, load_rig_trials};
 use crate::protocol::significant;
 use crate::session::{Progress, Step, StepConsumer};
@@ -22,7 +24,7 @@ const LONGEST_WAIT: Duration = Duration::from_secs(30);
 const LOOK_PERIOD: Duration = Duration::from_millis(200);
 
 /// How the operator hears of the outcome.
-type Tell = Box<dyn FnOnce(&str) + Send>;
+type Tell = Arc<dyn Fn(OperatorNotice) + Send + Sync>;
 
 /// Watches a session until its rig trials are over, and then compares them on a thread of its own.
 pub struct DayCheck {
@@ -66,26 +68,34 @@ impl StepConsumer for DayCheck {
             && progress.rig_queue().len() == 0;
         if are_over && let Some((calibration, tell)) = self.ready.take() {
             let (folder, count) = (self.folder.clone(), progress.rig_attempts().len());
+            let on_thread = tell.clone();
             let compared = thread::Builder::new().name("check of the day".to_owned()).spawn(move || {
                 lower_thread_priority();
-                tell(&outcome(&folder, count, &calibration));
+                on_thread(outcome(&folder, count, &calibration));
             });
-            self.comparison = compared.ok();
+            match compared {
+                Ok(comparison) => self.comparison = Some(comparison),
+                Err(error) => tell(not_compared(&error)),
+            }
         }
         Ok(())
     }
 }
 
 /// What the rig trials in `folder`, `count` of them, say of the calibration.
-fn outcome(folder: &Path, count: usize, calibration: &RigCalibration) -> String {
+fn outcome(folder: &Path, count: usize, calibration: &RigCalibration) -> OperatorNotice {
     let compared = match written(folder, count) {
         Ok(trials) => compare(&trials, calibration).map_err(|error| error.to_string()),
         Err(error) => Err(error),
     };
     match compared {
-        Ok(comparison) => text(&comparison, calibration),
-        Err(error) => format!("the rig was not compared with its calibration: {error}"),
+        Ok(comparison) => notice(&comparison, calibration),
+        Err(error) => not_compared(&error),
     }
+}
+
+fn not_compared(reason: &dyn Display) -> OperatorNotice {
+    OperatorNotice::Alarm(format!("the rig was not compared with its calibration: {reason}"))
 }
 
 /// The rig trials once all of them are on the disk.
@@ -104,11 +114,14 @@ fn written(folder: &Path, count: usize) -> Result<RigTrials, String> {
 }
 
 /// The outcome, for the operator.
-fn text(comparison: &RigComparison, calibration: &RigCalibration) -> String {
+fn notice(comparison: &RigComparison, calibration: &RigCalibration) -> OperatorNotice {
     let trials = comparison.trials;
     let of = format!("{trials} trials with the empty handle and the calibration of {}", calibration.session);
     if comparison.changed.is_empty() {
-        return format!("check of the day: {of} agree (p = {:.3})", comparison.p_value);
+        return OperatorNotice::Message(format!(
+            "check of the day: {of} agree (p = {:.3})",
+            comparison.p_value
+        ));
     }
     let differs = |name: &crate::dataset::RigQuantity| {
         let own = comparison.quantities.iter().find(|own| own.name == *name);
@@ -124,8 +137,26 @@ fn text(comparison: &RigComparison, calibration: &RigCalibration) -> String {
         format!("{}{by}", name.name())
     };
     let names: Vec<String> = comparison.changed.iter().map(differs).collect();
-    format!(
+    OperatorNotice::Alarm(format!(
         "check of the day: {of} differ: {}; find out why, or calibrate again, before a person sits down",
         names.join(", or ")
-    )
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::RigQuantity;
+
+    #[test]
+    fn only_a_rig_that_differs_is_an_alarm() {
+        let calibration = RigCalibration::new("ramphold".into(), "rig-day".into(), Vec::new(), Vec::new());
+        let with = |changed| RigComparison { quantities: Vec::new(), changed, trials: 6, p_value: 0.4 };
+        let agrees = notice(&with(Vec::new()), &calibration);
+        assert!(matches!(agrees, OperatorNotice::Message(text) if text.contains("agree (p = 0.400)")));
+        let differs = notice(&with(vec![RigQuantity::LeverInertia]), &calibration);
+        assert!(
+            matches!(differs, OperatorNotice::Alarm(text) if text.contains("differ: lever_inertia_kg_m2"))
+        );
+    }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::console::{ConsoleSetup, Live, SETS_ORIGIN_HERE};
+use crate::console::{ConsoleSetup, Live, OperatorNotice, SETS_ORIGIN_HERE};
 use crate::dataset::{BackgroundRecorder, Recorder};
 use crate::lsl::{LslFeed, LslPublisher};
 use crate::rig::Rig;
@@ -200,8 +200,12 @@ impl Work<'_> {
     /// The check of the day, told on the command line.
     fn day_check(&self) -> Result<DayCheck, Failure> {
         let console = *self.console;
-        let tell = move |text: &str| console.announce(text);
-        DayCheck::of_session(self.folder, self.machine.progress(), Box::new(tell))
+        let tell = move |notice| match notice {
+            OperatorNotice::Alarm(text) | OperatorNotice::Message(text) => console.announce(text),
+            // Actions are those of a page.
+            OperatorNotice::Action(_) => {}
+        };
+        DayCheck::of_session(self.folder, self.machine.progress(), Arc::new(tell))
     }
 }
 
@@ -222,7 +226,7 @@ fn with_console<R: Rig>(
     if let Some(pages) = live.pages() {
         options.pages.announce(&pages, console);
     }
-    let check = DayCheck::of_session(folder, machine.progress(), Box::new(live.alarms()))?;
+    let check = DayCheck::of_session(folder, machine.progress(), Arc::new(live.notices()))?;
     live.take_terminal()?;
     let mut consumers = ((recorder, feed), check);
     let ended = run_control_loop(rig, machine, &mut operator, pacing, &mut consumers);

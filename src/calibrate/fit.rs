@@ -207,7 +207,8 @@ impl RigFitInput<'_> {
                         let moved = self.coordinates.constants(moved.as_slice());
                         let is_of_servo = is_of_servo(column);
                         let needed = if is_of_servo { Needed::Servo } else { Needed::Torque };
-                        let mut change = self.scaled(own, &self.residual(place, &own.moments, &moved, needed));
+                        let mut change =
+                            self.scaled(own, &self.residual(place, &own.moments, &moved, needed));
                         for (row, label) in own.labels.iter().enumerate() {
                             // The other residual was not computed: it does not change.
                             change[row] = if (label.channel == MomentChannel::Servo) == is_of_servo {

@@ -45,6 +45,8 @@ pub enum OperatorNotice {
     Action(AuditEntry),
     /// A fault, or an action that was not kept.
     Alarm(String),
+    /// What happened and asks for nothing.
+    Message(String),
 }
 
 /// The latest [`Vitals`] of the control loop.
@@ -130,7 +132,8 @@ impl CommandSender {
         self.notify(OperatorNotice::Alarm(text.to_owned()));
     }
 
-    fn notify(&self, notice: OperatorNotice) {
+    /// Shows the operator a notice.
+    pub fn notify(&self, notice: OperatorNotice) {
         // The receiver is gone once the console is closed.
         let _ = self.0.notices.lock().unwrap_or_else(PoisonError::into_inner).send(notice);
     }

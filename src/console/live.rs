@@ -141,10 +141,10 @@ impl Live {
         self.server.as_ref().map(Server::pages)
     }
 
-    /// Shows the operator what needs attention, from any thread.
-    pub fn alarms(&self) -> impl Fn(&str) + Send + use<> {
+    /// Shows the operator notices, from any thread.
+    pub fn notices(&self) -> impl Fn(OperatorNotice) + Send + Sync + use<> {
         let commands = self.commands.clone();
-        move |text| commands.alarm(text)
+        move |notice| commands.notify(notice)
     }
 
     /// Draws the session in the terminal, if the setup says so. Print messages before this call.
@@ -214,6 +214,7 @@ impl Worker {
                 match notice {
                     OperatorNotice::Action(entry) => self.view.add_action(&entry),
                     OperatorNotice::Alarm(text) => self.view.add_alarm(&text),
+                    OperatorNotice::Message(text) => self.view.add_message(&text),
                 }
                 changed = true;
             }

@@ -229,6 +229,42 @@ fn a_rig_within_its_tolerances_has_no_cause() {
     assert_eq!(diagnosis["settings"]["calibration_sha256"].as_str().unwrap().len(), 64);
 }
 
+#[test]
+fn the_calibration_of_a_virtual_rig_finds_its_lever_its_gain_and_its_servo() {
+    let workspace = Workspace::new();
+    let mut protocol: Value = serde_json::from_str(&fs::read_to_string(QUICK).unwrap()).unwrap();
+    let with_loads = fs::read_to_string("protocols/de-vlugt-2011-rig-trials.json").unwrap();
+    let with_loads: Value = serde_json::from_str(&with_loads).unwrap();
+    protocol["rig_trials"] = with_loads["rig_trials"].clone();
+    workspace.write("protocol.json", &protocol);
+    let rig = json!({
+        "kind": "virtual",
+        "gauge_noise_nm": 0.003,
+        "gauge_step_nm": 0.0001,
+        "encoder_counts_per_revolution": 1_048_576,
+        "mechanisms": [
+            { "mechanism": "lever_stiffness", "parameters": { "stiffness_nm_per_rad": 600 } },
+            { "mechanism": "torque_gain", "parameters": { "factor": 1.04 } },
+        ],
+    });
+    workspace.write("rig.json", &rig);
+    workspace.call(0, &["run", "protocol.json", "--rig", "rig.json", "--seed", "7", "--out", "session"]);
+    workspace.call(0, &["calibrate", "session"]);
+    let found = RigCalibration::read(&workspace.path("session/rig-calibration.json")).unwrap();
+    for (name, truth) in [
+        (RigQuantity::LeverInertia, 0.0016),
+        (RigQuantity::LeverDamping, 0.4),
+        (RigQuantity::LeverStiffness, 600.0),
+        (RigQuantity::TorqueGain, 1.04),
+        (RigQuantity::AngleGain, 1.0),
+        (RigQuantity::ServoBandwidth, 80.0),
+    ] {
+        let (value, se) = (found.value(name).unwrap(), found.se(name).unwrap());
+        assert!((value - truth).abs() < 4.0 * se && se < 0.05 * truth, "{}: {value} +- {se}", name.name());
+    }
+    assert!(found.warnings.is_empty(), "{:?}", found.warnings);
+}
+
 /// What a run with this calibration says of the rig before the subject is seated. The protocol begins with the empty handle.
 fn said_before_the_subject_is_seated(different: &[(RigQuantity, f64)]) -> String {
     let workspace = Workspace::new();
