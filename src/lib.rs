@@ -41,7 +41,7 @@
 //! let session = simulate_unit(&unit, SessionStorage::Memory)?.ok_or("the unit is virtual")?;
 //!
 //! // The fit: one set of parameters for each trial.
-//! let settings = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
+//! let settings = PreprocessingSettings::of(&protocol);
 //! let input = DiagnosisInput::new(&session, settings, &Model::paper())?;
 //! let fit = Fit::new(&input.observations, &Model::paper(), Weighting::default());
 //! let estimates = estimates_without_profiles(&input.observations, &fit);

@@ -85,7 +85,7 @@ pub fn fit_own_wrist(
         (trial.number, wrist.trial_parameters(key, trial.velocity_rad_s, trial.torque_nm))
     };
     let truth = session.trials.iter().map(of_trial).collect();
-    let settings = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
+    let settings = PreprocessingSettings::of(&protocol);
     let rig = errors.map(|errors| (&calibration, errors));
     fit(format!("seed {seed}"), &session, settings, truth, rig).map(Some)
 }

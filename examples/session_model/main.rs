@@ -54,7 +54,7 @@ fn simulate(protocol: &ValidProtocol, person: &Person, seed: u64) -> Result<Sess
 
 /// A session with the filter and the window of its protocol, and the fit of each trial on its own.
 fn fit_independently(protocol: &ValidProtocol, session: &Session) -> Result<(Observations, Fit), Failed> {
-    let settings = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
+    let settings = PreprocessingSettings::of(protocol);
     let observations = Observations::new(session, settings)?;
     let fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
     Ok((observations, fit))

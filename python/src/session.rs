@@ -6,15 +6,13 @@ use std::sync::Arc;
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use ramphold::app::{
-    AnalysedSession, CheckedSession, Failure, UsedCalibration, preprocessing_settings, with_window,
-};
+use ramphold::app::{AnalysedSession, CheckedSession, Failure, UsedCalibration, with_window};
 use ramphold::consistency::{self, SignalCheck};
 use ramphold::dataset::{
     FurtherChannel, Record, Session, Status, Subject, Trial, check_given, load, stored_protocol,
     write_session,
 };
-use ramphold::fit::{self, Model, Weighting};
+use ramphold::fit::{self, Model, PreprocessingSettings, Weighting};
 use ramphold::protocol::ValidProtocol;
 use ramphold::rig::virtual_wrist::{MechanismList, Person, RigFile, Setup};
 use ramphold::signal::FilterSpec;
@@ -388,7 +386,7 @@ impl NativeSession {
         accept: Vec<SignalCheck>,
     ) -> impl FnOnce() -> Result<AnalysedSession, Failure> + Send + 'static {
         let (session, name) = (self.session.clone(), self.name.clone());
-        let settings = preprocessing_settings(self.protocol.as_ref());
+        let settings = self.protocol.as_deref().map(PreprocessingSettings::of).unwrap_or_default();
         let own = self.calibration.clone();
         move || {
             let accepted = consistency::check(&session, &accept)

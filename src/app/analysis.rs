@@ -10,7 +10,6 @@ use crate::diagnose::{Diagnosis, DiagnosisInput, diagnose, remove_hum};
 use crate::fit::{
     Fit, Model, NoSessionModel, Observations, PreprocessingSettings, Results, SessionFit, Weighting,
 };
-use crate::protocol::ValidProtocol;
 
 use super::calibration::UsedCalibration;
 use super::checked_session::{CheckedSession, load_checked};
@@ -71,7 +70,8 @@ impl AnalysedSession {
     pub fn read(folder: &Path, asked: &AnalysisRequest, console: &Console) -> Result<Self, Failure> {
         let checked = load_checked(folder, &asked.accept)?;
         let protocol = dataset::stored_protocol(folder)?;
-        let settings = with_window(preprocessing_settings(protocol.as_ref()), asked.window_s)?;
+        let settings = protocol.as_deref().map(PreprocessingSettings::of).unwrap_or_default();
+        let settings = with_window(settings, asked.window_s)?;
         let calibration = UsedCalibration::of_session(asked.calibration.as_deref(), folder)?;
         if let Some(used) = &calibration {
             used.announce(console);
@@ -145,14 +145,6 @@ impl AnalysedSession {
         json["made_from"] = json!({ "session_sha256": self.checked.session.digest(), "program": PROGRAM });
         DiagnosedSession { input, diagnosis, json }
     }
-}
-
-/// The filter and the analysed window of a session of `protocol`; those of the paper without one.
-pub fn preprocessing_settings(protocol: Option<&ValidProtocol>) -> PreprocessingSettings {
-    protocol.map_or_else(PreprocessingSettings::default, |protocol| PreprocessingSettings {
-        window_s: protocol.window_s,
-        filter: protocol.signal.filter,
-    })
 }
 
 /// `settings` with the analysed time `window_s` after the onset, s, where it is given.

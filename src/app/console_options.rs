@@ -165,10 +165,7 @@ impl ConsoleOptions {
                 sample_rate_hz: protocol.signal.sample_rate_hz,
                 lever: session.lever,
                 recorded_filter: session.recorded_filter,
-                preprocessing: PreprocessingSettings {
-                    window_s: protocol.window_s,
-                    filter: protocol.signal.filter,
-                },
+                preprocessing: PreprocessingSettings::of(protocol),
             },
             earlier_trials: session.earlier_trials,
             folder: session.folder.to_owned(),

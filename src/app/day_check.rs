@@ -59,7 +59,9 @@ impl StepConsumer for DayCheck {
     type Error = Infallible;
 
     fn consume(&mut self, _: &Step, progress: &Progress) -> Result<(), Infallible> {
-        let are_over = progress.rig_trials_due()
+        // Called for every sample of the session, and seldom with anything to do.
+        let are_over = self.ready.is_some()
+            && progress.rig_trials_due()
             && progress.current_rig_trial().is_none()
             && progress.rig_queue().len() == 0;
         if are_over && let Some((calibration, tell)) = self.ready.take() {

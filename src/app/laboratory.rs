@@ -5,17 +5,14 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::files::{self, Folder};
-use crate::protocol::ValidProtocol;
+use crate::protocol::{EXAMPLES, ValidProtocol};
 use crate::rig::can::DryRun;
 use crate::rig::can::file::ValidRigFile;
 use crate::rig::unmeasured_channels;
 
 use super::failure::Failure;
+use super::new_session::is_identifier;
 use super::session_rig::is_can_rig_file;
-
-/// The protocols that come with the program.
-const PAPER_PROTOCOL: &str = include_str!("../../protocols/de-vlugt-2011.json");
-const QUICK_PROTOCOL: &str = include_str!("../../protocols/quick.json");
 
 /// What a laboratory begins with.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,16 +32,15 @@ impl Laboratory {
     /// # Errors
     /// If protocol or rig cannot be read or do not go together, or an identifier cannot be one.
     pub fn new(protocol: &str, rig: &str, emg: bool, subjects: Vec<String>) -> Result<Self, Failure> {
-        let in_identifier = |c: char| c.is_alphanumeric() || "-_.".contains(c);
-        if let Some(id) = subjects.iter().find(|id| id.is_empty() || !id.chars().all(in_identifier)) {
+        if let Some(id) = subjects.iter().find(|id| !is_identifier(id)) {
             return Err(Failure::Usage(format!(
                 "subject {id:?}: expected letters, digits, -, _ and . such as S01"
             )));
         }
         let is_can = rig != "virtual" && is_can_rig_file(Path::new(rig));
         let text = match protocol {
-            "paper" => PAPER_PROTOCOL.to_owned(),
-            "quick" => QUICK_PROTOCOL.to_owned(),
+            "paper" => example("de-vlugt-2011.json"),
+            "quick" => example("quick.json"),
             file => ValidProtocol::read(Path::new(file))?.text().to_owned(),
         };
         let text = if emg || is_can { text } else { without_emg(&text) };
@@ -120,6 +116,12 @@ impl Laboratory {
             self.protocol.1, self.rig.1
         )
     }
+}
+
+/// The text of a protocol that comes with the program.
+fn example(name: &str) -> String {
+    let (_, text) = EXAMPLES.iter().find(|(own, _)| *own == name).expect("the program comes with it");
+    (*text).to_owned()
 }
 
 /// The text of a protocol without what needs EMG: maximal efforts, and the limit of the antagonist.

@@ -10,9 +10,13 @@ mod attachment;
 mod correlation;
 mod error;
 mod event_match;
+mod ramp_search;
+mod request;
+mod timed_table;
 mod trigger;
 
-pub use alignment::{Aligned, AttachRequest, ClockSource, Reference, align};
+pub use alignment::{Aligned, align};
 pub use attached_emg::{AttachedEmg, AttachedTrialEmg, attached_emg};
 pub use attachment::{ATTACHED, Attachment, AttachmentTrial, ClockComparison};
 pub use error::AttachError;
+pub use request::{AttachRequest, ClockSource, Reference};

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use crate::app::{
     Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, UsedCalibration,
-    add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc, parse_seed,
-    subject_number, utc_offset_s, with_hidden_effect,
+    add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, is_identifier, new_folder, now_utc,
+    parse_seed, subject_number, utc_offset_s, with_hidden_effect,
 };
 use crate::dataset::{NewSession, RecordError, SessionAbout, Wrist};
 use crate::files;
@@ -314,13 +314,12 @@ fn rig_json(rig: &RigFile, person: &Person, seal: Option<Seal>) -> serde_json::V
 
 /// The virtual subject: from a JSON file, or drawn from an identifier.
 fn virtual_subject(subject: Option<&str>) -> Result<Person, Failure> {
-    let in_identifier = |c: char| c.is_alphanumeric() || "-_.".contains(c);
     match subject {
         None => Ok(Person::default()),
         Some(file) if file.ends_with(".json") || Path::new(file).is_file() => {
             Ok(Person::read(Path::new(file))?)
         }
-        Some(id) if !id.is_empty() && id.chars().all(in_identifier) => Ok(Person::drawn(id)),
+        Some(id) if is_identifier(id) => Ok(Person::drawn(id)),
         Some(other) => Err(Failure::Usage(format!(
             "--subject {other:?}: is neither a file nor an identifier; expected the JSON file of a virtual subject, or an \
              identifier of letters, digits, -, _ and . such as S03"

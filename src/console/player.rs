@@ -97,10 +97,7 @@ impl RecordedSession {
             sample_rate_hz: session.sample_rate_hz,
             lever: session.lever,
             recorded_filter: session.recorded_filter,
-            preprocessing: PreprocessingSettings {
-                window_s: protocol.window_s,
-                filter: protocol.signal.filter,
-            },
+            preprocessing: PreprocessingSettings::of(&protocol),
         });
         let progress = Progress::new(&recording.settings);
         let playback =

@@ -1,7 +1,6 @@
 //! Sessions that a program gives rather than a folder: checked as those that are read, and written so that they are read back the same.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::path::Path;
 
 use serde_json::json;
@@ -9,10 +8,11 @@ use serde_json::json;
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::load::{check_further_channels, check_record, check_values};
+use super::record_csv::{Digits, optional_channels, record_csv};
 use super::rig_calibration::RIG_CALIBRATION;
 use super::stored_protocol::PROTOCOL;
 use super::trial_csv_reader::check_times;
-use super::{FurtherChannel, PROGRAM, Record, SESSION_FORMAT, Session, Status, Trial};
+use super::{PROGRAM, Record, SESSION_FORMAT, Session, Status, Trial};
 use crate::files::{Folder, csv_cell, limits, make_folders};
 
 /// How messages name what was given instead of `session.json`.
@@ -66,14 +66,6 @@ pub fn check_given(session: &Session, times_s: &[Vec<f64>]) -> Result<(), Datase
         check_record(trial, &name, &onset_at, rate)?;
     }
     check_further_channels(&session.trials, |trial| FilePlace::file(format!("trial {}", trial.number)))
-}
-
-/// The channels that a record may have besides angle and torque, with their columns.
-fn optional_channels(record: &Record) -> impl Iterator<Item = (&'static str, &[f64])> {
-    let emg = [("emg_fcr_mvc", &record.emg_fcr_mvc), ("emg_ecr_mvc", &record.emg_ecr_mvc)];
-    let emg = emg.into_iter().filter_map(|(column, values)| Some((column, values.as_deref()?)));
-    let further = FurtherChannel::ALL.into_iter();
-    emg.chain(further.filter_map(|channel| Some((channel.column(), record.further(channel)?.as_slice()))))
 }
 
 /// Whether all channels have a finite value for every time.
@@ -137,7 +129,11 @@ pub fn write_session(
         {
             opened.make_folder(parent)?;
         }
-        disk.write(&opened, &trial.file, record_text(&trial.record, session.sample_rate_hz).as_bytes())?;
+        disk.write(
+            &opened,
+            &trial.file,
+            record_csv(&trial.record, session.sample_rate_hz, Digits::All).as_bytes(),
+        )?;
     }
     disk.write(&opened, "trials.csv", table_text(session).as_bytes())?;
     if let Some(protocol) = protocol {
@@ -193,21 +189,6 @@ fn row(trial: &Trial, labelled: bool, extra: &[&String]) -> Vec<String> {
     let own: &BTreeMap<String, String> = &trial.extra;
     cells.extend(extra.iter().map(|name| csv_cell(own.get(*name).map_or("", String::as_str))));
     cells
-}
-
-fn record_text(record: &Record, sample_rate_hz: f64) -> String {
-    let optional: Vec<(&str, &[f64])> = optional_channels(record).collect();
-    let mut text = "t_s,theta_m_rad,torque_l_nm".to_owned();
-    optional.iter().for_each(|(column, _)| text += &format!(",{column}"));
-    text += "\n";
-    for (sample, (angle, torque)) in record.theta_m_rad.iter().zip(&record.torque_l_nm).enumerate() {
-        let time_s = record.start_s + sample as f64 / sample_rate_hz;
-        // Writing into memory does not fail.
-        let _ = write!(text, "{time_s},{angle},{torque}");
-        optional.iter().for_each(|(_, values)| text += &format!(",{}", values[sample]));
-        text += "\n";
-    }
-    text
 }
 
 #[cfg(test)]

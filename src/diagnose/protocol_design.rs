@@ -119,6 +119,7 @@ pub fn propose(
 ) -> Result<Vec<Proposal>, PreprocessingError> {
     let mut seen: Vec<CausesInWindow> = Vec::new();
     let mut proposals = Vec::new();
+    let mut unchanged = Vec::new();
     for (change, protocol) in variants(now) {
         let place = match seen.iter().position(|own| own.window_s == protocol.window_s) {
             Some(place) => place,
@@ -132,21 +133,26 @@ pub fn propose(
                 Err(error) => return Err(error),
             },
         };
-        let power = seen[place].power(&protocol, causes, None, false);
+        let distances = seen[place].distances(&protocol, None);
+        let power = seen[place].power(&distances, |_| 0.0);
+        if change == UNCHANGED {
+            unchanged = distances;
+        }
         proposals.push(Proposal { change, needs: Needs::Session, protocol, power });
     }
     if let Some(own) = seen.iter().find(|own| own.window_s == now.window_s) {
-        if causes.iter().any(|cause| own.expected_distance(*cause, causes).is_some()) {
+        let told = own.told_by_rig_trials();
+        if told.iter().any(Option::is_some) {
             proposals.push(Proposal {
                 change: "rig trials with all loads, and `ramphold calibrate`".into(),
                 needs: Needs::RigTrials,
                 protocol: now.clone(),
-                power: own.power(now, causes, None, true),
+                power: own.power(&unchanged, |cause| told[cause].unwrap_or(0.0)),
             });
         }
         let has = |channel| own.observations.further.iter().any(|further| further.channel == channel);
         for sensor in SENSORS.iter().filter(|(channel, _)| !has(*channel)) {
-            let power = own.power(now, causes, Some(*sensor), false);
+            let power = own.power(&own.distances(now, Some(*sensor)), |_| 0.0);
             let change = format!("a sensor of the {} ({})", sensor.0.title(), sensor.0.column());
             proposals.push(Proposal { change, needs: Needs::Sensor, protocol: now.clone(), power });
         }
@@ -161,6 +167,7 @@ pub fn propose(
 
 /// The session analysed in one window and fitted with each of the causes.
 struct CausesInWindow {
+    causes: Vec<MechanismKind>,
     window_s: f64,
     observations: Observations,
     fits: Vec<Fit>,
@@ -172,7 +179,7 @@ impl CausesInWindow {
         protocol: &ValidProtocol,
         causes: &[MechanismKind],
     ) -> Result<Self, PreprocessingError> {
-        let view = PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter };
+        let view = PreprocessingSettings::of(protocol);
         let observations = DiagnosisInput::new(session, view, &Model::paper())?.observations;
         let base = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
         let search = MechanismSearch::new(&observations, &base);
@@ -181,7 +188,7 @@ impl CausesInWindow {
             search.complete(&search.screen(slice::from_ref(&model))).refined(&observations)
         };
         let fits = causes.par_iter().map(with).collect();
-        Ok(Self { window_s: view.window_s, observations, fits })
+        Ok(Self { causes: causes.to_vec(), window_s: view.window_s, observations, fits })
     }
 }
 
@@ -243,36 +250,49 @@ fn variants(now: &ValidProtocol) -> Vec<(String, ValidProtocol)> {
     candidates.into_iter().filter_map(named).collect()
 }
 
+/// Two causes by their places, and how far the second is from the first if that is true.
+type PairDistance = (usize, usize, f64);
+
 impl CausesInWindow {
-    /// For each ordered pair of causes, the probability that the first is named if it is true, by a session with `protocol`, a further
-    /// sensor, or rig trials beside the session.
-    fn power(
+    /// For each ordered pair of causes, the distance in a session with `protocol`, and with a further sensor.
+    fn distances(
         &self,
         protocol: &ValidProtocol,
-        causes: &[MechanismKind],
         sensor: Option<(FurtherChannel, f64)>,
-        rig_trials: bool,
-    ) -> Vec<(MechanismKind, MechanismKind, f64)> {
-        let pairs: Vec<(usize, usize)> = (0..causes.len())
-            .flat_map(|one| {
-                (0..causes.len()).filter(move |other| *other != one).map(move |other| (one, other))
-            })
-            .collect();
+    ) -> Vec<PairDistance> {
+        let count = self.causes.len();
+        let others =
+            |one: usize| (0..count).filter(move |other| *other != one).map(move |other| (one, other));
+        let pairs: Vec<(usize, usize)> = (0..count).flat_map(others).collect();
         let planned = planned(&self.observations, protocol, sensor);
         let of_pair = |(one, other): &(usize, usize)| {
-            let of_session = distance(&planned, &self.observations, &self.fits[*one], &self.fits[*other]);
-            let told = |cause: usize| self.expected_distance(causes[cause], causes).filter(|_| rig_trials);
-            let of_rig: f64 = [*one, *other].into_iter().filter_map(told).sum();
-            (causes[*one], causes[*other], probability_of_name(of_session + of_rig))
+            let own = distance(&planned, &self.observations, &self.fits[*one], &self.fits[*other]);
+            (*one, *other, own)
         };
         pairs.par_iter().map(of_pair).collect()
     }
 
-    /// What rig trials are expected to add to the distance between a cause, as it is fitted, and any other; `None` if they do not tell.
-    fn expected_distance(&self, cause: MechanismKind, causes: &[MechanismKind]) -> Option<f64> {
-        let place = causes.iter().position(|own| *own == cause)?;
-        let value = self.fits[place].parameters[0].get(BASE_PARAMETERS.len())?;
-        expected_distance(cause, *value, self.observations.lever)
+    /// For each ordered pair of causes, the probability that the first is named if it is true, where `added` tells of each cause how far
+    /// from any other it is besides.
+    fn power(
+        &self,
+        distances: &[PairDistance],
+        added: impl Fn(usize) -> f64,
+    ) -> Vec<(MechanismKind, MechanismKind, f64)> {
+        let of_pair = |(one, other, own): &PairDistance| {
+            let probability = probability_of_name(own + added(*one) + added(*other));
+            (self.causes[*one], self.causes[*other], probability)
+        };
+        distances.iter().map(of_pair).collect()
+    }
+
+    /// How far from any other rig trials are expected to place each cause, as it is fitted; `None` where they do not tell.
+    fn told_by_rig_trials(&self) -> Vec<Option<f64>> {
+        let causes = self.causes.iter().zip(&self.fits);
+        let told = |(cause, fit): (&MechanismKind, &Fit)| {
+            expected_distance(*cause, *fit.parameters[0].get(BASE_PARAMETERS.len())?, self.observations.lever)
+        };
+        causes.map(told).collect()
     }
 }
 

@@ -9,7 +9,7 @@ use super::error::ImportError;
 use super::mapping::Mapping;
 use super::picture::picture;
 use super::session_build::ImportedSession;
-use crate::dataset::{Disk, FurtherChannel, PROGRAM, Record, SESSION_FORMAT};
+use crate::dataset::{Digits, Disk, PROGRAM, SESSION_FORMAT, record_csv};
 use crate::files::{self, Folder};
 
 /// Name of the picture of the first trials.
@@ -44,7 +44,7 @@ impl ImportedSession {
             disk.write(&opened, name, text.as_bytes()).map_err(failed(&opened.path_of(name)))
         };
         for trial in &self.session.trials {
-            put(&trial.file, &record_text(&trial.record, self.session.sample_rate_hz))?;
+            put(&trial.file, &record_csv(&trial.record, self.session.sample_rate_hz, Digits::OfRecording))?;
         }
         put("trials.csv", &self.table())?;
         put(PICTURE, &picture(&self.session))?;
@@ -81,27 +81,4 @@ impl ImportedSession {
         }
         text
     }
-}
-
-fn record_text(record: &Record, sample_rate_hz: f64) -> String {
-    let channels = [("emg_fcr_mvc", &record.emg_fcr_mvc), ("emg_ecr_mvc", &record.emg_ecr_mvc)];
-    let emg: Vec<(&str, &Vec<f64>)> =
-        channels.into_iter().filter_map(|(name, own)| Some((name, own.as_ref()?))).collect();
-    let further: Vec<(&str, &Vec<f64>)> = FurtherChannel::ALL
-        .into_iter()
-        .filter_map(|channel| Some((channel.column(), record.further(channel)?)))
-        .collect();
-    let mut text = "t_s,theta_m_rad,torque_l_nm".to_owned();
-    emg.iter().for_each(|(name, _)| text += &format!(",{name}"));
-    further.iter().for_each(|(name, _)| text += &format!(",{name}"));
-    text += "\n";
-    for (sample, (angle, torque)) in record.theta_m_rad.iter().zip(&record.torque_l_nm).enumerate() {
-        let time_s = record.start_s + sample as f64 / sample_rate_hz;
-        // Writing into memory does not fail.
-        let _ = write!(text, "{time_s:.6},{angle:.8},{torque:.6}");
-        emg.iter().for_each(|(_, values)| text += &format!(",{:.6}", values[sample]));
-        further.iter().for_each(|(_, values)| text += &format!(",{:.8}", values[sample]));
-        text += "\n";
-    }
-    text
 }

@@ -76,9 +76,7 @@ pub fn traces(
             window_s: fitted.settings.window_s,
             filter: fitted.settings.filter.unwrap_or(FilterSpec::PAPER),
         },
-        (None, Some(protocol)) => {
-            PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter }
-        }
+        (None, Some(protocol)) => PreprocessingSettings::of(protocol),
         (None, None) => PreprocessingSettings::default(),
     };
     let constants = fitted.and_then(|fitted| fitted.settings.rig_constants);

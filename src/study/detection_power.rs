@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use super::error::UnitError;
 use super::plan::{Study, UnitSource};
 use super::power::{PowerEstimate, ResamplingPlan};
-use super::unit_session::{SessionStorage, simulate_unit, view};
+use super::unit_session::{SessionStorage, simulate_unit};
 use crate::diagnose::{DiagnosisInput, diagnose};
-use crate::fit::Model;
+use crate::fit::{Model, PreprocessingSettings};
 use crate::random::Stream;
 use crate::rig::virtual_wrist::MechanismList;
 
@@ -74,7 +74,8 @@ fn detections_in_unit(
         let mut part = session.clone();
         part.trials.retain(|trial| trial.repetition <= *most);
         let model = Model::paper();
-        let diagnosis = diagnose(&DiagnosisInput::new(&part, view(protocol), &model)?, &model, seed, &|_| ());
+        let input = DiagnosisInput::new(&part, PreprocessingSettings::of(protocol), &model)?;
+        let diagnosis = diagnose(&input, &model, seed, &|_| ());
         let kinds = diagnosis.causes.iter().map(|cause| cause.kind.id());
         Ok(kinds.into_iter().any(|id| mechanisms.kinds.iter().any(|kind| kind.id() == id)))
     };

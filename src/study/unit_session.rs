@@ -13,7 +13,6 @@ use crate::fit::{
     Fit, Model, Observations, PreprocessingSettings, SessionFit, TrialEstimate, estimates_without_profiles,
     session_estimates,
 };
-use crate::protocol::ValidProtocol;
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::schedule;
@@ -66,10 +65,11 @@ fn read_or_simulate(
     match &unit.source {
         UnitSource::Virtual { protocol, .. } => {
             let session = simulate_unit(unit, storage)?.expect("the unit is virtual");
-            Ok((session, view(protocol)))
+            Ok((session, PreprocessingSettings::of(protocol)))
         }
         UnitSource::Measured(folder) => {
-            let view = dataset::stored_protocol(folder)?.as_ref().map_or_else(Default::default, view);
+            let protocol = dataset::stored_protocol(folder)?;
+            let view = protocol.as_deref().map(PreprocessingSettings::of).unwrap_or_default();
             let session = dataset::load(folder)?;
             consistency::check(&session, &study.accept)?;
             Ok((session, view))
@@ -94,11 +94,6 @@ fn fit_session(
     }
     let trials = estimates_without_profiles(&prepared, &independent);
     Ok(UnitEstimates { trials, fit: StudyFit::Independent })
-}
-
-/// The filter and the analysed window of a protocol.
-pub(super) fn view(protocol: &ValidProtocol) -> PreprocessingSettings {
-    PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter }
 }
 
 /// Simulates the session of a virtual unit; `None` for a measured one.

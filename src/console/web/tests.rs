@@ -56,7 +56,7 @@ fn view() -> (ViewModel, crate::console::Views) {
         sample_rate_hz: settings.sample_rate_hz,
         lever: None,
         recorded_filter: None,
-        preprocessing: PreprocessingSettings { window_s: protocol.window_s, filter: protocol.signal.filter },
+        preprocessing: PreprocessingSettings::of(&protocol),
     });
     let progress = Progress::new(&settings);
     let (mut view, views) = ViewModel::new(settings, progress, fitter, CommandQuestions::default(), None);

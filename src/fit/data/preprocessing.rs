@@ -8,6 +8,7 @@ use super::observations::{ExcludedTrial, Observations, TrialObservation, mean};
 use super::rig_constants::RigConstants;
 use crate::dataset::{Session, Status, Trial};
 use crate::files::limits;
+use crate::protocol::Protocol;
 use crate::signal::{FilterError, FilterSpec, filter, onset};
 use crate::wrist::mechanisms::Covariates;
 use crate::wrist::{self, Smoothing};
@@ -25,6 +26,13 @@ impl Default for PreprocessingSettings {
     /// The paper's settings: a window of 40 ms and a third-order filter of 50 Hz.
     fn default() -> Self {
         Self { window_s: 0.040, filter: FilterSpec::PAPER }
+    }
+}
+
+impl PreprocessingSettings {
+    /// The window and the filter of a protocol.
+    pub fn of(protocol: &Protocol) -> Self {
+        Self { window_s: protocol.window_s, filter: protocol.signal.filter }
     }
 }
 

@@ -1,0 +1,119 @@
+//! A table of a recording with the times of its samples, which must go on.
+
+use super::error::AttachError;
+use super::request::{AttachRequest, ClockSource};
+use super::trigger;
+use crate::import::{Recording, SourceTable, TIME_COLUMN};
+
+/// A step longer than this many usual ones is a gap.
+const GAP_STEPS: f64 = 1.5;
+
+/// The table that is attached, with the times of its samples.
+pub struct TimedTable<'a> {
+    request: &'a AttachRequest,
+    /// The table.
+    pub table: &'a SourceTable,
+    /// Times of its samples on the clock of the recording, s.
+    pub times_s: Vec<f64>,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Samples after which a gap begins.
+    pub gaps: Vec<usize>,
+}
+
+impl<'a> TimedTable<'a> {
+    /// The table of a recording that the request names.
+    pub fn new(request: &'a AttachRequest, recording: &'a Recording) -> Result<Self, AttachError> {
+        let is_wanted =
+            |table: &&SourceTable| request.table.as_ref().is_none_or(|part| table.name.contains(part));
+        let wanted: Vec<&SourceTable> = recording.tables.iter().filter(is_wanted).collect();
+        let [table] = wanted.as_slice() else {
+            let names: Vec<&str> = recording.tables.iter().map(|table| table.name.as_str()).collect();
+            let found = format!("{} tables or streams ({})", wanted.len(), names.join("; "));
+            return Err(request.unexpected(found, "one; name it with --table"));
+        };
+        let times_s = times(request, table)?;
+        if times_s.len() < 2 {
+            return Err(
+                request.unexpected(format!("{} samples", times_s.len()), "a recording of the session")
+            );
+        }
+        let rate_hz = (times_s.len() - 1) as f64 / (times_s[times_s.len() - 1] - times_s[0]);
+        let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let usual_s = {
+            let middle = steps.len() / 2;
+            *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        let is_gap = |pair: &[f64]| pair[1] - pair[0] > GAP_STEPS * usual_s;
+        let gaps =
+            times_s.windows(2).enumerate().filter(|(_, pair)| is_gap(pair)).map(|(at, _)| at).collect();
+        Ok(Self { request, table, times_s, rate_hz, gaps })
+    }
+
+    /// The values of a column.
+    pub fn column(&self, name: &str) -> Result<&'a [f64], AttachError> {
+        self.table.column(name).ok_or_else(|| {
+            let found = format!("no column {name:?} in {}", self.table.name);
+            self.request.unexpected(found, format!("one of {}", self.table.names()))
+        })
+    }
+
+    /// Time from the first sample to the last, s.
+    pub fn length_s(&self) -> f64 {
+        self.times_s[self.times_s.len() - 1] - self.times_s[0]
+    }
+
+    /// The columns that are attached: all but that of time.
+    pub fn columns(&self) -> Vec<&'a (String, Vec<f64>)> {
+        let time = match &self.request.clock {
+            ClockSource::Column(column) => column.as_str(),
+            _ => TIME_COLUMN,
+        };
+        self.table.columns.iter().filter(|(name, _)| name != time).collect()
+    }
+}
+
+/// Times of the samples of a table, which must go on.
+fn times(request: &AttachRequest, table: &SourceTable) -> Result<Vec<f64>, AttachError> {
+    let samples = table.columns.first().map_or(0, |(_, values)| values.len());
+    let column = match &request.clock {
+        ClockSource::Rate(rate_hz) => {
+            return Ok((0..samples).map(|sample| sample as f64 / rate_hz).collect());
+        }
+        ClockSource::Column(column) => column.as_str(),
+        ClockSource::Format => TIME_COLUMN,
+    };
+    let Some(times_s) = table.column(column) else {
+        let found = format!("no column {column:?} in {}", table.name);
+        let expected =
+            format!("a column of time in seconds (--time) or the rate (--rate); there are {}", table.names());
+        return Err(request.unexpected(found, expected));
+    };
+    let stops = |pair: &[f64]| pair[0].partial_cmp(&pair[1]).is_none_or(|order| order.is_ge());
+    if let Some(at) = times_s.windows(2).position(stops) {
+        let found =
+            format!("{} s after {} s in sample {} of {}", times_s[at + 1], times_s[at], at + 2, table.name);
+        return Err(request.unexpected(found, "times that go on; did the clock jump?"));
+    }
+    Ok(times_s.to_vec())
+}
+
+/// The edges of a trigger, which may be in another table of the recording.
+pub fn edges_in(
+    request: &AttachRequest,
+    recording: &Recording,
+    column: &str,
+    threshold: Option<f64>,
+    falling: bool,
+) -> Result<Vec<f64>, AttachError> {
+    let Some(table) = recording.tables.iter().find(|table| table.column(column).is_some()) else {
+        let names: Vec<String> = recording.tables.iter().map(SourceTable::names).collect();
+        return Err(
+            request.unexpected(format!("no column {column:?}"), format!("one of {}", names.join(", ")))
+        );
+    };
+    let values = table.column(column).unwrap_or_default();
+    let times_s = times(request, table)?;
+    let threshold = threshold.unwrap_or_else(|| trigger::middle(values));
+    Ok(trigger::edges(&times_s, values, threshold, falling))
+}
