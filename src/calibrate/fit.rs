@@ -20,7 +20,7 @@ const DIFFERENCE: f64 = 1e-7;
 /// Largest step, in standard errors, at which the search has ended.
 const ENDED: f64 = 1e-2;
 /// Place of the servo's bandwidth among the coordinates, and of the friction's and the cubic part's.
-pub const SERVO_PLACE: usize = 9;
+const SERVO_PLACE: usize = 9;
 pub const FRICTION_PLACE: usize = 10;
 const CUBIC_PLACE: usize = 5;
 
@@ -207,7 +207,8 @@ impl RigFitInput<'_> {
                         let moved = self.coordinates.constants(moved.as_slice());
                         let is_of_servo = is_of_servo(column);
                         let needed = if is_of_servo { Needed::Servo } else { Needed::Torque };
-                        let mut change = self.scaled(own, &self.residual(place, &own.moments, &moved, needed));
+                        let mut change =
+                            self.scaled(own, &self.residual(place, &own.moments, &moved, needed));
                         for (row, label) in own.labels.iter().enumerate() {
                             // The other residual was not computed: it does not change.
                             change[row] = if (label.channel == MomentChannel::Servo) == is_of_servo {

@@ -67,9 +67,8 @@ impl CommonProducts {
         let independent = solve_lower(&factor, &moments.of(&residual, input.mean_sd_nm));
         let labels = moments.labels();
         let squares = CHANNELS.map(|channel| {
-            let own = |(label, value): (&MomentLabel, &f64)| {
-                (label.channel == channel).then_some(value * value)
-            };
+            let own =
+                |(label, value): (&MomentLabel, &f64)| (label.channel == channel).then_some(value * value);
             let squares: Vec<f64> = labels.iter().zip(independent.iter()).filter_map(own).collect();
             (squares.iter().sum(), squares.len() as f64)
         });

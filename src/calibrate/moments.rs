@@ -121,11 +121,7 @@ pub enum Needed {
 }
 
 /// The recorded angle that follows from the target.
-fn expected_motion(
-    trial: &PreparedTrial,
-    constants: &FittedConstants,
-    handle: AtHandle,
-) -> Vec<Complex64> {
+fn expected_motion(trial: &PreparedTrial, constants: &FittedConstants, handle: AtHandle) -> Vec<Complex64> {
     let fourier = &trial.fourier;
     let response = |place: usize| {
         loaded_servo_response(constants, handle, fourier.omega(place), fourier.sample_rate_hz())
