@@ -18,6 +18,10 @@ pub struct TrueRig {
     pub servo_hz: f64,
     pub servo_damping: f64,
     pub servo_delay_s: f64,
+    /// How far a torque in the lever turns the motor at rest, rad/(N m).
+    pub servo_compliance_rad_per_nm: f64,
+    /// Part of the target's speed that the servo's damping acts against.
+    pub servo_speed_command: f64,
     pub bearing_friction_nm: f64,
     pub sample_rate_hz: f64,
     pub encoder_bits: i32,
@@ -52,6 +56,8 @@ impl TrueRig {
             servo_hz: 110.0,
             servo_damping: 1.0,
             servo_delay_s: 0.001,
+            servo_compliance_rad_per_nm: 0.0,
+            servo_speed_command: 0.0,
             bearing_friction_nm: 0.015,
             sample_rate_hz: 2000.0,
             encoder_bits: 17,
@@ -110,7 +116,10 @@ impl TrueRig {
             torques.push(state[4]);
             let time_s = sample as f64 * step_s;
             let rates = |state: &[f64; 5], time_s: f64| {
-                self.rates(state, target(time_s - self.servo_delay_s) + jitter, start, load, factor, weight)
+                let time_s = time_s - self.servo_delay_s;
+                let period_s = 1.0 / self.sample_rate_hz;
+                let speed = (target(time_s + 0.5 * period_s) - target(time_s - 0.5 * period_s)) / period_s;
+                self.rates(state, [target(time_s) + jitter, speed], start, load, factor, weight)
             };
             let first = rates(&state, time_s);
             let second = rates(&plus(&state, &first, 0.5 * step_s), time_s + 0.5 * step_s);
@@ -157,7 +166,7 @@ impl TrueRig {
     fn rates(
         &self,
         state: &[f64; 5],
-        target: f64,
+        [target, target_speed]: [f64; 2],
         start: f64,
         load: HandleLoad,
         factor: f64,
@@ -165,14 +174,17 @@ impl TrueRig {
     ) -> [f64; 5] {
         let [theta_m, omega_m, theta_l, omega_l, filtered] = *state;
         let natural = std::f64::consts::TAU * self.servo_hz;
-        let acceleration =
-            natural * natural * (target - theta_m) - 2.0 * self.servo_damping * natural * omega_m;
         let is_clamped = load == HandleLoad::ClampedHandle;
         let (theta_l, omega_l) = if is_clamped { (start, 0.0) } else { (theta_l, omega_l) };
         let twist = theta_m - theta_l;
         let hard = 1.0 + self.hardening * (twist / 0.002) * (twist / 0.002);
         let torque = self.lever.stiffness_nm_per_rad * twist * hard
             + self.lever.damping_nm_s_per_rad * (omega_m - omega_l);
+        // Against the torque before the trial the motor is at its start already.
+        let back = self.servo_compliance_rad_per_nm * (torque - weight);
+        let braked = omega_m - self.servo_speed_command * target_speed;
+        let acceleration =
+            natural * natural * (target - theta_m - back) - 2.0 * self.servo_damping * natural * braked;
         let inertia = self.lever.inertia_kg_m2
             + if let HandleLoad::KnownInertia { inertia_kg_m2, .. } = load {
                 factor * inertia_kg_m2
