@@ -11,7 +11,7 @@ const DELAY_PLACE: usize = 7;
 const LAG_PLACE: usize = 8;
 
 /// A fit and how likely it is.
-struct Candidate {
+struct FitFromStart {
     fit: RigFit,
     deviance: f64,
 }
@@ -26,7 +26,7 @@ pub fn fit_from_starts(input: &RigFitInput<'_>) -> RigFit {
     let mut candidate = |from: &DVector<f64>| {
         let fit = input.fit(from);
         let deviance = products.deviance(input, &fit.point);
-        Candidate { fit, deviance }
+        FitFromStart { fit, deviance }
     };
     let mut best = candidate(&input.prior.mean);
     best = likelier(best, candidate(&input.fit_servo(&input.prior.mean).point));
@@ -38,7 +38,7 @@ pub fn fit_from_starts(input: &RigFitInput<'_>) -> RigFit {
     best.fit
 }
 
-fn likelier(best: Candidate, other: Candidate) -> Candidate {
+fn likelier(best: FitFromStart, other: FitFromStart) -> FitFromStart {
     if other.deviance < best.deviance { other } else { best }
 }
 
