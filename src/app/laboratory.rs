@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use crate::dataset::Subject;
 use crate::files::{self, Folder};
 use crate::protocol::{EXAMPLES, ValidProtocol};
 use crate::rig::can::DryRun;
@@ -11,7 +12,6 @@ use crate::rig::can::file::ValidRigFile;
 use crate::rig::unmeasured_channels;
 
 use super::failure::Failure;
-use super::new_session::is_identifier;
 use super::session_rig::is_can_rig_file;
 
 /// What a laboratory begins with.
@@ -32,7 +32,7 @@ impl Laboratory {
     /// # Errors
     /// If protocol or rig cannot be read or do not go together, or an identifier cannot be one.
     pub fn new(protocol: &str, rig: &str, emg: bool, subjects: Vec<String>) -> Result<Self, Failure> {
-        if let Some(id) = subjects.iter().find(|id| !is_identifier(id)) {
+        if let Some(id) = subjects.iter().find(|id| !Subject::is_identifier(id)) {
             return Err(Failure::Usage(format!(
                 "subject {id:?}: expected letters, digits, -, _ and . such as S01"
             )));

@@ -46,7 +46,7 @@ pub use import_questions::ask_for_mapping;
 pub use laboratory::Laboratory;
 pub use model_file::{add_mechanisms_of_model, read_model};
 pub use named_results::{folder_of_diagnosis, folder_of_fit};
-pub use new_session::{draw_seed, is_identifier, new_folder, subject_number};
+pub use new_session::{draw_seed, new_folder, subject_number};
 pub use pace::Pace;
 pub use question::ask;
 pub use results_folder::{ResultsFolder, check_has_none, check_out};

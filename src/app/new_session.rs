@@ -14,11 +14,6 @@ pub fn new_folder(path: &Path) -> PathBuf {
     (2..).map(numbered).find(|path| !files::exists(path)).unwrap_or_else(|| path.to_owned())
 }
 
-/// Whether a text can be a subject's identifier: letters, digits, -, _ and . such as S03.
-pub fn is_identifier(text: &str) -> bool {
-    !text.is_empty() && text.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
-}
-
 /// The number at the end of a subject's identifier, from 1: 3 for `S03`.
 pub fn subject_number(id: &str) -> Option<u32> {
     let digits = id.rsplit(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();

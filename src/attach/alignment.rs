@@ -53,14 +53,14 @@ pub fn align(request: &AttachRequest) -> Result<Aligned, AttachError> {
     let recording = read_recording(&request.file)?;
     let table = TimedTable::new(request, &recording)?;
     for column in request.emg.iter().flatten() {
-        table.column(column)?;
+        table.finite_column(column)?;
     }
     // Without a journal nobody knows when the ramps were; their order is known.
     let ramps = dataset::ramp_times(&request.session)?.unwrap_or_default();
     let found = find_ramps(request, &session, &ramps, &recording, &table)?;
     let bytes = files::read(&request.file, limits::RECORDING_BYTES)
         .map_err(|source| crate::import::ImportError::Unreadable { path: request.file.clone(), source })?;
-    Ok(cut(request, name, &session, &table, found, bytes))
+    cut(request, name, &session, &table, found, bytes)
 }
 
 /// Cuts the recording into the spans of the trials' records.
@@ -71,7 +71,7 @@ fn cut(
     table: &TimedTable,
     found: AlignedRamps,
     source: Vec<u8>,
-) -> Aligned {
+) -> Result<Aligned, AttachError> {
     let columns = table.columns();
     let speed = found.speed.unwrap_or(1.0);
     let (mut trials, mut left_out, mut parts) = (Vec::new(), Vec::new(), Vec::new());
@@ -112,6 +112,9 @@ fn cut(
             samples,
         });
     }
+    if let (true, Some(LeftOut { trial, because })) = (trials.is_empty(), left_out.first()) {
+        return Err(request.not_aligned(format!("no trial can be attached; of trial {trial}: {because}")));
+    }
     let ending = request.file.extension().unwrap_or_default().to_string_lossy().into_owned();
     let source_name = format!("source.{ending}");
     let attachment = Attachment {
@@ -132,7 +135,7 @@ fn cut(
     };
     let mut files = vec![(source_name, source)];
     files.extend(parts);
-    Aligned { attachment, session: request.session.clone(), name, files }
+    Ok(Aligned { attachment, session: request.session.clone(), name, files })
 }
 
 /// Name of a table without the path of its file.

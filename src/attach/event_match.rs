@@ -3,7 +3,7 @@
 
 /// The most by which the interval of two clocks may differ, as a fraction. A quartz is off by less than 1e-4; a session counts
 /// samples, and a period that its loop lost is a sample less.
-const CLOCK_TOLERANCE: f64 = 1e-3;
+pub const CLOCK_TOLERANCE: f64 = 1e-3;
 
 /// Probability with which a recording without the events may be taken for one that has them.
 const FALSE_MATCH: f64 = 1e-6;

@@ -3,7 +3,7 @@
 use super::attachment::ClockComparison;
 use super::correlation::{Sampled, SearchedRecording};
 use super::error::AttachError;
-use super::event_match::{EventCandidate, MatchProblem, match_events};
+use super::event_match::{CLOCK_TOLERANCE, EventCandidate, MatchProblem, match_events};
 use super::request::{AttachRequest, Reference};
 use super::timed_table::{TimedTable, edges_in};
 use crate::dataset::{RampTime, Record, Session, Trial};
@@ -11,6 +11,9 @@ use crate::import::Recording;
 
 /// The most places of a trial by a shared signal: as many as a session has trials of one condition, and more.
 const MOST_PLACES: usize = 200;
+
+/// Longest delay of a marker that a program sends: two periods of a screen of 60 Hz, s.
+const MARKER_GRAIN_S: f64 = 2.0 / 60.0;
 
 /// A trial that was found.
 #[derive(Debug, Clone, Copy)]
@@ -172,8 +175,32 @@ fn at_markers(
             ramp.map_or((usize::MAX, 0.0, own.onset_s), |ramp| (ramp.stretch, ramp.onset_s, own.onset_s))
         })
         .collect();
+    if let Some((trial, off_s)) = farthest_off(&found.trials, &pairs) {
+        return Err(request.not_aligned(format!(
+            "its marker of trial {trial} is {off_s:+.3} s off the times of the session: is it the recording of this session, and do its \
+             markers count the trials as the session does?"
+        )));
+    }
     found.compare_clocks(&pairs);
     Ok(found)
+}
+
+/// The trial whose marker is farthest from where the others of its stretch have it, and by how much, if that is farther than clocks and
+/// programs that send markers differ.
+fn farthest_off(trials: &[AlignedRamp], pairs: &[(usize, f64, f64)]) -> Option<(u32, f64)> {
+    let known: Vec<(u32, &(usize, f64, f64))> =
+        trials.iter().map(|own| own.trial).zip(pairs).filter(|(_, pair)| pair.0 != usize::MAX).collect();
+    let offs = known.iter().filter_map(|(trial, pair)| {
+        let stretch = known.iter().map(|(_, other)| *other).filter(|other| other.0 == pair.0);
+        // How much later than the trial another one is, on one clock less the other.
+        let mut differences: Vec<(f64, f64)> = stretch
+            .map(|other| ((other.2 - pair.2) - (other.1 - pair.1), (other.1 - pair.1).abs()))
+            .collect();
+        differences.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (median_s, interval_s) = differences[differences.len() / 2];
+        (median_s.abs() > MARKER_GRAIN_S + CLOCK_TOLERANCE * interval_s).then_some((*trial, -median_s))
+    });
+    offs.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
 }
 
 /// Trials by a signal that the recording shares with them.
@@ -201,7 +228,7 @@ fn by_signal(
             return Err(request.unexpected(found, expected));
         }
     };
-    let values = table.column(column)?;
+    let values = table.finite_column(column)?;
     if let Some(gap) = table.gaps.first() {
         let found = format!("a gap after {} s", table.times_s[*gap]);
         return Err(

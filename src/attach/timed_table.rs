@@ -58,6 +58,13 @@ impl<'a> TimedTable<'a> {
         })
     }
 
+    /// The values of a column that is computed with: all are numbers.
+    pub fn finite_column(&self, name: &str) -> Result<&'a [f64], AttachError> {
+        let values = self.column(name)?;
+        finite(self.request, self.table, name, values)?;
+        Ok(values)
+    }
+
     /// Time from the first sample to the last, s.
     pub fn length_s(&self) -> f64 {
         self.times_s[self.times_s.len() - 1] - self.times_s[0]
@@ -71,6 +78,19 @@ impl<'a> TimedTable<'a> {
         };
         self.table.columns.iter().filter(|(name, _)| name != time).collect()
     }
+}
+
+/// Refuses values that are no numbers.
+fn finite(
+    request: &AttachRequest,
+    table: &SourceTable,
+    name: &str,
+    values: &[f64],
+) -> Result<(), AttachError> {
+    let Some(at) = values.iter().position(|value| !value.is_finite()) else { return Ok(()) };
+    let found = format!("{} in column {name:?}, sample {} of {}", values[at], at + 1, table.name);
+    Err(request
+        .unexpected(found, "a number in every sample of a column that is used; cut the recording there"))
 }
 
 /// Times of the samples of a table, which must go on.
@@ -114,6 +134,14 @@ pub fn edges_in(
     };
     let values = table.column(column).unwrap_or_default();
     let times_s = times(request, table)?;
+    finite(request, table, column, values)?;
     let threshold = threshold.unwrap_or_else(|| trigger::middle(values));
+    if let Some(rest) = trigger::rest_on_other_side(values, threshold, falling) {
+        let (begin, option) = if falling { ("upwards", "without") } else { ("downwards", "with") };
+        return Err(request.unexpected(
+            format!("column {column:?} is at {rest} most of the time, so its pulses begin {begin}"),
+            format!("the begin of a pulse at each ramp: align {option} --falling, or turn the column's sign if the long level is the pulse"),
+        ));
+    }
     Ok(trigger::edges(&times_s, values, threshold, falling))
 }

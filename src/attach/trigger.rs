@@ -15,6 +15,16 @@ pub fn edges(times_s: &[f64], values: &[f64], threshold: f64, falling: bool) -> 
         .collect()
 }
 
+/// The level at which a trigger is most of the time, where that is on the side to which its pulses are said to go: their begin would be
+/// taken at their end.
+pub fn rest_on_other_side(values: &[f64], threshold: f64, falling: bool) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let rest = *sorted.get(sorted.len() / 2)?;
+    let is_pulse = if falling { rest < threshold } else { rest > threshold };
+    is_pulse.then_some(rest)
+}
+
 /// A threshold between the level at which a trigger rests, its median, and the level farthest from it.
 pub fn middle(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
@@ -28,6 +38,13 @@ pub fn middle(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_trigger_that_rests_where_its_pulses_are_said_to_go_is_noticed() {
+        let values: Vec<f64> = (0..1000).map(|sample| if sample % 200 < 50 { 0.0 } else { 5.0 }).collect();
+        assert_eq!(rest_on_other_side(&values, middle(&values), false), Some(5.0));
+        assert_eq!(rest_on_other_side(&values, middle(&values), true), None);
+    }
 
     #[test]
     fn edges_of_pulses_up_and_down_are_found_between_their_levels() {

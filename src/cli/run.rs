@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use crate::app::{
     Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, UsedCalibration,
-    add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, is_identifier, new_folder, now_utc,
-    parse_seed, subject_number, utc_offset_s, with_hidden_effect,
+    add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc, parse_seed,
+    subject_number, utc_offset_s, with_hidden_effect,
 };
-use crate::dataset::{NewSession, RecordError, SessionAbout, Wrist};
+use crate::dataset::{NewSession, RecordError, SessionAbout, Subject, Wrist};
 use crate::files;
 use crate::lsl::{LslFeed, LslLibrary, LslPublisher, MARKERS_STREAM, SIGNALS_STREAM};
 use crate::protocol::ValidProtocol;
@@ -319,7 +319,7 @@ fn virtual_subject(subject: Option<&str>) -> Result<Person, Failure> {
         Some(file) if file.ends_with(".json") || Path::new(file).is_file() => {
             Ok(Person::read(Path::new(file))?)
         }
-        Some(id) if is_identifier(id) => Ok(Person::drawn(id)),
+        Some(id) if Subject::is_identifier(id) => Ok(Person::drawn(id)),
         Some(other) => Err(Failure::Usage(format!(
             "--subject {other:?}: is neither a file nor an identifier; expected the JSON file of a virtual subject, or an \
              identifier of letters, digits, -, _ and . such as S03"

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::app::{Console, Failure, SessionSummary};
 use crate::dataset::session_folders;
+use crate::files::Folder;
 
 use super::verb::Verb;
 
@@ -25,7 +26,22 @@ pub struct SessionsArgs {
 
 impl Verb for SessionsArgs {
     fn run(self, console: &Console) -> Result<(), Failure> {
+        for folder in &self.folders {
+            Folder::open(folder).map_err(|error| {
+                let folder = folder.display();
+                Failure::Usage(format!(
+                    "{folder}: {error}; expected a session's folder, or a folder of sessions"
+                ))
+            })?;
+        }
         let mut folders = session_folders(&self.folders)?;
+        folders.retain(|folder| {
+            let is_empty = Folder::open(folder).is_ok_and(|folder| !folder.contains("session.json"));
+            if is_empty {
+                console.message(format_args!("{}: no session in it", folder.display()));
+            }
+            !is_empty
+        });
         folders.sort_by(|a, b| natord::compare(&a.to_string_lossy(), &b.to_string_lossy()));
         let sessions: Vec<SessionSummary> = folders.iter().map(|folder| SessionSummary::of(folder)).collect();
         let mut out = console.results();

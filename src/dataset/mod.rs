@@ -108,6 +108,13 @@ pub struct Subject {
     pub id: String,
 }
 
+impl Subject {
+    /// Whether a text can be a subject's identifier: letters, digits, -, _ and . such as S03.
+    pub fn is_identifier(text: &str) -> bool {
+        !text.trim_matches('.').is_empty() && text.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
+    }
+}
+
 /// One ramp and its record.
 #[derive(Debug, Clone)]
 pub struct Trial {

@@ -6,7 +6,9 @@ use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 
 use super::error::ImportError;
+use crate::dataset::Subject;
 use crate::json_file;
+use crate::protocol::Problem;
 use crate::protocol::shape::check_shape;
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
@@ -266,7 +268,18 @@ impl Mapping {
         if !problems.is_empty() {
             return Err(ImportError::Mapping { file: name, problems });
         }
-        Ok(json_file::parse(text, &PathBuf::from(name), "a mapping for ramphold import")?)
+        let own: Self = json_file::parse(text, &PathBuf::from(&name), "a mapping for ramphold import")?;
+        if !Subject::is_identifier(&own.subject) {
+            let problem = Problem {
+                path: "subject".to_owned(),
+                line: 1 + text.lines().position(|line| line.contains("\"subject\"")).unwrap_or(0),
+                value: Some(format!("{:?}", own.subject)),
+                expected: "an identifier of letters, digits, -, _ and ., such as S03".to_owned(),
+                advice: "folders and tables are named after it".to_owned(),
+            };
+            return Err(ImportError::Mapping { file: name, problems: vec![problem] });
+        }
+        Ok(own)
     }
 }
 

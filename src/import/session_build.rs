@@ -6,7 +6,7 @@ use super::error::ImportError;
 use super::mapping::{MappedSignal, Mapping};
 use super::source_table::SourceTable;
 use crate::consistency::MeasuredTrial;
-use crate::dataset::{Record, Session, Status, Subject, Trial};
+use crate::dataset::{FurtherChannel, Record, Session, Status, Subject, Trial};
 
 /// Rates are whole numbers; times are rounded by up to this part of the record.
 const RATE_ROUNDING: f64 = 1e-3;
@@ -39,7 +39,12 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
     let (mut trials, mut sources, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
     let mut measured = Vec::new();
     for part in parts {
-        let mut trial = trial(trials.len() as u32 + 1, record(&part, mapping)?);
+        let record = record(&part, mapping)?;
+        if let Some((channel, sample)) = not_finite(&record) {
+            left_out.push(format!("{}: sample {} of the {channel} is no number", part.name, sample + 1));
+            continue;
+        }
+        let mut trial = trial(trials.len() as u32 + 1, record);
         match MeasuredTrial::new(&trial, rate_hz) {
             Some(own) => {
                 trial.onset_s = Some(own.motion_s);
@@ -151,6 +156,18 @@ fn record(table: &SourceTable, mapping: &Mapping) -> Result<Record, ImportError>
         alpha_l_rad_s2: optional(&columns.handle_acceleration, "the acceleration of the handle")?,
         torque_h_nm: optional(&columns.hand_torque, "the torque at the hand")?,
         theta_j_rad: optional(&columns.joint_angle, "the angle of the joint")?,
+    })
+}
+
+/// The first sample of a record that is no number, with its channel.
+fn not_finite(record: &Record) -> Option<(&'static str, usize)> {
+    let always = [("angle", Some(&record.theta_m_rad)), ("torque", Some(&record.torque_l_nm))];
+    let emg =
+        [("EMG of the FCR", record.emg_fcr_mvc.as_ref()), ("EMG of the ECR", record.emg_ecr_mvc.as_ref())];
+    let further = FurtherChannel::ALL.into_iter().map(|channel| (channel.column(), record.further(channel)));
+    let mut channels = always.into_iter().chain(emg).chain(further);
+    channels.find_map(|(name, values)| {
+        values?.iter().position(|value| !value.is_finite()).map(|sample| (name, sample))
     })
 }
 

@@ -177,6 +177,25 @@ fn every_mistake_of_a_mapping_is_told_at_once() {
 }
 
 #[test]
+fn a_trial_with_a_sample_that_is_no_number_is_left_out_and_told() {
+    let mut spoilt = columns(1.3);
+    spoilt[2][41] = f64::NAN;
+    let imported = import(vec![table("t1.csv", spoilt), table("t2.csv", columns(1.3))], &mapping()).unwrap();
+    assert_eq!(imported.sources, ["t2.csv"]);
+    assert_eq!(imported.left_out, ["t1.csv: sample 42 of the torque is no number"]);
+}
+
+#[test]
+fn a_subject_that_is_no_identifier_is_refused() {
+    let text = serde_json::to_string_pretty(&mapping()).unwrap();
+    for subject in ["", "../../x", "..", "S 1"] {
+        let text = text.replace("\"S09\"", &format!("{subject:?}"));
+        let told = Mapping::parse(&text, Path::new("m.json")).unwrap_err().to_string();
+        assert!(told.contains("line 3: subject is") && told.contains("such as S03"), "{told}");
+    }
+}
+
+#[test]
 fn a_column_that_is_not_there_is_named_with_those_that_are() {
     let mut wrong = mapping();
     wrong.columns.torque.column = "Torque".into();

@@ -153,6 +153,14 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
     }
     let mut recording = Recording::default();
     for mut stream in streams {
+        if let Some((at_s, step_s)) = clock_step(&stream.offsets) {
+            return Err(broken(format!(
+                "stream {:?}: its clock jumps by {:.1} ms after {at_s:.3} s, as that of a computer that began anew; expected one clock: cut \
+                 the recording there",
+                stream.name,
+                step_s * 1e3
+            )));
+        }
         let correction = clock_line(&stream.offsets);
         for time_s in &mut stream.times_s {
             *time_s += correction.0 + correction.1 * *time_s;
@@ -269,6 +277,49 @@ fn clock_line(offsets: &[(f64, f64)]) -> (f64, f64) {
     (offset - slope * time, slope)
 }
 
+/// Least and largest number of offsets on either side of a step: of three one may be late.
+const OFFSETS_BESIDE_STEP: (usize, usize) = (3, 5);
+
+/// Standard deviations that noise alone exceeds with a probability of 1e-6.
+const STEP_IN_SDS: f64 = 4.9;
+
+/// A step of a clock below this is below what recordings are aligned to, s.
+const SMALLEST_STEP_S: f64 = 1e-3;
+
+/// Time after which a clock steps, and by how much, s. Measurements that are late make single offsets wrong, but not all after them: medians
+/// are compared.
+fn clock_step(offsets: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let mut slopes: Vec<f64> =
+        offsets.windows(2).map(|pair| (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0)).collect();
+    slopes.retain(|slope| slope.is_finite());
+    let slope = if slopes.is_empty() { 0.0 } else { median(&slopes) };
+    let left: Vec<f64> = offsets.iter().map(|(time_s, offset_s)| offset_s - slope * time_s).collect();
+    let changes: Vec<f64> = left.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    if changes.is_empty() {
+        return None;
+    }
+    // The difference of two medians of noise is less uncertain than that of two values, of which 1.48 medians are the deviation.
+    let sd_s = 1.4826 * median(&changes);
+    let least_s = SMALLEST_STEP_S.max(STEP_IN_SDS * sd_s);
+    let (least, most) = OFFSETS_BESIDE_STEP;
+    let step = |at: usize| {
+        let before = &left[at.saturating_sub(most)..at];
+        let after = &left[at..(at + most).min(left.len())];
+        median(after) - median(before)
+    };
+    let largest = (least..(left.len() + 1).saturating_sub(least))
+        .map(|at| (at, step(at)))
+        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    (largest.1.abs() > least_s).then(|| (offsets[largest.0 - 1].0, largest.1))
+}
+
+/// The middle one of some values; zero of none.
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -286,6 +337,27 @@ mod tests {
              <nominal_srate>100</nominal_srate><channel_format>{kind}</channel_format></info>"
         );
         chunk(bytes, 2, &[&id.to_le_bytes(), xml.as_bytes()].concat());
+    }
+
+    /// Offsets of a clock that is slow by 40 ppm, every 5 s, with noise of 0.2 ms.
+    fn offsets(seed: u64) -> Vec<(f64, f64)> {
+        let mut stream = crate::random::Stream::new(seed, "offsets");
+        (0..60).map(|at| 5.0 * f64::from(at)).map(|t| (t, 3.0 + 4e-5 * t + 2e-4 * stream.normal())).collect()
+    }
+
+    #[test]
+    fn a_clock_that_began_anew_is_noticed_and_one_that_drifts_or_was_measured_late_is_not() {
+        for seed in 0..20 {
+            let mut own = offsets(seed);
+            own[7].1 += 0.08;
+            own[59].1 -= 0.05;
+            assert_eq!(clock_step(&own), None, "seed {seed}");
+            own[30..].iter_mut().for_each(|pair| pair.1 -= 0.1);
+            let (at_s, step_s) = clock_step(&own).unwrap();
+            assert!((at_s - 145.0).abs() < 6.0 && (step_s + 0.1).abs() < 2e-3, "{at_s} {step_s}");
+        }
+        assert_eq!(clock_step(&[]), None);
+        assert_eq!(clock_step(&[(0.0, 1.0), (5.0, 1.1)]), None);
     }
 
     /// A stream of two channels whose clock is 5 s behind, and markers.

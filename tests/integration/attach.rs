@@ -272,6 +272,31 @@ fn a_recording_of_streams_is_aligned_by_markers_with_or_without_the_number_of_th
 }
 
 #[test]
+fn numbered_markers_that_are_not_at_the_times_of_the_session_are_refused() {
+    let measured = Measured::new();
+    let samples = measured.samples();
+    let trials: Vec<(f64, u32)> = measured
+        .ramps
+        .iter()
+        .filter_map(|ramp| Some((measured.on_clock(ramp.onset_s), ramp.trial?)))
+        .collect();
+    let mut exchanged = trials.clone();
+    (exchanged[3].1, exchanged[4].1) = (trials[4].1, trials[3].1);
+    let from_zero: Vec<(f64, u32)> = trials.iter().map(|(time_s, number)| (*time_s, number - 1)).collect();
+    let at_other_times: Vec<(f64, u32)> =
+        trials.iter().enumerate().map(|(at, (_, number))| (20.0 + 5.0 * at as f64, *number)).collect();
+    for (name, markers) in [("exchanged", exchanged), ("zero", from_zero), ("other", at_other_times)] {
+        let markers: Vec<(f64, String)> =
+            markers.into_iter().map(|(time_s, number)| (time_s, format!("onset {number}"))).collect();
+        let file = format!("{name}.xdf");
+        fs::write(measured.workspace.path(&file), xdf(&samples, &markers)).unwrap();
+        let (_, message) = measured.workspace.call(2, &["attach", "s", &file, "--marker", "onset"]);
+        assert!(message.contains("off the times of the session"), "{name}: {message}");
+        assert!(!measured.workspace.path("s/attached").exists());
+    }
+}
+
+#[test]
 fn recordings_that_are_not_sound_or_not_of_this_session_are_refused_with_a_reason() {
     let measured = Measured::new();
     let samples = measured.write_csv("emg.csv");
@@ -300,6 +325,21 @@ fn recordings_that_are_not_sound_or_not_of_this_session_are_refused_with_a_reaso
     }
     let message = refused(&other, &by_trigger);
     assert!(message.contains("which may be chance"), "{message}");
+    // A trigger that rests at the upper level: its pulses begin where the column falls.
+    let mut turned = "t,TRIG\n".to_owned();
+    for sample in &samples {
+        writeln!(turned, "{},{}", sample.0, 5.0 - sample.1).unwrap();
+    }
+    let message = refused(&turned, &by_trigger);
+    assert!(message.contains("is at 4.9 most of the time") && message.contains("--falling"), "{message}");
+    // A cell that is no number, in the trigger and in a column that is used.
+    let spoilt = text.replacen("\n20.000000,0.1,", "\n20.000000,NaN,", 1);
+    let message = refused(&spoilt, &by_trigger);
+    assert!(message.contains("NaN in column \"TRIG\", sample 40001"), "{message}");
+    let line = text.lines().find(|line| line.starts_with("20.000000,")).unwrap();
+    let spoilt = text.replacen(line, &format!("{}inf", &line[..line.rfind(',').unwrap() + 1]), 1);
+    let message = refused(&spoilt, &[&by_trigger[..], &["--emg-fcr", "EMG 1"]].concat());
+    assert!(message.contains("inf in column \"EMG 1\", sample 40001"), "{message}");
     let cut = &text[..text.len() / 2 - 3];
     assert!(refused(cut, &by_trigger).contains("bad.csv"));
 }

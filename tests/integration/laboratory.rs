@@ -99,3 +99,16 @@ fn every_state_of_a_session_is_told() {
         assert!(told.contains(words), "{words} is not in {told}");
     }
 }
+
+#[test]
+fn a_place_without_sessions_has_none_and_a_place_that_is_not_there_is_refused() {
+    let workspace = Workspace::new();
+    workspace.call(0, &["new", "lab", "--yes"]);
+    let (table, told) = workspace.call(0, &["sessions", "lab/sessions"]);
+    assert_eq!(table.lines().count(), 1, "{table}");
+    assert!(told.contains("lab/sessions: no session in it"), "{told}");
+    for folder in ["nowhere", "lab/protocol.json"] {
+        let (_, told) = workspace.call(2, &["sessions", folder]);
+        assert!(told.contains(folder) && told.contains("a folder of sessions"), "{told}");
+    }
+}
