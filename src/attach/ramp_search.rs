@@ -49,12 +49,24 @@ pub fn find_ramps(
 ) -> Result<AlignedRamps, AttachError> {
     match &request.reference {
         Reference::Trigger { column, threshold, falling } => {
-            let times_s = edges_in(request, recording, column, *threshold, *falling)?;
-            at_events(request, session, ramps, &times_s, table)
+            let edges = edges_in(request, recording, column, *threshold, *falling)?;
+            let found = at_events(request, session, ramps, &edges.times_s, table)?;
+            // The ends of pulses are at the intervals of the ramps as well.
+            edges
+                .rest_on_other_side
+                .map_or(Ok(found), |rest| Err(ends_of_pulses(request, column, rest, *falling)))
         }
         Reference::Marker(text) => at_markers(request, session, ramps, recording, text, table),
         Reference::Signal { column, shared } => by_signal(request, session, ramps, table, column, shared),
     }
+}
+
+fn ends_of_pulses(request: &AttachRequest, column: &str, rest: f64, falling: bool) -> AttachError {
+    let (begin, option) = if falling { ("upwards", "without") } else { ("downwards", "with") };
+    request.not_aligned(format!(
+        "column {column:?} is at {rest} most of the time, so its pulses begin {begin}, and their ends would be taken for the ramps; align \
+         {option} --falling, or turn the column's sign if the long level is the pulse"
+    ))
 }
 
 /// Trials at events, of which the session has one at each ramp.

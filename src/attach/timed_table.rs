@@ -118,6 +118,14 @@ fn times(request: &AttachRequest, table: &SourceTable) -> Result<Vec<f64>, Attac
     Ok(times_s.to_vec())
 }
 
+/// The edges of a trigger.
+pub struct TriggerEdges {
+    /// Their times on the clock of the recording, s.
+    pub times_s: Vec<f64>,
+    /// The level at which the trigger is most of the time, where its pulses are said to go there.
+    pub rest_on_other_side: Option<f64>,
+}
+
 /// The edges of a trigger, which may be in another table of the recording.
 pub fn edges_in(
     request: &AttachRequest,
@@ -125,7 +133,7 @@ pub fn edges_in(
     column: &str,
     threshold: Option<f64>,
     falling: bool,
-) -> Result<Vec<f64>, AttachError> {
+) -> Result<TriggerEdges, AttachError> {
     let Some(table) = recording.tables.iter().find(|table| table.column(column).is_some()) else {
         let names: Vec<String> = recording.tables.iter().map(SourceTable::names).collect();
         return Err(
@@ -136,12 +144,8 @@ pub fn edges_in(
     let times_s = times(request, table)?;
     finite(request, table, column, values)?;
     let threshold = threshold.unwrap_or_else(|| trigger::middle(values));
-    if let Some(rest) = trigger::rest_on_other_side(values, threshold, falling) {
-        let (begin, option) = if falling { ("upwards", "without") } else { ("downwards", "with") };
-        return Err(request.unexpected(
-            format!("column {column:?} is at {rest} most of the time, so its pulses begin {begin}"),
-            format!("the begin of a pulse at each ramp: align {option} --falling, or turn the column's sign if the long level is the pulse"),
-        ));
-    }
-    Ok(trigger::edges(&times_s, values, threshold, falling))
+    Ok(TriggerEdges {
+        times_s: trigger::edges(&times_s, values, threshold, falling),
+        rest_on_other_side: trigger::rest_on_other_side(values, threshold, falling),
+    })
 }
