@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::rig::Fault;
+use crate::rig::virtual_wrist::LOAD_CHANGE_S;
 use crate::session::{Event, Machine, MotionDeviation, Operator, Phase, Status};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -56,8 +57,8 @@ impl Operator for CommandLineOperator {
         if self.is_stopped() {
             return Some(Event::Abort);
         }
-        // A virtual rig mounts its loads by itself.
-        machine.awaits_mounting().then_some(Event::Resume)
+        // A virtual rig mounts its loads by itself, in some time.
+        (machine.awaits_mounting() && machine.in_phase_s() >= LOAD_CHANGE_S).then_some(Event::Resume)
     }
 
     fn wait_for_command(&mut self, machine: &Machine) -> Event {

@@ -14,6 +14,10 @@ pub const NOT_REPORTED: usize = 8;
 /// Place of the first coordinate with a prior that is knowledge, not a guard: it stays where nothing else is assumed.
 pub const FIRST_KNOWN: usize = REPORTED + 5;
 
+/// Places of the torque channel's delay and low-pass among the coordinates.
+pub const DELAY_PLACE: usize = 7;
+pub const LAG_PLACE: usize = 8;
+
 /// Place of the friction's speed among the coordinates.
 pub const FRICTION_SPEED_PLACE: usize = REPORTED + NOT_REPORTED - 1;
 

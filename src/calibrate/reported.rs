@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::constants::{CoordinateScale, REPORTED, RigCoordinates, time_constant_s};
+use super::constants::{CoordinateScale, DELAY_PLACE, LAG_PLACE, REPORTED, RigCoordinates, time_constant_s};
 use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, inverse};
 use super::fit::RigFitInput;
 use crate::dataset::{CalibratedQuantity, HandleLoad, RigQuantity};
@@ -24,17 +24,22 @@ pub fn reported(
     lever: Option<Lever>,
 ) -> Reported {
     let scales = &input.coordinates.scales;
-    let states: Vec<Told> = (0..REPORTED)
-        .map(|place| {
-            let own = RigQuantity::ALL[place];
-            // A coordinate whose interval is wider than what engineering allows is not told.
-            if INTERVAL * found.data_se[place] > 1.0 {
-                return Told::Unknown;
-            }
-            let se = libm::sqrt(found.covariance[(place, place)]);
-            told(own, scales[place], point[place], se)
-        })
-        .collect();
+    let state = |place: usize| {
+        // A coordinate whose interval is wider than what engineering allows is not told.
+        if INTERVAL * found.data_se[place] > 1.0 {
+            return Told::Unknown;
+        }
+        let se = libm::sqrt(found.covariance[(place, place)]);
+        told(RigQuantity::ALL[place], scales[place], point[place], se)
+    };
+    let mut states: Vec<Told> = (0..REPORTED).map(state).collect();
+    let mut in_delay = DMatrix::identity(point.len(), point.len());
+    if !matches!(states[LAG_PLACE], Told::Value { .. }) {
+        // A low-pass that is too fast to be seen delays, and nobody takes it into account otherwise.
+        in_delay[(DELAY_PLACE, LAG_PLACE)] = scales[LAG_PLACE].range() / scales[DELAY_PLACE].range();
+        states[DELAY_PLACE] = whole_delay(input, point, found, &in_delay);
+    }
+    let covariance = &in_delay * &found.covariance * in_delay.transpose();
     let untold: Vec<usize> = (0..REPORTED).filter(|place| matches!(states[*place], Told::Unknown)).collect();
     let quantities = (0..REPORTED).map(|place| {
         let name = RigQuantity::ALL[place];
@@ -55,8 +60,8 @@ pub fn reported(
         })
         .collect();
     let correlation = |row: usize, column: usize| {
-        let variance = |place: usize| found.covariance[(place, place)];
-        found.covariance[(row, column)] / libm::sqrt(variance(row) * variance(column))
+        let variance = |place: usize| covariance[(place, place)];
+        covariance[(row, column)] / libm::sqrt(variance(row) * variance(column))
     };
     let covariance = known
         .iter()
@@ -68,6 +73,26 @@ pub fn reported(
         })
         .collect();
     Reported { quantities, covariance }
+}
+
+/// The delay together with the low-pass's time constant, which `in_delay` adds to it.
+fn whole_delay(
+    input: &RigFitInput<'_>,
+    point: &DVector<f64>,
+    found: &RigCovariance,
+    in_delay: &DMatrix<f64>,
+) -> Told {
+    let sum = in_delay.row(DELAY_PLACE);
+    let variance = |covariance: &DMatrix<f64>| (sum * covariance * sum.transpose())[(0, 0)];
+    let size = found.information.nrows();
+    let of_data = inverse(&found.information + DMatrix::identity(size, size) * NOTHING_KNOWN);
+    if INTERVAL * libm::sqrt(variance(&of_data)) > 1.0 {
+        return Told::Unknown;
+    }
+    let se = libm::sqrt(variance(&found.covariance));
+    let scales = &input.coordinates.scales;
+    let lag_start = scales[LAG_PLACE].value(0.0) / scales[DELAY_PLACE].range();
+    told(RigQuantity::TorqueDelay, input.coordinates.scales[DELAY_PLACE], (sum * point)[0] + lag_start, se)
 }
 
 /// What is known of a quantity.

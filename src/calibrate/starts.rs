@@ -2,13 +2,9 @@
 
 use nalgebra::DVector;
 
-use super::constants::FRICTION_SPEED_PLACE;
+use super::constants::{DELAY_PLACE, FRICTION_SPEED_PLACE, LAG_PLACE};
 use super::fit::{FRICTION_PLACE, RigFit, RigFitInput};
 use super::likelihood::CommonProducts;
-
-/// Places of the torque channel's delay and low-pass among the coordinates.
-const DELAY_PLACE: usize = 7;
-const LAG_PLACE: usize = 8;
 
 /// A fit and how likely it is.
 struct FitFromStart {

@@ -34,6 +34,7 @@ mod stored_protocol;
 mod tables;
 mod trial_csv_reader;
 mod trial_csv_writer;
+mod utc;
 
 use std::collections::BTreeMap;
 
@@ -71,6 +72,7 @@ use serde::{Deserialize, Serialize};
 pub use session_files::session_files;
 pub use session_folders::session_folders;
 pub use stored_protocol::stored_protocol;
+pub use utc::{utc_day, utc_seconds, utc_text};
 
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;

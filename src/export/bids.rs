@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::bdf::{self, BdfChannel};
 use super::error::ExportError;
 use super::sidecars::{self, TASK};
-use crate::dataset::{self, FurtherChannel, Session, SessionCard, Trial};
+use crate::dataset::{self, FurtherChannel, RampTime, Session, SessionCard, Trial, utc_seconds, utc_text};
 use crate::files::{self, Folder};
 
 /// A session to export, with the label of its subject.
@@ -56,6 +56,14 @@ pub fn write(participants: &[Participant], target: &Path) -> Result<(), ExportEr
     target.put_json("participants.json", &meaning)?;
     target.put_json("derivatives/ramphold/dataset_description.json", &sidecars::derivatives())?;
     entries.iter().try_for_each(|entry| entry.write(&target))
+}
+
+/// When the record of a trial began, to the second. Samples are counted from the session's start; nobody knows how long a break was, so a
+/// trial after one has no such time.
+fn began_utc(started: &str, ramps: &[RampTime], trial: &Trial) -> Option<String> {
+    let ramp = ramps.iter().find(|ramp| ramp.trial == Some(trial.number) && ramp.stretch == 0)?;
+    let since_start_s = ramp.onset_s + trial.record.start_s - trial.onset_s?;
+    Some(utc_text(utc_seconds(started)? + libm::floor(since_start_s) as i64))
 }
 
 /// `participants.tsv` and `participants.json`: the identifiers, and every field that a session has of its subject.
@@ -144,12 +152,17 @@ impl Entry {
             target.put(&format!("{folder}/{stem}_{run}_events.tsv"), &sidecars::events(trial))?;
             let name = |suffix: &str| format!("{folder}/{stem}{track}_{run}_{suffix}");
             let signal = if has_emg { "emg.bdf" } else { "motion.tsv" };
-            scans.push(format!("{kind}/{stem}{track}_{run}_{signal}"));
+            scans.push((trial, format!("{kind}/{stem}{track}_{run}_{signal}")));
             if has_emg { self.emg(trial, target, name)? } else { self.motion(trial, target, name)? }
         }
         if let Some(started) = &self.card.about.started_utc {
             let own = self.folder();
-            let rows: String = scans.iter().map(|scan| format!("{scan}\t{started}\n")).collect();
+            let ramps = dataset::ramp_times(&self.folder)?.unwrap_or_default();
+            let row = |(trial, file): &(&Trial, String)| {
+                let began = began_utc(started, &ramps, trial).unwrap_or_else(|| "n/a".to_owned());
+                format!("{file}\t{began}\n")
+            };
+            let rows: String = scans.iter().map(row).collect();
             let table = format!("filename\tacq_time\n{rows}");
             target.put(&format!("{own}/{}_scans.tsv", own.replace('/', "_")), &table)?;
         }

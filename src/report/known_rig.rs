@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use crate::dataset::utc_day;
+
 /// What is known of the rig.
 #[derive(Debug, Clone, Deserialize)]
 pub struct KnownRig {
@@ -76,17 +78,7 @@ pub fn in_words(name: &str) -> (&str, &str) {
 
 /// By how many days the calibration was measured before the session; negative if after it. `None` if one of them does not say when.
 pub fn days_before(measured_utc: Option<&str>, started_utc: Option<&str>) -> Option<i64> {
-    Some(day(started_utc?)? - day(measured_utc?)?)
-}
-
-/// The day of a time such as `2026-11-24T15:00:00Z`, counted from a fixed one, in the Gregorian calendar.
-fn day(time: &str) -> Option<i64> {
-    let mut parts = time.get(..10)?.split('-').map(|part| part.parse::<i64>().ok());
-    let (year, month, day) = (parts.next()??, parts.next()??, parts.next()??);
-    // Years that begin in March end with the leap day.
-    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
-    let leap_days = year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400);
-    Some(365 * year + leap_days + (153 * month + 2) / 5 + day)
+    Some(utc_day(started_utc?)? - utc_day(measured_utc?)?)
 }
 
 #[cfg(test)]

@@ -108,6 +108,11 @@ impl Machine {
         self.phase == Phase::RigSetup && !self.progress.holds(Guard::LoadMounted)
     }
 
+    /// Time since the phase began, s.
+    pub fn in_phase_s(&self) -> f64 {
+        self.in_phase as f64 / self.settings.sample_rate_hz
+    }
+
     /// Samples since the session was started or resumed.
     pub fn sample(&self) -> u64 {
         self.sample

@@ -14,7 +14,7 @@ use crate::fit::{
     session_estimates,
 };
 use crate::rig::Fault;
-use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
+use crate::rig::virtual_wrist::{LOAD_CHANGE_S, Person, Setup, VirtualWrist};
 use crate::schedule;
 use crate::session::{Event, Machine, Operator, Phase, Settings, StepConsumer, Unpaced, run_control_loop};
 
@@ -166,8 +166,8 @@ struct Unattended {
 
 impl Operator for Unattended {
     fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
-        // A virtual rig mounts its loads by itself.
-        machine.awaits_mounting().then_some(Event::Resume)
+        // A virtual rig mounts its loads by itself, in some time.
+        (machine.awaits_mounting() && machine.in_phase_s() >= LOAD_CHANGE_S).then_some(Event::Resume)
     }
 
     fn wait_for_command(&mut self, machine: &Machine) -> Event {

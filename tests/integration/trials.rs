@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use ramphold::dataset;
 use serde_json::Value;
 
 use crate::fit_input::sound;
@@ -94,4 +95,41 @@ fn who_and_what_are_kept_and_a_virtual_session_says_that_it_is_one() {
     workspace.call(0, &["export", "a", "--bids", "bids"]);
     let people = fs::read_to_string(workspace.path("bids/participants.tsv")).unwrap();
     assert_eq!(people, "participant_id\tage\tcondition\nsub-V00\t31\tfatigued\n");
+}
+
+#[test]
+fn each_run_of_a_bids_dataset_has_the_time_at_which_its_own_record_began() {
+    let workspace = Workspace::new();
+    workspace.call(0, &["run", QUICK, "--seed", "2", "--out", "s"]);
+    // As a session of a motor says it.
+    let path = workspace.path("s/session.json");
+    let mut card: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    card["started_utc"] = "2026-12-31T23:59:30Z".into();
+    fs::write(&path, card.to_string()).unwrap();
+    workspace.call(0, &["export", "s", "--bids", "bids"]);
+
+    let session = dataset::load(&workspace.path("s")).unwrap();
+    let ramps = dataset::ramp_times(&workspace.path("s")).unwrap().unwrap();
+    let dataset = files(&workspace.path("bids"));
+    let (_, scans) = dataset.iter().find(|(name, _)| name.ends_with("_scans.tsv")).unwrap();
+    let scans = String::from_utf8(scans.clone()).unwrap();
+    let mut rows = 0;
+    for row in scans.lines().skip(1) {
+        let (file, told) = row.split_once('\t').unwrap();
+        let (_, number) = file.split_once("run-").unwrap();
+        let number: u32 = number[..3].parse().unwrap();
+        let trial = session.trials.iter().find(|trial| trial.number == number).unwrap();
+        let Some(ramp) = ramps.iter().find(|ramp| ramp.trial == Some(number)) else {
+            assert_eq!(told, "n/a", "a trial without a ramp");
+            continue;
+        };
+        let began_s = 30 - (ramp.onset_s + trial.record.start_s - trial.onset_s.unwrap()).floor() as i64;
+        let expected = match -began_s {
+            left @ ..0 => format!("2026-12-31T23:59:{:02}Z", 60 + left),
+            after => format!("2027-01-01T00:{:02}:{:02}Z", after / 60, after % 60),
+        };
+        assert_eq!(told, expected, "{file}");
+        rows += 1;
+    }
+    assert!(rows > 4, "{scans}");
 }

@@ -160,6 +160,11 @@ fn a_cut_off_too_high_to_be_seen_has_a_bound_and_no_value() {
     let cutoff = &outcome.calibration.quantities[8];
     assert_eq!((cutoff.name, cutoff.value), (RigQuantity::TorqueCutoff, None));
     assert!(cutoff.reason.as_deref().unwrap().contains("it is above "), "{cutoff:?}");
+    // What it delays is part of the delay, which is known well.
+    let delay = &outcome.calibration.quantities[7];
+    let (value, se) = (delay.value.unwrap(), delay.se.unwrap());
+    let truth = rig.torque_delay_s + 1.0 / (std::f64::consts::TAU * rig.torque_cutoff_hz);
+    assert!((value - truth).abs() < 4.0 * se && se < 3e-5, "{value} +- {se}, {truth}");
 }
 
 fn wrong_spring(load: &HandleLoad) -> f64 {

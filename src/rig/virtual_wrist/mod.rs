@@ -114,9 +114,34 @@ pub struct ArmedVirtualWrist {
     trial: Option<TrialKey>,
     rig_trial: Option<RigTrialUnderWay>,
     moving: bool,
+    /// The angle of the motor at the last sample, without noise, rad.
+    angle_rad: f64,
+    /// What is still to come of the turn of the motor while a load is put on or taken off.
+    load_change: LoadChange,
     /// Samples since the rig was armed.
     sample: u64,
     lever_torque_nm: f64,
+}
+
+/// Time in which the motor turns as its load is put on or taken off, s: an operator's hands take longer.
+pub const LOAD_CHANGE_S: f64 = 0.2;
+
+/// The turn of the motor while its load changes. Its drive shows it without a jump, which would be a speed beyond any limit.
+#[derive(Debug, Clone, Copy, Default)]
+struct LoadChange {
+    /// Angle before less angle after, rad.
+    turn_rad: f64,
+    /// Samples that are left, and their number.
+    left: u32,
+    samples: u32,
+}
+
+impl LoadChange {
+    /// What is to come at the next sample, rad.
+    fn next_rad(&mut self) -> f64 {
+        self.left = self.left.saturating_sub(1);
+        if self.left == 0 { 0.0 } else { self.turn_rad * f64::from(self.left) / f64::from(self.samples) }
+    }
 }
 
 /// The handle with the load of a rig trial.
@@ -146,6 +171,8 @@ impl ArmedVirtualWrist {
             trial: None,
             rig_trial: None,
             moving: false,
+            angle_rad: 0.0,
+            load_change: LoadChange::default(),
             sample: 0,
             lever_torque_nm: 0.0,
         }
@@ -170,9 +197,17 @@ impl ArmedVirtualWrist {
         self.lever_torque_nm = 0.0;
         let samples = handle.mounted_samples();
         self.rig_trial = Some(RigTrialUnderWay { key: [position, rejections], has_begun: false, handle });
+        let mut at_rest_rad = 0.0;
         for _ in 0..samples {
-            self.turn_loaded_handle(0.0, false);
+            [at_rest_rad, _] = self.turn_loaded_handle(0.0, false);
         }
+        self.change_load(at_rest_rad);
+    }
+
+    /// The load changed, with which the motor comes to rest at `at_rest_rad`.
+    fn change_load(&mut self, at_rest_rad: f64) {
+        let samples = (LOAD_CHANGE_S * self.rig.sample_rate_hz).ceil() as u32;
+        self.load_change = LoadChange { turn_rad: self.angle_rad - at_rest_rad, left: samples, samples };
     }
 
     /// One period of a rig trial: motor angle, and torque that the sensor shows. 0 without a rig trial.
@@ -200,13 +235,17 @@ impl ArmedVirtualWrist {
             let stream = |name: &str| Stream::new(self.rig.seed, &format!("{name}/{own}"));
             self.sensors.restart([stream("noise"), stream("noise/further")]);
         }
+        if upcoming.stage != RigTrialStage::Mounting {
+            self.load_change = LoadChange::default();
+        }
         let is_moving = upcoming.stage == RigTrialStage::Moving;
         let [angle_rad, torque_nm] = self.turn_loaded_handle(command_rad, is_moving);
+        self.angle_rad = angle_rad + self.load_change.next_rad();
         self.sample += 1;
         let time_s = self.sample as f64 / self.rig.sample_rate_hz;
         // Of the further channels, which rig trials do not record, nothing is simulated here.
         let further = FurtherValues { theta_l: 0.0, alpha_l: 0.0, torque_h: 0.0, theta_j: 0.0 };
-        self.sensors.measure(angle_rad, torque_nm, [0.0; 2], &further, time_s)
+        self.sensors.measure(self.angle_rad, torque_nm, [0.0; 2], &further, time_s)
     }
 
     /// Takes the load off, between the commands of which only those of a rig trial have one.
@@ -214,6 +253,7 @@ impl ArmedVirtualWrist {
         if self.rig_trial.take().is_some() {
             self.servo = Servo::new(&self.rig.setup, self.rig.sample_rate_hz);
             self.lever_torque_nm = 0.0;
+            self.change_load(0.0);
         }
     }
 
@@ -259,8 +299,9 @@ impl Armed for ArmedVirtualWrist {
         let emg = self.emg.step(&self.voluntary, response.since_onset_s, response.speed_rad_s);
         self.sample += 1;
         let time_s = self.sample as f64 / self.rig.sample_rate_hz;
+        self.angle_rad = self.servo.motion().theta + self.load_change.next_rad();
         Ok(self.sensors.measure(
-            self.servo.motion().theta,
+            self.angle_rad,
             voluntary_nm + response.measured_nm,
             [emg[0] / self.rig.emg_scale[0], emg[1] / self.rig.emg_scale[1]],
             &self.wrist.further(&response, [before, self.servo.motion()], voluntary_nm),

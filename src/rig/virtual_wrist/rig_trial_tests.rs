@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use super::*;
 use crate::protocol::{GRAVITY_M_S2, Multisine, Protocol, RigLoad, Sweep};
+use crate::rig::LimitMonitor;
 use crate::wrist::Lever;
 
 const RATE: f64 = 2500.0;
@@ -211,4 +212,33 @@ fn a_rig_trial_draws_the_same_noise_however_long_its_load_was_mounted() {
         samples
     };
     assert_eq!(record(0), record(12_345));
+}
+
+#[test]
+fn a_load_that_is_put_on_and_taken_off_turns_the_motor_within_the_limit_of_its_speed() {
+    let text = include_str!("../../../protocols/quick.json");
+    let limits = Protocol::parse(text, "quick.json").unwrap().limits.clone();
+    let rate_hz = 5000.0;
+    let Ok(mut wrist) = VirtualWrist::new(Person::default(), quiet(Some(LEVER)), 1, rate_hz)
+        .arm(ArmingConsent::given(), &limits)
+    else {
+        panic!("always ready")
+    };
+    let mut monitor = LimitMonitor::new((&limits).into(), rate_hz);
+    let mut exchange = |cue: Cue| {
+        let sample = wrist.exchange(&Command { motor: Motor::Follow { angle_rad: 0.0 }, cue }).unwrap();
+        assert_eq!(monitor.check_sample(&sample).err(), None);
+        sample.theta_m_rad
+    };
+    let heavy = |sign| RigLoad::KnownWeight { mass_kg: 5.0, arm_m: 0.12, sign };
+    let turned = 5.0 * 0.12 * GRAVITY_M_S2 / Setup::default().servo_stiffness_nm_per_rad;
+    for (position, sign) in [(1, 1), (2, -1)] {
+        for stage in [RigTrialStage::Mounting, RigTrialStage::Settling] {
+            let upcoming = UpcomingRigTrial { position, rejections: 0, load: heavy(sign), stage };
+            let angle = (0..1250).map(|_| exchange(Cue::RigTrial(upcoming))).last().unwrap();
+            assert!((angle.abs() - turned).abs() < 1e-6, "{angle}");
+        }
+    }
+    let angle = (0..1250).map(|_| exchange(Cue::Rest)).last().unwrap();
+    assert!(angle.abs() < 1e-4, "{angle}");
 }
