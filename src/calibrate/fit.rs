@@ -20,7 +20,7 @@ const DIFFERENCE: f64 = 1e-7;
 /// Largest step, in standard errors, at which the search has ended.
 const ENDED: f64 = 1e-2;
 /// Place of the servo's bandwidth among the coordinates, and of the friction's and the cubic part's.
-const SERVO_PLACE: usize = 9;
+pub const SERVO_PLACE: usize = 9;
 pub const FRICTION_PLACE: usize = 10;
 const CUBIC_PLACE: usize = 5;
 

@@ -2,9 +2,12 @@
 
 use nalgebra::DVector;
 
-use super::constants::FRICTION_SPEED_PLACE;
-use super::fit::{FRICTION_PLACE, RigFit, RigFitInput};
+use super::constants::{FRICTION_SPEED_PLACE, time_constant_s};
+use super::fit::{FRICTION_PLACE, RigFit, RigFitInput, SERVO_PLACE};
 use super::likelihood::CommonProducts;
+
+/// Natural frequencies of the servo at which a search starts, Hz: the median of its mechanism's prior, and a quarter of it.
+const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];
 
 /// Places of the torque channel's delay and low-pass among the coordinates.
 const DELAY_PLACE: usize = 7;
@@ -18,7 +21,7 @@ struct FitFromStart {
 
 /// The most likely of the fits from several starts.
 ///
-/// One start is the rig as stated. At another the servo is found first, with the rest as stated: where the motion that follows from the
+/// One start is the rig as stated. At others the servo is found first, from several bandwidths, with the rest as stated: where the motion that follows from the
 /// target is not known yet, a search takes what the servo leaves for the handle's. From the likelier one the search goes on to the places
 /// that it is known to miss.
 pub fn fit_from_starts(input: &RigFitInput<'_>) -> RigFit {
@@ -29,7 +32,12 @@ pub fn fit_from_starts(input: &RigFitInput<'_>) -> RigFit {
         FitFromStart { fit, deviance }
     };
     let mut best = candidate(&input.prior.mean);
-    best = likelier(best, candidate(&input.fit_servo(&input.prior.mean).point));
+    let servo = input.coordinates.scales[SERVO_PLACE];
+    for frequency_hz in SERVO_STARTS_HZ {
+        let mut start = input.prior.mean.clone();
+        start[SERVO_PLACE] = servo.coordinate(time_constant_s(frequency_hz));
+        best = likelier(best, candidate(&input.fit_servo(&start).point));
+    }
     for other in [other_side_of_lag, usual_friction] {
         if let Some(start) = other(input, &best.fit.point) {
             best = likelier(best, candidate(&start));
