@@ -2,16 +2,14 @@
 
 use nalgebra::DVector;
 
-use super::constants::{FRICTION_SPEED_PLACE, time_constant_s};
-use super::fit::{FRICTION_PLACE, RigFit, RigFitInput, SERVO_PLACE};
+use super::constants::{
+    DELAY_PLACE, FRICTION_PLACE, FRICTION_SPEED_PLACE, LAG_PLACE, SERVO_PLACE, time_constant_s,
+};
+use super::fit::{RigFit, RigFitInput};
 use super::likelihood::CommonProducts;
 
 /// Natural frequencies of the servo at which a search starts, Hz: the median of its mechanism's prior, and a quarter of it.
 const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];
-
-/// Places of the torque channel's delay and low-pass among the coordinates.
-const DELAY_PLACE: usize = 7;
-const LAG_PLACE: usize = 8;
 
 /// A fit and how likely it is.
 struct FitFromStart {
@@ -21,9 +19,9 @@ struct FitFromStart {
 
 /// The most likely of the fits from several starts.
 ///
-/// One start is the rig as stated. At others the servo is found first, from several bandwidths, with the rest as stated: where the motion that follows from the
-/// target is not known yet, a search takes what the servo leaves for the handle's. From the likelier one the search goes on to the places
-/// that it is known to miss.
+/// One start is the rig as stated. At others the servo is found first, from several bandwidths, with the rest as stated: where the motion
+/// that follows from the target is not known yet, a search takes what the servo leaves for the handle's. From the likeliest one the search
+/// goes on to the places that it is known to miss.
 pub fn fit_from_starts(input: &RigFitInput<'_>) -> RigFit {
     let mut products = CommonProducts::new(input);
     let mut candidate = |from: &DVector<f64>| {
