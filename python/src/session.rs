@@ -289,17 +289,8 @@ impl NativeSession {
         let times_s: Vec<f64> = (0..record.theta_m_rad.len())
             .map(|sample| record.start_s + sample as f64 / self.session.sample_rate_hz)
             .collect();
-        let columns = [
-            ("t_s", Some(&times_s)),
-            ("theta_m_rad", Some(&record.theta_m_rad)),
-            ("torque_l_nm", Some(&record.torque_l_nm)),
-            ("emg_fcr_mvc", record.emg_fcr_mvc.as_ref()),
-            ("emg_ecr_mvc", record.emg_ecr_mvc.as_ref()),
-        ];
-        let further =
-            FurtherChannel::ALL.into_iter().map(|channel| (channel.column(), record.further(channel)));
-        let measured = columns.into_iter().chain(further);
-        Ok(measured.filter_map(|(name, values)| Some((name, PyArray1::from_slice(py, values?)))).collect())
+        let columns = std::iter::once(("t_s", times_s.as_slice())).chain(record.channels());
+        Ok(columns.map(|(name, values)| (name, PyArray1::from_slice(py, values))).collect())
     }
 
     /// What the signals say against the table, as JSON.

@@ -18,21 +18,23 @@ pub fn edges(times_s: &[f64], values: &[f64], threshold: f64, falling: bool) -> 
 /// The level at which a trigger is most of the time, where that is on the side to which its pulses are said to go: their begin would be
 /// taken at their end.
 pub fn rest_on_other_side(values: &[f64], threshold: f64, falling: bool) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let rest = *sorted.get(sorted.len() / 2)?;
+    let [_, rest, _] = levels(values)?;
     let is_pulse = if falling { rest < threshold } else { rest > threshold };
     is_pulse.then_some(rest)
 }
 
-/// A threshold between the level at which a trigger rests, its median, and the level farthest from it.
+/// A threshold between the level at which a trigger rests and the level farthest from it.
 pub fn middle(values: &[f64]) -> f64 {
+    let Some([low, rest, high]) = levels(values) else { return 0.0 };
+    let far = if high - rest >= rest - low { high } else { low };
+    0.5 * (rest + far)
+}
+
+/// The lowest level of a trigger, the one at which it rests, its median, and the highest; `None` without samples.
+fn levels(values: &[f64]) -> Option<[f64; 3]> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let (Some(low), Some(high)) = (sorted.first(), sorted.last()) else { return 0.0 };
-    let rest = sorted[sorted.len() / 2];
-    let far = if high - rest >= rest - low { *high } else { *low };
-    0.5 * (rest + far)
+    Some([*sorted.first()?, sorted[sorted.len() / 2], *sorted.last()?])
 }
 
 #[cfg(test)]

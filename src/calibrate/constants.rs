@@ -14,9 +14,12 @@ pub const NOT_REPORTED: usize = 8;
 /// Place of the first coordinate with a prior that is knowledge, not a guard: it stays where nothing else is assumed.
 pub const FIRST_KNOWN: usize = REPORTED + 5;
 
-/// Places of the torque channel's delay and low-pass among the coordinates.
+/// Places among the coordinates: the torque's cubic part, delay and low-pass, the servo's bandwidth, and the friction.
+pub const CUBIC_PLACE: usize = 5;
 pub const DELAY_PLACE: usize = 7;
 pub const LAG_PLACE: usize = 8;
+pub const SERVO_PLACE: usize = 9;
+pub const FRICTION_PLACE: usize = 10;
 
 /// Place of the friction's speed among the coordinates.
 pub const FRICTION_SPEED_PLACE: usize = REPORTED + NOT_REPORTED - 1;

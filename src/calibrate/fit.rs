@@ -3,7 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::constants::{FIRST_KNOWN, FittedConstants, REPORTED, RigCoordinates};
+use super::constants::{
+    CUBIC_PLACE, DELAY_PLACE, FIRST_KNOWN, FRICTION_PLACE, FittedConstants, LAG_PLACE, REPORTED,
+    RigCoordinates, SERVO_PLACE,
+};
 use super::moments::{
     MomentChannel, MomentLabel, Needed, OfTorqueChannel, TrialMoments, TrialResidual, residual,
     torque_channel_derivative,
@@ -19,10 +22,6 @@ const STEPS: usize = 30;
 const DIFFERENCE: f64 = 1e-7;
 /// Largest step, in standard errors, at which the search has ended.
 const ENDED: f64 = 1e-2;
-/// Place of the servo's bandwidth among the coordinates, and of the friction's and the cubic part's.
-const SERVO_PLACE: usize = 9;
-pub const FRICTION_PLACE: usize = 10;
-const CUBIC_PLACE: usize = 5;
 
 /// The trials of a fit and what is known of their noise.
 pub struct RigFitInput<'a> {
@@ -336,8 +335,8 @@ fn of_torque_channel(column: usize) -> Option<OfTorqueChannel> {
     match column {
         3 => Some(OfTorqueChannel::Gain),
         4 => Some(OfTorqueChannel::Offset),
-        7 => Some(OfTorqueChannel::Delay),
-        8 => Some(OfTorqueChannel::Lag),
+        DELAY_PLACE => Some(OfTorqueChannel::Delay),
+        LAG_PLACE => Some(OfTorqueChannel::Lag),
         _ => None,
     }
 }

@@ -2,9 +2,14 @@
 
 use nalgebra::DVector;
 
-use super::constants::{DELAY_PLACE, FRICTION_SPEED_PLACE, LAG_PLACE};
-use super::fit::{FRICTION_PLACE, RigFit, RigFitInput};
+use super::constants::{
+    DELAY_PLACE, FRICTION_PLACE, FRICTION_SPEED_PLACE, LAG_PLACE, SERVO_PLACE, time_constant_s,
+};
+use super::fit::{RigFit, RigFitInput};
 use super::likelihood::CommonProducts;
+
+/// Natural frequencies of the servo at which a search starts, Hz: the median of its mechanism's prior, and a quarter of it.
+const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];
 
 /// A fit and how likely it is.
 struct FitFromStart {
@@ -14,9 +19,9 @@ struct FitFromStart {
 
 /// The most likely of the fits from several starts.
 ///
-/// One start is the rig as stated. At another the servo is found first, with the rest as stated: where the motion that follows from the
-/// target is not known yet, a search takes what the servo leaves for the handle's. From the likelier one the search goes on to the places
-/// that it is known to miss.
+/// One start is the rig as stated. At others the servo is found first, from several bandwidths, with the rest as stated: where the motion
+/// that follows from the target is not known yet, a search takes what the servo leaves for the handle's. From the likeliest one the search
+/// goes on to the places that it is known to miss.
 pub fn fit_from_starts(input: &RigFitInput<'_>) -> RigFit {
     let mut products = CommonProducts::new(input);
     let mut candidate = |from: &DVector<f64>| {
@@ -25,7 +30,12 @@ pub fn fit_from_starts(input: &RigFitInput<'_>) -> RigFit {
         FitFromStart { fit, deviance }
     };
     let mut best = candidate(&input.prior.mean);
-    best = likelier(best, candidate(&input.fit_servo(&input.prior.mean).point));
+    let servo = input.coordinates.scales[SERVO_PLACE];
+    for frequency_hz in SERVO_STARTS_HZ {
+        let mut start = input.prior.mean.clone();
+        start[SERVO_PLACE] = servo.coordinate(time_constant_s(frequency_hz));
+        best = likelier(best, candidate(&input.fit_servo(&start).point));
+    }
     for other in [other_side_of_lag, usual_friction] {
         if let Some(start) = other(input, &best.fit.point) {
             best = likelier(best, candidate(&start));

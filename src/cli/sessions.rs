@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{Console, Failure, SessionSummary};
-use crate::dataset::session_folders;
+use crate::dataset::{is_session, session_folders};
 use crate::files::Folder;
 
 use super::verb::Verb;
@@ -36,11 +36,11 @@ impl Verb for SessionsArgs {
         }
         let mut folders = session_folders(&self.folders)?;
         folders.retain(|folder| {
-            let is_empty = Folder::open(folder).is_ok_and(|folder| !folder.contains("session.json"));
-            if is_empty {
+            let is_one = Folder::open(folder).is_ok_and(|folder| is_session(&folder));
+            if !is_one {
                 console.message(format_args!("{}: no session in it", folder.display()));
             }
-            !is_empty
+            is_one
         });
         folders.sort_by(|a, b| natord::compare(&a.to_string_lossy(), &b.to_string_lossy()));
         let sessions: Vec<SessionSummary> = folders.iter().map(|folder| SessionSummary::of(folder)).collect();

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::load::{check_further_channels, check_record, check_values};
-use super::record_csv::{Digits, optional_channels, record_csv};
+use super::record_csv::{Digits, record_csv};
 use super::rig_calibration::RIG_CALIBRATION;
 use super::stored_protocol::PROTOCOL;
 use super::trial_csv_reader::check_times;
@@ -70,12 +70,7 @@ pub fn check_given(session: &Session, times_s: &[Vec<f64>]) -> Result<(), Datase
 
 /// Whether all channels have a finite value for every time.
 fn check_samples(name: &str, record: &Record, times_s: &[f64]) -> Result<(), DatasetError> {
-    let always = [
-        ("t_s", times_s),
-        ("theta_m_rad", record.theta_m_rad.as_slice()),
-        ("torque_l_nm", record.torque_l_nm.as_slice()),
-    ];
-    for (channel, values) in always.into_iter().chain(optional_channels(record)) {
+    for (channel, values) in std::iter::once(("t_s", times_s)).chain(record.channels()) {
         if values.len() != times_s.len() {
             return Err(DatasetError::Value {
                 at: FilePlace { file: name.into(), line: None, column: Some(channel.into()) },

@@ -70,7 +70,7 @@ pub use session_schema::session_schema_text;
 
 use serde::{Deserialize, Serialize};
 pub use session_files::session_files;
-pub use session_folders::session_folders;
+pub use session_folders::{is_session, session_folders};
 pub use stored_protocol::stored_protocol;
 pub use utc::{utc_day, utc_seconds, utc_text};
 
@@ -184,6 +184,19 @@ impl Record {
             FurtherChannel::HandTorque => &mut self.torque_h_nm,
             FurtherChannel::JointAngle => &mut self.theta_j_rad,
         }
+    }
+
+    /// The samples of every channel that is measured, with the name of its column.
+    pub fn channels(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
+        let own = [
+            ("theta_m_rad", Some(&self.theta_m_rad)),
+            ("torque_l_nm", Some(&self.torque_l_nm)),
+            ("emg_fcr_mvc", self.emg_fcr_mvc.as_ref()),
+            ("emg_ecr_mvc", self.emg_ecr_mvc.as_ref()),
+        ];
+        let further =
+            FurtherChannel::ALL.into_iter().map(|channel| (channel.column(), self.further(channel)));
+        own.into_iter().chain(further).filter_map(|(column, samples)| Some((column, samples?.as_slice())))
     }
 
     /// The further channels that are measured, in the order of [`FurtherChannel::ALL`].

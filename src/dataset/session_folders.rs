@@ -49,6 +49,7 @@ fn sessions_in(folder: &Folder) -> Result<Vec<PathBuf>, DatasetError> {
     Ok(inside)
 }
 
-fn is_session(folder: &Folder) -> bool {
+/// Whether a folder is that of a session.
+pub fn is_session(folder: &Folder) -> bool {
     folder.contains("session.json")
 }
