@@ -132,7 +132,8 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         (index, fit, test) if index == best => (fit, (best > 0).then_some(test)),
         _ => {
             let fit = fit_with_causes(&search, &models[best]);
-            let test = (best > 0).then(|| TestedFit::new(observations, &fit, angle_errors, seed));
+            let changes = models[best].posterior.size_changes();
+            let test = (best > 0).then(|| TestedFit::new(observations, &fit, &changes, angle_errors, seed));
             (fit, test)
         }
     };
@@ -218,7 +219,7 @@ fn compared_models<'a>(
     let mut search = ModelSearch::new(observations, before, prior, &kinds)?;
     // What rig trials tell is not looked for in the person's.
     let kinds: Vec<MechanismKind> = kinds.into_iter().filter(|kind| !search.prior.rig.tells(*kind)).collect();
-    let given = TestedFit::new(observations, before, &search.prior.angle_errors, seed);
+    let given = TestedFit::new(observations, before, &[], &search.prior.angle_errors, seed);
     stage("fitting the mechanisms of the catalogue");
     search.add_single_causes(&kinds, given.p_values.any() < SEEN_LEVEL);
     stage("fitting unknown laws");
@@ -227,7 +228,8 @@ fn compared_models<'a>(
     let single = search.best_with(1);
     let best = if search.models[single].log_odds > 0.0 { single } else { 0 };
     let fit = fit_with_causes(&search, &search.models[best]);
-    let tested = TestedFit::new(observations, &fit, &search.prior.angle_errors, seed);
+    let changes = search.models[best].posterior.size_changes();
+    let tested = TestedFit::new(observations, &fit, &changes, &search.prior.angle_errors, seed);
     search.add_pairs(&kinds, tested.p_values.any() < MISFIT_LEVEL);
     stage("looking for trials that do not belong");
     if let Some(kind) = kinds.iter().copied().find(|kind| kind.evidence() == EvidenceSource::SingleTrials) {

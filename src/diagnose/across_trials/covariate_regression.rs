@@ -207,7 +207,11 @@ pub fn covariate_effect_of(
     data: &StiffnessTable,
     kind: MechanismKind,
 ) -> Option<CovariateEffect> {
-    let session = ProbeContext { lever: observations.lever, highest_torque_nm: 0.0 };
+    let session = ProbeContext {
+        lever: observations.lever,
+        highest_torque_nm: 0.0,
+        window_s: observations.samples as f64 * observations.period_s,
+    };
     let probes = kind.probes(&session);
     let effects = probes
         .iter()

@@ -1,5 +1,7 @@
 //! The posterior of one model: its optimum, spreads by marginal likelihood, and its evidence by Laplace's approximation.
 
+use std::ops::Range;
+
 use nalgebra::DVector;
 
 use super::gaussian::log_normal_distribution;
@@ -64,6 +66,8 @@ pub struct ModelPosterior {
     pub log_evidence: f64,
     /// Number of linearisations.
     pub steps: usize,
+    /// Places among the common unknowns of the changes of the mechanisms' sizes.
+    size_changes: Range<usize>,
 }
 
 impl ModelPosterior {
@@ -162,6 +166,8 @@ impl ModelPosterior {
             }
         };
         let Here { fit, point, linear, .. } = here;
+        let last = unknowns.common.len() + columns.count();
+        let size_changes = last - columns.size_changes()..last;
         Some(Self {
             added: added.to_vec(),
             fit,
@@ -173,7 +179,16 @@ impl ModelPosterior {
             design,
             log_evidence,
             steps,
+            size_changes,
         })
+    }
+
+    /// Changes of each trial's whitened prediction as the size of a mechanism changes with the order of the trials, torque and velocity.
+    pub fn size_changes(&self) -> Vec<Vec<DVector<f64>>> {
+        let change = |place: usize| -> Vec<DVector<f64>> {
+            self.linear.iter().map(|trial| trial.common.column(place).into_owned()).collect()
+        };
+        self.size_changes.clone().map(change).collect()
     }
 
     /// Errors of each trial's own coordinates in `count` sessions that differ from this one by their noise alone.

@@ -93,7 +93,7 @@ impl RigKnowledge {
     pub fn measured(calibration: &RigCalibration, lever: Option<Lever>) -> Result<Self, CalibrationMisuse> {
         let constants = RigConstants::calibrated(calibration, lever)?;
         let stated = RigConstants::stated(lever);
-        let context = ProbeContext { lever, highest_torque_nm: 0.0 };
+        let context = ProbeContext { lever, highest_torque_nm: 0.0, window_s: 0.0 };
         let mut told = Vec::new();
         let mut slopes = Vec::new();
         for own in &CAUSED {

@@ -14,7 +14,7 @@ use crate::diagnose::predicted_torque::torques;
 use crate::fit::{Fit, I_J, K_DEC, K_SRS, Observations, mechanism_ranges};
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
-use crate::wrist::mechanisms::{FREE_LAWS, MechanismKind, Place, Prior, ProbeContext};
+use crate::wrist::mechanisms::{FREE_LAWS, MechanismKind, Place, Prior, ProbeContext, SIZE_DRIFT_SD};
 
 /// Standard deviation of I_j from repetition to repetition, as logarithm: the hand sits anew in the handle. Assumed.
 const INERTIA_SD: f64 = 0.03;
@@ -22,9 +22,7 @@ const INERTIA_SD: f64 = 0.03;
 /// Standard deviation of the prior of the logarithm of a parameter about which nothing is known.
 const VAGUE_LOG_SD: f64 = 3.0;
 
-/// Standard deviation of the relative change of a mechanism's size with the order of the trials, with torque and with velocity, each over
-/// half its range: amplifiers warm, joints bed in. Assumed.
-const SIZE_DRIFT_SD: f64 = 0.1;
+/// Number of quantities with which a mechanism's size may drift: the order of the trials, torque and velocity.
 const SIZE_DRIFTS: usize = 3;
 
 /// k_dec is 0.6 of k_srs within a factor of e^0.5: the paper finds it below k_srs in all conditions, without figures (3.2, 3.3).
@@ -258,13 +256,23 @@ pub fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
     libm::sqrt(sum / count.max(1) as f64)
 }
 
+/// A mechanism whose size may drift.
+struct Drifting {
+    /// Its first parameter.
+    parameter: usize,
+    /// The coordinate of that parameter without effect, if it has one.
+    absent: Option<f64>,
+    /// Standard deviations of the relative change of its size, each over half the range of order, torque and velocity.
+    sd: [f64; SIZE_DRIFTS],
+}
+
 /// Unknowns beside the coordinates of a fit, in which the torque is linear.
 pub struct AddedColumns<'a> {
     prior: &'a SessionPrior,
     /// Errors of the angle that trials share, about this model.
     angle_errors: AngleErrors,
-    /// For each mechanism whose size may drift: its first parameter, and the coordinate without effect, if it has one.
-    drifting: Vec<(usize, Option<f64>)>,
+    /// The mechanisms whose size may drift.
+    drifting: Vec<Drifting>,
     /// Free laws that are deviations from a mechanism's law, with the standard deviation of their coefficients.
     deviations: Vec<(MechanismKind, f64)>,
 }
@@ -285,7 +293,11 @@ impl<'a> AddedColumns<'a> {
                 continue;
             }
             if kind.law_space().place != Place::Trials {
-                drifting.push((range.start, without_effect(*kind, &prior.context)));
+                drifting.push(Drifting {
+                    parameter: range.start,
+                    absent: without_effect(*kind, &prior.context),
+                    sd: [SIZE_DRIFT_SD, kind.torque_scaling_sd(), SIZE_DRIFT_SD],
+                });
             }
             if let Some(law) = deviation_of(*kind).filter(|law| fit.kinds.contains(law)) {
                 let sd = kind.law_space().sd * effect(*kind) / prior.ranges.argument_size(law);
@@ -300,7 +312,12 @@ impl<'a> AddedColumns<'a> {
 
     /// Their number.
     pub fn count(&self) -> usize {
-        self.angle_errors.variances.len() + SIZE_DRIFTS * self.drifting.len()
+        self.angle_errors.variances.len() + self.size_changes()
+    }
+
+    /// Number of the last of them, which change the size of a mechanism.
+    pub fn size_changes(&self) -> usize {
+        SIZE_DRIFTS * self.drifting.len()
     }
 
     fn deviation_sd(&self, law: MechanismKind) -> Option<f64> {
@@ -308,9 +325,9 @@ impl<'a> AddedColumns<'a> {
     }
 
     fn precision(&self) -> DMatrix<f64> {
-        let errors = &self.angle_errors.variances;
-        let variance = |place: usize| errors.get(place).copied().unwrap_or(SIZE_DRIFT_SD * SIZE_DRIFT_SD);
-        DMatrix::from_diagonal(&DVector::from_fn(self.count(), |place, _| 1.0 / variance(place)))
+        let sizes = self.drifting.iter().flat_map(|own| own.sd.map(|sd| sd * sd));
+        let variances: Vec<f64> = self.angle_errors.variances.iter().copied().chain(sizes).collect();
+        DMatrix::from_diagonal(&DVector::from_fn(self.count(), |place, _| 1.0 / variances[place]))
     }
 
     /// Adds the columns to the session that is `linear` at `fit`, and takes what they explain at `common` out of its residuals.
@@ -321,14 +338,13 @@ impl<'a> AddedColumns<'a> {
         for (trial, own) in linear.iter_mut().enumerate() {
             let mut added = DMatrix::zeros(own.residual.len(), self.count());
             added.view_mut((0, 0), (own.residual.len(), errors)).copy_from(&self.angle_errors.columns[trial]);
-            for (number, (parameter, absent)) in self.drifting.iter().enumerate() {
-                let place = unknowns
-                    .common
-                    .iter()
-                    .position(|index| fit.parameterisation.coordinates[*index].parameter == *parameter);
+            for (number, drifting) in self.drifting.iter().enumerate() {
+                let place = unknowns.common.iter().position(|index| {
+                    fit.parameterisation.coordinates[*index].parameter == drifting.parameter
+                });
                 let Some(place) = place else { continue };
                 // Of a parameter that has no value without effect, such as a cut-off, the logarithm drifts.
-                let size = absent.map_or(1.0, |absent| common[place] - absent);
+                let size = drifting.absent.map_or(1.0, |absent| common[place] - absent);
                 for (which, by) in self.prior.drifts[trial].iter().enumerate() {
                     let column = own.common.column(place) * (size * by);
                     added.set_column(errors + SIZE_DRIFTS * number + which, &column);

@@ -108,6 +108,32 @@ impl ProjectedComponent {
         *stacked -= &self.border * self.border.tr_mul(stacked);
     }
 
+    /// The part of `change` in these trials, projected.
+    fn projected(&self, change: &WhitenedTrials, rows: &[usize]) -> DVector<f64> {
+        let mut stacked = DVector::zeros(self.residual.len());
+        let mut first = 0;
+        for trial in &self.trials {
+            stacked.rows_mut(first, change[*trial].len()).copy_from(&change[*trial]);
+            first += rows[*trial];
+        }
+        self.project(&mut stacked);
+        stacked
+    }
+
+    /// Lets the shared parameters absorb `directions` as well.
+    fn absorb(&mut self, directions: &[WhitenedTrials], rows: &[usize]) {
+        if directions.is_empty() {
+            return;
+        }
+        let projected: Vec<DVector<f64>> = directions.iter().map(|own| self.projected(own, rows)).collect();
+        let known = self.border.column_iter().map(|own| own.into_owned());
+        let columns: Vec<DVector<f64>> = known.chain(projected).collect();
+        self.border = orthonormal(DMatrix::from_columns(&columns));
+        let mut residual = std::mem::replace(&mut self.residual, DVector::zeros(0));
+        self.project(&mut residual);
+        self.residual = residual;
+    }
+
     fn parameters(&self) -> usize {
         self.blocks.iter().map(|block| block.basis.ncols()).sum::<usize>() + self.border.ncols()
     }
@@ -118,8 +144,13 @@ impl ProjectedComponent {
 pub type WhitenedTrials = Vec<DVector<f64>>;
 
 impl ResidualProjection {
-    /// The tangent space of `fit`, and `angle_errors` that trials share.
-    pub fn new(observations: &Observations, fit: &Fit, angle_errors: &AngleErrors) -> Self {
+    /// The tangent space of `fit` and of the `further` directions, and `angle_errors` that trials share.
+    pub fn new(
+        observations: &Observations,
+        fit: &Fit,
+        further: &[WhitenedTrials],
+        angle_errors: &AngleErrors,
+    ) -> Self {
         let predictions = predictions(observations, fit);
         let count = observations.trials.len();
         let known: Vec<Vec<usize>> = (0..count).map(|trial| known(fit, trial)).collect();
@@ -130,7 +161,9 @@ impl ResidualProjection {
             })
             .collect();
         let part = |component: &Component| {
-            ProjectedComponent::new(observations, fit, component, &predictions, &rows, &known)
+            let mut part = ProjectedComponent::new(observations, fit, component, &predictions, &rows, &known);
+            part.absorb(further, &rows);
+            part
         };
         let parts = fit.parameterisation.components.iter().map(part).collect();
         let known = known.iter().map(Vec::len).collect();
@@ -153,16 +186,7 @@ impl ResidualProjection {
 
     /// Subtracts from `change` what the free parameters can absorb.
     pub fn project(&self, change: &WhitenedTrials) -> WhitenedTrials {
-        self.by_trial(|part| {
-            let mut stacked = DVector::zeros(part.residual.len());
-            let mut first = 0;
-            for trial in &part.trials {
-                stacked.rows_mut(first, change[*trial].len()).copy_from(&change[*trial]);
-                first += self.rows[*trial];
-            }
-            part.project(&mut stacked);
-            stacked
-        })
+        self.by_trial(|part| part.projected(change, &self.rows))
     }
 
     /// Projected `values` in units of the noise and the angle's errors together.

@@ -35,7 +35,11 @@ pub fn probe_context(observations: &Observations) -> ProbeContext {
         let change = observations.torque_of(&trial.measured_nm).iter().copied().fold(0.0, f64::max);
         change + trial.direction * trial.torque_0_nm
     });
-    ProbeContext { lever: observations.lever, highest_torque_nm: highest.fold(0.0, f64::max) }
+    ProbeContext {
+        lever: observations.lever,
+        highest_torque_nm: highest.fold(0.0, f64::max),
+        window_s: observations.samples as f64 * observations.period_s,
+    }
 }
 
 /// The probes of all mechanisms of the catalogue that act within the trials, and the mechanisms that cannot be detected there.

@@ -1,7 +1,7 @@
 //! Tests of what a fit leaves.
 
 use super::null_distribution::{MisfitPValues, MisfitStatistics, NullDistribution, misfit_statistics};
-use super::residual_projection::ResidualProjection;
+use super::residual_projection::{ResidualProjection, WhitenedTrials};
 use super::score_test::{UndetectableMechanism, probes};
 use crate::diagnose::evidence::angle_error::AngleErrors;
 use crate::fit::{Fit, Observations};
@@ -17,10 +17,16 @@ pub struct TestedFit {
 }
 
 impl TestedFit {
-    /// Tests the residuals of `fit`, where trials share `angle_errors`.
-    pub fn new(observations: &Observations, fit: &Fit, angle_errors: &AngleErrors, seed: u64) -> Self {
+    /// Tests the residuals of `fit`, where trials share `angle_errors`, and what lies in the `further` directions is explained as well.
+    pub fn new(
+        observations: &Observations,
+        fit: &Fit,
+        further: &[WhitenedTrials],
+        angle_errors: &AngleErrors,
+        seed: u64,
+    ) -> Self {
         let angle_errors = &angle_errors.about(observations, fit);
-        let tangent = ResidualProjection::new(observations, fit, angle_errors);
+        let tangent = ResidualProjection::new(observations, fit, further, angle_errors);
         let (probes, undetectable) = probes(observations, fit, &tangent);
         let misfit = misfit_statistics(observations, &tangent, &probes, &tangent.residuals());
         let noise_alone = NullDistribution::new(observations, &tangent, angle_errors, &probes, seed);

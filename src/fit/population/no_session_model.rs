@@ -46,9 +46,9 @@ pub enum NoSessionModel {
     },
     /// The trials are those of two persons, or of one whose grip changed.
     #[error(
-        "the trials fall into two groups, of {} and {}, whose {parameter} differ by {:.0} % in all conditions alike: trials of two \
-         persons or rigs, or a grip that changed",
-        counts[0], counts[1], 100.0 * difference
+        "the trials fall into two groups, of {} and {}, whose {parameter} differ by {} in all conditions alike: trials of two \
+         persons or rigs, a grip that changed, or a model that does not describe them",
+        counts[0], counts[1], in_words(*difference)
     )]
     TwoGroups {
         /// Numbers of trials.
@@ -61,4 +61,30 @@ pub enum NoSessionModel {
     /// The approximation of the likelihood is not finite.
     #[error("the trials' likelihood cannot be approximated")]
     NotFinite,
+}
+
+/// Ratio of two groups above which its size says nothing: in one of them the data leave the parameter open.
+const LARGEST_RATIO: f64 = 10.0;
+
+/// The part by which one is above the other.
+fn in_words(difference: f64) -> String {
+    if difference < LARGEST_RATIO - 1.0 {
+        format!("{:.0} %", 100.0 * difference)
+    } else {
+        format!("more than a factor of {LARGEST_RATIO:.0}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_of_which_one_leaves_a_parameter_open_are_said_to_differ_by_more_than_a_factor() {
+        let text = |difference| {
+            NoSessionModel::TwoGroups { counts: [15, 3], parameter: "x_e_rad", difference }.to_string()
+        };
+        assert!(text(0.4).contains("differ by 40 % in"), "{}", text(0.4));
+        assert!(text(1e50).contains("differ by more than a factor of 10 in"), "{}", text(1e50));
+    }
 }

@@ -79,7 +79,11 @@ impl TypicalEffect {
         };
         let base_nm = torque(&[], &base);
         let highest_nm = base_nm.iter().copied().fold(0.0, f64::max) + TORQUE_NM;
-        let context = ProbeContext { lever: setup.lever, highest_torque_nm: highest_nm };
+        let context = ProbeContext {
+            lever: setup.lever,
+            highest_torque_nm: highest_nm,
+            window_s: SAMPLES as f64 * period_s,
+        };
         let values = kind.probes(&context).pop().unwrap_or_default();
         let time_s: Vec<f64> = (0..SAMPLES).map(|sample| sample as f64 * period_s).collect();
         let parameters: Vec<f64> = base.iter().chain(&values).copied().collect();

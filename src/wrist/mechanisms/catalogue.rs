@@ -69,6 +69,11 @@ macro_rules! catalogue {
                 match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::LAW_SPACE,)* Self::Free(law) => law.law_space() }
             }
 
+            /// Standard deviation of the relative change of its size with the torque of the trials; see [`Mechanism::TORQUE_SCALING_SD`].
+            pub fn torque_scaling_sd(self) -> f64 {
+                match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::TORQUE_SCALING_SD,)* Self::Free(_) => SIZE_DRIFT_SD }
+            }
+
             /// Its parameters.
             pub fn parameters(self) -> &'static [MechanismParameter] {
                 match self { $($(#[$condition])? Self::$name => <$module::$name as Mechanism>::PARAMETERS,)* Self::Free(law) => law.parameters() }

@@ -12,6 +12,10 @@ use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
 use crate::wrist::plant::{Lever, Plant};
 
+/// Standard deviation of the relative change of a mechanism's size with the order of the trials, with torque and with velocity, each over
+/// half its range: amplifiers warm, joints bed in. Assumed.
+pub const SIZE_DRIFT_SD: f64 = 0.1;
+
 /// Where a mechanism acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -48,6 +52,8 @@ pub struct ProbeContext {
     pub lever: Option<Lever>,
     /// Highest torque measured in any window, N m.
     pub highest_torque_nm: f64,
+    /// Length of the analysis window from the onset, s.
+    pub window_s: f64,
 }
 
 /// One way in which reality may differ from Eq. 1-7.
@@ -73,6 +79,9 @@ pub trait Mechanism {
     const PRIOR_SOURCE: &'static str;
     /// Where it acts, and how far its real law may differ from its equation.
     const LAW_SPACE: LawSpace;
+    /// Standard deviation of the relative change of its size with the torque of the trials, over half the range of the torques; by default
+    /// that of joints that bed in and amplifiers that warm.
+    const TORQUE_SCALING_SD: f64 = SIZE_DRIFT_SD;
     /// Data that a session must hold.
     const NEEDS: &'static [DataRequirement] = &[];
     /// Number of states that it adds to the model.

@@ -26,7 +26,7 @@ pub use channel_errors::ChannelErrors;
 pub use covariates::{Covariates, DataRequirement};
 pub use free_law::FreeLaw;
 pub use free_law_kind::FreeLawKind;
-pub use mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+pub use mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext, SIZE_DRIFT_SD};
 pub use parameter::MechanismParameter;
 pub use place::{Argument, LawSpace, Place};
 pub use prior::Prior;

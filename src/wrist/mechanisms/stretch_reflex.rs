@@ -8,6 +8,9 @@ use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
 
+/// A reflex that begins later before the end of the window is not looked for, s: its torque has not risen yet.
+const SHORTEST_PART_S: f64 = 0.005;
+
 /// Stretch reflex with its torque inside the analysed window.
 pub struct StretchReflex;
 
@@ -31,7 +34,7 @@ impl Mechanism for StretchReflex {
             (0.012, 0.2),
             None,
             0.025,
-            Prior::LogNormal { median: 0.03, log_sd: 0.18 },
+            Prior::LogNormal { median: 0.04, log_sd: 0.3 },
         ),
         MechanismParameter::new(
             "time_constant_s",
@@ -47,17 +50,23 @@ impl Mechanism for StretchReflex {
     const SOURCE: &'static str = "Delayed, half-wave rectified stretch velocity through a first-order lag";
     const PRIOR_SOURCE: &'static str = "\
         Short-latency reflex of flexor carpi radialis 30 to 55 ms after the stretch \
-        (doi:10.1046/j.1365-201x.1999.00608.x), its EMG 20 ms after at the earliest: about 1 % of the \
-        mass is below 20 ms; activation lag of 10 to 40 ms and gain assumed";
+        (doi:10.1046/j.1365-201x.1999.00608.x), two thirds of the mass; its EMG 20 ms after at the \
+        earliest: about 1 % of the mass is below 20 ms; activation lag of 10 to 40 ms and gain assumed. \
+        The gain may be the same at all torques or go with the torque (Matthews 1986, \
+        doi:10.1113/jphysiol.1986.sp016066)";
     const LAW_SPACE: LawSpace =
         LawSpace { place: Place::Joint, argument: Some(Argument::PastSpeed), sd: 0.2 };
+    /// Torques of 0.9 to 2.1 N m change a gain that goes with the torque by 0.4 over half their range.
+    const TORQUE_SCALING_SD: f64 = 0.4;
     const STATES: usize = 1;
 
-    fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
+    fn probes(session: &ProbeContext) -> Vec<Vec<f64>> {
         // Latency and time constant: early and late, fast and slow.
-        [(0.015, 0.005), (0.02, 0.01), (0.025, 0.005), (0.03, 0.01)]
-            .map(|(latency, lag)| vec![0.3, latency, lag])
-            .to_vec()
+        let early = [(0.015, 0.005), (0.02, 0.01), (0.025, 0.005), (0.03, 0.01)];
+        let later = std::iter::successors(Some(0.036), |latency| Some(1.2 * latency))
+            .take_while(|latency| *latency < session.window_s - SHORTEST_PART_S)
+            .map(|latency| (latency, 0.01));
+        later.chain(early).map(|(latency, lag)| vec![0.3, latency, lag]).collect()
     }
 
     #[inline(always)]

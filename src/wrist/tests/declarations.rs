@@ -3,7 +3,7 @@
 use super::*;
 use crate::wrist::mechanisms::{MechanismParameter, Prior, ProbeContext};
 
-const SESSION: ProbeContext = ProbeContext { lever: Some(LEVER), highest_torque_nm: 5.0 };
+const SESSION: ProbeContext = ProbeContext { lever: Some(LEVER), highest_torque_nm: 5.0, window_s: 0.04 };
 
 fn priors() -> impl Iterator<Item = (MechanismKind, MechanismParameter, Prior)> {
     CATALOGUE.iter().flat_map(|kind| {
