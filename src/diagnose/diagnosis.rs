@@ -23,7 +23,7 @@ use super::within_trial::null_distribution::{MISFIT_LEVEL, MisfitStatistics};
 use super::within_trial::residual_terms::{ResidualDescription, residual_term};
 use super::within_trial::score_test::{UndetectableMechanism, probe_context};
 use super::within_trial::tested_fit::TestedFit;
-use crate::fit::{Fit, Model, Observations, Weighting, X_E};
+use crate::fit::{Fit, Model, Observations, Weighting, X_E, coarse_angle};
 use crate::random::Stream;
 use crate::statistics::chi_square_tail;
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
@@ -110,6 +110,9 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     if let Some(reason) = not_described(observations, &before) {
         remarks.push(format!("no cause was looked for: {reason}"));
         return Diagnosis::without_causes(before, remarks);
+    }
+    if let Some(reason) = coarse_angle(observations, &before) {
+        remarks.push(format!("{reason}; a cause that is named, and misfit that remains, may be the encoder's"));
     }
     let Some(Comparison { search, given, single }) = compared_models(look, &before, seed, stage) else {
         remarks.push("no cause was looked for: the likelihood of the model cannot be approximated".into());

@@ -67,7 +67,7 @@ pub use parameters::starting_values::{StartingValues, median};
 pub use population::hierarchy::Hierarchy;
 pub use population::no_session_model::NoSessionModel;
 pub use population::other_optimum::OtherOptimum;
-pub use population::session_fit::SessionFit;
+pub use population::session_fit::{SessionFit, coarse_angle};
 pub use residuals::input_error::common_input_error_covariance;
 pub use residuals::objective::{Objective, Weighting};
 pub use residuals::prediction::predict;

@@ -121,6 +121,20 @@ fn no_cause_is_named_where_the_model_does_not_describe_the_data_at_all() {
     }
 }
 
+/// Of sound sessions on such encoders most are called unexplained, and some get a name.
+#[test]
+fn an_encoder_whose_steps_outweigh_the_noise_of_the_torque_is_told_beside_what_is_found() {
+    let workspace = Workspace::new();
+    let rig = json!({ "kind": "virtual", "gauge_noise_nm": 0.003, "encoder_counts_per_revolution": 8192 });
+    fs::write(workspace.path("rig.json"), rig.to_string()).unwrap();
+    for (out, rig) in [("coarse", &["--rig", "rig.json"][..]), ("fine", &[])] {
+        workspace.call(0, &[&["run", QUICK, "--seed", "5", "--out", out], rig].concat());
+        let (told, _) = workspace.call(0, &["diagnose", out]);
+        let is_told = told.contains("may be the encoder's") && told.contains("measure with a finer encoder");
+        assert_eq!(is_told, out == "coarse", "{told}");
+    }
+}
+
 /// What was left across the trials was never tested: the second of two covariates was neither named nor called unexplained.
 #[test]
 fn the_second_of_two_covariates_is_named_as_well() {

@@ -19,6 +19,13 @@ use crate::wrist::BASE_PARAMETERS;
 /// Variance of the torque error from the angle, beside that of the torque's noise, above which it is most of the error.
 const LARGEST_ANGLE_ERROR: f64 = 1.0;
 
+/// That the error of the recorded angle is most of the torque's error in `fit`, if it is.
+pub fn coarse_angle(observations: &Observations, fit: &Fit) -> Option<NoSessionModel> {
+    let ratio = angle_error_ratio(observations, &fit.residual_covariances);
+    (ratio > LARGEST_ANGLE_ERROR)
+        .then_some(NoSessionModel::CoarseAngle { ratio, step_rad: observations.angle_step_rad })
+}
+
 /// Restarts of the whole session: x_e as a fraction of the largest motor angle, k_dec as one of k_srs.
 const SESSION_RESTARTS: [Restart; 2] = [(0.4, 0.6), (0.6, 0.6)];
 
@@ -64,9 +71,8 @@ impl SessionFit {
             return Err(NoSessionModel::NoRepetitions);
         }
         let trials = TrialBlocks::of(observations, independent)?;
-        let ratio = angle_error_ratio(observations, &independent.residual_covariances);
-        if ratio > LARGEST_ANGLE_ERROR {
-            return Err(NoSessionModel::CoarseAngle { ratio, step_rad: observations.angle_step_rad });
+        if let Some(reason) = coarse_angle(observations, independent) {
+            return Err(reason);
         }
         let found = Self::so_far(observations, independent, trials)?;
         if let Some(groups) = found.groups.as_ref().filter(|groups| groups.are_distinct()) {
