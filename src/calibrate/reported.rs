@@ -5,7 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use super::constants::{CoordinateScale, DELAY_PLACE, LAG_PLACE, REPORTED, RigCoordinates, time_constant_s};
 use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, inverse};
 use super::fit::RigFitInput;
-use crate::dataset::{CalibratedQuantity, HandleLoad, RigQuantity};
+use crate::dataset::{CalibratedQuantity, RigQuantity};
+use crate::protocol::RigLoad;
 use crate::wrist::Lever;
 
 /// What is reported of the coordinates.
@@ -189,7 +190,7 @@ fn told_with(found: &RigCovariance, place: usize, given: &[usize]) -> bool {
 /// What would tell a quantity.
 fn remedy(quantity: RigQuantity, coordinates: &RigCoordinates, input: &RigFitInput<'_>) -> String {
     let has = |name: &str| input.trials.iter().any(|trial| trial.load.name() == name);
-    let stated = |name: &str| coordinates.loads.iter().any(|load: &HandleLoad| load.name() == name);
+    let stated = |name: &str| coordinates.loads.iter().any(|load: &RigLoad| load.name() == name);
     let missing = match quantity {
         RigQuantity::TorqueGain | RigQuantity::TorqueOffset if !stated("known_weight") => {
             "a known_weight on both sides would tell it"

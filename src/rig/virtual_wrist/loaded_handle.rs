@@ -4,7 +4,7 @@ use super::mechanism_list::MechanismList;
 use super::person::Person;
 use super::setup::Setup;
 use super::wrist_response::{Follower, channels};
-use crate::protocol::{GRAVITY_M_S2, RigLoad};
+use crate::protocol::RigLoad;
 use crate::wrist::mechanisms::{ActiveMechanisms, Covariates, MechanismClass};
 use crate::wrist::{
     AddedDynamics, Context, HermiteSegment, History, Integrator, Kinematics, LONGEST_STEP, Lever, Mechanics,
@@ -82,11 +82,11 @@ impl LoadedHandle {
             history: &history,
         }
         .alter_plant(&mut plant);
-        if let (Some(lever), RigLoad::KnownInertia { inertia_kg_m2 }) = (&mut plant.lever, load) {
+        if let (Some(lever), RigLoad::KnownInertia { inertia_kg_m2, .. }) = (&mut plant.lever, load) {
             lever.inertia += inertia_kg_m2;
         }
         let spring = match load {
-            RigLoad::KnownSpring { stiffness_nm_per_rad } => stiffness_nm_per_rad,
+            RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => stiffness_nm_per_rad,
             _ => 0.0,
         };
         let friction_rate = setup.bearing_friction_nm / FRICTION_SPEED_RAD_S;
@@ -116,7 +116,7 @@ impl LoadedHandle {
 
     /// The servo's setup with this load: at a rigid lever, a bar turns with the motor itself.
     pub fn servo_setup(&self, setup: &Setup) -> Setup {
-        let RigLoad::KnownInertia { inertia_kg_m2 } = self.load else { return setup.clone() };
+        let RigLoad::KnownInertia { inertia_kg_m2, .. } = self.load else { return setup.clone() };
         if self.lever.is_some() {
             return setup.clone();
         }
@@ -152,7 +152,7 @@ impl LoadedHandle {
     /// The torque that turns a bar together with the motor, N m; 0 if there is a lever between the two.
     fn inertial_nm(&self, before: Kinematics<f64>, after: Kinematics<f64>) -> f64 {
         match self.load {
-            RigLoad::KnownInertia { inertia_kg_m2 } if self.lever.is_none() => {
+            RigLoad::KnownInertia { inertia_kg_m2, .. } if self.lever.is_none() => {
                 inertia_kg_m2 * (after.omega - before.omega) / self.period_s
             }
             _ => 0.0,
@@ -214,8 +214,8 @@ impl AddedDynamics<f64> for LoadTorque<'_> {
         self.mechanisms.add_torques(context, added, torques, rates);
         let load_nm = match self.handle.load {
             RigLoad::EmptyHandle | RigLoad::KnownInertia { .. } => 0.0,
-            RigLoad::KnownWeight { mass_kg, arm_m, sign } => f64::from(sign) * mass_kg * GRAVITY_M_S2 * arm_m,
-            RigLoad::KnownSpring { stiffness_nm_per_rad } => stiffness_nm_per_rad * context.handle.theta,
+            RigLoad::KnownWeight { .. } => self.handle.load.weight_nm().unwrap_or_default(),
+            RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => stiffness_nm_per_rad * context.handle.theta,
             // The stop gives back whatever the lever brings.
             RigLoad::ClampedHandle => torques.lever,
         };
