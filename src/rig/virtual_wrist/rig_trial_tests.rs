@@ -126,6 +126,46 @@ fn empty_handle_bar_spring_and_clamp_have_the_impedance_of_their_equations() {
 }
 
 #[test]
+fn the_further_sensors_of_the_handle_obey_the_equations_of_lever_and_load() {
+    let bar = RigLoad::KnownInertia { inertia_kg_m2: 0.004, relative_error: 0.01 };
+    let spring = RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0, relative_error: 0.01 };
+    for lever in [Some(LEVER), None] {
+        let setup = Setup {
+            handle_encoder_counts_per_revolution: Some(1e9),
+            accelerometer_noise_rad_s2: Some(0.0),
+            hand_load_cell_noise_nm: Some(0.0),
+            ..quiet(lever)
+        };
+        for load in [RigLoad::EmptyHandle, WEIGHT, bar, spring, RigLoad::ClampedHandle] {
+            for sample in &sine(setup.clone(), load, 0.002, 10.0) {
+                let [Some(theta_l), Some(alpha_l), Some(hand_nm), None] = sample.further else {
+                    panic!("not the sensors of the rig: {sample:?}")
+                };
+                let inertia = lever.map_or(0.0, |lever| lever.inertia_kg_m2);
+                assert!((sample.torque_l_nm - inertia * alpha_l - hand_nm).abs() < 2e-3, "{load:?} {sample:?}");
+                let expected_nm = match load {
+                    RigLoad::KnownInertia { inertia_kg_m2, .. } => inertia_kg_m2 * alpha_l,
+                    RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => stiffness_nm_per_rad * theta_l,
+                    RigLoad::ClampedHandle => sample.torque_l_nm,
+                    other => other.weight_nm().unwrap_or_default(),
+                };
+                assert!((hand_nm - expected_nm).abs() < 2e-3, "{load:?} {sample:?}");
+                let bent_rad = sample.theta_m_rad - theta_l;
+                match lever {
+                    // The damper's part: 0.4 N m s/rad at the speed of the sine.
+                    Some(lever) => {
+                        let left_nm = sample.torque_l_nm - lever.stiffness_nm_per_rad * bent_rad;
+                        assert!(left_nm.abs() < 0.06, "{load:?} {sample:?}");
+                    }
+                    None => assert!(bent_rad.abs() < 1e-7, "{load:?} {sample:?}"),
+                }
+                assert!(load != RigLoad::ClampedHandle || theta_l.abs() < 1e-5, "{sample:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_peak_torque_of_a_bar_in_a_ramp_is_inertia_times_acceleration() {
     // A slow rise, which the lever's own oscillation does not answer.
     let sweep = Sweep::new(0.14, 0.4, 0.3).unwrap();
