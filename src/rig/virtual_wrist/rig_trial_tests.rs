@@ -142,7 +142,10 @@ fn the_further_sensors_of_the_handle_obey_the_equations_of_lever_and_load() {
                     panic!("not the sensors of the rig: {sample:?}")
                 };
                 let inertia = lever.map_or(0.0, |lever| lever.inertia_kg_m2);
-                assert!((sample.torque_l_nm - inertia * alpha_l - hand_nm).abs() < 2e-3, "{load:?} {sample:?}");
+                assert!(
+                    (sample.torque_l_nm - inertia * alpha_l - hand_nm).abs() < 2e-3,
+                    "{load:?} {sample:?}"
+                );
                 let expected_nm = match load {
                     RigLoad::KnownInertia { inertia_kg_m2, .. } => inertia_kg_m2 * alpha_l,
                     RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => stiffness_nm_per_rad * theta_l,
