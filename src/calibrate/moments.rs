@@ -84,8 +84,6 @@ struct TrialResponses {
     back_response: Vec<Complex64>,
     /// Torque in the lever as its record shows it.
     lever_torque: Vec<Complex64>,
-    /// The recorded angle that follows from the target.
-    expected: Vec<Complex64>,
 }
 
 impl TrialResponses {
@@ -99,7 +97,6 @@ impl TrialResponses {
             response: places.clone().map(response).collect(),
             back_response: places.clone().map(back).collect(),
             lever_torque: places.map(|place| trial.torque[place] / channel(place)).collect(),
-            expected: expected_motion(trial, constants, handle),
         }
     }
 }
@@ -132,9 +129,7 @@ fn expected_motion(trial: &PreparedTrial, constants: &FittedConstants, handle: A
     trial.target.iter().enumerate().map(|(place, target)| response(place) * target).collect()
 }
 
-/// Residual of a trial at some constants. `moments` has the torque that turns the motor back, and the angle along which friction and
-/// cubic part are predicted: one that stands for the record without its noise, and must tell nothing of the constants. If it moved with
-/// lever and load, but not with the servo, a gain of torque and angle that no load tells would seem to be told.
+/// Residual of a trial at some constants. `moments` has the torque that turns the motor back.
 pub fn residual(
     trial: &PreparedTrial,
     moments: &TrialMoments,
@@ -144,7 +139,8 @@ pub fn residual(
     needed: Needed,
 ) -> TrialResidual {
     let torque = (needed != Needed::Servo).then(|| {
-        let motion = HandleMotion { recorded: &trial.angle, expected: &moments.at.expected };
+        let expected = expected_motion(trial, constants, handle);
+        let motion = HandleMotion { recorded: &trial.angle, expected: &expected };
         let predicted = recorded_torque(constants, handle, motion, &trial.fourier, friction_speed_rad_s);
         let mut left: Vec<Complex64> =
             trial.torque.iter().zip(predicted).map(|(own, model)| own - model).collect();
@@ -217,7 +213,7 @@ impl TrialMoments {
         if !trial.moves() {
             return own;
         }
-        let expected = own.at.expected.clone();
+        let expected = expected_motion(trial, constants, handle);
         let torque_variance = own.torque_variance(trial, noise);
         let servo_variance: Vec<f64> = (0..count)
             .map(|place| trial.variance(noise.step_power + noise.angle.at(fourier.frequency_hz(place))))

@@ -201,19 +201,6 @@ fn a_wrong_value_of_the_only_load_of_its_kind_cannot_be_seen() {
     assert!(outcome.loads.iter().any(super::LoadCheck::disagrees), "{:?}", outcome.loads);
 }
 
-#[test]
-fn a_weight_is_not_judged_where_no_other_load_has_a_known_torque() {
-    // The motor yields, so the angle that follows from the target depends on the lever; the bearing rubs along it.
-    let rig = TrueRig { bearing_friction_nm: 0.006, ..yielding_rig(9) };
-    let mut trials = rig_trials(&rig, Loads { inertia: false, spring: false, ..ALL_LOADS }, |_| 1.0);
-    let is_heavy = |load| matches!(load, RigLoad::KnownWeight { mass_kg, .. } if mass_kg > 2.0);
-    trials.trials.retain(|trial| !is_heavy(trial.load));
-    let outcome = calibrated(&trials);
-    assert_eq!(outcome.loads.len(), 1);
-    assert_eq!(outcome.loads[0].difference, None, "{:?}", outcome.loads[0]);
-    assert!(outcome.calibration.warnings.is_empty(), "{:?}", outcome.calibration.warnings);
-}
-
 fn of_the_day(rig: &TrueRig) -> RigTrials {
     let mut trials = rig_trials(rig, NO_LOADS, |_| 1.0);
     trials.trials.retain(|trial| {
