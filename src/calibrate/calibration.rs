@@ -15,9 +15,10 @@ use super::prepared_trial::{ChannelNoise, PreparedTrial};
 use super::reported::reported;
 use super::starts::fit_from_starts;
 use crate::dataset::{
-    CalibrationFit, CalibrationLoad, CalibrationNoise, HandleLoad, NoiseSpectrum, RIG_TRIAL_REST_S,
-    RigCalibration, RigTrial, RigTrialMotion, RigTrials, Status,
+    CalibrationFit, CalibrationLoad, CalibrationNoise, NoiseSpectrum, RIG_TRIAL_REST_S, RigCalibration,
+    RigTrial, RigTrialMotion, RigTrials, Status,
 };
+use crate::protocol::RigLoad;
 use crate::random::Stream;
 use crate::statistics::t_quantile;
 
@@ -51,7 +52,7 @@ pub struct PreparedRig {
     /// Where the speed of the friction starts: a hundredth of the largest speed of the targets, rad/s.
     pub friction_speed_rad_s: f64,
     /// The loads with a stated value, without direction.
-    pub loads: Vec<HandleLoad>,
+    pub loads: Vec<RigLoad>,
 }
 
 impl PreparedRig {
@@ -88,7 +89,7 @@ impl PreparedRig {
             .iter()
             .map(|trial| PreparedTrial::new(trial, trials.sample_rate_hz, &noise, &positions))
             .collect();
-        let mut loads: Vec<HandleLoad> = Vec::new();
+        let mut loads: Vec<RigLoad> = Vec::new();
         for trial in &analysed {
             let load = trial.load.without_sign();
             if load.relative_error().is_some() && !loads.contains(&load) {
@@ -137,7 +138,7 @@ fn largest_nm(trials: &[&RigTrial]) -> f64 {
         let torque = &trial.record.torque_l_nm;
         let mean = torque.iter().sum::<f64>() / torque.len() as f64;
         largest = torque.iter().fold(largest, |far, value| far.max((value - mean).abs()));
-        if let HandleLoad::KnownWeight { .. } = trial.load {
+        if let RigLoad::KnownWeight { .. } = trial.load {
             largest = largest.max(mean.abs());
         }
     }
@@ -147,11 +148,11 @@ fn largest_nm(trials: &[&RigTrial]) -> f64 {
 /// Standard deviation of the mean torque of a trial: from the scatter of the trials with one load, at least that of the noise. It
 /// contains the error of its own few degrees of freedom, so that 1.96 of it make a 95 % interval.
 fn mean_sd_nm(trials: &[PreparedTrial], noise: &ChannelNoise) -> f64 {
-    let mut groups: Vec<(HandleLoad, Vec<f64>)> = Vec::new();
+    let mut groups: Vec<(RigLoad, Vec<f64>)> = Vec::new();
     let mut of_noise: f64 = 0.0;
     for trial in trials {
         of_noise = of_noise.max(trial.variance(noise.torque.at(0.0)));
-        if matches!(trial.load, HandleLoad::ClampedHandle | HandleLoad::KnownSpring { .. }) {
+        if matches!(trial.load, RigLoad::ClampedHandle | RigLoad::KnownSpring { .. }) {
             continue;
         }
         let mean = trial.torque[0].re;
@@ -264,7 +265,7 @@ fn grow_with_misfit(fit: &RigFit, found: &mut RigCovariance) {
 
 /// The loads of the file: what was at the handle in how many trials.
 fn described_loads(trials: &[PreparedTrial]) -> Vec<CalibrationLoad> {
-    let mut found: Vec<(HandleLoad, usize)> = Vec::new();
+    let mut found: Vec<(RigLoad, usize)> = Vec::new();
     for trial in trials {
         let load = trial.load.without_sign();
         match found.iter_mut().find(|(own, _)| *own == load) {
@@ -272,7 +273,7 @@ fn described_loads(trials: &[PreparedTrial]) -> Vec<CalibrationLoad> {
             None => found.push((load, 1)),
         }
     }
-    let described = |(load, trials): (HandleLoad, usize)| {
+    let described = |(load, trials): (RigLoad, usize)| {
         let mut own = CalibrationLoad {
             load: load.name().to_owned(),
             mass_kg: None,
@@ -283,15 +284,15 @@ fn described_loads(trials: &[PreparedTrial]) -> Vec<CalibrationLoad> {
             trials,
         };
         match load {
-            HandleLoad::KnownWeight { mass_kg, arm_m, .. } => {
+            RigLoad::KnownWeight { mass_kg, arm_m, .. } => {
                 own.mass_kg = Some(mass_kg);
                 own.arm_m = Some(arm_m);
             }
-            HandleLoad::KnownInertia { inertia_kg_m2, .. } => own.inertia_kg_m2 = Some(inertia_kg_m2),
-            HandleLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
+            RigLoad::KnownInertia { inertia_kg_m2, .. } => own.inertia_kg_m2 = Some(inertia_kg_m2),
+            RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
                 own.stiffness_nm_per_rad = Some(stiffness_nm_per_rad);
             }
-            HandleLoad::EmptyHandle | HandleLoad::ClampedHandle => {}
+            RigLoad::EmptyHandle | RigLoad::ClampedHandle => {}
         }
         own
     };
@@ -299,14 +300,14 @@ fn described_loads(trials: &[PreparedTrial]) -> Vec<CalibrationLoad> {
 }
 
 /// A load for messages, with its stated value.
-pub fn named_load(load: HandleLoad) -> String {
+pub fn named_load(load: RigLoad) -> String {
     match load {
-        HandleLoad::EmptyHandle | HandleLoad::ClampedHandle => load.name().to_owned(),
-        HandleLoad::KnownWeight { mass_kg, arm_m, .. } => {
+        RigLoad::EmptyHandle | RigLoad::ClampedHandle => load.name().to_owned(),
+        RigLoad::KnownWeight { mass_kg, arm_m, .. } => {
             format!("known_weight of {mass_kg} kg at {arm_m} m")
         }
-        HandleLoad::KnownInertia { inertia_kg_m2, .. } => format!("known_inertia of {inertia_kg_m2} kg m2"),
-        HandleLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
+        RigLoad::KnownInertia { inertia_kg_m2, .. } => format!("known_inertia of {inertia_kg_m2} kg m2"),
+        RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
             format!("known_spring of {stiffness_nm_per_rad} N m/rad")
         }
     }

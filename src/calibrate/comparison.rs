@@ -8,7 +8,8 @@ use super::covariance::{INTERVAL, inverse};
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::misfit::square_root;
-use crate::dataset::{HandleLoad, RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials};
+use crate::dataset::{RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials};
+use crate::protocol::RigLoad;
 use crate::statistics::{chi_square_tail, holm, t_two_sided};
 
 /// Significance level over all quantities.
@@ -57,7 +58,7 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
         return Err(CalibrateError::NothingCalibrated(calibration.session.clone()));
     }
     let of_the_empty_handle =
-        |trial: &RigTrial| trial.load == HandleLoad::EmptyHandle && trial.motion != RigTrialMotion::Still;
+        |trial: &RigTrial| trial.load == RigLoad::EmptyHandle && trial.motion != RigTrialMotion::Still;
     let prepared = PreparedRig::new(trials, of_the_empty_handle, Some(&calibration.noise.spectrum)).map_err(
         |error| if error == CalibrateError::NoMotion { CalibrateError::NoEmptyHandle } else { error },
     )?;

@@ -1,7 +1,7 @@
 //! The constants of a rig, and the coordinates in which they are fitted.
 
-use crate::dataset::{HandleLoad, RigQuantity};
-use crate::protocol::GRAVITY_M_S2;
+use crate::dataset::RigQuantity;
+use crate::protocol::RigLoad;
 use crate::wrist::Lever;
 
 /// Number of quantities that a calibration reports; their coordinates come first, in the order of [`RigQuantity::ALL`].
@@ -144,14 +144,14 @@ pub struct RigCoordinates {
     /// CoordinateScale of each.
     pub scales: Vec<CoordinateScale>,
     /// The loads with a stated value, without sign.
-    pub loads: Vec<HandleLoad>,
+    pub loads: Vec<RigLoad>,
     /// Standard deviation of each coordinate before the trials are seen: 1, and for a load that of its stated value.
     pub prior_sd: Vec<f64>,
 }
 
 impl RigCoordinates {
     /// Coordinates about the stated lever, for records whose torque is at most `largest_nm` from its offset.
-    pub fn new(lever: Option<Lever>, largest_nm: f64, loads: Vec<HandleLoad>) -> Self {
+    pub fn new(lever: Option<Lever>, largest_nm: f64, loads: Vec<RigLoad>) -> Self {
         let lever = lever.unwrap_or(PAPER_LEVER);
         let factor = |start| CoordinateScale::Factor { start, range: libm::log(WIDEST_FACTOR) };
         let linear = |start, range| CoordinateScale::Linear { start, range };
@@ -241,22 +241,22 @@ impl RigCoordinates {
     }
 
     /// What is at the handle at a point.
-    pub fn at_handle(&self, constants: &FittedConstants, load: HandleLoad) -> AtHandle {
+    pub fn at_handle(&self, constants: &FittedConstants, load: RigLoad) -> AtHandle {
         let factor = self
             .loads
             .iter()
             .position(|known| *known == load.without_sign())
             .map_or(1.0, |place| constants.load_factors[place]);
         match load {
-            HandleLoad::EmptyHandle => AtHandle::default(),
-            HandleLoad::ClampedHandle => AtHandle { is_clamped: true, ..AtHandle::default() },
-            HandleLoad::KnownWeight { mass_kg, arm_m, sign, .. } => {
-                AtHandle { torque_nm: factor * sign * mass_kg * GRAVITY_M_S2 * arm_m, ..AtHandle::default() }
+            RigLoad::EmptyHandle => AtHandle::default(),
+            RigLoad::ClampedHandle => AtHandle { is_clamped: true, ..AtHandle::default() },
+            RigLoad::KnownWeight { .. } => {
+                AtHandle { torque_nm: factor * load.weight_nm().unwrap_or_default(), ..AtHandle::default() }
             }
-            HandleLoad::KnownInertia { inertia_kg_m2, .. } => {
+            RigLoad::KnownInertia { inertia_kg_m2, .. } => {
                 AtHandle { inertia_kg_m2: factor * inertia_kg_m2, ..AtHandle::default() }
             }
-            HandleLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
+            RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
                 AtHandle { stiffness_nm_per_rad: factor * stiffness_nm_per_rad, ..AtHandle::default() }
             }
         }

@@ -3,7 +3,7 @@
 use super::constants::RigCoordinates;
 use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, inverse};
 use super::fit::{RigFit, RigFitInput};
-use crate::dataset::HandleLoad;
+use crate::protocol::RigLoad;
 use crate::statistics::{holm, t_two_sided};
 use nalgebra::DMatrix;
 
@@ -17,7 +17,7 @@ const LEVEL: f64 = 0.05;
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadCheck {
     /// The load, without direction.
-    pub load: HandleLoad,
+    pub load: RigLoad,
     /// True over stated value as the other loads have it, less one; `None` if they cannot tell.
     pub difference: Option<f64>,
     /// Standard error of the difference, with the error of the stated value.
@@ -25,7 +25,7 @@ pub struct LoadCheck {
     /// Probability of a difference this large if all stated values are right, adjusted for the number of loads by Holm's method.
     pub p_value: f64,
     /// Other loads that explain the disagreement as well: one of them may be wrong in its place.
-    pub or: Vec<HandleLoad>,
+    pub or: Vec<RigLoad>,
 }
 
 impl LoadCheck {

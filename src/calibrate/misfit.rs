@@ -7,7 +7,7 @@ use super::covariance::inverse;
 use super::fit::{RigFit, RigFitInput, RigTrialEquations};
 use super::moments::MomentChannel;
 use super::prepared_trial::PreparedTrial;
-use crate::dataset::HandleLoad;
+use crate::protocol::RigLoad;
 use crate::random::Stream;
 
 /// Residuals drawn under the fitted model for the reference distribution.
@@ -17,7 +17,7 @@ const MISFIT_DRAWS: usize = 999;
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadResidual {
     /// The load, with its direction.
-    pub load: HandleLoad,
+    pub load: RigLoad,
     /// Number of trials.
     pub trials: usize,
     /// Root mean square of the residual beside what noise and encoder make; 1 if the model is right.
@@ -98,7 +98,7 @@ struct RigMisfitStatistics {
 pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> RigMisfit {
     let size = input.coordinates.count();
     let cells = cells(input.trials);
-    let mut loads: Vec<(HandleLoad, Vec<usize>)> = Vec::new();
+    let mut loads: Vec<(RigLoad, Vec<usize>)> = Vec::new();
     for (place, trial) in input.trials.iter().enumerate() {
         match loads.iter_mut().find(|(load, _)| *load == trial.load) {
             Some((_, places)) => places.push(place),
@@ -170,7 +170,7 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
 fn statistics(
     fit: &RigFit,
     cells: &[Vec<usize>],
-    loads: &[(HandleLoad, Vec<usize>)],
+    loads: &[(RigLoad, Vec<usize>)],
     residuals: &[DVector<f64>],
 ) -> RigMisfitStatistics {
     let standardised: Vec<DVector<f64>> = fit

@@ -13,7 +13,7 @@ use super::rig_model::{
     HandleMotion, loaded_servo_response, recorded_torque, servo_response, servo_yield, torque_channel,
     torque_response,
 };
-use crate::dataset::HandleLoad;
+use crate::protocol::RigLoad;
 
 /// Bands in an octave of frequency; each has two products, in phase and in quadrature.
 const BANDS_PER_OCTAVE: f64 = 2.0;
@@ -381,9 +381,9 @@ impl TrialMoments {
 
 /// Whether the mean torque of a trial with this load tells the offset. Where the load's torque depends on the angle, the unknown place
 /// of the start position within a step of the encoder makes an error of the mean.
-fn has_mean(load: HandleLoad) -> bool {
+fn has_mean(load: RigLoad) -> bool {
     match load {
-        HandleLoad::EmptyHandle | HandleLoad::KnownWeight { .. } | HandleLoad::KnownInertia { .. } => true,
-        HandleLoad::ClampedHandle | HandleLoad::KnownSpring { .. } => false,
+        RigLoad::EmptyHandle | RigLoad::KnownWeight { .. } | RigLoad::KnownInertia { .. } => true,
+        RigLoad::ClampedHandle | RigLoad::KnownSpring { .. } => false,
     }
 }

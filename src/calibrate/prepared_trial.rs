@@ -5,7 +5,8 @@ use rustfft::num_complex::Complex64;
 use super::encoder::{smallest_step, step_error_rad};
 use super::fourier::Fourier;
 use super::noise::PowerSpectrum;
-use crate::dataset::{HandleLoad, RIG_TRIAL_REST_S, RigTrial, RigTrialMotion};
+use crate::dataset::{RIG_TRIAL_REST_S, RigTrial, RigTrialMotion};
+use crate::protocol::RigLoad;
 
 /// Highest frequency of the fit, Hz: three times the cut-off of the paper's filter, above which no analysis of a person looks. At low
 /// sample rates it is a quarter of the rate.
@@ -14,7 +15,7 @@ const TOP_HZ: f64 = 150.0;
 /// A trial, ready for the fit.
 pub struct PreparedTrial {
     /// What is at the handle.
-    pub load: HandleLoad,
+    pub load: RigLoad,
     /// What the motor does.
     pub motion: RigTrialMotion,
     /// Its transforms.

@@ -5,7 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use super::constants::{CoordinateScale, DELAY_PLACE, LAG_PLACE, REPORTED, RigCoordinates, time_constant_s};
 use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, inverse};
 use super::fit::RigFitInput;
-use crate::dataset::{CalibratedQuantity, HandleLoad, RigQuantity};
+use crate::dataset::{CalibratedQuantity, RigQuantity};
+use crate::protocol::RigLoad;
 use crate::wrist::Lever;
 
 /// What is reported of the coordinates.
@@ -39,7 +40,7 @@ pub fn reported(
         in_delay[(DELAY_PLACE, LAG_PLACE)] = scales[LAG_PLACE].range() / scales[DELAY_PLACE].range();
         states[DELAY_PLACE] = whole_delay(input, point, found, &in_delay);
     }
-    let covariance = &in_delay * &found.covariance * in_delay.transpose();
+    let covariance = combined(&in_delay, &found.covariance);
     let untold: Vec<usize> = (0..REPORTED).filter(|place| matches!(states[*place], Told::Unknown)).collect();
     let quantities = (0..REPORTED).map(|place| {
         let name = RigQuantity::ALL[place];
@@ -73,6 +74,13 @@ pub fn reported(
         })
         .collect();
     Reported { quantities, covariance }
+}
+
+/// Covariance of linear combinations, a row of `combinations` each. Where large parts cancel, rounding leaves each half of the product
+/// its own, and a covariance that is not symmetric is none.
+fn combined(combinations: &DMatrix<f64>, covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    let product = combinations * covariance * combinations.transpose();
+    (&product + product.transpose()) * 0.5
 }
 
 /// The delay together with the low-pass's time constant, which `in_delay` adds to it.
@@ -189,7 +197,7 @@ fn told_with(found: &RigCovariance, place: usize, given: &[usize]) -> bool {
 /// What would tell a quantity.
 fn remedy(quantity: RigQuantity, coordinates: &RigCoordinates, input: &RigFitInput<'_>) -> String {
     let has = |name: &str| input.trials.iter().any(|trial| trial.load.name() == name);
-    let stated = |name: &str| coordinates.loads.iter().any(|load: &HandleLoad| load.name() == name);
+    let stated = |name: &str| coordinates.loads.iter().any(|load: &RigLoad| load.name() == name);
     let missing = match quantity {
         RigQuantity::TorqueGain | RigQuantity::TorqueOffset if !stated("known_weight") => {
             "a known_weight on both sides would tell it"
@@ -212,4 +220,26 @@ fn remedy(quantity: RigQuantity, coordinates: &RigCoordinates, input: &RigFitInp
         _ => "more repetitions, or a motion of more and higher frequencies, would tell it",
     };
     format!("these trials cannot tell it better than engineering allows; {missing}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_covariance_of_a_sum_whose_parts_cancel_is_symmetric() {
+        // The second and the third of three quantities are known together far better than each of them.
+        let [own, shared] = [[0.3, -0.7, 0.1], [1.1e4, -1.7e6, 1.7e6]];
+        let mut covariance =
+            DMatrix::from_fn(3, 3, |i, j| own[i] * own[j] + shared[i] * shared[j] + f64::from(i == j));
+        // What an inverse leaves.
+        covariance[(0, 1)] *= 1.0 + 4.0 * f64::EPSILON;
+        let mut sum = DMatrix::identity(3, 3);
+        sum[(1, 2)] = 1.0;
+        let product = &sum * &covariance * sum.transpose();
+        assert_ne!(product, product.transpose(), "rounding leaves something to mend");
+        let found = combined(&sum, &covariance);
+        assert_eq!(found, found.transpose());
+        assert!((found[(1, 1)] - (0.36 + 2.0)).abs() < 1e-2, "{found}");
+    }
 }

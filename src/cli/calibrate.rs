@@ -113,7 +113,7 @@ fn print_calibration(console: &Console, outcome: &CalibrationOutcome) -> Result<
     writeln!(out, "\nresidual by load, beside what noise and encoder make (1: as expected)")?;
     for own in &outcome.misfit.loads {
         let side = match own.load.sign() {
-            Some(sign) if sign < 0.0 => ", other side",
+            Some(sign) if sign < 0 => ", other side",
             _ => "",
         };
         let name = format!("{}{side}", named_load(own.load));

@@ -64,7 +64,7 @@ pub use rig_calibration::{
     RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, RigCalibration, RigCalibrationError, RigQuantity,
 };
 pub use rig_trial_csv_reader::{RIG_TRIAL_REST_S, RigTrialSignals};
-pub use rig_trials::{HandleLoad, RIG_TRIALS_TABLE, RigTrial, RigTrialMotion, RigTrials, load_rig_trials};
+pub use rig_trials::{RIG_TRIALS_TABLE, RigTrial, RigTrialMotion, RigTrials, load_rig_trials};
 pub use session_about::{SessionAbout, SessionCard, SubjectCard};
 pub use session_schema::session_schema_text;
 

@@ -14,7 +14,7 @@ use super::hexadecimal::hexadecimal;
 use super::journal::{Interrupted, Journal, JournalEntry, RecordSum};
 use super::record_splitter::RecordSplitter;
 use super::tables;
-use super::trial_csv_writer::{HEADER, RIG_HEADER, TrialCsvWriter, header};
+use super::trial_csv_writer::{TrialCsvWriter, header, rig_header};
 use crate::files::{Folder, is_refusal};
 use crate::protocol::TooShort;
 use crate::rig::{Origin, Sample};
@@ -166,12 +166,8 @@ impl Recorder {
         let part = part_of(&file);
         let handle =
             self.disk.create(&self.folder, &part).map_err(RecordError::at(&self.folder.path_of(&part)))?;
-        // The first sample of a trial shows which columns the record has.
         let is_rig_trial = target == RecordTarget::RigTrial;
-        let mut buffer = Vec::with_capacity(2 * CHUNK);
-        if is_rig_trial {
-            buffer.extend_from_slice(RIG_HEADER);
-        }
+        let buffer = Vec::with_capacity(2 * CHUNK);
         self.open =
             Some(OpenRecord { is_rig_trial, file, handle, buffer, samples: 0, bytes: 0, sum: Sha256::new() });
         Ok(())
@@ -179,12 +175,14 @@ impl Recorder {
 
     fn keep(&mut self, sample: &Sample, target_rad: f64) -> Result<(), RecordError> {
         let Some(open) = &mut self.open else { return Ok(()) };
+        // The first sample of a trial shows which columns the record has.
+        if open.samples == 0 {
+            let header = if open.is_rig_trial { rig_header(sample) } else { header(sample) };
+            open.buffer.extend_from_slice(&header);
+        }
         if open.is_rig_trial {
             self.rows.push_rig(&mut open.buffer, open.samples, target_rad, sample);
         } else {
-            if open.samples == 0 {
-                open.buffer.extend_from_slice(&header(sample));
-            }
             self.rows.push(&mut open.buffer, open.samples, sample);
         }
         open.samples += 1;
@@ -200,7 +198,7 @@ impl Recorder {
     fn finish(&mut self) -> Result<(), RecordError> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         if open.samples == 0 {
-            open.buffer.extend_from_slice(HEADER);
+            open.buffer.extend_from_slice(tables::header_of_file(&open.file));
         }
         let mut write = || {
             open.flush(&self.disk)?;

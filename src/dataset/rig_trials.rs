@@ -13,86 +13,12 @@ use super::rig_calibration::CalibrationSource;
 use super::rig_trial_csv_reader::{RigTrialSignals, parse_rig_record};
 use super::session_about::SessionCard;
 use crate::files::{excerpt, limits};
+use crate::protocol::RigLoad;
 use crate::session::Status;
 use crate::wrist::Lever;
 
 /// Name of the table of rig trials in a session's folder.
 pub const RIG_TRIALS_TABLE: &str = "rig-trials.csv";
-
-/// What is at the handle in a rig trial.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum HandleLoad {
-    /// Nothing.
-    EmptyHandle,
-    /// A mass on a thread over a disc at the handle's axis.
-    KnownWeight {
-        /// Mass, kg.
-        mass_kg: f64,
-        /// Radius of the disc, m.
-        arm_m: f64,
-        /// 1 if the weight resists motion in the positive direction, -1 if in the negative one.
-        sign: f64,
-        /// Standard deviation of the torque, as a part of it.
-        relative_error: f64,
-    },
-    /// A bar bolted on the handle.
-    KnownInertia {
-        /// Moment of inertia about the handle's axis, kg m2.
-        inertia_kg_m2: f64,
-        /// Standard deviation of the inertia, as a part of it.
-        relative_error: f64,
-    },
-    /// A stop that holds the handle.
-    ClampedHandle,
-    /// A linear spring between handle and ground, relaxed at the start position.
-    KnownSpring {
-        /// Stiffness, N m/rad.
-        stiffness_nm_per_rad: f64,
-        /// Standard deviation of the stiffness, as a part of it.
-        relative_error: f64,
-    },
-}
-
-impl HandleLoad {
-    /// Name of the kind, as in the table.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::EmptyHandle => "empty_handle",
-            Self::KnownWeight { .. } => "known_weight",
-            Self::KnownInertia { .. } => "known_inertia",
-            Self::ClampedHandle => "clamped_handle",
-            Self::KnownSpring { .. } => "known_spring",
-        }
-    }
-
-    /// Standard deviation of the stated value, as a part of it; `None` for a load without one.
-    pub fn relative_error(&self) -> Option<f64> {
-        match *self {
-            Self::EmptyHandle | Self::ClampedHandle => None,
-            Self::KnownWeight { relative_error, .. }
-            | Self::KnownInertia { relative_error, .. }
-            | Self::KnownSpring { relative_error, .. } => Some(relative_error),
-        }
-    }
-
-    /// Direction of a weight: 1 or -1; `None` for other loads.
-    pub fn sign(&self) -> Option<f64> {
-        match *self {
-            Self::KnownWeight { sign, .. } => Some(sign),
-            _ => None,
-        }
-    }
-
-    /// The load without its direction: a weight on either side is one weight.
-    pub fn without_sign(self) -> Self {
-        match self {
-            Self::KnownWeight { mass_kg, arm_m, relative_error, .. } => {
-                Self::KnownWeight { mass_kg, arm_m, sign: 1.0, relative_error }
-            }
-            other => other,
-        }
-    }
-}
 
 /// What the motor does in a rig trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,7 +42,7 @@ pub struct RigTrial {
     /// Path of the record inside the session folder, with `/`.
     pub file: String,
     /// What is at the handle.
-    pub load: HandleLoad,
+    pub load: RigLoad,
     /// What the motor does.
     pub motion: RigTrialMotion,
     /// Which repetition.
@@ -289,22 +215,22 @@ impl Cells<'_, '_> {
         }
     }
 
-    fn load(&mut self, column: usize) -> Result<HandleLoad, DatasetError> {
+    fn load(&mut self, column: usize) -> Result<RigLoad, DatasetError> {
         let positive = |value: f64| value > 0.0;
         match self.table.text(column) {
-            "empty_handle" => Ok(HandleLoad::EmptyHandle),
-            "clamped_handle" => Ok(HandleLoad::ClampedHandle),
-            "known_weight" => Ok(HandleLoad::KnownWeight {
+            "empty_handle" => Ok(RigLoad::EmptyHandle),
+            "clamped_handle" => Ok(RigLoad::ClampedHandle),
+            "known_weight" => Ok(RigLoad::KnownWeight {
                 mass_kg: self.number("mass_kg", positive, "a mass in kg above 0")?,
                 arm_m: self.number("arm_m", positive, "a lever arm in m above 0")?,
-                sign: self.number("sign", |value| value.abs() == 1.0, "1 or -1")?,
+                sign: if self.number("sign", |value| value.abs() == 1.0, "1 or -1")? > 0.0 { 1 } else { -1 },
                 relative_error: self.relative_error()?,
             }),
-            "known_inertia" => Ok(HandleLoad::KnownInertia {
+            "known_inertia" => Ok(RigLoad::KnownInertia {
                 inertia_kg_m2: self.number("inertia_kg_m2", positive, "an inertia in kg m2 above 0")?,
                 relative_error: self.relative_error()?,
             }),
-            "known_spring" => Ok(HandleLoad::KnownSpring {
+            "known_spring" => Ok(RigLoad::KnownSpring {
                 stiffness_nm_per_rad: self.number(
                     "stiffness_nm_per_rad",
                     positive,
@@ -406,7 +332,7 @@ mod tests {
         assert_eq!(read.trials.len(), 5);
         assert_eq!(read.measured_utc.as_deref(), Some("2026-11-24T10:00:00Z"));
         assert_eq!(read.trials[0].motion, RigTrialMotion::Ramp { velocity_rad_s: 1.3 });
-        let weight = HandleLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: -1.0, relative_error: 0.002 };
+        let weight = RigLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: -1, relative_error: 0.002 };
         assert_eq!(read.trials[1].load, weight);
         assert_eq!(read.trials[2].status, Status::Rejected);
         assert_eq!(read.trials[3].record, RigTrialSignals::default());

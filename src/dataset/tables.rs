@@ -95,11 +95,11 @@ fn rig_table(progress: &Progress) -> Vec<u8> {
         // Sign, mass, arm, inertia and stiffness.
         let values = match planned.load {
             RigLoad::EmptyHandle | RigLoad::ClampedHandle => [None; 5],
-            RigLoad::KnownWeight { mass_kg, arm_m, sign } => {
+            RigLoad::KnownWeight { mass_kg, arm_m, sign, .. } => {
                 [Some(f64::from(sign)), Some(mass_kg), Some(arm_m), None, None]
             }
-            RigLoad::KnownInertia { inertia_kg_m2 } => [None, None, None, Some(inertia_kg_m2), None],
-            RigLoad::KnownSpring { stiffness_nm_per_rad } => {
+            RigLoad::KnownInertia { inertia_kg_m2, .. } => [None, None, None, Some(inertia_kg_m2), None],
+            RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
                 [None, None, None, None, Some(stiffness_nm_per_rad)]
             }
         };
@@ -112,7 +112,7 @@ fn rig_table(progress: &Progress) -> Vec<u8> {
             cell(velocity_rad_s),
             planned.repetition,
             values.map(cell).join(","),
-            cell(planned.relative_error),
+            cell(planned.load.relative_error()),
             status.name(),
         );
     }

@@ -16,8 +16,29 @@ pub const HEADER: &[u8] = b"t_s,theta_m_rad,torque_l_nm\n";
 /// The columns of the muscles that are measured.
 const EMG_COLUMNS: [&str; 2] = ["emg_fcr_mvc", "emg_ecr_mvc"];
 
-/// The columns of the record of a rig trial, of which no muscle is part.
+/// The columns that every record of a rig trial has; no muscle is part of it.
 pub const RIG_HEADER: &[u8] = b"t_s,target_rad,theta_m_rad,torque_l_nm\n";
+
+/// The further channels that a rig trial has: without a person there is no joint.
+const RIG_CHANNELS: [FurtherChannel; 3] =
+    [FurtherChannel::HandleAngle, FurtherChannel::HandleAcceleration, FurtherChannel::HandTorque];
+
+/// The header of the record of a rig trial of samples like this one.
+pub fn rig_header(sample: &Sample) -> Vec<u8> {
+    let mut header = RIG_HEADER[..RIG_HEADER.len() - 1].to_vec();
+    for (channel, _) in rig_channels(sample) {
+        header.push(b',');
+        header.extend_from_slice(channel.column().as_bytes());
+    }
+    header.push(b'\n');
+    header
+}
+
+/// The further channels of a rig trial that the rig measures, and their values.
+fn rig_channels(sample: &Sample) -> impl Iterator<Item = (FurtherChannel, f64)> {
+    let of_rig = FurtherChannel::ALL.into_iter().zip(sample.further);
+    of_rig.filter_map(|(channel, value)| Some((channel, value?))).filter(|own| RIG_CHANNELS.contains(&own.0))
+}
 
 /// The header of a record of samples like this one.
 pub fn header(sample: &Sample) -> Vec<u8> {
@@ -34,14 +55,14 @@ pub fn header(sample: &Sample) -> Vec<u8> {
 
 /// The header line of a record that may be cut anywhere; `None` if it is not complete, or no header that this program writes.
 pub fn header_of(record: &[u8]) -> Option<&[u8]> {
-    if record.starts_with(RIG_HEADER) {
-        return Some(&record[..RIG_HEADER.len()]);
-    }
     let end = record.iter().position(|byte| *byte == b'\n')?;
-    let optional = std::str::from_utf8(record[..end].strip_prefix(&HEADER[..HEADER.len() - 1])?).ok()?;
-    let is_known = |name: &str| {
-        EMG_COLUMNS.contains(&name) || FurtherChannel::ALL.into_iter().any(|channel| channel.column() == name)
+    let after = |least: &'static [u8]| record[..end].strip_prefix(&least[..least.len() - 1]);
+    let (optional, emg, further): (_, &[&str], &[FurtherChannel]) = match after(RIG_HEADER) {
+        Some(optional) => (optional, &[], &RIG_CHANNELS),
+        None => (after(HEADER)?, &EMG_COLUMNS, &FurtherChannel::ALL),
     };
+    let optional = std::str::from_utf8(optional).ok()?;
+    let is_known = |name: &str| emg.contains(&name) || further.iter().any(|channel| channel.column() == name);
     let all_known = optional.is_empty() || optional.strip_prefix(',')?.split(',').all(is_known);
     all_known.then_some(&record[..=end])
 }
@@ -74,10 +95,8 @@ impl TrialCsvWriter {
         for value in [values.emg_fcr_mvc, values.emg_ecr_mvc].into_iter().flatten() {
             push_cell(rows, (value, resolution::EMG_PER_MVC, 5));
         }
-        for (channel, value) in FurtherChannel::ALL.into_iter().zip(values.further) {
-            let Some(value) = value else { continue };
-            push_cell(rows, (value, resolution::further_steps(channel), resolution::further_places(channel)));
-        }
+        let further = FurtherChannel::ALL.into_iter().zip(values.further);
+        push_further(rows, further.filter_map(|(channel, value)| Some((channel, value?))));
         rows.push(b'\n');
     }
 
@@ -92,6 +111,7 @@ impl TrialCsvWriter {
                 (values.torque_l_nm, resolution::TORQUE_PER_NM, 5),
             ],
         );
+        push_further(rows, rig_channels(values));
         rows.push(b'\n');
     }
 
@@ -101,6 +121,12 @@ impl TrialCsvWriter {
         for cell in cells {
             push_cell(rows, cell);
         }
+    }
+}
+
+fn push_further(rows: &mut Vec<u8>, channels: impl Iterator<Item = (FurtherChannel, f64)>) {
+    for (channel, value) in channels {
+        push_cell(rows, (value, resolution::further_steps(channel), resolution::further_places(channel)));
     }
 }
 
@@ -187,6 +213,29 @@ mod tests {
         assert_eq!(header_of(&record), Some(&header[..]));
         assert_eq!(header_of(&record[..header.len() - 1]), None, "the header is cut");
         assert_eq!(header_of(b"t_s,theta_m_rad,torque_l_nm,emg_fcr_mvc,emg_ecr_mvc,theta_x_rad\n"), None);
+    }
+
+    #[test]
+    fn a_rig_trial_has_the_sensors_of_the_handle_and_none_of_muscle_or_joint() {
+        let sample = Sample {
+            theta_m_rad: 0.5,
+            emg_fcr_mvc: Some(0.1),
+            emg_ecr_mvc: Some(0.1),
+            further: [Some(-0.00123), None, Some(1.25), Some(0.3)],
+            ..Sample::default()
+        };
+        let writer = TrialCsvWriter::new(2500.0);
+        let mut text = rig_header(&sample);
+        writer.push_rig(&mut text, 0, 0.25, &sample);
+        let expected = "t_s,target_rad,theta_m_rad,torque_l_nm,theta_l_rad,torque_h_nm\n\
+                        0.0000,0.2500000,0.5000000,0.00000,-0.0012300,1.25000\n";
+        assert_eq!(String::from_utf8(text.clone()).unwrap(), expected);
+        assert_eq!(header_of(&text), Some(&rig_header(&sample)[..]));
+        assert_eq!(rig_header(&Sample::default()), RIG_HEADER);
+        for column in ["theta_j_rad", "emg_fcr_mvc"] {
+            let foreign = format!("t_s,target_rad,theta_m_rad,torque_l_nm,{column}\n");
+            assert_eq!(header_of(foreign.as_bytes()), None);
+        }
     }
 
     #[test]

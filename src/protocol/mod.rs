@@ -19,6 +19,7 @@ mod duration;
 mod error;
 mod examples;
 mod multisine;
+mod rig_load;
 mod rig_trial_block;
 mod rig_trials;
 mod rules;
@@ -34,10 +35,9 @@ pub use duration::{APPROACH_S, Duration};
 pub use error::{Problem, ProtocolError};
 pub use examples::EXAMPLES;
 pub use multisine::Multisine;
+pub use rig_load::{GRAVITY_M_S2, RigLoad};
 pub use rig_trial_block::{BlockMotion, RigTrialBlock};
-pub use rig_trials::{
-    GRAVITY_M_S2, MOUNTING_S, PlannedRigTrial, RIG_REST_S, RIG_SETTLE_S, RigLoad, RigMotion, SEAT_SUBJECT,
-};
+pub use rig_trials::{MOUNTING_S, PlannedRigTrial, RIG_REST_S, RIG_SETTLE_S, RigMotion, SEAT_SUBJECT};
 pub use schema::schema_text;
 pub use trajectory::{Motion, RampAndHold, Sweep, TooShort};
 pub use types::*;

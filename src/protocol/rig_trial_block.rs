@@ -106,14 +106,4 @@ impl RigTrialBlock {
             | Self::KnownSpring { repetitions, .. } => *repetitions,
         }
     }
-
-    /// One standard deviation of the stated value of the load, as a fraction, where it has one.
-    pub(super) fn relative_error(&self) -> Option<f64> {
-        match self {
-            Self::EmptyHandle { .. } | Self::ClampedHandle { .. } => None,
-            Self::KnownWeight { relative_error, .. }
-            | Self::KnownInertia { relative_error, .. }
-            | Self::KnownSpring { relative_error, .. } => Some(*relative_error),
-        }
-    }
 }

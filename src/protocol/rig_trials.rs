@@ -1,9 +1,6 @@
 //! Rig trials: motions with known loads on the handle, run before the subject sits down, that tell the constants of the rig.
 
-use super::{BlockMotion, Multisine, Protocol, RampAndHold, RigTrialBlock};
-
-/// Standard acceleration of gravity, m/s2.
-pub const GRAVITY_M_S2: f64 = 9.80665;
+use super::{BlockMotion, Multisine, Protocol, RampAndHold, RigLoad, RigTrialBlock};
 
 /// Time at rest at the start position that the record of a rig trial begins with, s: long enough to measure the noise that
 /// the analysis must judge against (0.5 s, as in the hold of a trial).
@@ -14,34 +11,6 @@ pub const RIG_REST_S: f64 = 0.5;
 
 /// Time in which a load is mounted on the handle, s. Assumed.
 pub const MOUNTING_S: f64 = 60.0;
-
-/// A load on the handle.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum RigLoad {
-    /// Nothing but the handle itself.
-    EmptyHandle,
-    /// A constant torque.
-    KnownWeight {
-        /// The mass, kg.
-        mass_kg: f64,
-        /// Radius of the disc over which its thread runs, m.
-        arm_m: f64,
-        /// 1 if the torque resists extension, -1 if it pulls into it.
-        sign: i8,
-    },
-    /// A further inertia.
-    KnownInertia {
-        /// Inertia about the handle's axis, kg m2.
-        inertia_kg_m2: f64,
-    },
-    /// The handle cannot turn.
-    ClampedHandle,
-    /// A spring to the ground, without torque at the start position.
-    KnownSpring {
-        /// Stiffness about the handle's axis, N m/rad.
-        stiffness_nm_per_rad: f64,
-    },
-}
 
 /// What the motor does in a rig trial, after it was at rest for [`RIG_SETTLE_S`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,8 +41,6 @@ pub struct PlannedRigTrial {
     pub rejections: u32,
     /// What is mounted on the handle.
     pub load: RigLoad,
-    /// One standard deviation of the load's stated value, as a fraction, where it has one.
-    pub relative_error: Option<f64>,
     /// What the motor does.
     pub motion: RigMotion,
     /// Repetition index of this load and motion in its block, from 1.
@@ -85,13 +52,15 @@ impl RigTrialBlock {
     pub(super) fn loads(&self) -> Vec<RigLoad> {
         match *self {
             Self::EmptyHandle { .. } => vec![RigLoad::EmptyHandle],
-            Self::KnownWeight { mass_kg, arm_m, .. } => {
-                [1, -1].map(|sign| RigLoad::KnownWeight { mass_kg, arm_m, sign }).into()
+            Self::KnownWeight { mass_kg, arm_m, relative_error, .. } => {
+                [1, -1].map(|sign| RigLoad::KnownWeight { mass_kg, arm_m, sign, relative_error }).into()
             }
-            Self::KnownInertia { inertia_kg_m2, .. } => vec![RigLoad::KnownInertia { inertia_kg_m2 }],
+            Self::KnownInertia { inertia_kg_m2, relative_error, .. } => {
+                vec![RigLoad::KnownInertia { inertia_kg_m2, relative_error }]
+            }
             Self::ClampedHandle { .. } => vec![RigLoad::ClampedHandle],
-            Self::KnownSpring { stiffness_nm_per_rad, .. } => {
-                vec![RigLoad::KnownSpring { stiffness_nm_per_rad }]
+            Self::KnownSpring { stiffness_nm_per_rad, relative_error, .. } => {
+                vec![RigLoad::KnownSpring { stiffness_nm_per_rad, relative_error }]
             }
         }
     }
@@ -135,7 +104,6 @@ impl Protocol {
                             position: plan.len() as u32 + 1,
                             rejections: 0,
                             load,
-                            relative_error: block.relative_error(),
                             motion,
                             repetition,
                         });
@@ -162,40 +130,6 @@ impl Protocol {
             }
         }
         all_s
-    }
-}
-
-impl RigLoad {
-    /// Name in tables.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::EmptyHandle => "empty_handle",
-            Self::KnownWeight { .. } => "known_weight",
-            Self::KnownInertia { .. } => "known_inertia",
-            Self::ClampedHandle => "clamped_handle",
-            Self::KnownSpring { .. } => "known_spring",
-        }
-    }
-
-    /// What the operator does to mount it.
-    pub fn instruction(&self) -> String {
-        match self {
-            Self::EmptyHandle => "Take everything off the handle, and keep hands off it.".to_owned(),
-            Self::KnownWeight { mass_kg, arm_m, sign } => {
-                let way = if *sign > 0 { "resists the extension" } else { "pulls into the extension" };
-                format!("Hang {mass_kg:.3} kg at {arm_m:.3} m so that it {way}, and let it come to rest.")
-            }
-            Self::KnownInertia { inertia_kg_m2 } => {
-                format!("Bolt the bar of {inertia_kg_m2:.5} kg m² on the handle, balanced about its axis.")
-            }
-            Self::ClampedHandle => {
-                "Clamp the handle at the start position so that it cannot turn.".to_owned()
-            }
-            Self::KnownSpring { stiffness_nm_per_rad } => format!(
-                "Fix the spring of {stiffness_nm_per_rad:.2} N m/rad between handle and ground, without torque at the \
-                 start position."
-            ),
-        }
     }
 }
 

@@ -35,7 +35,8 @@ def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: b
     write_session(generated, session)
     truth = json.loads(json.dumps(truth_of(generated, case.effect, case.laboratory), default=float))
     started = time.monotonic()
-    calibration, error = _calibrate(program, session, work / f"calibration-{case.seed:06d}", limit_s) if case.rig_trials else ([], None)
+    written = work / f"rig-calibration-{case.seed:06d}.json"
+    calibration, error = _calibrate(program, session, written, limit_s) if case.rig_trials else ([], None)
     diagnosis = None
     if error is None:
         diagnosis, error = _diagnose([*program, "diagnose", str(session), "--out", str(out), "--seed", str(case.seed), *calibration], out,
@@ -47,15 +48,14 @@ def run_case(case: Case, program: list[str], work: Path, limit_s: float, keep: b
     else:
         shutil.rmtree(session)
         shutil.rmtree(out, ignore_errors=True)
-        shutil.rmtree(work / f"calibration-{case.seed:06d}", ignore_errors=True)
+        written.unlink(missing_ok=True)
     found = oracle.finding(case.seed, case.effect, case.where(), case.size).as_json() if ask_oracle and case.causes else None
     return Outcome(case, truth, diagnosis, error, seconds, found)
 
 
-def _calibrate(program, session, out, limit_s):
+def _calibrate(program, session, written, limit_s):
     """The arguments that give `diagnose` the calibration of the session's rig trials, or an error."""
-    error = _failure([*program, "calibrate", str(session), "--out", str(out)], limit_s)
-    written = out / "rig-calibration.json"
+    error = _failure([*program, "calibrate", str(session), "--out", str(written)], limit_s)
     if error is None and not written.is_file():
         error = "wrote no rig-calibration.json"
     return (None, f"calibrate: {error}") if error else (["--calibration", str(written)], None)

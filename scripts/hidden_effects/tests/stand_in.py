@@ -12,9 +12,9 @@ mode = sys.argv[1]
 effects = dict(part.split(":", 1) for part in sys.argv[2].split(";"))
 if sys.argv[3] == "calibrate":
     assert (Path(sys.argv[4]) / "rig-trials.csv").exists() and sys.argv[5] == "--out"
-    Path(sys.argv[6]).mkdir(parents=True)
+    assert not Path(sys.argv[6]).exists(), "a file, which is not overwritten"
     if mode != "no calibration":
-        (Path(sys.argv[6]) / "rig-calibration.json").write_text("{}")
+        Path(sys.argv[6]).write_text("{}")
     sys.exit()
 assert sys.argv[3] == "diagnose" and sys.argv[5] == "--out" and sys.argv[7] == "--seed"
 assert ("--calibration" in sys.argv) == (Path(sys.argv[4]) / "rig-trials.csv").exists()

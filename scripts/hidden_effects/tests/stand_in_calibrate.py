@@ -22,5 +22,5 @@ for name in QUANTITIES:
     size = max(abs(true), 0.01) if told else None
     quantities.append({"name": name, "value": true + (0.05 * size if mode == "wrong" else 0.001 * size) if told else None,
                        "se": 0.01 * size if told else None, "stated": None, "reason": None if told else "these loads cannot tell it"})
-out.mkdir(parents=True)
-(out / "rig-calibration.json").write_text(json.dumps({"format": "ramphold-rig-calibration/1", "quantities": quantities}))
+assert not out.exists(), "a file, which is not overwritten"
+out.write_text(json.dumps({"format": "ramphold-rig-calibration/1", "quantities": quantities}))

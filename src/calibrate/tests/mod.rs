@@ -7,7 +7,8 @@ use std::path::Path;
 
 use self::simulator::{ALL_LOADS, Loads, TrueRig, rig_trials, truth};
 use super::{CalibrateError, CalibrationOutcome, calibrate, compare};
-use crate::dataset::{HandleLoad, RigCalibration, RigQuantity, RigTrialMotion, RigTrials};
+use crate::dataset::{RigCalibration, RigQuantity, RigTrialMotion, RigTrials};
+use crate::protocol::RigLoad;
 use crate::wrist::Lever;
 
 const NO_LOADS: Loads = Loads { weight: false, inertia: false, clamp: false, spring: false };
@@ -167,24 +168,21 @@ fn a_cut_off_too_high_to_be_seen_has_a_bound_and_no_value() {
     assert!((value - truth).abs() < 4.0 * se && se < 3e-5, "{value} +- {se}, {truth}");
 }
 
-fn wrong_spring(load: &HandleLoad) -> f64 {
-    if matches!(load, HandleLoad::KnownSpring { .. }) { 1.25 } else { 1.0 }
+fn wrong_spring(load: &RigLoad) -> f64 {
+    if matches!(load, RigLoad::KnownSpring { .. }) { 1.25 } else { 1.0 }
 }
 
 #[test]
 fn a_load_with_a_wrong_value_disagrees_with_the_others() {
     let rig = TrueRig::usual(7);
     let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, wrong_spring));
-    let spring = outcome.loads.iter().find(|own| matches!(own.load, HandleLoad::KnownSpring { .. })).unwrap();
+    let spring = outcome.loads.iter().find(|own| matches!(own.load, RigLoad::KnownSpring { .. })).unwrap();
     assert!(spring.disagrees(), "{spring:?}");
     assert!((spring.difference.unwrap() - 0.25).abs() < 0.08, "{spring:?}");
     // Only spring and bar tell the gain of the angle: either may be the wrong one, and no weight is.
-    assert!(spring.or.iter().all(|load| matches!(load, HandleLoad::KnownInertia { .. })), "{spring:?}");
+    assert!(spring.or.iter().all(|load| matches!(load, RigLoad::KnownInertia { .. })), "{spring:?}");
     assert!(
-        outcome
-            .loads
-            .iter()
-            .all(|own| !own.disagrees() || !matches!(own.load, HandleLoad::KnownWeight { .. }))
+        outcome.loads.iter().all(|own| !own.disagrees() || !matches!(own.load, RigLoad::KnownWeight { .. }))
     );
     assert!(outcome.calibration.warnings.iter().any(|text| text.starts_with("known_spring of 20 N m/rad")));
 }
@@ -195,7 +193,7 @@ fn a_wrong_value_of_the_only_load_of_its_kind_cannot_be_seen() {
     let outcome =
         calibrated(&rig_trials(&rig, Loads { weight: false, clamp: true, ..ALL_LOADS }, wrong_spring));
     let mut trials = rig_trials(&rig, Loads { spring: false, weight: false, ..ALL_LOADS }, |_| 1.0);
-    trials.trials.retain(|trial| !matches!(trial.load, HandleLoad::ClampedHandle));
+    trials.trials.retain(|trial| !matches!(trial.load, RigLoad::ClampedHandle));
     let alone = calibrated(&trials);
     assert_eq!(alone.loads.len(), 1);
     assert_eq!((alone.loads[0].difference, alone.loads[0].disagrees()), (None, false));

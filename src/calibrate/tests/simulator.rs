@@ -1,7 +1,8 @@
 //! A rig that does not share the model of the fit: fine Runge-Kutta steps of the non-linear equations in time, with noise and an
 //! encoder of its own.
 
-use crate::dataset::{HandleLoad, RigTrial, RigTrialMotion, RigTrialSignals, RigTrials, Status};
+use crate::dataset::{RigTrial, RigTrialMotion, RigTrialSignals, RigTrials, Status};
+use crate::protocol::RigLoad;
 use crate::random::Stream;
 use crate::wrist::Lever;
 
@@ -76,7 +77,7 @@ impl TrueRig {
     pub fn trial(
         &self,
         number: u32,
-        load: HandleLoad,
+        load: RigLoad,
         motion: RigTrialMotion,
         repetition: u32,
         factor: f64,
@@ -94,8 +95,8 @@ impl TrueRig {
             targets[before] * (1.0 - part.min(1.0)) + targets[after] * part.min(1.0)
         };
         let weight = match load {
-            HandleLoad::KnownWeight { mass_kg, arm_m, sign, .. } => {
-                sign * factor * mass_kg * crate::protocol::GRAVITY_M_S2 * arm_m
+            RigLoad::KnownWeight { mass_kg, arm_m, sign, .. } => {
+                f64::from(sign) * factor * mass_kg * crate::protocol::GRAVITY_M_S2 * arm_m
             }
             _ => 0.0,
         };
@@ -168,13 +169,13 @@ impl TrueRig {
         state: &[f64; 5],
         [target, target_speed]: [f64; 2],
         start: f64,
-        load: HandleLoad,
+        load: RigLoad,
         factor: f64,
         weight: f64,
     ) -> [f64; 5] {
         let [theta_m, omega_m, theta_l, omega_l, filtered] = *state;
         let natural = std::f64::consts::TAU * self.servo_hz;
-        let is_clamped = load == HandleLoad::ClampedHandle;
+        let is_clamped = load == RigLoad::ClampedHandle;
         let (theta_l, omega_l) = if is_clamped { (start, 0.0) } else { (theta_l, omega_l) };
         let twist = theta_m - theta_l;
         let hard = 1.0 + self.hardening * (twist / 0.002) * (twist / 0.002);
@@ -186,12 +187,12 @@ impl TrueRig {
         let acceleration =
             natural * natural * (target - theta_m - back) - 2.0 * self.servo_damping * natural * braked;
         let inertia = self.lever.inertia_kg_m2
-            + if let HandleLoad::KnownInertia { inertia_kg_m2, .. } = load {
+            + if let RigLoad::KnownInertia { inertia_kg_m2, .. } = load {
                 factor * inertia_kg_m2
             } else {
                 0.0
             };
-        let spring = if let HandleLoad::KnownSpring { stiffness_nm_per_rad, .. } = load {
+        let spring = if let RigLoad::KnownSpring { stiffness_nm_per_rad, .. } = load {
             factor * stiffness_nm_per_rad * (theta_l - start)
         } else {
             0.0
@@ -286,26 +287,26 @@ pub struct Loads {
 pub const ALL_LOADS: Loads = Loads { weight: true, inertia: true, clamp: true, spring: true };
 
 /// The weights, bars and springs of a laboratory: stated value, its relative error and the seed's true factor.
-pub fn rig_trials(rig: &TrueRig, loads: Loads, wrong: fn(&HandleLoad) -> f64) -> RigTrials {
+pub fn rig_trials(rig: &TrueRig, loads: Loads, wrong: fn(&RigLoad) -> f64) -> RigTrials {
     let mut stream = Stream::new(rig.seed, "loads");
     let mut trials = Vec::new();
-    let mut add = |load: HandleLoad, motion: RigTrialMotion, factor: f64, targets: &[f64]| {
+    let mut add = |load: RigLoad, motion: RigTrialMotion, factor: f64, targets: &[f64]| {
         for repetition in 1..=2 {
             let number = trials.len() as u32 + 1;
             trials.push(rig.trial(number, load, motion, repetition, factor, targets));
         }
     };
     for velocity_rad_s in [1.3, -1.3, 3.25, -3.25] {
-        add(HandleLoad::EmptyHandle, RigTrialMotion::Ramp { velocity_rad_s }, 1.0, &rig.ramp(velocity_rad_s));
+        add(RigLoad::EmptyHandle, RigTrialMotion::Ramp { velocity_rad_s }, 1.0, &rig.ramp(velocity_rad_s));
     }
-    add(HandleLoad::EmptyHandle, RigTrialMotion::Multisine, 1.0, &rig.multisine(0.01, 1.0, 60.0, 4.0));
+    add(RigLoad::EmptyHandle, RigTrialMotion::Multisine, 1.0, &rig.multisine(0.01, 1.0, 60.0, 4.0));
     let mut factor =
-        |load: &HandleLoad| wrong(load) * (1.0 + load.relative_error().unwrap_or(0.0) * stream.normal());
+        |load: &RigLoad| wrong(load) * (1.0 + load.relative_error().unwrap_or(0.0) * stream.normal());
     if loads.weight {
         for mass_kg in [1.0, 2.5] {
-            let load = |sign| HandleLoad::KnownWeight { mass_kg, arm_m: 0.1, sign, relative_error: 0.002 };
-            let factor = factor(&load(1.0));
-            for sign in [1.0, -1.0] {
+            let load = |sign| RigLoad::KnownWeight { mass_kg, arm_m: 0.1, sign, relative_error: 0.002 };
+            let factor = factor(&load(1));
+            for sign in [1, -1] {
                 add(
                     load(sign),
                     RigTrialMotion::Still,
@@ -316,14 +317,14 @@ pub fn rig_trials(rig: &TrueRig, loads: Loads, wrong: fn(&HandleLoad) -> f64) ->
         }
     }
     if loads.inertia {
-        let load = HandleLoad::KnownInertia { inertia_kg_m2: 0.004, relative_error: 0.01 };
+        let load = RigLoad::KnownInertia { inertia_kg_m2: 0.004, relative_error: 0.01 };
         add(load, RigTrialMotion::Multisine, factor(&load), &rig.multisine(0.01, 1.0, 60.0, 4.0));
     }
     if loads.clamp {
-        add(HandleLoad::ClampedHandle, RigTrialMotion::Multisine, 1.0, &rig.multisine(0.002, 1.0, 60.0, 4.0));
+        add(RigLoad::ClampedHandle, RigTrialMotion::Multisine, 1.0, &rig.multisine(0.002, 1.0, 60.0, 4.0));
     }
     if loads.spring {
-        let load = HandleLoad::KnownSpring { stiffness_nm_per_rad: 20.0, relative_error: 0.01 };
+        let load = RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0, relative_error: 0.01 };
         add(load, RigTrialMotion::Multisine, factor(&load), &rig.multisine(0.02, 1.0, 30.0, 4.0));
     }
     RigTrials {

@@ -3,7 +3,7 @@
 use super::context::Rules;
 use crate::protocol::units::{minutes, significant};
 use crate::protocol::{
-    BlockMotion, GRAVITY_M_S2, MOUNTING_S, Motion, Multisine, Protocol, RigLoad, RigMotion, RigTrialBlock,
+    BlockMotion, MOUNTING_S, Motion, Multisine, Protocol, RigLoad, RigMotion, RigTrialBlock,
 };
 
 /// Longest time that all rig trials may take, with the time for mounting the loads, s.
@@ -168,16 +168,18 @@ fn instants(motion: &RigMotion, rate: f64) -> impl Iterator<Item = Motion> {
 /// The highest torque in a lever of the usual kind, N m, either sign.
 fn expected_torque_nm(motion: &RigMotion, load: &RigLoad) -> f64 {
     let [inertia, damping, stiffness] = FORESEEN_LEVER;
+    if let Some(weight_nm) = load.weight_nm() {
+        return weight_nm.abs();
+    }
     let (inertia, spring) = match load {
-        RigLoad::KnownWeight { mass_kg, arm_m, .. } => return mass_kg * arm_m * GRAVITY_M_S2,
         RigLoad::ClampedHandle => {
             let torques = instants(motion, libm::sqrt(stiffness / inertia))
                 .map(|motion| (stiffness * motion.angle_rad + damping * motion.velocity_rad_s).abs());
             return torques.fold(0.0, f64::max);
         }
-        RigLoad::EmptyHandle => (inertia, 0.0),
-        RigLoad::KnownInertia { inertia_kg_m2 } => (inertia + inertia_kg_m2, 0.0),
-        RigLoad::KnownSpring { stiffness_nm_per_rad } => (inertia, *stiffness_nm_per_rad),
+        RigLoad::EmptyHandle | RigLoad::KnownWeight { .. } => (inertia, 0.0),
+        RigLoad::KnownInertia { inertia_kg_m2, .. } => (inertia + inertia_kg_m2, 0.0),
+        RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => (inertia, *stiffness_nm_per_rad),
     };
     // The lever's own oscillation, the motion's, and the fastest decay there is.
     let natural = libm::sqrt((stiffness + spring) / inertia).max(damping / inertia);
@@ -218,6 +220,7 @@ fn expected_torque_nm(motion: &RigMotion, load: &RigLoad) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::protocol::GRAVITY_M_S2;
 
     fn sine(amplitude_rad: f64, frequency_hz: f64) -> RigMotion {
         RigMotion::Multisine(Multisine::new(amplitude_rad, [frequency_hz; 2], 4.0).unwrap())
@@ -228,8 +231,8 @@ mod tests {
         let [_, damping, stiffness] = FORESEEN_LEVER;
         for (load, inertia, spring) in [
             (RigLoad::EmptyHandle, 0.0016, 0.0),
-            (RigLoad::KnownInertia { inertia_kg_m2: 0.004 }, 0.0056, 0.0),
-            (RigLoad::KnownSpring { stiffness_nm_per_rad: 200.0 }, 0.0016, 200.0),
+            (RigLoad::KnownInertia { inertia_kg_m2: 0.004, relative_error: 0.01 }, 0.0056, 0.0),
+            (RigLoad::KnownSpring { stiffness_nm_per_rad: 200.0, relative_error: 0.01 }, 0.0016, 200.0),
         ] {
             for frequency_hz in [5.0, 30.0, 60.0] {
                 let omega = std::f64::consts::TAU * frequency_hz;
@@ -252,7 +255,7 @@ mod tests {
     fn a_clamp_takes_the_whole_turn_and_a_weight_its_own_torque() {
         let clamped_nm = expected_torque_nm(&sine(0.002, 1.0), &RigLoad::ClampedHandle);
         assert!((clamped_nm / 1.8 - 1.0).abs() < 0.01, "{clamped_nm}");
-        let weight = RigLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: -1 };
+        let weight = RigLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: -1, relative_error: 0.002 };
         assert_eq!(expected_torque_nm(&RigMotion::Still { duration_s: 1.0 }, &weight), 0.1 * GRAVITY_M_S2);
     }
 

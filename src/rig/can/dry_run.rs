@@ -3,7 +3,7 @@
 use super::file::{CanRigFileError, MotorSettings, ValidRigFile};
 use super::limits::HandleLimits;
 use super::mit::check_gains;
-use crate::protocol::{GRAVITY_M_S2, RigLoad, RigMotion, ValidProtocol};
+use crate::protocol::{RigMotion, ValidProtocol};
 use crate::rig::unmeasured_channels;
 
 /// Periods from a fault to the motor braking: it is read at the end of one, and the command acts at the end of the next.
@@ -102,9 +102,7 @@ fn rig_trials(
 ) {
     for trial in protocol.rig_plan().iter().filter(|trial| trial.repetition == 1) {
         let what = format!("in rig trial {} ({})", trial.position, trial.load.name());
-        if let RigLoad::KnownWeight { mass_kg, arm_m, .. } = trial.load
-            && mass_kg * arm_m * GRAVITY_M_S2 >= limits.torque_nm
-        {
+        if trial.load.weight_nm().is_some_and(|weight_nm| weight_nm.abs() >= limits.torque_nm) {
             reasons.push(format!("{what}, the weight is not below the limit of {} N m", limits.torque_nm));
         }
         if let RigMotion::Multisine(_) = trial.motion {

@@ -4,11 +4,11 @@ use super::mechanism_list::MechanismList;
 use super::person::Person;
 use super::setup::Setup;
 use super::wrist_response::{Follower, channels};
-use crate::protocol::{GRAVITY_M_S2, RigLoad};
+use crate::protocol::RigLoad;
 use crate::wrist::mechanisms::{ActiveMechanisms, Covariates, MechanismClass};
 use crate::wrist::{
-    AddedDynamics, Context, HermiteSegment, History, Integrator, Kinematics, LONGEST_STEP, Lever, Mechanics,
-    Plant, Torques,
+    AddedDynamics, Context, FurtherValues, HermiteSegment, History, Integrator, Kinematics, LONGEST_STEP,
+    Lever, Mechanics, Plant, Torques,
 };
 
 /// Speed at which the friction of the bearing has three quarters of its torque, rad/s. It stands for a step at rest, which no
@@ -24,13 +24,16 @@ const MOUNTED_S: f64 = 1.0;
 /// A wrist that is not there: inertia, damping and stiffness of a free body that nothing turns.
 const NO_WRIST: [f64; 6] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 
-/// The torques at one sample, N m.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HandleTorque {
-    /// In the lever.
+/// Torques and handle at one sample.
+#[derive(Debug, Clone, Copy)]
+pub struct LoadedSample {
+    /// Torque in the lever, N m.
     pub lever_nm: f64,
-    /// As the torque sensor shows it, without its offset.
+    /// Torque as its sensor shows it, without its offset, N m.
     pub measured_nm: f64,
+    /// What the further channels would show without an error. A load cell at the hand measures what is mounted there; there is no
+    /// joint.
+    pub further: FurtherValues<f64>,
 }
 
 /// Lever and handle with a load. Eq. 3 and 5 of the paper, with the torque of load and bearing in the place of the hand's.
@@ -82,11 +85,11 @@ impl LoadedHandle {
             history: &history,
         }
         .alter_plant(&mut plant);
-        if let (Some(lever), RigLoad::KnownInertia { inertia_kg_m2 }) = (&mut plant.lever, load) {
+        if let (Some(lever), RigLoad::KnownInertia { inertia_kg_m2, .. }) = (&mut plant.lever, load) {
             lever.inertia += inertia_kg_m2;
         }
         let spring = match load {
-            RigLoad::KnownSpring { stiffness_nm_per_rad } => stiffness_nm_per_rad,
+            RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => stiffness_nm_per_rad,
             _ => 0.0,
         };
         let friction_rate = setup.bearing_friction_nm / FRICTION_SPEED_RAD_S;
@@ -116,7 +119,7 @@ impl LoadedHandle {
 
     /// The servo's setup with this load: at a rigid lever, a bar turns with the motor itself.
     pub fn servo_setup(&self, setup: &Setup) -> Setup {
-        let RigLoad::KnownInertia { inertia_kg_m2 } = self.load else { return setup.clone() };
+        let RigLoad::KnownInertia { inertia_kg_m2, .. } = self.load else { return setup.clone() };
         if self.lever.is_some() {
             return setup.clone();
         }
@@ -152,15 +155,23 @@ impl LoadedHandle {
     /// The torque that turns a bar together with the motor, N m; 0 if there is a lever between the two.
     fn inertial_nm(&self, before: Kinematics<f64>, after: Kinematics<f64>) -> f64 {
         match self.load {
-            RigLoad::KnownInertia { inertia_kg_m2 } if self.lever.is_none() => {
+            RigLoad::KnownInertia { inertia_kg_m2, .. } if self.lever.is_none() => {
                 inertia_kg_m2 * (after.omega - before.omega) / self.period_s
             }
             _ => 0.0,
         }
     }
 
+    /// Torque of the bearing's friction, N m; a handle that is clamped has none.
+    fn friction_nm(&self, omega_l: f64) -> f64 {
+        match self.load {
+            RigLoad::ClampedHandle => 0.0,
+            _ => self.friction_nm * libm::tanh(omega_l / FRICTION_SPEED_RAD_S),
+        }
+    }
+
     /// One sample: the motor has come to `motor`, and was commanded to `command_rad`; `is_moving` tells that the motion has begun.
-    pub fn step(&mut self, motor: Kinematics<f64>, command_rad: f64, is_moving: bool) -> HandleTorque {
+    pub fn step(&mut self, motor: Kinematics<f64>, command_rad: f64, is_moving: bool) -> LoadedSample {
         let to = self.follower.follow(self.motor(motor), self.following_hz, self.period_s);
         let further_nm = if self.holds_motor() {
             self.servo_stiffness_nm_per_rad * command_rad
@@ -185,7 +196,18 @@ impl LoadedHandle {
         };
         let input = HermiteSegment::new(self.from, to, self.period_s);
         integrator.advance(&self.mechanics, &torque, &input, start_s, self.period_s, self.substeps);
-        let (torques, _) = integrator.torques(&self.mechanics, &torque, to, start_s + self.period_s);
+        let (torques, rates) = integrator.torques(&self.mechanics, &torque, to, start_s + self.period_s);
+        let state = integrator.state();
+        let (theta_l, omega_l, alpha_l) = match self.lever {
+            Some(_) => (state.theta_l, state.omega_l, rates.omega_l),
+            None => (to.theta, to.omega, input.acceleration_at_end()),
+        };
+        // The bar is part of the lever's inertia if there is a lever, and of the further torque if there is none.
+        let bar_nm = match (self.load, self.lever) {
+            (RigLoad::KnownInertia { inertia_kg_m2, .. }, Some(_)) => inertia_kg_m2 * alpha_l,
+            _ => 0.0,
+        };
+        let torque_h = torques.interface - self.friction_nm(omega_l) + bar_nm;
         if let Some(sample) = &mut self.sample {
             let (added, rates) = integrator.sampled();
             self.history.push(added, rates);
@@ -193,7 +215,8 @@ impl LoadedHandle {
         }
         self.integrator = integrator;
         self.from = to;
-        HandleTorque { lever_nm: torques.lever, measured_nm: torques.measured }
+        let further = FurtherValues { theta_l, alpha_l, torque_h, theta_j: 0.0 };
+        LoadedSample { lever_nm: torques.lever, measured_nm: torques.measured, further }
     }
 }
 
@@ -214,15 +237,12 @@ impl AddedDynamics<f64> for LoadTorque<'_> {
         self.mechanisms.add_torques(context, added, torques, rates);
         let load_nm = match self.handle.load {
             RigLoad::EmptyHandle | RigLoad::KnownInertia { .. } => 0.0,
-            RigLoad::KnownWeight { mass_kg, arm_m, sign } => f64::from(sign) * mass_kg * GRAVITY_M_S2 * arm_m,
-            RigLoad::KnownSpring { stiffness_nm_per_rad } => stiffness_nm_per_rad * context.handle.theta,
+            RigLoad::KnownWeight { .. } => self.handle.load.weight_nm().unwrap_or_default(),
+            RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => stiffness_nm_per_rad * context.handle.theta,
             // The stop gives back whatever the lever brings.
             RigLoad::ClampedHandle => torques.lever,
         };
-        let friction_nm = match self.handle.load {
-            RigLoad::ClampedHandle => 0.0,
-            _ => self.handle.friction_nm * libm::tanh(context.handle.omega / FRICTION_SPEED_RAD_S),
-        };
+        let friction_nm = self.handle.friction_nm(context.handle.omega);
         torques.interface = load_nm + friction_nm + self.further_nm;
         // Nothing turns the wrist that is not there.
         torques.joint = torques.interface;

@@ -199,7 +199,7 @@ impl ArmedVirtualWrist {
         self.rig_trial = Some(RigTrialUnderWay { key: [position, rejections], has_begun: false, handle });
         let mut at_rest_rad = 0.0;
         for _ in 0..samples {
-            [at_rest_rad, _] = self.turn_loaded_handle(0.0, false);
+            (at_rest_rad, _, _) = self.turn_loaded_handle(0.0, false);
         }
         self.change_load(at_rest_rad);
     }
@@ -210,15 +210,17 @@ impl ArmedVirtualWrist {
         self.load_change = LoadChange { turn_rad: self.angle_rad - at_rest_rad, left: samples, samples };
     }
 
-    /// One period of a rig trial: motor angle, and torque that the sensor shows. 0 without a rig trial.
-    fn turn_loaded_handle(&mut self, command_rad: f64, is_moving: bool) -> [f64; 2] {
-        let Some(RigTrialUnderWay { handle, .. }) = &mut self.rig_trial else { return [0.0; 2] };
+    /// One period of a rig trial: motor angle, torque and further channels that the sensors show. 0 without a rig trial.
+    fn turn_loaded_handle(&mut self, command_rad: f64, is_moving: bool) -> (f64, f64, FurtherValues<f64>) {
+        let Some(RigTrialUnderWay { handle, .. }) = &mut self.rig_trial else {
+            return (0.0, 0.0, FurtherValues::at_rest());
+        };
         let before = self.servo.motion();
         self.servo.step(command_rad, self.lever_torque_nm);
         let motor = self.servo.motion();
-        let torque = handle.step(motor, command_rad, is_moving);
-        self.lever_torque_nm = handle.on_motor_nm(torque.lever_nm, before, motor);
-        [handle.motor(motor).theta, torque.measured_nm]
+        let own = handle.step(motor, command_rad, is_moving);
+        self.lever_torque_nm = handle.on_motor_nm(own.lever_nm, before, motor);
+        (handle.motor(motor).theta, own.measured_nm, own.further)
     }
 
     fn exchange_in_rig_trial(&mut self, upcoming: &UpcomingRigTrial, command_rad: f64) -> Sample {
@@ -239,12 +241,12 @@ impl ArmedVirtualWrist {
             self.load_change = LoadChange::default();
         }
         let is_moving = upcoming.stage == RigTrialStage::Moving;
-        let [angle_rad, torque_nm] = self.turn_loaded_handle(command_rad, is_moving);
-        self.angle_rad = angle_rad + self.load_change.next_rad();
+        let (angle_rad, torque_nm, mut further) = self.turn_loaded_handle(command_rad, is_moving);
+        let change_rad = self.load_change.next_rad();
+        self.angle_rad = angle_rad + change_rad;
+        further.theta_l += change_rad;
         self.sample += 1;
         let time_s = self.sample as f64 / self.rig.sample_rate_hz;
-        // Of the further channels, which rig trials do not record, nothing is simulated here.
-        let further = FurtherValues { theta_l: 0.0, alpha_l: 0.0, torque_h: 0.0, theta_j: 0.0 };
         self.sensors.measure(self.angle_rad, torque_nm, [0.0; 2], &further, time_s)
     }
 

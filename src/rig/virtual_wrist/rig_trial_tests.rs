@@ -9,7 +9,7 @@ use crate::wrist::Lever;
 
 const RATE: f64 = 2500.0;
 const LEVER: Lever = Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
-const WEIGHT: RigLoad = RigLoad::KnownWeight { mass_kg: 1.5, arm_m: 0.12, sign: 1 };
+const WEIGHT: RigLoad = RigLoad::KnownWeight { mass_kg: 1.5, arm_m: 0.12, sign: 1, relative_error: 0.01 };
 const WEIGHT_NM: f64 = 1.5 * 0.12 * GRAVITY_M_S2;
 
 /// A rig without noise, offset and steps.
@@ -91,7 +91,7 @@ fn assert_close(found: [f64; 2], expected: [f64; 2], part: f64) {
 fn a_weight_gives_its_torque_in_both_directions_and_bends_the_servo() {
     for lever in [Some(LEVER), None] {
         for sign in [1, -1] {
-            let load = RigLoad::KnownWeight { mass_kg: 1.5, arm_m: 0.12, sign };
+            let load = RigLoad::KnownWeight { mass_kg: 1.5, arm_m: 0.12, sign, relative_error: 0.01 };
             let torque_nm = f64::from(sign) * WEIGHT_NM;
             for sample in run(quiet(lever), load, 500, |_| 0.0) {
                 assert!((sample.torque_l_nm - torque_nm).abs() < 1e-6, "{sample:?}");
@@ -114,8 +114,8 @@ fn gain_offset_and_saturation_of_the_channel_act_on_the_whole_torque_of_a_weight
 
 #[test]
 fn empty_handle_bar_spring_and_clamp_have_the_impedance_of_their_equations() {
-    let bar = RigLoad::KnownInertia { inertia_kg_m2: 0.004 };
-    let spring = RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0 };
+    let bar = RigLoad::KnownInertia { inertia_kg_m2: 0.004, relative_error: 0.01 };
+    let spring = RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0, relative_error: 0.01 };
     for frequency_hz in [2.0, 10.0, 40.0] {
         let of = |load| impedance(&sine(quiet(Some(LEVER)), load, 0.002, frequency_hz), frequency_hz);
         assert_close(of(RigLoad::EmptyHandle), lever_impedance(0.0016, 0.0, frequency_hz), 0.01);
@@ -126,11 +126,54 @@ fn empty_handle_bar_spring_and_clamp_have_the_impedance_of_their_equations() {
 }
 
 #[test]
+fn the_further_sensors_of_the_handle_obey_the_equations_of_lever_and_load() {
+    let bar = RigLoad::KnownInertia { inertia_kg_m2: 0.004, relative_error: 0.01 };
+    let spring = RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0, relative_error: 0.01 };
+    for lever in [Some(LEVER), None] {
+        let setup = Setup {
+            handle_encoder_counts_per_revolution: Some(1e9),
+            accelerometer_noise_rad_s2: Some(0.0),
+            hand_load_cell_noise_nm: Some(0.0),
+            ..quiet(lever)
+        };
+        for load in [RigLoad::EmptyHandle, WEIGHT, bar, spring, RigLoad::ClampedHandle] {
+            for sample in &sine(setup.clone(), load, 0.002, 10.0) {
+                let [Some(theta_l), Some(alpha_l), Some(hand_nm), None] = sample.further else {
+                    panic!("not the sensors of the rig: {sample:?}")
+                };
+                let inertia = lever.map_or(0.0, |lever| lever.inertia_kg_m2);
+                assert!(
+                    (sample.torque_l_nm - inertia * alpha_l - hand_nm).abs() < 2e-3,
+                    "{load:?} {sample:?}"
+                );
+                let expected_nm = match load {
+                    RigLoad::KnownInertia { inertia_kg_m2, .. } => inertia_kg_m2 * alpha_l,
+                    RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => stiffness_nm_per_rad * theta_l,
+                    RigLoad::ClampedHandle => sample.torque_l_nm,
+                    other => other.weight_nm().unwrap_or_default(),
+                };
+                assert!((hand_nm - expected_nm).abs() < 2e-3, "{load:?} {sample:?}");
+                let bent_rad = sample.theta_m_rad - theta_l;
+                match lever {
+                    // The damper's part: 0.4 N m s/rad at the speed of the sine.
+                    Some(lever) => {
+                        let left_nm = sample.torque_l_nm - lever.stiffness_nm_per_rad * bent_rad;
+                        assert!(left_nm.abs() < 0.06, "{load:?} {sample:?}");
+                    }
+                    None => assert!(bent_rad.abs() < 1e-7, "{load:?} {sample:?}"),
+                }
+                assert!(load != RigLoad::ClampedHandle || theta_l.abs() < 1e-5, "{sample:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_peak_torque_of_a_bar_in_a_ramp_is_inertia_times_acceleration() {
     // A slow rise, which the lever's own oscillation does not answer.
     let sweep = Sweep::new(0.14, 0.4, 0.3).unwrap();
     for (lever, inertia) in [(Some(LEVER), 0.0116), (None, 0.01)] {
-        let bar = RigLoad::KnownInertia { inertia_kg_m2: 0.01 };
+        let bar = RigLoad::KnownInertia { inertia_kg_m2: 0.01, relative_error: 0.01 };
         let samples = run(quiet(lever), bar, 800, |t_s| sweep.at(t_s).angle_rad);
         let peak_nm = samples.iter().map(|sample| sample.torque_l_nm).fold(0.0, f64::max);
         let expected_nm = inertia * sweep.peak_acceleration_rad_s2();
@@ -142,8 +185,16 @@ fn the_peak_torque_of_a_bar_in_a_ramp_is_inertia_times_acceleration() {
 fn at_a_rigid_lever_the_handle_is_the_motor() {
     let of = |load| impedance(&sine(quiet(None), load, 0.002, 10.0), 10.0);
     let omega = TAU * 10.0;
-    assert_close(of(RigLoad::KnownInertia { inertia_kg_m2: 0.004 }), [-0.004 * omega * omega, 0.0], 0.02);
-    assert_close(of(RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0 }), [20.0, 0.0], 0.01);
+    assert_close(
+        of(RigLoad::KnownInertia { inertia_kg_m2: 0.004, relative_error: 0.01 }),
+        [-0.004 * omega * omega, 0.0],
+        0.02,
+    );
+    assert_close(
+        of(RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0, relative_error: 0.01 }),
+        [20.0, 0.0],
+        0.01,
+    );
     let empty = sine(quiet(None), RigLoad::EmptyHandle, 0.002, 10.0);
     assert!(empty.iter().all(|sample| sample.torque_l_nm.abs() < 1e-9), "nothing is behind the sensor");
     // A clamp holds the motor itself: what the command asks for turns the servo's spring.
@@ -155,7 +206,7 @@ fn at_a_rigid_lever_the_handle_is_the_motor() {
 
 #[test]
 fn a_spring_holds_its_slope_at_a_still_angle() {
-    let spring = RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0 };
+    let spring = RigLoad::KnownSpring { stiffness_nm_per_rad: 20.0, relative_error: 0.01 };
     let sweep = Sweep::new(0.1, 0.5, 0.02).unwrap();
     let last = run(quiet(Some(LEVER)), spring, 2500, |t_s| sweep.at(t_s).angle_rad)[2499];
     // Spring and lever in series.
@@ -230,7 +281,7 @@ fn a_load_that_is_put_on_and_taken_off_turns_the_motor_within_the_limit_of_its_s
         assert_eq!(monitor.check_sample(&sample).err(), None);
         sample.theta_m_rad
     };
-    let heavy = |sign| RigLoad::KnownWeight { mass_kg: 5.0, arm_m: 0.12, sign };
+    let heavy = |sign| RigLoad::KnownWeight { mass_kg: 5.0, arm_m: 0.12, sign, relative_error: 0.01 };
     let turned = 5.0 * 0.12 * GRAVITY_M_S2 / Setup::default().servo_stiffness_nm_per_rad;
     for (position, sign) in [(1, 1), (2, -1)] {
         for stage in [RigTrialStage::Mounting, RigTrialStage::Settling] {

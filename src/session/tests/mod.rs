@@ -56,7 +56,7 @@ fn settings_with_rig_trials() -> Settings {
         RigMotion::Ramp { velocity_rad_s: ramp.velocity_rad_s, movement: ramp.movement },
         RigMotion::Still { duration_s: 0.1 },
     ];
-    let weight = RigLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: 1 };
+    let weight = RigLoad::KnownWeight { mass_kg: 1.0, arm_m: 0.1, sign: 1, relative_error: 0.002 };
     let loads = [RigLoad::EmptyHandle, RigLoad::EmptyHandle, weight];
     settings.rig_plan = (1..)
         .zip(motions.into_iter().zip(loads))
@@ -64,7 +64,6 @@ fn settings_with_rig_trials() -> Settings {
             position,
             rejections: 0,
             load,
-            relative_error: None,
             motion,
             repetition: 1,
         })
