@@ -1,7 +1,8 @@
 //! Whether the model as given describes a session at all: where it does not, its misfit says nothing about causes.
 
 use crate::fit::{
-    Fit, Observations, Termination, TrialObservation, median, predictions, variance_accounted_for,
+    Fit, NoSessionModel, Observations, Termination, TrialObservation, coarse_angle, median, predictions,
+    variance_accounted_for,
 };
 
 /// Smallest part of the torque's variance that the model must account for in the median trial. The paper's fits are above 0.9; below one
@@ -12,6 +13,10 @@ const LEAST_VAF: f64 = 0.5;
 /// two, but a unit is.
 const SPEED_FACTOR: f64 = 2.0;
 
+/// Largest variance of the torque error from the recorded angle, beside that of the torque's noise. Of sound sessions on encoders of 13 and
+/// 14 bits, 1 of 4 below it and 11 of 12 above it were not called adequate (docs/explanation/diagnosis.md).
+const LARGEST_ANGLE_ERROR: f64 = 8.0;
+
 /// Why no cause can be looked for in the misfit of `fit`; `None` if the model describes the session.
 pub fn not_described(observations: &Observations, fit: &Fit) -> Option<String> {
     let ratio = median(&speed_ratios(observations));
@@ -21,6 +26,11 @@ pub fn not_described(observations: &Observations, fit: &Fit) -> Option<String> {
             "the ramps turn {ratio:.3} times as fast as velocity_rad_s says{likely}; check the units of the angle, of the time and of \
              the table"
         ));
+    }
+    if let Some(reason @ NoSessionModel::CoarseAngle { ratio, .. }) = coarse_angle(observations, fit)
+        && ratio > LARGEST_ANGLE_ERROR
+    {
+        return Some(reason.to_string());
     }
     let is_lost = |outcome: &_| matches!(outcome, Termination::NotFinite | Termination::Iterations);
     if !fit.cost().is_finite() || fit.solution.outcomes.iter().any(|own| is_lost(&own.termination)) {

@@ -112,7 +112,8 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         return Diagnosis::without_causes(before, remarks);
     }
     if let Some(reason) = coarse_angle(observations, &before) {
-        remarks.push(format!("{reason}; a cause that is named, and misfit that remains, may be the encoder's"));
+        remarks
+            .push(format!("{reason}; a cause that is named, and misfit that remains, may be the encoder's"));
     }
     let Some(Comparison { search, given, single }) = compared_models(look, &before, seed, stage) else {
         remarks.push("no cause was looked for: the likelihood of the model cannot be approximated".into());

@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use super::*;
 use crate::dataset::journal::{JournalEntry, JournalText};
-use crate::dataset::recorder::tests::{Starter, protocol_with_rig_trials, run, run_protocol};
+use crate::dataset::recorder::tests::{Starter, protocol, protocol_with_rig_trials, run, run_protocol};
 use crate::dataset::trial_csv_writer::HEADER;
 use crate::dataset::{BackgroundRecorder, Manifest, Status, load, replay};
 use crate::protocol::Limits;
 use crate::random::Stream;
-use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
+use crate::rig::virtual_wrist::{LOAD_CHANGE_S, Person, Setup, VirtualWrist};
 use crate::rig::{Armed, ArmingConsent, Command, Fault, Rig, Sample};
 use crate::session::{
     Event, Machine, Operator, Phase, RealTime, TransitionDetail, Unpaced, run_control_loop,
@@ -33,16 +33,18 @@ fn go_on(folder: &Path, disk: Disk) -> Result<(), ResumeError> {
 }
 
 /// The trials that count, by their place in the schedule. The first sample of a record was measured before the subject
-/// saw the trial and depends on the sample before; the comparison leaves it out.
+/// saw the trial and depends on the sample before; so do the angles while the load of a rig trial is taken off. The comparison leaves them
+/// out.
 fn counting(folder: &Path) -> BTreeMap<String, (Option<f64>, crate::dataset::Record)> {
     let trials = load(folder).unwrap().trials.into_iter().filter(|trial| trial.status == Status::Ok);
+    let left_out = (LOAD_CHANGE_S * protocol().signal.sample_rate_hz).ceil() as usize + 1;
     trials
         .map(|mut trial| {
             let record = &mut trial.record;
             let optional = [&mut record.emg_fcr_mvc, &mut record.emg_ecr_mvc];
             let channels = [&mut record.theta_m_rad, &mut record.torque_l_nm];
             for channel in channels.into_iter().chain(optional.into_iter().flatten()) {
-                channel.remove(0);
+                channel.drain(..left_out);
             }
             (trial.extra["position"].clone(), (trial.onset_s, trial.record))
         })

@@ -153,7 +153,7 @@ fn effects() -> Vec<Effect> {
     let base = torque(&[], &[]);
     let basis = absorbable(&base);
     let highest = base.torque_nm.iter().copied().fold(0.0, f64::max) + TORQUES_NM[2];
-    let context = ProbeContext { lever: Some(LEVER), highest_torque_nm: highest };
+    let context = ProbeContext { lever: Some(LEVER), highest_torque_nm: highest, window_s: 0.04 };
     let effect = |kind: MechanismKind| {
         let values = kind.probes(&context).into_iter().next().unwrap_or_default();
         let with = torque(&[kind], &values);
