@@ -53,7 +53,7 @@ impl<'a> TimedTable<'a> {
     /// The values of a column.
     pub fn column(&self, name: &str) -> Result<&'a [f64], AttachError> {
         self.table.column(name).ok_or_else(|| {
-            let found = format!("no column {name:?} in {}", self.table.name);
+            let found = format!("{} {}", self.table.name, self.table.why_not(name));
             self.request.unexpected(found, format!("one of {}", self.table.names()))
         })
     }
@@ -104,7 +104,7 @@ fn times(request: &AttachRequest, table: &SourceTable) -> Result<Vec<f64>, Attac
         ClockSource::Format => TIME_COLUMN,
     };
     let Some(times_s) = table.column(column) else {
-        let found = format!("no column {column:?} in {}", table.name);
+        let found = format!("{} {}", table.name, table.why_not(column));
         let expected =
             format!("a column of time in seconds (--time) or the rate (--rate); there are {}", table.names());
         return Err(request.unexpected(found, expected));
@@ -136,9 +136,13 @@ pub fn edges_in(
 ) -> Result<TriggerEdges, AttachError> {
     let Some(table) = recording.tables.iter().find(|table| table.column(column).is_some()) else {
         let names: Vec<String> = recording.tables.iter().map(SourceTable::names).collect();
-        return Err(
-            request.unexpected(format!("no column {column:?}"), format!("one of {}", names.join(", ")))
+        let is_unusable = |table: &&SourceTable| table.unusable.iter().any(|(name, _)| name == column);
+        let unusable = recording.tables.iter().find(is_unusable);
+        let found = unusable.map_or_else(
+            || format!("no column {column:?}"),
+            |table| format!("{} {}", table.name, table.why_not(column)),
         );
+        return Err(request.unexpected(found, format!("one of {}", names.join(", "))));
     };
     let values = table.column(column).unwrap_or_default();
     let times_s = times(request, table)?;

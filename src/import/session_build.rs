@@ -178,7 +178,7 @@ fn column<'a>(
 ) -> Result<&'a [f64], ImportError> {
     table.column(&signal.column).ok_or_else(|| ImportError::NoColumn {
         table: table.name.clone(),
-        column: signal.column.clone(),
+        why: table.why_not(&signal.column),
         role,
         columns: table.names(),
     })

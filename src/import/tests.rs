@@ -43,7 +43,7 @@ fn mapping() -> Mapping {
 
 fn table(name: &str, columns: [Vec<f64>; 3]) -> SourceTable {
     let columns = NAMES.iter().zip(columns).map(|(name, values)| ((*name).to_owned(), values)).collect();
-    SourceTable { name: name.to_owned(), columns }
+    SourceTable::new(name.to_owned(), columns)
 }
 
 fn csv(table: &SourceTable) -> String {
@@ -206,6 +206,60 @@ fn a_column_that_is_not_there_is_named_with_those_that_are() {
     );
 }
 
+/// Columns of a Parquet table that cannot be used.
+#[cfg(feature = "parquet")]
+mod parquet_columns {
+    use std::sync::Arc;
+
+    use parquet::data_type::{DoubleType, Int64Type};
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::parser::parse_message_type;
+
+    use super::*;
+
+    #[test]
+    fn a_parquet_column_with_an_empty_row_or_of_timestamps_is_named_with_its_reason_and_refused_if_it_is_used()
+     {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("t.parquet");
+        let schema = "message t { required double Time; required double Pos; optional double Tq; \
+                      required int64 Stamp (TIMESTAMP_MICROS); }";
+        let schema = Arc::new(parse_message_type(schema).unwrap());
+        let mut writer =
+            SerializedFileWriter::new(fs::File::create(&file).unwrap(), schema, Default::default()).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        let [time, angle, torque] = columns(1.3);
+        for values in [time, angle] {
+            let mut column = group.next_column().unwrap().unwrap();
+            column.typed::<DoubleType>().write_batch(&values, None, None).unwrap();
+            column.close().unwrap();
+        }
+        let is_there: Vec<i16> = (0..SAMPLES).map(|row| i16::from(row != 41)).collect();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<DoubleType>().write_batch(&torque[1..], Some(&is_there), None).unwrap();
+        column.close().unwrap();
+        let stamps: Vec<i64> = (0..SAMPLES as i64).map(|row| 1_700_000_000_000_000 + 1000 * row).collect();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<Int64Type>().write_batch(&stamps, None, None).unwrap();
+        column.close().unwrap();
+        group.close().unwrap();
+        writer.close().unwrap();
+
+        let tables = read_source(&file).unwrap();
+        let names = tables[0].names();
+        assert!(names.starts_with("Time, Pos, Tq (not usable: row 42 is empty"), "{names}");
+        assert!(
+            names.contains("Stamp (not usable: row 1 is a date or a time of day; write times as"),
+            "{names}"
+        );
+        let told = import(tables, &mapping()).unwrap_err().to_string();
+        assert!(
+            told.contains("cannot use column \"Tq\": row 42 is empty") && told.contains("the torque"),
+            "{told}"
+        );
+    }
+}
+
 /// Elements of a .mat file of version 5.
 #[cfg(feature = "matlab")]
 mod mat {
@@ -297,6 +351,22 @@ mod mat {
             fs::write(&file, bytes).unwrap();
             assert_two_trials(&import(read_source(&file).unwrap(), &mapping()).unwrap());
         }
+        let whole: Vec<u8> = header()
+            .into_iter()
+            .chain(variables().into_iter().flat_map(|(n, rows, v)| matrix(n, rows, &v)))
+            .collect();
+        let [first, second, _] = variables().map(|(name, rows, values)| matrix(name, rows, &values).len());
+        for length in [130, 128 + first + 4, 128 + first + 100, whole.len() - first / 3, whole.len() - 1] {
+            fs::write(folder.path().join("cut.mat"), &whole[..length]).unwrap();
+            let told = read_source(&folder.path().join("cut.mat")).unwrap_err().to_string();
+            assert!(told.contains(&format!("the file ends early, at byte {length}")), "{length}: {told}");
+        }
+        // An element that says that it is whole, with fewer values than rows and columns.
+        let mut damaged = whole[..128 + first + second].to_vec();
+        damaged[128 + 8 + 16 + 8] += 1;
+        fs::write(folder.path().join("cut.mat"), &damaged).unwrap();
+        let told = read_source(&folder.path().join("cut.mat")).unwrap_err().to_string();
+        assert!(told.contains("an element at byte 128 that is damaged"), "{told}");
         fs::write(folder.path().join("cut.mat"), b"MATLAB 5.0").unwrap();
         let told = read_source(&folder.path().join("cut.mat")).unwrap_err().to_string();
         assert!(told.contains("cut.mat") && told.contains("-v7"), "{told}");
