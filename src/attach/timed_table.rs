@@ -6,7 +6,7 @@ use super::trigger;
 use crate::import::{Recording, SourceTable, TIME_COLUMN};
 
 /// A step longer than this many usual ones is a gap.
-const GAP_STEPS: f64 = 1.5;
+pub const GAP_STEPS: f64 = 1.5;
 
 /// The table that is attached, with the times of its samples.
 pub struct TimedTable<'a> {
@@ -38,15 +38,17 @@ impl<'a> TimedTable<'a> {
                 request.unexpected(format!("{} samples", times_s.len()), "a recording of the session")
             );
         }
-        let rate_hz = (times_s.len() - 1) as f64 / (times_s[times_s.len() - 1] - times_s[0]);
         let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let usual_s = {
             let middle = steps.len() / 2;
             *steps.select_nth_unstable_by(middle, f64::total_cmp).1
         };
         let is_gap = |pair: &[f64]| pair[1] - pair[0] > GAP_STEPS * usual_s;
-        let gaps =
+        let gaps: Vec<usize> =
             times_s.windows(2).enumerate().filter(|(_, pair)| is_gap(pair)).map(|(at, _)| at).collect();
+        // What was not sampled counts neither as samples nor as time.
+        let sampled_s = times_s.windows(2).filter(|pair| !is_gap(pair)).map(|pair| pair[1] - pair[0]);
+        let rate_hz = sampled_s.clone().count() as f64 / sampled_s.sum::<f64>();
         Ok(Self { request, table, times_s, rate_hz, gaps })
     }
 
