@@ -10,7 +10,7 @@ use super::ramp_search::{AlignedRamps, find_ramps};
 use super::request::AttachRequest;
 use super::timed_table::{GAP_STEPS, TimedTable};
 use crate::dataset::{self, PROGRAM, Session};
-use crate::files::{self, limits};
+use crate::files::{self, Folder, limits};
 use crate::import::{SourceTable, read_recording};
 
 /// A recording that was aligned, before it is written.
@@ -52,6 +52,10 @@ pub fn align(request: &AttachRequest) -> Result<Aligned, AttachError> {
         return Err(AttachError::Exists(folder));
     }
     let session = dataset::load(&request.session)?;
+    if Folder::open(&request.file).is_ok() {
+        let expected = "one recording: a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf or .xdf file; attach several one after the other";
+        return Err(request.unexpected("a folder".to_owned(), expected));
+    }
     let recording = read_recording(&request.file)?;
     let table = TimedTable::new(request, &recording)?;
     for column in request.emg.iter().flatten() {

@@ -28,6 +28,8 @@ pub fn chance(recording: &PiecewiseRecording, trials: &[(Sampled, f64)]) -> f64 
     let before_s = |trial: &Sampled| -trial.start_s - BEFORE_ONSET_S;
     let shortest_s = trials.iter().map(|(trial, _)| before_s(trial)).fold(f64::INFINITY, f64::min);
     let steps = if shortest_s.is_finite() { (shortest_s.max(0.0) * STEPS_HZ) as usize } else { 0 };
+    // The last step has half a step of samples before it.
+    let steps = steps.saturating_sub(1);
     if steps < FEWEST_STEPS {
         return 1.0;
     }

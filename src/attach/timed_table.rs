@@ -8,6 +8,9 @@ use crate::import::{Recording, SourceTable, TIME_COLUMN};
 /// A step longer than this many usual ones is a gap.
 pub const GAP_STEPS: f64 = 1.5;
 
+/// Longest usual step of a recording in which a ramp of some ten milliseconds can be found, s.
+const SLOWEST_STEP_S: f64 = 0.02;
+
 /// The table that is attached, with the times of its samples.
 pub struct TimedTable<'a> {
     request: &'a AttachRequest,
@@ -43,6 +46,12 @@ impl<'a> TimedTable<'a> {
             let middle = steps.len() / 2;
             *steps.select_nth_unstable_by(middle, f64::total_cmp).1
         };
+        if usual_s > SLOWEST_STEP_S {
+            return Err(request.unexpected(
+                format!("a sample every {usual_s} s"),
+                "times in seconds, with many samples in a ramp; if they are in ms, divide them by 1000, or give --rate",
+            ));
+        }
         let is_gap = |pair: &[f64]| pair[1] - pair[0] > GAP_STEPS * usual_s;
         let gaps: Vec<usize> =
             times_s.windows(2).enumerate().filter(|(_, pair)| is_gap(pair)).map(|(at, _)| at).collect();
@@ -115,7 +124,12 @@ fn times(request: &AttachRequest, table: &SourceTable) -> Result<Vec<f64>, Attac
     if let Some(at) = times_s.windows(2).position(stops) {
         let found =
             format!("{} s after {} s in sample {} of {}", times_s[at + 1], times_s[at], at + 2, table.name);
-        return Err(request.unexpected(found, "times that go on; did the clock jump?"));
+        let expected = if times_s[at + 1] == times_s[at] {
+            "times that go on; if they are rounded, write them with more digits, or give --rate instead of --time"
+        } else {
+            "times that go on; did the clock jump?"
+        };
+        return Err(request.unexpected(found, expected));
     }
     Ok(times_s.to_vec())
 }

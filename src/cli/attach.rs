@@ -141,6 +141,11 @@ impl AttachArgs {
                 return Err(Failure::Usage(format!("{option} {value}: expected a number above 0")));
             }
         }
+        if let Some(level) = self.threshold.filter(|level| !level.is_finite()) {
+            return Err(Failure::Usage(format!(
+                "--threshold {level}: expected a number, in the unit of the trigger's column"
+            )));
+        }
         let reference = match (self.trigger, self.marker, self.signal, self.shared) {
             (Some(column), ..) => {
                 Reference::Trigger { column, threshold: self.threshold, falling: self.falling }

@@ -66,6 +66,12 @@ pub enum ImportError {
         /// The columns that there are.
         columns: String,
     },
+    /// The signals cannot be what the mapping takes them for.
+    #[error("{reason}")]
+    Implausible {
+        /// What was found, and what to do.
+        reason: String,
+    },
     /// No trial was found.
     #[error("no trial found: {reason}")]
     NoTrial {

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::{ImportedSession, LongRecord, Mapping, SourceTable, import, read_source};
+use super::{ImportedSession, LongRecord, Mapping, SignalUnit, SourceTable, import, read_source};
 use crate::consistency::contradictions;
 use crate::dataset;
 
@@ -183,6 +183,53 @@ fn a_trial_with_a_sample_that_is_no_number_is_left_out_and_told() {
     let imported = import(vec![table("t1.csv", spoilt), table("t2.csv", columns(1.3))], &mapping()).unwrap();
     assert_eq!(imported.sources, ["t2.csv"]);
     assert_eq!(imported.left_out, ["t1.csv: sample 42 of the torque is no number"]);
+}
+
+#[test]
+fn units_that_no_limb_has_are_refused_with_the_one_that_explains_them() {
+    let refused = |change: &dyn Fn(&mut Mapping)| {
+        let mut wrong = mapping();
+        change(&mut wrong);
+        import(vec![table("t1.csv", columns(1.3))], &wrong).unwrap_err().to_string()
+    };
+    let told = refused(&|own| own.columns.angle.unit = SignalUnit::Radian);
+    assert!(
+        told.contains("\"Pos\" in rad") && told.contains("write \"unit\": \"deg\" in columns.angle"),
+        "{told}"
+    );
+    let mut millis = columns(1.3);
+    millis[2].iter_mut().for_each(|torque| *torque *= 10.0);
+    let mut wrong = mapping();
+    wrong.columns.torque.unit = SignalUnit::NewtonMetre;
+    let told = import(vec![table("t1.csv", millis)], &wrong).unwrap_err().to_string();
+    assert!(told.contains("\"unit\": \"N mm\" in columns.torque"), "{told}");
+    let told = refused(&|own| own.columns.torque.column = "Pos".into());
+    assert!(told.contains("columns.angle and columns.torque are both column \"Pos\""), "{told}");
+    let mut twice = columns(1.3);
+    twice[2] = twice[1].clone();
+    let told = import(vec![table("t1.csv", twice)], &mapping()).unwrap_err().to_string();
+    assert!(told.contains("are equal in every sample"), "{told}");
+}
+
+#[test]
+fn times_of_another_unit_or_rate_are_refused_with_what_to_write() {
+    let refused = |change: &dyn Fn(&mut Mapping)| {
+        let mut wrong = mapping();
+        change(&mut wrong);
+        import(vec![table("t1.csv", columns(1.3))], &wrong).unwrap_err().to_string()
+    };
+    let in_seconds = |own: &mut Mapping| own.columns.time.as_mut().unwrap().unit = SignalUnit::Second;
+    assert!(refused(&in_seconds).contains("\"unit\": \"ms\" in columns.time"));
+    let told = refused(&|own| {
+        own.columns.time.as_mut().unwrap().unit = SignalUnit::Microsecond;
+        own.sample_rate_hz = Some(RATE_HZ);
+    });
+    assert!(told.contains("is the time in ms? Then write \"unit\": \"ms\" in columns.time"), "{told}");
+    let told = refused(&|own| own.sample_rate_hz = Some(1200.0));
+    assert!(
+        told.contains("expected 1200") && told.contains("correct sample_rate_hz, or leave it out"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -30,7 +30,7 @@ pub use error::ReportError;
 pub use estimate_text::MARK_MEANING;
 pub use figures::{EffectCurve, PowerCurve, mechanism as mechanism_figure, power as power_figure};
 pub use fitted::{SHOWN, Shown};
-pub use input::foreign_results;
+pub use input::{foreign_results, undescribed};
 
 use crate::dataset::{Disk, Session};
 use crate::files::Folder;
