@@ -12,8 +12,8 @@ const LARGEST_RAMP_RAD: f64 = std::f64::consts::FRAC_PI_2;
 const LARGEST_TORQUE_NM: f64 = 300.0;
 
 /// Units of angles and of torques that a recording may be in, the most common first.
-const ANGLE_UNITS: [SignalUnit; 2] = [SignalUnit::Degree, SignalUnit::Milliradian];
-const TORQUE_UNITS: [SignalUnit; 3] =
+const LIKELY_ANGLE_UNITS: [SignalUnit; 2] = [SignalUnit::Degree, SignalUnit::Milliradian];
+const LIKELY_TORQUE_UNITS: [SignalUnit; 3] =
     [SignalUnit::NewtonMillimetre, SignalUnit::NewtonCentimetre, SignalUnit::PoundInch];
 
 /// Refuses ramps and torques beyond what a limb can do, with the unit that would make them possible.
@@ -35,7 +35,13 @@ pub fn check_units(trials: &[Trial], mapping: &Mapping) -> Result<(), ImportErro
     let columns = &mapping.columns;
     if angle_rad > LARGEST_RAMP_RAD {
         let what = format!("the ramps turn the joint by {angle_rad:.3} rad, half a trial's or more");
-        return Err(impossible("angle", &columns.angle, &what, angle_rad / LARGEST_RAMP_RAD, &ANGLE_UNITS));
+        return Err(impossible(
+            "angle",
+            &columns.angle,
+            &what,
+            angle_rad / LARGEST_RAMP_RAD,
+            &LIKELY_ANGLE_UNITS,
+        ));
     }
     if torque_nm > LARGEST_TORQUE_NM {
         let what = format!("the torque is up to {torque_nm:.1} N m in half of the trials or more");
@@ -44,7 +50,7 @@ pub fn check_units(trials: &[Trial], mapping: &Mapping) -> Result<(), ImportErro
             &columns.torque,
             &what,
             torque_nm / LARGEST_TORQUE_NM,
-            &TORQUE_UNITS,
+            &LIKELY_TORQUE_UNITS,
         ));
     }
     Ok(())
