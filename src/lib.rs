@@ -75,8 +75,8 @@
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
 //! | import | [`import`] | sessions from foreign recordings |
-//! | attach | [`attach`] | recordings of other devices, aligned with the trials of a session |
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
+//! | attach | [`attach`] | recordings of other devices, aligned with the trials of a session |
 //! | calibration | [`calibrate`] | the constants of the rig from trials without a person, and whether they are those of another day |
 //! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |
 //! | diagnosis | [`diagnose`] | what the model gets wrong, why, and what adding a mechanism gains |

@@ -49,6 +49,9 @@ impl<I: BufRead, O: Write> Questions<'_, I, O> {
             let first: Vec<String> = values.iter().take(3).map(f64::to_string).collect();
             writeln!(self.output, "  {name}: {} values, {} ...", values.len(), first.join(", "))?;
         }
+        for (name, reason) in &self.table.unusable {
+            writeln!(self.output, "  {name}: not usable: {reason}")?;
+        }
         let subject = self.answer("Identifier of the subject", "S01", |text| Ok(text.to_owned()))?;
         let time = self.signal("time (empty: none)", &TIME_UNITS, true)?;
         let sample_rate_hz = match time {
@@ -227,8 +230,7 @@ mod tests {
     #[test]
     fn answers_make_a_mapping_and_a_wrong_one_is_asked_again() {
         let column = |name: &str| (name.to_owned(), vec![0.0, 1.0]);
-        let table =
-            SourceTable { name: "x.csv".into(), columns: vec![column("Time"), column("Pos"), column("Tq")] };
+        let table = SourceTable::new("x.csv".into(), vec![column("Time"), column("Pos"), column("Tq")]);
         let answers = "S7\nTime\nms\nPosition\nPos\ndeg\n-1\nTq\nN cm\n\n\n\nyes\nyes\n3\n50\nno\n\nno\n";
         let mut said = Vec::new();
         let mapping =

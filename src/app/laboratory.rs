@@ -1,5 +1,6 @@
 //! The folder of a laboratory: protocol, rig, subjects, and a place for calibrations and sessions.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -71,6 +72,12 @@ impl Laboratory {
     /// # Errors
     /// If the folder is not empty, or cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), Failure> {
+        if files::exists(folder)
+            && Folder::open(folder).is_err_and(|error| error.kind() == ErrorKind::NotADirectory)
+        {
+            let shown = folder.display();
+            return Err(Failure::Usage(format!("{shown}: is a file; give the name of a new folder")));
+        }
         let at = |source| Failure::ResultsFolder { path: folder.to_owned(), source };
         files::make_folders(folder).map_err(at)?;
         let own = Folder::open(folder).map_err(at)?;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::console::{ConsoleSetup, Live, OperatorNotice, SETS_ORIGIN_HERE};
 use crate::dataset::{BackgroundRecorder, Recorder};
-use crate::lsl::{LslFeed, LslPublisher};
+use crate::lsl::{LslClock, LslFeed, LslPublisher};
 use crate::rig::Rig;
 use crate::session::{Event, Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
@@ -88,7 +88,8 @@ impl SessionRun<'_> {
             SessionRig::Virtual { wrist, pace: Pace::TimesRealTime(speed), .. } => {
                 let mut pacing = RealTime::new(speed * rate_hz);
                 let operator = |machine: &Machine| CommandLineOperator::new(stop, machine, console);
-                let ended = work.with_deadlines(*wrist, &mut pacing, operator);
+                // Only at real time is a second of the session one of the clocks.
+                let ended = work.with_deadlines(*wrist, &mut pacing, speed == 1.0, operator);
                 console.message(pacing.lateness());
                 ended?.1
             }
@@ -101,7 +102,7 @@ impl SessionRun<'_> {
                 }
                 let operator =
                     |_: &Machine| MotorOperator::new(stop, is_confirmed, sets_origin_here, console);
-                let (motor, live) = work.with_deadlines(*motor, &mut Unpaced, operator)?;
+                let (motor, live) = work.with_deadlines(*motor, &mut Unpaced, true, operator)?;
                 write_bus_summary(&motor.summary(), &folder, console)?;
                 live
             }
@@ -166,10 +167,18 @@ impl Work<'_> {
         self,
         rig: R,
         pacing: &mut impl Pacing,
+        keeps_clocks: bool,
         operator: impl FnOnce(&Machine) -> O,
     ) -> Result<(R, Option<Live>), Failure> {
-        let recorder =
-            |recorder, machine: &Machine| BackgroundRecorder::start(recorder, machine.progress().clone());
+        let lsl = self.lsl.as_ref().map(LslFeed::clock);
+        let recorder = |recorder, machine: &Machine| {
+            let started = BackgroundRecorder::start(recorder, machine.progress().clone());
+            if keeps_clocks {
+                started.with_clocks(move || lsl.as_ref().and_then(LslClock::ahead_s))
+            } else {
+                started
+            }
+        };
         if let Some(setup) = self.setup {
             let recorder = recorder(self.recorder, self.machine);
             return with_console(

@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::consistency;
 use crate::dataset::{self, JOURNAL, MANIFEST, SessionCard, Status};
 use crate::files::Folder;
-use crate::report::foreign_results;
+use crate::report::{foreign_results, undescribed};
 
 /// How far a session is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -91,6 +91,10 @@ impl SessionSummary {
             return own;
         }
         match foreign_results(folder) {
+            Ok(found) => own.reasons.extend(found),
+            Err(error) => own.reasons.push(error.to_string()),
+        }
+        match undescribed(folder) {
             Ok(found) => own.reasons.extend(found),
             Err(error) => own.reasons.push(error.to_string()),
         }

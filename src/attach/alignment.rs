@@ -2,13 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::attachment::{self, ATTACHED, Attachment, AttachmentTrial, ClockComparison, LeftOut};
+use super::attachment::{
+    self, ATTACHED, Attachment, AttachmentTrial, ClockComparison, LeftOut, StepBetweenTrials,
+};
 use super::error::AttachError;
 use super::ramp_search::{AlignedRamps, find_ramps};
 use super::request::AttachRequest;
-use super::timed_table::TimedTable;
+use super::timed_table::{GAP_STEPS, TimedTable};
 use crate::dataset::{self, PROGRAM, Session};
-use crate::files::{self, limits};
+use crate::files::{self, Folder, limits};
 use crate::import::{SourceTable, read_recording};
 
 /// A recording that was aligned, before it is written.
@@ -50,6 +52,10 @@ pub fn align(request: &AttachRequest) -> Result<Aligned, AttachError> {
         return Err(AttachError::Exists(folder));
     }
     let session = dataset::load(&request.session)?;
+    if Folder::open(&request.file).is_ok() {
+        let expected = "one recording: a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf or .xdf file; attach several one after the other";
+        return Err(request.unexpected("a folder".to_owned(), expected));
+    }
     let recording = read_recording(&request.file)?;
     let table = TimedTable::new(request, &recording)?;
     for column in request.emg.iter().flatten() {
@@ -82,6 +88,17 @@ fn cut(
             leave("its ramp was not found in the recording");
             continue;
         };
+        let is_beside =
+            |step: &&StepBetweenTrials| [step.after_trial, step.before_trial].contains(&trial.number);
+        if let Some(step) = found.clock_steps.iter().find(is_beside) {
+            leave(&format!(
+                "the clocks step by {:.2} ms between the ramps of trials {} and {}, and nobody knows where: samples were lost",
+                1e3 * step.step_s,
+                step.after_trial,
+                step.before_trial
+            ));
+            continue;
+        }
         let Some(onset_s) = trial.onset_s else {
             leave("it has no onset");
             continue;
@@ -92,11 +109,18 @@ fn cut(
         let from = table.times_s.partition_point(|time_s| *time_s < in_recording(first_s));
         let to = table.times_s.partition_point(|time_s| *time_s < in_recording(last_s));
         let step_s = 1.0 / table.rate_hz;
-        if from == to || in_recording(first_s) < table.times_s[0] - step_s || to == table.times_s.len() {
+        let (begin_s, end_s) = (table.times_s[0], table.times_s[table.times_s.len() - 1]);
+        if from == to
+            || in_recording(first_s) < begin_s - step_s
+            || in_recording(last_s) > end_s + 1.5 * step_s
+        {
             leave("the recording does not last from its begin to its end");
             continue;
         }
-        if table.gaps.iter().any(|gap| (from.saturating_sub(1)..to).contains(gap)) {
+        // A recording may have gaps where no trial is.
+        let is_whole = table.times_s[from] < in_recording(first_s) + GAP_STEPS * step_s
+            && table.times_s[to - 1] > in_recording(last_s) - (1.0 + GAP_STEPS) * step_s;
+        if !is_whole || table.gaps.iter().any(|gap| (from..to - 1).contains(gap)) {
             leave("the recording has a gap in it");
             continue;
         }
@@ -130,6 +154,7 @@ fn cut(
         emg_fcr_at_mvc: request.emg_at_mvc[0],
         emg_ecr_at_mvc: request.emg_at_mvc[1],
         clock: ClockComparison { rate_hz: table.rate_hz, ..found.clock },
+        clock_steps: found.clock_steps,
         trials,
         left_out,
     };

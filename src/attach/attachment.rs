@@ -46,6 +46,9 @@ pub struct Attachment {
     pub emg_ecr_at_mvc: Option<f64>,
     /// How the clocks compare.
     pub clock: ClockComparison,
+    /// Where the two clocks step against each other, such as where samples were lost.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub clock_steps: Vec<StepBetweenTrials>,
     /// The trials, in the order in which they were run.
     pub trials: Vec<AttachmentTrial>,
     /// Trials that are not in the recording, and why.
@@ -66,6 +69,21 @@ pub struct ClockComparison {
     pub residual_largest_s: Option<f64>,
     /// Lowest correlation coefficient of a trial, where the alignment is by a shared signal.
     pub lowest_correlation: Option<f64>,
+    /// Share of random assignments of the holds before the ramps to the trials under which they are at least as much alike, where the
+    /// alignment is by a shared signal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hold_chance: Option<f64>,
+}
+
+/// A step between the clocks of recording and session.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct StepBetweenTrials {
+    /// The last trial found before it.
+    pub after_trial: u32,
+    /// The first trial found after it.
+    pub before_trial: u32,
+    /// How much later the recording has what comes after the step, s; negative where samples of the recording were lost.
+    pub step_s: f64,
 }
 
 /// A trial of the session in a recording.

@@ -34,6 +34,20 @@ impl Sampled<'_> {
         (self.rate_hz / width as f64, means.collect())
     }
 
+    /// The mean over `width_s` about a time, of the samples there, or the value between two samples; `None` where it is not all there.
+    pub fn mean_at(&self, time_s: f64, width_s: f64) -> Option<f64> {
+        let place = |time_s: f64| (time_s - self.start_s) * self.rate_hz;
+        let (first, last) = (place(time_s - 0.5 * width_s).ceil(), place(time_s + 0.5 * width_s).floor());
+        if last <= first {
+            return self.at(time_s);
+        }
+        if !(first >= 0.0 && (last as usize) < self.values.len()) {
+            return None;
+        }
+        let within = &self.values[first as usize..=last as usize];
+        Some(within.iter().sum::<f64>() / within.len() as f64)
+    }
+
     /// The value at a time, between the samples about it; `None` outside.
     fn at(&self, time_s: f64) -> Option<f64> {
         let place = (time_s - self.start_s) * self.rate_hz;
@@ -46,8 +60,61 @@ impl Sampled<'_> {
     }
 }
 
-/// A recording in which trials are sought.
-pub struct SearchedRecording<'a> {
+/// A recording with gaps, in whose pieces trials are sought.
+pub struct PiecewiseRecording<'a> {
+    pieces: Vec<SearchedRecording<'a>>,
+}
+
+impl<'a> PiecewiseRecording<'a> {
+    /// The pieces of `values`, sampled at `times_s`, between the gaps that begin after the samples `gaps`.
+    pub fn new(times_s: &[f64], values: &'a [f64], rate_hz: f64, gaps: &[usize]) -> Self {
+        let mut pieces = Vec::new();
+        let mut from = 0;
+        for to in gaps.iter().map(|gap| gap + 1).chain([values.len()]) {
+            let (own_s, own) = (&times_s[from..to], &values[from..to]);
+            if !own.is_empty() {
+                // The mean is off by less than one time that was rounded.
+                let off_s = own_s
+                    .iter()
+                    .enumerate()
+                    .map(|(sample, time_s)| time_s - own_s[0] - sample as f64 / rate_hz);
+                let start_s = own_s[0] + off_s.sum::<f64>() / own.len() as f64;
+                pieces.push(SearchedRecording::new(Sampled { start_s, rate_hz, values: own }));
+            }
+            from = to;
+        }
+        Self { pieces }
+    }
+
+    /// The places of all pieces at which `trial` fits best, as [`SearchedRecording::places`].
+    pub fn places(&mut self, trial: Sampled, most: usize) -> Vec<EventCandidate> {
+        let mut places: Vec<EventCandidate> =
+            self.pieces.iter_mut().flat_map(|piece| piece.places(trial, most)).collect();
+        places.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        places.truncate(most);
+        places.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        places
+    }
+
+    /// As [`SearchedRecording::refined`], in the piece of the place.
+    pub fn refined(&self, trial: Sampled, place: EventCandidate) -> EventCandidate {
+        self.piece(place.time_s).map_or(place, |piece| piece.refined(trial, place))
+    }
+
+    /// As [`Sampled::mean_at`], in the piece of that time.
+    pub fn mean_at(&self, time_s: f64, width_s: f64) -> Option<f64> {
+        self.piece(time_s)?.whole.mean_at(time_s, width_s)
+    }
+
+    /// The last piece that begins before a time.
+    fn piece(&self, time_s: f64) -> Option<&SearchedRecording<'a>> {
+        let after = self.pieces.partition_point(|piece| piece.whole.start_s <= time_s);
+        self.pieces.get(after.checked_sub(1)?)
+    }
+}
+
+/// A recording without gaps in which trials are sought.
+struct SearchedRecording<'a> {
     whole: Sampled<'a>,
     coarse_hz: f64,
     coarse: Vec<f64>,
@@ -58,7 +125,7 @@ pub struct SearchedRecording<'a> {
 
 impl<'a> SearchedRecording<'a> {
     /// Prepares a recording.
-    pub fn new(whole: Sampled<'a>) -> Self {
+    fn new(whole: Sampled<'a>) -> Self {
         let (coarse_hz, mut coarse) = whole.coarse();
         let mean = coarse.iter().sum::<f64>() / coarse.len().max(1) as f64;
         coarse.iter_mut().for_each(|value| *value -= mean);
@@ -73,17 +140,20 @@ impl<'a> SearchedRecording<'a> {
 
     /// The places at which `trial` fits best, at most `most`, in order of time: when its time 0 is there, and the correlation
     /// coefficient.
-    pub fn places(&mut self, trial: Sampled, most: usize) -> Vec<EventCandidate> {
+    fn places(&mut self, trial: Sampled, most: usize) -> Vec<EventCandidate> {
         // The trial at the steps of the coarse recording.
         let duration_s = trial.values.len().saturating_sub(1) as f64 / trial.rate_hz;
         let length = (duration_s * self.coarse_hz) as usize;
-        if length < 4 || length >= self.coarse.len() {
+        if length < 4 {
             return Vec::new();
         }
         let (own_hz, means) = trial.coarse();
         let own = Sampled { start_s: 0.0, rate_hz: own_hz, values: &means };
         let template: Vec<f64> =
             (0..length).map_while(|sample| own.at(sample as f64 / self.coarse_hz)).collect();
+        if template.len() > self.coarse.len() {
+            return Vec::new();
+        }
         let coefficients = self.coefficients(&template);
         // The mean over a piece is at its middle.
         let middle_s = |rate_hz: f64, coarse_hz: f64| 0.5 * (1.0 / coarse_hz - 1.0 / rate_hz);
@@ -126,7 +196,7 @@ impl<'a> SearchedRecording<'a> {
         let mut product: Vec<Complex<f64>> =
             recording.iter().zip(&wanted).map(|(own, wanted)| own * wanted.conj()).collect();
         self.planner.plan_fft_inverse(size).process(&mut product);
-        (0..self.coarse.len() - length)
+        (0..=self.coarse.len() - length)
             .map(|at| {
                 let sum = |place: usize| self.sums[at + length][place] - self.sums[at][place];
                 let spread = sum(1) - sum(0) * sum(0) / length as f64;
@@ -139,7 +209,7 @@ impl<'a> SearchedRecording<'a> {
     }
 
     /// The place near `place` at which `trial` fits best, to a part of a sample.
-    pub fn refined(&self, trial: Sampled, place: EventCandidate) -> EventCandidate {
+    fn refined(&self, trial: Sampled, place: EventCandidate) -> EventCandidate {
         let step_s = 0.5 / self.whole.rate_hz.max(trial.rate_hz);
         let reach = (1.5 / self.coarse_hz / step_s).ceil() as i64;
         let at = |step: i64| place.time_s + step as f64 * step_s;

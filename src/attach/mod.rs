@@ -7,11 +7,13 @@
 mod alignment;
 mod attached_emg;
 mod attachment;
+mod clock_jump;
 mod correlation;
 mod error;
 mod event_match;
 mod ramp_search;
 mod request;
+mod shared_hold;
 mod timed_table;
 mod trigger;
 

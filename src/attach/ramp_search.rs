@@ -1,13 +1,18 @@
 //! The ramps of a session in a recording: at its trigger, at its markers, or by a signal that both have.
 
-use super::attachment::ClockComparison;
-use super::correlation::{Sampled, SearchedRecording};
+use super::attachment::{ClockComparison, StepBetweenTrials};
+use super::clock_jump::{RampPair, clock_steps};
+use super::correlation::{PiecewiseRecording, Sampled};
 use super::error::AttachError;
 use super::event_match::{CLOCK_TOLERANCE, EventCandidate, MatchProblem, match_events};
 use super::request::{AttachRequest, Reference};
+use super::shared_hold;
 use super::timed_table::{TimedTable, edges_in};
 use crate::dataset::{RampTime, Record, Session, Trial};
 use crate::import::Recording;
+
+/// Probability with which a column that shares the ramps alone is taken for one that shares the signal.
+const FALSE_SIGNAL: f64 = 1e-3;
 
 /// The most places of a trial by a shared signal: as many as a session has trials of one condition, and more.
 const MOST_PLACES: usize = 200;
@@ -35,6 +40,8 @@ pub struct AlignedRamps {
     pub trials: Vec<AlignedRamp>,
     /// How the clocks compare.
     pub clock: ClockComparison,
+    /// Where the clocks step against each other.
+    pub clock_steps: Vec<StepBetweenTrials>,
     /// Rate of the recording's clock over that of the session, where known.
     pub speed: Option<f64>,
 }
@@ -97,7 +104,8 @@ fn at_events(
     let candidates: Vec<EventCandidate> =
         times_s.iter().map(|time_s| EventCandidate { time_s: *time_s, weight: 1.0 }).collect();
     let grain_s = 2.0 / table.rate_hz;
-    matched(request, ramps, |_| candidates.as_slice(), (grain_s, table.length_s()), by, |_, own| own)
+    let times = (grain_s, table.length_s(), resolution_s(session, table));
+    matched(request, ramps, |_| candidates.as_slice(), times, by, |_, own| own)
 }
 
 /// Trials of a session whose times nobody knows: as many events as ramps, in order.
@@ -193,7 +201,7 @@ fn at_markers(
              markers count the trials as the session does?"
         )));
     }
-    found.compare_clocks(&pairs);
+    found.compare_clocks(pairs, resolution_s(session, table));
     Ok(found)
 }
 
@@ -241,14 +249,7 @@ fn by_signal(
         }
     };
     let values = table.finite_column(column)?;
-    if let Some(gap) = table.gaps.first() {
-        let found = format!("a gap after {} s", table.times_s[*gap]);
-        return Err(
-            request.unexpected(found, "samples at equal steps to correlate; use a trigger or markers")
-        );
-    }
-    let whole = Sampled { start_s: table.times_s[0], rate_hz: table.rate_hz, values };
-    let mut searched = SearchedRecording::new(whole);
+    let mut searched = PiecewiseRecording::new(&table.times_s, values, table.rate_hz, &table.gaps);
     let trial_of = |ramp: &RampTime| {
         let trial = session.trials.iter().find(|trial| Some(trial.number) == ramp.trial)?;
         let onset_s = trial.onset_s?;
@@ -270,14 +271,35 @@ fn by_signal(
     let by = format!("correlation of {column} with {shared}");
     let grain_s = 0.01;
     let length_s = table.length_s();
-    matched(
+    let resolution_s = resolution_s(session, table);
+    let mut found = matched(
         request,
         &ramps,
         |at| places[at].as_slice(),
-        (grain_s, length_s),
+        (grain_s, length_s, resolution_s),
         by,
         |at, own| searched.refined(known[at].1, own),
-    )
+    )?;
+    let onset_of = |ramp: &RampTime| found.trials.iter().find(|own| Some(own.trial) == ramp.trial);
+    let placed: Vec<(Sampled, f64)> =
+        known.iter().filter_map(|(ramp, trial)| Some((*trial, onset_of(ramp)?.onset_s))).collect();
+    let chance = shared_hold::chance(&searched, &placed);
+    if chance > FALSE_SIGNAL {
+        return Err(request.not_aligned(format!(
+            "column {column:?} moves with the ramps, but in the holds before them it has nothing in common with {shared}: of random \
+             assignments of its {} holds to the trials, a share of {chance:.2} fits as well, and of the same signal at most {FALSE_SIGNAL} \
+             would. Name the column of {shared}; if this is it, its noise hides the hold, or there are too few trials: use a trigger or \
+             markers",
+            placed.len()
+        )));
+    }
+    found.clock.hold_chance = Some(chance);
+    Ok(found)
+}
+
+/// What the coarser of the two clocks resolves, s.
+fn resolution_s(session: &Session, table: &TimedTable) -> f64 {
+    (1.0 / table.rate_hz).max(1.0 / session.sample_rate_hz)
 }
 
 /// Matches the ramps of each stretch of the session with their candidates, and makes the times `exact`.
@@ -285,7 +307,7 @@ fn matched<'a>(
     request: &AttachRequest,
     ramps: &[RampTime],
     candidates: impl Fn(usize) -> &'a [EventCandidate],
-    (grain_s, length_s): (f64, f64),
+    (grain_s, length_s, resolution_s): (f64, f64, f64),
     by: String,
     exact: impl Fn(usize, EventCandidate) -> EventCandidate,
 ) -> Result<AlignedRamps, AttachError> {
@@ -328,7 +350,7 @@ fn matched<'a>(
         };
         return Err(request.not_aligned(reason));
     }
-    found.compare_clocks(&pairs);
+    found.compare_clocks(pairs, resolution_s);
     Ok(found)
 }
 
@@ -341,9 +363,26 @@ fn found_in(request: &AttachRequest) -> &'static str {
 }
 
 impl AlignedRamps {
-    /// Fits one speed of the recording's clock, and an offset for each stretch, to pairs of stretch, time in the session and time in the
-    /// recording, which are those of the trials.
-    fn compare_clocks(&mut self, pairs: &[(usize, f64, f64)]) {
+    /// Fits one speed of the recording's clock, and an offset for each stretch, to the pairs of the trials. What comes after a step of the
+    /// clocks is a stretch of its own.
+    fn compare_clocks(&mut self, mut pairs: Vec<RampPair>, resolution_s: f64) {
+        let steps = clock_steps(&pairs, resolution_s);
+        self.clock_steps = steps
+            .iter()
+            .map(|step| StepBetweenTrials {
+                after_trial: self.trials[step.before].trial,
+                before_trial: self.trials[step.before + 1].trial,
+                step_s: step.step_s,
+            })
+            .collect();
+        let ahead = |at: usize| steps.iter().filter(|step| step.before < at).count();
+        for (at, pair) in pairs.iter_mut().enumerate().filter(|(_, pair)| pair.0 != usize::MAX) {
+            pair.0 += ahead(at);
+        }
+        self.fit_line(&pairs);
+    }
+
+    fn fit_line(&mut self, pairs: &[RampPair]) {
         let mut stretches: Vec<usize> = pairs.iter().map(|pair| pair.0).collect();
         stretches.sort_unstable();
         stretches.dedup();

@@ -6,7 +6,10 @@ use super::trigger;
 use crate::import::{Recording, SourceTable, TIME_COLUMN};
 
 /// A step longer than this many usual ones is a gap.
-const GAP_STEPS: f64 = 1.5;
+pub const GAP_STEPS: f64 = 1.5;
+
+/// Longest usual step of a recording in which a ramp of some ten milliseconds can be found, s.
+const SLOWEST_STEP_S: f64 = 0.02;
 
 /// The table that is attached, with the times of its samples.
 pub struct TimedTable<'a> {
@@ -38,22 +41,30 @@ impl<'a> TimedTable<'a> {
                 request.unexpected(format!("{} samples", times_s.len()), "a recording of the session")
             );
         }
-        let rate_hz = (times_s.len() - 1) as f64 / (times_s[times_s.len() - 1] - times_s[0]);
         let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let usual_s = {
             let middle = steps.len() / 2;
             *steps.select_nth_unstable_by(middle, f64::total_cmp).1
         };
+        if usual_s > SLOWEST_STEP_S {
+            return Err(request.unexpected(
+                format!("a sample every {usual_s} s"),
+                "times in seconds, with many samples in a ramp; if they are in ms, divide them by 1000, or give --rate",
+            ));
+        }
         let is_gap = |pair: &[f64]| pair[1] - pair[0] > GAP_STEPS * usual_s;
-        let gaps =
+        let gaps: Vec<usize> =
             times_s.windows(2).enumerate().filter(|(_, pair)| is_gap(pair)).map(|(at, _)| at).collect();
+        // What was not sampled counts neither as samples nor as time.
+        let sampled_s = times_s.windows(2).filter(|pair| !is_gap(pair)).map(|pair| pair[1] - pair[0]);
+        let rate_hz = sampled_s.clone().count() as f64 / sampled_s.sum::<f64>();
         Ok(Self { request, table, times_s, rate_hz, gaps })
     }
 
     /// The values of a column.
     pub fn column(&self, name: &str) -> Result<&'a [f64], AttachError> {
         self.table.column(name).ok_or_else(|| {
-            let found = format!("no column {name:?} in {}", self.table.name);
+            let found = format!("{} {}", self.table.name, self.table.why_not(name));
             self.request.unexpected(found, format!("one of {}", self.table.names()))
         })
     }
@@ -104,7 +115,7 @@ fn times(request: &AttachRequest, table: &SourceTable) -> Result<Vec<f64>, Attac
         ClockSource::Format => TIME_COLUMN,
     };
     let Some(times_s) = table.column(column) else {
-        let found = format!("no column {column:?} in {}", table.name);
+        let found = format!("{} {}", table.name, table.why_not(column));
         let expected =
             format!("a column of time in seconds (--time) or the rate (--rate); there are {}", table.names());
         return Err(request.unexpected(found, expected));
@@ -113,7 +124,12 @@ fn times(request: &AttachRequest, table: &SourceTable) -> Result<Vec<f64>, Attac
     if let Some(at) = times_s.windows(2).position(stops) {
         let found =
             format!("{} s after {} s in sample {} of {}", times_s[at + 1], times_s[at], at + 2, table.name);
-        return Err(request.unexpected(found, "times that go on; did the clock jump?"));
+        let expected = if times_s[at + 1] == times_s[at] {
+            "times that go on; if they are rounded, write them with more digits, or give --rate instead of --time"
+        } else {
+            "times that go on; did the clock jump?"
+        };
+        return Err(request.unexpected(found, expected));
     }
     Ok(times_s.to_vec())
 }
@@ -136,9 +152,13 @@ pub fn edges_in(
 ) -> Result<TriggerEdges, AttachError> {
     let Some(table) = recording.tables.iter().find(|table| table.column(column).is_some()) else {
         let names: Vec<String> = recording.tables.iter().map(SourceTable::names).collect();
-        return Err(
-            request.unexpected(format!("no column {column:?}"), format!("one of {}", names.join(", ")))
+        let is_unusable = |table: &&SourceTable| table.unusable.iter().any(|(name, _)| name == column);
+        let unusable = recording.tables.iter().find(is_unusable);
+        let found = unusable.map_or_else(
+            || format!("no column {column:?}"),
+            |table| format!("{} {}", table.name, table.why_not(column)),
         );
+        return Err(request.unexpected(found, format!("one of {}", names.join(", "))));
     };
     let values = table.column(column).unwrap_or_default();
     let times_s = times(request, table)?;

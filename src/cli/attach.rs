@@ -102,6 +102,17 @@ impl Verb for AttachArgs {
         if let Some(lowest) = clock.lowest_correlation {
             writeln!(out, "lowest correlation of a trial: {lowest:.4}")?;
         }
+        if let Some(chance) = clock.hold_chance {
+            writeln!(out, "chance that the holds are alike though the column is another: {chance:.1e}")?;
+        }
+        for step in &attachment.clock_steps {
+            console.announce(format_args!(
+                "between trials {} and {} the clocks step by {:.2} ms: samples were lost; what comes after is aligned by itself",
+                step.after_trial,
+                step.before_trial,
+                1e3 * step.step_s
+            ));
+        }
         for left in &attachment.left_out {
             console.announce(format_args!("trial {} left out: {}", left.trial, left.because));
         }
@@ -129,6 +140,11 @@ impl AttachArgs {
             if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
                 return Err(Failure::Usage(format!("{option} {value}: expected a number above 0")));
             }
+        }
+        if let Some(level) = self.threshold.filter(|level| !level.is_finite()) {
+            return Err(Failure::Usage(format!(
+                "--threshold {level}: expected a number, in the unit of the trigger's column"
+            )));
         }
         let reference = match (self.trigger, self.marker, self.signal, self.shared) {
             (Some(column), ..) => {

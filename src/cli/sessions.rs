@@ -12,7 +12,7 @@ use super::verb::Verb;
 /// List sessions with date, subject, trials and state.
 ///
 /// The state is unfinished (ramphold resume goes on with it), measured, fitted, diagnosed, or doubtful: its files cannot be read, its
-/// signals contradict its table, or its results are of other data. The reasons are among the messages, and in --json.
+/// signals contradict its table, its results are of other data, or its fit describes none of its trials. The reasons are among the messages, and in --json.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold sessions\n  ramphold sessions study/sessions --json")]
 pub struct SessionsArgs {

@@ -1,6 +1,7 @@
 //! Recorder on a thread of its own, behind a ring buffer, so that a slow disk never delays the control loop. The loop's
 //! end allocates nothing and takes no lock; its only system call wakes the thread when there is a journal entry to write.
 
+use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc;
@@ -12,7 +13,8 @@ use rtrb::{Consumer, Producer, PushError, RingBuffer};
 use super::audit::AuditEntry;
 use super::recorder::{RecordError, Recorder};
 use crate::rig::Origin;
-use crate::session::{Progress, Step, StepConsumer};
+use crate::session::{Progress, Step, StepConsumer, TransitionDetail};
+use crate::timing::ClockStamp;
 
 /// Number of steps that the ring holds: 26 s at 2.5 kHz.
 const RING_CAPACITY: usize = 1 << 16;
@@ -32,6 +34,8 @@ pub struct BackgroundRecorder {
     waits_for_disk: bool,
     actions: AuditSender,
     origins: mpsc::Sender<(Origin, u64)>,
+    /// The clocks of a session in real time.
+    clocks: Option<SampleStamps>,
     shared: Arc<SharedWriterState>,
 }
 
@@ -79,8 +83,16 @@ impl BackgroundRecorder {
             waits_for_disk: false,
             actions: AuditSender(actions),
             origins,
+            clocks: None,
             shared,
         }
+    }
+
+    /// Keeps when the first sample of each stretch and of each trial was had. For a rig in real time: `lsl_ahead_s` tells how far the clock
+    /// of Lab Streaming Layer is ahead of the monotonic one.
+    pub fn with_clocks(mut self, lsl_ahead_s: impl Fn() -> Option<f64> + Send + 'static) -> Self {
+        self.clocks = Some(SampleStamps { lsl_ahead_s: Box::new(lsl_ahead_s), was_measured: false });
+        self
     }
 
     /// As [`BackgroundRecorder::start`], for a loop without deadlines: each step waits until its journal entry is on disk.
@@ -124,6 +136,32 @@ impl BackgroundRecorder {
             Some(Ok(written)) => written,
             _ => Err(RecordError::WriterGone),
         }
+    }
+}
+
+/// Chooses the samples whose times are kept.
+struct SampleStamps {
+    lsl_ahead_s: Box<dyn Fn() -> Option<f64> + Send>,
+    was_measured: bool,
+}
+
+impl fmt::Debug for SampleStamps {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter
+            .debug_struct("SampleStamps")
+            .field("was_measured", &self.was_measured)
+            .finish_non_exhaustive()
+    }
+}
+
+impl SampleStamps {
+    /// The stamp of a step, which must have been made just now.
+    fn of(&mut self, step: &Step) -> Option<ClockStamp> {
+        let is_first = step.measured.is_some() && !self.was_measured;
+        self.was_measured = step.measured.is_some();
+        let detail = step.transition.and_then(|transition| transition.detail);
+        let begins = step.measured.is_some() && matches!(detail, Some(TransitionDetail::Began { .. }));
+        (is_first || begins).then(|| ClockStamp::now((self.lsl_ahead_s)()))
     }
 }
 
@@ -189,15 +227,15 @@ impl StepConsumer for BackgroundRecorder {
         if self.shared.failed.load(Ordering::Acquire) {
             return self.join().and(Err(RecordError::WriterGone));
         }
+        let mut step = *step;
+        step.clock = self.clocks.as_mut().and_then(|clocks| clocks.of(&step));
         if !step.is_recorded() {
             return Ok(());
         }
         if self.waits_for_disk {
             self.wait_while(|own| own.ring.is_full())?;
         }
-        self.ring
-            .push(*step)
-            .map_err(|PushError::Full(_)| RecordError::TooSlow { waiting: RING_CAPACITY })?;
+        self.ring.push(step).map_err(|PushError::Full(_)| RecordError::TooSlow { waiting: RING_CAPACITY })?;
         if step.is_journaled() {
             self.entries_sent += 1;
             // The ramp waits for this entry.

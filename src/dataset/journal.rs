@@ -17,6 +17,7 @@ use super::disk::Disk;
 use crate::files::Folder;
 use crate::rig::Origin;
 use crate::session::{Event, TransitionRecord};
+use crate::timing::ClockStamp;
 
 pub use read::{Damage, JournalLine, JournalText};
 
@@ -69,6 +70,13 @@ pub enum JournalEntry {
         sample: u64,
         /// How the start position was known.
         origin: Origin,
+    },
+    /// When a sample was had: the first of a stretch, or of a trial.
+    Clock {
+        /// Samples since the session was started or resumed.
+        sample: u64,
+        /// The moment on the clocks of the computer.
+        stamp: ClockStamp,
     },
     /// An action of an operator at a console.
     Console(AuditEntry),

@@ -26,6 +26,7 @@ mod rig_calibration;
 mod rig_trial_csv_reader;
 mod rig_trials;
 mod session_about;
+mod session_clock;
 mod session_digest;
 mod session_files;
 mod session_folders;
@@ -66,6 +67,7 @@ pub use rig_calibration::{
 pub use rig_trial_csv_reader::{RIG_TRIAL_REST_S, RigTrialSignals};
 pub use rig_trials::{RIG_TRIALS_TABLE, RigTrial, RigTrialMotion, RigTrials, load_rig_trials};
 pub use session_about::{SessionAbout, SessionCard, SubjectCard};
+pub use session_clock::{SessionClock, StampedSample, utc_text_us};
 pub use session_schema::session_schema_text;
 
 use serde::{Deserialize, Serialize};

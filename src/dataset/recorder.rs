@@ -237,6 +237,9 @@ impl StepConsumer for Recorder {
 
     /// Records a step. It is on disk when this returns, unless the disk is synchronised at the end.
     fn consume(&mut self, step: &Step, progress: &Progress) -> Result<(), RecordError> {
+        if let Some(stamp) = step.clock {
+            self.append(&JournalEntry::Clock { sample: step.sample, stamp })?;
+        }
         let split = self.splitter.split(step.record);
         if let Some(sample) = &step.measured {
             self.keep(sample, step.target_rad)?;

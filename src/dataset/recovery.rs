@@ -302,6 +302,7 @@ impl RecoveredState {
         match record {
             JournalEntry::Session { .. } | JournalEntry::Console(_) | JournalEntry::Recorded(_) => {}
             JournalEntry::Refused { sample, .. } => self.sample = *sample,
+            JournalEntry::Clock { .. } => {}
             JournalEntry::Origin { origin, .. } => self.origin = Some(*origin),
             JournalEntry::Transition(transition) => {
                 let before = self.progress.record_target(self.phase);

@@ -223,7 +223,8 @@ impl ExpectedStep {
             | JournalEntry::Resumed { .. }
             | JournalEntry::Console(_)
             | JournalEntry::Recorded(_)
-            | JournalEntry::Origin { .. } => None,
+            | JournalEntry::Origin { .. }
+            | JournalEntry::Clock { .. } => None,
         }
     }
 }

@@ -9,7 +9,10 @@ use serde_json::Value;
 use super::bdf::{self, BdfChannel};
 use super::error::ExportError;
 use super::sidecars::{self, TASK};
-use crate::dataset::{self, FurtherChannel, RampTime, Session, SessionCard, Trial, utc_seconds, utc_text};
+use crate::dataset::{
+    self, FurtherChannel, RampTime, Session, SessionCard, SessionClock, Trial, utc_seconds, utc_text,
+    utc_text_us,
+};
 use crate::files::{self, Folder};
 
 /// A session to export, with the label of its subject.
@@ -58,11 +61,15 @@ pub fn write(participants: &[Participant], target: &Path) -> Result<(), ExportEr
     entries.iter().try_for_each(|entry| entry.write(&target))
 }
 
-/// When the record of a trial began, to the second. Samples are counted from the session's start; nobody knows how long a break was, so a
-/// trial after one has no such time.
-fn began_utc(started: &str, ramps: &[RampTime], trial: &Trial) -> Option<String> {
-    let ramp = ramps.iter().find(|ramp| ramp.trial == Some(trial.number) && ramp.stretch == 0)?;
+/// When the record of a trial began: to the microsecond where the session kept the time of its samples. Without it, to the second from the
+/// session's start; nobody then knows how long a break was, so a trial after one has no such time.
+fn began_utc(started: &str, clock: &SessionClock, ramps: &[RampTime], trial: &Trial) -> Option<String> {
+    let ramp = ramps.iter().find(|ramp| ramp.trial == Some(trial.number))?;
     let since_start_s = ramp.onset_s + trial.record.start_s - trial.onset_s?;
+    if let Some(utc_ns) = clock.utc_ns(ramp.stretch, since_start_s) {
+        return Some(utc_text_us(utc_ns));
+    }
+    (ramp.stretch == 0).then_some(())?;
     Some(utc_text(utc_seconds(started)? + libm::floor(since_start_s) as i64))
 }
 
@@ -158,8 +165,9 @@ impl Entry {
         if let Some(started) = &self.card.about.started_utc {
             let own = self.folder();
             let ramps = dataset::ramp_times(&self.folder)?.unwrap_or_default();
+            let clock = SessionClock::read(&self.folder)?;
             let row = |(trial, file): &(&Trial, String)| {
-                let began = began_utc(started, &ramps, trial).unwrap_or_else(|| "n/a".to_owned());
+                let began = began_utc(started, &clock, &ramps, trial).unwrap_or_else(|| "n/a".to_owned());
                 format!("{file}\t{began}\n")
             };
             let rows: String = scans.iter().map(row).collect();

@@ -1,12 +1,13 @@
 //! A session as an XDF file, the format of LabRecorder: a stream of samples and a stream of markers for each stretch of the session.
 //!
-//! "XDF Specification 1.0": `XDF:`, then chunks of a length, a tag and content; the reader is in `import`. A session has no clock but its
-//! samples: times are counted from the beginning of each stretch, as the journal has them. Written here: no crate writes this format.
+//! "XDF Specification 1.0": `XDF:`, then chunks of a length, a tag and content; the reader is in `import`. Times are counted from the
+//! session's start: by UTC where the session kept when its samples were had, otherwise by its samples. Nobody then knows how long a break
+//! was, and what comes after it is put behind it. Written here: no crate writes this format.
 
 use std::path::{Path, PathBuf};
 
 use super::error::ExportError;
-use crate::dataset::{self, FurtherChannel, RampTime, Record, Session, Trial};
+use crate::dataset::{self, FurtherChannel, RampTime, Record, Session, SessionClock, Trial, utc_text_us};
 use crate::files::{self, Folder};
 
 /// Tags of chunks.
@@ -25,7 +26,7 @@ pub fn write(folder: &Path, file: &Path) -> Result<(), ExportError> {
     }
     let session = dataset::load(folder)?;
     let ramps = dataset::ramp_times(folder)?.ok_or_else(|| ExportError::NoTimes(folder.into()))?;
-    let bytes = xdf(&session, &ramps);
+    let bytes = xdf(&session, &ramps, &SessionClock::read(folder)?);
     let above = Folder::open(file.parent().unwrap_or(Path::new("")));
     above
         .and_then(|above| above.write(PathBuf::from(file.file_name().unwrap_or_default()), &bytes))
@@ -51,7 +52,33 @@ fn channels(session: &Session) -> Vec<XdfChannel> {
     all.into_iter().filter(|(_, _, _, of)| recorded().all(|trial| of(&trial.record).is_some())).collect()
 }
 
-fn xdf(session: &Session, ramps: &[RampTime]) -> Vec<u8> {
+/// Where the zero of a stretch is on the axis of the file, and in which words its header says how that is known.
+#[derive(Debug, Clone, PartialEq)]
+struct StretchPlace {
+    zero_s: f64,
+    began_utc: Option<String>,
+}
+
+/// The place of a stretch with the ramps `ramps`, before which the file ends at `end_s`. `origin_utc_ns` is that of the file's zero.
+fn place(
+    ramps: &[RampTime],
+    clock: &SessionClock,
+    origin_utc_ns: Option<i64>,
+    (first_s, end_s): (f64, f64),
+) -> StretchPlace {
+    let stretch = ramps.first().map_or(0, |ramp| ramp.stretch);
+    let began_ns = clock.utc_ns(stretch, first_s);
+    match began_ns.zip(origin_utc_ns) {
+        Some((began_ns, origin_ns)) => StretchPlace {
+            zero_s: (began_ns - origin_ns) as f64 * 1e-9 - first_s,
+            began_utc: Some(utc_text_us(began_ns)),
+        },
+        // Samples are counted on over a time without power, and from 0 again after a program that was begun anew.
+        None => StretchPlace { zero_s: (end_s - first_s).max(0.0), began_utc: None },
+    }
+}
+
+fn xdf(session: &Session, ramps: &[RampTime], clock: &SessionClock) -> Vec<u8> {
     let mut bytes = b"XDF:".to_vec();
     let program = dataset::PROGRAM;
     chunk(
@@ -61,10 +88,22 @@ fn xdf(session: &Session, ramps: &[RampTime]) -> Vec<u8> {
             .as_bytes(),
     );
     let channels = channels(session);
+    // The zero of the file is that of the first stretch.
+    let origin_utc_ns = ramps.first().and_then(|ramp| clock.utc_ns(ramp.stretch, 0.0));
+    let mut end_s = 0.0_f64;
     for (stretch, ramps) in ramps.chunk_by(|a, b| a.stretch == b.stretch).enumerate() {
         let [signals, markers] = [2 * stretch as u32 + 1, 2 * stretch as u32 + 2];
         let ending = if stretch == 0 { String::new() } else { format!(" {}", stretch + 1) };
         let rate_hz = session.sample_rate_hz;
+        let recorded: Vec<(&RampTime, &Trial, f64)> = ramps
+            .iter()
+            .filter_map(|ramp| {
+                let trial = trial(session, ramp)?;
+                Some((ramp, trial, ramp.onset_s - (trial.onset_s? - trial.record.start_s)))
+            })
+            .collect();
+        let first_s = recorded.first().map_or(0.0, |(_, _, start_s)| *start_s);
+        let StretchPlace { zero_s, began_utc } = place(ramps, clock, origin_utc_ns, (first_s, end_s));
         let described: String = channels
             .iter()
             .map(|(name, kind, unit, _)| {
@@ -72,19 +111,23 @@ fn xdf(session: &Session, ramps: &[RampTime]) -> Vec<u8> {
             })
             .collect();
         let head = Head { name: format!("ramphold signals{ending}"), kind: "Mixed", format: "double64" };
-        header(&mut bytes, signals, &head, channels.len(), rate_hz, &described);
+        let began = began_utc.as_ref().map_or(String::new(), |utc| format!("<began_utc>{utc}</began_utc>"));
+        header(&mut bytes, signals, &head, channels.len(), rate_hz, &described, &began);
         let head = Head { name: format!("ramphold markers{ending}"), kind: "Markers", format: "string" };
-        header(&mut bytes, markers, &head, 1, 0.0, "<channel><label>event</label></channel>");
+        header(&mut bytes, markers, &head, 1, 0.0, "<channel><label>event</label></channel>", &began);
         let mut ends = [Span::default(), Span::default()];
-        for (ramp, trial) in ramps.iter().filter_map(|ramp| Some((ramp, trial(session, ramp)?))) {
-            let Some(onset_s) = trial.onset_s else { continue };
-            let start_s = ramp.onset_s - (onset_s - trial.record.start_s);
+        for (ramp, trial, start_s) in recorded {
+            // Each trial by its own stamp: the crystal of the samples runs unlike that of the computer.
+            let at = |time_s: f64| match clock.utc_ns(ramp.stretch, start_s).zip(origin_utc_ns) {
+                Some((began_ns, origin_ns)) => (began_ns - origin_ns) as f64 * 1e-9 + (time_s - start_s),
+                None => zero_s + time_s,
+            };
             let samples = trial.record.theta_m_rad.len();
             let mut content = signals.to_le_bytes().to_vec();
             content.push(8);
             content.extend_from_slice(&(samples as u64).to_le_bytes());
             for sample in 0..samples {
-                let time_s = start_s + sample as f64 / rate_hz;
+                let time_s = at(start_s + sample as f64 / rate_hz);
                 ends[0].add(time_s);
                 content.push(8);
                 content.extend_from_slice(&time_s.to_le_bytes());
@@ -94,9 +137,10 @@ fn xdf(session: &Session, ramps: &[RampTime]) -> Vec<u8> {
                 }
             }
             chunk(&mut bytes, SAMPLES_TAG, &content);
-            let end_s = start_s + samples as f64 / rate_hz;
-            let events = [(start_s, "begin".to_owned()), (ramp.onset_s, "onset".to_owned())];
-            let ended = (end_s, trial.status.name().to_owned());
+            let own_end_s = at(start_s + samples as f64 / rate_hz);
+            end_s = end_s.max(own_end_s);
+            let events = [(at(start_s), "begin".to_owned()), (at(ramp.onset_s), "onset".to_owned())];
+            let ended = (own_end_s, trial.status.name().to_owned());
             for (time_s, event) in events.into_iter().chain([ended]) {
                 ends[1].add(time_s);
                 marker(&mut bytes, markers, time_s, &format!("{event} {}", trial.number));
@@ -136,12 +180,20 @@ impl Span {
     }
 }
 
-fn header(bytes: &mut Vec<u8>, id: u32, head: &Head, count: usize, rate_hz: f64, channels: &str) {
+fn header(
+    bytes: &mut Vec<u8>,
+    id: u32,
+    head: &Head,
+    count: usize,
+    rate_hz: f64,
+    channels: &str,
+    began: &str,
+) {
     let Head { name, kind, format } = head;
     let xml = format!(
         "<?xml version=\"1.0\"?><info><name>{name}</name><type>{kind}</type><channel_count>{count}</channel_count>\
          <nominal_srate>{rate_hz}</nominal_srate><channel_format>{format}</channel_format><source_id></source_id>\
-         <created_at>0</created_at><desc><channels>{channels}</channels></desc></info>"
+         <created_at>0</created_at><desc><channels>{channels}</channels>{began}</desc></info>"
     );
     chunk(bytes, STREAM_HEADER_TAG, &[&id.to_le_bytes(), xml.as_bytes()].concat());
 }
@@ -171,4 +223,34 @@ fn chunk(bytes: &mut Vec<u8>, tag: u16, content: &[u8]) {
     bytes.extend_from_slice(&(content.len() as u64 + 2).to_le_bytes());
     bytes.extend_from_slice(&tag.to_le_bytes());
     bytes.extend_from_slice(content);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::StampedSample;
+    use crate::timing::ClockStamp;
+
+    fn ramp(stretch: usize, onset_s: f64) -> RampTime {
+        RampTime { stretch, trial: Some(1), onset_s }
+    }
+
+    #[test]
+    fn a_stretch_is_where_utc_has_it_and_without_utc_behind_what_was_before() {
+        let stamp = |utc_ns| ClockStamp { utc_ns, monotonic_ns: 0, lsl_s: None, read_within_ns: 0 };
+        let stamped = vec![
+            StampedSample { stretch: 0, time_s: 0.0, stamp: stamp(1_000_000_000) },
+            StampedSample { stretch: 1, time_s: 0.0, stamp: stamp(601_000_000_000) },
+        ];
+        let (known, unknown) = (SessionClock { stamped }, SessionClock::default());
+        let placed =
+            |stretch, clock: &SessionClock, origin| place(&[ramp(stretch, 9.0)], clock, origin, (8.0, 50.0));
+        let at = |found: StretchPlace| (found.zero_s, found.began_utc);
+        let began = "1970-01-01T00:10:09.000000Z".to_owned();
+        assert_eq!(at(placed(1, &known, Some(1_000_000_000))), (600.0, Some(began)));
+        // Resumed: counted from 0 again, and put behind what was before.
+        assert_eq!(at(placed(1, &unknown, None)), (42.0, None));
+        // Armed again: the count goes on.
+        assert_eq!(at(place(&[ramp(1, 81.0)], &unknown, None, (80.0, 50.0))), (0.0, None));
+    }
 }

@@ -91,7 +91,7 @@ fn rises(values: &[f64], threshold: f64) -> Vec<usize> {
 fn needed<'a>(table: &'a SourceTable, column: &str, role: &'static str) -> Result<&'a [f64], ImportError> {
     table.column(column).ok_or_else(|| ImportError::NoColumn {
         table: table.name.clone(),
-        column: column.to_owned(),
+        why: table.why_not(column),
         role,
         columns: table.names(),
     })
@@ -100,5 +100,5 @@ fn needed<'a>(table: &'a SourceTable, column: &str, role: &'static str) -> Resul
 fn part(table: &SourceTable, from: usize, to: usize, name: &str) -> SourceTable {
     let columns =
         table.columns.iter().map(|(name, values)| (name.clone(), values[from..to].to_vec())).collect();
-    SourceTable { name: format!("{}, {name}", table.name), columns }
+    SourceTable { name: format!("{}, {name}", table.name), columns, unusable: table.unusable.clone() }
 }

@@ -129,7 +129,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
         let at = tables.iter().position(|(each, _)| *each == signal.each).unwrap_or_else(|| {
             let times = (0..values.len()).map(|sample| sample as f64 / rate_hz).collect();
             let name = format!("{}, signals of {rate_hz} Hz", path.display());
-            tables.push((signal.each, SourceTable { name, columns: vec![(TIME_COLUMN.to_owned(), times)] }));
+            tables.push((signal.each, SourceTable::new(name, vec![(TIME_COLUMN.to_owned(), times)])));
             tables.len() - 1
         });
         tables[at].1.columns.push((signal.label.clone(), values));

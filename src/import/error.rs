@@ -54,19 +54,23 @@ pub enum ImportError {
         /// What is wrong.
         problems: Vec<Problem>,
     },
-    /// A column that the mapping names is not in the source.
-    #[error(
-        "{table}: has no column {column:?}, which the mapping names as {role}; its columns are {columns}"
-    )]
+    /// A column that the mapping names is not in the source, or cannot be used.
+    #[error("{table}: {why}, which the mapping names as {role}; its columns are {columns}")]
     NoColumn {
         /// The table.
         table: String,
-        /// The column.
-        column: String,
+        /// That the column is not there, or why it cannot be used.
+        why: String,
         /// What the mapping takes it for.
         role: &'static str,
         /// The columns that there are.
         columns: String,
+    },
+    /// The signals cannot be what the mapping takes them for.
+    #[error("{reason}")]
+    Implausible {
+        /// What was found, and what to do.
+        reason: String,
     },
     /// No trial was found.
     #[error("no trial found: {reason}")]

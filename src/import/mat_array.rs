@@ -45,7 +45,18 @@ pub fn tables(path: &Path, arrays: Vec<MatArray>) -> Result<Vec<SourceTable>, Im
     };
     let own: Vec<&MatArray> = long.iter().filter(|array| array.samples() == samples).collect();
     let trials = own.iter().map(|array| array.values.len() / samples).max().unwrap_or(1);
-    let fits = |array: &&&MatArray| [1, trials].contains(&(array.values.len() / samples));
+    let fits = |array: &&MatArray| [1, trials].contains(&(array.values.len() / samples));
+    let unusable: Vec<(String, String)> = long
+        .iter()
+        .filter(|array| array.samples() != samples || !fits(&array))
+        .map(|array| {
+            let (rows, count) = (array.samples(), array.values.len() / array.samples());
+            let reason = format!(
+                "{rows} samples in {count} columns, where the others have {samples} in 1 or {trials}"
+            );
+            (array.name.clone(), reason)
+        })
+        .collect();
     let table = |index: usize| SourceTable {
         name: match trials {
             1 => path.display().to_string(),
@@ -53,9 +64,10 @@ pub fn tables(path: &Path, arrays: Vec<MatArray>) -> Result<Vec<SourceTable>, Im
         },
         columns: own
             .iter()
-            .filter(fits)
+            .filter(|array| fits(array))
             .map(|array| (array.name.clone(), array.column(index).to_vec()))
             .collect(),
+        unusable: unusable.clone(),
     };
     Ok((0..trials).map(table).collect())
 }

@@ -35,16 +35,26 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Vec<MatArray>, ImportError> {
     }
     let mut arrays = Vec::new();
     let mut rest = &bytes[FILE_HEADER..];
-    while let Some((kind, data, after)) = element(rest) {
+    while !rest.is_empty() {
+        let at = bytes.len() - rest.len();
+        let damaged =
+            || broken(&format!("an element at byte {at} that is damaged or of no kind that is known"));
+        let (kind, data, after) = element(rest).ok_or_else(|| {
+            broken(&format!(
+                "the file ends early, at byte {}: the element that begins at byte {at} is not whole",
+                bytes.len()
+            ))
+        })?;
         if kind == COMPRESSED {
             let mut unpacked = Vec::new();
             let read = ZlibDecoder::new(data).take(LARGEST).read_to_end(&mut unpacked);
             read.map_err(|_| broken("a damaged compressed element"))?;
-            if let Some((MATRIX, matrix, _)) = element(&unpacked) {
-                arrays.extend(numeric_arrays(matrix));
+            let (kind, matrix, _) = element(&unpacked).ok_or_else(damaged)?;
+            if kind == MATRIX {
+                arrays.extend(numeric_arrays(matrix).ok_or_else(damaged)?);
             }
         } else if kind == MATRIX {
-            arrays.extend(numeric_arrays(data));
+            arrays.extend(numeric_arrays(data).ok_or_else(damaged)?);
         }
         rest = after;
     }
@@ -67,26 +77,37 @@ fn element(bytes: &[u8]) -> Option<(u32, &[u8], &[u8])> {
     Some((first, data, bytes.get(8 + padded..).unwrap_or_default()))
 }
 
-/// The array of a matrix element, or those in the fields of a struct; none if it is neither real and numeric nor a struct.
-fn numeric_arrays(matrix: &[u8]) -> Vec<MatArray> {
-    read_matrix(matrix).unwrap_or_default()
-}
-
-fn read_matrix(matrix: &[u8]) -> Option<Vec<MatArray>> {
+/// The array of a matrix element, or those in the fields of a struct; empty if it is neither real and numeric nor a struct, `None` if it
+/// is not as its own sizes say.
+fn numeric_arrays(matrix: &[u8]) -> Option<Vec<MatArray>> {
+    if matrix.is_empty() {
+        // A field without a value.
+        return Some(Vec::new());
+    }
     let (_, flags, rest) = element(matrix)?;
+    let (class, is_complex) = (*flags.first()?, flags.get(1)? & 0x08 != 0);
+    // Elements of other classes have other parts.
+    if class != STRUCT_CLASS && (!NUMERIC_CLASSES.contains(&class) || is_complex) {
+        return Some(Vec::new());
+    }
     let (_, dimensions, rest) = element(rest)?;
     let (_, name, rest) = element(rest)?;
     let name = String::from_utf8_lossy(name).into_owned();
-    let (class, is_complex) = (*flags.first()?, flags.get(1)? & 0x08 != 0);
     if class == STRUCT_CLASS {
         return fields(&name, rest);
     }
-    if !NUMERIC_CLASSES.contains(&class) || is_complex {
-        return None;
-    }
-    let (kind, data, _) = element(rest)?;
-    let rows = u32::from_le_bytes(dimensions.get(..4)?.try_into().ok()?) as usize;
-    Some(vec![MatArray { name, rows, values: numbers(kind, data)? }])
+    let sizes = dimensions
+        .chunks_exact(4)
+        .map(|size| u32::from_le_bytes([size[0], size[1], size[2], size[3]]) as usize);
+    let count = sizes.clone().try_fold(1usize, |count, size| count.checked_mul(size))?;
+    let values = if rest.is_empty() && count == 0 {
+        Vec::new()
+    } else {
+        let (kind, data, _) = element(rest)?;
+        numbers(kind, data)?
+    };
+    let rows = sizes.clone().next()?;
+    (values.len() == count).then(|| vec![MatArray { name, rows, values }])
 }
 
 /// The numeric arrays among the fields of a struct; those of structs in it are passed over.
@@ -100,8 +121,8 @@ fn fields(of: &str, rest: &[u8]) -> Option<Vec<MatArray>> {
         let (_, matrix, after) = element(rest)?;
         rest = after;
         // The elements of fields have no name of their own.
-        let is_struct = element(matrix)?.1.first() == Some(&STRUCT_CLASS);
-        let own = if is_struct { Vec::new() } else { numeric_arrays(matrix) };
+        let is_struct = element(matrix).is_some_and(|(_, flags, _)| flags.first() == Some(&STRUCT_CLASS));
+        let own = if is_struct { Vec::new() } else { numeric_arrays(matrix)? };
         arrays.extend(own.into_iter().map(|array| MatArray {
             name: format!("{of}.{}", String::from_utf8_lossy(&name[..end])),
             ..array

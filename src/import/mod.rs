@@ -19,6 +19,7 @@ mod mat_v73;
 #[cfg(feature = "parquet")]
 mod parquet_source;
 mod picture;
+mod plausible;
 mod recording;
 mod session_build;
 mod source_files;

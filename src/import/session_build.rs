@@ -3,7 +3,8 @@
 use super::conditions::{grouped, repetitions};
 use super::cut::{at_ramps, into_trials};
 use super::error::ImportError;
-use super::mapping::{MappedSignal, Mapping};
+use super::mapping::{MappedSignal, Mapping, SignalUnit};
+use super::plausible::{check_distinct, check_units};
 use super::source_table::SourceTable;
 use crate::consistency::MeasuredTrial;
 use crate::dataset::{FurtherChannel, Record, Session, Status, Subject, Trial};
@@ -27,6 +28,7 @@ pub struct ImportedSession {
 /// # Errors
 /// If a column is missing, the sample rate is not known, or no trial is found.
 pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSession, ImportError> {
+    check_distinct(&tables, mapping)?;
     let mut records = Vec::new();
     for table in tables {
         records.extend(into_trials(table, mapping)?);
@@ -61,6 +63,7 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
             reason: format!("{reason}; check the column and the unit of the angle"),
         });
     }
+    check_units(&trials, mapping)?;
     let speeds = grouped(&measured.iter().map(|own| own.middle_speed_rad_s).collect::<Vec<_>>());
     let torques = grouped(&measured.iter().map(|own| own.hold_nm).collect::<Vec<_>>());
     let conditions: Vec<(f64, f64)> = speeds.into_iter().zip(torques).collect();
@@ -90,15 +93,38 @@ fn sample_rate(tables: &[SourceTable], mapping: &Mapping) -> Result<f64, ImportE
     })?;
     for (own_hz, table) in measured.iter().zip(tables) {
         if (own_hz - rate_hz).abs() > RATE_ROUNDING * rate_hz {
+            let advice =
+                match mapping.columns.time.as_ref().and_then(|time| time_unit(time, *own_hz, rate_hz)) {
+                    Some(unit) => format!(
+                        "is the time in {}? Then write \"unit\": \"{}\" in columns.time",
+                        unit.name(),
+                        unit.name()
+                    ),
+                    None if mapping.sample_rate_hz.is_some() => {
+                        "correct sample_rate_hz, or leave it out: the column of time says it".to_owned()
+                    }
+                    None => "import recordings of one rate".to_owned(),
+                };
             return Err(not_known(format!(
-                "{}: its time has {own_hz:.6} samples a second; expected {rate_hz:.6}, as {}; import recordings of one rate, or correct \
-                 the unit of the time",
+                "{}: its time has {own_hz:.6} samples a second; expected {rate_hz:.6}, as {}; {advice}",
                 table.name,
                 if mapping.sample_rate_hz.is_some() { "sample_rate_hz says" } else { "the first table has" },
             )));
         }
     }
     Ok(rate_hz)
+}
+
+/// Fewest samples a second of which a ramp of some ten milliseconds is more than a sample, Hz.
+const SLOWEST_HZ: f64 = 50.0;
+
+/// The unit of the time that would make a rate of `own_hz` one of `rate_hz`.
+fn time_unit(time: &MappedSignal, own_hz: f64, rate_hz: f64) -> Option<SignalUnit> {
+    let units = [SignalUnit::Second, SignalUnit::Millisecond, SignalUnit::Microsecond];
+    units.into_iter().filter(|unit| *unit != time.unit).find(|unit| {
+        let as_if_hz = own_hz * time.unit.factor() / unit.factor();
+        (as_if_hz / rate_hz - 1.0).abs() < 0.01
+    })
 }
 
 /// The rate of a column of time without gaps.
@@ -116,6 +142,11 @@ fn measured_rate(table: &SourceTable, time: &MappedSignal) -> Result<f64, Import
         return Err(not_known(
             "does not rise; are these several trials? Then name their column in trial_column".into(),
         ));
+    }
+    if step_s > 1.0 / SLOWEST_HZ {
+        return Err(not_known(format!(
+            "has a sample every {step_s} s, too few for a ramp; is it in ms? Then write \"unit\": \"ms\" in columns.time"
+        )));
     }
     // Times may be rounded to more than a sample, such as whole milliseconds at 2500 a second.
     let least_s = times_s
@@ -178,7 +209,7 @@ fn column<'a>(
 ) -> Result<&'a [f64], ImportError> {
     table.column(&signal.column).ok_or_else(|| ImportError::NoColumn {
         table: table.name.clone(),
-        column: signal.column.clone(),
+        why: table.why_not(&signal.column),
         role,
         columns: table.names(),
     })

@@ -159,5 +159,5 @@ fn read_text_table(path: &Path) -> Result<SourceTable, ImportError> {
             values.push(number?);
         }
     }
-    Ok(SourceTable { name: path.display().to_string(), columns })
+    Ok(SourceTable::new(path.display().to_string(), columns))
 }

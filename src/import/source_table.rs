@@ -7,16 +7,33 @@ pub struct SourceTable {
     pub name: String,
     /// Columns of equal length, by name.
     pub columns: Vec<(String, Vec<f64>)>,
+    /// Columns of the source that cannot be used, by name, each with its reason.
+    pub unusable: Vec<(String, String)>,
 }
 
 impl SourceTable {
+    /// A table all of whose columns can be used.
+    pub fn new(name: String, columns: Vec<(String, Vec<f64>)>) -> Self {
+        Self { name, columns, unusable: Vec::new() }
+    }
+
     /// The column called `name`.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
         self.columns.iter().find(|(own, _)| own == name).map(|(_, values)| values.as_slice())
     }
 
-    /// The names of the columns, for a message.
+    /// Why there is no column called `name` to use, for a message.
+    pub fn why_not(&self, name: &str) -> String {
+        match self.unusable.iter().find(|(own, _)| own == name) {
+            Some((_, reason)) => format!("cannot use column {name:?}: {reason}"),
+            None => format!("has no column {name:?}"),
+        }
+    }
+
+    /// The names of the columns, for a message; those that cannot be used with their reason.
     pub fn names(&self) -> String {
-        self.columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
+        let usable = self.columns.iter().map(|(name, _)| name.clone());
+        let others = self.unusable.iter().map(|(name, reason)| format!("{name} (not usable: {reason})"));
+        usable.chain(others).collect::<Vec<_>>().join(", ")
     }
 }

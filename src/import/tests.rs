@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use super::{ImportedSession, LongRecord, Mapping, SourceTable, import, read_source};
+use super::{ImportedSession, LongRecord, Mapping, SignalUnit, SourceTable, import, read_source};
 use crate::consistency::contradictions;
 use crate::dataset;
 
@@ -43,7 +43,7 @@ fn mapping() -> Mapping {
 
 fn table(name: &str, columns: [Vec<f64>; 3]) -> SourceTable {
     let columns = NAMES.iter().zip(columns).map(|(name, values)| ((*name).to_owned(), values)).collect();
-    SourceTable { name: name.to_owned(), columns }
+    SourceTable::new(name.to_owned(), columns)
 }
 
 fn csv(table: &SourceTable) -> String {
@@ -186,6 +186,53 @@ fn a_trial_with_a_sample_that_is_no_number_is_left_out_and_told() {
 }
 
 #[test]
+fn units_that_no_limb_has_are_refused_with_the_one_that_explains_them() {
+    let refused = |change: &dyn Fn(&mut Mapping)| {
+        let mut wrong = mapping();
+        change(&mut wrong);
+        import(vec![table("t1.csv", columns(1.3))], &wrong).unwrap_err().to_string()
+    };
+    let told = refused(&|own| own.columns.angle.unit = SignalUnit::Radian);
+    assert!(
+        told.contains("\"Pos\" in rad") && told.contains("write \"unit\": \"deg\" in columns.angle"),
+        "{told}"
+    );
+    let mut millis = columns(1.3);
+    millis[2].iter_mut().for_each(|torque| *torque *= 10.0);
+    let mut wrong = mapping();
+    wrong.columns.torque.unit = SignalUnit::NewtonMetre;
+    let told = import(vec![table("t1.csv", millis)], &wrong).unwrap_err().to_string();
+    assert!(told.contains("\"unit\": \"N mm\" in columns.torque"), "{told}");
+    let told = refused(&|own| own.columns.torque.column = "Pos".into());
+    assert!(told.contains("columns.angle and columns.torque are both column \"Pos\""), "{told}");
+    let mut twice = columns(1.3);
+    twice[2] = twice[1].clone();
+    let told = import(vec![table("t1.csv", twice)], &mapping()).unwrap_err().to_string();
+    assert!(told.contains("are equal in every sample"), "{told}");
+}
+
+#[test]
+fn times_of_another_unit_or_rate_are_refused_with_what_to_write() {
+    let refused = |change: &dyn Fn(&mut Mapping)| {
+        let mut wrong = mapping();
+        change(&mut wrong);
+        import(vec![table("t1.csv", columns(1.3))], &wrong).unwrap_err().to_string()
+    };
+    let in_seconds = |own: &mut Mapping| own.columns.time.as_mut().unwrap().unit = SignalUnit::Second;
+    assert!(refused(&in_seconds).contains("\"unit\": \"ms\" in columns.time"));
+    let told = refused(&|own| {
+        own.columns.time.as_mut().unwrap().unit = SignalUnit::Microsecond;
+        own.sample_rate_hz = Some(RATE_HZ);
+    });
+    assert!(told.contains("is the time in ms? Then write \"unit\": \"ms\" in columns.time"), "{told}");
+    let told = refused(&|own| own.sample_rate_hz = Some(1200.0));
+    assert!(
+        told.contains("expected 1200") && told.contains("correct sample_rate_hz, or leave it out"),
+        "{told}"
+    );
+}
+
+#[test]
 fn a_subject_that_is_no_identifier_is_refused() {
     let text = serde_json::to_string_pretty(&mapping()).unwrap();
     for subject in ["", "../../x", "..", "S 1"] {
@@ -204,6 +251,60 @@ fn a_column_that_is_not_there_is_named_with_those_that_are() {
         told.contains("t1.csv") && told.contains("\"Torque\"") && told.contains("Time, Pos, Tq"),
         "{told}"
     );
+}
+
+/// Columns of a Parquet table that cannot be used.
+#[cfg(feature = "parquet")]
+mod parquet_columns {
+    use std::sync::Arc;
+
+    use parquet::data_type::{DoubleType, Int64Type};
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::parser::parse_message_type;
+
+    use super::*;
+
+    #[test]
+    fn a_parquet_column_with_an_empty_row_or_of_timestamps_is_named_with_its_reason_and_refused_if_it_is_used()
+     {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("t.parquet");
+        let schema = "message t { required double Time; required double Pos; optional double Tq; \
+                      required int64 Stamp (TIMESTAMP_MICROS); }";
+        let schema = Arc::new(parse_message_type(schema).unwrap());
+        let mut writer =
+            SerializedFileWriter::new(fs::File::create(&file).unwrap(), schema, Default::default()).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        let [time, angle, torque] = columns(1.3);
+        for values in [time, angle] {
+            let mut column = group.next_column().unwrap().unwrap();
+            column.typed::<DoubleType>().write_batch(&values, None, None).unwrap();
+            column.close().unwrap();
+        }
+        let is_there: Vec<i16> = (0..SAMPLES).map(|row| i16::from(row != 41)).collect();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<DoubleType>().write_batch(&torque[1..], Some(&is_there), None).unwrap();
+        column.close().unwrap();
+        let stamps: Vec<i64> = (0..SAMPLES as i64).map(|row| 1_700_000_000_000_000 + 1000 * row).collect();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<Int64Type>().write_batch(&stamps, None, None).unwrap();
+        column.close().unwrap();
+        group.close().unwrap();
+        writer.close().unwrap();
+
+        let tables = read_source(&file).unwrap();
+        let names = tables[0].names();
+        assert!(names.starts_with("Time, Pos, Tq (not usable: row 42 is empty"), "{names}");
+        assert!(
+            names.contains("Stamp (not usable: row 1 is a date or a time of day; write times as"),
+            "{names}"
+        );
+        let told = import(tables, &mapping()).unwrap_err().to_string();
+        assert!(
+            told.contains("cannot use column \"Tq\": row 42 is empty") && told.contains("the torque"),
+            "{told}"
+        );
+    }
 }
 
 /// Elements of a .mat file of version 5.
@@ -297,6 +398,22 @@ mod mat {
             fs::write(&file, bytes).unwrap();
             assert_two_trials(&import(read_source(&file).unwrap(), &mapping()).unwrap());
         }
+        let whole: Vec<u8> = header()
+            .into_iter()
+            .chain(variables().into_iter().flat_map(|(n, rows, v)| matrix(n, rows, &v)))
+            .collect();
+        let [first, second, _] = variables().map(|(name, rows, values)| matrix(name, rows, &values).len());
+        for length in [130, 128 + first + 4, 128 + first + 100, whole.len() - first / 3, whole.len() - 1] {
+            fs::write(folder.path().join("cut.mat"), &whole[..length]).unwrap();
+            let told = read_source(&folder.path().join("cut.mat")).unwrap_err().to_string();
+            assert!(told.contains(&format!("the file ends early, at byte {length}")), "{length}: {told}");
+        }
+        // An element that says that it is whole, with fewer values than rows and columns.
+        let mut damaged = whole[..128 + first + second].to_vec();
+        damaged[128 + 8 + 16 + 8] += 1;
+        fs::write(folder.path().join("cut.mat"), &damaged).unwrap();
+        let told = read_source(&folder.path().join("cut.mat")).unwrap_err().to_string();
+        assert!(told.contains("an element at byte 128 that is damaged"), "{told}");
         fs::write(folder.path().join("cut.mat"), b"MATLAB 5.0").unwrap();
         let told = read_source(&folder.path().join("cut.mat")).unwrap_err().to_string();
         assert!(told.contains("cut.mat") && told.contains("-v7"), "{told}");

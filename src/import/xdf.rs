@@ -187,7 +187,7 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
         let columns = std::iter::once(time).chain(stream.labels.into_iter().zip(stream.values)).collect();
         recording
             .tables
-            .push(SourceTable { name: format!("{}, stream {}", path.display(), stream.name), columns });
+            .push(SourceTable::new(format!("{}, stream {}", path.display(), stream.name), columns));
     }
     Ok(recording)
 }

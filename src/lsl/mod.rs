@@ -14,4 +14,4 @@ mod publisher;
 mod sample_clock;
 
 pub use library::{LslError, LslLibrary};
-pub use publisher::{LslFeed, LslPublisher, MARKERS_STREAM, SIGNALS_STREAM};
+pub use publisher::{LslClock, LslFeed, LslPublisher, MARKERS_STREAM, SIGNALS_STREAM};

@@ -13,6 +13,7 @@ use super::library::{LslError, LslLibrary, StreamDescription};
 use super::sample_clock::SampleClock;
 use crate::rig::Cue;
 use crate::session::{Event, Phase, Progress, Step, StepConsumer, TransitionRecord};
+use crate::timing::monotonic_ns;
 
 /// Name of the stream of samples.
 pub const SIGNALS_STREAM: &str = "ramphold signals";
@@ -47,6 +48,37 @@ struct PublishedStep {
 pub struct LslFeed {
     ring: Producer<PublishedStep>,
     lost: Arc<AtomicU64>,
+    ahead: LslClock,
+}
+
+impl LslFeed {
+    /// The clock of the streams, to be asked from any thread.
+    pub fn clock(&self) -> LslClock {
+        self.ahead.clone()
+    }
+}
+
+/// Where the clock of Lab Streaming Layer is, as the publishing thread last read it: the library is called in no other.
+#[derive(Debug, Clone)]
+pub struct LslClock(Arc<AtomicU64>);
+
+impl LslClock {
+    fn unknown() -> Self {
+        Self(Arc::new(AtomicU64::new(f64::NAN.to_bits())))
+    }
+
+    fn read(&self, library: &LslLibrary) {
+        let before_ns = monotonic_ns();
+        let now_s = library.now_s();
+        let middle_s = 0.5e-9 * (before_ns + monotonic_ns()) as f64;
+        self.0.store((now_s - middle_s).to_bits(), Ordering::Relaxed);
+    }
+
+    /// How far it is ahead of the monotonic clock, s; `None` before the streams are open.
+    pub fn ahead_s(&self) -> Option<f64> {
+        let ahead_s = f64::from_bits(self.0.load(Ordering::Relaxed));
+        ahead_s.is_finite().then_some(ahead_s)
+    }
 }
 
 /// The publishing thread.
@@ -75,6 +107,8 @@ impl LslPublisher {
         let (over, lost) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicU64::new(0)));
         let (opened, is_open) = mpsc::channel();
         let version = library.version();
+        let ahead = LslClock::unknown();
+        ahead.read(&library);
         let published = Published {
             sample_rate_hz,
             onset_delay_s: motion_delay_samples as f64 / sample_rate_hz,
@@ -82,8 +116,8 @@ impl LslPublisher {
             source: source.to_owned(),
         };
         let thread = thread::spawn({
-            let over = over.clone();
-            move || published.publish(&library, steps, &over, &opened)
+            let (over, ahead) = (over.clone(), ahead.clone());
+            move || published.publish(&library, steps, (&over, &ahead), &opened)
         });
         // The thread says it in any case, or it is gone.
         let refused =
@@ -92,7 +126,7 @@ impl LslPublisher {
             let _ = thread.join();
             return Err(error);
         }
-        let feed = LslFeed { ring, lost: lost.clone() };
+        let feed = LslFeed { ring, lost: lost.clone(), ahead };
         Ok((Self { thread: Some(thread), over, lost, version }, feed))
     }
 
@@ -153,7 +187,7 @@ impl Published {
         &self,
         library: &LslLibrary,
         mut steps: Consumer<PublishedStep>,
-        over: &AtomicBool,
+        (over, ahead): (&AtomicBool, &LslClock),
         opened: &mpsc::Sender<Option<LslError>>,
     ) {
         // Place in the values of a step, name and unit. A muscle that is not measured is no channel.
@@ -203,6 +237,7 @@ impl Published {
             let is_over = over.load(Ordering::Acquire);
             // The two clocks run alike; where one is on the other is taken anew each time.
             let (now, now_s) = (Instant::now(), library.now_s());
+            ahead.read(library);
             while let Ok(step) = steps.pop() {
                 let had_s = now_s - now.saturating_duration_since(step.had).as_secs_f64()
                     + step.had.saturating_duration_since(now).as_secs_f64();

@@ -16,7 +16,7 @@ use super::traces::{Trace, traces};
 use crate::attach::attached_emg;
 use crate::dataset::{self, Amendments, JOURNAL, Session, SessionCard};
 use crate::files::{Folder, is_refusal, limits};
-use crate::fit::{ExcludedTrial, FIT_FORMAT};
+use crate::fit::{DESCRIBING_VAF, ExcludedTrial, FIT_FORMAT};
 use crate::json_file;
 use crate::protocol::ValidProtocol;
 
@@ -161,6 +161,21 @@ pub fn foreign_results(folder: &Path) -> Result<Vec<String>, ReportError> {
     let of_fit = fitted.as_ref().and_then(|fit| foreign_fit(fit, &digest));
     let of_diagnosis = diagnosis.and_then(|own| foreign_diagnosis(&own, fitted.as_ref(), &digest));
     Ok(of_fit.into_iter().chain(of_diagnosis).collect())
+}
+
+/// That the fit of the session in `folder` describes none of its trials, if it does not.
+///
+/// # Errors
+/// If a result file that is there cannot be read.
+pub fn undescribed(folder: &Path) -> Result<Option<String>, ReportError> {
+    let results = match open(folder)?.folder("results") {
+        Err(error) if error.kind() == ErrorKind::NotFound || is_refusal(&error) => return Ok(None),
+        opened => {
+            opened.map_err(|source| ReportError::Unreadable { path: folder.join("results"), source })?
+        }
+    };
+    let best = read_fit(&results)?.and_then(|fit| fit.best_vaf()).filter(|best| *best < DESCRIBING_VAF);
+    Ok(best.map(|best| format!("the model does not describe these data: the best VAF of any trial is {best:.2}, below {DESCRIBING_VAF}")))
 }
 
 fn open(folder: &Path) -> Result<Folder, ReportError> {

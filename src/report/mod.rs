@@ -18,6 +18,7 @@ mod input;
 mod journal;
 mod known_rig;
 mod page;
+mod rest_torque;
 mod scale;
 mod sections;
 mod study;
@@ -30,7 +31,7 @@ pub use error::ReportError;
 pub use estimate_text::MARK_MEANING;
 pub use figures::{EffectCurve, PowerCurve, mechanism as mechanism_figure, power as power_figure};
 pub use fitted::{SHOWN, Shown};
-pub use input::foreign_results;
+pub use input::{foreign_results, undescribed};
 
 use crate::dataset::{Disk, Session};
 use crate::files::Folder;
@@ -89,6 +90,7 @@ pub fn write(
     sections.extend([sections::trials(&input), sections::parameters(&input)]);
     sections.extend([sections::balance(&input), sections::stiffness(&input)]);
     sections.extend(emg);
+    sections.extend(sections::torque_at_rest(&input));
     sections.extend([sections::diagnosis(&input), sections::rig(&input), sections::uncertainty(&input)]);
     let page = write_page(&PageHead::of_session(&input), &sections, out, disk)?;
     Ok(WrittenReport { missing: input.missing, ..page })

@@ -8,6 +8,7 @@ use super::machine::Machine;
 use super::phase::Phase;
 use super::progress::Progress;
 use crate::rig::{Cue, Origin, Sample};
+use crate::timing::ClockStamp;
 
 /// One step of the session: what was measured, decided and shown at one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +17,8 @@ pub struct Step {
     pub sample: u64,
     /// Measured sample; `None` while the rig is disarmed and at a fault, whose values are in the journal.
     pub measured: Option<Sample>,
+    /// When the sample was had, if that is kept of it.
+    pub clock: Option<ClockStamp>,
     /// Record that the sample belongs to.
     pub record: RecordTarget,
     /// Transition of the state machine at this sample, if there was one.
@@ -49,6 +52,7 @@ impl Step {
         Self {
             sample: machine.sample(),
             measured,
+            clock: None,
             record: output.record,
             transition: output.transition,
             refused: output.refused,
@@ -63,7 +67,7 @@ impl Step {
 
     /// Whether a recorder has something to write: a sample of a record or an entry of the journal.
     pub fn is_recorded(&self) -> bool {
-        self.record != RecordTarget::None || self.is_journaled()
+        self.record != RecordTarget::None || self.is_journaled() || self.clock.is_some()
     }
 
     /// Whether the step makes an entry in the journal.

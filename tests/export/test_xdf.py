@@ -1,11 +1,13 @@
 """`ramphold export --xdf`: what pyxdf reads in the file."""
 
 import json
+import subprocess
+import time
 
 import numpy
 import pytest
 import pyxdf
-from conftest import done, ramphold
+from conftest import ROOT, done, program, ramphold
 from test_bids import records
 
 
@@ -57,3 +59,30 @@ def test_what_has_no_times_is_refused(measured, tmp_path):
     result = ramphold("export", measured, "--xdf", tmp_path / "a.xdf")
     assert result.returncode == 2 and "has no journal" in result.stderr
     assert not (tmp_path / "a.xdf").exists()
+
+
+def test_the_stretches_of_a_resumed_session_are_in_order_and_do_not_overlap(tmp_path):
+    protocol = json.loads((ROOT / "protocols/quick.json").read_text())
+    protocol.pop("$schema", None)
+    protocol.update(velocities_rad_s=[3.25], rest_s=0.2, before={"offset_s": 0.2})
+    protocol["signal"]["sample_rate_hz"] = 1000
+    (tmp_path / "protocol.json").write_text(json.dumps(protocol))
+    session = tmp_path / "s"
+    running = subprocess.Popen(
+        [program(), "run", tmp_path / "protocol.json", "--seed", "7", "--real-time", "--quiet", "--out", session]
+    )
+    until = time.monotonic() + 120
+    while not (session / "trials/trial-002.csv.part").exists():
+        assert running.poll() is None and time.monotonic() < until
+        time.sleep(0.01)
+    running.kill()
+    running.wait()
+    done("resume", session, "--yes", "--real-time")
+    done("export", session, "--xdf", tmp_path / "s.xdf")
+    found = streams(tmp_path / "s.xdf")
+    assert set(found) == {"ramphold signals", "ramphold markers", "ramphold signals 2", "ramphold markers 2"}
+    for kind in ["signals", "markers"]:
+        first, second = found[f"ramphold {kind}"], found[f"ramphold {kind} 2"]
+        assert first["time_stamps"][-1] < second["time_stamps"][0]
+        assert (numpy.diff(first["time_stamps"]) >= 0).all() and (numpy.diff(second["time_stamps"]) >= 0).all()
+        assert second["info"]["desc"][0]["began_utc"][0] > first["info"]["desc"][0]["began_utc"][0]

@@ -369,3 +369,116 @@ fn a_gap_costs_the_trials_in_it_and_no_other() {
     assert_eq!(gone, [u64::from(third)]);
     assert!(told.contains(&format!("trial {third} left out: the recording has a gap in it")), "{told}");
 }
+
+/// A session exported by the program itself has only the trials: what is between them is a gap.
+#[test]
+fn our_own_export_is_attached_whole_though_it_has_gaps_between_the_trials() {
+    let measured = Measured::new();
+    measured.workspace.call(0, &["export", "s", "--xdf", "own.xdf"]);
+    let trials = measured.session.trials.iter().filter(|trial| trial.onset_s.is_some()).count();
+    for (name, reference) in [
+        ("marker", &["--marker", "onset"][..]),
+        ("signal", &["--signal", "torque_l_nm", "--shared", "torque_l_nm"][..]),
+    ] {
+        let arguments =
+            [&["attach", "s", "own.xdf", "--table", "ramphold signals", "--name", name], reference].concat();
+        measured.workspace.call(0, &arguments);
+        let own = measured.attachment(name);
+        assert_eq!(own["left_out"], json!([]), "{name}");
+        assert_eq!(own["trials"].as_array().unwrap().len(), trials, "{name}");
+        for trial in own["trials"].as_array().unwrap() {
+            let number = trial["trial"].as_u64().unwrap() as u32;
+            let record = &measured.session.trials.iter().find(|own| own.number == number).unwrap().record;
+            assert!(
+                trial["samples"].as_u64().unwrap().abs_diff(record.theta_m_rad.len() as u64) <= 1,
+                "{name}"
+            );
+        }
+        let rate_hz = own["clock"]["rate_hz"].as_f64().unwrap();
+        assert!((rate_hz / measured.session.sample_rate_hz - 1.0).abs() < 1e-6, "{name}: {rate_hz}");
+    }
+}
+
+#[test]
+fn a_column_that_only_moves_with_the_ramps_is_not_taken_for_the_shared_signal() {
+    let measured = Measured::new();
+    let mut text = "t,position\n".to_owned();
+    for (time_s, ..) in measured.samples() {
+        let session_s = (time_s - AHEAD_S) / (1.0 + FAST);
+        let ramp = measured.ramps.iter().rev().find(|ramp| ramp.onset_s <= session_s);
+        let since_s = ramp.map_or(1.0, |ramp| session_s - ramp.onset_s);
+        // Out in 60 ms, back after 0.3 s, with the noise of an encoder.
+        let out = (since_s / 0.06).min(1.0) * if since_s < 0.3 { 1.0 } else { 0.0 };
+        let noise = ((time_s.to_bits().wrapping_mul(0x9E37_79B9_7F4A_7C15)) >> 40) as f64 / 16_777_216.0;
+        writeln!(text, "{time_s:.6},{}", 0.14 * out + 1e-3 * noise).unwrap();
+    }
+    fs::write(measured.workspace.path("position.csv"), text).unwrap();
+    let arguments =
+        ["attach", "s", "position.csv", "--time", "t", "--signal", "position", "--shared", "torque_l_nm"];
+    let (_, message) = measured.workspace.call(2, &arguments);
+    // Of eight ramps of a few conditions, the intervals or the holds tell it.
+    let reasons = ["has nothing in common with torque_l_nm", "which may be chance"];
+    assert!(reasons.iter().any(|reason| message.contains(reason)), "{message}");
+    assert!(!measured.workspace.path("s/attached").exists());
+}
+
+#[test]
+fn samples_that_were_lost_between_two_ramps_are_told_and_cost_the_trials_beside_them() {
+    let measured = Measured::new();
+    let samples = measured.samples();
+    let trials: Vec<&RampTime> = measured.ramps.iter().filter(|ramp| ramp.trial.is_some()).collect();
+    let [before, after] = [trials[trials.len() / 2 - 1], trials[trials.len() / 2]];
+    let lost_s = measured.on_clock(0.5 * (before.onset_s + after.onset_s));
+    let mut text = "TRIG,EMG\n".to_owned();
+    for (_, pulse, _, emg) in samples.iter().filter(|own| !(lost_s..lost_s + 0.003).contains(&own.0)) {
+        writeln!(text, "{pulse},{emg}").unwrap();
+    }
+    fs::write(measured.workspace.path("lost.csv"), text).unwrap();
+    let (_, told) =
+        measured.workspace.call(0, &["attach", "s", "lost.csv", "--rate", "2000", "--trigger", "TRIG"]);
+    let own = measured.attachment("lost");
+    let steps = own["clock_steps"].as_array().unwrap();
+    assert_eq!(steps.len(), 1, "{own:#}");
+    assert!((steps[0]["step_s"].as_f64().unwrap() + 0.003).abs() < 1e-3, "{}", steps[0]);
+    let (first, second) =
+        (steps[0]["after_trial"].as_u64().unwrap(), steps[0]["before_trial"].as_u64().unwrap());
+    assert_eq!(first, u64::from(before.trial.unwrap()));
+    assert!(second >= u64::from(after.trial.unwrap()));
+    assert!(told.contains(&format!("between trials {first} and {second} the clocks step by -")), "{told}");
+    let kept: Vec<u64> =
+        own["trials"].as_array().unwrap().iter().map(|own| own["trial"].as_u64().unwrap()).collect();
+    assert!(!kept.contains(&first) && !kept.contains(&second) && kept.len() > trials.len() / 2, "{kept:?}");
+    // The drift is that of the clocks, not that of a line through the step.
+    assert!((own["clock"]["drift_ppm"].as_f64().unwrap() - 80.0).abs() < 60.0, "{}", own["clock"]);
+    assert!(own["clock"]["residual_largest_s"].as_f64().unwrap() < 1e-3, "{}", own["clock"]);
+}
+
+#[test]
+fn a_folder_times_in_milliseconds_rounded_times_and_a_threshold_that_is_no_number_are_refused_with_what_to_do()
+ {
+    let measured = Measured::new();
+    let refused = |file: &str, more: &[&str]| {
+        let (_, message) = measured.workspace.call(2, &[&["attach", "s", file], more].concat());
+        assert!(!measured.workspace.path("s/attached").exists());
+        message
+    };
+    let (mut millis, mut rounded) = ("t,TRIG\n".to_owned(), "t,TRIG\n".to_owned());
+    for (time_s, pulse, ..) in measured.samples() {
+        writeln!(millis, "{:.3},{pulse}", 1e3 * time_s).unwrap();
+        writeln!(rounded, "{time_s:.3},{pulse}").unwrap();
+    }
+    fs::write(measured.workspace.path("ms.csv"), millis).unwrap();
+    fs::write(measured.workspace.path("rounded.csv"), rounded).unwrap();
+    let by_trigger = ["--time", "t", "--trigger", "TRIG"];
+    let message = refused("ms.csv", &by_trigger);
+    assert!(message.contains("a sample every 0.5 s") && message.contains("divide them by 1000"), "{message}");
+    let message = refused("rounded.csv", &by_trigger);
+    assert!(message.contains("if they are rounded") && message.contains("--rate"), "{message}");
+    let message = refused("ms.csv", &["--rate", "2000", "--trigger", "TRIG", "--threshold", "nan"]);
+    assert!(message.contains("--threshold NaN: expected a number"), "{message}");
+    fs::create_dir(measured.workspace.path("recordings")).unwrap();
+    let message = refused("recordings", &by_trigger);
+    assert!(message.contains("recordings: a folder; expected one recording"), "{message}");
+    let (_, message) = measured.workspace.call(2, &["new", "ms.csv", "--yes"]);
+    assert!(message.contains("ms.csv: is a file; give the name of a new folder"), "{message}");
+}

@@ -67,7 +67,9 @@ fn every_state_of_a_session_is_told() {
             fs::write(path, bytes).unwrap();
         }
     };
-    for name in ["s2-measured", "s3-unfinished", "s4-contradictory", "s5-other-data", "s6-broken"] {
+    for name in
+        ["s2-measured", "s3-unfinished", "s4-contradictory", "s5-other-data", "s6-broken", "s7-undescribed"]
+    {
         copy(name);
     }
     fs::remove_dir_all(workspace.path("all/s2-measured/results")).unwrap();
@@ -83,6 +85,14 @@ fn every_state_of_a_session_is_told() {
     edit("all/s5-other-data/session.json", &|text| text.replace("S07", "S08"));
     fs::remove_file(workspace.path("all/s6-broken/trials/trial-001.csv")).unwrap();
 
+    edit("all/s7-undescribed/results/fit.json", &|text| {
+        let mut fit: serde_json::Value = serde_json::from_str(&text).unwrap();
+        for trial in fit["trials"].as_array_mut().unwrap() {
+            trial["values"]["vaf"] = 0.4.into();
+        }
+        fit.to_string()
+    });
+
     let found = states(&workspace, "all");
     let expected = [
         ("s1-fitted", "fitted"),
@@ -91,11 +101,12 @@ fn every_state_of_a_session_is_told() {
         ("s4-contradictory", "doubtful"),
         ("s5-other-data", "doubtful"),
         ("s6-broken", "doubtful"),
+        ("s7-undescribed", "doubtful"),
     ];
     assert_eq!(found, expected.map(|(name, state)| (name.to_owned(), state.to_owned())));
     let (table, told) = workspace.call(0, &["sessions", "all"]);
     assert!(table.lines().nth(1).unwrap().contains("S07"), "{table}");
-    for words in ["ramp-direction", "trial-001.csv"] {
+    for words in ["ramp-direction", "trial-001.csv", "the best VAF of any trial is 0.40"] {
         assert!(told.contains(words), "{words} is not in {told}");
     }
 }

@@ -62,6 +62,40 @@ fn completed(session: &Path) -> Vec<(f64, f64, u32)> {
 }
 
 #[test]
+fn the_stretches_of_a_resumed_session_are_placed_by_the_clock_and_do_not_overlap() {
+    let workspace = Workspace::with_short_protocol();
+    let session = workspace.killed_session();
+    workspace.call(0, &["resume", "s", "--yes", "--real-time", "--quiet"]);
+    let stamped = dataset::SessionClock::read(&session).unwrap().stamped;
+    let ramps = dataset::ramp_times(&session).unwrap().unwrap();
+    let last = ramps.last().unwrap().stretch;
+    assert!(last > 0 && ramps[0].stretch == 0);
+    // The first sample of each stretch, and that of each trial.
+    for stretch in [0, last] {
+        let own: Vec<_> = stamped.iter().filter(|known| known.stretch == stretch).collect();
+        assert!(own[0].time_s < 0.1 && own.len() > 1, "{own:?}");
+        assert!(own.windows(2).all(|pair| pair[0].stamp.utc_ns < pair[1].stamp.utc_ns));
+        assert!(own.windows(2).all(|pair| pair[0].stamp.monotonic_ns < pair[1].stamp.monotonic_ns));
+    }
+    workspace.call(0, &["verify", "s"]);
+    workspace.call(0, &["replay", "s"]);
+    workspace.call(0, &["export", "s", "--xdf", "s.xdf"]);
+    let recording = ramphold::import::read_recording(&workspace.path("s.xdf")).unwrap();
+    assert_eq!(recording.tables.len(), 2);
+    let ends: Vec<[f64; 2]> = recording
+        .tables
+        .iter()
+        .map(|table| table.column("time_s").unwrap())
+        .map(|times_s| [times_s[0], times_s[times_s.len() - 1]])
+        .collect();
+    assert!(ends[0][0] >= 0.0 && ends[0][1] < ends[1][0], "{ends:?}");
+    // The break is as long as UTC says.
+    let at = |stretch: usize| stamped.iter().find(|known| known.stretch == stretch).unwrap().stamp.utc_ns;
+    let break_s = 1e-9 * (at(last) - at(0)) as f64;
+    assert!(ends[1][0] > break_s && ends[0][1] < break_s, "{ends:?}, resumed after {break_s} s");
+}
+
+#[test]
 fn a_killed_session_goes_on_where_it_was_and_keeps_what_it_had() {
     let workspace = Workspace::with_short_protocol();
     let session = workspace.killed_session();

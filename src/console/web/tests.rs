@@ -62,6 +62,7 @@ fn view() -> (ViewModel, crate::console::Views) {
     let (mut view, views) = ViewModel::new(settings, progress, fitter, CommandQuestions::default(), None);
     let step = Step {
         sample: 1,
+        clock: None,
         measured: None,
         record: RecordTarget::None,
         transition: None,

@@ -8,6 +8,7 @@ mod power;
 mod residuals;
 mod session;
 mod stiffness;
+mod torque_at_rest;
 mod trial;
 
 pub use balance::balance;
@@ -18,6 +19,7 @@ pub use power::{PowerCurve, power};
 pub use residuals::{ResidualMap, residual_map};
 pub use session::{gates, lateness, order};
 pub use stiffness::stiffness;
+pub use torque_at_rest::torque_at_rest;
 pub use trial::trial;
 
 use super::chart::COLOURS;

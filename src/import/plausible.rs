@@ -1,0 +1,125 @@
+//! What no limb can do, and the unit that would explain it: a session of wrong units can be fitted, and some of its numbers look good.
+
+use super::error::ImportError;
+use super::mapping::{MappedSignal, Mapping, SignalUnit};
+use super::source_table::SourceTable;
+use crate::dataset::Trial;
+
+/// No joint is turned farther by a ramp than this, rad.
+const LARGEST_RAMP_RAD: f64 = std::f64::consts::FRAC_PI_2;
+
+/// No wrist and no ankle makes or bears this torque in an experiment, N m.
+const LARGEST_TORQUE_NM: f64 = 300.0;
+
+/// Units of angles and of torques that a recording may be in, the most common first.
+const LIKELY_ANGLE_UNITS: [SignalUnit; 2] = [SignalUnit::Degree, SignalUnit::Milliradian];
+const LIKELY_TORQUE_UNITS: [SignalUnit; 3] =
+    [SignalUnit::NewtonMillimetre, SignalUnit::NewtonCentimetre, SignalUnit::PoundInch];
+
+/// Refuses ramps and torques beyond what a limb can do, with the unit that would make them possible.
+pub fn check_units(trials: &[Trial], mapping: &Mapping) -> Result<(), ImportError> {
+    let range = |values: &[f64]| {
+        let (least, most) = values
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(*value), b.max(*value)));
+        most - least
+    };
+    let middle = |of: &dyn Fn(&Trial) -> f64| {
+        let mut own: Vec<f64> = trials.iter().map(of).collect();
+        own.sort_by(f64::total_cmp);
+        own.get(own.len() / 2).copied().unwrap_or(0.0)
+    };
+    let angle_rad = middle(&|trial| range(&trial.record.theta_m_rad));
+    let torque_nm =
+        middle(&|trial| trial.record.torque_l_nm.iter().fold(0.0, |most: f64, own| most.max(own.abs())));
+    let columns = &mapping.columns;
+    if angle_rad > LARGEST_RAMP_RAD {
+        let what = format!("the ramps turn the joint by {angle_rad:.3} rad, half a trial's or more");
+        return Err(impossible(
+            "angle",
+            &columns.angle,
+            &what,
+            angle_rad / LARGEST_RAMP_RAD,
+            &LIKELY_ANGLE_UNITS,
+        ));
+    }
+    if torque_nm > LARGEST_TORQUE_NM {
+        let what = format!("the torque is up to {torque_nm:.1} N m in half of the trials or more");
+        return Err(impossible(
+            "torque",
+            &columns.torque,
+            &what,
+            torque_nm / LARGEST_TORQUE_NM,
+            &LIKELY_TORQUE_UNITS,
+        ));
+    }
+    Ok(())
+}
+
+/// A quantity that is `times` as large as it can be.
+fn impossible(
+    role: &str,
+    signal: &MappedSignal,
+    what: &str,
+    times: f64,
+    units: &[SignalUnit],
+) -> ImportError {
+    let factor = signal.unit.factor();
+    let explains = |unit: &&SignalUnit| unit.factor() / factor * times <= 1.0;
+    let hint = match units.iter().find(explains) {
+        Some(unit) => {
+            format!("is its unit {}? Then write \"unit\": \"{}\" in columns.{role}", unit.name(), unit.name())
+        }
+        None => format!("name the right column in columns.{role}, or write its unit there"),
+    };
+    ImportError::Implausible {
+        reason: format!(
+            "column {:?} in {}: {what}; no limb does that: {hint}",
+            signal.column,
+            signal.unit.name()
+        ),
+    }
+}
+
+/// Refuses a column that is mapped to two signals, and two columns that are equal in every sample of every table.
+pub fn check_distinct(tables: &[SourceTable], mapping: &Mapping) -> Result<(), ImportError> {
+    let columns = &mapping.columns;
+    let signals: Vec<(&str, &MappedSignal)> = [
+        ("angle", Some(&columns.angle)),
+        ("torque", Some(&columns.torque)),
+        ("emg_fcr", columns.emg_fcr.as_ref()),
+        ("emg_ecr", columns.emg_ecr.as_ref()),
+        ("handle_angle", columns.handle_angle.as_ref()),
+        ("handle_acceleration", columns.handle_acceleration.as_ref()),
+        ("hand_torque", columns.hand_torque.as_ref()),
+        ("joint_angle", columns.joint_angle.as_ref()),
+    ]
+    .into_iter()
+    .filter_map(|(role, signal)| Some((role, signal?)))
+    .collect();
+    for (at, (role, own)) in signals.iter().enumerate() {
+        for (other_role, other) in &signals[at + 1..] {
+            let are_equal = || {
+                !tables.is_empty()
+                    && tables.iter().all(|table| {
+                        let pair = table.column(&own.column).zip(table.column(&other.column));
+                        pair.is_some_and(|(own, other)| own == other)
+                    })
+            };
+            let reason = if own.column == other.column {
+                format!("columns.{role} and columns.{other_role} are both column {:?}", own.column)
+            } else if are_equal() {
+                format!(
+                    "column {:?} ({role}) and column {:?} ({other_role}) are equal in every sample",
+                    own.column, other.column
+                )
+            } else {
+                continue;
+            };
+            return Err(ImportError::Implausible {
+                reason: format!("{reason}; two signals are never equal: name the right columns"),
+            });
+        }
+    }
+    Ok(())
+}
