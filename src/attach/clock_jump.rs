@@ -42,7 +42,7 @@ pub fn clock_steps(pairs: &[RampPair], resolution_s: f64) -> Vec<ClockStep> {
     let scatter_s = (1.4826 * median(&mut sizes)).max(resolution_s / 6.0_f64.sqrt());
     let count = neighbours.len() as f64;
     let is_taken_back = |at: usize| {
-        let other = |beside: usize| neighbours.contains(&beside).then(|| change(beside)).unwrap_or(0.0);
+        let other = |beside: usize| if neighbours.contains(&beside) { change(beside) } else { 0.0 };
         let own = change(at);
         [other(at - 1), other(at + 1)].iter().any(|other| (own + other).abs() < TAKEN_BACK * own.abs())
     };

@@ -48,7 +48,7 @@ pub fn tables(path: &Path, arrays: Vec<MatArray>) -> Result<Vec<SourceTable>, Im
     let fits = |array: &&MatArray| [1, trials].contains(&(array.values.len() / samples));
     let unusable: Vec<(String, String)> = long
         .iter()
-        .filter(|array| array.samples() != samples || !fits(&array))
+        .filter(|array| array.samples() != samples || !fits(array))
         .map(|array| {
             let (rows, count) = (array.samples(), array.values.len() / array.samples());
             let reason = format!(
