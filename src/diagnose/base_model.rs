@@ -15,7 +15,7 @@ const SPEED_FACTOR: f64 = 2.0;
 
 /// Largest variance of the torque error from the recorded angle, beside that of the torque's noise. Of sound sessions on encoders of 13 and
 /// 14 bits, 1 of 4 below it and 11 of 12 above it were not called adequate (docs/explanation/diagnosis.md).
-const LARGEST_ANGLE_ERROR: f64 = 8.0;
+const UNTRUSTED_ANGLE_ERROR: f64 = 8.0;
 
 /// Why no cause can be looked for in the misfit of `fit`; `None` if the model describes the session.
 pub fn not_described(observations: &Observations, fit: &Fit) -> Option<String> {
@@ -28,7 +28,7 @@ pub fn not_described(observations: &Observations, fit: &Fit) -> Option<String> {
         ));
     }
     if let Some(reason @ NoSessionModel::CoarseAngle { ratio, .. }) = coarse_angle(observations, fit)
-        && ratio > LARGEST_ANGLE_ERROR
+        && ratio > UNTRUSTED_ANGLE_ERROR
     {
         return Some(reason.to_string());
     }
