@@ -61,6 +61,19 @@ fn a_run_ends_with_a_report_and_every_figure_as_a_file() {
     }
 }
 
+/// A link leads to the first of several places of the same name.
+#[test]
+fn no_two_parts_of_the_page_have_the_same_name() {
+    let workspace = Workspace::with_session();
+    let page = workspace.page();
+    let mut names: Vec<&str> =
+        page.split(" id=\"").skip(1).filter_map(|part| part.split('"').next()).collect();
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert!(count > 10 && names.len() == count, "{names:?}");
+}
+
 #[test]
 fn the_page_needs_nothing_from_outside_and_is_the_same_when_made_again() {
     let workspace = Workspace::with_session();

@@ -9,7 +9,7 @@ use crate::report::rest_torque::{drift_nm, rest_torques};
 pub fn torque_at_rest(input: &ReportInput) -> Option<ReportSection> {
     let rests = rest_torques(&input.session, input.times.as_ref());
     rests.first()?;
-    let mut section = ReportSection::new("torque-at-rest", "Torque at rest");
+    let mut section = ReportSection::new("rest", "Torque at rest");
     section.figure(figures::torque_at_rest(&rests));
     if let Some(drift_nm) = drift_nm(&rests) {
         let drift = format!(
