@@ -71,6 +71,8 @@ pub struct RigKnowledge {
     told: Vec<ToldConstant>,
     /// Covariance of the deviations of `told`.
     covariance: DMatrix<f64>,
+    /// Measured friction of the bearing with its standard error, N m, which no model of a person's trials has.
+    friction_nm: Option<(f64, f64)>,
 }
 
 impl RigKnowledge {
@@ -83,6 +85,7 @@ impl RigKnowledge {
             errors: Vec::new(),
             told: Vec::new(),
             covariance: DMatrix::zeros(0, 0),
+            friction_nm: None,
         }
     }
 
@@ -109,7 +112,19 @@ impl RigKnowledge {
             let own = calibration.covariance_between(told[i].quantity, told[j].quantity);
             own.unwrap_or(0.0) * slopes[i] * slopes[j]
         });
-        Ok(Self { errors: errors(calibration, constants), constants, stated, told, covariance })
+        let friction = RigQuantity::BearingFriction;
+        let friction_nm = calibration.value(friction).zip(calibration.se(friction));
+        let errors = errors(calibration, constants);
+        Ok(Self { errors, constants, stated, told, covariance, friction_nm })
+    }
+
+    /// What the rig trials measured that the model of a person's trials does not have; `None` if that is nothing.
+    pub fn not_modelled(&self) -> Option<String> {
+        let (value, se) = self.friction_nm.filter(|(value, se)| *value > HALF_INTERVAL_95 * se)?;
+        Some(format!(
+            "the rig trials measured a friction of the bearing of {value:.4} +- {se:.4} N m, which the model of the person's trials does \
+             not have: a torque that begins with the ramp (torque_drift, joint_friction) and misfit that remains may be this friction"
+        ))
     }
 
     /// Whether the rig trials tell the constant that this cause is about.
@@ -266,6 +281,14 @@ mod tests {
         let covariance = (0..variances.len()).map(row).collect();
         let calibration = RigCalibration::new("test".into(), "rig".into(), quantities, covariance);
         RigKnowledge::measured(&calibration, Some(LEVER)).unwrap()
+    }
+
+    #[test]
+    fn a_friction_that_was_measured_is_said_to_be_in_no_model() {
+        let friction = |value| known(&[(RigQuantity::BearingFriction, value, 0.0003)]).not_modelled();
+        assert!(friction(0.0068).unwrap().contains("0.0068 +- 0.0003 N m"));
+        assert_eq!(friction(0.0003), None);
+        assert_eq!(known(&[]).not_modelled(), None);
     }
 
     #[test]
