@@ -288,7 +288,6 @@ mod tests {
         let friction = |value| known(&[(RigQuantity::BearingFriction, value, 0.0003)]).not_modelled();
         assert!(friction(0.0068).unwrap().contains("0.0068 +- 0.0003 N m"));
         assert_eq!(friction(0.0003), None);
-        assert_eq!(known(&[]).not_modelled(), None);
     }
 
     #[test]
