@@ -285,7 +285,10 @@ mod tests {
 
     #[test]
     fn a_friction_that_was_measured_is_said_to_be_in_no_model() {
-        let friction = |value| known(&[(RigQuantity::BearingFriction, value, 0.0003)]).not_modelled();
+        let friction = |value| {
+            let told = [(RigQuantity::TorqueGain, 1.0, 0.002), (RigQuantity::BearingFriction, value, 0.0003)];
+            known(&told).not_modelled()
+        };
         assert!(friction(0.0068).unwrap().contains("0.0068 +- 0.0003 N m"));
         assert_eq!(friction(0.0003), None);
     }
