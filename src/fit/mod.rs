@@ -18,9 +18,9 @@
 //! | `calibration` | what errors of the rig's constants do to the estimates |
 //! | `output` | estimates by trial and condition, result files |
 
+mod bordered;
 mod calibration;
 mod data;
-mod envelope;
 mod fitted;
 mod inference;
 mod linalg;
@@ -63,7 +63,7 @@ pub use output::result_files::{
 pub use parameters::component::{Component, Position};
 pub use parameters::coordinate::{Coordinate, Transform};
 pub use parameters::parameterisation::Parameterisation;
-pub use parameters::starting_values::{StartingValues, median};
+pub use parameters::starting_values::StartingValues;
 pub use population::hierarchy::Hierarchy;
 pub use population::no_session_model::NoSessionModel;
 pub use population::other_optimum::OtherOptimum;

@@ -7,8 +7,8 @@ use super::no_session_model::NoSessionModel;
 use super::trial_blocks::TrialBlocks;
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
-use crate::fit::parameters::starting_values::median;
 use crate::fit::search::multistart::Restart;
+use crate::statistics::upper_median;
 
 /// Largest number of rounds: each fits all trials with the present prior, and estimates the prior anew.
 const MAX_SESSION_ROUNDS: usize = 6;
@@ -73,7 +73,7 @@ impl TrialBlocks {
             let is_fixed = restarted[0].iter().all(|(own, _)| *own != parameter);
             let members =
                 (0..self.own.len()).filter(|trial| is_fixed || self.conditions[*trial] == condition);
-            libm::log(median(&members.map(of_trial).collect::<Vec<_>>()))
+            libm::log(upper_median(members.map(of_trial)).unwrap_or(f64::NAN))
         };
         (0..self.log_conditions.len())
             .map(|condition| {

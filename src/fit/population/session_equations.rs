@@ -1,14 +1,13 @@
 //! The normal equations of a whole session: the trials' coordinates, what they share, the means of the conditions and the regression,
 //! all at once.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::hierarchy::{Hierarchy, LinearPrior};
 use super::trial_blocks::{TrialBlocks, normal_equations};
+use crate::fit::bordered::{BorderedInverse, BorderedMatrix};
 use crate::fit::data::observations::Observations;
-use crate::fit::envelope::EnvelopeCholesky;
 use crate::fit::fitted::fit::Fit;
-use crate::fit::linalg::invert_scaled;
 use crate::fit::solver::levenberg_marquardt::Solution;
 
 /// Largest number of joint steps between two estimates of the spreads.
@@ -35,9 +34,7 @@ const SMALLEST_PART: f64 = 0.05;
 pub(super) struct SessionEquations {
     cost: f64,
     gradient: DVector<f64>,
-    matrix: DMatrix<f64>,
-    /// The unknowns in the order in which they are eliminated: the trials of a component, what they share, at the end what all trials share.
-    order: Vec<usize>,
+    matrix: BorderedMatrix,
 }
 
 impl SessionEquations {
@@ -49,32 +46,29 @@ impl SessionEquations {
         trials: &TrialBlocks,
     ) -> Self {
         let coordinates = fit.parameterisation.coordinates.len();
-        let count = coordinates
-            + hierarchy.condition_means.len() * hierarchy.trial_variance.len()
-            + hierarchy.coefficients.len();
-        let (gradient, matrix) = (DVector::zeros(count), DMatrix::zeros(count, count));
-        let mut order = Vec::with_capacity(count);
-        fit.parameterisation.components.iter().for_each(|component| order.extend(component.order()));
-        order.extend(coordinates..count);
-        let mut own = Self { cost: 0.0, gradient, matrix, order };
+        let size = hierarchy.trial_variance.len();
+        let count = coordinates + hierarchy.condition_means.len() * size + hierarchy.coefficients.len();
+        let block_of = |(trial, own): (usize, &Vec<usize>)| {
+            let first_mean = coordinates + trials.conditions[trial] * size;
+            let shared = &fit.parameterisation.components[trials.blocks[trial].0].border;
+            (own.clone(), shared.iter().copied().chain(first_mean..first_mean + size).collect())
+        };
+        let blocks: Vec<_> = trials.own.iter().enumerate().map(block_of).collect();
+        let matrix = BorderedMatrix::zero(count, &blocks);
+        let mut own = Self { cost: 0.0, gradient: DVector::zeros(count), matrix };
         let equations = normal_equations(observations, fit);
         for (component, equations) in fit.parameterisation.components.iter().zip(&equations) {
-            let order = component.order();
-            let (matrix, gradient) = (equations.dense(component), equations.gradient(component));
             own.cost += equations.cost;
-            for (i, row) in order.iter().enumerate() {
-                own.gradient[*row] += gradient[i];
-                for (j, column) in order.iter().enumerate() {
-                    own.matrix[(*row, *column)] += matrix[(i, j)];
-                }
-            }
+            let gradient = equations.gradient(component);
+            component.order().iter().zip(gradient.iter()).for_each(|(row, own_part)| {
+                own.gradient[*row] += own_part;
+            });
+            equations.for_each_element(component, |row, column, value| own.matrix.add(row, column, value));
         }
         own.add_hierarchy(fit, hierarchy, trials);
         for index in (0..coordinates).filter(|index| fit.coordinate_at_bound(*index)) {
             own.gradient[index] = 0.0;
-            own.matrix.row_mut(index).fill(0.0);
-            own.matrix.column_mut(index).fill(0.0);
-            own.matrix[(index, index)] = AT_BOUND_PRECISION;
+            own.matrix.isolate(index, AT_BOUND_PRECISION);
         }
         own
     }
@@ -108,7 +102,7 @@ impl SessionEquations {
             for (one, factor) in &terms {
                 self.gradient[*one] += precision * factor * deviation;
                 for (other, by) in &terms {
-                    self.matrix[(*one, *other)] += precision * factor * by;
+                    self.matrix.add(*one, *other, precision * factor * by);
                 }
             }
         }
@@ -119,27 +113,22 @@ impl SessionEquations {
                 let deviation =
                     fit.solution.coordinates[*coordinate] - hierarchy.condition_means[*condition][place];
                 self.gradient[mean] -= precision[place] * deviation;
-                self.matrix[(mean, mean)] += precision[place];
-                self.matrix[(mean, *coordinate)] -= precision[place];
-                self.matrix[(*coordinate, mean)] -= precision[place];
+                self.matrix.add(mean, mean, precision[place]);
+                self.matrix.add(*coordinate, mean, -precision[place]);
             }
         }
     }
 
     /// The Gauss-Newton step, shortened where a logarithm would change too much; `None` if the matrix is singular.
     fn step(&self) -> Option<DVector<f64>> {
-        let scale = self.matrix.diagonal().map(|own| 1.0 / libm::sqrt(own));
-        let count = scale.len();
-        let scaled = DMatrix::from_fn(count, count, |i, j| self.matrix[(i, j)] * scale[i] * scale[j]);
-        let factor = EnvelopeCholesky::new(&scaled, self.order.clone())?;
-        let step = -factor.solve(&self.gradient.component_mul(&scale)).component_mul(&scale);
+        let step = -self.matrix.factor()?.solve(&self.gradient);
         let longest = step.amax();
         longest.is_finite().then(|| step * (MAX_LOG_STEP / longest).min(1.0))
     }
 
     /// Covariance of all unknowns; `None` if the data do not determine them.
-    pub(super) fn covariance(&self) -> Option<DMatrix<f64>> {
-        invert_scaled(self.matrix.clone())
+    pub(super) fn covariance(&self) -> Option<BorderedInverse> {
+        Some(self.matrix.factor()?.inverse())
     }
 }
 

@@ -1,7 +1,5 @@
 //! The fit of a session as a whole: each trial's parameters with the model of the session as their prior.
 
-use nalgebra::DMatrix;
-
 use super::convergence::Converged;
 use super::hierarchy::{Hierarchy, largest_spread};
 use super::no_session_model::NoSessionModel;
@@ -10,6 +8,7 @@ use super::session_equations::SessionEquations;
 use super::session_place::SessionPlace;
 use super::trial_blocks::TrialBlocks;
 use super::trial_groups::TrialGroups;
+use crate::fit::bordered::BorderedInverse;
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
 use crate::fit::residuals::residual_covariance::angle_error_ratio;
@@ -52,7 +51,7 @@ pub struct SessionFit {
     /// The best division of the trials into two groups, however weak.
     pub groups: Option<TrialGroups>,
     /// Covariance of the fit's coordinates, each trial being near its most probable optimum.
-    covariance: DMatrix<f64>,
+    covariance: BorderedInverse,
 }
 
 impl SessionFit {
@@ -141,8 +140,6 @@ impl SessionFit {
         let Converged { fit, hierarchy, .. } = best;
         let mut other_optima = trials.other_optima(&fit, &hierarchy);
         trials.add_places(&fit, &other_places, &mut other_optima);
-        let coordinates = fit.parameterisation.coordinates.len();
-        let covariance = covariance.view((0, 0), (coordinates, coordinates)).into_owned();
         let TrialBlocks { parameters, conditions, .. } = trials;
         Ok(Self { fit, hierarchy, parameters, conditions, other_optima, other_places, groups, covariance })
     }
@@ -163,7 +160,7 @@ impl SessionFit {
         let own = self.parameters.iter().position(|own| *own == parameter).filter(|_| one == other);
         let between_optima = own.map_or(0.0, |own| self.hierarchy.trials[one].variance_between_optima(own));
         let between_places = self.covariance_between_places(one_place, other_place);
-        Some(self.covariance[(one_place, other_place)] + between_optima + between_places)
+        Some(self.covariance.at(one_place, other_place) + between_optima + between_places)
     }
 
     /// What the other places of the session add to the covariance of two coordinates.

@@ -1,10 +1,11 @@
 //! Where the session as a whole may be besides the reported place.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::convergence::Converged;
 use super::other_optimum::OtherOptimum;
 use super::trial_blocks::TrialBlocks;
+use crate::fit::bordered::BorderedInverse;
 use crate::fit::fitted::fit::Fit;
 use crate::fit::linalg::cholesky;
 
@@ -32,7 +33,7 @@ impl TrialBlocks {
         &self,
         best: &Converged,
         ends: Vec<Converged>,
-        covariance: &DMatrix<f64>,
+        covariance: &BorderedInverse,
     ) -> Vec<SessionPlace> {
         let mut places: Vec<SessionPlace> = Vec::new();
         for end in ends {
@@ -51,14 +52,13 @@ impl TrialBlocks {
         places
     }
 
-    fn is_same_place(&self, one: &[f64], other: &[f64], covariance: &DMatrix<f64>) -> bool {
+    fn is_same_place(&self, one: &[f64], other: &[f64], covariance: &BorderedInverse) -> bool {
         self.own.iter().all(|own| {
             let by = DVector::from_iterator(own.len(), own.iter().map(|index| one[*index] - other[*index]));
             if by.amax() < SAME_PLACE_PART {
                 return true;
             }
-            let spread = DMatrix::from_fn(own.len(), own.len(), |i, j| covariance[(own[i], own[j])]);
-            let distance = cholesky(spread).map(|factor| by.dot(&factor.solve(&by)));
+            let distance = cholesky(covariance.of(own)).map(|factor| by.dot(&factor.solve(&by)));
             distance.is_some_and(|squared| squared < SAME_PLACE_SDS * SAME_PLACE_SDS)
         })
     }

@@ -1,9 +1,10 @@
 //! From the joint mode of a session to its median: the correction of skewness.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::hierarchy::Hierarchy;
 use super::trial_blocks::{TrialBlocks, normal_equations};
+use crate::fit::bordered::BorderedInverse;
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::block_subproblem::{BlockIndex, BlockSubproblems};
 use crate::fit::fitted::fit::Fit;
@@ -29,7 +30,7 @@ impl TrialBlocks {
         observations: &Observations,
         fit: &mut Fit,
         hierarchy: &mut Hierarchy,
-        covariance: &DMatrix<f64>,
+        covariance: &BorderedInverse,
     ) {
         let size = self.parameters.len();
         let mut order: Vec<usize> = (0..self.own.len()).collect();
@@ -41,7 +42,7 @@ impl TrialBlocks {
         let mut points = subproblems.start.clone();
         let step = |trial: usize, coordinate: usize| {
             let index = self.own[trial][coordinate];
-            libm::sqrt(covariance[(index, index)]).clamp(SMALLEST_STEP, LARGEST_STEP)
+            libm::sqrt(covariance.at(index, index)).clamp(SMALLEST_STEP, LARGEST_STEP)
         };
         let place = |at: usize, coordinate: usize, side: usize| 2 * (at * size + coordinate) + side;
         for (at, trial) in order.iter().enumerate() {
@@ -53,7 +54,7 @@ impl TrialBlocks {
             }
         }
         let found = subproblems.normal_equations(&points);
-        let mut gradient = DVector::zeros(covariance.nrows());
+        let mut gradient = DVector::zeros(covariance.len());
         for (at, trial) in order.iter().enumerate() {
             let information = |coordinate: usize, side: usize| {
                 let index = place(at, coordinate, side);
@@ -61,7 +62,7 @@ impl TrialBlocks {
                 others.map(|others| found[index].block_alone(0, others).2)
             };
             let own = &self.own[*trial];
-            let covariance = DMatrix::from_fn(size, size, |i, j| covariance[(own[i], own[j])]);
+            let covariance = covariance.of(own);
             let (mut whole, mut first) = (DVector::zeros(size), DVector::zeros(size));
             for coordinate in 0..size {
                 let (Some(below), Some(above)) = (information(coordinate, 0), information(coordinate, 1))
@@ -77,7 +78,7 @@ impl TrialBlocks {
                 own.iter().zip(third.iter()).for_each(|(index, third)| gradient[*index] += 0.5 * third);
             }
         }
-        let change = -(covariance * gradient) * MEDIAN_PART;
+        let change = -covariance.times(&gradient) * MEDIAN_PART;
         self.move_by(fit, hierarchy, &change);
     }
 }

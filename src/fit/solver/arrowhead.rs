@@ -33,6 +33,23 @@ impl GaussNewtonEquations {
         dense
     }
 
+    /// Calls `add` with each element of the Gauss-Newton matrix, by the indices of its coordinates. Those that a block and the border have
+    /// in common come once, by the block's row.
+    pub fn for_each_element(&self, component: &Component, mut add: impl FnMut(usize, usize, f64)) {
+        let mut part = |rows: &[usize], columns: &[usize], matrix: &DMatrix<f64>| {
+            for (j, column) in columns.iter().enumerate() {
+                for (i, row) in rows.iter().enumerate() {
+                    add(*row, *column, matrix[(i, j)]);
+                }
+            }
+        };
+        for (own, rows) in self.blocks.iter().zip(&component.blocks) {
+            part(rows, rows, &own.matrix);
+            part(rows, &component.border, &own.with_border);
+        }
+        part(&component.border, &component.border, &self.border);
+    }
+
     /// The cost of each block.
     pub fn block_costs(&self) -> impl Iterator<Item = f64> {
         self.blocks.iter().map(|block| block.cost)
