@@ -201,7 +201,7 @@ pub fn calibrate(
     let misfit = misfit(&input, &fit, &mut Stream::new(SEED, "calibrate/misfit"));
     let mut found = covariance(&input, &fit);
     grow_with_misfit(&fit, &mut found);
-    let loads = check_loads(&input, &fit, &found);
+    let loads = check_loads(&input, &fit);
     let reported = reported(&input, &fit.point, &found, trials.lever);
     let mut calibration =
         RigCalibration::new(program.to_owned(), session.to_owned(), reported.quantities, reported.covariance);

@@ -104,6 +104,13 @@ struct Whitened {
 }
 
 impl RigFitInput<'_> {
+    /// The same trials, where all that is known before of the coordinate in a place has this precision.
+    pub fn without_statement_of(&self, place: usize, precision: f64) -> Self {
+        let mut prior = self.prior.clone();
+        prior.precision[(place, place)] = precision;
+        Self { coordinates: self.coordinates.clone(), prior, ..*self }
+    }
+
     /// Fits all coordinates from a point.
     pub fn fit(&self, from: &DVector<f64>) -> RigFit {
         self.fit_some(from, |_| true)
