@@ -135,6 +135,7 @@ impl NativeMotion {
             measured_nm: vec![0.0; samples],
             cubed_nm3: vec![0.0; samples],
             cubed_0_nm3: 0.0,
+            friction: None,
             hold_stretches: Vec::new(),
         };
         Self::of(Observations {

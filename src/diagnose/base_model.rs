@@ -1,9 +1,10 @@
 //! Whether the model as given describes a session at all: where it does not, its misfit says nothing about causes.
 
 use crate::fit::{
-    Fit, NoSessionModel, Observations, Termination, TrialObservation, coarse_angle, median, predictions,
+    Fit, NoSessionModel, Observations, Termination, TrialObservation, coarse_angle, predictions,
     variance_accounted_for,
 };
+use crate::statistics::upper_median;
 
 /// Smallest part of the torque's variance that the model must account for in the median trial. The paper's fits are above 0.9; below one
 /// half, most of what is fitted is something else.
@@ -19,7 +20,7 @@ const UNTRUSTED_ANGLE_ERROR: f64 = 8.0;
 
 /// Why no cause can be looked for in the misfit of `fit`; `None` if the model describes the session.
 pub fn not_described(observations: &Observations, fit: &Fit) -> Option<String> {
-    let ratio = median(&speed_ratios(observations));
+    let ratio = upper_median(speed_ratios(observations)).unwrap_or(f64::NAN);
     if !(1.0 / SPEED_FACTOR..SPEED_FACTOR).contains(&ratio) {
         let likely = if (ratio - 1f64.to_degrees()).abs() < 0.1 * ratio { ": degrees?" } else { "" };
         return Some(format!(
@@ -39,16 +40,12 @@ pub fn not_described(observations: &Observations, fit: &Fit) -> Option<String> {
     if fit.residual_covariances.is_empty() {
         return Some("no noise could be measured, neither in holds nor between repetitions".into());
     }
-    let vafs: Vec<f64> = predictions(observations, fit)
-        .iter()
-        .zip(&observations.trials)
-        .map(|(prediction, trial)| {
-            let [measured, residual] =
-                [&trial.measured_nm, &prediction.residual_nm].map(|own| observations.torque_of(own));
-            variance_accounted_for(measured, residual)
-        })
-        .collect();
-    let vaf = median(&vafs);
+    let vafs = predictions(observations, fit).into_iter().zip(&observations.trials).map(|(prediction, trial)| {
+        let [measured, residual] =
+            [&trial.measured_nm, &prediction.residual_nm].map(|own| observations.torque_of(own));
+        variance_accounted_for(measured, residual)
+    });
+    let vaf = upper_median(vafs).unwrap_or(f64::NAN);
     (vaf < LEAST_VAF || vaf.is_nan()).then(|| {
         format!(
             "the model accounts for {:.0} % of the torque's variance, so it does not describe these data; check signs, units and onsets",

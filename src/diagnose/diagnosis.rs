@@ -115,7 +115,6 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         remarks
             .push(format!("{reason}; a cause that is named, and misfit that remains, may be the encoder's"));
     }
-    remarks.extend(look.rig.not_modelled());
     let Some(Comparison { search, given, single }) = compared_models(look, &before, seed, stage) else {
         remarks.push("no cause was looked for: the likelihood of the model cannot be approximated".into());
         return Diagnosis::without_causes(before, remarks);

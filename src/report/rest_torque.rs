@@ -5,6 +5,7 @@
 
 use super::journal::SessionTimes;
 use crate::dataset::Session;
+use crate::statistics::upper_median;
 
 /// Nobody reacts to a target that is shown within this time, s: a start within 0.1 s of the signal counts as false in athletics, and the
 /// simple reaction to what is seen takes about 0.2 s.
@@ -42,11 +43,7 @@ pub fn rest_torques(session: &Session, times: Option<&SessionTimes>) -> Vec<Rest
 /// trials in which the hand was not at rest count little. `None` for few trials.
 pub fn drift_nm(rests: &[RestTorque]) -> Option<f64> {
     let third = rests.len() / 3;
-    let median = |own: &[RestTorque]| {
-        let mut values: Vec<f64> = own.iter().map(|rest| rest.mean_nm).collect();
-        values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
+    let median = |own: &[RestTorque]| upper_median(own.iter().map(|rest| rest.mean_nm)).unwrap_or(f64::NAN);
     (rests.len() >= FEWEST_TRIALS).then(|| median(&rests[rests.len() - third..]) - median(&rests[..third]))
 }
 

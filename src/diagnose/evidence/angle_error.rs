@@ -8,8 +8,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::rig_knowledge::RigKnowledge;
 use crate::diagnose::predicted_torque::{torques, whitened_change};
-use crate::fit::{Fit, Observations, RigConstants, common_input_error_covariance, median};
-use crate::statistics::group_indices;
+use crate::fit::{Fit, Observations, RigConstants, common_input_error_covariance};
+use crate::statistics::{group_indices, upper_median};
 
 /// Times after the onset at which the motor starts to leave the encoder step in which it rested, and has left it, s.
 const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
@@ -187,7 +187,7 @@ impl AngleErrors {
 /// Independent directions of the torque error that the mean motion's error causes, of unit variance, N m at every sample of the window.
 fn mean_motion_errors(observations: &Observations, fit: &Fit) -> Vec<Vec<f64>> {
     let middle =
-        |parameter: usize| median(&fit.parameters.iter().map(|own| own[parameter]).collect::<Vec<_>>());
+        |parameter: usize| upper_median(fit.parameters.iter().map(|own| own[parameter])).unwrap_or(f64::NAN);
     let covariance = common_input_error_covariance(observations, &std::array::from_fn(middle));
     let samples: Vec<usize> = observations.noise_samples().collect();
     let eigen = covariance.symmetric_eigen();

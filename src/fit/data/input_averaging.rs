@@ -33,8 +33,10 @@ impl Observations {
     /// is what the smoothing has changed already, to first order.
     pub fn smoothed_again(&self) -> Self {
         let mut smoothed = self.clone();
-        // The motion is as late as the torque already.
+        // The motion is as late as the torque already, and without the friction.
         smoothed.constants.torque_delay_s = 0.0;
+        smoothed.constants.bearing_friction_nm = 0.0;
+        let taken: Vec<_> = smoothed.trials.iter_mut().map(|trial| trial.friction.take()).collect();
         for trial in &mut smoothed.trials {
             trial.angle_rad = trial.input.motion.iter().map(|knot| knot.theta).collect();
             trial.input.motion = Smoothing::ONE_RECORD.motion(&trial.angle_rad, self.period_s);
@@ -42,6 +44,7 @@ impl Observations {
         if smoothed.angle_smoothings.len() > 1 {
             smoothed.average_motion();
         }
+        smoothed.trials.iter_mut().zip(taken).for_each(|(trial, taken)| trial.friction = taken);
         smoothed.constants = self.constants;
         smoothed
     }
@@ -67,10 +70,12 @@ impl Observations {
                 omega: a.omega + b.omega,
             };
             let motion = self.as_torque_sees(common.iter().zip(&own).map(sum).collect());
-            let input = &mut self.trials[*trial].input;
-            input.motion = motion;
-            input.onset = before;
-            self.trials[*trial].angle_rad = angle;
+            let mut averaged = self.trials[*trial].clone();
+            averaged.input.motion = motion;
+            averaged.input.onset = before;
+            averaged.angle_rad = angle;
+            self.take_friction(&mut averaged);
+            self.trials[*trial] = averaged;
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The observations of a session: what the model is driven by, what it must predict, and the noise of both.
 
+use super::bearing_friction::FrictionEffect;
 use super::rig_constants::RigConstants;
 use crate::signal::{NoiseCovariance, Section};
 use crate::wrist::mechanisms::MechanismKind;
@@ -106,6 +107,8 @@ pub struct TrialObservation {
     /// Filtered torque in the window less `torque_0_nm`, times `direction`, N m; one value per sample of the window. The further channels
     /// follow, treated alike and scaled to N m.
     pub measured_nm: Vec<f64>,
+    /// The friction of the bearing that was taken out of `measured_nm` and `input`; `None` without one.
+    pub friction: Option<FrictionEffect>,
     /// Filtered cube of the torque in the window, less that before the ramp, times `direction`, (N m)^3: the change of `measured_nm` by a
     /// cubic torque channel.
     pub cubed_nm3: Vec<f64>,
@@ -154,7 +157,18 @@ impl Observations {
             * (before.torque_nonlinearity_per_nm2
                 - by_torque * by_torque * constants.torque_nonlinearity_per_nm2);
         let mut changed = self.clone();
-        for trial in &mut changed.trials {
+        changed.angle_noise_rad *= by_angle;
+        changed.angle_step_rad *= by_angle;
+        changed.lever = constants.lever;
+        changed.prediction_sections = constants.prediction_sections(&self.sections, self.period_s);
+        changed.constants = constants;
+        let mut trials = std::mem::take(&mut changed.trials);
+        for trial in &mut trials {
+            if let Some(friction) = &trial.friction {
+                friction.put_into_motion(&mut trial.input.motion);
+                friction.put_into_torque(&mut trial.measured_nm);
+            }
+            trial.friction = None;
             for (nm, cubed) in trial.measured_nm.iter_mut().zip(&mut trial.cubed_nm3) {
                 *nm = by_torque * *nm + cubic * *cubed;
                 *cubed *= by_torque * by_torque * by_torque;
@@ -170,12 +184,9 @@ impl Observations {
             if delay_s != 0.0 {
                 trial.input.motion = delayed_motion(&trial.input.motion, delay_s, self.period_s);
             }
+            changed.take_friction(trial);
         }
-        changed.angle_noise_rad *= by_angle;
-        changed.angle_step_rad *= by_angle;
-        changed.lever = constants.lever;
-        changed.prediction_sections = constants.prediction_sections(&self.sections, self.period_s);
-        changed.constants = constants;
+        changed.trials = trials;
         changed
     }
 

@@ -194,7 +194,8 @@ impl Observations {
         if angle_rad.iter().all(|x| x.abs() < 1e-9) {
             return Err("the motor angle does not change in the window".into());
         }
-        Ok(TrialObservation {
+        let motion = self.as_torque_sees(wrist::motor_motion(&angle_rad, self.period_s));
+        let mut observation = TrialObservation {
             number: trial.number,
             condition: 0,
             label: trial.condition.clone(),
@@ -206,11 +207,7 @@ impl Observations {
             onset_found: trial.onset_s.is_none(),
             theta_0_rad,
             torque_0_nm,
-            input: wrist::TrialInput {
-                motion: self.as_torque_sees(wrist::motor_motion(&angle_rad, self.period_s)),
-                onset: onset - first,
-                covariates: Covariates::default(),
-            },
+            input: wrist::TrialInput { motion, onset: onset - first, covariates: Covariates::default() },
             angle_rad,
             cubed_nm3: cubed[onset..onset + self.samples]
                 .iter()
@@ -218,8 +215,11 @@ impl Observations {
                 .collect(),
             cubed_0_nm3,
             measured_nm,
+            friction: None,
             hold_stretches: self.hold_stretches(&hold),
-        })
+        };
+        self.take_friction(&mut observation);
+        Ok(observation)
     }
 }
 

@@ -10,7 +10,7 @@ use crate::wrist::mechanisms::MechanismKind;
 /// Constants of a rig.
 ///
 /// The recorded torque is `offset + gain (T + c T^3)`, late by the delay, through a first-order low-pass; the recorded angle is
-/// `angle_gain theta_m`.
+/// `angle_gain theta_m`. The friction of the bearing acts on the handle, against its motion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigConstants {
@@ -28,6 +28,9 @@ pub struct RigConstants {
     pub torque_delay_s: f64,
     /// Cut-off of the torque channel's low-pass, Hz; `None` if it has none.
     pub torque_cutoff_hz: Option<f64>,
+    /// Coulomb friction of the handle's bearing, N m.
+    #[serde(default)]
+    pub bearing_friction_nm: f64,
 }
 
 /// A measured constant that is further from its stated value than by this factor is a mistake of units.
@@ -116,6 +119,7 @@ impl RigConstants {
             angle_gain: 1.0,
             torque_delay_s: 0.0,
             torque_cutoff_hz: None,
+            bearing_friction_nm: 0.0,
         }
     }
 
@@ -153,11 +157,11 @@ impl RigConstants {
         Ok(constants)
     }
 
-    /// The constants that enter an analysis; the others, such as the bandwidth of the servo, act on what is recorded in any case.
-    pub fn applied() -> [RigQuantity; 9] {
+    /// The constants that enter an analysis; the bandwidth of the servo acts on what is recorded in any case.
+    pub fn applied() -> [RigQuantity; 10] {
         use RigQuantity::{
-            AngleGain, LeverDamping, LeverInertia, LeverStiffness, TorqueCutoff, TorqueDelay, TorqueGain,
-            TorqueNonlinearity, TorqueOffset,
+            AngleGain, BearingFriction, LeverDamping, LeverInertia, LeverStiffness, TorqueCutoff,
+            TorqueDelay, TorqueGain, TorqueNonlinearity, TorqueOffset,
         };
         [
             LeverInertia,
@@ -169,6 +173,7 @@ impl RigConstants {
             AngleGain,
             TorqueDelay,
             TorqueCutoff,
+            BearingFriction,
         ]
     }
 
@@ -184,7 +189,8 @@ impl RigConstants {
             RigQuantity::AngleGain => Some(self.angle_gain),
             RigQuantity::TorqueDelay => Some(self.torque_delay_s),
             RigQuantity::TorqueCutoff => self.torque_cutoff_hz,
-            RigQuantity::ServoBandwidth | RigQuantity::BearingFriction => None,
+            RigQuantity::BearingFriction => Some(self.bearing_friction_nm),
+            RigQuantity::ServoBandwidth => None,
         }
     }
 
@@ -211,7 +217,8 @@ impl RigConstants {
             RigQuantity::AngleGain => self.angle_gain = value,
             RigQuantity::TorqueDelay => self.torque_delay_s = value,
             RigQuantity::TorqueCutoff => self.torque_cutoff_hz = Some(value),
-            RigQuantity::ServoBandwidth | RigQuantity::BearingFriction => {}
+            RigQuantity::BearingFriction => self.bearing_friction_nm = value,
+            RigQuantity::ServoBandwidth => {}
         }
     }
 

@@ -3,6 +3,7 @@
 use super::coordinate::BoundedStart;
 use crate::fit::data::observations::Observations;
 use crate::fit::model::specification::{Model, ParameterSpec};
+use crate::statistics::upper_median;
 use crate::wrist::{BASE_PARAMETERS, Lever};
 
 /// Bounds of the elastic limit x_e, as fractions of the largest motor angle in the window.
@@ -75,7 +76,7 @@ impl StartingValues {
     /// Median of each base parameter over the trials.
     pub fn median_values(&self) -> [f64; 6] {
         std::array::from_fn(|parameter| {
-            median(&self.trials.iter().map(|own| own[parameter]).collect::<Vec<_>>())
+            upper_median(self.trials.iter().map(|own| own[parameter])).unwrap_or(f64::NAN)
         })
     }
 
@@ -154,11 +155,4 @@ impl StartingValues {
 /// Bounds of x_e, rad, for a largest motor angle in the window, rad.
 pub(in crate::fit) fn x_e_bounds(peak_angle_rad: f64) -> (f64, f64) {
     (MIN_X_E_FRACTION * peak_angle_rad, MAX_X_E_FRACTION * peak_angle_rad)
-}
-
-/// Upper median of `values`.
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted[sorted.len() / 2]
 }

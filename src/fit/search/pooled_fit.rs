@@ -8,10 +8,11 @@ use crate::fit::model::specification::{Model, Scope};
 use crate::fit::parameters::component::Component;
 use crate::fit::parameters::coordinate::{Coordinate, Transform};
 use crate::fit::parameters::parameterisation::Parameterisation;
-use crate::fit::parameters::starting_values::{BOUND_FACTORS, StartingValues, median, x_e_bounds};
+use crate::fit::parameters::starting_values::{BOUND_FACTORS, StartingValues, x_e_bounds};
 use crate::fit::residuals::objective::Objective;
 use crate::fit::solver::levenberg_marquardt::solve;
 use crate::fit::solver::options::SolverOptions;
+use crate::statistics::upper_median;
 use crate::wrist::BASE_PARAMETERS;
 
 /// Starting values of x_e, as fractions of the largest motor angle in the window.
@@ -122,7 +123,7 @@ impl PooledFit {
             [I_J, B_H, K_H, K_DEC, X_E].into_iter().map(coordinate).collect();
         // x_e: a fraction of the trial's largest angle, and a fraction of the median largest angle.
         let peak_angles: Vec<f64> = (0..few.trials.len()).map(|trial| few.peak_angle_rad(trial)).collect();
-        let median_peak_angle = median(&peak_angles);
+        let median_peak_angle = upper_median(peak_angles.iter().copied()).unwrap_or(f64::NAN);
         coordinates[X_E_COORDINATE] = Coordinate {
             logarithmic: false,
             low: -0.3,

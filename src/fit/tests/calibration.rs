@@ -86,7 +86,7 @@ fn a_calibration_undoes_what_the_channels_did() {
     // The middle trial: a single one may have another optimum.
     let off = |fit: &Fit, parameter: usize| {
         let of_trial = |(own, clean): (&Vec<f64>, &Vec<f64>)| (own[parameter] / clean[parameter] - 1.0).abs();
-        median(&fit.parameters.iter().zip(&clean.parameters).map(of_trial).collect::<Vec<_>>())
+        upper_median(fit.parameters.iter().zip(&clean.parameters).map(of_trial)).unwrap()
     };
     let (with, without) = (fit(constants), fit(stated));
     for parameter in [I_J, K_SRS, X_E] {

@@ -58,7 +58,7 @@ fn standard_errors_do_not_grow_when_a_sensor_is_added() {
     let (without, fit) = fitted(&synthetic(2, &[]), Weighting::MeasuredNoise);
     let trials = without.trials.len();
     let median_of = |own: &[[Option<f64>; 6]], parameter: usize| {
-        median(&own.iter().filter_map(|se| se[parameter]).collect::<Vec<_>>())
+        upper_median(own.iter().filter_map(|se| se[parameter])).unwrap()
     };
     let all = |observations: &Observations, fit: &Fit| -> Vec<[Option<f64>; 6]> {
         (0..trials).map(|trial| relative_se(observations, fit, trial)).collect()

@@ -1,5 +1,6 @@
 //! Tests of the fit on synthetic sessions, simulated with the model, whose true parameters are known.
 
+mod bearing_friction;
 mod calibration;
 mod further_channels;
 mod intervals;
@@ -13,6 +14,7 @@ use std::collections::BTreeMap;
 use super::*;
 use crate::dataset::{Record, Session, Status, Subject, Trial};
 use crate::random::Stream;
+use crate::statistics::upper_median;
 use crate::wrist::{
     self, FurtherChannel, Lever, ScaledChannel, SimulatedTorque, SimulationSettings, VectorWidth,
 };

@@ -11,6 +11,7 @@ use crate::report::known_rig::{
 };
 use crate::report::scale::{p_value, significant};
 use crate::report::table::{Cell, HtmlTable};
+use crate::statistics::upper_median;
 
 /// The section.
 pub fn rig(input: &ReportInput) -> ReportSection {
@@ -90,7 +91,10 @@ fn constants(input: &ReportInput, fitted: &Fitted, calibration: &CalibrationOfFi
                 value(trial.change_by_se_of_constant.get(&own.name)?, parameter).map(|change| 100.0 * change)
             });
             // What is less than rounding is nothing: an offset is taken out with the hold.
-            Cell::number(median(changes).map(|own| if own.abs() < NEGLIGIBLE_PERCENT { 0.0 } else { own }), 2)
+            Cell::number(
+                upper_median(changes).map(|own| if own.abs() < NEGLIGIBLE_PERCENT { 0.0 } else { own }),
+                2,
+            )
         };
         let remark = match (&own.reason, own.value) {
             (Some(reason), None) => format!("not known: {reason}"),
@@ -118,7 +122,9 @@ fn constants(input: &ReportInput, fitted: &Fitted, calibration: &CalibrationOfFi
 fn parts(fitted: &Fitted) -> HtmlTable {
     let row = |shown: &crate::report::fitted::Shown| {
         let of = |values: fn(&FittedTrial) -> &Values| {
-            median(fitted.trials.iter().filter_map(|trial| Some(100.0 * value(values(trial), shown.name)?)))
+            upper_median(
+                fitted.trials.iter().filter_map(|trial| Some(100.0 * value(values(trial), shown.name)?)),
+            )
         };
         let (whole, of_rig) = (of(|trial| &trial.se_relative), of(|trial| &trial.se_of_rig_relative));
         let of_noise = whole.zip(of_rig).map(|(whole, rig)| (whole * whole - rig * rig).max(0.0).sqrt());
@@ -166,11 +172,4 @@ fn assumed(known: &KnownRig) -> HtmlTable {
             "Each number is from a fit of this session with the constant changed. Rig trials measure the constants: ramphold calibrate.".into(),
         ),
     }
-}
-
-/// Upper median; `None` of nothing.
-fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied()
 }

@@ -1,5 +1,6 @@
 //! The handle in a rig trial: no hand, and a known load.
 
+use super::bearing::Bearing;
 use super::mechanism_list::MechanismList;
 use super::person::Person;
 use super::setup::Setup;
@@ -7,16 +8,9 @@ use super::wrist_response::{Follower, channels};
 use crate::protocol::RigLoad;
 use crate::wrist::mechanisms::{ActiveMechanisms, Covariates, MechanismClass};
 use crate::wrist::{
-    AddedDynamics, Context, FurtherValues, HermiteSegment, History, Integrator, Kinematics, LONGEST_STEP,
-    Lever, Mechanics, Plant, Torques,
+    AddedDynamics, Context, FurtherValues, HermiteSegment, History, Integrator, Kinematics, Lever, Mechanics,
+    Plant, Torques,
 };
-
-/// Speed at which the friction of the bearing has three quarters of its torque, rad/s. It stands for a step at rest, which no
-/// integration can follow: a tenth of what one count of the encoder in one sample looks like. Assumed.
-const FRICTION_SPEED_RAD_S: f64 = 0.01;
-
-/// Most integration steps in a sample.
-const MOST_SUBSTEPS: f64 = 256.0;
 
 /// Time for which a new load has been on the handle when its rig trial begins, s.
 const MOUNTED_S: f64 = 1.0;
@@ -42,7 +36,7 @@ pub struct LoadedSample {
 pub struct LoadedHandle {
     load: RigLoad,
     lever: Option<Lever>,
-    friction_nm: f64,
+    bearing: Bearing,
     servo_stiffness_nm_per_rad: f64,
     mechanics: Mechanics<f64>,
     mechanisms: MechanismList,
@@ -92,16 +86,12 @@ impl LoadedHandle {
             RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => stiffness_nm_per_rad,
             _ => 0.0,
         };
-        let friction_rate = setup.bearing_friction_nm / FRICTION_SPEED_RAD_S;
-        let fastest = plant.lever.map_or(0.0, |lever| {
-            let swing = libm::sqrt((lever.stiffness + spring) / lever.inertia);
-            swing.max((lever.damping + friction_rate) / lever.inertia)
-        });
-        let substeps = libm::ceil(fastest * period_s / LONGEST_STEP).clamp(2.0, MOST_SUBSTEPS) as usize;
+        let bearing = Bearing::new(setup);
+        let substeps = bearing.substeps(plant.lever, spring, period_s);
         Self {
             load,
             lever: setup.lever,
-            friction_nm: setup.bearing_friction_nm,
+            bearing,
             servo_stiffness_nm_per_rad: setup.servo_stiffness_nm_per_rad,
             mechanics: Mechanics::new(plant),
             mechanisms,
@@ -166,7 +156,7 @@ impl LoadedHandle {
     fn friction_nm(&self, omega_l: f64) -> f64 {
         match self.load {
             RigLoad::ClampedHandle => 0.0,
-            _ => self.friction_nm * libm::tanh(omega_l / FRICTION_SPEED_RAD_S),
+            _ => self.bearing.friction_nm(omega_l),
         }
     }
 

@@ -3,6 +3,7 @@
 //! It simulates the paper's model behind a stiff position servo, a virtual subject who tracks the displayed target, and
 //! sensors with noise and finite resolution.
 
+mod bearing;
 mod emg;
 mod hidden_effect;
 mod loaded_handle;

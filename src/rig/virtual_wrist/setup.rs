@@ -24,7 +24,7 @@ pub struct Setup {
     pub servo_bandwidth_hz: f64,
     /// Damping ratio of the servo. Assumed: 1.
     pub servo_damping_ratio: f64,
-    /// Friction of the handle's bearing, N m; only rig trials have it, in a trial it is part of the wrist. Assumed: none.
+    /// Coulomb friction of the handle's bearing, N m, in trials and rig trials. Assumed: none.
     #[serde(skip_serializing_if = "is_zero")]
     pub bearing_friction_nm: f64,
     /// Counts of the encoder in a revolution. Assumed: 2^17.

@@ -1,5 +1,6 @@
 //! The torque response of the wrist to the motor's motion: the paper's model, with the mechanisms of subject and rig.
 
+use super::bearing::{Bearing, InBearing};
 use super::emg::burst;
 use super::mechanism_list::MechanismList;
 use super::person::{Person, Reflex, Surface};
@@ -44,6 +45,7 @@ pub struct ResponseSample {
 /// The wrist, the hand and the lever during a movement.
 pub struct WristResponse {
     lever: Option<Lever>,
+    bearing: Bearing,
     reflex: Reflex,
     reaction_s: f64,
     mechanisms: MechanismList,
@@ -67,6 +69,7 @@ struct TrialBeforeRamp {
 /// A movement under way. Angles and torques have the sign of a positive ramp: the model of a negative ramp is its mirror image.
 struct Moving {
     mechanics: Mechanics<f64>,
+    bearing: Bearing,
     covariates: Covariates,
     history: History<f64>,
     substeps: usize,
@@ -118,6 +121,7 @@ impl WristResponse {
         let mechanisms = person.mechanisms.and(&setup.mechanisms).starting_at_onset();
         Self {
             lever: setup.lever,
+            bearing: Bearing::new(setup),
             reflex: person.reflex,
             reaction_s: person.voluntary.reaction_s,
             channels: channels(&mechanisms),
@@ -172,12 +176,18 @@ impl WristResponse {
             history: &history,
         }
         .alter_plant(&mut plant);
+        let of_wrist = substeps(self.lever, &trial.parameters, self.period_s);
+        let of_bearing = match self.bearing.rubs() {
+            true => self.bearing.substeps(plant.lever, trial.parameters[2], self.period_s),
+            false => 0,
+        };
         let speed_rad_s = trial.velocity_rad_s.abs();
         self.moving = Some(Moving {
             mechanics: Mechanics::new(plant),
+            bearing: self.bearing,
             covariates,
             history,
-            substeps: substeps(self.lever, &trial.parameters, self.period_s),
+            substeps: of_wrist.max(of_bearing),
             integrator: Integrator::at_rest(),
             sign,
             origin_rad: motor.theta,
@@ -287,10 +297,11 @@ impl Moving {
         };
         let motor_rad_s2 = input.acceleration_at_end();
         let state = self.integrator.state();
-        let (theta_l, alpha_l) = match self.mechanics.plant.lever {
-            Some(_) => (state.theta_l, rates.omega_l),
-            None => (to.theta, motor_rad_s2),
+        let (handle, alpha_l) = match self.mechanics.plant.lever {
+            Some(_) => (Kinematics { theta: state.theta_l, omega: state.omega_l }, rates.omega_l),
+            None => (to, motor_rad_s2),
         };
+        let hand_nm = torques.interface - self.bearing.friction_nm(handle.omega);
         self.from = to;
         self.sample += 1;
         let reflex_nm = self.reflex_nm * burst(end_s - reflex.torque_latency_s, reflex.rise_s);
@@ -301,9 +312,9 @@ impl Moving {
             since_onset_s: Some(end_s),
             speed_rad_s: self.speed_rad_s,
             reflex_nm: factor * reflex_nm,
-            handle_rad: factor * (theta_l - to.theta),
+            handle_rad: factor * (handle.theta - to.theta),
             joint_rad: factor * (state.theta_j - to.theta),
-            hand_nm: factor * (torques.interface + reflex_nm),
+            hand_nm: factor * (hand_nm + reflex_nm),
             handle_rad_s2: Some(
                 self.sign * (self.resistance * alpha_l + (1.0 - self.resistance) * motor_rad_s2),
             ),
@@ -312,20 +323,29 @@ impl Moving {
 
     fn run<X: AddedDynamics<f64>>(
         &mut self,
+        wrist: &X,
+        input: &HermiteSegment<f64>,
+        to: Kinematics<f64>,
+        start_s: f64,
+        end_s: f64,
+    ) -> (Torques<f64>, State<f64>) {
+        let bearing = self.bearing;
+        match bearing.rubs() {
+            true => self.integrate(&InBearing { bearing, wrist }, input, to, start_s, end_s),
+            false => self.integrate(wrist, input, to, start_s, end_s),
+        }
+    }
+
+    fn integrate<X: AddedDynamics<f64>>(
+        &mut self,
         added_dynamics: &X,
         input: &HermiteSegment<f64>,
         to: Kinematics<f64>,
         start_s: f64,
         end_s: f64,
     ) -> (Torques<f64>, State<f64>) {
-        self.integrator.advance(
-            &self.mechanics,
-            added_dynamics,
-            input,
-            start_s,
-            end_s - start_s,
-            self.substeps,
-        );
+        let (period_s, steps) = (end_s - start_s, self.substeps);
+        self.integrator.advance(&self.mechanics, added_dynamics, input, start_s, period_s, steps);
         self.integrator.torques(&self.mechanics, added_dynamics, to, end_s)
     }
 }

@@ -1,0 +1,99 @@
+//! The friction of the handle's bearing, taken out of a trial.
+//!
+//! With friction T_f(t) on the handle, Eq. 3 of the paper becomes I_l theta_l'' = T_l - T_h - T_f. Let x answer k_l x + b_l x' = T_f. A motor
+//! at theta_m - x without friction then moves the handle alike, and its lever has the torque T_l - T_f. So the friction leaves the model as
+//! it is: T_f goes out of the recorded torque, and x out of the motion of the motor. Exact for a friction that is known at each time.
+
+use super::observations::{Observations, TrialObservation};
+use crate::signal::filter;
+use crate::wrist::{self, Kinematics, Lever};
+
+/// Speed at which the friction is at 76 % of its full value, as a part of the ramp's: what rig trials are searched from.
+const FULL_AT: f64 = 0.01;
+
+/// Least time constant with which the lever bends, samples: a shorter one cannot be seen.
+const LEAST_LAG: f64 = 0.01;
+
+/// What the friction does along a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FrictionEffect {
+    /// Its part of the torque in the window, filtered as a prediction is, N m.
+    recorded_nm: Vec<f64>,
+    /// What it takes from the motion of the motor.
+    motion: Vec<Kinematics<f64>>,
+}
+
+impl Observations {
+    /// Takes the friction out of a trial whose motion is as recorded; what had been taken out of its torque along another motion is put back
+    /// first.
+    pub(super) fn take_friction(&self, trial: &mut TrialObservation) {
+        if let Some(before) = trial.friction.take() {
+            before.put_into_torque(&mut trial.measured_nm);
+        }
+        let wrist::TrialInput { motion, onset, .. } = &mut trial.input;
+        let Some(friction) = self.friction_along(motion, *onset, trial.velocity_rad_s) else { return };
+        trial.measured_nm.iter_mut().zip(&friction.recorded_nm).for_each(|(all, own)| *all -= own);
+        for (knot, own) in motion.iter_mut().zip(&friction.motion) {
+            *knot = Kinematics { theta: knot.theta - own.theta, omega: knot.omega - own.omega };
+        }
+        trial.friction = Some(friction);
+    }
+
+    /// Along `motion` of a ramp of `velocity_rad_s`, whose onset is at the sample `onset`; `None` without friction. Before the onset the
+    /// handle rests, and its friction is in the torque from which changes are counted.
+    fn friction_along(
+        &self,
+        motion: &[Kinematics<f64>],
+        onset: usize,
+        velocity_rad_s: f64,
+    ) -> Option<FrictionEffect> {
+        let friction_nm = self.constants.bearing_friction_nm;
+        if friction_nm == 0.0 {
+            return None;
+        }
+        let full_at_rad_s = FULL_AT * velocity_rad_s.abs();
+        let acting = |(sample, knot): (usize, &Kinematics<f64>)| match sample > onset {
+            true => friction_nm * libm::tanh(knot.omega / full_at_rad_s),
+            false => 0.0,
+        };
+        let torque_nm: Vec<f64> = motion.iter().enumerate().map(acting).collect();
+        let recorded_nm = filter(&self.prediction_sections, &torque_nm);
+        Some(FrictionEffect {
+            recorded_nm: recorded_nm[onset..onset + self.samples].to_vec(),
+            motion: bent(self.constants.lever, &torque_nm, self.period_s),
+        })
+    }
+}
+
+impl FrictionEffect {
+    /// Puts the friction back into the recorded torque.
+    pub(super) fn put_into_torque(&self, measured_nm: &mut [f64]) {
+        measured_nm.iter_mut().zip(&self.recorded_nm).for_each(|(all, own)| *all += own);
+    }
+
+    /// Puts the friction back into the motion that drives the model.
+    pub(super) fn put_into_motion(&self, motion: &mut [Kinematics<f64>]) {
+        for (knot, own) in motion.iter_mut().zip(&self.motion) {
+            *knot = Kinematics { theta: knot.theta + own.theta, omega: knot.omega + own.omega };
+        }
+    }
+}
+
+/// What `torque_nm` bends a lever, x in k_l x + b_l x' = T; nothing without a lever.
+fn bent(lever: Option<Lever>, torque_nm: &[f64], period_s: f64) -> Vec<Kinematics<f64>> {
+    let Some(lever) = lever else { return vec![Kinematics::default(); torque_nm.len()] };
+    let (stiffness, damping) = (lever.stiffness_nm_per_rad, lever.damping_nm_s_per_rad);
+    let decay_per_s = stiffness / damping.max(LEAST_LAG * stiffness * period_s);
+    let keep = libm::exp(-decay_per_s * period_s);
+    let mut theta = 0.0;
+    let mut before_nm = 0.0;
+    let at = |nm: &f64| {
+        // The torque is straight between two samples.
+        let slope = (nm - before_nm) / period_s;
+        let behind = slope / decay_per_s;
+        theta = (nm - behind) / stiffness + keep * (theta - (before_nm - behind) / stiffness);
+        before_nm = *nm;
+        Kinematics { theta, omega: decay_per_s * (nm / stiffness - theta) }
+    };
+    torque_nm.iter().map(at).collect()
+}
