@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use crate::app::{
-    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, finish_session,
-    parse_seed,
+    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, SessionStreams,
+    finish_session, parse_seed, stored_streams,
 };
 use crate::dataset::{self, Disk, Resumable, Resumed};
 
@@ -36,6 +36,9 @@ pub struct ResumeArgs {
     /// Run at this multiple of real time; for a virtual wrist.
     #[arg(long, value_name = "FACTOR")]
     speed: Option<f64>,
+    /// The file of liblsl, for the streams of the rig file [default: where the operating system finds it].
+    #[arg(long, value_name = "FILE")]
+    lsl_library: Option<PathBuf>,
     #[command(flatten)]
     console: ConsoleOptions,
 }
@@ -72,8 +75,12 @@ impl Verb for ResumeArgs {
                 console,
             )?),
         };
+        let mut streams = None;
         if let Some(rig) = &rig {
             rig.check_operator(has_console, session.rig_trials_due())?;
+            let library = self.lsl_library.as_deref();
+            let in_rig_file = stored_streams(&self.session)?;
+            streams = SessionStreams::connect(&in_rig_file, library, rig.is_in_real_time(), console)?;
         }
         let Resumed { recorder, machine, interrupted, torn } = session.resume()?;
         if let Some(torn) = torn {
@@ -115,6 +122,7 @@ impl Verb for ResumeArgs {
             None
         };
         let (folder, options, is_confirmed) = (self.session, &self.console, self.yes);
-        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl: None }.run(console)
+        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl: None, streams }
+            .run(console)
     }
 }

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::app::{
-    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, UsedCalibration,
-    add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc, parse_seed,
-    subject_number, utc_offset_s, with_hidden_effect,
+    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, SessionStreams,
+    UsedCalibration, add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc,
+    parse_seed, subject_number, utc_offset_s, with_hidden_effect,
 };
 use crate::dataset::{NewSession, RecordError, SessionAbout, Subject, Wrist};
 use crate::files;
@@ -15,7 +15,7 @@ use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
 use crate::rig::can::{CanMotor, Connection, DryRun};
 use crate::rig::virtual_wrist::{Person, RigFile, Seal, VirtualWrist, draw_hidden_effect};
-use crate::rig::{RecordedSignals, unmeasured_channels};
+use crate::rig::{RecordedSignals, StreamSettings, unmeasured_channels};
 use crate::schedule;
 use crate::session::{Machine, Settings};
 use crate::wrist::Lever;
@@ -74,8 +74,8 @@ pub struct RunArgs {
     /// Publish the session over Lab Streaming Layer: its samples, and a marker for each transition. Needs a motor, or --real-time.
     #[arg(long)]
     lsl: bool,
-    /// The file of liblsl [default: where the operating system finds it].
-    #[arg(long, value_name = "FILE", requires = "lsl")]
+    /// The file of liblsl, for --lsl and for the streams of the rig file [default: where the operating system finds it].
+    #[arg(long, value_name = "FILE")]
     lsl_library: Option<PathBuf>,
     #[command(flatten)]
     console: ConsoleOptions,
@@ -127,6 +127,8 @@ struct Plan<'a> {
     /// Description of the rig for the session's folder.
     rig_json: serde_json::Value,
     lever: Option<Lever>,
+    /// Streams that are recorded with the session.
+    streams: Vec<StreamSettings>,
 }
 
 impl RunArgs {
@@ -149,6 +151,7 @@ impl RunArgs {
         let lever = setup.lever;
         let hidden = self.hide.map(|seed| draw_hidden_effect(seed, lever)).unwrap_or_default();
         let rig_json = rig_json(&rig, &subject, self.hide.map(|seed| Seal::new(seed, &hidden)));
+        let streams = setup.streams.clone();
         let setup = with_hidden_effect(setup.clone(), &hidden);
         let missing = unmeasured_channels(protocol, [setup.emg; 2]);
         if !missing.is_empty() {
@@ -161,7 +164,7 @@ impl RunArgs {
         let rig = SessionRig::Virtual { wrist: Box::new(wrist), lever, pace };
         self.start(
             protocol,
-            Plan { seed, subject: &subject.id, order, settings, rig, rig_json, lever },
+            Plan { seed, subject: &subject.id, order, settings, rig, rig_json, lever, streams },
             console,
         )
     }
@@ -186,14 +189,14 @@ impl RunArgs {
         let mut settings = Settings::new(protocol, seed, &order)?;
         settings.motion_delay_samples = motor.motion_delay_samples();
         let rig_json = serde_json::from_str(rig.text()).unwrap_or_default();
-        let lever = rig.lever;
+        let (lever, streams) = (rig.lever, rig.streams.clone());
         let rig = SessionRig::Can(Box::new(motor));
-        self.start(protocol, Plan { seed, subject, order, settings, rig, rig_json, lever }, console)
+        self.start(protocol, Plan { seed, subject, order, settings, rig, rig_json, lever, streams }, console)
     }
 
     /// Makes the session's folder and runs the session.
     fn start(&self, protocol: &ValidProtocol, plan: Plan, console: &Console) -> Result<(), Failure> {
-        let Plan { seed, subject, order, settings, rig, rig_json, lever } = plan;
+        let Plan { seed, subject, order, settings, rig, rig_json, lever, streams } = plan;
         rig.check_operator(self.console.check()?, !settings.rig_plan.is_empty())?;
         let folder = self.folder(subject, seed)?;
         if files::exists(&folder) {
@@ -208,6 +211,14 @@ impl RunArgs {
         UsedCalibration::constants(calibration.as_ref(), lever)?;
         let signals = rig.recorded_signals(settings.sample_rate_hz);
         // Before the folder is made: without the library there is no session.
+        let library = self.lsl_library.as_deref();
+        if library.is_some() && !self.lsl && streams.is_empty() {
+            return Err(Failure::Usage(
+                "--lsl-library: nothing needs the library; expected --lsl, or a rig file with streams"
+                    .to_owned(),
+            ));
+        }
+        let streams = SessionStreams::connect(&streams, library, rig.is_in_real_time(), console)?;
         let lsl = self.publish(&settings, &signals, &folder, console)?;
         let recorder = NewSession {
             protocol,
@@ -237,7 +248,7 @@ impl RunArgs {
         let setup = self.console.setup(description, self.yes, rig.may_wait())?;
         let machine = Machine::new(Arc::new(settings));
         let (options, is_confirmed) = (&self.console, self.yes);
-        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl }.run(console)
+        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl, streams }.run(console)
     }
 
     /// Publishes the session over Lab Streaming Layer, if that was asked for.
