@@ -68,7 +68,9 @@ pub fn finish_session(
     let _lock = Resumable::open(folder, Disk::default())?;
     let disk = Disk::default();
     let is_virtual = !ran_on_can_motor(folder);
-    attach_streams(folder, console)?;
+    if let Err(failure) = attach_streams(folder, console) {
+        console.announce(format_args!("the recorded streams were not cut into the trials: {failure}"));
+    }
     if !was_finished && machine.phase() != Phase::Finished {
         let left = machine.progress().queue().len();
         if on_purpose {

@@ -66,11 +66,11 @@ pub fn align(request: &AttachRequest) -> Result<Aligned, AttachError> {
     let found = find_ramps(request, &session, &ramps, &recording, &table)?;
     let bytes = files::read(&request.file, limits::RECORDING_BYTES)
         .map_err(|source| crate::import::ImportError::Unreadable { path: request.file.clone(), source })?;
-    cut(request, name, &session, &table, found, Source::Copied(bytes))
+    cut(request, name, &session, &table, found, RecordingSource::Copied(bytes))
 }
 
 /// Where the recording is, once it is attached.
-pub enum Source {
+pub enum RecordingSource {
     /// In the folder of the attachment, with these bytes.
     Copied(Vec<u8>),
     /// In the session already: its path from the folder of the attachment, and its SHA-256.
@@ -84,7 +84,7 @@ pub fn cut(
     session: &Session,
     table: &TimedTable,
     found: AlignedRamps,
-    source: Source,
+    source: RecordingSource,
 ) -> Result<Aligned, AttachError> {
     let columns = table.columns();
     let speed = found.speed.unwrap_or(1.0);
@@ -118,15 +118,13 @@ pub fn cut(
         let to = table.times_s.partition_point(|time_s| *time_s < in_recording(last_s));
         let step_s = 1.0 / table.rate_hz;
         let (begin_s, end_s) = (table.times_s[0], table.times_s[table.times_s.len() - 1]);
-        if from == to
-            || in_recording(first_s) < begin_s - step_s
-            || in_recording(last_s) > end_s + 1.5 * step_s
-        {
+        if in_recording(first_s) < begin_s - step_s || in_recording(last_s) > end_s + 1.5 * step_s {
             leave("the recording does not last from its begin to its end");
             continue;
         }
         // A recording may have gaps where no trial is.
-        let is_whole = table.times_s[from] < in_recording(first_s) + GAP_STEPS * step_s
+        let is_whole = from < to
+            && table.times_s[from] < in_recording(first_s) + GAP_STEPS * step_s
             && table.times_s[to - 1] > in_recording(last_s) - (1.0 + GAP_STEPS) * step_s;
         if !is_whole || table.gaps.iter().any(|gap| (from..to - 1).contains(gap)) {
             leave("the recording has a gap in it");
@@ -150,8 +148,8 @@ pub fn cut(
     let ending = request.file.extension().unwrap_or_default().to_string_lossy().into_owned();
     let mut files = Vec::new();
     let (source, source_sha256) = match source {
-        Source::InSession(path, sha256) => (path, sha256),
-        Source::Copied(bytes) => {
+        RecordingSource::InSession(path, sha256) => (path, sha256),
+        RecordingSource::Copied(bytes) => {
             let (name, sha256) = (format!("source.{ending}"), dataset::sha256(&bytes));
             files.push((name.clone(), bytes));
             (name, sha256)

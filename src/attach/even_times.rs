@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 /// Time over which the least late sample is looked for, on either side, s.
 const WINDOW_S: f64 = 1.0;
 
-/// Time over which the period of the samples is measured, s: samples that are lost are in few of such stretches.
-const PERIOD_S: f64 = 10.0;
+/// Seconds over which the period of the samples is measured, at most: samples that are lost are in few of such stretches.
+const APART_SECONDS: usize = 10;
 
 /// Shortest step between samples, of the usual one: where the stamps become less late, times still go on.
 const SHORTEST_STEP: f64 = 0.5;
@@ -42,12 +42,18 @@ pub fn even_times(stamps_s: &[f64], nominal_hz: f64) -> EvenTimes {
     EvenTimes { late_rms_s: (squares / stamps_s.len().max(1) as f64).sqrt(), times_s }
 }
 
-/// The usual time between two samples: the median over stretches of some seconds.
+/// The usual time between two samples: from the least late sample of each second to that of some seconds later, the median of all.
 fn period_s(stamps_s: &[f64], nominal_hz: f64) -> f64 {
-    let length = ((PERIOD_S * nominal_hz) as usize).min(stamps_s.len().saturating_sub(1));
-    let stretches = (0..stamps_s.len().saturating_sub(length)).step_by((length / 4).max(1));
+    let late = |at: usize| stamps_s[at] - at as f64 / nominal_hz;
+    let second = (nominal_hz as usize).max(1);
+    // An incomplete second may not have a sample that is little late.
+    let seconds = (0..stamps_s.len() / second)
+        .filter_map(|own| (own * second..(own + 1) * second).min_by(|a, b| late(*a).total_cmp(&late(*b))));
+    let least_late: Vec<usize> = seconds.collect();
+    let apart = (least_late.len() / 2).clamp(1, APART_SECONDS);
+    let pairs = least_late.iter().zip(least_late.iter().skip(apart));
     let mut periods: Vec<f64> =
-        stretches.map(|at| (stamps_s[at + length] - stamps_s[at]) / length as f64).collect();
+        pairs.map(|(from, to)| (stamps_s[*to] - stamps_s[*from]) / (to - from) as f64).collect();
     periods.retain(|period_s| *period_s > 0.0 && period_s.is_finite());
     if periods.is_empty() {
         return 1.0 / nominal_hz;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::alignment::{Aligned, Source, cut};
+use super::alignment::{Aligned, RecordingSource, cut};
 use super::attachment::{ATTACHED, AttachedStream, ClockOffsets};
 use super::error::AttachError;
 use super::even_times::even_times;
@@ -73,7 +73,7 @@ pub fn align_stream(
         .filter(|ramp| clock.run_of(ramp.stretch) == Some(file.run))
         .collect();
     let found = on_session_clock(&loaded, &clock, &ramps, &table);
-    let source = Source::InSession(format!("../../{}", file.file), dataset::sha256(&bytes));
+    let source = RecordingSource::InSession(format!("../../{}", file.file), dataset::sha256(&bytes));
     let mut aligned = cut(&request, name, &loaded, &table, found, source)?;
     // The trials of other runs are in other files.
     let own_trials: Vec<u32> = ramps.iter().filter_map(|ramp| ramp.trial).collect();

@@ -78,7 +78,9 @@ pub use session_folders::{is_session, session_folders};
 pub use stored_protocol::stored_protocol;
 pub use stream_files::{STREAMS, StreamFileName, stream_file_name, stream_files};
 pub use utc::{utc_day, utc_seconds, utc_text};
-pub use xdf_chunk::{XDF_MAGIC, XdfTag, xdf_chunk, xdf_file_header, xdf_footer, xdf_stream_chunk};
+pub use xdf_chunk::{
+    XDF_MAGIC, XdfTag, xdf_chunk, xdf_chunks, xdf_file_header, xdf_footer, xdf_stream_chunk,
+};
 
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;

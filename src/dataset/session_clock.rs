@@ -54,7 +54,8 @@ impl SessionClock {
                 JournalEntry::Clock { sample, stamp } => {
                     stamped.push(StampedSample {
                         stretch,
-                        time_s: *sample as f64 / sample_rate_hz,
+                        // The number counts the sample itself; transitions and times count those before it.
+                        time_s: sample.saturating_sub(1) as f64 / sample_rate_hz,
                         run,
                         stamp: *stamp,
                     });
@@ -133,6 +134,26 @@ mod tests {
         assert_eq!(clock.utc_ns(1, 3.0), None);
         assert_eq!(clock.utc_ns(2, 1.5), Some(hour_ns + 1_500_000_000));
         assert_eq!(utc_text_us(hour_ns + 1_500_000_000), "1970-01-01T01:00:01.500000Z");
+    }
+
+    #[test]
+    fn the_first_sample_of_a_trial_is_placed_by_its_own_stamp() {
+        let line = |json: &str| {
+            let record = serde_json::from_str(json).unwrap();
+            super::super::journal::JournalLine { offset: 0, record }
+        };
+        let records = vec![
+            line(r#"{"record":"clock","sample":1,"stamp":{"utc_ns":0,"monotonic_ns":0,"read_within_ns":0}}"#),
+            line(
+                r#"{"record":"clock","sample":5001,"stamp":{"utc_ns":2000700000,"monotonic_ns":0,"read_within_ns":0}}"#,
+            ),
+            line(
+                r#"{"record":"happened","sample":5000,"from":"rest","event":"rest_over","to":"hold","detail":{"began":{"number":1,"practice":false,"position":1,"rest_samples":5000}}}"#,
+            ),
+        ];
+        let clock = SessionClock::of_journal(&JournalText { records, ..JournalText::default() }, 2500.0);
+        assert_eq!(clock.utc_ns(0, 5000.0 / 2500.0), Some(2_000_700_000));
+        assert_eq!(clock.utc_ns(0, 5001.0 / 2500.0), Some(2_001_100_000));
     }
 
     /// Stamps every 10 s of samples whose clock is 80 ppm slow, had up to 2 ms late.

@@ -51,3 +51,24 @@ pub fn xdf_footer(bytes: &mut Vec<u8>, stream: u32, [first_s, last_s]: [f64; 2],
     );
     xdf_stream_chunk(bytes, XdfTag::StreamFooter, stream, &xml);
 }
+
+impl XdfTag {
+    fn of(number: u16) -> Option<Self> {
+        let all =
+            [Self::FileHeader, Self::StreamHeader, Self::Samples, Self::ClockOffset, Self::StreamFooter];
+        all.into_iter().find(|tag| *tag as u16 == number)
+    }
+}
+
+/// The chunks of a file that this program wrote, up to the first that is cut off.
+pub fn xdf_chunks(bytes: &[u8]) -> impl Iterator<Item = (XdfTag, &[u8])> {
+    let mut rest = bytes.strip_prefix(XDF_MAGIC).unwrap_or(bytes);
+    std::iter::from_fn(move || {
+        let (head, behind) = rest.split_first_chunk::<9>()?;
+        let length = u64::from_le_bytes(*head.last_chunk()?);
+        let (chunk, behind) = behind.split_at_checked(usize::try_from(length).ok()?)?;
+        rest = behind;
+        let (tag, content) = chunk.split_first_chunk()?;
+        Some((XdfTag::of(u16::from_le_bytes(*tag))?, content))
+    })
+}

@@ -1,11 +1,12 @@
 //! A session as an XDF file, the format of LabRecorder: a stream of samples and a stream of markers for each stretch of the session.
 //!
-//! Times are counted from the session's start: by UTC where the session kept when its samples were had, otherwise by its samples. Nobody then knows how long a break
-//! was, and what comes after it is put behind it.
+//! Times are counted from the session's start: by UTC where the session kept when its samples were had, otherwise by its samples. Nobody then
+//! knows how long a break was, and what comes after it is put behind it. Streams that were recorded with the session follow.
 
 use std::path::{Path, PathBuf};
 
 use super::error::ExportError;
+use super::xdf_streams::add_streams;
 use crate::dataset::{
     self, FurtherChannel, RampTime, Record, Session, SessionClock, Trial, XdfTag, utc_text_us, xdf_chunk,
     xdf_file_header, xdf_footer, xdf_stream_chunk,
@@ -22,7 +23,13 @@ pub fn write(folder: &Path, file: &Path) -> Result<(), ExportError> {
     }
     let session = dataset::load(folder)?;
     let ramps = dataset::ramp_times(folder)?.ok_or_else(|| ExportError::NoTimes(folder.into()))?;
-    let bytes = xdf(&session, &ramps, &SessionClock::read(folder)?);
+    let clock = SessionClock::read(folder)?;
+    // The zero of the file is that of the first stretch.
+    let origin_utc_ns = ramps.first().and_then(|ramp| clock.utc_ns(ramp.stretch, 0.0));
+    let (mut bytes, streams) = xdf(&session, &ramps, &clock, origin_utc_ns);
+    if let Some(origin_utc_ns) = origin_utc_ns {
+        add_streams(&mut bytes, folder, &clock, origin_utc_ns, streams + 1)?;
+    }
     let above = Folder::open(file.parent().unwrap_or(Path::new("")));
     above
         .and_then(|above| above.write(PathBuf::from(file.file_name().unwrap_or_default()), &bytes))
@@ -74,14 +81,20 @@ fn place(
     }
 }
 
-fn xdf(session: &Session, ramps: &[RampTime], clock: &SessionClock) -> Vec<u8> {
+/// The bytes of a file, and how many streams it has.
+fn xdf(
+    session: &Session,
+    ramps: &[RampTime],
+    clock: &SessionClock,
+    origin_utc_ns: Option<i64>,
+) -> (Vec<u8>, u32) {
     let mut bytes = xdf_file_header(dataset::PROGRAM, "");
     let channels = channels(session);
-    // The zero of the file is that of the first stretch.
-    let origin_utc_ns = ramps.first().and_then(|ramp| clock.utc_ns(ramp.stretch, 0.0));
     let mut end_s = 0.0_f64;
+    let mut streams = 0;
     for (stretch, ramps) in ramps.chunk_by(|a, b| a.stretch == b.stretch).enumerate() {
         let [signals, markers] = [2 * stretch as u32 + 1, 2 * stretch as u32 + 2];
+        streams = markers;
         let ending = if stretch == 0 { String::new() } else { format!(" {}", stretch + 1) };
         let rate_hz = session.sample_rate_hz;
         let recorded: Vec<(&RampTime, &Trial, f64)> = ramps
@@ -139,7 +152,7 @@ fn xdf(session: &Session, ramps: &[RampTime], clock: &SessionClock) -> Vec<u8> {
             xdf_footer(&mut bytes, stream, span.ends_s.unwrap_or_default(), span.count);
         }
     }
-    bytes
+    (bytes, streams)
 }
 
 /// The trial of a ramp, if it has samples.

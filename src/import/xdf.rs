@@ -9,6 +9,7 @@ use std::path::Path;
 use super::error::ImportError;
 use super::recording::{Marker, Recording, TIME_COLUMN};
 use super::source_table::SourceTable;
+use crate::dataset::XDF_MAGIC;
 
 /// The most streams, and the most channels of a stream, that are read.
 const MOST_STREAMS: usize = 1000;
@@ -107,7 +108,7 @@ impl<'a> Cursor<'a> {
 
 /// Whether the bytes begin as a file of this kind does.
 pub fn is_xdf(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"XDF:")
+    bytes.starts_with(XDF_MAGIC)
 }
 
 /// A stream that this program recorded, as it came but for its clock: on that of the recorder, with the jitter of its stamps.
@@ -195,7 +196,7 @@ fn broken(path: &Path, found: String) -> ImportError {
 /// The streams in `bytes` as they came, and how many bytes stand behind the last whole chunk, where that is no mistake.
 fn streams(bytes: &[u8], path: &Path, may_be_cut_off: bool) -> Result<(Vec<XdfStream>, usize), ImportError> {
     let broken = |found: String| broken(path, found);
-    let mut cursor = Cursor(bytes.strip_prefix(b"XDF:").unwrap_or(bytes));
+    let mut cursor = Cursor(bytes.strip_prefix(XDF_MAGIC).unwrap_or(bytes));
     let mut streams: Vec<XdfStream> = Vec::new();
     while !cursor.0.is_empty() {
         let at = bytes.len() - cursor.0.len();

@@ -22,13 +22,16 @@ const WAIT_S: f64 = 10.0;
 const SECOND_WAIT_S: f64 = 1.0;
 
 /// Longest time between two looks for samples.
-const LOOK_PERIOD: Duration = Duration::from_millis(20);
+const PULL_PERIOD: Duration = Duration::from_millis(20);
 
 /// Time between two measurements of the clock that are kept: the library measures every 5 s.
 const CLOCK_PERIOD: Duration = Duration::from_secs(2);
 
 /// Time that samples are taken for at once, s; more are taken at the next look.
 const CHUNK_S: f64 = 0.5;
+
+/// Longest wait at the end of a session for samples that were taken before it.
+const END_WAIT: Duration = Duration::from_secs(2);
 
 /// A silence that is tolerated is told after this time, s.
 const NOTED_SILENCE_S: f64 = 1.0;
@@ -308,9 +311,8 @@ impl TakenStream {
         self.file.clock_offset(first)?;
         let (mut last_offset, mut asked) = (first, Instant::now());
         let (mut last_sample, mut is_silent) = (Instant::now(), false);
+        let (mut last_stamp_s, mut ending) = (f64::NEG_INFINITY, None);
         loop {
-            // Read before the samples are taken, so that the last ones are still written.
-            let is_over = over.load(Ordering::Acquire);
             clock.read(library);
             let mut is_lost = false;
             loop {
@@ -325,6 +327,7 @@ impl TakenStream {
                     break;
                 }
                 self.file.samples(&times_s[..count], &values[..count * self.channels])?;
+                last_stamp_s = times_s[count - 1];
                 if std::mem::take(&mut is_silent) {
                     self.back(last_sample.elapsed());
                 }
@@ -348,10 +351,15 @@ impl TakenStream {
                     self.file.clock_offset(offset)?;
                 }
             }
-            if is_over {
-                return Ok(());
+            if over.load(Ordering::Acquire) {
+                // The last samples of the last trial are still on their way.
+                let (end_s, since) = *ending.get_or_insert_with(|| (library.now_s(), Instant::now()));
+                let has_come = last_stamp_s + last_offset.offset_s >= end_s;
+                if is_silent || has_come || since.elapsed() >= END_WAIT {
+                    return Ok(());
+                }
             }
-            thread::sleep(LOOK_PERIOD);
+            thread::sleep(PULL_PERIOD);
         }
     }
 

@@ -33,7 +33,8 @@ def main():
     start = pylsl.local_clock()
     number = 0
     while (now := pylsl.local_clock() - start) < given.seconds:
-        due = int(now * given.rate) // given.parcel * given.parcel
+        # Sample k is taken at k / rate, and a parcel is complete with its last one.
+        due = (int(now * given.rate) + 1) // given.parcel * given.parcel
         while number < due:
             numbers = range(number, number + given.parcel)
             number += given.parcel
