@@ -126,14 +126,6 @@ impl SessionRig {
         }
     }
 
-    /// Whether a second of the session is one of the clocks: other devices can be recorded with it.
-    pub fn is_in_real_time(&self) -> bool {
-        match self {
-            Self::Virtual { pace, .. } => matches!(pace, Pace::TimesRealTime(speed) if *speed == 1.0),
-            Self::Can(_) => true,
-        }
-    }
-
     /// Whether somebody can say when the loads of rig trials are mounted: a virtual rig mounts them by itself.
     ///
     /// # Errors

@@ -89,11 +89,11 @@ impl SessionRun<'_> {
         };
         let live = match rig {
             SessionRig::Virtual { wrist, pace: Pace::Unlimited, .. } => work.without_deadlines(*wrist)?,
-            SessionRig::Virtual { wrist, pace: Pace::TimesRealTime(speed), .. } => {
+            SessionRig::Virtual { wrist, pace: pace @ Pace::TimesRealTime(speed), .. } => {
                 let mut pacing = RealTime::new(speed * rate_hz);
                 let operator = |machine: &Machine| CommandLineOperator::new(stop, machine, console);
                 // Only at real time is a second of the session one of the clocks.
-                let ended = work.with_deadlines(*wrist, &mut pacing, speed == 1.0, operator);
+                let ended = work.with_deadlines(*wrist, &mut pacing, pace.is_real_time(), operator);
                 console.message(pacing.lateness());
                 ended?.1
             }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::app::{
     Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, SessionStreams,
-    finish_session, parse_seed, stored_streams,
+    finish_session, parse_seed, ran_on_can_motor, stored_streams,
 };
 use crate::dataset::{self, Disk, Resumable, Resumed};
 
@@ -63,6 +63,8 @@ impl Verb for ResumeArgs {
             );
         }
         let (subject, seed) = (session.subject().to_owned(), session.seed());
+        // Before the bus of a motor is open: from then on, somebody must listen to it.
+        let streams = if session.is_finished() { None } else { self.connect_streams(pace, console)? };
         // The rig is checked before anything in the folder is changed.
         let rig = match session.is_finished() {
             true => None,
@@ -75,12 +77,8 @@ impl Verb for ResumeArgs {
                 console,
             )?),
         };
-        let mut streams = None;
         if let Some(rig) = &rig {
             rig.check_operator(has_console, session.rig_trials_due())?;
-            let library = self.lsl_library.as_deref();
-            let in_rig_file = stored_streams(&self.session)?;
-            streams = SessionStreams::connect(&in_rig_file, library, rig.is_in_real_time(), console)?;
         }
         let Resumed { recorder, machine, interrupted, torn } = session.resume()?;
         if let Some(torn) = torn {
@@ -124,5 +122,19 @@ impl Verb for ResumeArgs {
         let (folder, options, is_confirmed) = (self.session, &self.console, self.yes);
         SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl: None, streams }
             .run(console)
+    }
+}
+
+impl ResumeArgs {
+    /// Finds the streams of the session's rig file, if it has any.
+    fn connect_streams(&self, pace: Pace, console: &Console) -> Result<Option<SessionStreams>, Failure> {
+        let streams = stored_streams(&self.session)?;
+        let library = self.lsl_library.as_deref();
+        if library.is_some() && streams.is_empty() {
+            let why = "nothing needs the library; the rig file of the session has no streams";
+            return Err(Failure::Usage(format!("--lsl-library: {why}")));
+        }
+        let in_real_time = pace.is_real_time() || ran_on_can_motor(&self.session);
+        SessionStreams::connect(&streams, library, in_real_time, console)
     }
 }

@@ -128,7 +128,7 @@ struct Plan<'a> {
     rig_json: serde_json::Value,
     lever: Option<Lever>,
     /// Streams that are recorded with the session.
-    streams: Vec<StreamSettings>,
+    streams: Option<SessionStreams>,
 }
 
 impl RunArgs {
@@ -151,7 +151,7 @@ impl RunArgs {
         let lever = setup.lever;
         let hidden = self.hide.map(|seed| draw_hidden_effect(seed, lever)).unwrap_or_default();
         let rig_json = rig_json(&rig, &subject, self.hide.map(|seed| Seal::new(seed, &hidden)));
-        let streams = setup.streams.clone();
+        let streams = self.connect_streams(&setup.streams, pace.is_real_time(), console)?;
         let setup = with_hidden_effect(setup.clone(), &hidden);
         let missing = unmeasured_channels(protocol, [setup.emg; 2]);
         if !missing.is_empty() {
@@ -185,11 +185,13 @@ impl RunArgs {
         })?;
         let seed = self.seed.unwrap_or_else(draw_seed);
         let order = schedule::draw(protocol, seed, subject_number(subject))?;
+        // Before the bus is open: from then on, somebody must listen to it.
+        let streams = self.connect_streams(&rig.streams, true, console)?;
         let motor = CanMotor::new(Connection::open(rig.clone())?, dry_run);
         let mut settings = Settings::new(protocol, seed, &order)?;
         settings.motion_delay_samples = motor.motion_delay_samples();
         let rig_json = serde_json::from_str(rig.text()).unwrap_or_default();
-        let (lever, streams) = (rig.lever, rig.streams.clone());
+        let lever = rig.lever;
         let rig = SessionRig::Can(Box::new(motor));
         self.start(protocol, Plan { seed, subject, order, settings, rig, rig_json, lever, streams }, console)
     }
@@ -211,14 +213,6 @@ impl RunArgs {
         UsedCalibration::constants(calibration.as_ref(), lever)?;
         let signals = rig.recorded_signals(settings.sample_rate_hz);
         // Before the folder is made: without the library there is no session.
-        let library = self.lsl_library.as_deref();
-        if library.is_some() && !self.lsl && streams.is_empty() {
-            return Err(Failure::Usage(
-                "--lsl-library: nothing needs the library; expected --lsl, or a rig file with streams"
-                    .to_owned(),
-            ));
-        }
-        let streams = SessionStreams::connect(&streams, library, rig.is_in_real_time(), console)?;
         let lsl = self.publish(&settings, &signals, &folder, console)?;
         let recorder = NewSession {
             protocol,
@@ -249,6 +243,23 @@ impl RunArgs {
         let machine = Machine::new(Arc::new(settings));
         let (options, is_confirmed) = (&self.console, self.yes);
         SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl, streams }.run(console)
+    }
+
+    /// Finds the streams of the rig file, if it has any.
+    fn connect_streams(
+        &self,
+        streams: &[StreamSettings],
+        in_real_time: bool,
+        console: &Console,
+    ) -> Result<Option<SessionStreams>, Failure> {
+        let library = self.lsl_library.as_deref();
+        if library.is_some() && !self.lsl && streams.is_empty() {
+            return Err(Failure::Usage(
+                "--lsl-library: nothing needs the library; expected --lsl, or a rig file with streams"
+                    .to_owned(),
+            ));
+        }
+        SessionStreams::connect(streams, library, in_real_time, console)
     }
 
     /// Publishes the session over Lab Streaming Layer, if that was asked for.

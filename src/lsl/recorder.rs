@@ -140,7 +140,7 @@ impl ConnectedStreams {
         for stream in self.streams {
             let ConnectedStream { settings, described, inlet, watch, offset } = stream;
             let name = stream_file_name(&settings.file_stem(), run);
-            let file = StreamFile::create(session, &name, described.clone())?;
+            let file = StreamFile::begin(session, &name, described.clone())?;
             let taken = TakenStream {
                 room: (CHUNK_S * described.rate_hz).ceil().max(64.0) as usize,
                 channels: described.channels.len(),

@@ -36,7 +36,7 @@ impl StreamFile {
     ///
     /// # Errors
     /// If it is there, or cannot be written.
-    pub fn create(session: &Path, name: &str, stream: DescribedStream) -> Result<Self, RecordError> {
+    pub fn begin(session: &Path, name: &str, stream: DescribedStream) -> Result<Self, RecordError> {
         let path = session.join(STREAMS).join(name);
         let disk = Disk::default();
         let create = || {

@@ -124,13 +124,22 @@ def test_every_sample_is_kept_as_it_came_and_lies_where_a_common_clock_has_it(la
     assert len(stream["clock_times"]) >= 2 and numpy.abs(stream["clock_values"]).max() < 1e-3
     own = attachment(session)
     assert [trial["trial"] for trial in own["trials"]] == [1, 2] and own["left_out"] == []
-    assert abs(own["clock"]["rate_hz"] / 2000 - 1) < 1e-4
+    # The recording is some 10 s long, and parcels are milliseconds late on a busy computer.
+    assert abs(own["clock"]["rate_hz"] / 2000 - 1) < (1e-4 if parcel == 1 else 5e-4)
     off = offsets_ms(session)
     print(f"parcels of {parcel}: {len(off)} samples, offset {off.mean():.3f} ms, {numpy.abs(off).max():.3f} ms at most")
     assert numpy.abs(off).max() < 1
     assert own["stream"]["channels"] == {"FCR": {"delay_s": 0.004, "filter": None, "range": None, "origin": None}}
     assert "the attachment Amplifier-7" in (session / "results/report.html").read_text()
     assert lab.ramphold("verify", session).returncode == 0
+    assert lab.ramphold("export", session, "--xdf", lab.folder / "s.xdf").returncode == 0
+    exported = {one["info"]["name"][0]: one for one in pyxdf.load_xdf(lab.folder / "s.xdf", dejitter_timestamps=False)[0]}
+    emg, markers = exported["Amplifier 7"], exported["ramphold markers"]
+    assert numpy.array_equal(emg["time_series"], values)
+    begins = dict(zip([text for (text,) in markers["time_series"]], markers["time_stamps"]))
+    late_s = (emg["time_stamps"] - emg["time_series"][:, 2]).min() - (begins["begin 2"] - trial_starts(session)[2])
+    print(f"parcels of {parcel}: in the XDF file {1e3 * late_s:.3f} ms beside the trials")
+    assert abs(late_s) < 1e-3
 
 
 def test_a_stream_that_stops_is_a_fault_and_the_session_goes_on_with_it_when_it_is_resumed(lab):

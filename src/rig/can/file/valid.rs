@@ -254,7 +254,7 @@ mod tests {
         let read = ValidRigFile::parse(&rig.to_string(), "rig.json").unwrap();
         assert_eq!((read.streams[0].name.as_str(), read.streams[0].tolerate.silent_s), ("EMG", None));
         let found = told(|rig| rig["streams"] = streams(json!(0.01), "a\"b"));
-        assert_eq!(found, ["streams[0].tolerate.silent_s", "streams[0].emg_ecr"]);
+        assert_eq!(found, ["streams[0].emg_ecr", "streams[0].tolerate.silent_s"]);
         assert_eq!(told(|rig| rig["streams"] = json!([{ "name": "EMG" }])).len(), 2);
     }
 
