@@ -68,11 +68,11 @@
 //! | wrist | [`wrist`] | the wrist model, Eq. 1-7 of the paper, and the mechanisms that may be missing from it |
 //! | protocol | [`protocol`] | the protocol file: its fields, its schema, its validation |
 //! | schedule | [`schedule`] | the order of the trials, drawn from a seed |
-//! | timing | [`timing`] | the clock, a periodic timer, and a histogram of how late it was |
+//! | timing | [`timing`] | the clock, a periodic timer, a histogram of how late it was, and the times of samples |
 //! | rig | [`rig`] | what moves the wrist and measures it: the virtual wrist, or a motor on a CAN bus |
 //! | session | [`session`] | the experiment as a state machine, and the control loop around it |
-//! | lsl | [`lsl`] | a running session as streams of Lab Streaming Layer |
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
+//! | lsl | [`lsl`] | a running session as streams of Lab Streaming Layer, and streams that are recorded with it |
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
 //! | import | [`import`] | sessions from foreign recordings |
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |

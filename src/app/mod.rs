@@ -31,6 +31,7 @@ mod session_results;
 mod session_rig;
 mod session_runner;
 mod session_state;
+mod session_streams;
 mod signals;
 mod wall_clock;
 
@@ -57,9 +58,10 @@ pub use session_report::{tell_foreign_results, write_report, write_report_to, wr
 pub use session_results::finish_session;
 pub use session_rig::{
     SessionRig, StoredVirtualRig, is_can_rig_file, open_seal, ran_on_can_motor, read_stored_virtual_rig,
-    with_hidden_effect,
+    stored_streams, with_hidden_effect,
 };
 pub use session_runner::SessionRun;
 pub use session_state::{SessionState, SessionSummary};
+pub use session_streams::{RecordedStreams, SessionStreams, attach_streams};
 pub use signals::stop_on_signals;
 pub use wall_clock::{now_utc, operator_name, utc_offset_s};

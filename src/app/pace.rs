@@ -26,4 +26,9 @@ impl Pace {
             }
         }
     }
+
+    /// Whether a second of the session is one of the clocks: other devices can be recorded with it.
+    pub fn is_real_time(self) -> bool {
+        self == Self::TimesRealTime(1.0)
+    }
 }

@@ -7,8 +7,8 @@ use crate::fit::{Model, Results, Weighting};
 use crate::session::{Machine, Phase, Status};
 
 use super::{
-    AnalysedSession, AnalysisRequest, Console, Failure, ResultsFolder, fit_table, ran_on_can_motor,
-    write_report,
+    AnalysedSession, AnalysisRequest, Console, Failure, ResultsFolder, attach_streams, fit_table,
+    ran_on_can_motor, write_report,
 };
 
 /// The results of a session that has just been run, as nothing was asked for.
@@ -68,6 +68,9 @@ pub fn finish_session(
     let _lock = Resumable::open(folder, Disk::default())?;
     let disk = Disk::default();
     let is_virtual = !ran_on_can_motor(folder);
+    if let Err(failure) = attach_streams(folder, console) {
+        console.announce(format_args!("the recorded streams were not cut into the trials: {failure}"));
+    }
     if !was_finished && machine.phase() != Phase::Finished {
         let left = machine.progress().queue().len();
         if on_purpose {

@@ -8,10 +8,10 @@ use crate::console::CommandQuestions;
 use crate::dataset::{self, Disk, RecordError, Resumable};
 use crate::files::{self, Folder, limits};
 use crate::json_file;
-use crate::rig::RecordedSignals;
 use crate::rig::can::file::ValidRigFile;
 use crate::rig::can::{CanMotor, Connection, DryRun, OriginError, ResumedOrigin, Summary};
 use crate::rig::virtual_wrist::{MechanismList, Person, RigFile, Seal, SealError, Setup, VirtualWrist};
+use crate::rig::{RecordedSignals, StreamSettings};
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 use serde::Deserialize;
@@ -252,6 +252,20 @@ pub fn read_stored_virtual_rig(session: &Path) -> Result<StoredVirtualRig, Failu
         subject: Person::parse(&stored.person.to_string(), &path)?,
         seal: stored.hidden,
     })
+}
+
+/// The streams in the rig file of a session, which are recorded with it.
+///
+/// # Errors
+/// If `rig.json` cannot be read or describes no rig.
+pub fn stored_streams(session: &Path) -> Result<Vec<StreamSettings>, Failure> {
+    if ran_on_can_motor(session) {
+        let path = session.join(RIG_FILE);
+        let rig = ValidRigFile::parse(&read_rig_text(session)?, &path.display().to_string())?;
+        return Ok(rig.streams.clone());
+    }
+    let RigFile::Virtual(setup) = read_stored_virtual_rig(session)?.rig;
+    Ok(setup.streams)
 }
 
 /// The hidden effect of a session, which the seed given with `option` opens; an empty list for a session without one.

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::console::{ConsoleSetup, Live, OperatorNotice, SETS_ORIGIN_HERE};
 use crate::dataset::{BackgroundRecorder, Recorder};
-use crate::lsl::{LslClock, LslFeed, LslPublisher};
+use crate::lsl::{LslClock, LslFeed, LslPublisher, WatchedRig};
 use crate::rig::Rig;
 use crate::session::{Event, Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
@@ -14,6 +14,7 @@ use super::command_line_operator::CommandLineOperator;
 use super::day_check::DayCheck;
 use super::motor_operator::MotorOperator;
 use super::session_rig::write_bus_summary;
+use super::session_streams::{RecordedStreams, SessionStreams};
 use super::signals::{stop_on_signals, stop_when_suspended};
 use super::{Console, ConsoleOptions, Failure, Pace, SessionRig, finish_session};
 
@@ -35,6 +36,8 @@ pub struct SessionRun<'a> {
     pub is_confirmed: bool,
     /// The session's streams of Lab Streaming Layer, if it is published.
     pub lsl: Option<(LslPublisher, LslFeed)>,
+    /// The streams that are recorded with it, if its rig file has any.
+    pub streams: Option<SessionStreams>,
 }
 
 impl SessionRun<'_> {
@@ -70,7 +73,7 @@ impl SessionRun<'_> {
         stop: Arc<AtomicBool>,
         console: &Console,
     ) -> Result<(Machine, Option<Live>), Failure> {
-        let Self { folder, rig, mut machine, recorder, setup, options, is_confirmed, lsl } = self;
+        let Self { folder, rig, mut machine, recorder, setup, options, is_confirmed, lsl, streams } = self;
         let (publisher, feed) = lsl.unzip();
         let rate_hz = machine.settings().sample_rate_hz;
         let work = Work {
@@ -82,14 +85,15 @@ impl SessionRun<'_> {
             console,
             stop: stop.clone(),
             lsl: feed,
+            streams,
         };
         let live = match rig {
             SessionRig::Virtual { wrist, pace: Pace::Unlimited, .. } => work.without_deadlines(*wrist)?,
-            SessionRig::Virtual { wrist, pace: Pace::TimesRealTime(speed), .. } => {
+            SessionRig::Virtual { wrist, pace: pace @ Pace::TimesRealTime(speed), .. } => {
                 let mut pacing = RealTime::new(speed * rate_hz);
                 let operator = |machine: &Machine| CommandLineOperator::new(stop, machine, console);
                 // Only at real time is a second of the session one of the clocks.
-                let ended = work.with_deadlines(*wrist, &mut pacing, speed == 1.0, operator);
+                let ended = work.with_deadlines(*wrist, &mut pacing, pace.is_real_time(), operator);
                 console.message(pacing.lateness());
                 ended?.1
             }
@@ -128,6 +132,8 @@ struct Work<'a> {
     stop: Arc<AtomicBool>,
     /// The session's end of its streams; only in real time.
     lsl: Option<LslFeed>,
+    /// The streams that are recorded with it; only in real time.
+    streams: Option<SessionStreams>,
 }
 
 impl Work<'_> {
@@ -140,7 +146,7 @@ impl Work<'_> {
                 rig,
                 self.machine,
                 &mut Unpaced,
-                (recorder, None),
+                (recorder, None, None),
                 self.folder,
                 setup,
                 options,
@@ -149,7 +155,7 @@ impl Work<'_> {
             )
             .map(|(_, live)| Some(live));
         }
-        let check = self.day_check()?;
+        let check = DayCheck::of_session(self.folder, self.machine.progress(), self.tell())?;
         let mut operator = CommandLineOperator::new(self.stop, self.machine, self.console);
         let mut consumers = (self.recorder, check);
         let ended = run_control_loop(rig, self.machine, &mut operator, &mut Unpaced, &mut consumers);
@@ -170,11 +176,15 @@ impl Work<'_> {
         keeps_clocks: bool,
         operator: impl FnOnce(&Machine) -> O,
     ) -> Result<(R, Option<Live>), Failure> {
-        let lsl = self.lsl.as_ref().map(LslFeed::clock);
+        let published = self.lsl.as_ref().map(LslFeed::clock);
+        let lsl = published.or_else(|| self.streams.as_ref().map(SessionStreams::clock));
+        let watches = self.streams.as_ref().map_or(Vec::new(), SessionStreams::watches);
+        let rig = WatchedRig::new(rig, watches);
+        let rate_hz = self.machine.settings().sample_rate_hz;
         let recorder = |recorder, machine: &Machine| {
             let started = BackgroundRecorder::start(recorder, machine.progress().clone());
             if keeps_clocks {
-                started.with_clocks(move || lsl.as_ref().and_then(LslClock::ahead_s))
+                started.with_clocks(rate_hz, move || lsl.as_ref().and_then(LslClock::ahead_s))
             } else {
                 started
             }
@@ -185,36 +195,40 @@ impl Work<'_> {
                 rig,
                 self.machine,
                 pacing,
-                (recorder, self.lsl),
+                (recorder, self.lsl, self.streams),
                 self.folder,
                 setup,
                 self.options,
                 self.console,
                 self.stop,
             )
-            .map(|(rig, live)| (rig, Some(live)));
+            .map(|(rig, live)| (rig.into_rig(), Some(live)));
         }
-        let check = self.day_check()?;
+        let tell = self.tell();
+        let check = DayCheck::of_session(self.folder, self.machine.progress(), tell.clone())?;
         let mut operator = operator(self.machine);
-        let mut consumers = ((recorder(self.recorder, self.machine), self.lsl), check);
+        let recorder = recorder(self.recorder, self.machine);
+        let streams = self.streams.map(|streams| streams.record(self.folder, tell, recorder.actions()));
+        let mut consumers = ((recorder, (self.lsl, streams.transpose()?)), check);
         let ended = run_control_loop(rig, self.machine, &mut operator, pacing, &mut consumers);
-        let written = consumers.0.0.finish();
-        consumers.1.finish();
+        let ((recorder, (_, streams)), mut check) = consumers;
+        streams.into_iter().for_each(RecordedStreams::finish);
+        let written = recorder.finish();
+        check.finish();
         // An error of the disk that ended the session comes first.
         let rig = ended?;
         written?;
-        Ok((rig, None))
+        Ok((rig.into_rig(), None))
     }
 
-    /// The check of the day, told on the command line.
-    fn day_check(&self) -> Result<DayCheck, Failure> {
+    /// Tells the operator on the command line.
+    fn tell(&self) -> Arc<dyn Fn(OperatorNotice) + Send + Sync> {
         let console = *self.console;
-        let tell = move |notice| match notice {
+        Arc::new(move |notice| match notice {
             OperatorNotice::Alarm(text) | OperatorNotice::Message(text) => console.announce(text),
             // Actions are those of a page.
             OperatorNotice::Action(_) => {}
-        };
-        DayCheck::of_session(self.folder, self.machine.progress(), Arc::new(tell))
+        })
     }
 }
 
@@ -224,23 +238,27 @@ fn with_console<R: Rig>(
     rig: R,
     machine: &mut Machine,
     pacing: &mut impl Pacing,
-    recorder: (BackgroundRecorder, Option<LslFeed>),
+    (recorder, lsl, streams): (BackgroundRecorder, Option<LslFeed>, Option<SessionStreams>),
     folder: &Path,
     setup: ConsoleSetup,
     options: &ConsoleOptions,
     console: &Console,
     stop: Arc<AtomicBool>,
 ) -> Result<(R, Live), Failure> {
-    let (mut live, feed, mut operator) = Live::open(setup, machine, recorder.0.actions(), stop)?;
+    let (mut live, feed, mut operator) = Live::open(setup, machine, recorder.actions(), stop)?;
     if let Some(pages) = live.pages() {
         options.pages.announce(&pages, console);
     }
-    let check = DayCheck::of_session(folder, machine.progress(), Arc::new(live.notices()))?;
+    let tell = Arc::new(live.notices());
+    let check = DayCheck::of_session(folder, machine.progress(), tell.clone())?;
+    let streams = streams.map(|streams| streams.record(folder, tell, recorder.actions())).transpose()?;
     live.take_terminal()?;
-    let mut consumers = ((recorder, feed), check);
+    let mut consumers = (((recorder, (lsl, streams)), feed), check);
     let ended = run_control_loop(rig, machine, &mut operator, pacing, &mut consumers);
-    let written = consumers.0.0.0.finish();
-    consumers.1.finish();
+    let (((recorder, (_, streams)), _), mut check) = consumers;
+    streams.into_iter().for_each(RecordedStreams::finish);
+    let written = recorder.finish();
+    check.finish();
     live.release_terminal();
     // An error of the disk that ended the session comes first.
     let rig = ended?;

@@ -66,17 +66,25 @@ pub fn align(request: &AttachRequest) -> Result<Aligned, AttachError> {
     let found = find_ramps(request, &session, &ramps, &recording, &table)?;
     let bytes = files::read(&request.file, limits::RECORDING_BYTES)
         .map_err(|source| crate::import::ImportError::Unreadable { path: request.file.clone(), source })?;
-    cut(request, name, &session, &table, found, bytes)
+    cut(request, name, &session, &table, found, RecordingSource::Copied(bytes))
+}
+
+/// Where the recording is, once it is attached.
+pub enum RecordingSource {
+    /// In the folder of the attachment, with these bytes.
+    Copied(Vec<u8>),
+    /// In the session already: its path from the folder of the attachment, and its SHA-256.
+    InSession(String, String),
 }
 
 /// Cuts the recording into the spans of the trials' records.
-fn cut(
+pub fn cut(
     request: &AttachRequest,
     name: String,
     session: &Session,
     table: &TimedTable,
     found: AlignedRamps,
-    source: Vec<u8>,
+    source: RecordingSource,
 ) -> Result<Aligned, AttachError> {
     let columns = table.columns();
     let speed = found.speed.unwrap_or(1.0);
@@ -110,15 +118,13 @@ fn cut(
         let to = table.times_s.partition_point(|time_s| *time_s < in_recording(last_s));
         let step_s = 1.0 / table.rate_hz;
         let (begin_s, end_s) = (table.times_s[0], table.times_s[table.times_s.len() - 1]);
-        if from == to
-            || in_recording(first_s) < begin_s - step_s
-            || in_recording(last_s) > end_s + 1.5 * step_s
-        {
+        if in_recording(first_s) < begin_s - step_s || in_recording(last_s) > end_s + 1.5 * step_s {
             leave("the recording does not last from its begin to its end");
             continue;
         }
         // A recording may have gaps where no trial is.
-        let is_whole = table.times_s[from] < in_recording(first_s) + GAP_STEPS * step_s
+        let is_whole = from < to
+            && table.times_s[from] < in_recording(first_s) + GAP_STEPS * step_s
             && table.times_s[to - 1] > in_recording(last_s) - (1.0 + GAP_STEPS) * step_s;
         if !is_whole || table.gaps.iter().any(|gap| (from..to - 1).contains(gap)) {
             leave("the recording has a gap in it");
@@ -140,12 +146,20 @@ fn cut(
         return Err(request.not_aligned(format!("no trial can be attached; of trial {trial}: {because}")));
     }
     let ending = request.file.extension().unwrap_or_default().to_string_lossy().into_owned();
-    let source_name = format!("source.{ending}");
+    let mut files = Vec::new();
+    let (source, source_sha256) = match source {
+        RecordingSource::InSession(path, sha256) => (path, sha256),
+        RecordingSource::Copied(bytes) => {
+            let (name, sha256) = (format!("source.{ending}"), dataset::sha256(&bytes));
+            files.push((name.clone(), bytes));
+            (name, sha256)
+        }
+    };
     let attachment = Attachment {
         format: Attachment::format(),
         program: PROGRAM.to_owned(),
-        source_sha256: dataset::sha256(&source),
-        source: source_name.clone(),
+        source,
+        source_sha256,
         table: table_name(&request.file, table.table),
         columns: columns.iter().map(|(name, _)| name.clone()).collect(),
         aligned_by: found.by,
@@ -155,10 +169,10 @@ fn cut(
         emg_ecr_at_mvc: request.emg_at_mvc[1],
         clock: ClockComparison { rate_hz: table.rate_hz, ..found.clock },
         clock_steps: found.clock_steps,
+        stream: None,
         trials,
         left_out,
     };
-    let mut files = vec![(source_name, source)];
     files.extend(parts);
     Ok(Aligned { attachment, session: request.session.clone(), name, files })
 }

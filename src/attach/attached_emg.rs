@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use super::attachment::{ATTACHED, Attachment};
+use super::attachment::{ATTACHED, Attachment, LeftOut};
 use super::error::AttachError;
 use crate::files::{EntryKind, Folder, limits};
 
@@ -17,6 +17,8 @@ pub struct AttachedEmg {
     pub rate_hz: f64,
     /// The trials by their number.
     pub trials: BTreeMap<u32, AttachedTrialEmg>,
+    /// The trials that are not in it.
+    pub left_out: Vec<LeftOut>,
 }
 
 /// The EMG of a trial.
@@ -28,7 +30,8 @@ pub struct AttachedTrialEmg {
     pub mvc: [Option<Vec<f64>>; 2],
 }
 
-/// The EMG of the first attachment of `session`, by name, that has EMG and its value at maximal effort; `None` without such.
+/// The EMG of the first attachment of `session`, by name, that has EMG and its value at maximal effort; `None` without such. A stream that
+/// was recorded in several runs of the session is one attachment for each, and is read as one.
 ///
 /// # Errors
 /// If an attachment is there and is not what it should be.
@@ -53,6 +56,7 @@ pub fn attached_emg(session: &Path) -> Result<Option<AttachedEmg>, AttachError> 
         .filter(|name| !name.starts_with('.'))
         .collect();
     names.sort();
+    let mut found: Option<(AttachedEmg, Option<String>)> = None;
     for name in names {
         let file = format!("{name}/attachment.json");
         let at = folder.path_of(&file);
@@ -68,6 +72,10 @@ pub fn attached_emg(session: &Path) -> Result<Option<AttachedEmg>, AttachError> 
         let roles = [(own.emg_fcr, own.emg_fcr_at_mvc), (own.emg_ecr, own.emg_ecr_at_mvc)]
             .map(|(column, at_mvc)| column.zip(at_mvc));
         if roles.iter().all(Option::is_none) {
+            continue;
+        }
+        let stream = own.stream.map(|stream| stream.name);
+        if found.as_ref().is_some_and(|(_, first)| first.is_none() || *first != stream) {
             continue;
         }
         let mut trials = BTreeMap::new();
@@ -86,9 +94,18 @@ pub fn attached_emg(session: &Path) -> Result<Option<AttachedEmg>, AttachError> 
             })?;
             trials.insert(trial.trial, read);
         }
-        return Ok(Some(AttachedEmg { name, rate_hz: own.clock.rate_hz, trials }));
+        match &mut found {
+            Some((first, _)) => {
+                first.trials.extend(trials);
+                first.left_out.extend(own.left_out);
+            }
+            None => {
+                let (rate_hz, left_out) = (own.clock.rate_hz, own.left_out);
+                found = Some((AttachedEmg { name, rate_hz, trials, left_out }, stream));
+            }
+        }
     }
-    Ok(None)
+    Ok(found.map(|(emg, _)| emg))
 }
 
 /// The EMG in the table of a trial; `None` if a column is missing or a cell is no number.

@@ -1,11 +1,13 @@
 //! `attachment.json`: what is known of a recording that was attached, and its files.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use crate::dataset::{Disk, Manifest, RecordError};
 use crate::files::Folder;
+use crate::rig::ChannelDetails;
 
 use super::error::AttachError;
 
@@ -22,7 +24,7 @@ pub struct Attachment {
     pub format: String,
     /// The program that aligned it, with its version.
     pub program: String,
-    /// Name of the recording's file in this folder, as it came.
+    /// Path of the recording's file from this folder, as it came.
     pub source: String,
     /// SHA-256 of it.
     pub source_sha256: String,
@@ -49,6 +51,9 @@ pub struct Attachment {
     /// Where the two clocks step against each other, such as where samples were lost.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub clock_steps: Vec<StepBetweenTrials>,
+    /// The stream that it is, if it was recorded with the session.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stream: Option<AttachedStream>,
     /// The trials, in the order in which they were run.
     pub trials: Vec<AttachmentTrial>,
     /// Trials that are not in the recording, and why.
@@ -73,6 +78,64 @@ pub struct ClockComparison {
     /// alignment is by a shared signal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold_chance: Option<f64>,
+}
+
+/// A stream of Lab Streaming Layer that was recorded with the session.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AttachedStream {
+    /// Its name.
+    pub name: String,
+    /// The run of the program on the session in which it was recorded, from 1.
+    pub run: usize,
+    /// Unit of its channels.
+    pub unit: String,
+    /// Samples a second that it says it has.
+    pub nominal_rate_hz: f64,
+    /// How far the clock of the session's computer was ahead of that of the stream.
+    pub clock_offsets: ClockOffsets,
+    /// Root mean square of how late its stamps were against even times, s.
+    pub stamps_late_rms_s: f64,
+    /// Bytes at the end of its file that are no whole chunk: the program was killed while it wrote them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub cut_off_bytes: usize,
+    /// What is known of its channels of EMG, by their columns.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub channels: BTreeMap<String, ChannelDetails>,
+}
+
+// By reference, as serde asks for it.
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+/// How far one clock was ahead of another, in a session.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct ClockOffsets {
+    /// How often it was measured.
+    pub measured: usize,
+    /// The first measurement, s.
+    pub first_s: Option<f64>,
+    /// The last measurement, s.
+    pub last_s: Option<f64>,
+    /// How much it grew, parts per million, by the straight line through the measurements.
+    pub drift_ppm: Option<f64>,
+}
+
+impl ClockOffsets {
+    /// Those of measurements: time and offset, s.
+    pub(super) fn of(measured: &[(f64, f64)]) -> Self {
+        let count = measured.len() as f64;
+        let mean = |of: fn(&(f64, f64)) -> f64| measured.iter().map(of).sum::<f64>() / count;
+        let (time_s, offset_s) = (mean(|own| own.0), mean(|own| own.1));
+        let square: f64 = measured.iter().map(|own| (own.0 - time_s).powi(2)).sum();
+        let product: f64 = measured.iter().map(|own| (own.0 - time_s) * (own.1 - offset_s)).sum();
+        Self {
+            measured: measured.len(),
+            first_s: measured.first().map(|own| own.1),
+            last_s: measured.last().map(|own| own.1),
+            drift_ppm: (square > 0.0).then_some(1e6 * product / square),
+        }
+    }
 }
 
 /// A step between the clocks of recording and session.

@@ -2,7 +2,7 @@
 //!
 //! Another device has a clock of its own. [`align`] finds the ramps of the session in its recording, by a trigger, by markers, or by
 //! a signal that both have; [`Aligned::write`] cuts the recording into trials and puts them beside the raw data, with what is known
-//! of the two clocks. No sample is changed or resampled: each keeps its value, and gets its time on the axis of its trial.
+//! of the two clocks. A stream that was recorded with the session has its clock, and needs no search: [`align_stream`]. No sample is changed or resampled: each keeps its value, and gets its time on the axis of its trial.
 
 mod alignment;
 mod attached_emg;
@@ -10,15 +10,20 @@ mod attachment;
 mod clock_jump;
 mod correlation;
 mod error;
+mod even_times;
 mod event_match;
 mod ramp_search;
 mod request;
+mod session_stream;
 mod shared_hold;
 mod timed_table;
 mod trigger;
 
 pub use alignment::{Aligned, align};
 pub use attached_emg::{AttachedEmg, AttachedTrialEmg, attached_emg};
-pub use attachment::{ATTACHED, Attachment, AttachmentTrial, ClockComparison};
+pub use attachment::{
+    ATTACHED, AttachedStream, Attachment, AttachmentTrial, ClockComparison, ClockOffsets, LeftOut,
+};
 pub use error::AttachError;
 pub use request::{AttachRequest, ClockSource, Reference};
+pub use session_stream::align_stream;

@@ -8,7 +8,7 @@ use super::event_match::{CLOCK_TOLERANCE, EventCandidate, MatchProblem, match_ev
 use super::request::{AttachRequest, Reference};
 use super::shared_hold;
 use super::timed_table::{TimedTable, edges_in};
-use crate::dataset::{RampTime, Record, Session, Trial};
+use crate::dataset::{RampTime, Record, Session, SessionClock, Trial};
 use crate::import::Recording;
 
 /// Probability with which a column that shares the ramps alone is taken for one that shares the signal.
@@ -64,6 +64,7 @@ pub fn find_ramps(
                 .map_or(Ok(found), |rest| Err(ends_of_pulses(request, column, rest, *falling)))
         }
         Reference::Marker(text) => at_markers(request, session, ramps, recording, text, table),
+        Reference::SessionClock => Ok(on_session_clock(session, &SessionClock::default(), ramps, table)),
         Reference::Signal { column, shared } => by_signal(request, session, ramps, table, column, shared),
     }
 }
@@ -74,6 +75,25 @@ fn ends_of_pulses(request: &AttachRequest, column: &str, rest: f64, falling: boo
         "column {column:?} is at {rest} most of the time, so its pulses begin {begin}, and their ends would be taken for the ramps; align \
          {option} --falling, or turn the column's sign if the long level is the pulse"
     ))
+}
+
+/// Trials where the clock of the session has them, which the recording has too.
+pub fn on_session_clock(
+    session: &Session,
+    clock: &SessionClock,
+    ramps: &[RampTime],
+    table: &TimedTable,
+) -> AlignedRamps {
+    let mut found = AlignedRamps { by: "clock of the session".to_owned(), ..AlignedRamps::default() };
+    let mut pairs = Vec::new();
+    for ramp in ramps {
+        let known = ramp.trial.zip(clock.lsl_s(ramp.stretch, ramp.onset_s));
+        let Some((trial, onset_s)) = known else { continue };
+        found.trials.push(AlignedRamp { trial, onset_s, residual_s: None });
+        pairs.push((ramp.stretch, ramp.onset_s, onset_s));
+    }
+    found.compare_clocks(pairs, resolution_s(session, table));
+    found
 }
 
 /// Trials at events, of which the session has one at each ramp.
@@ -87,7 +107,7 @@ fn at_events(
     let by = match &request.reference {
         Reference::Trigger { column, .. } => format!("trigger, column {column}"),
         Reference::Marker(text) => format!("marker {text:?}"),
-        Reference::Signal { .. } => String::new(),
+        Reference::Signal { .. } | Reference::SessionClock => String::new(),
     };
     if ramps.is_empty() {
         return in_order(request, session, times_s, by);
@@ -358,6 +378,7 @@ fn found_in(request: &AttachRequest) -> &'static str {
     match request.reference {
         Reference::Trigger { .. } => "the column of the trigger, its threshold and its direction",
         Reference::Marker(_) => "the text of the markers",
+        Reference::SessionClock => "its clock",
         Reference::Signal { .. } => "the column, its sign and the signal that it shares",
     }
 }

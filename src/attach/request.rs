@@ -29,6 +29,8 @@ pub enum Reference {
     },
     /// Markers with this text, or with this text and the number of the trial.
     Marker(String),
+    /// The clock of the session: the recording was made with it.
+    SessionClock,
     /// A column with a signal of the session.
     Signal {
         /// The column of the recording.

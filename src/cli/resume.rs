@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use crate::app::{
-    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, finish_session,
-    parse_seed,
+    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, SessionStreams,
+    finish_session, parse_seed, ran_on_can_motor, stored_streams,
 };
 use crate::dataset::{self, Disk, Resumable, Resumed};
 
@@ -36,6 +36,9 @@ pub struct ResumeArgs {
     /// Run at this multiple of real time; for a virtual wrist.
     #[arg(long, value_name = "FACTOR")]
     speed: Option<f64>,
+    /// The file of liblsl, for the streams of the rig file [default: where the operating system finds it].
+    #[arg(long, value_name = "FILE")]
+    lsl_library: Option<PathBuf>,
     #[command(flatten)]
     console: ConsoleOptions,
 }
@@ -60,6 +63,8 @@ impl Verb for ResumeArgs {
             );
         }
         let (subject, seed) = (session.subject().to_owned(), session.seed());
+        // Before the bus of a motor is open: from then on, somebody must listen to it.
+        let streams = if session.is_finished() { None } else { self.connect_streams(pace, console)? };
         // The rig is checked before anything in the folder is changed.
         let rig = match session.is_finished() {
             true => None,
@@ -115,6 +120,21 @@ impl Verb for ResumeArgs {
             None
         };
         let (folder, options, is_confirmed) = (self.session, &self.console, self.yes);
-        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl: None }.run(console)
+        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl: None, streams }
+            .run(console)
+    }
+}
+
+impl ResumeArgs {
+    /// Finds the streams of the session's rig file, if it has any.
+    fn connect_streams(&self, pace: Pace, console: &Console) -> Result<Option<SessionStreams>, Failure> {
+        let streams = stored_streams(&self.session)?;
+        let library = self.lsl_library.as_deref();
+        if library.is_some() && streams.is_empty() {
+            let why = "nothing needs the library; the rig file of the session has no streams";
+            return Err(Failure::Usage(format!("--lsl-library: {why}")));
+        }
+        let in_real_time = pace.is_real_time() || ran_on_can_motor(&self.session);
+        SessionStreams::connect(&streams, library, in_real_time, console)
     }
 }

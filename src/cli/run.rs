@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::app::{
-    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, UsedCalibration,
-    add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc, parse_seed,
-    subject_number, utc_offset_s, with_hidden_effect,
+    Console, ConsoleOptions, Failure, Pace, SessionDescription, SessionRig, SessionRun, SessionStreams,
+    UsedCalibration, add_mechanisms_of_model, check_out, draw_seed, is_can_rig_file, new_folder, now_utc,
+    parse_seed, subject_number, utc_offset_s, with_hidden_effect,
 };
 use crate::dataset::{NewSession, RecordError, SessionAbout, Subject, Wrist};
 use crate::files;
@@ -15,7 +15,7 @@ use crate::protocol::ValidProtocol;
 use crate::rig::can::file::ValidRigFile;
 use crate::rig::can::{CanMotor, Connection, DryRun};
 use crate::rig::virtual_wrist::{Person, RigFile, Seal, VirtualWrist, draw_hidden_effect};
-use crate::rig::{RecordedSignals, unmeasured_channels};
+use crate::rig::{RecordedSignals, StreamSettings, unmeasured_channels};
 use crate::schedule;
 use crate::session::{Machine, Settings};
 use crate::wrist::Lever;
@@ -74,8 +74,8 @@ pub struct RunArgs {
     /// Publish the session over Lab Streaming Layer: its samples, and a marker for each transition. Needs a motor, or --real-time.
     #[arg(long)]
     lsl: bool,
-    /// The file of liblsl [default: where the operating system finds it].
-    #[arg(long, value_name = "FILE", requires = "lsl")]
+    /// The file of liblsl, for --lsl and for the streams of the rig file [default: where the operating system finds it].
+    #[arg(long, value_name = "FILE")]
     lsl_library: Option<PathBuf>,
     #[command(flatten)]
     console: ConsoleOptions,
@@ -127,6 +127,8 @@ struct Plan<'a> {
     /// Description of the rig for the session's folder.
     rig_json: serde_json::Value,
     lever: Option<Lever>,
+    /// Streams that are recorded with the session.
+    streams: Option<SessionStreams>,
 }
 
 impl RunArgs {
@@ -149,6 +151,7 @@ impl RunArgs {
         let lever = setup.lever;
         let hidden = self.hide.map(|seed| draw_hidden_effect(seed, lever)).unwrap_or_default();
         let rig_json = rig_json(&rig, &subject, self.hide.map(|seed| Seal::new(seed, &hidden)));
+        let streams = self.connect_streams(&setup.streams, pace.is_real_time(), console)?;
         let setup = with_hidden_effect(setup.clone(), &hidden);
         let missing = unmeasured_channels(protocol, [setup.emg; 2]);
         if !missing.is_empty() {
@@ -161,7 +164,7 @@ impl RunArgs {
         let rig = SessionRig::Virtual { wrist: Box::new(wrist), lever, pace };
         self.start(
             protocol,
-            Plan { seed, subject: &subject.id, order, settings, rig, rig_json, lever },
+            Plan { seed, subject: &subject.id, order, settings, rig, rig_json, lever, streams },
             console,
         )
     }
@@ -182,18 +185,20 @@ impl RunArgs {
         })?;
         let seed = self.seed.unwrap_or_else(draw_seed);
         let order = schedule::draw(protocol, seed, subject_number(subject))?;
+        // Before the bus is open: from then on, somebody must listen to it.
+        let streams = self.connect_streams(&rig.streams, true, console)?;
         let motor = CanMotor::new(Connection::open(rig.clone())?, dry_run);
         let mut settings = Settings::new(protocol, seed, &order)?;
         settings.motion_delay_samples = motor.motion_delay_samples();
         let rig_json = serde_json::from_str(rig.text()).unwrap_or_default();
         let lever = rig.lever;
         let rig = SessionRig::Can(Box::new(motor));
-        self.start(protocol, Plan { seed, subject, order, settings, rig, rig_json, lever }, console)
+        self.start(protocol, Plan { seed, subject, order, settings, rig, rig_json, lever, streams }, console)
     }
 
     /// Makes the session's folder and runs the session.
     fn start(&self, protocol: &ValidProtocol, plan: Plan, console: &Console) -> Result<(), Failure> {
-        let Plan { seed, subject, order, settings, rig, rig_json, lever } = plan;
+        let Plan { seed, subject, order, settings, rig, rig_json, lever, streams } = plan;
         rig.check_operator(self.console.check()?, !settings.rig_plan.is_empty())?;
         let folder = self.folder(subject, seed)?;
         if files::exists(&folder) {
@@ -237,7 +242,24 @@ impl RunArgs {
         let setup = self.console.setup(description, self.yes, rig.may_wait())?;
         let machine = Machine::new(Arc::new(settings));
         let (options, is_confirmed) = (&self.console, self.yes);
-        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl }.run(console)
+        SessionRun { folder, rig, machine, recorder, setup, options, is_confirmed, lsl, streams }.run(console)
+    }
+
+    /// Finds the streams of the rig file, if it has any.
+    fn connect_streams(
+        &self,
+        streams: &[StreamSettings],
+        in_real_time: bool,
+        console: &Console,
+    ) -> Result<Option<SessionStreams>, Failure> {
+        let library = self.lsl_library.as_deref();
+        if library.is_some() && !self.lsl && streams.is_empty() {
+            return Err(Failure::Usage(
+                "--lsl-library: nothing needs the library; expected --lsl, or a rig file with streams"
+                    .to_owned(),
+            ));
+        }
+        SessionStreams::connect(streams, library, in_real_time, console)
     }
 
     /// Publishes the session over Lab Streaming Layer, if that was asked for.

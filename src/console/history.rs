@@ -112,6 +112,15 @@ impl LogEntry {
             OperatorAction::RequestedPauseAfterTrial => {
                 Self::new(LogKind::Command, format!("pause after the trial{by}"))
             }
+            OperatorAction::StreamSilent { stream, for_s } => {
+                Self::new(LogKind::Alarm, format!("stream {stream:?} silent for {for_s:.2} s"))
+            }
+            OperatorAction::StreamBack { stream, after_s } => {
+                Self::plain(&format!("stream {stream:?} back after {after_s:.2} s"))
+            }
+            OperatorAction::StreamNotRecorded { stream, because } => {
+                Self::new(LogKind::Alarm, format!("stream {stream:?} not recorded: {because}"))
+            }
             OperatorAction::Noted { text, clock } => {
                 Self { clock: clock.clone(), ..Self::new(LogKind::Note, format!("{text}{by}")) }
             }

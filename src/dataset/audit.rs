@@ -36,6 +36,27 @@ pub enum OperatorAction {
     /// The operator asked for a pause after the trial under way.
     #[serde(rename = "asked_for_pause_after_trial")]
     RequestedPauseAfterTrial,
+    /// A stream has given no sample for some time.
+    StreamSilent {
+        /// Its name in the rig file.
+        stream: String,
+        /// For how long, s.
+        for_s: f64,
+    },
+    /// A stream that was silent gives samples again.
+    StreamBack {
+        /// Its name in the rig file.
+        stream: String,
+        /// After how long, s.
+        after_s: f64,
+    },
+    /// The samples of a stream cannot be written any more.
+    StreamNotRecorded {
+        /// Its name in the rig file.
+        stream: String,
+        /// Why.
+        because: String,
+    },
     /// The operator wrote a note.
     Noted {
         /// The note.

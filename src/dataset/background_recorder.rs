@@ -14,7 +14,7 @@ use super::audit::AuditEntry;
 use super::recorder::{RecordError, Recorder};
 use crate::rig::Origin;
 use crate::session::{Progress, Step, StepConsumer, TransitionDetail};
-use crate::timing::ClockStamp;
+use crate::timing::{ClockStamp, SampleClock, monotonic_ns};
 
 /// Number of steps that the ring holds: 26 s at 2.5 kHz.
 const RING_CAPACITY: usize = 1 << 16;
@@ -90,8 +90,17 @@ impl BackgroundRecorder {
 
     /// Keeps when the first sample of each stretch and of each trial was had. For a rig in real time: `lsl_ahead_s` tells how far the clock
     /// of Lab Streaming Layer is ahead of the monotonic one.
-    pub fn with_clocks(mut self, lsl_ahead_s: impl Fn() -> Option<f64> + Send + 'static) -> Self {
-        self.clocks = Some(SampleStamps { lsl_ahead_s: Box::new(lsl_ahead_s), was_measured: false });
+    pub fn with_clocks(
+        mut self,
+        sample_rate_hz: f64,
+        lsl_ahead_s: impl Fn() -> Option<f64> + Send + 'static,
+    ) -> Self {
+        self.clocks = Some(SampleStamps {
+            lsl_ahead_s: Box::new(lsl_ahead_s),
+            was_measured: false,
+            times: SampleClock::new(sample_rate_hz),
+            origin_ns: monotonic_ns(),
+        });
         self
     }
 
@@ -143,6 +152,9 @@ impl BackgroundRecorder {
 struct SampleStamps {
     lsl_ahead_s: Box<dyn Fn() -> Option<f64> + Send>,
     was_measured: bool,
+    /// Times of the samples from when they were had, s after `origin_ns`.
+    times: SampleClock,
+    origin_ns: i64,
 }
 
 impl fmt::Debug for SampleStamps {
@@ -161,7 +173,14 @@ impl SampleStamps {
         self.was_measured = step.measured.is_some();
         let detail = step.transition.and_then(|transition| transition.detail);
         let begins = step.measured.is_some() && matches!(detail, Some(TransitionDetail::Began { .. }));
-        (is_first || begins).then(|| ClockStamp::now((self.lsl_ahead_s)()))
+        step.measured?;
+        let since_origin_ns = monotonic_ns() - self.origin_ns;
+        let had_s = since_origin_ns as f64 * 1e-9;
+        let late_s = had_s - self.times.time_s(step.sample, had_s);
+        (is_first || begins).then(|| ClockStamp {
+            late_ns: Some((late_s * 1e9) as i64),
+            ..ClockStamp::now((self.lsl_ahead_s)())
+        })
     }
 }
 

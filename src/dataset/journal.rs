@@ -73,7 +73,7 @@ pub enum JournalEntry {
     },
     /// When a sample was had: the first of a stretch, or of a trial.
     Clock {
-        /// Samples since the session was started or resumed.
+        /// Samples since the session was started or resumed, this one included: one more than a transition at it has.
         sample: u64,
         /// The moment on the clocks of the computer.
         stamp: ClockStamp,

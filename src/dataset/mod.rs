@@ -32,10 +32,12 @@ mod session_files;
 mod session_folders;
 mod session_schema;
 mod stored_protocol;
+mod stream_files;
 mod tables;
 mod trial_csv_reader;
 mod trial_csv_writer;
 mod utc;
+mod xdf_chunk;
 
 use std::collections::BTreeMap;
 
@@ -74,7 +76,11 @@ use serde::{Deserialize, Serialize};
 pub use session_files::session_files;
 pub use session_folders::{is_session, session_folders};
 pub use stored_protocol::stored_protocol;
+pub use stream_files::{STREAMS, StreamFileName, stream_file_name, stream_files};
 pub use utc::{utc_day, utc_seconds, utc_text};
+pub use xdf_chunk::{
+    XDF_MAGIC, XdfTag, xdf_chunk, xdf_chunks, xdf_file_header, xdf_footer, xdf_stream_chunk,
+};
 
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;

@@ -6,6 +6,7 @@ use std::path::Path;
 use super::csv_input::SessionFolder;
 use super::error::DatasetError;
 use super::manifest::{MANIFEST, Manifest};
+use super::stream_files::STREAMS;
 use super::tables::{RIG_FOLDER, RIG_TABLE};
 use super::{AMENDMENTS, JOURNAL, RIG_CALIBRATION, Session};
 use crate::files::EntryKind;
@@ -81,6 +82,8 @@ fn is_of_format(file: &str) -> bool {
         None => OF_SESSION.contains(&file) || is_numbered(file, "bus", ".json"),
         Some(("trials" | "familiarisation", name)) => is_numbered(name, "trial-", ".csv"),
         Some((RIG_FOLDER, name)) => is_numbered(name, "rig-trial-", ".csv"),
+        // Streams that were recorded with the session.
+        Some((STREAMS, name)) => name.ends_with(".xdf") && !name.contains('/'),
         // A recording of another device: its file, what is known of it, and its trials.
         Some(("attached", name)) => name.split('/').count() == 2,
         Some(("before", name)) => ["offset", "effort-"].iter().any(|stem| {

@@ -14,6 +14,7 @@ mod parquet;
 mod rows;
 mod sidecars;
 mod xdf;
+mod xdf_streams;
 
 pub use bids::{Participant, write as write_bids};
 pub use error::ExportError;

@@ -1,20 +1,17 @@
 //! A session as an XDF file, the format of LabRecorder: a stream of samples and a stream of markers for each stretch of the session.
 //!
-//! "XDF Specification 1.0": `XDF:`, then chunks of a length, a tag and content; the reader is in `import`. Times are counted from the
-//! session's start: by UTC where the session kept when its samples were had, otherwise by its samples. Nobody then knows how long a break
-//! was, and what comes after it is put behind it. Written here: no crate writes this format.
+//! Times are counted from the session's start: by UTC where the session kept when its samples were had, otherwise by its samples. Nobody then
+//! knows how long a break was, and what comes after it is put behind it. Streams that were recorded with the session follow.
 
 use std::path::{Path, PathBuf};
 
 use super::error::ExportError;
-use crate::dataset::{self, FurtherChannel, RampTime, Record, Session, SessionClock, Trial, utc_text_us};
+use super::xdf_streams::add_streams;
+use crate::dataset::{
+    self, FurtherChannel, RampTime, Record, Session, SessionClock, Trial, XdfTag, utc_text_us, xdf_chunk,
+    xdf_file_header, xdf_footer, xdf_stream_chunk,
+};
 use crate::files::{self, Folder};
-
-/// Tags of chunks.
-const FILE_HEADER_TAG: u16 = 1;
-const STREAM_HEADER_TAG: u16 = 2;
-const SAMPLES_TAG: u16 = 3;
-const STREAM_FOOTER_TAG: u16 = 6;
 
 /// Writes the session in `folder` to a new file.
 ///
@@ -26,7 +23,13 @@ pub fn write(folder: &Path, file: &Path) -> Result<(), ExportError> {
     }
     let session = dataset::load(folder)?;
     let ramps = dataset::ramp_times(folder)?.ok_or_else(|| ExportError::NoTimes(folder.into()))?;
-    let bytes = xdf(&session, &ramps, &SessionClock::read(folder)?);
+    let clock = SessionClock::read(folder)?;
+    // The zero of the file is that of the first stretch.
+    let origin_utc_ns = ramps.first().and_then(|ramp| clock.utc_ns(ramp.stretch, 0.0));
+    let (mut bytes, streams) = xdf(&session, &ramps, &clock, origin_utc_ns);
+    if let Some(origin_utc_ns) = origin_utc_ns {
+        add_streams(&mut bytes, folder, &clock, origin_utc_ns, streams + 1)?;
+    }
     let above = Folder::open(file.parent().unwrap_or(Path::new("")));
     above
         .and_then(|above| above.write(PathBuf::from(file.file_name().unwrap_or_default()), &bytes))
@@ -78,21 +81,20 @@ fn place(
     }
 }
 
-fn xdf(session: &Session, ramps: &[RampTime], clock: &SessionClock) -> Vec<u8> {
-    let mut bytes = b"XDF:".to_vec();
-    let program = dataset::PROGRAM;
-    chunk(
-        &mut bytes,
-        FILE_HEADER_TAG,
-        format!("<?xml version=\"1.0\"?><info><version>1.0</version><writer>{program}</writer></info>")
-            .as_bytes(),
-    );
+/// The bytes of a file, and how many streams it has.
+fn xdf(
+    session: &Session,
+    ramps: &[RampTime],
+    clock: &SessionClock,
+    origin_utc_ns: Option<i64>,
+) -> (Vec<u8>, u32) {
+    let mut bytes = xdf_file_header(dataset::PROGRAM, "");
     let channels = channels(session);
-    // The zero of the file is that of the first stretch.
-    let origin_utc_ns = ramps.first().and_then(|ramp| clock.utc_ns(ramp.stretch, 0.0));
     let mut end_s = 0.0_f64;
+    let mut streams = 0;
     for (stretch, ramps) in ramps.chunk_by(|a, b| a.stretch == b.stretch).enumerate() {
         let [signals, markers] = [2 * stretch as u32 + 1, 2 * stretch as u32 + 2];
+        streams = markers;
         let ending = if stretch == 0 { String::new() } else { format!(" {}", stretch + 1) };
         let rate_hz = session.sample_rate_hz;
         let recorded: Vec<(&RampTime, &Trial, f64)> = ramps
@@ -136,7 +138,7 @@ fn xdf(session: &Session, ramps: &[RampTime], clock: &SessionClock) -> Vec<u8> {
                     content.extend_from_slice(&value.to_le_bytes());
                 }
             }
-            chunk(&mut bytes, SAMPLES_TAG, &content);
+            xdf_chunk(&mut bytes, XdfTag::Samples, &content);
             let own_end_s = at(start_s + samples as f64 / rate_hz);
             end_s = end_s.max(own_end_s);
             let events = [(at(start_s), "begin".to_owned()), (at(ramp.onset_s), "onset".to_owned())];
@@ -146,10 +148,11 @@ fn xdf(session: &Session, ramps: &[RampTime], clock: &SessionClock) -> Vec<u8> {
                 marker(&mut bytes, markers, time_s, &format!("{event} {}", trial.number));
             }
         }
-        footer(&mut bytes, signals, &ends[0]);
-        footer(&mut bytes, markers, &ends[1]);
+        for (stream, span) in [(signals, &ends[0]), (markers, &ends[1])] {
+            xdf_footer(&mut bytes, stream, span.ends_s.unwrap_or_default(), span.count);
+        }
     }
-    bytes
+    (bytes, streams)
 }
 
 /// The trial of a ramp, if it has samples.
@@ -169,7 +172,7 @@ struct Head {
 #[derive(Debug, Default)]
 struct Span {
     ends_s: Option<[f64; 2]>,
-    count: usize,
+    count: u64,
 }
 
 impl Span {
@@ -195,17 +198,7 @@ fn header(
          <nominal_srate>{rate_hz}</nominal_srate><channel_format>{format}</channel_format><source_id></source_id>\
          <created_at>0</created_at><desc><channels>{channels}</channels>{began}</desc></info>"
     );
-    chunk(bytes, STREAM_HEADER_TAG, &[&id.to_le_bytes(), xml.as_bytes()].concat());
-}
-
-fn footer(bytes: &mut Vec<u8>, id: u32, span: &Span) {
-    let [first_s, last_s] = span.ends_s.unwrap_or_default();
-    let xml = format!(
-        "<?xml version=\"1.0\"?><info><first_timestamp>{first_s}</first_timestamp><last_timestamp>{last_s}</last_timestamp>\
-         <sample_count>{}</sample_count><clock_offsets></clock_offsets></info>",
-        span.count
-    );
-    chunk(bytes, STREAM_FOOTER_TAG, &[&id.to_le_bytes(), xml.as_bytes()].concat());
+    xdf_stream_chunk(bytes, XdfTag::StreamHeader, id, &xml);
 }
 
 fn marker(bytes: &mut Vec<u8>, id: u32, time_s: f64, text: &str) {
@@ -215,14 +208,7 @@ fn marker(bytes: &mut Vec<u8>, id: u32, time_s: f64, text: &str) {
     content.push(4);
     content.extend_from_slice(&(text.len() as u32).to_le_bytes());
     content.extend_from_slice(text.as_bytes());
-    chunk(bytes, SAMPLES_TAG, &content);
-}
-
-fn chunk(bytes: &mut Vec<u8>, tag: u16, content: &[u8]) {
-    bytes.push(8);
-    bytes.extend_from_slice(&(content.len() as u64 + 2).to_le_bytes());
-    bytes.extend_from_slice(&tag.to_le_bytes());
-    bytes.extend_from_slice(content);
+    xdf_chunk(bytes, XdfTag::Samples, &content);
 }
 
 #[cfg(test)]
@@ -237,12 +223,13 @@ mod tests {
 
     #[test]
     fn a_stretch_is_where_utc_has_it_and_without_utc_behind_what_was_before() {
-        let stamp = |utc_ns| ClockStamp { utc_ns, monotonic_ns: 0, lsl_s: None, read_within_ns: 0 };
+        let stamp =
+            |utc_ns| ClockStamp { utc_ns, monotonic_ns: 0, lsl_s: None, late_ns: None, read_within_ns: 0 };
         let stamped = vec![
-            StampedSample { stretch: 0, time_s: 0.0, stamp: stamp(1_000_000_000) },
-            StampedSample { stretch: 1, time_s: 0.0, stamp: stamp(601_000_000_000) },
+            StampedSample { stretch: 0, time_s: 0.0, run: 1, stamp: stamp(1_000_000_000) },
+            StampedSample { stretch: 1, time_s: 0.0, run: 1, stamp: stamp(601_000_000_000) },
         ];
-        let (known, unknown) = (SessionClock { stamped }, SessionClock::default());
+        let (known, unknown) = (SessionClock { stamped, runs: 1 }, SessionClock::default());
         let placed =
             |stretch, clock: &SessionClock, origin| place(&[ramp(stretch, 9.0)], clock, origin, (8.0, 50.0));
         let at = |found: StretchPlace| (found.zero_s, found.began_utc);

@@ -33,6 +33,7 @@ pub use recording::{Marker, Recording, TIME_COLUMN};
 pub use session_build::{ImportedSession, import};
 pub use source_files::{read_recording, read_source};
 pub use source_table::SourceTable;
+pub use xdf::{RecordedStream, read_recorded};
 
 #[cfg(test)]
 mod tests;

@@ -3,11 +3,13 @@
 //! "XDF Specification 1.0", the Swartz Center: `XDF:`, then chunks with a length, a tag and content. Time stamps are on the
 //! clock of each stream's computer; clock offsets bring them to that of the recorder.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::error::ImportError;
 use super::recording::{Marker, Recording, TIME_COLUMN};
 use super::source_table::SourceTable;
+use crate::dataset::XDF_MAGIC;
 
 /// The most streams, and the most channels of a stream, that are read.
 const MOST_STREAMS: usize = 1000;
@@ -49,6 +51,9 @@ impl ValueKind {
 struct XdfStream {
     id: u32,
     name: String,
+    /// Labels as they came; empty if not every channel has one.
+    described: Vec<String>,
+    /// Names of the columns.
     labels: Vec<String>,
     kind: ValueKind,
     nominal_hz: f64,
@@ -103,23 +108,104 @@ impl<'a> Cursor<'a> {
 
 /// Whether the bytes begin as a file of this kind does.
 pub fn is_xdf(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"XDF:")
+    bytes.starts_with(XDF_MAGIC)
+}
+
+/// A stream that this program recorded, as it came but for its clock: on that of the recorder, with the jitter of its stamps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedStream {
+    /// Its columns: labels, or numbers where labels are missing or not different.
+    pub columns: Vec<(String, Vec<f64>)>,
+    /// The labels of its channels as they came; empty if not every channel has one.
+    pub labels: Vec<String>,
+    /// Samples a second that it says it has.
+    pub nominal_hz: f64,
+    /// Times of the samples on the clock of the recorder, s.
+    pub times_s: Vec<f64>,
+    /// Time of measurement, on the stream's clock, and value of each clock offset, s.
+    pub clock_offsets: Vec<(f64, f64)>,
+    /// Bytes behind the last whole chunk: the recorder was killed while it wrote them.
+    pub cut_off_bytes: usize,
+}
+
+/// Reads the one stream in `bytes`, which may be cut off: what was whole is read. `path` is for messages.
+pub fn read_recorded(bytes: &[u8], path: &Path) -> Result<RecordedStream, ImportError> {
+    let (mut streams, cut_off_bytes) = streams(bytes, path, true)?;
+    let (Some(stream), true) = (streams.pop(), streams.is_empty()) else {
+        return Err(ImportError::Source {
+            path: path.into(),
+            found: format!("{} streams", streams.len()),
+            expected: "the one stream that was recorded with a session",
+        });
+    };
+    let clock_offsets = stream.offsets.clone();
+    let stream = on_recorders_clock(stream, path)?;
+    Ok(RecordedStream {
+        labels: stream.described,
+        nominal_hz: stream.nominal_hz,
+        columns: stream.labels.into_iter().zip(stream.values).collect(),
+        times_s: stream.times_s,
+        clock_offsets,
+        cut_off_bytes,
+    })
 }
 
 /// Reads the streams in `bytes`: a table for each stream of numbers, markers of those of text; `path` is for messages.
 pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
-    let broken = |found: String| ImportError::Source {
+    let mut recording = Recording::default();
+    for stream in streams(bytes, path, false)?.0 {
+        let stream = on_recorders_clock(stream, path)?;
+        if let Some(row) = stream
+            .times_s
+            .windows(2)
+            .position(|pair| pair[0].partial_cmp(&pair[1]).is_none_or(|order| order.is_gt()))
+        {
+            return Err(broken(
+                path,
+                format!(
+                    "stream {:?}, sample {}: time goes from {} to {} s",
+                    stream.name,
+                    row + 2,
+                    stream.times_s[row],
+                    stream.times_s[row + 1]
+                ),
+            ));
+        }
+        if stream.kind == ValueKind::Text {
+            let own = stream.times_s.iter().zip(stream.texts);
+            recording.markers.extend(own.map(|(time_s, text)| Marker { time_s: *time_s, text }));
+            continue;
+        }
+        let time = (TIME_COLUMN.to_owned(), stream.times_s);
+        let columns = std::iter::once(time).chain(stream.labels.into_iter().zip(stream.values)).collect();
+        recording
+            .tables
+            .push(SourceTable::new(format!("{}, stream {}", path.display(), stream.name), columns));
+    }
+    Ok(recording)
+}
+
+fn broken(path: &Path, found: String) -> ImportError {
+    ImportError::Source {
         path: path.into(),
         found,
         expected: "an XDF file that is whole, as LabRecorder writes it",
-    };
-    let mut cursor = Cursor(bytes.strip_prefix(b"XDF:").unwrap_or(bytes));
+    }
+}
+
+/// The streams in `bytes` as they came, and how many bytes stand behind the last whole chunk, where that is no mistake.
+fn streams(bytes: &[u8], path: &Path, may_be_cut_off: bool) -> Result<(Vec<XdfStream>, usize), ImportError> {
+    let broken = |found: String| broken(path, found);
+    let mut cursor = Cursor(bytes.strip_prefix(XDF_MAGIC).unwrap_or(bytes));
     let mut streams: Vec<XdfStream> = Vec::new();
     while !cursor.0.is_empty() {
         let at = bytes.len() - cursor.0.len();
         let cut = || broken(format!("a chunk at byte {at} that is cut off or no chunk"));
-        let length = cursor.length().ok_or_else(cut)?;
-        let mut chunk = Cursor(cursor.take(length).ok_or_else(cut)?);
+        let content = cursor.length().and_then(|length| cursor.take(length));
+        if content.is_none() && may_be_cut_off {
+            return Ok((streams, bytes.len() - at));
+        }
+        let mut chunk = Cursor(content.ok_or_else(cut)?);
         let tag = u16::from_le_bytes(chunk.number().ok_or_else(cut)?);
         if !(STREAM_HEADER_CHUNK..=CLOCK_OFFSET_CHUNK).contains(&tag) {
             continue;
@@ -151,45 +237,27 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
             _ => return Err(broken(format!("a chunk at byte {at} of stream {id}, which has no header"))),
         }
     }
-    let mut recording = Recording::default();
-    for mut stream in streams {
-        if let Some((at_s, step_s)) = clock_step(&stream.offsets) {
-            return Err(broken(format!(
+    Ok((streams, 0))
+}
+
+/// A stream with its times on the clock of the recorder.
+fn on_recorders_clock(mut stream: XdfStream, path: &Path) -> Result<XdfStream, ImportError> {
+    if let Some((at_s, step_s)) = clock_step(&stream.offsets) {
+        return Err(broken(
+            path,
+            format!(
                 "stream {:?}: its clock jumps by {:.1} ms after {at_s:.3} s, as that of a computer that began anew; expected one clock: cut \
                  the recording there",
                 stream.name,
                 step_s * 1e3
-            )));
-        }
-        let correction = clock_line(&stream.offsets);
-        for time_s in &mut stream.times_s {
-            *time_s += correction.0 + correction.1 * *time_s;
-        }
-        if let Some(row) = stream
-            .times_s
-            .windows(2)
-            .position(|pair| pair[0].partial_cmp(&pair[1]).is_none_or(|order| order.is_gt()))
-        {
-            return Err(broken(format!(
-                "stream {:?}, sample {}: time goes from {} to {} s",
-                stream.name,
-                row + 2,
-                stream.times_s[row],
-                stream.times_s[row + 1]
-            )));
-        }
-        if stream.kind == ValueKind::Text {
-            let own = stream.times_s.iter().zip(stream.texts);
-            recording.markers.extend(own.map(|(time_s, text)| Marker { time_s: *time_s, text }));
-            continue;
-        }
-        let time = (TIME_COLUMN.to_owned(), stream.times_s);
-        let columns = std::iter::once(time).chain(stream.labels.into_iter().zip(stream.values)).collect();
-        recording
-            .tables
-            .push(SourceTable::new(format!("{}, stream {}", path.display(), stream.name), columns));
+            ),
+        ));
     }
-    Ok(recording)
+    let correction = clock_line(&stream.offsets);
+    for time_s in &mut stream.times_s {
+        *time_s += correction.0 + correction.1 * *time_s;
+    }
+    Ok(stream)
 }
 
 /// What the XML header of a stream says.
@@ -213,17 +281,23 @@ fn header(id: u32, text: &str) -> Result<XdfStream, String> {
     if !(nominal_hz >= 0.0 && nominal_hz.is_finite()) {
         return Err(format!("its nominal_srate is {rate:?}"));
     }
-    let mut labels: Vec<String> = info
+    let mut described: Vec<String> = info
         .descendants()
         .filter(|node| node.has_tag_name("label"))
         .filter_map(|node| node.text().map(|text| text.trim().to_owned()))
         .collect();
-    if labels.len() != count {
-        labels = (1..=count).map(|channel| format!("channel_{channel}")).collect();
+    if described.len() != count {
+        described.clear();
     }
+    let different: BTreeSet<&String> = described.iter().collect();
+    let labels = match different.len() == count {
+        true => described.clone(),
+        false => (1..=count).map(|channel| format!("channel_{channel}")).collect(),
+    };
     Ok(XdfStream {
         id,
         name: field("name"),
+        described,
         labels,
         kind,
         nominal_hz,

@@ -1,6 +1,6 @@
 //! `liblsl`, loaded at run time: the functions that are called, and what they are called with.
 
-use std::ffi::{CString, c_char, c_double, c_int, c_void};
+use std::ffi::{CString, c_char, c_double, c_int, c_ulong, c_void};
 use std::path::{Path, PathBuf};
 
 use libloading::{Library, Symbol};
@@ -21,7 +21,8 @@ const TEXT_FORMAT: c_int = 3;
 /// Samples, or seconds of a regular stream, that an outlet keeps for a reader that is slow.
 const OUTLET_KEPT_S: c_int = 360;
 
-type Pointer = *mut c_void;
+/// What the library hands out.
+pub(super) type Pointer = *mut c_void;
 // SAFETY: these are the functions of lsl_c.h; who calls one keeps what it asks of its pointers.
 type CreateInfo =
     unsafe extern "C" fn(*const c_char, *const c_char, c_int, c_double, c_int, *const c_char) -> Pointer;
@@ -30,19 +31,40 @@ type AppendChild = unsafe extern "C" fn(Pointer, *const c_char) -> Pointer;
 // SAFETY: as above.
 type AppendValue = unsafe extern "C" fn(Pointer, *const c_char, *const c_char) -> Pointer;
 type CreateOutlet = unsafe extern "C" fn(Pointer, c_int, c_int) -> Pointer;
-type Destroy = unsafe extern "C" fn(Pointer);
+pub(super) type Destroy = unsafe extern "C" fn(Pointer);
 type PushNumbers = unsafe extern "C" fn(Pointer, *const c_double, c_double) -> c_int;
 type PushTexts = unsafe extern "C" fn(Pointer, *const *const c_char, c_double) -> c_int;
 type LocalClock = unsafe extern "C" fn() -> c_double;
 type LibraryVersion = unsafe extern "C" fn() -> c_int;
+// SAFETY: as above.
+pub(super) type ResolveByPredicate =
+    unsafe extern "C" fn(*mut Pointer, u32, *const c_char, i32, c_double) -> i32;
+pub(super) type CreateInlet = unsafe extern "C" fn(Pointer, i32, i32, i32) -> Pointer;
+pub(super) type GetFullInfo = unsafe extern "C" fn(Pointer, c_double, *mut i32) -> Pointer;
+// SAFETY: as above.
+pub(super) type GetXml = unsafe extern "C" fn(Pointer) -> *mut c_char;
+pub(super) type DestroyText = unsafe extern "C" fn(*mut c_char);
+pub(super) type OpenStream = unsafe extern "C" fn(Pointer, c_double, *mut i32);
+// SAFETY: as above.
+pub(super) type TimeCorrection =
+    unsafe extern "C" fn(Pointer, *mut c_double, *mut c_double, c_double, *mut i32) -> c_double;
+pub(super) type PullChunk = unsafe extern "C" fn(
+    Pointer,
+    *mut c_double,
+    *mut c_double,
+    c_ulong,
+    c_ulong,
+    c_double,
+    *mut i32,
+) -> c_ulong;
 
-/// Why nothing can be published.
+/// Why nothing can be published, or a stream cannot be recorded.
 #[derive(Debug, thiserror::Error)]
 pub enum LslError {
     /// The library is not there.
     #[error(
-        "--lsl: liblsl cannot be loaded ({reason}); install it (https://github.com/sccn/liblsl), or name its file with --lsl-library. \
-         The Python package pylsl brings one"
+        "liblsl cannot be loaded ({reason}); --lsl and the streams of a rig file need it. Install it (https://github.com/sccn/liblsl), or \
+         name its file with --lsl-library. The Python package pylsl brings one"
     )]
     NotFound {
         /// The operating system's reason.
@@ -62,6 +84,16 @@ pub enum LslError {
         /// Name of the stream.
         stream: String,
     },
+    /// A stream of the rig file is not there, or is not as it must be.
+    #[error("the rig file's stream {stream:?}: {found}; expected {expected}")]
+    Stream {
+        /// Name of the stream.
+        stream: String,
+        /// What was found.
+        found: String,
+        /// What was expected, and what to do.
+        expected: String,
+    },
 }
 
 /// The loaded library.
@@ -77,9 +109,25 @@ pub struct LslLibrary {
     push_numbers: PushNumbers,
     push_texts: PushTexts,
     local_clock: LocalClock,
+    pub(super) inlets: InletFunctions,
     version: c_int,
     /// Kept loaded for as long as its functions are.
     _library: Library,
+}
+
+/// The functions of the library that take a stream in.
+#[derive(Debug)]
+pub(super) struct InletFunctions {
+    pub(super) resolve: ResolveByPredicate,
+    pub(super) create: CreateInlet,
+    pub(super) destroy: Destroy,
+    pub(super) destroy_info: Destroy,
+    pub(super) full_info: GetFullInfo,
+    pub(super) xml: GetXml,
+    pub(super) destroy_text: DestroyText,
+    pub(super) open: OpenStream,
+    pub(super) correction: TimeCorrection,
+    pub(super) pull: PullChunk,
 }
 
 /// A stream to describe.
@@ -107,7 +155,7 @@ pub struct Outlet<'a> {
 }
 
 /// A text for C; one with a zero inside is cut there.
-fn text(text: &str) -> CString {
+pub(super) fn text(text: &str) -> CString {
     CString::new(text.split('\0').next().unwrap_or_default()).unwrap_or_default()
 }
 
@@ -152,6 +200,18 @@ impl LslLibrary {
             push_numbers: function!(PushNumbers, "lsl_push_sample_dt"),
             push_texts: function!(PushTexts, "lsl_push_sample_strt"),
             local_clock: function!(LocalClock, "lsl_local_clock"),
+            inlets: InletFunctions {
+                resolve: function!(ResolveByPredicate, "lsl_resolve_bypred"),
+                create: function!(CreateInlet, "lsl_create_inlet"),
+                destroy: function!(Destroy, "lsl_destroy_inlet"),
+                destroy_info: function!(Destroy, "lsl_destroy_streaminfo"),
+                full_info: function!(GetFullInfo, "lsl_get_fullinfo"),
+                xml: function!(GetXml, "lsl_get_xml"),
+                destroy_text: function!(DestroyText, "lsl_destroy_string"),
+                open: function!(OpenStream, "lsl_open_stream"),
+                correction: function!(TimeCorrection, "lsl_time_correction_ex"),
+                pull: function!(PullChunk, "lsl_pull_chunk_d"),
+            },
             // SAFETY: takes nothing and gives a number.
             version: unsafe { version() },
             _library: library,

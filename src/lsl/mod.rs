@@ -1,17 +1,31 @@
-//! Lab Streaming Layer: a running session as two streams that other programs on the network read.
+//! Lab Streaming Layer: a running session as two streams that other programs on the network read, and streams of other devices that are
+//! recorded with it.
 //!
-//! The library `liblsl` is loaded when it is asked for; the program is never linked with it. It is only called from a thread of its own,
-//! behind a ring buffer: the control loop neither waits for it nor allocates for it.
+//! The library `liblsl` is loaded when it is asked for; the program is never linked with it. It is only called from threads of its own: the
+//! control loop neither waits for it nor allocates for it.
 //!
 //! ```text
-//! publisher      the session's end of the ring, and the thread that publishes
-//! sample_clock   times of samples from the times at which the loop had them
-//! library        liblsl: what is called, and how it is found
+//! publisher           the session's end of the ring, and the thread that publishes
+//! recorder            the streams of a rig file: found, checked, and recorded on threads of their own
+//! stream_description  what a stream says of itself, held against the rig file
+//! stream_file         a stream as it came, in an XDF file that survives the death of the program
+//! stream_watch        a stream that stops, as a fault of the rig
+//! inlet               a stream that is taken in
+//! clock               the clock of the library
+//! library             liblsl: what is called, and how it is found
 //! ```
 
+mod clock;
+mod inlet;
 mod library;
 mod publisher;
-mod sample_clock;
+mod recorder;
+mod stream_description;
+mod stream_file;
+mod stream_watch;
 
+pub use clock::LslClock;
 pub use library::{LslError, LslLibrary};
-pub use publisher::{LslClock, LslFeed, LslPublisher, MARKERS_STREAM, SIGNALS_STREAM};
+pub use publisher::{LslFeed, LslPublisher, MARKERS_STREAM, SIGNALS_STREAM};
+pub use recorder::{ConnectedStreams, StreamEvent, StreamRecording, TellStream};
+pub use stream_watch::{StreamWatch, WatchedRig};

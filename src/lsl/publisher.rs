@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
+use super::clock::LslClock;
 use super::library::{LslError, LslLibrary, StreamDescription};
-use super::sample_clock::SampleClock;
 use crate::rig::Cue;
 use crate::session::{Event, Phase, Progress, Step, StepConsumer, TransitionRecord};
-use crate::timing::monotonic_ns;
+use crate::timing::SampleClock;
 
 /// Name of the stream of samples.
 pub const SIGNALS_STREAM: &str = "ramphold signals";
@@ -55,29 +55,6 @@ impl LslFeed {
     /// The clock of the streams, to be asked from any thread.
     pub fn clock(&self) -> LslClock {
         self.ahead.clone()
-    }
-}
-
-/// Where the clock of Lab Streaming Layer is, as the publishing thread last read it: the library is called in no other.
-#[derive(Debug, Clone)]
-pub struct LslClock(Arc<AtomicU64>);
-
-impl LslClock {
-    fn unknown() -> Self {
-        Self(Arc::new(AtomicU64::new(f64::NAN.to_bits())))
-    }
-
-    fn read(&self, library: &LslLibrary) {
-        let before_ns = monotonic_ns();
-        let now_s = library.now_s();
-        let middle_s = 0.5e-9 * (before_ns + monotonic_ns()) as f64;
-        self.0.store((now_s - middle_s).to_bits(), Ordering::Relaxed);
-    }
-
-    /// How far it is ahead of the monotonic clock, s; `None` before the streams are open.
-    pub fn ahead_s(&self) -> Option<f64> {
-        let ahead_s = f64::from_bits(self.0.load(Ordering::Relaxed));
-        ahead_s.is_finite().then_some(ahead_s)
     }
 }
 

@@ -114,6 +114,9 @@ impl ReportInput {
             missing.push(format!("The attached EMG cannot be read: {error}."));
             None
         });
+        for left in attached.iter().flat_map(|own| &own.left_out) {
+            missing.push(format!("Trial {} has no attached EMG: {}.", left.trial, left.because));
+        }
         let (traces, excluded) =
             traces(&session, fitted.as_ref(), protocol.as_ref(), attached.as_ref(), &mut missing);
         let diagnosis = diagnosis.as_ref().map(Diagnosed::of);

@@ -44,6 +44,9 @@ pub fn times(text: &str, sample_rate_hz: f64) -> SessionTimes {
         if let Some(note) = record["deed"]["noted"]["text"].as_str() {
             times.notes.push((before_s + sample as f64 / sample_rate_hz, note.to_owned()));
         }
+        if let Some(what) = stream_incident(&record["deed"]) {
+            times.incidents.push((before_s + last_s, what));
+        }
         let detail = &record["detail"];
         let peaks = ["peak_torque_nm", "peak_fcr", "peak_ecr"].map(|name| detail["effort"][name].as_f64());
         if let [Some(torque_nm), Some(fcr), Some(ecr)] = peaks {
@@ -92,6 +95,19 @@ pub fn times(text: &str, sample_rate_hz: f64) -> SessionTimes {
     times
 }
 
+/// What happened to a stream, if an action says so.
+fn stream_incident(deed: &Value) -> Option<String> {
+    let of = |kind: &str| deed[kind]["stream"].as_str().map(|name| (name.to_owned(), &deed[kind]));
+    if let Some((name, silent)) = of("stream_silent") {
+        return Some(format!("stream {name} silent: no sample for {:.2} s", silent["for_s"].as_f64()?));
+    }
+    if let Some((name, back)) = of("stream_back") {
+        return Some(format!("stream {name} back after {:.2} s", back["after_s"].as_f64()?));
+    }
+    let (name, lost) = of("stream_not_recorded")?;
+    Some(format!("stream {name} not recorded any more: {}", lost["because"].as_str()?))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -112,6 +128,19 @@ mod tests {
         let [(set_s, set), (slow_s, slow)] = &incidents[..] else { panic!("{incidents:?}") };
         assert!(*set_s == 0.5 && set.contains("became the start position"), "{set}");
         assert!(*slow_s == 0.9 && slow.contains("trial 7 rejected: 2.620 rad/s where 3.250"), "{slow}");
+    }
+
+    #[test]
+    fn a_stream_that_stopped_and_came_back_is_two_incidents() {
+        let deed = |sample: u64, deed: &str| {
+            line(&format!(r#"{{"record":"console","sample":{sample},"desk":"program","deed":{deed}}}"#))
+        };
+        let text = deed(100, r#"{"stream_silent":{"stream":"EMG","for_s":1.02}}"#)
+            + &deed(300, r#"{"stream_back":{"stream":"EMG","after_s":2.5}}"#);
+        let incidents = times(&text, 100.0).incidents;
+        let expected =
+            [(1.0, "stream EMG silent: no sample for 1.02 s"), (3.0, "stream EMG back after 2.50 s")];
+        assert_eq!(incidents, expected.map(|(at_s, what)| (at_s, what.to_owned())));
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod limit_monitor;
 mod recorded_channel;
 mod sample;
 mod schema;
+mod stream;
 mod unmeasured;
 pub mod virtual_wrist;
 
@@ -22,4 +23,5 @@ pub use limit_monitor::{Exceeded, LimitMonitor, MotionLimits};
 pub use recorded_channel::{ChannelDetails, ChannelFilter, RecordedChannel, RecordedSignals};
 pub use sample::{Sample, resolution};
 pub use schema::schema_text;
+pub use stream::{StreamChannel, StreamSettings, StreamTolerance, stream_mistakes};
 pub use unmeasured::unmeasured_channels;

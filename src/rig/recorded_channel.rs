@@ -64,6 +64,35 @@ pub struct ChannelDetails {
     pub origin: Option<String>,
 }
 
+impl ChannelDetails {
+    /// Whether nothing is known.
+    pub fn is_unknown(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// What is wrong with it: the path of each field, and what was expected.
+    pub fn mistakes(&self) -> Vec<(String, String)> {
+        let mut found = Vec::new();
+        let mut in_range = |path: String, value: f64, low: f64, high: f64| {
+            if !(low..=high).contains(&value) {
+                found.push((path, format!("a number from {low} to {high}")));
+            }
+        };
+        in_range("delay_s".to_owned(), self.delay_s.unwrap_or(0.0), -1.0, 1.0);
+        for (at, filter) in self.filter.iter().flatten().enumerate() {
+            for (field, value) in filter.positive_fields() {
+                in_range(format!("filter[{at}].{field}"), value, 1e-6, 1e6);
+            }
+        }
+        if let Some([low, high]) = self.range
+            && !(low < high && low.is_finite() && high.is_finite())
+        {
+            found.push(("range".to_owned(), "[lowest, highest]".to_owned()));
+        }
+        found
+    }
+}
+
 /// A channel of a session as `session.json` describes it.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]

@@ -14,6 +14,9 @@ pub struct ClockStamp {
     /// The clock of Lab Streaming Layer, s, where it runs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lsl_s: Option<f64>,
+    /// How much later than the least late sample of the second before the program had it, ns; `None` in older journals.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub late_ns: Option<i64>,
     /// How long the reading took, ns: the clocks are together to half of it.
     pub read_within_ns: i64,
 }
@@ -27,7 +30,7 @@ impl ClockStamp {
         let monotonic_ns = before + read_within_ns / 2;
         let utc_ns = utc.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as i64);
         let lsl_s = lsl_ahead_s.map(|ahead_s| monotonic_ns as f64 * 1e-9 + ahead_s);
-        Self { utc_ns, monotonic_ns, lsl_s, read_within_ns }
+        Self { utc_ns, monotonic_ns, lsl_s, late_ns: None, read_within_ns }
     }
 }
 

@@ -9,7 +9,9 @@ use serde::{Deserialize, Serialize};
 use super::emg::amplifier_band_hz;
 use super::mechanism_list::MechanismList;
 use crate::json_file::{self, JsonFileError};
-use crate::rig::{ChannelDetails, ChannelFilter, RecordedChannel, RecordedSignals};
+use crate::rig::{
+    ChannelDetails, ChannelFilter, RecordedChannel, RecordedSignals, StreamSettings, stream_mistakes,
+};
 use crate::wrist::{FurtherChannel, Lever};
 
 /// The virtual rig. Values that no source gives are marked as assumed.
@@ -52,6 +54,9 @@ pub struct Setup {
     /// Counts of an encoder at the joint itself in a revolution; without it, the rig has none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub joint_encoder_counts_per_revolution: Option<f64>,
+    /// Streams of Lab Streaming Layer, such as that of an EMG amplifier, that are recorded with a session in real time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub streams: Vec<StreamSettings>,
     /// What this rig does beyond Eq. 3-7, from the catalogue of mechanisms.
     pub mechanisms: MechanismList,
 }
@@ -88,6 +93,7 @@ impl Default for Setup {
             accelerometer_noise_rad_s2: None,
             hand_load_cell_noise_nm: None,
             joint_encoder_counts_per_revolution: None,
+            streams: Vec::new(),
             mechanisms: MechanismList::default(),
         }
     }
@@ -168,6 +174,16 @@ pub enum RigFileError {
         /// What it can be.
         expected: &'static str,
     },
+    /// A stream that cannot be recorded.
+    #[error("{}, field {field}: expected {expected}", .file.display())]
+    Stream {
+        /// The file.
+        file: PathBuf,
+        /// Path of the field.
+        field: String,
+        /// What it can be.
+        expected: String,
+    },
 }
 
 impl RigFile {
@@ -235,6 +251,9 @@ impl Setup {
         if !self.gauge_offset_nm.is_finite() {
             return refuse("gauge_offset_nm", self.gauge_offset_nm, "a number");
         }
-        Ok(())
+        match stream_mistakes(&self.streams).into_iter().next() {
+            Some((field, expected)) => Err(RigFileError::Stream { file: file.to_owned(), field, expected }),
+            None => Ok(()),
+        }
     }
 }

@@ -3,9 +3,9 @@
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::rig::ChannelDetails;
 use crate::rig::can::bus::{BitRate, BusSpec};
 use crate::rig::can::canopen::{DataType, Object};
+use crate::rig::{ChannelDetails, StreamSettings};
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
@@ -50,6 +50,9 @@ pub struct CanRigFile {
     /// Without it, none.
     #[serde(default)]
     pub recorded_filter: Option<FilterSpec>,
+    /// Streams of Lab Streaming Layer, such as that of an EMG amplifier, that are recorded with the session.
+    #[serde(default)]
+    pub streams: Vec<StreamSettings>,
     /// A display on the bus that shows the person the target; without it they look at the console.
     #[serde(default)]
     pub display: Option<Display>,

@@ -6,6 +6,7 @@ use crate::protocol::Problem;
 use crate::protocol::source::JsonNode;
 use crate::rig::can::budget::{Budget, HIGHEST_LOAD};
 use crate::rig::can::units::BusPeriod;
+use crate::rig::stream_mistakes;
 use crate::signal::FilterSpec;
 
 /// Measuring devices that are watched beside the motor.
@@ -45,6 +46,9 @@ pub(super) fn problems(file: &CanRigFile, source: &JsonNode) -> Vec<Problem> {
     signals(file, &mut problems);
     channels(file, &mut problems);
     frames(file, &mut problems);
+    for (path, expected) in stream_mistakes(&file.streams) {
+        problems.add(&path, expected, "see docs/how-to/lsl.md");
+    }
     for (path, expected) in identifiers::collisions(file) {
         problems.add(&path, expected, "give each sender on the bus identifiers of its own");
     }
@@ -278,17 +282,8 @@ fn channels(file: &CanRigFile, problems: &mut Problems) {
         ("emg_fcr", &channels.emg_fcr),
         ("emg_ecr", &channels.emg_ecr),
     ] {
-        let path = format!("channels.{name}");
-        problems.in_range(&format!("{path}.delay_s"), details.delay_s.unwrap_or(0.0), -1.0, 1.0);
-        for (at, filter) in details.filter.iter().flatten().enumerate() {
-            for (field, value) in filter.positive_fields() {
-                problems.in_range(&format!("{path}.filter[{at}].{field}"), value, 1e-6, 1e6);
-            }
-        }
-        if let Some([low, high]) = details.range
-            && !(low < high && low.is_finite() && high.is_finite())
-        {
-            problems.add(&format!("{path}.range"), "[lowest, highest]", "");
+        for (field, expected) in details.mistakes() {
+            problems.add(&format!("channels.{name}.{field}"), expected, "");
         }
     }
     let Some(filter) = file.recorded_filter else { return };

@@ -243,6 +243,22 @@ mod tests {
     }
 
     #[test]
+    fn a_stream_is_checked_with_the_rest_of_the_file() {
+        let streams = |silent_s: Value, label: &str| {
+            let stream = json!({ "name": "EMG", "unit": "uV", "emg_ecr": { "label": label }, "tolerate": { "silent_s": silent_s } });
+            json!([stream])
+        };
+        assert!(ValidRigFile::parse(PLAIN, "rig.json").unwrap().streams.is_empty());
+        let mut rig: Value = serde_json::from_str(PLAIN).unwrap();
+        rig["streams"] = streams(Value::Null, "ECR");
+        let read = ValidRigFile::parse(&rig.to_string(), "rig.json").unwrap();
+        assert_eq!((read.streams[0].name.as_str(), read.streams[0].tolerate.silent_s), ("EMG", None));
+        let found = told(|rig| rig["streams"] = streams(json!(0.01), "a\"b"));
+        assert_eq!(found, ["streams[0].emg_ecr", "streams[0].tolerate.silent_s"]);
+        assert_eq!(told(|rig| rig["streams"] = json!([{ "name": "EMG" }])).len(), 2);
+    }
+
+    #[test]
     fn each_single_mistake_is_told_alone() {
         type Change = &'static dyn Fn(&mut Value);
         let cases: [(&str, Change); 5] = [

@@ -1,0 +1,152 @@
+//! Times of the samples of a steady device from stamps that are late: by the programs and the network on their way, never early.
+
+use std::collections::VecDeque;
+
+/// Time over which the least late sample is looked for, on either side, s.
+const WINDOW_S: f64 = 1.0;
+
+/// Seconds over which the period of the samples is measured, at most: samples that are lost are in few of such stretches.
+const APART_SECONDS: usize = 10;
+
+/// They are at most this part of the recording, so that most are without a loss.
+const APART_PARTS: usize = 5;
+
+/// Samples were lost where the axis steps by more than this many periods, and by more than this many times the usual lateness.
+const LOSS_STEPS: f64 = 1.5;
+const LOSS_LATENESS: f64 = 3.0;
+
+/// Shortest step between samples, of the usual one: where the stamps become less late, times still go on.
+const SHORTEST_STEP: f64 = 0.5;
+
+/// Times on an even axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EvenTimes {
+    /// Times of the samples, s.
+    pub times_s: Vec<f64>,
+    /// Root mean square of what the stamps are later than that, s.
+    pub late_rms_s: f64,
+}
+
+/// Puts stamps of a device of some `nominal_hz` samples a second on an even axis.
+///
+/// A sample is where the least late sample of the second before and after it has the axis. Where those after it are all later, by more than
+/// stamps are late, samples were lost: from there on the axis is where they have it, and times step at once by as much as was lost.
+pub fn even_times(stamps_s: &[f64], nominal_hz: f64) -> EvenTimes {
+    let period_s = period_s(stamps_s, nominal_hz);
+    let late: Vec<f64> =
+        stamps_s.iter().enumerate().map(|(at, stamp_s)| stamp_s - at as f64 * period_s).collect();
+    let window = (WINDOW_S / period_s).max(1.0) as usize;
+    let before = least_before(late.iter().copied(), window);
+    let mut after = least_before(late.iter().rev().copied(), window);
+    after.reverse();
+    let least = |at: usize| f64::min(before[at], after[at]);
+    let usual_s = median((0..late.len()).map(|at| late[at] - least(at)).collect());
+    let step_s = (LOSS_STEPS * period_s).max(LOSS_LATENESS * usual_s);
+    let mut times_s: Vec<f64> = Vec::with_capacity(late.len());
+    for at in 0..late.len() {
+        let axis_s = if after[at] - before[at] > step_s { after[at] } else { least(at) };
+        let earliest_s = times_s.last().map_or(f64::NEG_INFINITY, |last| last + SHORTEST_STEP * period_s);
+        times_s.push((at as f64 * period_s + axis_s).max(earliest_s));
+    }
+    let squares: f64 = stamps_s.iter().zip(&times_s).map(|(stamp, time)| (stamp - time).powi(2)).sum();
+    EvenTimes { late_rms_s: (squares / stamps_s.len().max(1) as f64).sqrt(), times_s }
+}
+
+/// The usual time between two samples: from the least late sample of each second to that of some seconds later, the median of all.
+fn period_s(stamps_s: &[f64], nominal_hz: f64) -> f64 {
+    let late = |at: usize| stamps_s[at] - at as f64 / nominal_hz;
+    let second = (nominal_hz as usize).max(1);
+    // An incomplete second may not have a sample that is little late.
+    let seconds = (0..stamps_s.len() / second)
+        .filter_map(|own| (own * second..(own + 1) * second).min_by(|a, b| late(*a).total_cmp(&late(*b))));
+    let least_late: Vec<usize> = seconds.collect();
+    let apart = (least_late.len() / APART_PARTS).clamp(1, APART_SECONDS);
+    let pairs = least_late.iter().zip(least_late.iter().skip(apart));
+    let mut periods: Vec<f64> =
+        pairs.map(|(from, to)| (stamps_s[*to] - stamps_s[*from]) / (to - from) as f64).collect();
+    periods.retain(|period_s| *period_s > 0.0 && period_s.is_finite());
+    if periods.is_empty() { 1.0 / nominal_hz } else { median(periods) }
+}
+
+/// The middle value; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// The least of each value and the `window` values before it.
+fn least_before(values: impl Iterator<Item = f64>, window: usize) -> Vec<f64> {
+    let mut ahead: VecDeque<(usize, f64)> = VecDeque::new();
+    let mut least = Vec::with_capacity(values.size_hint().0);
+    for (at, value) in values.enumerate() {
+        while ahead.back().is_some_and(|(_, last)| *last >= value) {
+            ahead.pop_back();
+        }
+        ahead.push_back((at, value));
+        while ahead.front().is_some_and(|(first, _)| first + window < at) {
+            ahead.pop_front();
+        }
+        least.push(ahead.front().map_or(value, |(_, first)| *first));
+    }
+    least
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    /// A device of 2 kHz that is 60 ppm slow, whose samples come in parcels of 40, each stamped up to 4 ms late.
+    fn stamps(seed: u64, true_s: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut stream = Stream::new(seed, "stamps");
+        let mut late_s = 0.0;
+        let stamp = |at: usize| {
+            if at.is_multiple_of(40) {
+                late_s = 4e-3 * stream.uniform();
+            }
+            true_s(at) + late_s
+        };
+        (0..60_000).map(stamp).collect()
+    }
+
+    fn on_device(at: usize) -> f64 {
+        7.0 + at as f64 / 2000.0 * (1.0 + 60e-6)
+    }
+
+    #[test]
+    fn stamps_that_are_late_in_parcels_and_step_back_between_them_become_even_times() {
+        for seed in 0..5 {
+            let stamps = stamps(seed, on_device);
+            assert!(stamps.windows(2).any(|pair| pair[1] < pair[0]));
+            let even = even_times(&stamps, 2000.0);
+            assert!(even.times_s.windows(2).all(|pair| pair[1] > pair[0]));
+            let off = |at: usize| even.times_s[at] - on_device(at);
+            let worst = (0..60_000).map(off).fold(0.0, |most: f64, off| most.max(off.abs()));
+            assert!(worst < 1e-3, "seed {seed}: {worst}");
+            assert!((1.5e-3..3e-3).contains(&even.late_rms_s), "{}", even.late_rms_s);
+        }
+    }
+
+    #[test]
+    fn where_samples_were_lost_the_times_step_at_once() {
+        let true_s = |at: usize| on_device(if at < 30_000 { at } else { at + 200 });
+        let even = even_times(&stamps(1, true_s), 2000.0);
+        for at in [29_000, 29_999, 30_000, 31_000] {
+            assert!(
+                (even.times_s[at] - true_s(at)).abs() < 1e-3,
+                "sample {at}: {}",
+                even.times_s[at] - true_s(at)
+            );
+        }
+        assert!(even.times_s[30_000] - even.times_s[29_999] > 0.099);
+    }
+
+    #[test]
+    fn a_few_samples_have_the_rate_that_the_stream_says() {
+        assert_eq!(even_times(&[], 1000.0).times_s, Vec::<f64>::new());
+        assert_eq!(even_times(&[3.0], 1000.0).times_s, [3.0]);
+    }
+}

@@ -1,0 +1,384 @@
+//! Records the streams of a rig file, each on a thread of its own: the control loop never waits for them.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use super::clock::LslClock;
+use super::inlet::{ClockOffset, FoundStream, Inlet, InletFailure};
+use super::library::{LslError, LslLibrary};
+use super::stream_description::DescribedStream;
+use super::stream_file::StreamFile;
+use super::stream_watch::{StreamHealth, StreamWatch};
+use crate::dataset::{RecordError, STREAMS, stream_file_name};
+use crate::rig::StreamSettings;
+
+/// How long a stream is looked for, and waited for at each step of taking it in, s.
+const WAIT_S: f64 = 10.0;
+
+/// How long a second stream that fits is looked for once there is one, s.
+const SECOND_WAIT_S: f64 = 1.0;
+
+/// Longest time between two looks for samples.
+const PULL_PERIOD: Duration = Duration::from_millis(20);
+
+/// Time between two measurements of the clock that are kept: the library measures every 5 s.
+const CLOCK_PERIOD: Duration = Duration::from_secs(2);
+
+/// Time that samples are taken for at once, s; more are taken at the next look.
+const CHUNK_S: f64 = 0.5;
+
+/// Longest wait at the end of a session for samples that were taken before it.
+const END_WAIT: Duration = Duration::from_secs(2);
+
+/// A silence that is tolerated is told after this time, s.
+const NOTED_SILENCE_S: f64 = 1.0;
+
+/// What happens to a stream in a session.
+#[derive(Debug, Clone, PartialEq)]
+pub enum StreamEvent {
+    /// It has been silent for this time, s.
+    Silent {
+        /// For how long, s.
+        for_s: f64,
+        /// Whether it is gone for good: it says no source id by which it could be found again.
+        is_lost: bool,
+        /// Whether that is a fault.
+        is_fault: bool,
+    },
+    /// Its samples come again, after this time, s.
+    Back {
+        /// After how long, s.
+        after_s: f64,
+    },
+    /// Its samples cannot be written.
+    NotRecorded {
+        /// Why.
+        reason: String,
+    },
+}
+
+/// How a session hears of its streams: name of the stream, and what happened.
+pub type TellStream = Arc<dyn Fn(&str, StreamEvent) + Send + Sync>;
+
+/// The streams of a rig file, found and taken in.
+#[derive(Debug)]
+pub struct ConnectedStreams {
+    library: Arc<LslLibrary>,
+    streams: Vec<ConnectedStream>,
+    clock: LslClock,
+}
+
+#[derive(Debug)]
+struct ConnectedStream {
+    settings: StreamSettings,
+    described: DescribedStream,
+    inlet: Inlet,
+    watch: StreamWatch,
+    /// The clock of its computer when it was taken in.
+    offset: ClockOffset,
+}
+
+impl ConnectedStreams {
+    /// Finds the streams, and holds each against its description in the rig file.
+    ///
+    /// # Errors
+    /// If one is not there, there are several of it, or it is not as it must be.
+    pub fn connect(library: LslLibrary, streams: &[StreamSettings]) -> Result<Self, LslError> {
+        let library = Arc::new(library);
+        let clock = LslClock::unknown();
+        clock.read(&library);
+        let streams: Result<Vec<ConnectedStream>, LslError> =
+            streams.iter().map(|settings| ConnectedStream::connect(&library, settings)).collect();
+        Ok(Self { streams: streams?, library, clock })
+    }
+
+    /// The watches of the streams, for the rig.
+    pub fn watches(&self) -> Vec<StreamWatch> {
+        self.streams.iter().map(|stream| stream.watch.clone()).collect()
+    }
+
+    /// The clock of the library, to be asked from any thread.
+    pub fn clock(&self) -> LslClock {
+        self.clock.clone()
+    }
+
+    /// What was found, a line for each stream.
+    pub fn described(&self) -> Vec<String> {
+        let line = |stream: &ConnectedStream| {
+            let DescribedStream { channels, rate_hz, source_id, .. } = &stream.described;
+            let again = if source_id.is_empty() {
+                "; it says no source id, so it cannot be found again if it stops"
+            } else {
+                ""
+            };
+            format!(
+                "stream {:?}: {} channels, {rate_hz} samples a second, clock offset {:.3} ms within {:.3} ms{again}",
+                stream.settings.name,
+                channels.len(),
+                1e3 * stream.offset.offset_s,
+                1e3 * stream.offset.uncertainty_s
+            )
+        };
+        self.streams.iter().map(line).collect()
+    }
+
+    /// Begins to record the streams into the folder of a session, in the `run`th run of the program on it, counted from 1.
+    ///
+    /// # Errors
+    /// If a file cannot be begun.
+    pub fn record(
+        self,
+        session: &Path,
+        run: usize,
+        tell: &TellStream,
+    ) -> Result<StreamRecording, RecordError> {
+        let over = Arc::new(AtomicBool::new(false));
+        let mut recording = StreamRecording { threads: Vec::new(), over: over.clone() };
+        for stream in self.streams {
+            let ConnectedStream { settings, described, inlet, watch, offset } = stream;
+            let name = stream_file_name(&settings.file_stem(), run);
+            let file = StreamFile::begin(session, &name, described.clone())?;
+            let taken = TakenStream {
+                room: (CHUNK_S * described.rate_hz).ceil().max(64.0) as usize,
+                channels: described.channels.len(),
+                can_be_found_again: !described.source_id.is_empty(),
+                settings,
+                inlet,
+                watch,
+                file,
+                tell: tell.clone(),
+            };
+            let (library, clock, over) = (self.library.clone(), self.clock.clone(), over.clone());
+            let thread = thread::Builder::new().name("stream".to_owned()).spawn(move || {
+                taken.take(offset, &library, &clock, &over);
+            });
+            // Without threads there is no session at all.
+            recording.threads.push(thread.map_err(RecordError::at(&session.join(STREAMS).join(&name)))?);
+        }
+        Ok(recording)
+    }
+}
+
+/// The streams of a session while they are recorded.
+#[derive(Debug)]
+pub struct StreamRecording {
+    threads: Vec<JoinHandle<()>>,
+    over: Arc<AtomicBool>,
+}
+
+impl StreamRecording {
+    /// Ends the files, with everything that came until now.
+    pub fn finish(mut self) {
+        self.end();
+    }
+
+    fn end(&mut self) {
+        self.over.store(true, Ordering::Release);
+        for thread in self.threads.drain(..) {
+            // If the thread panicked, it has said so; the file is whole up to its last chunk.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Drop for StreamRecording {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+impl ConnectedStream {
+    fn connect(library: &Arc<LslLibrary>, settings: &StreamSettings) -> Result<Self, LslError> {
+        let problem = |found: String, expected: String| LslError::Stream {
+            stream: settings.name.clone(),
+            found,
+            expected,
+        };
+        let predicate = predicate(settings);
+        let mut found = FoundStream::resolve(library, &predicate, 1, WAIT_S);
+        if !found.is_empty() {
+            found = FoundStream::resolve(library, &predicate, 2, SECOND_WAIT_S);
+        }
+        let stream = match found.as_slice() {
+            [] => {
+                let others = FoundStream::resolve(library, "name!=''", 8, SECOND_WAIT_S);
+                let others: Vec<String> = others.iter().map(|own| told(&own.xml())).collect();
+                return Err(problem(
+                    format!("not found within {WAIT_S} s; on the network are: {}", listed(&others)),
+                    "its device to run and to publish it, in the same network, under the name, type and source_id of the rig file"
+                        .to_owned(),
+                ));
+            }
+            [one] => one,
+            several => {
+                let several: Vec<String> = several.iter().map(|own| told(&own.xml())).collect();
+                return Err(problem(
+                    format!("{} streams that fit: {}", several.len(), listed(&several)),
+                    "one; give its type or source_id in the rig file, or stop the other".to_owned(),
+                ));
+            }
+        };
+        let late = |what: &'static str| {
+            move |_: InletFailure| {
+                problem(
+                    format!("{what} did not come within {WAIT_S} s"),
+                    "a device that answers; is a firewall between?".to_owned(),
+                )
+            }
+        };
+        let mut inlet = stream.inlet().ok_or_else(|| {
+            problem("liblsl cannot take it in".to_owned(), "memory for 360 s of it".to_owned())
+        })?;
+        let xml = inlet.description(WAIT_S).map_err(late("its description"))?;
+        let described =
+            DescribedStream::read(xml, settings).map_err(|(found, expected)| problem(found, expected))?;
+        let offset = inlet.clock_offset(WAIT_S).map_err(late("the time of its computer"))?;
+        inlet.open(WAIT_S).map_err(late("its data"))?;
+        Ok(Self { watch: StreamWatch::new(settings), settings: settings.clone(), described, inlet, offset })
+    }
+}
+
+/// What the library looks for: fields of the description, as XPath.
+fn predicate(settings: &StreamSettings) -> String {
+    let fields = [
+        ("name", Some(&settings.name)),
+        ("type", settings.kind.as_ref()),
+        ("source_id", settings.source_id.as_ref()),
+    ];
+    let given = fields.iter().filter_map(|(field, text)| Some(format!("{field}=\"{}\"", (*text)?)));
+    given.collect::<Vec<_>>().join(" and ")
+}
+
+/// Name, type, source id and host of a stream, for a message.
+fn told(xml: &str) -> String {
+    let Ok(document) = roxmltree::Document::parse(xml) else { return "one without a description".to_owned() };
+    let field = |name: &str| {
+        let node = document.root_element().children().find(|node| node.has_tag_name(name));
+        node.and_then(|node| node.text()).unwrap_or_default().to_owned()
+    };
+    format!(
+        "{:?} (type {:?}, source_id {:?}, on {})",
+        field("name"),
+        field("type"),
+        field("source_id"),
+        field("hostname")
+    )
+}
+
+fn listed(streams: &[String]) -> String {
+    if streams.is_empty() { "none".to_owned() } else { streams.join("; ") }
+}
+
+/// A stream on its thread.
+struct TakenStream {
+    settings: StreamSettings,
+    inlet: Inlet,
+    watch: StreamWatch,
+    file: StreamFile,
+    tell: TellStream,
+    channels: usize,
+    /// Samples that are taken at once.
+    room: usize,
+    can_be_found_again: bool,
+}
+
+impl TakenStream {
+    fn take(mut self, first: ClockOffset, library: &LslLibrary, clock: &LslClock, over: &AtomicBool) {
+        let tell = self.tell.clone();
+        let (name, watch) = (self.settings.name.clone(), self.watch.clone());
+        let failed = |error: RecordError| {
+            watch.set(StreamHealth::NotRecorded);
+            tell(&name, StreamEvent::NotRecorded { reason: error.to_string() });
+        };
+        match self.take_until(first, library, clock, over) {
+            Ok(()) => drop(self.file.finish().map_err(failed)),
+            Err(error) => failed(error),
+        }
+    }
+
+    fn take_until(
+        &mut self,
+        first: ClockOffset,
+        library: &LslLibrary,
+        clock: &LslClock,
+        over: &AtomicBool,
+    ) -> Result<(), RecordError> {
+        let mut values = vec![0.0; self.room * self.channels];
+        let mut times_s = vec![0.0; self.room];
+        self.file.clock_offset(first)?;
+        let (mut last_offset, mut asked) = (first, Instant::now());
+        let (mut last_sample, mut is_silent) = (Instant::now(), false);
+        let (mut last_stamp_s, mut ending) = (f64::NEG_INFINITY, None);
+        loop {
+            clock.read(library);
+            let mut is_lost = false;
+            loop {
+                let count = match self.inlet.pull(self.channels, &mut values, &mut times_s) {
+                    Ok(count) => count,
+                    Err(failure) => {
+                        is_lost = failure == InletFailure::Lost;
+                        0
+                    }
+                };
+                if count == 0 {
+                    break;
+                }
+                self.file.samples(&times_s[..count], &values[..count * self.channels])?;
+                last_stamp_s = times_s[count - 1];
+                if std::mem::take(&mut is_silent) {
+                    self.back(last_sample.elapsed());
+                }
+                last_sample = Instant::now();
+                if count < self.room {
+                    break;
+                }
+            }
+            let silence = last_sample.elapsed();
+            if !is_silent && (is_lost || silence > self.longest_silence()) {
+                is_silent = true;
+                self.silent(silence, is_lost);
+            }
+            if !is_silent && asked.elapsed() >= CLOCK_PERIOD {
+                asked = Instant::now();
+                // The library has the last measurement ready, and never waits for the next.
+                if let Ok(offset) = self.inlet.clock_offset(0.0)
+                    && offset.remote_s != last_offset.remote_s
+                {
+                    last_offset = offset;
+                    self.file.clock_offset(offset)?;
+                }
+            }
+            if over.load(Ordering::Acquire) {
+                // The last samples of the last trial are still on their way.
+                let (end_s, since) = *ending.get_or_insert_with(|| (library.now_s(), Instant::now()));
+                let has_come = last_stamp_s + last_offset.offset_s >= end_s;
+                if is_silent || has_come || since.elapsed() >= END_WAIT {
+                    return Ok(());
+                }
+            }
+            thread::sleep(PULL_PERIOD);
+        }
+    }
+
+    fn longest_silence(&self) -> Duration {
+        Duration::from_secs_f64(self.settings.tolerate.silent_s.unwrap_or(NOTED_SILENCE_S))
+    }
+
+    fn silent(&self, silence: Duration, is_lost: bool) {
+        let is_fault = self.settings.tolerate.silent_s.is_some();
+        if is_fault {
+            self.watch.set(StreamHealth::Silent);
+        }
+        let is_lost = is_lost || !self.can_be_found_again;
+        let event = StreamEvent::Silent { for_s: silence.as_secs_f64(), is_lost, is_fault };
+        (self.tell)(&self.settings.name, event);
+    }
+
+    fn back(&self, silence: Duration) {
+        self.watch.set(StreamHealth::Good);
+        (self.tell)(&self.settings.name, StreamEvent::Back { after_s: silence.as_secs_f64() });
+    }
+}
