@@ -3,11 +3,9 @@
 use super::constants::RigCoordinates;
 use super::covariance::{INTERVAL, NOTHING_KNOWN, covariance};
 use super::fit::{RigFit, RigFitInput};
+use super::likelihood::CommonProducts;
 use crate::protocol::RigLoad;
-use crate::statistics::{holm, t_two_sided};
-
-/// Degrees of freedom of a normal distribution, for the t-test that the standard errors already contain.
-const MANY: f64 = 1e9;
+use crate::statistics::{chi_square_tail, holm};
 
 /// Significance level of a load that disagrees, over all loads. A load in a hundred is wrong, by some 15 % (assumed): where chance makes a
 /// larger difference in one case of a thousand, a wrong load becomes the likelier explanation.
@@ -35,40 +33,41 @@ impl LoadCheck {
     }
 }
 
-/// Compares each load with the others: all constants are fitted anew without its stated value.
+/// Compares each load with the others: all constants are fitted anew without its stated value, and the likelihoods of both fits are
+/// compared.
 ///
-/// A fit, and no step from the fit with the stated value: where the others tell a load a hundred times less well than its stated value
-/// does, the new optimum may be too far away for the slope at the old one.
+/// A fit, and no step from the fit with the stated value; likelihoods, and no standard errors: the others tell a load up to a hundred times
+/// less well than its stated value does, and so far away neither slope nor curvature is that of the stated value. Where the model leaves more
+/// than the noise, the likelihood counts it as noise.
 pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit) -> Vec<LoadCheck> {
-    let mut checks: Vec<LoadCheck> = (0..input.coordinates.loads.len())
-        .map(|index| {
-            let place = RigCoordinates::first_load() + index;
-            let stated = input.prior.precision[(place, place)];
-            let without = input.without_statement_of(place, NOTHING_KNOWN);
-            let other = without.fit(&fit.point);
-            let variance = covariance(&without, &other).covariance[(place, place)];
-            // An interval wider than the value itself tells nothing about the value.
-            let told = INTERVAL * libm::sqrt(variance) < 1.0;
-            LoadCheck {
-                load: input.coordinates.loads[index],
-                difference: told.then_some(other.point[place]),
-                se: libm::sqrt(variance + 1.0 / stated),
-                p_value: 1.0,
-                or: Vec::new(),
-            }
-        })
-        .collect();
+    let mut products = CommonProducts::new(input);
+    let (mut checks, mut gains) = (Vec::new(), Vec::new());
+    for (index, load) in input.coordinates.loads.iter().enumerate() {
+        let place = RigCoordinates::first_load() + index;
+        let stated = input.prior.precision[(place, place)];
+        let without = input.without_statement_of(place, NOTHING_KNOWN);
+        let other = without.fit(&fit.point);
+        let variance = covariance(&without, &other).covariance[(place, place)];
+        // An interval wider than the value itself tells nothing about the value.
+        let told = INTERVAL * libm::sqrt(variance) < 1.0;
+        let mut deviance = |point| products.deviance(&without, point);
+        gains.push(if told { deviance(&fit.point) - deviance(&other.point) } else { 0.0 });
+        checks.push(LoadCheck {
+            load: *load,
+            difference: told.then_some(other.point[place]),
+            se: libm::sqrt(variance + 1.0 / stated),
+            p_value: 1.0,
+            or: Vec::new(),
+        });
+    }
     let told: Vec<usize> = (0..checks.len()).filter(|index| checks[*index].difference.is_some()).collect();
-    let z = |check: &LoadCheck| check.difference.unwrap_or(0.0) / check.se;
-    let p: Vec<f64> = told.iter().map(|index| t_two_sided(z(&checks[*index]), MANY)).collect();
+    let p: Vec<f64> = told.iter().map(|index| chi_square_tail(gains[*index].max(0.0), 1.0)).collect();
     for (index, p_value) in told.iter().zip(holm(&p)) {
         checks[*index].p_value = p_value;
     }
-    let squares: Vec<f64> = checks.iter().map(|check| z(check) * z(check)).collect();
     for index in 0..checks.len() {
         // A load whose removal lowers the misfit as far, within what chance does, is not told from this one.
-        let as_well =
-            |other: &usize| *other != index && squares[*other] > squares[index] - INTERVAL * INTERVAL;
+        let as_well = |other: &usize| *other != index && gains[*other] > gains[index] - INTERVAL * INTERVAL;
         if checks[index].disagrees() {
             let or = (0..checks.len()).filter(as_well).filter(|other| checks[*other].disagrees());
             checks[index].or = or.map(|other| checks[other].load).collect();

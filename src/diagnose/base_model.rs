@@ -40,11 +40,12 @@ pub fn not_described(observations: &Observations, fit: &Fit) -> Option<String> {
     if fit.residual_covariances.is_empty() {
         return Some("no noise could be measured, neither in holds nor between repetitions".into());
     }
-    let vafs = predictions(observations, fit).into_iter().zip(&observations.trials).map(|(prediction, trial)| {
-        let [measured, residual] =
-            [&trial.measured_nm, &prediction.residual_nm].map(|own| observations.torque_of(own));
-        variance_accounted_for(measured, residual)
-    });
+    let vafs =
+        predictions(observations, fit).into_iter().zip(&observations.trials).map(|(prediction, trial)| {
+            let [measured, residual] =
+                [&trial.measured_nm, &prediction.residual_nm].map(|own| observations.torque_of(own));
+            variance_accounted_for(measured, residual)
+        });
     let vaf = upper_median(vafs).unwrap_or(f64::NAN);
     (vaf < LEAST_VAF || vaf.is_nan()).then(|| {
         format!(
