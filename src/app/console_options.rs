@@ -4,8 +4,10 @@ use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::console::web::Address;
-use crate::console::{CommandQuestions, ConsoleSetup, PageAddresses, SessionInfo, TrialFitContext, terminal};
+use crate::console::web::{Address, PageDisplay};
+use crate::console::{
+    CommandQuestions, ConsoleSetup, PageAddresses, Pages, SessionInfo, TrialFitContext, terminal,
+};
 use crate::dataset::{Trial, Wrist};
 use crate::fit::PreprocessingSettings;
 use crate::protocol::ValidProtocol;
@@ -30,10 +32,13 @@ pub struct ConsoleOptions {
     /// Options of the web pages.
     #[command(flatten)]
     pub(crate) pages: PageOptions,
+    /// Pages that are there before and after the session, in place of its own.
+    #[arg(skip)]
+    display: Option<PageDisplay>,
 }
 
 /// Options of the web pages.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Clone, clap::Args)]
 pub struct PageOptions {
     /// Port of the pages [default: a free port].
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -96,6 +101,17 @@ impl PageOptions {
         Ok(address)
     }
 
+    /// The same options with this wrist in the handle, if it is known.
+    #[must_use]
+    pub fn with_wrist(mut self, wrist: Option<Wrist>) -> Self {
+        let side = wrist.map(|wrist| match wrist {
+            Wrist::Left => Side::Left,
+            Wrist::Right => Side::Right,
+        });
+        self.wrist = side.or(self.wrist);
+        self
+    }
+
     /// Wrist in the handle, if the option was given.
     pub fn wrist(&self) -> Option<Wrist> {
         self.wrist.map(|side| match side {
@@ -118,6 +134,17 @@ impl PageOptions {
 }
 
 impl ConsoleOptions {
+    /// A console in pages that are there before and after the session.
+    pub fn on_display(pages: PageOptions, operator_timeout_s: f64, display: PageDisplay) -> Self {
+        Self {
+            console: true,
+            tui: false,
+            operator_timeout: operator_timeout_s,
+            pages,
+            display: Some(display),
+        }
+    }
+
     /// Checks the options; returns whether there is a console.
     ///
     /// # Errors
@@ -146,7 +173,11 @@ impl ConsoleOptions {
         }
         let protocol = session.protocol;
         Ok(Some(ConsoleSetup {
-            pages: self.console.then(|| self.pages.address()).transpose()?,
+            pages: match &self.display {
+                _ if !self.console => None,
+                Some(display) => Some(Pages::Of(display.clone())),
+                None => Some(Pages::Own(self.pages.address()?)),
+            },
             terminal: self.tui,
             wrist: self.pages.wrist().unwrap_or_default(),
             missed_after: (self.operator_timeout > 0.0)

@@ -118,8 +118,10 @@ impl Laboratory {
              | `calibrations/` | measured constants of the rig, one file a day |\n\
              | `sessions/` | the sessions |\n\n\
              In this folder:\n\n    ramphold check protocol.json\n{check}    \
-             ramphold run protocol.json --rig rig.json --subject {subject} --console\n    \
-             ramphold sessions\n",
+             ramphold console\n    \
+             ramphold sessions\n\n\
+             `ramphold console` begins sessions in a page. Without it: \
+             `ramphold run protocol.json --rig rig.json --subject {subject} --console`.\n",
             self.protocol.1, self.rig.1
         )
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::consistency;
-use crate::dataset::{self, JOURNAL, MANIFEST, SessionCard, Status};
+use crate::dataset::{self, JOURNAL, MANIFEST, SessionCard, Status, every_trial_is_done};
 use crate::files::Folder;
 use crate::report::{foreign_results, undescribed};
 
@@ -74,7 +74,9 @@ impl SessionSummary {
             Err(error) => own.reasons.push(error.to_string()),
         }
         let has = |name: &str| Folder::open(folder).is_ok_and(|folder| folder.contains(name));
-        let is_unfinished = has(JOURNAL) && !has(MANIFEST);
+        // One that the operator ended has a manifest, too.
+        let is_unfinished =
+            has(JOURNAL) && (!has(MANIFEST) || every_trial_is_done(folder).is_ok_and(|done| !done));
         match dataset::load(folder) {
             Ok(session) => {
                 own.trials = session.trials.len();

@@ -95,6 +95,16 @@ pub struct RigFit {
     pub equations: Vec<RigTrialEquations>,
 }
 
+/// A coordinate as all but its own statement have it.
+pub struct ReleasedFit {
+    /// Its value.
+    pub value: f64,
+    /// Its standard error.
+    pub se: f64,
+    /// Decrease of the cost without the statement; if the statement is right, chi-square with one degree of freedom.
+    pub gain: f64,
+}
+
 /// Products and whitening of one trial.
 struct Whitened {
     moments: TrialMoments,
@@ -104,11 +114,23 @@ struct Whitened {
 }
 
 impl RigFitInput<'_> {
-    /// The same trials, where all that is known before of the coordinate in a place has this precision.
-    pub fn without_statement_of(&self, place: usize, precision: f64) -> Self {
+    /// Fits anew, near a fit, where all that is known before of the coordinate in a place has this precision. The weights are those of the
+    /// fit, so that the costs of both can be compared (the distance test of Newey and West 1987).
+    pub fn released(&self, fit: &RigFit, place: usize, precision: f64) -> ReleasedFit {
         let mut prior = self.prior.clone();
         prior.precision[(place, place)] = precision;
-        Self { coordinates: self.coordinates.clone(), prior, ..*self }
+        let without = Self { coordinates: self.coordinates.clone(), prior, ..*self };
+        let whitened = self.whitened(&fit.point);
+        let cost = |point: &DVector<f64>| {
+            let residuals = without.linearised(&whitened, point, |_| false);
+            residuals.iter().map(|(residual, _)| residual.norm_squared()).sum::<f64>()
+                + without.prior.misfit(point)
+        };
+        let (point, se) = without.search(&whitened, fit.point.clone(), |_| true);
+        let values = fit.equations.iter().map(|own| own.residual.len()).sum::<usize>();
+        // What the model leaves beyond the noise counts as noise.
+        let excess = (cost(&point) / values as f64).max(1.0);
+        ReleasedFit { value: point[place], se: se[place], gain: (cost(&fit.point) - cost(&point)) / excess }
     }
 
     /// Fits all coordinates from a point.

@@ -1,9 +1,8 @@
 //! Whether the stated value of each load agrees with the other loads.
 
 use super::constants::RigCoordinates;
-use super::covariance::{INTERVAL, NOTHING_KNOWN, covariance};
-use super::fit::{RigFit, RigFitInput};
-use super::likelihood::CommonProducts;
+use super::covariance::{INTERVAL, NOTHING_KNOWN};
+use super::fit::{ReleasedFit, RigFit, RigFitInput};
 use crate::protocol::RigLoad;
 use crate::statistics::{chi_square_tail, holm};
 
@@ -33,29 +32,23 @@ impl LoadCheck {
     }
 }
 
-/// Compares each load with the others: all constants are fitted anew without its stated value, and the likelihoods of both fits are
-/// compared.
+/// Compares each load with the others: all constants are fitted anew without its stated value, and the costs of both fits are compared.
 ///
-/// A fit, and no step from the fit with the stated value; likelihoods, and no standard errors: the others tell a load up to a hundred times
-/// less well than its stated value does, and so far away neither slope nor curvature is that of the stated value. Where the model leaves more
-/// than the noise, the likelihood counts it as noise.
+/// A fit, and no step from the fit with the stated value; costs, and no standard errors: the others tell a load up to a hundred times less
+/// well than its stated value does, and so far away neither slope nor curvature is that of the stated value.
 pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit) -> Vec<LoadCheck> {
-    let mut products = CommonProducts::new(input);
     let (mut checks, mut gains) = (Vec::new(), Vec::new());
     for (index, load) in input.coordinates.loads.iter().enumerate() {
         let place = RigCoordinates::first_load() + index;
         let stated = input.prior.precision[(place, place)];
-        let without = input.without_statement_of(place, NOTHING_KNOWN);
-        let other = without.fit(&fit.point);
-        let variance = covariance(&without, &other).covariance[(place, place)];
+        let ReleasedFit { value, se, gain } = input.released(fit, place, NOTHING_KNOWN);
         // An interval wider than the value itself tells nothing about the value.
-        let told = INTERVAL * libm::sqrt(variance) < 1.0;
-        let mut deviance = |point| products.deviance(&without, point);
-        gains.push(if told { deviance(&fit.point) - deviance(&other.point) } else { 0.0 });
+        let told = INTERVAL * se < 1.0;
+        gains.push(if told { gain } else { 0.0 });
         checks.push(LoadCheck {
             load: *load,
-            difference: told.then_some(other.point[place]),
-            se: libm::sqrt(variance + 1.0 / stated),
+            difference: told.then_some(value),
+            se: libm::hypot(se, 1.0 / libm::sqrt(stated)),
             p_value: 1.0,
             or: Vec::new(),
         });

@@ -3,8 +3,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure, rig_trials_text};
-use crate::protocol::{Order, ValidProtocol, minutes};
+use crate::app::{Console, Failure, duration_text, rig_trials_text, trials_text};
+use crate::protocol::ValidProtocol;
 use crate::schedule;
 
 use super::verb::Verb;
@@ -27,39 +27,11 @@ impl Verb for CheckArgs {
         schedule::draw(&protocol, 0, Some(1))?;
         let mut out = console.results();
         writeln!(out, "{}: {}, can be run", self.protocol.display(), protocol.name)?;
-        writeln!(out, "  trials: {}", trials(&protocol))?;
+        writeln!(out, "  trials: {}", trials_text(&protocol))?;
         if let Some(rig_trials) = rig_trials_text(&protocol) {
             writeln!(out, "  rig trials: {rig_trials}")?;
         }
-        let duration = protocol.duration();
-        writeln!(
-            out,
-            "  expected duration: {} ({} if every gate opens at once, {} if each takes its timeout)",
-            minutes(duration.expected_s),
-            minutes(duration.shortest_s),
-            minutes(duration.longest_s)
-        )?;
+        writeln!(out, "  expected duration: {}", duration_text(&protocol))?;
         Ok(())
     }
-}
-
-fn trials(protocol: &ValidProtocol) -> String {
-    let order = match &protocol.order {
-        Order::Shuffled => "shuffled".to_owned(),
-        Order::Blocked => "blocked".to_owned(),
-        Order::Constrained { max_run } => format!("constrained to runs of at most {max_run}"),
-        Order::Williams => "Williams square".to_owned(),
-        Order::Fixed { .. } => "fixed".to_owned(),
-    };
-    let before = match protocol.before.familiarisation_trials {
-        0 => String::new(),
-        count => format!("; before them {count} familiarisation trials"),
-    };
-    format!(
-        "{} ({} velocities x {} torques x {} repetitions, {order}){before}",
-        protocol.trial_count(),
-        protocol.velocities_rad_s.len(),
-        protocol.torques_nm.len(),
-        protocol.repetitions
-    )
 }

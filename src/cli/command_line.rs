@@ -9,8 +9,8 @@ use crate::app::{Console, Failure};
 
 use super::verb::Verb;
 use super::{
-    attach, calibrate, check, cohort, design, diagnose, export, fit, import, new, power, replay, report,
-    resume, reveal, rig, run, schedule, schema, sessions, states, trials, verify, watch,
+    attach, calibrate, check, cohort, console, design, diagnose, export, fit, import, new, power, replay,
+    report, resume, reveal, rig, run, schedule, schema, sessions, states, trials, verify, watch,
 };
 
 /// The verbs and the structs of their arguments; clap spells `RigCheck` as `rig-check`.
@@ -34,6 +34,7 @@ macro_rules! verbs {
 verbs! {
     New(new::NewArgs),
     Sessions(sessions::SessionsArgs),
+    Console(console::ConsoleArgs),
     Rig(rig::RigArgs),
     Run(run::RunArgs),
     Resume(resume::ResumeArgs),

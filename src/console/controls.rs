@@ -1,6 +1,6 @@
 //! What operators can ask for at a page or in the terminal. The subject's page can ask for nothing.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::dataset::ActionOrigin;
 use crate::session::Event;
@@ -15,6 +15,20 @@ pub trait Controls: Send + Sync {
 
     /// An operator's page was closed.
     fn left(&self, _origin: ActionOrigin) {}
+}
+
+/// What is chosen for a session from the lists of a laboratory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// The subject.
+    Subject,
+    /// The protocol.
+    Protocol,
+    /// The rig.
+    Rig,
+    /// The measured constants of the rig.
+    Calibration,
 }
 
 /// A request of an operator.
@@ -51,5 +65,17 @@ pub enum Request {
     Seek {
         /// Time from the beginning of the recording, s.
         t_s: f64,
+    },
+    /// Choose a line of a list of the laboratory.
+    Choose {
+        /// The list.
+        part: Part,
+        /// Name of the line; `None` for none.
+        name: Option<String>,
+    },
+    /// Begin a session with what is chosen.
+    Begin {
+        /// Number of the view that the operator saw; of another one nothing begins.
+        number: u64,
     },
 }

@@ -21,7 +21,7 @@ use super::step_feed::{SampleCounter, StepFeed, TimedStep};
 use super::terminal::Terminal;
 use super::thread_priority::lower_thread_priority;
 use super::view_model::ViewModel;
-use super::web::{Address, PageAddresses, PageContent, Server};
+use super::web::{Address, PageAddresses, PageContent, PageDisplay, Server, SessionContent};
 use super::welcome::{SessionInfo, welcome_messages};
 use crate::dataset::{ActionOrigin, AuditSender, LONGEST_NOTE, OperatorAction, Trial, Wrist};
 use crate::session::{Machine, Source};
@@ -42,8 +42,8 @@ const LONGEST_CLOCK: usize = 40;
 /// What a session's console consists of, and what it must know of the session.
 #[derive(Debug, Clone)]
 pub struct ConsoleSetup {
-    /// Address of the web pages; `None` serves none.
-    pub pages: Option<Address>,
+    /// The web pages; `None` serves none.
+    pub pages: Option<Pages>,
     /// Whether the terminal shows the session.
     pub terminal: bool,
     /// Wrist in the handle.
@@ -64,6 +64,15 @@ pub struct ConsoleSetup {
     pub earlier_trials: Vec<Trial>,
     /// The session's folder.
     pub folder: PathBuf,
+}
+
+/// Where the web pages of a session are.
+#[derive(Debug, Clone)]
+pub enum Pages {
+    /// The session has pages of its own, at this address.
+    Own(Address),
+    /// Pages that are there before and after the session.
+    Of(PageDisplay),
 }
 
 /// The console of a running session.
@@ -105,13 +114,20 @@ impl Live {
             pages: Mutex::new(ComingAndGoing::new(Instant::now())),
         });
         let latencies = DisplayLatencies::default();
-        let content = PageContent {
+        let content = PageContent::Session(SessionContent {
             welcome: welcome_messages(&setup.info, &settings, setup.wrist, None),
             views: views.clone(),
             controls: controls.clone(),
             latencies: latencies.clone(),
+        });
+        let server = match &setup.pages {
+            Some(Pages::Own(address)) => Some(Server::start(address, content)?),
+            Some(Pages::Of(display)) => {
+                display.show(content);
+                None
+            }
+            None => None,
         };
-        let server = setup.pages.as_ref().map(|address| Server::start(address, content)).transpose()?;
         commands.record(OperatorAction::Opened { wrist: setup.wrist }, ActionOrigin::Program);
         let info = setup.info;
         let open_terminal = move || Terminal::open(views, controls, info, stop);
@@ -136,7 +152,7 @@ impl Live {
         Ok((live, feed, receiver))
     }
 
-    /// Addresses of the pages, if pages are served.
+    /// Addresses of the session's own pages, if it has any.
     pub fn pages(&self) -> Option<PageAddresses> {
         self.server.as_ref().map(Server::pages)
     }
@@ -286,8 +302,14 @@ impl Controls for SessionControls {
                     self.commands.record(OperatorAction::Noted { text, clock }, origin);
                 }
             }
-            // Not an operator's command, not confirmed, or meant for a recording.
-            Request::Command { .. } | Request::Play { .. } | Request::Seek { .. } => {}
+            Request::Begin { .. } => self
+                .commands
+                .alarm("a page asked to begin another session: this one runs, and the other was not begun"),
+            // Not an operator's command, not confirmed, or meant for a recording or a laboratory.
+            Request::Command { .. }
+            | Request::Play { .. }
+            | Request::Seek { .. }
+            | Request::Choose { .. } => {}
         }
     }
 

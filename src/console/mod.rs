@@ -2,9 +2,10 @@
 //!
 //! The control loop hands each step to a [`StepFeed`] and polls a [`CommandReceiver`] for commands; it waits for neither.
 //! The [`ViewModel`] makes snapshots of the steps. Web pages ([`web`]) and the [`terminal`] draw the latest snapshot. A
-//! recorded session is shown in the same way ([`player`]).
+//! recorded session is shown in the same way ([`player`]). Between the sessions of a laboratory the pages show a
+//! [`LaboratoryView`].
 //!
-//! Layers, bottom up: step_feed, commands, controls -> trial_fits, ramps, history -> view_model -> web, terminal -> live, player.
+//! Layers, bottom up: step_feed, commands, controls -> trial_fits, ramps, history -> view_model, laboratory_view -> web, terminal -> live, player.
 
 mod coming_and_going;
 mod command_questions;
@@ -14,6 +15,7 @@ mod display_latency;
 mod error;
 mod fitter;
 mod history;
+mod laboratory_view;
 mod live;
 mod playback_time;
 pub mod player;
@@ -36,11 +38,15 @@ mod welcome;
 
 pub use command_questions::{CommandQuestions, SETS_ORIGIN_HERE};
 pub use commands::{CommandReceiver, CommandSender, OperatorNotice};
-pub use controls::{Controls, Request};
+pub use controls::{Controls, Part, Request};
 pub use display_latency::{DisplayLatencies, DisplayLatency};
 pub use error::ConsoleError;
 pub use fitter::{Fitter, SessionSoFar, TrialFit, TrialFitContext, TrialFitOutcome};
-pub use live::{ConsoleSetup, Live};
+pub use laboratory_view::{
+    Choice, LaboratoryControls, LaboratoryPublisher, LaboratoryRequest, LaboratoryView, ListEntry,
+    ListedCheck, ListedSession, Notice, Outcome,
+};
+pub use live::{ConsoleSetup, Live, Pages};
 pub use snapshot::{CurrentTrial, Instruction, PlaybackState, Snapshot, SubjectView};
 pub use step_feed::{SampleCounter, StepFeed, TimedStep};
 pub use strip_chart::{BIN_S, Bin};

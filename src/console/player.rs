@@ -18,7 +18,7 @@ use super::snapshot::PlaybackState;
 use super::step_feed::TimedStep;
 use super::thread_priority::lower_thread_priority;
 use super::view_model::{ViewModel, Views};
-use super::web::{Address, PageAddresses, PageContent, Server};
+use super::web::{Address, PageAddresses, PageContent, Server, SessionContent};
 use super::welcome::{SessionInfo, welcome_messages};
 use crate::dataset::{self, ActionOrigin, AuditEntry, JOURNAL, OperatorAction, Wrist, replay_watched};
 use crate::fit::PreprocessingSettings;
@@ -173,12 +173,12 @@ impl Playback {
         let playback = views.snapshot().borrow().playback;
         let requested = PlaybackRequest { speed: 1.0, plays: false, seek: None, over: false };
         let controls = PlaybackControls(Arc::new(Mutex::new(requested)));
-        let content = PageContent {
+        let content = PageContent::Session(SessionContent {
             welcome: welcome_messages(&recording.info, &recording.settings, recording.wrist, playback),
             views,
             controls: Arc::new(controls.clone()),
             latencies: DisplayLatencies::default(),
-        };
+        });
         let server = Server::start(address, content)?;
         let player = Player {
             recording,

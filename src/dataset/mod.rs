@@ -61,7 +61,7 @@ pub use record_csv::{Digits, record_csv};
 pub use recorder::{RecordError, Recorder};
 pub use recovery::operator_actions;
 pub use replay::{Difference, Garbage, Replay, StepObserver, replay, replay_watched};
-pub use resume::{Resumable, ResumeError, Resumed};
+pub use resume::{Resumable, ResumeError, Resumed, every_trial_is_done};
 pub use rig_calibration::{
     CalibratedQuantity, CalibrationFit, CalibrationLoad, CalibrationNoise, CalibrationSource, NoiseSpectrum,
     RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, RigCalibration, RigCalibrationError, RigQuantity,

@@ -66,6 +66,14 @@ pub struct Resumed {
     pub torn: Option<Damage>,
 }
 
+/// Whether the journal of the session in `path` says that every trial is done. The session is not locked.
+///
+/// # Errors
+/// If it has no journal that can be read.
+pub fn every_trial_is_done(path: &Path) -> Result<bool, DatasetError> {
+    Ok(RecoveredSession::read(path)?.state()?.phase == Phase::Finished)
+}
+
 impl Resumable {
     /// Opens and locks the session in `path`. Nothing is changed yet.
     ///

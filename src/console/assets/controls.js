@@ -69,6 +69,16 @@ export class Controls {
     document.getElementById("keys").replaceChildren(...rows);
   }
 
+  /// The session of a laboratory is over: what came of it, and the way back.
+  end({ text, is_alarm: isAlarm }, back) {
+    this.now = null;
+    document.getElementById("note-form").hidden = true;
+    for (const dialog of [this.confirmDialog, this.help, this.machine]) dialog.close();
+    const button = element("button", { type: "button", class: "go", id: "back", onclick: back }, "To the next session");
+    this.foot.replaceChildren(element("span", { id: "over", role: "status", class: isAlarm ? "alarm" : "" }, text), button);
+    button.focus();
+  }
+
   commandButtons() {
     this.buttons = COMMANDS.map((own) => {
       const button = element("button", { type: "button", class: own.style ?? "", onclick: () => this.choose(own) },
@@ -142,6 +152,8 @@ export class Controls {
   }
 
   press(event) {
+    // Between two sessions there is nothing to command.
+    if (!this.now) return;
     if (event.ctrlKey || event.metaKey || event.altKey || this.confirmDialog.open || this.help.open) return;
     const { key, target } = event;
     if (target === this.note) {

@@ -19,9 +19,9 @@ export function connect(take, state) {
     socket.addEventListener("message", ({ data }) => {
       const message = JSON.parse(data);
       if (message === null) return;
-      // Acknowledges the snapshot. Without acknowledgements the program sends no more, so that a slow page misses snapshots
+      // Acknowledges what is numbered. Without acknowledgements the program sends no more, so that a slow page misses snapshots
       // instead of getting old ones.
-      if (message.kind === "now") send({ seen: message.n });
+      if (message.n !== undefined) send({ seen: message.n });
       take(message);
     });
     socket.addEventListener("close", ({ reason }) => {

@@ -1,6 +1,7 @@
 // The operator's page: state of the session, history, controls.
 import { onColours } from "./axes.js";
 import { Controls } from "./controls.js";
+import { Laboratory } from "./laboratory.js";
 import { connect } from "./link.js";
 import { Machine } from "./machine.js";
 import { drawFit, drawRamps } from "./response.js";
@@ -22,18 +23,33 @@ let isOver = false;
 let phases = [null, null];
 
 const controls = new Controls((message) => send(message));
+const laboratory = new Laboratory((message) => send(message));
+let link = "lost";
 const send = connect(take, (state) => {
+  link = state;
   isOver ||= state === "over";
-  const words = { open: "connected", lost: "no connection", over: "session over" };
   controls.connected(state === "open");
-  by("line").textContent = words[isOver ? "over" : state];
-  by("line").className = `badge ${isOver ? "" : state === "open" ? "good" : "bad"}`;
+  laboratory.connected(state === "open");
+  tellLink();
 });
 
+function tellLink() {
+  const words = { open: "connected", lost: "no connection", over: hello ? "session over" : "the program has ended" };
+  by("line").textContent = words[isOver ? "over" : link];
+  by("line").className = `badge ${isOver ? "" : link === "open" ? "good" : "bad"}`;
+}
+
 function take(message) {
-  if (message.kind === "hello") {
+  if (message.kind === "laboratory") {
+    takeLaboratory(message.laboratory);
+  } else if (message.kind === "hello") {
     hello = message;
+    isOver = false;
+    [now, sessionHistory, ramps] = [null, null, null];
+    by("shown").replaceChildren(new Option("last fit", ""));
     strips.clear();
+    show("session");
+    tellLink();
     by("title").textContent = `${hello.subject} · ${hello.protocol}`;
     document.title = `${hello.subject}: ${hello.tape ? "recording" : "console"}`;
     by("facts").textContent = `${hello.rig}, ${hello.wrist} wrist, seed ${hello.seed}, ${hello.folder}`;
@@ -54,13 +70,44 @@ function take(message) {
   }
 }
 
+/// The view of a laboratory. A session that was watched stays in sight until the operator goes on.
+function takeLaboratory(view) {
+  laboratory.show(view);
+  if (hello && isOver) return;
+  if (!hello) return showLaboratory();
+  isOver = true;
+  tellLink();
+  controls.end(view.notice ?? { text: "The session is over.", is_alarm: false }, () => {
+    hello = null;
+    isOver = false;
+    showLaboratory();
+  });
+}
+
+function showLaboratory() {
+  by("title").textContent = "Laboratory";
+  document.title = "Ramphold: laboratory";
+  by("facts").textContent = laboratory.view.folder;
+  show("laboratory");
+  tellLink();
+}
+
+/// Shows the session or the laboratory.
+function show(main) {
+  const isSession = main === "session";
+  by("session").hidden = !isSession;
+  by("laboratory").hidden = isSession;
+  for (const id of ["controls", "phase", "trial", "progress", "clock"]) by(id).hidden = !isSession;
+}
+
 let asked = false;
 function redraw() {
   if (asked || !now || !hello) return;
   asked = true;
   requestAnimationFrame(() => {
     asked = false;
-    draw();
+    // A session may have begun since.
+    if (now) draw();
   });
 }
 

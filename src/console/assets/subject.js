@@ -22,7 +22,9 @@ let drawn = null;
 
 const send = connect(
   (message) => {
-    if (message.kind === "hello") wrist = message.wrist;
+    if (message.kind === "hello") [wrist, now] = [message.wrist, null];
+    // Between two sessions: that all trials are done stays in sight until the next session.
+    else if (message.kind === "laboratory") now = now?.cue === "done" ? now : null;
     else now = message;
     redraw();
   },

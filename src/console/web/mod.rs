@@ -9,6 +9,7 @@ mod limits;
 mod metered;
 mod movable_stream;
 mod server;
+mod site;
 mod socket;
 #[cfg(all(test, feature = "tls"))]
 mod tests;
@@ -20,5 +21,5 @@ mod tls;
 
 pub use access_control::{Role, Tokens};
 pub use address::Address;
-pub use content::PageContent;
+pub use content::{LaboratoryContent, PageContent, PageDisplay, SessionContent};
 pub use server::{PageAddresses, Server};

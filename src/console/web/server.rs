@@ -13,9 +13,9 @@ use super::super::thread_priority::lower_thread_priority;
 use super::accept::{Door, ServingThread};
 use super::access_control::{AccessControl, Role, Tokens};
 use super::address::Address;
-use super::content::PageContent;
+use super::content::{PageContent, PageDisplay};
 use super::limits::CLOSING_TIME;
-use super::socket::Site;
+use super::site::Site;
 
 /// Addresses of the two pages. Whoever knows an address has its role.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,6 +33,7 @@ pub struct Server {
     scheme: &'static str,
     host: String,
     tokens: Tokens,
+    display: PageDisplay,
     stop: watch::Sender<bool>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -56,7 +57,8 @@ impl Server {
         let host = access.first_host().to_owned();
         let (stop, stopped) = watch::channel(false);
         let access = Arc::new(access);
-        let site = Site::new(access.clone(), Arc::new(content), stopped.clone());
+        let (shown, content) = watch::channel(Arc::new(content));
+        let site = Site::new(access.clone(), content, stopped.clone());
         let runtime = || {
             tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ConsoleError::Start)
         };
@@ -76,12 +78,17 @@ impl Server {
             start_thread("console operator", operators, closing_time(stopped.clone()))?,
             start_thread("console pages", others, closing_time(stopped))?,
         ];
-        Ok(Self { address: bound, scheme, host, tokens, stop, threads })
+        Ok(Self { address: bound, scheme, host, tokens, display: PageDisplay(shown), stop, threads })
     }
 
     /// Address on which the server listens.
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Changes what the pages show.
+    pub fn display(&self) -> PageDisplay {
+        self.display.clone()
     }
 
     /// Addresses of the pages.

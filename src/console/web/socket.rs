@@ -1,32 +1,21 @@
-//! Requests for the files of a page, and the web socket that sends it snapshots.
+//! The web socket of a page: sends it what is shown, of a session or of a laboratory, and takes its messages.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use axum::Router;
-use axum::body::Body;
-use axum::extract::ws::rejection::WebSocketUpgradeRejection;
-use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
-use axum::extract::{Path, Request, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
-use axum::middleware::{self, Next};
-use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
 use serde::Deserialize;
-use serde_json::json;
+use serde_json::{Value, json};
 use tokio::sync::watch;
 use tokio::time::{sleep_until, timeout};
 
 use super::super::controls::Request as OperatorRequest;
 use super::super::snapshot::Snapshot;
-use super::access_control::{AccessControl, Role};
-use super::assets;
-use super::content::PageContent;
+use super::access_control::Role;
+use super::content::{LaboratoryContent, PageContent, SessionContent};
 use super::limits::{
-    CLOSING_TIME, LONGEST_MESSAGE, MESSAGES, PAGE_TIMEOUT, PAGES_PER_ROLE, REQUEST_TIMEOUT, RateLimiter,
-    UNACKNOWLEDGED_SNAPSHOTS,
+    CLOSING_TIME, MESSAGES, PAGE_TIMEOUT, REQUEST_TIMEOUT, RateLimiter, UNACKNOWLEDGED_SNAPSHOTS,
 };
 use crate::dataset::ActionOrigin;
 
@@ -34,149 +23,11 @@ use crate::dataset::ActionOrigin;
 const OPERATOR_PERIOD: Duration = Duration::from_millis(33);
 /// Shortest time between two snapshots for the subject's page, well below the period of a screen.
 const SUBJECT_PERIOD: Duration = Duration::from_millis(4);
+/// Longest time between two messages about a laboratory, which the page acknowledges.
+const LABORATORY_PERIOD: Duration = Duration::from_secs(2);
 
 /// Number of snapshots whose sample time is kept until the page has drawn them.
 const SAMPLE_TIMES: usize = 64;
-
-/// Security headers of every response: no foreign content, no cache, no frames.
-const SECURITY_HEADERS: [(header::HeaderName, &str); 7] = [
-    (
-        header::CONTENT_SECURITY_POLICY,
-        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self'; \
-         base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-    ),
-    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-    (header::X_FRAME_OPTIONS, "DENY"),
-    (header::REFERRER_POLICY, "no-referrer"),
-    (header::CACHE_CONTROL, "no-store"),
-    (header::HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
-    (header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
-];
-
-/// What the pages are made of.
-#[derive(Clone)]
-pub struct Site {
-    access: Arc<AccessControl>,
-    content: Arc<PageContent>,
-    stopped: watch::Receiver<bool>,
-    /// Number of open pages of the operator and of the subject.
-    pages: Arc<[AtomicUsize; 2]>,
-    /// Role whose pages are kept open on this thread.
-    thread_of: Role,
-}
-
-impl Site {
-    /// Pages of `content` that are closed when `stopped`.
-    pub fn new(
-        access: Arc<AccessControl>,
-        content: Arc<PageContent>,
-        stopped: watch::Receiver<bool>,
-    ) -> Self {
-        Self { access, content, stopped, pages: Arc::default(), thread_of: Role::Subject }
-    }
-
-    /// The routes of the pages, on the thread that keeps those of `role` open.
-    pub fn router(self, role: Role) -> Router {
-        let site = Self { thread_of: role, ..self };
-        Router::new()
-            .route("/{role}/{token}/", get(page))
-            .route("/{role}/{token}/live", get(live))
-            .route("/{role}/{token}/{file}", get(asset))
-            .fallback(async || StatusCode::FORBIDDEN)
-            .layer(middleware::from_fn_with_state(site.clone(), check))
-            .with_state(site)
-    }
-}
-
-/// Refuses forged requests and adds the security headers to every response.
-async fn check(State(site): State<Site>, request: Request, next: Next) -> Response {
-    let mut response = match site.access.check_source(request.headers()) {
-        Ok(()) => next.run(request).await,
-        Err(refusal) => (refusal.status(), refusal.to_string()).into_response(),
-    };
-    for (name, value) in SECURITY_HEADERS {
-        response.headers_mut().insert(name, HeaderValue::from_static(value));
-    }
-    response
-}
-
-async fn page(State(site): State<Site>, Path((role, token)): Path<(String, String)>) -> Response {
-    match site.access.role(&role, &token) {
-        Ok(role) => answer(&format!("{}.html", role.name())),
-        Err(refusal) => (refusal.status(), refusal.to_string()).into_response(),
-    }
-}
-
-async fn asset(
-    State(site): State<Site>,
-    Path((role, token, file)): Path<(String, String, String)>,
-) -> Response {
-    match site.access.role(&role, &token) {
-        Ok(_) => answer(&file),
-        Err(refusal) => (refusal.status(), refusal.to_string()).into_response(),
-    }
-}
-
-fn answer(file: &str) -> Response {
-    match assets::file(file) {
-        Some((kind, bytes)) => ([(header::CONTENT_TYPE, kind)], Body::from(bytes)).into_response(),
-        None => StatusCode::NOT_FOUND.into_response(),
-    }
-}
-
-async fn live(
-    State(site): State<Site>,
-    Path((role, token)): Path<(String, String)>,
-    headers: HeaderMap,
-    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
-) -> Response {
-    let role = match site.access.role(&role, &token) {
-        Ok(role) => role,
-        Err(refusal) => return (refusal.status(), refusal.to_string()).into_response(),
-    };
-    if let Err(refusal) = site.access.check_socket(&headers) {
-        return (refusal.status(), refusal.to_string()).into_response();
-    }
-    // A connection that began with another page's request. Browsers open a new one for each socket.
-    if role != site.thread_of {
-        return (StatusCode::MISDIRECTED_REQUEST, "open a new connection").into_response();
-    }
-    let upgrade = match upgrade {
-        Ok(upgrade) => upgrade,
-        Err(rejection) => return rejection.into_response(),
-    };
-    let Some(slot) = PageSlot::take(&site.pages, role) else {
-        return (StatusCode::SERVICE_UNAVAILABLE, "too many pages are open").into_response();
-    };
-    upgrade.max_message_size(LONGEST_MESSAGE).max_frame_size(LONGEST_MESSAGE).write_buffer_size(0).on_upgrade(
-        move |socket| async move {
-            let stopped = site.stopped.clone();
-            PageConnection::new(role, site.content).run(socket, stopped).await;
-            drop(slot);
-        },
-    )
-}
-
-/// One of the limited number of open pages of a role; free again when dropped.
-struct PageSlot {
-    pages: Arc<[AtomicUsize; 2]>,
-    role: Role,
-}
-
-impl PageSlot {
-    fn take(pages: &Arc<[AtomicUsize; 2]>, role: Role) -> Option<Self> {
-        let slot = Self { pages: pages.clone(), role };
-        let before = slot.pages[role as usize].fetch_add(1, Ordering::Relaxed);
-        // A slot beyond the limit is freed when it is dropped.
-        (before < PAGES_PER_ROLE).then_some(slot)
-    }
-}
-
-impl Drop for PageSlot {
-    fn drop(&mut self) {
-        self.pages[self.role as usize].fetch_sub(1, Ordering::Relaxed);
-    }
-}
 
 /// Message of a page.
 #[derive(Debug, Deserialize)]
@@ -205,10 +56,17 @@ struct Drawn {
 /// Code and reason with which a page's socket is closed.
 type CloseReason = (u16, &'static str);
 
+/// Why a page is no longer served what it was.
+enum Served {
+    /// Something else is shown now.
+    Changed,
+    /// The socket is to be closed.
+    Closed(Option<CloseReason>),
+}
+
 /// Connection to one page.
-struct PageConnection {
+pub struct PageConnection {
     role: Role,
-    content: Arc<PageContent>,
     /// Number of the last snapshot sent, and of the last one acknowledged.
     sent: u64,
     seen: u64,
@@ -221,12 +79,12 @@ struct PageConnection {
 }
 
 impl PageConnection {
-    fn new(role: Role, content: Arc<PageContent>) -> Self {
+    /// A connection to a page of `role`.
+    pub fn new(role: Role) -> Self {
         let now = Instant::now();
         let [burst, per_s] = MESSAGES[role as usize];
         Self {
             role,
-            content,
             sent: 0,
             seen: 0,
             acknowledged_at: now,
@@ -237,14 +95,37 @@ impl PageConnection {
         }
     }
 
-    async fn run(mut self, mut socket: WebSocket, stopped: watch::Receiver<bool>) {
-        if self.role == Role::Operator {
-            self.content.controls.joined(ActionOrigin::Page);
-        }
-        let (code, reason) = self.serve(&mut socket, stopped).await.unwrap_or((close_code::AWAY, "gone"));
-        if self.role == Role::Operator {
-            self.content.controls.left(ActionOrigin::Page);
-        }
+    /// Serves the page what is shown, until either side closes.
+    pub async fn run(
+        mut self,
+        mut socket: WebSocket,
+        mut shown: watch::Receiver<Arc<PageContent>>,
+        stopped: watch::Receiver<bool>,
+    ) {
+        let closed = loop {
+            let content = shown.borrow_and_update().clone();
+            if self.role == Role::Operator {
+                content.controls().joined(ActionOrigin::Page);
+            }
+            let ends = (&mut shown, stopped.clone());
+            let served = match content.as_ref() {
+                PageContent::Session(session) => {
+                    self.serve_session(&mut socket, session, &content, ends).await
+                }
+                PageContent::Laboratory(laboratory) => {
+                    self.serve_laboratory(&mut socket, laboratory, &content, ends).await
+                }
+            };
+            if self.role == Role::Operator {
+                content.controls().left(ActionOrigin::Page);
+            }
+            match served {
+                Some(Served::Changed) => {}
+                Some(Served::Closed(reason)) => break reason,
+                None => break None,
+            }
+        };
+        let (code, reason) = closed.unwrap_or((close_code::AWAY, "gone"));
         let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
         // Messages of the page are read until it has closed: a socket that is closed with unread messages is reset, and the
         // page would lose the close reason. The page may also be gone already.
@@ -257,56 +138,114 @@ impl PageConnection {
         let _ = timeout(CLOSING_TIME / 2, closing).await;
     }
 
-    /// Serves the page until either side closes; returns the reason for the page, where one is known.
-    async fn serve(
+    /// Serves the page a session until something else is shown or either side closes; `None` if the page is gone.
+    async fn serve_session(
         &mut self,
         socket: &mut WebSocket,
-        mut stopped: watch::Receiver<bool>,
-    ) -> Option<CloseReason> {
-        let content = self.content.clone();
-        let welcome = &content.welcome[usize::from(self.role == Role::Subject)];
+        session: &SessionContent,
+        content: &PageContent,
+        (shown, mut stopped): (&mut watch::Receiver<Arc<PageContent>>, watch::Receiver<bool>),
+    ) -> Option<Served> {
+        let welcome = &session.welcome[usize::from(self.role == Role::Subject)];
         send(socket, welcome.to_string()).await?;
-        let (mut snapshot, mut history) = (content.views.snapshot(), content.views.history());
-        let mut ramps = content.views.ramps();
+        (self.next_bin, self.measured) = (0, VecDeque::with_capacity(SAMPLE_TIMES));
+        let (mut snapshot, mut history) = (session.views.snapshot(), session.views.history());
+        let mut ramps = session.views.ramps();
         snapshot.mark_changed();
         history.mark_changed();
         ramps.mark_changed();
         let period = if self.role == Role::Operator { OPERATOR_PERIOD } else { SUBJECT_PERIOD };
         let mut due = tokio::time::Instant::now();
         loop {
-            let may_send = self.sent - self.seen < UNACKNOWLEDGED_SNAPSHOTS;
-            tokio::select! {
+            let may_send = self.may_send();
+            let end = tokio::select! {
                 biased;
                 message = socket.recv() => {
-                    if let Err(reason) = self.receive(message?.ok()) {
-                        return reason;
+                    if let Err(reason) = self.receive(message?.ok(), content) {
+                        return Some(Served::Closed(reason));
                     }
+                    continue;
                 }
-                () = until(&mut stopped) => {
-                    self.send_shared(socket, &history).await?;
-                    let last = snapshot.borrow().clone();
-                    self.send_snapshot(socket, &last).await?;
-                    return Some((close_code::NORMAL, "over"));
-                }
-                _ = sleep_until(tokio::time::Instant::from_std(self.acknowledged_at + PAGE_TIMEOUT)) => {
-                    return Some((close_code::POLICY, "no answer"));
+                () = until(&mut stopped) => Served::Closed(Some((close_code::NORMAL, "over"))),
+                Ok(()) = shown.changed() => Served::Changed,
+                _ = sleep_until(self.times_out_at()) => {
+                    return Some(Served::Closed(Some((close_code::POLICY, "no answer"))));
                 }
                 Ok(()) = history.changed(), if may_send && self.role == Role::Operator => {
                     history.mark_unchanged();
                     self.send_shared(socket, &history).await?;
+                    continue;
                 }
                 Ok(()) = snapshot.changed(), if may_send && due <= tokio::time::Instant::now() => {
                     let latest = snapshot.borrow_and_update().clone();
-                    self.send_snapshot(socket, &latest).await?;
+                    self.send_snapshot(socket, session, &latest).await?;
                     due = tokio::time::Instant::now() + period;
+                    continue;
                 }
                 Ok(()) = ramps.changed(), if may_send && self.role == Role::Operator => {
                     ramps.mark_unchanged();
                     self.send_shared(socket, &ramps).await?;
+                    continue;
                 }
-                _ = sleep_until(due), if may_send && due > tokio::time::Instant::now() => {}
-            }
+                _ = sleep_until(due), if may_send && due > tokio::time::Instant::now() => continue,
+            };
+            self.send_shared(socket, &history).await?;
+            let last = snapshot.borrow().clone();
+            self.send_snapshot(socket, session, &last).await?;
+            return Some(end);
         }
+    }
+
+    /// Serves the page a laboratory until something else is shown or either side closes; `None` if the page is gone.
+    async fn serve_laboratory(
+        &mut self,
+        socket: &mut WebSocket,
+        laboratory: &LaboratoryContent,
+        content: &PageContent,
+        (shown, mut stopped): (&mut watch::Receiver<Arc<PageContent>>, watch::Receiver<bool>),
+    ) -> Option<Served> {
+        let mut views = laboratory.views.receiver();
+        views.mark_changed();
+        let mut due = tokio::time::Instant::now();
+        loop {
+            let may_send = self.may_send();
+            tokio::select! {
+                biased;
+                message = socket.recv() => {
+                    if let Err(reason) = self.receive(message?.ok(), content) {
+                        return Some(Served::Closed(reason));
+                    }
+                    continue;
+                }
+                () = until(&mut stopped) => {
+                    return Some(Served::Closed(Some((close_code::NORMAL, "over"))));
+                }
+                Ok(()) = shown.changed() => return Some(Served::Changed),
+                _ = sleep_until(self.times_out_at()) => {
+                    return Some(Served::Closed(Some((close_code::POLICY, "no answer"))));
+                }
+                Ok(()) = views.changed(), if may_send => {}
+                _ = sleep_until(due), if may_send => {}
+            }
+            let view = match self.role {
+                Role::Operator => views.borrow_and_update().as_ref().clone(),
+                Role::Subject => Value::Null,
+            };
+            self.sent += 1;
+            let message = json!({ "kind": "laboratory", "n": self.sent, "laboratory": view });
+            send(socket, message.to_string()).await?;
+            due = tokio::time::Instant::now() + LABORATORY_PERIOD;
+        }
+    }
+
+    /// Whether the page has acknowledged enough of what it was sent.
+    fn may_send(&self) -> bool {
+        self.sent - self.seen < UNACKNOWLEDGED_SNAPSHOTS
+    }
+
+    /// When the page counts as gone, unless it acknowledges something before.
+    fn times_out_at(&self) -> tokio::time::Instant {
+        tokio::time::Instant::from_std(self.acknowledged_at + PAGE_TIMEOUT)
     }
 
     /// Sends what all operators' pages get alike.
@@ -322,7 +261,12 @@ impl PageConnection {
         send(socket, text).await
     }
 
-    async fn send_snapshot(&mut self, socket: &mut WebSocket, snapshot: &Snapshot) -> Option<()> {
+    async fn send_snapshot(
+        &mut self,
+        socket: &mut WebSocket,
+        session: &SessionContent,
+        snapshot: &Snapshot,
+    ) -> Option<()> {
         self.sent += 1;
         let mut message = match self.role {
             Role::Subject => json!(snapshot.subject),
@@ -331,7 +275,7 @@ impl PageConnection {
         message["kind"] = "now".into();
         message["n"] = self.sent.into();
         if self.role == Role::Operator {
-            let (bins, next) = self.content.views.bins_since(self.next_bin);
+            let (bins, next) = session.views.bins_since(self.next_bin);
             self.next_bin = next;
             message["bins"] = json!(bins);
         }
@@ -343,7 +287,11 @@ impl PageConnection {
     }
 
     /// Takes a message of the page; an error closes the socket.
-    fn receive(&mut self, message: Option<Message>) -> Result<(), Option<CloseReason>> {
+    fn receive(
+        &mut self,
+        message: Option<Message>,
+        content: &PageContent,
+    ) -> Result<(), Option<CloseReason>> {
         let now = Instant::now();
         if !self.messages.allows(now) {
             return Err(Some((close_code::POLICY, "too many messages")));
@@ -364,8 +312,8 @@ impl PageConnection {
             }
             Ok(PageMessage::Drawn(Drawn { drawn })) if drawn <= self.sent && self.role == Role::Subject => {
                 let mut measured = self.measured.iter().filter(|(n, _)| *n == drawn);
-                if let Some((_, Some(at))) = measured.next() {
-                    self.content.latencies.add(now.saturating_duration_since(*at));
+                if let (PageContent::Session(session), Some((_, Some(at)))) = (content, measured.next()) {
+                    session.latencies.add(now.saturating_duration_since(*at));
                 }
                 Ok(())
             }
@@ -376,7 +324,7 @@ impl PageConnection {
                 Err(Some((close_code::POLICY, "too many requests")))
             }
             Ok(PageMessage::Request(request)) => {
-                self.content.controls.request(request, ActionOrigin::Page);
+                content.controls().request(request, ActionOrigin::Page);
                 Ok(())
             }
             Ok(PageMessage::Seen(_) | PageMessage::Drawn(_)) | Err(_) => {

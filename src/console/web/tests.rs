@@ -15,7 +15,7 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
 use tungstenite::{Message, WebSocket};
 
-use super::{Address, PageContent, Role, Server};
+use super::{Address, PageContent, Role, Server, SessionContent};
 use crate::console::command_questions::CommandQuestions;
 use crate::console::controls::{Controls, Request};
 use crate::console::display_latency::DisplayLatencies;
@@ -129,12 +129,12 @@ fn an_operator_is_heard_while_the_thread_of_the_looking_pages_serves_nobody() {
         let (_view, views) = view();
         let (requests, heard) = mpsc::channel();
         let latencies = DisplayLatencies::default();
-        let content = PageContent {
+        let content = PageContent::Session(SessionContent {
             welcome: [json!({ "kind": "hello" }), json!({ "kind": "hello" })],
             views,
             controls: Arc::new(Heard(requests)),
             latencies: latencies.clone(),
-        };
+        });
         let hosts = certificate.iter().map(|_| "console.test".to_owned()).collect();
         let address = Address { listen: "127.0.0.1:0".parse().unwrap(), certificate, hosts };
         let server = Server::start(&address, content).unwrap();

@@ -104,7 +104,7 @@ impl Socket {
             match self.0.read() {
                 Ok(Message::Text(text)) => {
                     let message: Value = serde_json::from_str(&text).unwrap();
-                    if message["kind"] == "now" {
+                    if message.get("n").is_some() {
                         // The other side may have closed already.
                         let _ = self.0.send(Message::text(json!({ "seen": message["n"] }).to_string()));
                     }
@@ -194,6 +194,27 @@ impl Program {
         let mut command = Command::new(PROGRAM);
         command.arg(verb).arg(&session).args(arguments);
         Self::start(&mut command, session, folder)
+    }
+
+    /// The console of a laboratory with these subjects and the soonest protocol; its sessions are in `session`.
+    pub fn laboratory(subjects: &str, arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let laboratory = folder.path().join("lab");
+        let made =
+            Command::new(PROGRAM).arg("new").arg(&laboratory).args(["--yes", "--quiet"]).output().unwrap();
+        assert!(made.status.success());
+        protocol(&laboratory);
+        std::fs::write(laboratory.join("subjects.csv"), subjects).unwrap();
+        let mut command = Command::new(PROGRAM);
+        command.arg("console").arg(&laboratory).args(arguments);
+        Self::start(&mut command, laboratory.join("sessions"), Arc::new(folder))
+    }
+
+    /// Asks the program to end, as Ctrl-C does.
+    #[cfg(unix)]
+    pub fn interrupt(&self) {
+        let sent = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status().unwrap();
+        assert!(sent.success());
     }
 
     fn start(command: &mut Command, session: PathBuf, folder: Arc<TempDir>) -> Self {
