@@ -11,6 +11,9 @@ use crate::wrist::{self, Kinematics, Lever};
 /// Speed at which the friction is at 76 % of its full value, as a part of the ramp's: what rig trials are searched from.
 const FULL_AT: f64 = 0.01;
 
+/// Part of the ramp's speed at which its motion has risen.
+const RISEN: f64 = 0.5;
+
 /// Least time constant with which the lever bends, samples: a shorter one cannot be seen.
 const LEAST_LAG: f64 = 0.01;
 
@@ -52,9 +55,15 @@ impl Observations {
             return None;
         }
         let full_at_rad_s = FULL_AT * velocity_rad_s.abs();
-        let acting = |(sample, knot): (usize, &Kinematics<f64>)| match sample > onset {
-            true => friction_nm * libm::tanh(knot.omega / full_at_rad_s),
-            false => 0.0,
+        let rises = &motion[onset..];
+        let risen = rises.iter().take_while(|knot| knot.omega < RISEN * velocity_rad_s.abs()).count();
+        let acting = |(sample, knot): (usize, &Kinematics<f64>)| {
+            // A smoothed motion seems to turn back before it rises.
+            let least = if sample < onset + risen { 0.0 } else { f64::NEG_INFINITY };
+            match sample > onset {
+                true => friction_nm * libm::tanh(knot.omega.max(least) / full_at_rad_s),
+                false => 0.0,
+            }
         };
         let torque_nm: Vec<f64> = motion.iter().enumerate().map(acting).collect();
         let recorded_nm = filter(&self.prediction_sections, &torque_nm);
