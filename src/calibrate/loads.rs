@@ -8,7 +8,7 @@ use crate::statistics::{chi_square_tail, holm};
 
 /// Significance level of a load that disagrees, over all loads. A load in a hundred is wrong, by some 15 % (assumed): where chance makes a
 /// larger difference in one case of a thousand, a wrong load becomes the likelier explanation.
-const LEVEL: f64 = 0.001;
+const LOAD_LEVEL: f64 = 0.001;
 
 /// What the other loads say of a load's value.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,7 +28,7 @@ pub struct LoadCheck {
 impl LoadCheck {
     /// Whether the load disagrees with the others.
     pub fn disagrees(&self) -> bool {
-        self.difference.is_some() && self.p_value < LEVEL
+        self.difference.is_some() && self.p_value < LOAD_LEVEL
     }
 }
 

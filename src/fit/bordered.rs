@@ -8,7 +8,7 @@ use super::linalg::{cholesky, inverse_of};
 
 /// Where an unknown has its row.
 #[derive(Debug, Clone, Copy)]
-enum Place {
+enum RowPlace {
     /// Row of a block.
     Block { block: usize, row: usize },
     /// Row of the border.
@@ -29,7 +29,7 @@ struct Block {
 /// A symmetric matrix of blocks and a border.
 #[derive(Debug, Clone)]
 pub struct BorderedMatrix {
-    places: Vec<Place>,
+    places: Vec<RowPlace>,
     blocks: Vec<Block>,
     border: DMatrix<f64>,
 }
@@ -37,13 +37,13 @@ pub struct BorderedMatrix {
 /// Its factor: the blocks are eliminated, and the Schur complement of the border is factored.
 #[derive(Debug, Clone)]
 pub struct BorderedFactor {
-    places: Vec<Place>,
-    blocks: Vec<EliminatedBlock>,
+    places: Vec<RowPlace>,
+    blocks: Vec<EliminatedRows>,
     border: Cholesky<f64, Dyn>,
 }
 
 #[derive(Debug, Clone)]
-struct EliminatedBlock {
+struct EliminatedRows {
     factor: Cholesky<f64, Dyn>,
     touched: Vec<usize>,
     /// The block's inverse times its part of the border.
@@ -66,16 +66,16 @@ impl BorderedMatrix {
         for (block, (own, _)) in blocks.iter().enumerate() {
             own.iter()
                 .enumerate()
-                .for_each(|(row, index)| places[*index] = Some(Place::Block { block, row }));
+                .for_each(|(row, index)| places[*index] = Some(RowPlace::Block { block, row }));
         }
         let mut rows = 0..;
-        let places: Vec<Place> = places
+        let places: Vec<RowPlace> = places
             .into_iter()
-            .map(|own| own.or_else(|| rows.next().map(Place::Border)).expect("as many rows as there are"))
+            .map(|own| own.or_else(|| rows.next().map(RowPlace::Border)).expect("as many rows as there are"))
             .collect();
         let row_of = |index: &usize| match places[*index] {
-            Place::Border(row) => row,
-            Place::Block { .. } => panic!("unknown {index} is of two blocks"),
+            RowPlace::Border(row) => row,
+            RowPlace::Block { .. } => panic!("unknown {index} is of two blocks"),
         };
         let block = |(own, touched): &(Vec<usize>, Vec<usize>)| Block {
             matrix: DMatrix::zeros(own.len(), own.len()),
@@ -92,29 +92,29 @@ impl BorderedMatrix {
     /// If the two know nothing of each other.
     pub fn add(&mut self, row: usize, column: usize, value: f64) {
         match (self.places[row], self.places[column]) {
-            (Place::Block { block, row }, Place::Block { block: other, row: column }) => {
+            (RowPlace::Block { block, row }, RowPlace::Block { block: other, row: column }) => {
                 assert_eq!(block, other, "two blocks know nothing of each other");
                 self.blocks[block].matrix[(row, column)] += value;
             }
-            (Place::Block { block, row }, Place::Border(column)) => {
+            (RowPlace::Block { block, row }, RowPlace::Border(column)) => {
                 let own = &mut self.blocks[block];
                 let touched = own.touched.iter().position(|touched| *touched == column);
                 own.with_border[(row, touched.expect("a row that the block touches"))] += value;
             }
-            (Place::Border(_), Place::Block { .. }) => {}
-            (Place::Border(row), Place::Border(column)) => self.border[(row, column)] += value,
+            (RowPlace::Border(_), RowPlace::Block { .. }) => {}
+            (RowPlace::Border(row), RowPlace::Border(column)) => self.border[(row, column)] += value,
         }
     }
 
     /// Makes an unknown independent of all others, with this value on the diagonal.
     pub fn isolate(&mut self, index: usize, diagonal: f64) {
         match self.places[index] {
-            Place::Block { block, row } => {
+            RowPlace::Block { block, row } => {
                 let Block { matrix, with_border, .. } = &mut self.blocks[block];
                 clear(matrix, row, diagonal);
                 with_border.row_mut(row).fill(0.0);
             }
-            Place::Border(row) => {
+            RowPlace::Border(row) => {
                 clear(&mut self.border, row, diagonal);
                 for own in &mut self.blocks {
                     if let Some(column) = own.touched.iter().position(|touched| *touched == row) {
@@ -138,7 +138,7 @@ impl BorderedMatrix {
                     border[(*row, *column)] -= known[(i, j)];
                 }
             }
-            blocks.push(EliminatedBlock { factor, touched: touched.clone(), per_border });
+            blocks.push(EliminatedRows { factor, touched: touched.clone(), per_border });
         }
         Some(BorderedFactor { places: self.places.clone(), blocks, border: cholesky(border)? })
     }
@@ -159,22 +159,22 @@ impl BorderedFactor {
         let mut of_border = DVector::zeros(self.border.l_dirty().nrows());
         for (place, value) in self.places.iter().zip(right.iter()) {
             match place {
-                Place::Block { block, row } => of_blocks[*block][*row] = *value,
-                Place::Border(row) => of_border[*row] = *value,
+                RowPlace::Block { block, row } => of_blocks[*block][*row] = *value,
+                RowPlace::Border(row) => of_border[*row] = *value,
             }
         }
-        for (EliminatedBlock { touched, per_border, .. }, own) in self.blocks.iter().zip(&of_blocks) {
+        for (EliminatedRows { touched, per_border, .. }, own) in self.blocks.iter().zip(&of_blocks) {
             let known = per_border.tr_mul(own);
             touched.iter().zip(known.iter()).for_each(|(row, known)| of_border[*row] -= known);
         }
         let of_border = self.border.solve(&of_border);
-        for (EliminatedBlock { factor, touched, per_border }, own) in self.blocks.iter().zip(&mut of_blocks) {
+        for (EliminatedRows { factor, touched, per_border }, own) in self.blocks.iter().zip(&mut of_blocks) {
             let near = DVector::from_iterator(touched.len(), touched.iter().map(|row| of_border[*row]));
             *own = factor.solve(own) - per_border * near;
         }
-        let at = |place: &Place| match place {
-            Place::Block { block, row } => of_blocks[*block][*row],
-            Place::Border(row) => of_border[*row],
+        let at = |place: &RowPlace| match place {
+            RowPlace::Block { block, row } => of_blocks[*block][*row],
+            RowPlace::Border(row) => of_border[*row],
         };
         DVector::from_iterator(self.places.len(), self.places.iter().map(at))
     }
@@ -198,13 +198,13 @@ impl BorderedInverse {
             near.iter().enumerate().map(|(i, row)| one(i) * self.of_border[(*row, column)]).sum::<f64>()
         };
         match (self.factor.places[row], self.factor.places[column]) {
-            (Place::Border(row), Place::Border(column)) => self.of_border[(row, column)],
-            (Place::Block { block, row }, Place::Border(column))
-            | (Place::Border(column), Place::Block { block, row }) => {
+            (RowPlace::Border(row), RowPlace::Border(column)) => self.of_border[(row, column)],
+            (RowPlace::Block { block, row }, RowPlace::Border(column))
+            | (RowPlace::Border(column), RowPlace::Block { block, row }) => {
                 let own = &self.factor.blocks[block];
                 -through_border(&|i| own.per_border[(row, i)], &own.touched, column)
             }
-            (Place::Block { block, row }, Place::Block { block: other_block, row: other_row }) => {
+            (RowPlace::Block { block, row }, RowPlace::Block { block: other_block, row: other_row }) => {
                 let (own, other) = (&self.factor.blocks[block], &self.factor.blocks[other_block]);
                 let of_others = other.touched.iter().enumerate().map(|(j, column)| {
                     other.per_border[(other_row, j)]

@@ -164,6 +164,12 @@ impl AngleErrors {
         Self { columns: (0..trials).map(column).collect(), variances, at_rest, moved: Arc::new(moved) }
     }
 
+    /// Largest of the errors of the rig's constants among the values of all errors, in standard deviations.
+    pub fn largest_of_rig(&self, values: &[f64]) -> f64 {
+        let first = self.at_rest.len() + self.moved.smoothed.len();
+        values[first..first + self.moved.rig.len()].iter().fold(0.0, |most: f64, own| most.max(own.abs()))
+    }
+
     /// The same errors about another model: a torque that is recorded late, for example, shows them late.
     pub fn about(&self, observations: &Observations, fit: &Fit) -> Self {
         let mut errors = self.clone();

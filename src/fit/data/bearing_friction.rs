@@ -4,9 +4,9 @@
 //! at theta_m - x without friction then moves the handle alike, and its lever has the torque T_l - T_f. So the friction leaves the model as
 //! it is: T_f goes out of the recorded torque, and x out of the motion of the motor. Exact for a friction that is known at each time.
 
-use super::observations::{Observations, TrialObservation};
-use crate::signal::filter;
-use crate::wrist::{self, Kinematics, Lever};
+use super::rig_constants::RigConstants;
+use crate::signal::{Section, filter};
+use crate::wrist::{Kinematics, Lever};
 
 /// Speed at which the friction is at 76 % of its full value, as a part of the ramp's: what rig trials are searched from.
 const FULL_AT: f64 = 0.01;
@@ -26,31 +26,18 @@ pub struct FrictionEffect {
     motion: Vec<Kinematics<f64>>,
 }
 
-impl Observations {
-    /// Takes the friction out of a trial whose motion is as recorded; what had been taken out of its torque along another motion is put back
-    /// first.
-    pub(super) fn take_friction(&self, trial: &mut TrialObservation) {
-        if let Some(before) = trial.friction.take() {
-            before.put_into_torque(&mut trial.measured_nm);
-        }
-        let wrist::TrialInput { motion, onset, .. } = &mut trial.input;
-        let Some(friction) = self.friction_along(motion, *onset, trial.velocity_rad_s) else { return };
-        trial.measured_nm.iter_mut().zip(&friction.recorded_nm).for_each(|(all, own)| *all -= own);
-        for (knot, own) in motion.iter_mut().zip(&friction.motion) {
-            *knot = Kinematics { theta: knot.theta - own.theta, omega: knot.omega - own.omega };
-        }
-        trial.friction = Some(friction);
-    }
-
-    /// Along `motion` of a ramp of `velocity_rad_s`, whose onset is at the sample `onset`; `None` without friction. Before the onset the
-    /// handle rests, and its friction is in the torque from which changes are counted.
-    fn friction_along(
-        &self,
+impl FrictionEffect {
+    /// Along `motion` of a ramp of `velocity_rad_s`, whose onset is at the sample `onset`, in a window of `samples`; `None` without friction.
+    /// The recorded torque has passed `sections`. Before the onset the handle rests, and its friction is in the torque from which changes are
+    /// counted.
+    pub fn along(
+        constants: &RigConstants,
+        (sections, period_s, samples): (&[Section], f64, usize),
         motion: &[Kinematics<f64>],
         onset: usize,
         velocity_rad_s: f64,
-    ) -> Option<FrictionEffect> {
-        let friction_nm = self.constants.bearing_friction_nm;
+    ) -> Option<Self> {
+        let friction_nm = constants.bearing_friction_nm;
         if friction_nm == 0.0 {
             return None;
         }
@@ -66,22 +53,28 @@ impl Observations {
             }
         };
         let torque_nm: Vec<f64> = motion.iter().enumerate().map(acting).collect();
-        let recorded_nm = filter(&self.prediction_sections, &torque_nm);
-        Some(FrictionEffect {
-            recorded_nm: recorded_nm[onset..onset + self.samples].to_vec(),
-            motion: bent(self.constants.lever, &torque_nm, self.period_s),
+        let recorded_nm = filter(sections, &torque_nm);
+        Some(Self {
+            recorded_nm: recorded_nm[onset..onset + samples].to_vec(),
+            motion: bent(constants.lever, &torque_nm, period_s),
         })
     }
-}
 
-impl FrictionEffect {
+    /// Takes the friction out of the recorded torque and of the motion that drives the model.
+    pub fn take_out(&self, measured_nm: &mut [f64], motion: &mut [Kinematics<f64>]) {
+        measured_nm.iter_mut().zip(&self.recorded_nm).for_each(|(all, own)| *all -= own);
+        for (knot, own) in motion.iter_mut().zip(&self.motion) {
+            *knot = Kinematics { theta: knot.theta - own.theta, omega: knot.omega - own.omega };
+        }
+    }
+
     /// Puts the friction back into the recorded torque.
-    pub(super) fn put_into_torque(&self, measured_nm: &mut [f64]) {
+    pub fn put_into_torque(&self, measured_nm: &mut [f64]) {
         measured_nm.iter_mut().zip(&self.recorded_nm).for_each(|(all, own)| *all += own);
     }
 
     /// Puts the friction back into the motion that drives the model.
-    pub(super) fn put_into_motion(&self, motion: &mut [Kinematics<f64>]) {
+    pub fn put_into_motion(&self, motion: &mut [Kinematics<f64>]) {
         for (knot, own) in motion.iter_mut().zip(&self.motion) {
             *knot = Kinematics { theta: knot.theta + own.theta, omega: knot.omega + own.omega };
         }

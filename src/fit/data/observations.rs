@@ -190,6 +190,20 @@ impl Observations {
         changed
     }
 
+    /// Takes the friction of the bearing out of a trial whose motion is as recorded; what had been taken out of its torque along another motion
+    /// is put back first.
+    pub(super) fn take_friction(&self, trial: &mut TrialObservation) {
+        if let Some(before) = trial.friction.take() {
+            before.put_into_torque(&mut trial.measured_nm);
+        }
+        let wrist::TrialInput { motion, onset, .. } = &mut trial.input;
+        let window = (self.prediction_sections.as_slice(), self.period_s, self.samples);
+        trial.friction = FrictionEffect::along(&self.constants, window, motion, *onset, trial.velocity_rad_s);
+        if let Some(friction) = &trial.friction {
+            friction.take_out(&mut trial.measured_nm, motion);
+        }
+    }
+
     /// The motion of the motor, as the torque record sees it, behind a smoothed angle.
     pub(in crate::fit) fn as_torque_sees(&self, motion: Vec<Kinematics<f64>>) -> Vec<Kinematics<f64>> {
         match self.constants.torque_delay_s {

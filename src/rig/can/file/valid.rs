@@ -255,7 +255,8 @@ mod tests {
         assert_eq!((read.streams[0].name.as_str(), read.streams[0].tolerate.silent_s), ("EMG", None));
         let found = told(|rig| rig["streams"] = streams(json!(0.01), "a\"b"));
         assert_eq!(found, ["streams[0].emg_ecr", "streams[0].tolerate.silent_s"]);
-        assert_eq!(told(|rig| rig["streams"] = json!([{ "name": "EMG" }])).len(), 2);
+        let missing = told(|rig| rig["streams"] = json!([{ "name": "EMG" }]));
+        assert!(missing.len() > 1 && missing.iter().all(|own| own.starts_with("streams")), "{missing:?}");
     }
 
     #[test]
