@@ -94,9 +94,9 @@ impl Diagnosis {
     }
 }
 
-/// Largest error of a combination of the rig's measured constants, in standard errors, that a diagnosis rests on: chance alone makes one of ten
-/// larger in six cases of a million.
-const LARGEST_RIG_ERROR: f64 = 5.0;
+/// Largest error of a combination of the rig's measured constants, in standard errors, that a diagnosis rests on: beyond it an error of one per
+/// cent is a fifth of the constant, and the session is not linear in it any more.
+const LARGEST_RIG_ERROR: f64 = 20.0;
 
 /// Diagnoses a session under `model`. `seed` seeds the simulated sessions; `stage` is called with the name of each step as it starts.
 pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(&'static str)) -> Diagnosis {
