@@ -20,7 +20,7 @@ use super::console::Console;
 use super::failure::Failure;
 use super::session_rig::stored_streams;
 
-/// Part by which a stream may have more or fewer samples a second than it says, before that is told.
+/// Largest difference of a stream's measured rate from the rate that it states, as a part of it, of which the operator hears nothing.
 const RATE_TOLERANCE: f64 = 0.01;
 
 /// The streams of a session that is about to run.
@@ -65,7 +65,8 @@ impl SessionStreams {
         self.0.clock()
     }
 
-    /// Begins to record them into the folder of the session. What happens to them is told to the operator and written into the journal.
+    /// Begins to record the streams into the folder of the session. Each event of a stream (silence, return, loss) goes to the operator and into
+    /// the journal.
     ///
     /// # Errors
     /// If a file cannot be begun.
@@ -142,7 +143,7 @@ impl StepConsumer for RecordedStreams {
     }
 }
 
-/// Cuts the recorded streams of a session into its trials. What cannot be cut is told; its file stays as it is.
+/// Cuts the recorded streams of a session into its trials. A stream that cannot be cut makes a message, and its file stays as it is.
 ///
 /// # Errors
 /// If the folder of the streams cannot be read.

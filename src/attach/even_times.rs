@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use crate::statistics::upper_median;
+
 /// Time over which the least late sample is looked for, on either side, s.
 const WINDOW_S: f64 = 1.0;
 
@@ -40,7 +42,7 @@ pub fn even_times(stamps_s: &[f64], nominal_hz: f64) -> EvenTimes {
     let mut after = least_before(late.iter().rev().copied(), window);
     after.reverse();
     let least = |at: usize| f64::min(before[at], after[at]);
-    let usual_s = median((0..late.len()).map(|at| late[at] - least(at)).collect());
+    let usual_s = upper_median((0..late.len()).map(|at| late[at] - least(at))).unwrap_or(0.0);
     let step_s = (LOSS_STEPS * period_s).max(LOSS_LATENESS * usual_s);
     let mut times_s: Vec<f64> = Vec::with_capacity(late.len());
     for at in 0..late.len() {
@@ -62,19 +64,9 @@ fn period_s(stamps_s: &[f64], nominal_hz: f64) -> f64 {
     let least_late: Vec<usize> = seconds.collect();
     let apart = (least_late.len() / APART_PARTS).clamp(1, APART_SECONDS);
     let pairs = least_late.iter().zip(least_late.iter().skip(apart));
-    let mut periods: Vec<f64> =
-        pairs.map(|(from, to)| (stamps_s[*to] - stamps_s[*from]) / (to - from) as f64).collect();
-    periods.retain(|period_s| *period_s > 0.0 && period_s.is_finite());
-    if periods.is_empty() { 1.0 / nominal_hz } else { median(periods) }
-}
-
-/// The middle value; 0 of none.
-fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    let periods = pairs.map(|(from, to)| (stamps_s[*to] - stamps_s[*from]) / (to - from) as f64);
+    let usable = periods.filter(|period_s| *period_s > 0.0 && period_s.is_finite());
+    upper_median(usable).unwrap_or(1.0 / nominal_hz)
 }
 
 /// The least of each value and the `window` values before it.

@@ -105,6 +105,15 @@ pub struct ReleasedFit {
     pub gain: f64,
 }
 
+/// Where a search ended.
+struct SearchEnd {
+    point: DVector<f64>,
+    /// Standard errors of the coordinates.
+    se: DVector<f64>,
+    cost_at_start: f64,
+    cost: f64,
+}
+
 /// Products and whitening of one trial.
 struct Whitened {
     moments: TrialMoments,
@@ -114,23 +123,30 @@ struct Whitened {
 }
 
 impl RigFitInput<'_> {
-    /// Fits anew, near a fit, where all that is known before of the coordinate in a place has this precision. The weights are those of the
-    /// fit, so that the costs of both can be compared (the distance test of Newey and West 1987).
-    pub fn released(&self, fit: &RigFit, place: usize, precision: f64) -> ReleasedFit {
-        let mut prior = self.prior.clone();
-        prior.precision[(place, place)] = precision;
-        let without = Self { coordinates: self.coordinates.clone(), prior, ..*self };
+    /// Fits anew, near a fit, once for each of `places`, where all that is known before of the coordinate there has this precision. The weights
+    /// are those of the fit, so that the costs of both can be compared (the distance test of Newey and West 1987).
+    pub fn released(
+        &self,
+        fit: &RigFit,
+        places: impl Iterator<Item = usize>,
+        precision: f64,
+    ) -> Vec<ReleasedFit> {
         let whitened = self.whitened(&fit.point);
-        let cost = |point: &DVector<f64>| {
-            let residuals = without.linearised(&whitened, point, |_| false);
-            residuals.iter().map(|(residual, _)| residual.norm_squared()).sum::<f64>()
-                + without.prior.misfit(point)
+        let values = fit.equations.iter().map(|own| own.residual.len()).sum::<usize>() as f64;
+        let released = |place: usize| {
+            let mut prior = self.prior.clone();
+            prior.precision[(place, place)] = precision;
+            let without = Self { coordinates: self.coordinates.clone(), prior, ..*self };
+            let end = without.search(&whitened, fit.point.clone(), |_| true);
+            // What the model leaves beyond the noise counts as noise.
+            let excess = (end.cost / values).max(1.0);
+            ReleasedFit {
+                value: end.point[place],
+                se: end.se[place],
+                gain: (end.cost_at_start - end.cost) / excess,
+            }
         };
-        let (point, se) = without.search(&whitened, fit.point.clone(), |_| true);
-        let values = fit.equations.iter().map(|own| own.residual.len()).sum::<usize>();
-        // What the model leaves beyond the noise counts as noise.
-        let excess = (cost(&point) / values as f64).max(1.0);
-        ReleasedFit { value: point[place], se: se[place], gain: (cost(&fit.point) - cost(&point)) / excess }
+        places.map(released).collect()
     }
 
     /// Fits all coordinates from a point.
@@ -147,9 +163,9 @@ impl RigFitInput<'_> {
         let mut point = from.clone();
         let mut whitened = self.whitened(&point);
         for _ in 0..RENEWALS {
-            let (found, se) = self.search(&whitened, point.clone(), is_free);
-            let moved = (&found - &point).component_div(&se).amax();
-            point = found;
+            let end = self.search(&whitened, point.clone(), is_free);
+            let moved = (&end.point - &point).component_div(&end.se).amax();
+            point = end.point;
             whitened = self.whitened(&point);
             if moved < 0.1 {
                 break;
@@ -262,13 +278,8 @@ impl RigFitInput<'_> {
         }
     }
 
-    /// Searches the point of the smallest cost with fixed products; also its standard errors.
-    fn search(
-        &self,
-        whitened: &[Whitened],
-        start: DVector<f64>,
-        is_free: fn(usize) -> bool,
-    ) -> (DVector<f64>, DVector<f64>) {
+    /// Searches the point of the smallest cost with fixed products.
+    fn search(&self, whitened: &[Whitened], start: DVector<f64>, is_free: fn(usize) -> bool) -> SearchEnd {
         let cost = |residuals: &[(DVector<f64>, DMatrix<f64>)], point: &DVector<f64>| -> f64 {
             residuals.iter().map(|(residual, _)| residual.norm_squared()).sum::<f64>()
                 + self.prior.misfit(point)
@@ -276,6 +287,7 @@ impl RigFitInput<'_> {
         let mut point = start;
         let mut equations = self.linearised(whitened, &point, is_free);
         let mut value = cost(&equations, &point);
+        let cost_at_start = value;
         let mut damping = 1e-3;
         let mut se = DVector::from_element(point.len(), 1.0);
         for _ in 0..STEPS {
@@ -325,7 +337,7 @@ impl RigFitInput<'_> {
                 break;
             }
         }
-        (point, se)
+        SearchEnd { point, se, cost_at_start, cost: value }
     }
 
     fn equations(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<RigTrialEquations> {

@@ -38,10 +38,11 @@ impl LoadCheck {
 /// well than its stated value does, and so far away neither slope nor curvature is that of the stated value.
 pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit) -> Vec<LoadCheck> {
     let (mut checks, mut gains) = (Vec::new(), Vec::new());
-    for (index, load) in input.coordinates.loads.iter().enumerate() {
-        let place = RigCoordinates::first_load() + index;
+    let places = (RigCoordinates::first_load()..).take(input.coordinates.loads.len());
+    let released = input.released(fit, places.clone(), NOTHING_KNOWN);
+    for ((place, load), own) in places.zip(&input.coordinates.loads).zip(released) {
+        let ReleasedFit { value, se, gain } = own;
         let stated = input.prior.precision[(place, place)];
-        let ReleasedFit { value, se, gain } = input.released(fit, place, NOTHING_KNOWN);
         // An interval wider than the value itself tells nothing about the value.
         let told = INTERVAL * se < 1.0;
         gains.push(if told { gain } else { 0.0 });

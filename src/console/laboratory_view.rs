@@ -20,7 +20,7 @@ const REQUEST_CAPACITY: usize = 64;
 pub struct ListEntry {
     /// The name by which it is chosen.
     pub name: String,
-    /// What the operator is told beside the name; may be empty.
+    /// Text that stands beside the name; may be empty.
     pub about: String,
 }
 

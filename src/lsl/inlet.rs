@@ -154,7 +154,7 @@ impl Inlet {
     ) -> Result<usize, InletFailure> {
         let samples = times_s.len().min(values.len() / channels.max(1));
         let mut error = 0;
-        // SAFETY: the inlet is alive and has as many channels; the call writes at most as many numbers as it is told there is room for.
+        // SAFETY: the inlet is alive and has as many channels; the call gets the lengths of both buffers and writes no more.
         let count = unsafe {
             (self.library.inlets.pull)(
                 self.inlet,

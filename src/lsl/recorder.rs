@@ -33,7 +33,7 @@ const CHUNK_S: f64 = 0.5;
 /// Longest wait at the end of a session for samples that were taken before it.
 const END_WAIT: Duration = Duration::from_secs(2);
 
-/// A silence that is tolerated is told after this time, s.
+/// Length of a tolerated silence after which the operator gets a message, s.
 const NOTED_SILENCE_S: f64 = 1.0;
 
 /// What happens to a stream in a session.

@@ -8,7 +8,7 @@ use super::recorded_channel::ChannelDetails;
 /// Longest silence that can be let pass, s.
 const LONGEST_SILENCE_S: f64 = 3600.0;
 
-/// Shortest silence that is told from a device which sends its samples in parcels, s.
+/// Shortest tolerated silence that a rig file may set, s: a device may pause that long between two parcels of samples.
 const SHORTEST_SILENCE_S: f64 = 0.1;
 
 /// A stream of Lab Streaming Layer, such as that of an EMG amplifier, which is recorded with the session.

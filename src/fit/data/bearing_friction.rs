@@ -62,21 +62,28 @@ impl FrictionEffect {
 
     /// Takes the friction out of the recorded torque and of the motion that drives the model.
     pub fn take_out(&self, measured_nm: &mut [f64], motion: &mut [Kinematics<f64>]) {
-        measured_nm.iter_mut().zip(&self.recorded_nm).for_each(|(all, own)| *all -= own);
-        for (knot, own) in motion.iter_mut().zip(&self.motion) {
-            *knot = Kinematics { theta: knot.theta - own.theta, omega: knot.omega - own.omega };
-        }
+        self.add_to_torque(-1.0, measured_nm);
+        self.add_to_motion(-1.0, motion);
     }
 
-    /// Puts the friction back into the recorded torque.
+    /// Puts the friction back into both.
+    pub fn put_back(&self, measured_nm: &mut [f64], motion: &mut [Kinematics<f64>]) {
+        self.put_into_torque(measured_nm);
+        self.add_to_motion(1.0, motion);
+    }
+
+    /// Puts the friction back into the recorded torque alone.
     pub fn put_into_torque(&self, measured_nm: &mut [f64]) {
-        measured_nm.iter_mut().zip(&self.recorded_nm).for_each(|(all, own)| *all += own);
+        self.add_to_torque(1.0, measured_nm);
     }
 
-    /// Puts the friction back into the motion that drives the model.
-    pub fn put_into_motion(&self, motion: &mut [Kinematics<f64>]) {
+    fn add_to_torque(&self, sign: f64, measured_nm: &mut [f64]) {
+        measured_nm.iter_mut().zip(&self.recorded_nm).for_each(|(all, own)| *all += sign * own);
+    }
+
+    fn add_to_motion(&self, sign: f64, motion: &mut [Kinematics<f64>]) {
         for (knot, own) in motion.iter_mut().zip(&self.motion) {
-            *knot = Kinematics { theta: knot.theta + own.theta, omega: knot.omega + own.omega };
+            *knot = Kinematics { theta: knot.theta + sign * own.theta, omega: knot.omega + sign * own.omega };
         }
     }
 }

@@ -164,11 +164,9 @@ impl Observations {
         changed.constants = constants;
         let mut trials = std::mem::take(&mut changed.trials);
         for trial in &mut trials {
-            if let Some(friction) = &trial.friction {
-                friction.put_into_motion(&mut trial.input.motion);
-                friction.put_into_torque(&mut trial.measured_nm);
+            if let Some(friction) = trial.friction.take() {
+                friction.put_back(&mut trial.measured_nm, &mut trial.input.motion);
             }
-            trial.friction = None;
             for (nm, cubed) in trial.measured_nm.iter_mut().zip(&mut trial.cubed_nm3) {
                 *nm = by_torque * *nm + cubic * *cubed;
                 *cubed *= by_torque * by_torque * by_torque;
