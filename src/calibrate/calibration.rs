@@ -7,6 +7,7 @@ use super::covariance::{RigCovariance, covariance};
 use super::encoder::step_positions;
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
+use super::following::angle_against_target;
 use super::loads::{LoadCheck, check_loads};
 use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
@@ -15,8 +16,8 @@ use super::prepared_trial::{ChannelNoise, PreparedTrial};
 use super::reported::reported;
 use super::starts::fit_from_starts;
 use crate::dataset::{
-    CalibrationFit, CalibrationLoad, CalibrationNoise, NoiseSpectrum, RIG_TRIAL_REST_S, RigCalibration,
-    RigTrial, RigTrialMotion, RigTrials, Status,
+    AngleAgainstTarget, CalibrationFit, CalibrationLoad, CalibrationNoise, NoiseSpectrum, RIG_TRIAL_REST_S,
+    RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials, Status,
 };
 use crate::protocol::RigLoad;
 use crate::random::Stream;
@@ -27,6 +28,10 @@ const POSITIONS: usize = 32;
 
 /// Seed of the draws of a calibration, so that it is the same each time.
 const SEED: u64 = 1;
+
+/// Why the bandwidth of the servo is not told.
+const ANGLE_IS_TARGET: &str = "the recorded angle is the target, to a step of the encoder, and not the motor's: have the drive report its \
+                               actual position (CiA 402: object 6064h, not 6062h)";
 
 /// A calibration and what was found on the way.
 #[derive(Debug, Clone)]
@@ -53,6 +58,8 @@ pub struct PreparedRig {
     pub friction_speed_rad_s: f64,
     /// The loads with a stated value, without direction.
     pub loads: Vec<RigLoad>,
+    /// How far the recorded angle is from the target.
+    pub angle_against_target: Option<AngleAgainstTarget>,
 }
 
 impl PreparedRig {
@@ -97,10 +104,12 @@ impl PreparedRig {
             }
         }
         let mean_sd_nm = mean_sd_nm(&prepared, &noise);
+        let speed_rad_s = largest_speed_rad_s(&analysed, trials.sample_rate_hz);
         Ok(Self {
             mean_sd_nm,
             largest_nm: largest_nm(&analysed),
-            friction_speed_rad_s: 0.01 * largest_speed_rad_s(&analysed, trials.sample_rate_hz),
+            friction_speed_rad_s: 0.01 * speed_rad_s,
+            angle_against_target: angle_against_target(&analysed, trials.sample_rate_hz, &noise, speed_rad_s),
             trials: prepared,
             noise,
             loads,
@@ -202,7 +211,11 @@ pub fn calibrate(
     let mut found = covariance(&input, &fit);
     grow_with_misfit(&fit, &mut found);
     let loads = check_loads(&input, &fit);
-    let reported = reported(&input, &fit.point, &found, trials.lever);
+    let mut reported = reported(&input, &fit.point, &found, trials.lever);
+    if prepared.angle_against_target.is_some_and(|own| own.is_target()) {
+        let servo = reported.quantities.iter_mut().filter(|own| own.name == RigQuantity::ServoBandwidth);
+        servo.filter(|own| own.value.is_none()).for_each(|own| own.reason = Some(ANGLE_IS_TARGET.into()));
+    }
     let mut calibration =
         RigCalibration::new(program.to_owned(), session.to_owned(), reported.quantities, reported.covariance);
     calibration.measured_utc.clone_from(&trials.measured_utc);
@@ -219,6 +232,7 @@ pub fn calibrate(
         samples: prepared.trials.iter().map(|trial| trial.samples).sum(),
         p_value_of_misfit: Some(misfit.p_value),
     };
+    calibration.angle_against_target = prepared.angle_against_target;
     calibration.warnings = loads.iter().filter(|check| check.disagrees()).map(warning).collect();
     Ok(CalibrationOutcome { calibration, misfit, loads })
 }

@@ -8,6 +8,7 @@
 //!            -> starts           fits from several starts; likelihood says which one is right
 //!            -> covariance       noise, steps of the encoder, scatter of whole trials
 //!            -> reported, misfit, loads
+//!            -> following        whether the recorded angle is the motor's, or the target
 //!            -> calibration, comparison
 //! ```
 
@@ -18,6 +19,7 @@ mod covariance;
 mod encoder;
 mod error;
 mod fit;
+mod following;
 mod fourier;
 mod likelihood;
 mod loads;

@@ -63,8 +63,9 @@ pub use recovery::operator_actions;
 pub use replay::{Difference, Garbage, Replay, StepObserver, replay, replay_watched};
 pub use resume::{Resumable, ResumeError, Resumed, every_trial_is_done};
 pub use rig_calibration::{
-    CalibratedQuantity, CalibrationFit, CalibrationLoad, CalibrationNoise, CalibrationSource, NoiseSpectrum,
-    RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, RigCalibration, RigCalibrationError, RigQuantity,
+    AngleAgainstTarget, CalibratedQuantity, CalibrationFit, CalibrationLoad, CalibrationNoise,
+    CalibrationSource, NoiseSpectrum, RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, RigCalibration,
+    RigCalibrationError, RigQuantity,
 };
 pub use rig_trial_csv_reader::{RIG_TRIAL_REST_S, RigTrialSignals};
 pub use rig_trials::{RIG_TRIALS_TABLE, RigTrial, RigTrialMotion, RigTrials, load_rig_trials};

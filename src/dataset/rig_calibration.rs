@@ -197,6 +197,28 @@ pub struct CalibrationFit {
     pub p_value_of_misfit: Option<f64>,
 }
 
+/// How far the recorded angle is from the target in the ramps of the empty handle. A drive may report the target as the motor's angle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AngleAgainstTarget {
+    /// Largest difference, in steps of the encoder, or in six standard deviations of the angle at rest if these are larger.
+    pub largest_steps: f64,
+    /// Largest difference over the largest speed of the target: how long the motor needs for it, s.
+    pub largest_s: f64,
+    /// Sample period, s.
+    pub sample_s: f64,
+}
+
+/// Largest difference of two angles of which each is rounded and relative to a rounded start, in steps.
+const ROUNDING_STEPS: f64 = 2.0;
+
+impl AngleAgainstTarget {
+    /// Whether the recorded angle cannot be told from the target.
+    pub fn is_target(&self) -> bool {
+        self.largest_steps <= ROUNDING_STEPS
+    }
+}
+
 /// The measured constants of a rig, with their joint covariance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -226,6 +248,9 @@ pub struct RigCalibration {
     pub noise: CalibrationNoise,
     /// How well the model fits.
     pub fit: CalibrationFit,
+    /// How far the recorded angle is from the target; `None` where nobody looked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub angle_against_target: Option<AngleAgainstTarget>,
     /// Loads whose stated value disagrees with the other loads, as sentences.
     #[serde(default)]
     pub warnings: Vec<String>,
@@ -270,6 +295,7 @@ impl RigCalibration {
             covariance,
             noise: CalibrationNoise::default(),
             fit: CalibrationFit::default(),
+            angle_against_target: None,
             warnings: Vec::new(),
         }
     }

@@ -94,10 +94,6 @@ impl Diagnosis {
     }
 }
 
-/// Largest error of a combination of the rig's measured constants, in standard errors, that a diagnosis rests on: beyond it an error of one per
-/// cent is a fifth of the constant, and the session is not linear in it any more.
-const LARGEST_RIG_ERROR: f64 = 20.0;
-
 /// Diagnoses a session under `model`. `seed` seeds the simulated sessions; `stage` is called with the name of each step as it starts.
 pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(&'static str)) -> Diagnosis {
     let observations = &look.observations;
@@ -128,15 +124,6 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     stage("comparing the misfit with noise");
     let angle_errors = &search.prior.angle_errors;
     let most_probable = most_probable_model(models);
-    let contradiction = angle_errors.largest_of_rig(models[most_probable].posterior.errors());
-    if contradiction > LARGEST_RIG_ERROR {
-        remarks.push(format!(
-            "no cause was looked for: the calibration and the person's trials contradict each other, by {contradiction:.0} standard errors of \
-             the rig's constants: the model of the rig does not hold for both, or the rig changed between them; repeat the rig trials, or \
-             diagnose with the stated constants: --calibration none"
-        ));
-        return Diagnosis::without_causes(before, remarks);
-    }
     // What acts within the trials, and is not in their constants already, must also leave a misfit there; what acts across them leaves none.
     let rig = &search.prior.rig;
     let acts_within = |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace && !rig.tells(*kind);

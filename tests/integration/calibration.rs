@@ -89,6 +89,23 @@ fn a_session_that_is_run_with_a_calibration_keeps_it_byte_for_byte_and_its_fits_
 }
 
 #[test]
+fn a_calibration_that_knows_the_gains_badly_is_not_taken_for_less_noise() {
+    let mut own = calibration(&[]);
+    for name in [RigQuantity::TorqueGain, RigQuantity::AngleGain] {
+        let place = own.covariance_of.iter().position(|of| *of == name).unwrap();
+        own.covariance[place][place] = 0.02 * 0.02;
+        own.quantities.iter_mut().find(|quantity| quantity.name == name).unwrap().se = Some(0.02);
+    }
+    let workspace = workspace(&own, &["--calibration", FILE]);
+    workspace.call(0, &["diagnose", "session"]);
+    let found = json_of(&workspace, "session/results/diagnosis.json");
+    assert_eq!(found["verdict"], "adequate");
+    let probabilities = found["probabilities"].as_object().unwrap();
+    let largest = probabilities.values().filter_map(Value::as_f64).fold(0.0, f64::max);
+    assert_eq!(probabilities["none"].as_f64(), Some(largest), "{probabilities:?}");
+}
+
+#[test]
 fn a_session_without_a_calibration_says_what_errors_of_its_lever_would_do() {
     let workspace = workspace(&calibration(&[]), &[]);
     let fit = json_of(&workspace, "session/results/fit.json");

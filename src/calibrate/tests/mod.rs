@@ -168,6 +168,24 @@ fn a_cut_off_too_high_to_be_seen_has_a_bound_and_no_value() {
     assert!((value - truth).abs() < 4.0 * se && se < 3e-5, "{value} +- {se}, {truth}");
 }
 
+#[test]
+fn a_drive_that_reports_its_target_as_the_angle_is_told_from_a_motor_that_follows() {
+    let rig = TrueRig::usual(6);
+    let mut trials = rig_trials(&rig, ALL_LOADS, |_| 1.0);
+    let seen = calibrated(&trials).calibration;
+    let angle = seen.angle_against_target.unwrap();
+    assert!(!angle.is_target() && angle.largest_s > 2.0 * angle.sample_s, "{angle:?}");
+    let step = std::f64::consts::TAU / f64::from(1u32 << rig.encoder_bits);
+    for trial in &mut trials.trials {
+        let rounded = trial.record.target_rad.iter().map(|target| libm::round((target + 0.1) / step) * step);
+        trial.record.theta_m_rad = rounded.collect();
+    }
+    let reported = calibrated(&trials).calibration;
+    assert!(reported.angle_against_target.unwrap().is_target(), "{:?}", reported.angle_against_target);
+    let servo = reported.quantities.iter().find(|own| own.name == RigQuantity::ServoBandwidth).unwrap();
+    assert!(servo.value.is_some() || servo.reason.as_deref().unwrap().contains("6064h"), "{servo:?}");
+}
+
 fn wrong_spring(load: &RigLoad) -> f64 {
     if matches!(load, RigLoad::KnownSpring { .. }) { 1.25 } else { 1.0 }
 }

@@ -91,6 +91,9 @@ impl MovedSessions {
 
 /// Change of the whitened predictions of `fit` where the constants of the rig are those of `moved`, less that of the whitened records: the
 /// constants turn both.
+///
+/// The record is that which the model predicts. In the measured one the constants turn the noise as well: a larger gain would be taken
+/// for less noise, and be the more probable the more values there are.
 fn change_against_record(
     observations: &Observations,
     moved: &Observations,
@@ -98,9 +101,16 @@ fn change_against_record(
     from: &[Vec<f64>],
 ) -> Vec<DVector<f64>> {
     let mut to = torques(moved, &fit.kinds, &fit.parameters);
-    for (trial, predicted) in to.iter_mut().enumerate() {
-        let records = moved.trials[trial].measured_nm.iter().zip(&observations.trials[trial].measured_nm);
-        predicted.iter_mut().zip(records).for_each(|(nm, (there, here))| *nm -= there - here);
+    let rescaling = observations.constants.rescaled_to(&moved.constants);
+    for (trial, there) in to.iter_mut().enumerate() {
+        let own = &observations.trials[trial];
+        let level_nm = own.direction * own.torque_0_nm;
+        let changed_record = observations.torque_of(&moved.trials[trial].measured_nm);
+        let values = changed_record.iter().zip(observations.torque_of(&own.measured_nm)).zip(&from[trial]);
+        for (nm, ((changed, measured), predicted)) in there.iter_mut().zip(values) {
+            let of_noise = rescaling.change_of_noise(level_nm + measured) * (measured - predicted);
+            *nm -= changed - measured - of_noise;
+        }
     }
     whitened_change(observations, fit, from, &to)
 }
@@ -162,12 +172,6 @@ impl AngleErrors {
         };
         let variances = DVector::from_iterator(errors.len(), errors.iter().map(|(variance, ..)| *variance));
         Self { columns: (0..trials).map(column).collect(), variances, at_rest, moved: Arc::new(moved) }
-    }
-
-    /// Largest of the errors of the rig's constants among the values of all errors, in standard deviations.
-    pub fn largest_of_rig(&self, values: &[f64]) -> f64 {
-        let first = self.at_rest.len() + self.moved.smoothed.len();
-        values[first..first + self.moved.rig.len()].iter().fold(0.0, |most: f64, own| most.max(own.abs()))
     }
 
     /// The same errors about another model: a torque that is recorded late, for example, shows them late.

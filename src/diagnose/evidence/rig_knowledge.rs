@@ -4,10 +4,12 @@
 //! a tolerance, as every rig is built; a cause says that it may lie anywhere within the cause's prior. All models are fitted with the
 //! constants at c_hat, whose errors C are unknowns that the trials share.
 
+use std::f64::consts::SQRT_2;
+
 use nalgebra::{DMatrix, DVector};
 
-use super::gaussian::twice_log_diagonal;
-use crate::dataset::{RigCalibration, RigQuantity};
+use super::gaussian::{log_normal_distribution, twice_log_diagonal};
+use crate::dataset::{AngleAgainstTarget, RigCalibration, RigQuantity};
 use crate::diagnose::interval::Interval;
 use crate::fit::{CalibrationMisuse, RigConstants};
 use crate::wrist::Lever;
@@ -28,6 +30,9 @@ struct CausedConstant {
     tolerance: f64,
 }
 
+/// Standard deviation of a sound rig's delay between its channels, and of the time constant of its torque channel, s.
+const SOUND_DELAY_S: f64 = 1e-4;
+
 /// The constants that causes are about, with what is within the tolerance of a sound rig.
 const CAUSED: [CausedConstant; 7] = [
     caused(MechanismKind::LeverInertia, RigQuantity::LeverInertia, 0.03),
@@ -35,13 +40,23 @@ const CAUSED: [CausedConstant; 7] = [
     caused(MechanismKind::LeverStiffness, RigQuantity::LeverStiffness, 0.03),
     caused(MechanismKind::TorqueGain, RigQuantity::TorqueGain, 0.01),
     caused(MechanismKind::AngleGain, RigQuantity::AngleGain, 0.005),
-    caused(MechanismKind::ChannelSkew, RigQuantity::TorqueDelay, 1e-4),
-    caused(MechanismKind::TorqueLag, RigQuantity::TorqueCutoff, 1e-4),
+    caused(MechanismKind::ChannelSkew, RigQuantity::TorqueDelay, SOUND_DELAY_S),
+    caused(MechanismKind::TorqueLag, RigQuantity::TorqueCutoff, SOUND_DELAY_S),
 ];
 
 const fn caused(kind: MechanismKind, quantity: RigQuantity, tolerance: f64) -> CausedConstant {
     CausedConstant { kind, quantity, tolerance }
 }
+
+/// Probabilities that a recorded angle which is the target in truth stays within a step of the encoder of the target that the session has,
+/// within two samples' way of it, or neither: a drive may report the target late, or its own way between two targets. Assumed.
+const TARGET_AS_ANGLE: [f64; 3] = [0.9, 0.099, 0.001];
+
+/// Probability that a motor stays within a step of the encoder of its target all along the ramps. Assumed.
+const MOTOR_WITHIN_A_STEP: f64 = 1e-4;
+
+/// Samples by which a drive may report a target late.
+const LATE_SAMPLES: f64 = 2.0;
 
 /// A measured constant, in the coordinate in which its deviations are normal.
 #[derive(Debug, Clone)]
@@ -57,6 +72,8 @@ struct ToldConstant {
     tolerance: f64,
     /// Mean and standard deviation of the deviation where the cause is at work.
     caused: (f64, f64),
+    /// The same where the recorded angle is the command: the torque is then late by as much as the motor is.
+    by_following: Option<(f64, f64)>,
 }
 
 /// The constants of a rig, and how well they are known.
@@ -71,6 +88,8 @@ pub struct RigKnowledge {
     told: Vec<ToldConstant>,
     /// Covariance of the deviations of `told`.
     covariance: DMatrix<f64>,
+    /// The recorded angle against the target, from which follows whether it is the motor's.
+    angle: Option<AngleAgainstTarget>,
 }
 
 impl RigKnowledge {
@@ -83,6 +102,7 @@ impl RigKnowledge {
             errors: Vec::new(),
             told: Vec::new(),
             covariance: DMatrix::zeros(0, 0),
+            angle: None,
         }
     }
 
@@ -110,31 +130,35 @@ impl RigKnowledge {
             own.unwrap_or(0.0) * slopes[i] * slopes[j]
         });
         let errors = errors(calibration, constants);
-        Ok(Self { errors, constants, stated, told, covariance })
+        let angle = calibration.angle_against_target;
+        Ok(Self { errors, constants, stated, told, covariance, angle })
     }
 
     /// Whether the rig trials tell the constant that this cause is about.
     pub fn tells(&self, kind: MechanismKind) -> bool {
-        self.told.iter().any(|own| own.kind == kind)
+        self.told().any(|own| own == kind)
     }
 
     /// The causes whose constants the rig trials tell.
     pub fn told(&self) -> impl Iterator<Item = MechanismKind> {
-        self.told.iter().map(|own| own.kind)
+        let following = self.angle.and(self.motor_delay()).map(|_| MechanismKind::ServoFollowing);
+        self.told.iter().map(|own| own.kind).chain(following)
     }
 
     /// Logarithm of the density of the measured constants where `causes` are at work, against where none is.
     pub fn log_odds(&self, causes: &[MechanismKind]) -> f64 {
-        if !self.told.iter().any(|own| causes.contains(&own.kind)) {
+        if !self.told().any(|own| causes.contains(&own)) {
             return 0.0;
         }
         self.log_density(causes) - self.log_density(&[])
     }
 
     fn log_density(&self, causes: &[MechanismKind]) -> f64 {
-        let prior = |own: &ToldConstant| match causes.contains(&own.kind) {
-            true => own.caused,
-            false => (0.0, own.tolerance),
+        let follows = self.angle.is_some() && causes.contains(&MechanismKind::ServoFollowing);
+        let prior = |own: &ToldConstant| match own.by_following {
+            _ if causes.contains(&own.kind) => own.caused,
+            Some(by_following) if follows => by_following,
+            _ => (0.0, own.tolerance),
         };
         let mut covariance = self.covariance.clone();
         for (place, own) in self.told.iter().enumerate() {
@@ -144,19 +168,41 @@ impl RigKnowledge {
             DVector::from_iterator(self.told.len(), self.told.iter().map(|own| own.deviation - prior(own).0));
         // Tolerances make it positive definite.
         let Some(factor) = covariance.cholesky() else { return f64::NEG_INFINITY };
-        -0.5 * (off.dot(&factor.solve(&off)) + twice_log_diagonal(factor.l_dirty()))
+        let of_angle = self.angle.map_or(0.0, |angle| libm::log(probability_of(&angle, follows)));
+        of_angle - 0.5 * (off.dot(&factor.solve(&off)) + twice_log_diagonal(factor.l_dirty()))
+    }
+
+    /// How late the torque is behind the recorded angle at low frequencies, and the variance, s: the motor's delay where that angle is the
+    /// command.
+    fn motor_delay(&self) -> Option<(f64, f64)> {
+        let late: Vec<usize> =
+            (0..self.told.len()).filter(|place| self.told[*place].by_following.is_some()).collect();
+        let delay_s = late.iter().map(|place| self.told[*place].deviation).sum();
+        let variance = late.iter().flat_map(|i| late.iter().map(|j| self.covariance[(*i, *j)])).sum();
+        (!late.is_empty()).then_some((delay_s, variance))
     }
 
     /// The measured value of the constant that a cause is about, with its 95 % interval.
     pub fn interval(&self, kind: MechanismKind) -> Option<Interval> {
-        let own = self.told.iter().find(|own| own.kind == kind)?;
-        let half = HALF_INTERVAL_95 * own.se;
-        Some(Interval { value: own.value, low: Some(own.value - half), high: Some(own.value + half) })
+        let (value, se) = if kind == MechanismKind::ServoFollowing {
+            let (delay_s, variance) = self.motor_delay().filter(|(delay_s, _)| *delay_s > 0.0)?;
+            let bandwidth_hz = following_bandwidth_hz(delay_s);
+            (bandwidth_hz, bandwidth_hz * libm::sqrt(variance) / delay_s)
+        } else {
+            let own = self.told.iter().find(|own| own.kind == kind)?;
+            (own.value, own.se)
+        };
+        let half = HALF_INTERVAL_95 * se;
+        Some(Interval { value, low: Some(value - half), high: Some(value + half) })
     }
 
     /// How far the constant that a cause is about is from its stated value, in standard deviations of a sound rig's and of the
     /// measurement together.
     pub fn deviation_sds(&self, kind: MechanismKind) -> Option<f64> {
+        if kind == MechanismKind::ServoFollowing {
+            let (delay_s, variance) = self.motor_delay()?;
+            return Some(delay_s.abs() / libm::hypot(libm::sqrt(variance), SOUND_DELAY_S));
+        }
         let place = self.told.iter().position(|own| own.kind == kind)?;
         let own = &self.told[place];
         let variance = self.covariance[(place, place)] + own.tolerance * own.tolerance;
@@ -165,11 +211,59 @@ impl RigKnowledge {
 
     /// The constants of the analysis, but that which a cause is about as the session states it.
     pub fn as_stated(&self, kind: MechanismKind) -> Option<RigConstants> {
+        if kind == MechanismKind::ServoFollowing {
+            let RigConstants { torque_delay_s, torque_cutoff_hz, .. } = self.stated;
+            return Some(RigConstants { torque_delay_s, torque_cutoff_hz, ..self.constants });
+        }
         let own = self.told.iter().find(|own| own.kind == kind)?;
         Some(match self.stated.value(own.quantity) {
             Some(stated) => self.constants.with(own.quantity, stated),
             None => RigConstants { torque_cutoff_hz: self.stated.torque_cutoff_hz, ..self.constants },
         })
+    }
+}
+
+/// Natural frequency of a critically damped servo that is late by `delay_s`, Hz.
+fn following_bandwidth_hz(delay_s: f64) -> f64 {
+    1.0 / (std::f64::consts::PI * delay_s)
+}
+
+/// Median and standard deviation of the logarithm of a servo's bandwidth, Hz.
+fn servo_bandwidth_hz() -> (f64, f64) {
+    let context = ProbeContext { lever: None, highest_torque_nm: 0.0, window_s: 0.0 };
+    match MechanismKind::ServoFollowing.prior(0, &context) {
+        Prior::LogNormal { median, log_sd } => (median, log_sd),
+        Prior::Normal { .. } | Prior::HalfNormal { .. } => unreachable!("a bandwidth is positive"),
+    }
+}
+
+/// Probability of a recorded angle so near its target, where it is the command or the motor's.
+fn probability_of(angle: &AngleAgainstTarget, is_command: bool) -> f64 {
+    let late_s = LATE_SAMPLES * angle.sample_s;
+    let near = if angle.is_target() {
+        0
+    } else if angle.largest_s <= late_s {
+        1
+    } else {
+        2
+    };
+    if is_command {
+        return TARGET_AS_ANGLE[near];
+    }
+    let (median, log_sd) = servo_bandwidth_hz();
+    let fast = log_normal_distribution(-libm::log(following_bandwidth_hz(late_s) / median) / log_sd);
+    [MOTOR_WITHIN_A_STEP, libm::exp(fast), 1.0 - libm::exp(fast)][near]
+}
+
+/// Mean and standard deviation of what a motor's delay does to a constant of the torque channel, where the recorded angle is the command.
+/// Two equal poles of time constant T are, in mean and variance, a delay of (2 - sqrt 2) T and a pole of sqrt 2 T. Servos that brake less,
+/// or more, lie about them by T (assumed).
+fn caused_by_following(quantity: RigQuantity) -> Option<(f64, f64)> {
+    let time_constant_s = 1.0 / (std::f64::consts::TAU * servo_bandwidth_hz().0);
+    match quantity {
+        RigQuantity::TorqueDelay => Some(((2.0 - SQRT_2) * time_constant_s, time_constant_s)),
+        RigQuantity::TorqueCutoff => Some((SQRT_2 * time_constant_s, time_constant_s)),
+        _ => None,
     }
 }
 
@@ -200,7 +294,8 @@ fn told_constant(
         _ => return None,
     };
     let (kind, quantity, tolerance) = (own.kind, own.quantity, own.tolerance);
-    Some((ToldConstant { kind, quantity, value, se, deviation, tolerance, caused }, slope))
+    let by_following = caused_by_following(quantity);
+    Some((ToldConstant { kind, quantity, value, se, deviation, tolerance, caused, by_following }, slope))
 }
 
 /// Standard deviation of a bearing's friction about a constant one, as a part of it. Assumed: grease and Stribeck's drop change it by some
@@ -217,6 +312,10 @@ const EXPECTED_SE_S: f64 = 1e-4;
 /// Squared distance, in standard deviations, at which a calibration is expected to place the constant that `kind` is about from a sound
 /// rig's, where the cause's parameter is `value`; `None` if rig trials do not tell it.
 pub fn expected_distance(kind: MechanismKind, value: f64, lever: Option<Lever>) -> Option<f64> {
+    if kind == MechanismKind::ServoFollowing {
+        let sds = 1.0 / (std::f64::consts::PI * value) / libm::hypot(EXPECTED_SE_S, SOUND_DELAY_S);
+        return Some(sds * sds);
+    }
     let own = CAUSED.iter().find(|own| own.kind == kind)?;
     let (deviation, se) = match own.quantity {
         RigQuantity::TorqueCutoff | RigQuantity::TorqueDelay => (value, EXPECTED_SE_S),
@@ -309,6 +408,33 @@ mod tests {
             let stated = knowledge.as_stated(kind).unwrap();
             assert_eq!(stated.value(quantity), RigConstants::stated(Some(LEVER)).value(quantity));
         }
+    }
+
+    #[test]
+    fn a_torque_that_is_late_is_the_motors_delay_where_the_recorded_angle_is_the_target() {
+        let late = [(RigQuantity::TorqueDelay, 0.000_1, 0.000_02), (RigQuantity::TorqueCutoff, 180.0, 4.0)];
+        let sound = [(RigQuantity::TorqueDelay, 0.0, 0.000_02), (RigQuantity::TorqueCutoff, 5000.0, 4.0)];
+        let seen = |told: &[(RigQuantity, f64, f64)], largest_steps: f64, largest_s: f64| {
+            let angle = AngleAgainstTarget { largest_steps, largest_s, sample_s: 0.000_4 };
+            RigKnowledge { angle: Some(angle), ..known(told) }
+        };
+        let (following, lag) = (&[MechanismKind::ServoFollowing], &[MechanismKind::TorqueLag]);
+        let target = seen(&late, 0.6, 0.000_02);
+        assert!(target.log_odds(following) > target.log_odds(lag) + 5.0 && target.log_odds(lag) > 10.0);
+        let motor = seen(&late, 150.0, 0.003);
+        assert!(motor.log_odds(lag) > motor.log_odds(following) + 5.0);
+        // A drive that reports its target a sample late is not told from a motor as fast.
+        let between = seen(&late, 40.0, 0.000_4);
+        assert!((between.log_odds(lag) - between.log_odds(following)).abs() < 5.0);
+        assert!(seen(&sound, 150.0, 0.003).log_odds(following) < -5.0, "a motor without a late torque");
+        let interval = target.interval(MechanismKind::ServoFollowing).unwrap();
+        let expected_hz = 1.0 / (std::f64::consts::PI * (0.000_1 + 1.0 / (std::f64::consts::TAU * 180.0)));
+        assert!((interval.value / expected_hz - 1.0).abs() < 1e-9 && interval.low.unwrap() < interval.value);
+        assert!(target.deviation_sds(MechanismKind::ServoFollowing).unwrap() > 5.0);
+        let stated = target.as_stated(MechanismKind::ServoFollowing).unwrap();
+        assert_eq!((stated.torque_delay_s, stated.torque_cutoff_hz), (0.0, None));
+        // Where nobody compared the angle with the target, rig trials do not tell it.
+        assert!(!known(&late).tells(MechanismKind::ServoFollowing));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The observations of a session: what the model is driven by, what it must predict, and the noise of both.
 
 use super::bearing_friction::FrictionEffect;
-use super::rig_constants::RigConstants;
+use super::rig_constants::{RigConstants, TorqueRescaling};
 use crate::signal::{NoiseCovariance, Section};
 use crate::wrist::mechanisms::MechanismKind;
 use crate::wrist::{
@@ -150,12 +150,8 @@ impl Observations {
         let before = self.constants;
         let (by_angle, delay_s) =
             (before.angle_gain / constants.angle_gain, constants.torque_delay_s - before.torque_delay_s);
-        // With u = a T + d the recorded torque in the new scale, T' = u + (a c_before - a^3 c_after) T^3 to first order in c.
-        let by_torque = before.torque_gain / constants.torque_gain;
-        let shift_nm = (before.torque_offset_nm - constants.torque_offset_nm) / constants.torque_gain;
-        let cubic = by_torque
-            * (before.torque_nonlinearity_per_nm2
-                - by_torque * by_torque * constants.torque_nonlinearity_per_nm2);
+        let TorqueRescaling { scale: by_torque, shift_nm, cubic_per_nm2: cubic } =
+            before.rescaled_to(&constants);
         let mut changed = self.clone();
         changed.angle_noise_rad *= by_angle;
         changed.angle_step_rad *= by_angle;

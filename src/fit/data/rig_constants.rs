@@ -33,6 +33,25 @@ pub struct RigConstants {
     pub bearing_friction_nm: f64,
 }
 
+/// How the torque of a record changes with the constants by which it was made, N m: T' = scale T + shift + cubic T^3, to first order in
+/// the nonlinearity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TorqueRescaling {
+    /// Factor of the torque.
+    pub scale: f64,
+    /// Added to it, N m.
+    pub shift_nm: f64,
+    /// Part of its cube that is added, 1/(N m)^2.
+    pub cubic_per_nm2: f64,
+}
+
+impl TorqueRescaling {
+    /// Relative change of a small torque, such as noise, on top of `torque_nm`.
+    pub fn change_of_noise(&self, torque_nm: f64) -> f64 {
+        self.scale - 1.0 + 3.0 * self.cubic_per_nm2 * torque_nm * torque_nm
+    }
+}
+
 /// A measured constant that is further from its stated value than by this factor is a mistake of units.
 const LARGEST_FACTOR: f64 = 10.0;
 
@@ -241,6 +260,18 @@ impl RigConstants {
     pub(super) fn is_invertible_at(&self, recorded_nm: f64) -> bool {
         let linear = (recorded_nm - self.torque_offset_nm) / self.torque_gain;
         self.torque_nonlinearity_per_nm2.abs() * linear * linear < LARGEST_NONLINEAR_PART
+    }
+
+    /// How the torque of a record that these constants made changes where `other` do.
+    pub fn rescaled_to(&self, other: &Self) -> TorqueRescaling {
+        let scale = self.torque_gain / other.torque_gain;
+        // With u = a T + d the recorded torque in the new scale, T' = u + (a c_before - a^3 c_after) T^3 to first order in c.
+        let cubic = self.torque_nonlinearity_per_nm2 - scale * scale * other.torque_nonlinearity_per_nm2;
+        TorqueRescaling {
+            scale,
+            shift_nm: (self.torque_offset_nm - other.torque_offset_nm) / other.torque_gain,
+            cubic_per_nm2: scale * cubic,
+        }
     }
 
     /// Sections that a predicted torque passes: the low-pass of the torque channel, if it has one, and the filter of the analysis.
