@@ -1,9 +1,9 @@
 //! A calibration: all constants of a rig from its rig trials, with their joint covariance.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::constants::{REPORTED, RigCoordinates};
-use super::covariance::{RigCovariance, covariance};
+use super::covariance::{NOTHING_KNOWN, RigCovariance, covariance, inverse};
 use super::encoder::step_positions;
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
@@ -14,7 +14,9 @@ use super::moments::MomentChannel;
 use super::noise::PowerSpectrum;
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
 use super::reported::reported;
+use super::sound_rig::{RigDeviations, ToldConstant};
 use super::starts::fit_from_starts;
+use super::stated_rig::{LoadByRig, load_by_rig};
 use crate::dataset::{
     AngleAgainstTarget, CalibrationFit, CalibrationLoad, CalibrationNoise, NoiseSpectrum, RIG_TRIAL_REST_S,
     RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials, Status,
@@ -210,7 +212,7 @@ pub fn calibrate(
     let misfit = misfit(&input, &fit, &mut Stream::new(SEED, "calibrate/misfit"));
     let mut found = covariance(&input, &fit);
     grow_with_misfit(&fit, &mut found);
-    let loads = check_loads(&input, &fit);
+    let mut loads = check_loads(&input, &fit);
     let mut reported = reported(&input, &fit.point, &found, trials.lever);
     if prepared.angle_against_target.is_some_and(|own| own.is_target()) {
         let servo = reported.quantities.iter_mut().filter(|own| own.name == RigQuantity::ServoBandwidth);
@@ -233,8 +235,32 @@ pub fn calibrate(
         p_value_of_misfit: Some(misfit.p_value),
     };
     calibration.angle_against_target = prepared.angle_against_target;
-    calibration.warnings = loads.iter().filter(|check| check.disagrees()).map(warning).collect();
+    let stated =
+        |quantity: RigQuantity| calibration.quantities.iter().find(|own| own.name == quantity)?.stated;
+    let deviations = RigDeviations::of(&calibration, trials.lever, stated);
+    for (check, place) in loads.iter_mut().zip(RigCoordinates::first_load()..) {
+        if check.difference.is_none() {
+            check.by_rig = Some(load_by_rig(&deviations, effect_of_load(&deviations, &found, place)));
+        }
+    }
+    calibration.warnings =
+        loads.iter().filter_map(|check| disagreement(check).or_else(|| doubt(check))).collect();
     Ok(CalibrationOutcome { calibration, misfit, loads })
+}
+
+/// Change of each deviation with true over stated value of the load whose coordinate is at `place`.
+fn effect_of_load(deviations: &RigDeviations, found: &RigCovariance, place: usize) -> DVector<f64> {
+    let size = found.information.nrows();
+    // Without what the scatter of whole trials adds: that is no part of the load.
+    let of_data = inverse(&found.information + DMatrix::identity(size, size) * NOTHING_KNOWN);
+    let effect = |own: &ToldConstant| {
+        let coordinate = RigQuantity::ALL.iter().position(|name| *name == own.quantity).unwrap_or_default();
+        // A cut-off falls as its coordinate, the time constant, rises.
+        let sign = if own.quantity == RigQuantity::TorqueCutoff { -1.0 } else { 1.0 };
+        let per_coordinate = sign * own.se / libm::sqrt(found.covariance[(coordinate, coordinate)]);
+        own.slope * per_coordinate * of_data[(coordinate, place)] / of_data[(place, place)]
+    };
+    DVector::from_iterator(deviations.told.len(), deviations.told.iter().map(effect))
 }
 
 /// Fits, and once more with the noise that the scatter of repetitions shows, where it is larger than that at rest.
@@ -328,15 +354,27 @@ pub fn named_load(load: RigLoad) -> String {
 }
 
 /// A load that disagrees with the others, as a sentence.
-fn warning(check: &LoadCheck) -> String {
+fn disagreement(check: &LoadCheck) -> Option<String> {
+    let difference = check.difference.filter(|_| check.disagrees())?;
     let or: Vec<String> = check.or.iter().map(|load| named_load(*load)).collect();
     let or =
         if or.is_empty() { String::new() } else { format!("; or {} is wrong in its place", or.join(" or ")) };
-    format!(
+    Some(format!(
         "{} disagrees with the other loads: by them it is {:+.1} % from its stated value (standard error {:.1} %, p = {:.2e}){or}",
         named_load(check.load),
-        100.0 * check.difference.unwrap_or(f64::NAN),
+        100.0 * difference,
         100.0 * check.se,
         check.p_value
-    )
+    ))
+}
+
+/// The warning of a load that the other loads do not tell and with which the rig is not as stated.
+fn doubt(check: &LoadCheck) -> Option<String> {
+    let LoadByRig { probability, difference } = check.wrong_by_rig()?;
+    Some(format!(
+        "{} is probably {:+.0} % from its stated value (probability {probability:.2}): with it as stated, all constants of the rig that \
+         follow from it are off by one factor from what the session states; the other loads do not tell it",
+        named_load(check.load),
+        100.0 * difference,
+    ))
 }

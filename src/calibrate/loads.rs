@@ -3,6 +3,7 @@
 use super::constants::RigCoordinates;
 use super::covariance::{INTERVAL, NOTHING_KNOWN};
 use super::fit::{ReleasedFit, RigFit, RigFitInput};
+use super::stated_rig::LoadByRig;
 use crate::protocol::RigLoad;
 use crate::statistics::{chi_square_tail, holm};
 
@@ -23,12 +24,19 @@ pub struct LoadCheck {
     pub p_value: f64,
     /// Other loads that explain the disagreement as well: one of them may be wrong in its place.
     pub or: Vec<RigLoad>,
+    /// What the rig as the session states it says of the load; `None` where the other loads tell it.
+    pub by_rig: Option<LoadByRig>,
 }
 
 impl LoadCheck {
     /// Whether the load disagrees with the others.
     pub fn disagrees(&self) -> bool {
         self.difference.is_some() && self.p_value < LOAD_LEVEL
+    }
+
+    /// What the rig as stated says of the load, if it is more probably wrong than right.
+    pub fn wrong_by_rig(&self) -> Option<LoadByRig> {
+        self.by_rig.filter(|own| own.probability > 0.5)
     }
 }
 
@@ -52,6 +60,7 @@ pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit) -> Vec<LoadCheck> {
             se: libm::hypot(se, 1.0 / libm::sqrt(stated)),
             p_value: 1.0,
             or: Vec::new(),
+            by_rig: None,
         });
     }
     let told: Vec<usize> = (0..checks.len()).filter(|index| checks[*index].difference.is_some()).collect();

@@ -9,6 +9,8 @@
 //!            -> covariance       noise, steps of the encoder, scatter of whole trials
 //!            -> reported, misfit, loads
 //!            -> following        whether the recorded angle is the motor's, or the target
+//!            -> sound_rig        how far the constants are from those of a sound rig, which is evidence for causes too
+//!            -> stated_rig       whether that tells a load whose stated value is wrong
 //!            -> calibration, comparison
 //! ```
 
@@ -30,7 +32,9 @@ mod output;
 mod prepared_trial;
 mod reported;
 mod rig_model;
+mod sound_rig;
 mod starts;
+mod stated_rig;
 
 pub use calibration::{CalibrationOutcome, calibrate, named_load};
 pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, compare};
@@ -38,6 +42,8 @@ pub use error::CalibrateError;
 pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};
 pub use noise::PowerSpectrum;
+pub use sound_rig::{CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
+pub use stated_rig::LoadByRig;
 
 #[cfg(test)]
 mod tests;

@@ -18,6 +18,7 @@ impl CalibrationOutcome {
             json!({
                 "load": named_load(own.load), "difference": own.difference, "se": own.se,
                 "p_value": own.difference.map(|_| own.p_value),
+                "probability_wrong": own.by_rig.map(|rig| rig.probability),
                 "or": own.or.iter().map(|load| named_load(*load)).collect::<Vec<_>>(),
             })
         });

@@ -134,10 +134,13 @@ fn print_calibration(console: &Console, outcome: &CalibrationOutcome) -> Result<
                 100.0 * own.se,
                 own.p_value
             )?,
-            None => writeln!(
-                out,
-                "{name}: the other loads do not tell its value, so that a wrong one would not be seen"
-            )?,
+            None => {
+                let wrong = own.by_rig.map_or(f64::NAN, |rig| rig.probability);
+                writeln!(
+                    out,
+                    "{name}: the other loads do not tell its value; by the rig as stated it is wrong with probability {wrong:.3}"
+                )?;
+            }
         }
     }
     for warning in &outcome.calibration.warnings {

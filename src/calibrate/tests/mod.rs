@@ -169,6 +169,20 @@ fn a_cut_off_too_high_to_be_seen_has_a_bound_and_no_value() {
 }
 
 #[test]
+fn a_wrong_bar_that_no_other_load_tells_is_told_by_the_rig_as_stated() {
+    let one_bar = Loads { spring: false, ..ALL_LOADS };
+    let of_bar = |factor: fn(&RigLoad) -> f64| {
+        calibrated(&rig_trials(&yielding_rig(9), one_bar, factor)).calibration.warnings
+    };
+    assert!(of_bar(|_| 1.0).is_empty());
+    let warnings = of_bar(wrong_bar);
+    assert!(warnings.len() == 1 && warnings[0].starts_with("known_inertia"), "{warnings:?}");
+    let percent: f64 =
+        warnings[0].split_once("probably ").unwrap().1.split_once(" %").unwrap().0.parse().unwrap();
+    assert!((percent - 16.0).abs() < 4.0, "{warnings:?}");
+}
+
+#[test]
 fn a_drive_that_reports_its_target_as_the_angle_is_told_from_a_motor_that_follows() {
     let rig = TrueRig::usual(6);
     let mut trials = rig_trials(&rig, ALL_LOADS, |_| 1.0);
@@ -184,6 +198,10 @@ fn a_drive_that_reports_its_target_as_the_angle_is_told_from_a_motor_that_follow
     assert!(reported.angle_against_target.unwrap().is_target(), "{:?}", reported.angle_against_target);
     let servo = reported.quantities.iter().find(|own| own.name == RigQuantity::ServoBandwidth).unwrap();
     assert!(servo.value.is_some() || servo.reason.as_deref().unwrap().contains("6064h"), "{servo:?}");
+}
+
+fn wrong_bar(load: &RigLoad) -> f64 {
+    if matches!(load, RigLoad::KnownInertia { .. }) { 1.16 } else { 1.0 }
 }
 
 fn wrong_spring(load: &RigLoad) -> f64 {

@@ -4,49 +4,21 @@
 //! a tolerance, as every rig is built; a cause says that it may lie anywhere within the cause's prior. All models are fitted with the
 //! constants at c_hat, whose errors C are unknowns that the trials share.
 
-use std::f64::consts::SQRT_2;
+use nalgebra::DMatrix;
 
-use nalgebra::{DMatrix, DVector};
-
-use super::gaussian::{log_normal_distribution, twice_log_diagonal};
+use super::gaussian::log_normal_distribution;
+use crate::calibrate::{CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
 use crate::dataset::{AngleAgainstTarget, RigCalibration, RigQuantity};
 use crate::diagnose::interval::Interval;
 use crate::fit::{CalibrationMisuse, RigConstants};
 use crate::wrist::Lever;
-use crate::wrist::mechanisms::{MechanismKind, Prior, ProbeContext};
+use crate::wrist::mechanisms::MechanismKind;
 
 /// Half width of a 95 % interval, in standard deviations.
 const HALF_INTERVAL_95: f64 = 1.96;
 
 /// A constant that no rig has at zero is not tried at a smaller part of its value, however badly it is known.
 const LEAST_PART: f64 = 0.1;
-
-/// A constant that a cause can be about.
-struct CausedConstant {
-    kind: MechanismKind,
-    quantity: RigQuantity,
-    /// Standard deviation of a sound rig's constant about its stated value: as a part of it, or in seconds of a delay and of the time
-    /// constant of a low-pass. Declared in docs/explanation/diagnosis.md.
-    tolerance: f64,
-}
-
-/// Standard deviation of a sound rig's delay between its channels, and of the time constant of its torque channel, s.
-const SOUND_DELAY_S: f64 = 1e-4;
-
-/// The constants that causes are about, with what is within the tolerance of a sound rig.
-const CAUSED: [CausedConstant; 7] = [
-    caused(MechanismKind::LeverInertia, RigQuantity::LeverInertia, 0.03),
-    caused(MechanismKind::LeverDamping, RigQuantity::LeverDamping, 0.05),
-    caused(MechanismKind::LeverStiffness, RigQuantity::LeverStiffness, 0.03),
-    caused(MechanismKind::TorqueGain, RigQuantity::TorqueGain, 0.01),
-    caused(MechanismKind::AngleGain, RigQuantity::AngleGain, 0.005),
-    caused(MechanismKind::ChannelSkew, RigQuantity::TorqueDelay, SOUND_DELAY_S),
-    caused(MechanismKind::TorqueLag, RigQuantity::TorqueCutoff, SOUND_DELAY_S),
-];
-
-const fn caused(kind: MechanismKind, quantity: RigQuantity, tolerance: f64) -> CausedConstant {
-    CausedConstant { kind, quantity, tolerance }
-}
 
 /// Probabilities that a recorded angle which is the target in truth stays within a step of the encoder of the target that the session has,
 /// within two samples' way of it, or neither: a drive may report the target late, or its own way between two targets. Assumed.
@@ -58,24 +30,6 @@ const MOTOR_WITHIN_A_STEP: f64 = 1e-4;
 /// Samples by which a drive may report a target late.
 const LATE_SAMPLES: f64 = 2.0;
 
-/// A measured constant, in the coordinate in which its deviations are normal.
-#[derive(Debug, Clone)]
-struct ToldConstant {
-    kind: MechanismKind,
-    quantity: RigQuantity,
-    /// Value and standard error, in the unit of the constant.
-    value: f64,
-    se: f64,
-    /// Measured less stated, in the coordinate.
-    deviation: f64,
-    /// Standard deviation of a sound rig's deviation, in the coordinate.
-    tolerance: f64,
-    /// Mean and standard deviation of the deviation where the cause is at work.
-    caused: (f64, f64),
-    /// The same where the recorded angle is the command: the torque is then late by as much as the motor is.
-    by_following: Option<(f64, f64)>,
-}
-
 /// The constants of a rig, and how well they are known.
 #[derive(Debug, Clone)]
 pub struct RigKnowledge {
@@ -85,9 +39,7 @@ pub struct RigKnowledge {
     pub stated: RigConstants,
     /// Independent errors of the constants, of one standard deviation each: the constants with the error.
     pub errors: Vec<RigConstants>,
-    told: Vec<ToldConstant>,
-    /// Covariance of the deviations of `told`.
-    covariance: DMatrix<f64>,
+    deviations: RigDeviations,
     /// The recorded angle against the target, from which follows whether it is the motor's.
     angle: Option<AngleAgainstTarget>,
 }
@@ -96,14 +48,7 @@ impl RigKnowledge {
     /// Nothing beside what a session with this lever states.
     pub fn stated(lever: Option<Lever>) -> Self {
         let stated = RigConstants::stated(lever);
-        Self {
-            constants: stated,
-            stated,
-            errors: Vec::new(),
-            told: Vec::new(),
-            covariance: DMatrix::zeros(0, 0),
-            angle: None,
-        }
+        Self { constants: stated, stated, errors: Vec::new(), deviations: RigDeviations::none(), angle: None }
     }
 
     /// What `calibration` says of the rig of a session that states this lever.
@@ -113,25 +58,10 @@ impl RigKnowledge {
     pub fn measured(calibration: &RigCalibration, lever: Option<Lever>) -> Result<Self, CalibrationMisuse> {
         let constants = RigConstants::calibrated(calibration, lever)?;
         let stated = RigConstants::stated(lever);
-        let context = ProbeContext { lever, highest_torque_nm: 0.0, window_s: 0.0 };
-        let mut told = Vec::new();
-        let mut slopes = Vec::new();
-        for own in &CAUSED {
-            let known = calibration.value(own.quantity).zip(calibration.se(own.quantity));
-            let Some((value, se)) = known else { continue };
-            let Some((constant, slope)) = told_constant(own, (value, se), &stated, &context) else {
-                continue;
-            };
-            told.push(constant);
-            slopes.push(slope);
-        }
-        let covariance = DMatrix::from_fn(told.len(), told.len(), |i, j| {
-            let own = calibration.covariance_between(told[i].quantity, told[j].quantity);
-            own.unwrap_or(0.0) * slopes[i] * slopes[j]
-        });
+        let deviations = RigDeviations::of(calibration, lever, |quantity| stated.value(quantity));
         let errors = errors(calibration, constants);
         let angle = calibration.angle_against_target;
-        Ok(Self { errors, constants, stated, told, covariance, angle })
+        Ok(Self { errors, constants, stated, deviations, angle })
     }
 
     /// Whether the rig trials tell the constant that this cause is about.
@@ -142,7 +72,7 @@ impl RigKnowledge {
     /// The causes whose constants the rig trials tell.
     pub fn told(&self) -> impl Iterator<Item = MechanismKind> {
         let following = self.angle.and(self.motor_delay()).map(|_| MechanismKind::ServoFollowing);
-        self.told.iter().map(|own| own.kind).chain(following)
+        self.deviations.told.iter().map(|own| own.kind).chain(following)
     }
 
     /// Logarithm of the density of the measured constants where `causes` are at work, against where none is.
@@ -160,26 +90,22 @@ impl RigKnowledge {
             Some(by_following) if follows => by_following,
             _ => (0.0, own.tolerance),
         };
-        let mut covariance = self.covariance.clone();
-        for (place, own) in self.told.iter().enumerate() {
-            covariance[(place, place)] += prior(own).1 * prior(own).1;
-        }
-        let off =
-            DVector::from_iterator(self.told.len(), self.told.iter().map(|own| own.deviation - prior(own).0));
-        // Tolerances make it positive definite.
-        let Some(factor) = covariance.cholesky() else { return f64::NEG_INFINITY };
         let of_angle = self.angle.map_or(0.0, |angle| libm::log(probability_of(&angle, follows)));
-        of_angle - 0.5 * (off.dot(&factor.solve(&off)) + twice_log_diagonal(factor.l_dirty()))
+        of_angle + self.deviations.log_density(prior, None).0
     }
 
     /// How late the torque is behind the recorded angle at low frequencies, and the variance, s: the motor's delay where that angle is the
     /// command.
     fn motor_delay(&self) -> Option<(f64, f64)> {
-        let late: Vec<usize> =
-            (0..self.told.len()).filter(|place| self.told[*place].by_following.is_some()).collect();
-        let delay_s = late.iter().map(|place| self.told[*place].deviation).sum();
-        let variance = late.iter().flat_map(|i| late.iter().map(|j| self.covariance[(*i, *j)])).sum();
+        let RigDeviations { told, covariance } = &self.deviations;
+        let late: Vec<usize> = (0..told.len()).filter(|place| told[*place].by_following.is_some()).collect();
+        let delay_s = late.iter().map(|place| told[*place].deviation).sum();
+        let variance = late.iter().flat_map(|i| late.iter().map(|j| covariance[(*i, *j)])).sum();
         (!late.is_empty()).then_some((delay_s, variance))
+    }
+
+    fn told_by(&self, kind: MechanismKind) -> Option<&ToldConstant> {
+        self.deviations.told.iter().find(|own| own.kind == kind)
     }
 
     /// The measured value of the constant that a cause is about, with its 95 % interval.
@@ -189,7 +115,7 @@ impl RigKnowledge {
             let bandwidth_hz = following_bandwidth_hz(delay_s);
             (bandwidth_hz, bandwidth_hz * libm::sqrt(variance) / delay_s)
         } else {
-            let own = self.told.iter().find(|own| own.kind == kind)?;
+            let own = self.told_by(kind)?;
             (own.value, own.se)
         };
         let half = HALF_INTERVAL_95 * se;
@@ -203,9 +129,10 @@ impl RigKnowledge {
             let (delay_s, variance) = self.motor_delay()?;
             return Some(delay_s.abs() / libm::hypot(libm::sqrt(variance), SOUND_DELAY_S));
         }
-        let place = self.told.iter().position(|own| own.kind == kind)?;
-        let own = &self.told[place];
-        let variance = self.covariance[(place, place)] + own.tolerance * own.tolerance;
+        let RigDeviations { told, covariance } = &self.deviations;
+        let place = told.iter().position(|own| own.kind == kind)?;
+        let own = &told[place];
+        let variance = covariance[(place, place)] + own.tolerance * own.tolerance;
         Some(own.deviation.abs() / libm::sqrt(variance))
     }
 
@@ -215,7 +142,7 @@ impl RigKnowledge {
             let RigConstants { torque_delay_s, torque_cutoff_hz, .. } = self.stated;
             return Some(RigConstants { torque_delay_s, torque_cutoff_hz, ..self.constants });
         }
-        let own = self.told.iter().find(|own| own.kind == kind)?;
+        let own = self.told_by(kind)?;
         Some(match self.stated.value(own.quantity) {
             Some(stated) => self.constants.with(own.quantity, stated),
             None => RigConstants { torque_cutoff_hz: self.stated.torque_cutoff_hz, ..self.constants },
@@ -226,15 +153,6 @@ impl RigKnowledge {
 /// Natural frequency of a critically damped servo that is late by `delay_s`, Hz.
 fn following_bandwidth_hz(delay_s: f64) -> f64 {
     1.0 / (std::f64::consts::PI * delay_s)
-}
-
-/// Median and standard deviation of the logarithm of a servo's bandwidth, Hz.
-fn servo_bandwidth_hz() -> (f64, f64) {
-    let context = ProbeContext { lever: None, highest_torque_nm: 0.0, window_s: 0.0 };
-    match MechanismKind::ServoFollowing.prior(0, &context) {
-        Prior::LogNormal { median, log_sd } => (median, log_sd),
-        Prior::Normal { .. } | Prior::HalfNormal { .. } => unreachable!("a bandwidth is positive"),
-    }
 }
 
 /// Probability of a recorded angle so near its target, where it is the command or the motor's.
@@ -253,49 +171,6 @@ fn probability_of(angle: &AngleAgainstTarget, is_command: bool) -> f64 {
     let (median, log_sd) = servo_bandwidth_hz();
     let fast = log_normal_distribution(-libm::log(following_bandwidth_hz(late_s) / median) / log_sd);
     [MOTOR_WITHIN_A_STEP, libm::exp(fast), 1.0 - libm::exp(fast)][near]
-}
-
-/// Mean and standard deviation of what a motor's delay does to a constant of the torque channel, where the recorded angle is the command.
-/// Two equal poles of time constant T are, in mean and variance, a delay of (2 - sqrt 2) T and a pole of sqrt 2 T. Servos that brake less,
-/// or more, lie about them by T (assumed).
-fn caused_by_following(quantity: RigQuantity) -> Option<(f64, f64)> {
-    let time_constant_s = 1.0 / (std::f64::consts::TAU * servo_bandwidth_hz().0);
-    match quantity {
-        RigQuantity::TorqueDelay => Some(((2.0 - SQRT_2) * time_constant_s, time_constant_s)),
-        RigQuantity::TorqueCutoff => Some((SQRT_2 * time_constant_s, time_constant_s)),
-        _ => None,
-    }
-}
-
-/// A measured constant in its coordinate, and the derivative of the coordinate; `None` if the session states nothing to compare with.
-fn told_constant(
-    own: &CausedConstant,
-    (value, se): (f64, f64),
-    stated: &RigConstants,
-    context: &ProbeContext,
-) -> Option<(ToldConstant, f64)> {
-    let prior = own.kind.prior(0, context);
-    let (deviation, slope, caused) = match (own.quantity, prior) {
-        (RigQuantity::TorqueCutoff, Prior::LogNormal { median, log_sd }) => {
-            let time_constant = |cutoff_hz: f64| 1.0 / (std::f64::consts::TAU * cutoff_hz);
-            let typical = time_constant(median);
-            (time_constant(value), -time_constant(value) / value, (typical, typical * log_sd))
-        }
-        (RigQuantity::TorqueDelay, Prior::Normal { mean, sd }) => (value, 1.0, (mean, sd)),
-        // A measured damping may be zero or less, which has no logarithm.
-        (RigQuantity::LeverDamping, Prior::LogNormal { log_sd, .. }) => {
-            let stated = stated.value(own.quantity).filter(|stated| *stated > 0.0)?;
-            (value / stated - 1.0, 1.0 / stated, (0.0, log_sd))
-        }
-        (_, Prior::LogNormal { log_sd, .. }) => {
-            let stated = stated.value(own.quantity).filter(|stated| *stated > 0.0)?;
-            (libm::log(value / stated), 1.0 / value, (0.0, log_sd))
-        }
-        _ => return None,
-    };
-    let (kind, quantity, tolerance) = (own.kind, own.quantity, own.tolerance);
-    let by_following = caused_by_following(quantity);
-    Some((ToldConstant { kind, quantity, value, se, deviation, tolerance, caused, by_following }, slope))
 }
 
 /// Standard deviation of a bearing's friction about a constant one, as a part of it. Assumed: grease and Stribeck's drop change it by some
@@ -318,7 +193,8 @@ pub fn expected_distance(kind: MechanismKind, value: f64, lever: Option<Lever>) 
     }
     let own = CAUSED.iter().find(|own| own.kind == kind)?;
     let (deviation, se) = match own.quantity {
-        RigQuantity::TorqueCutoff | RigQuantity::TorqueDelay => (value, EXPECTED_SE_S),
+        RigQuantity::TorqueDelay => (value, EXPECTED_SE_S),
+        RigQuantity::TorqueCutoff => (1.0 / (std::f64::consts::TAU * value), EXPECTED_SE_S),
         _ => (value / RigConstants::stated(lever).value(own.quantity)? - 1.0, EXPECTED_RELATIVE_SE),
     };
     Some(deviation * deviation / (se * se + own.tolerance * own.tolerance))

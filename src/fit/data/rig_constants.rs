@@ -111,7 +111,7 @@ pub enum CalibrationMisuse {
     },
     /// Its loads contradict each other.
     #[error(
-        "the calibration cannot be trusted, because its loads contradict each other: {warnings}; weigh or measure the load again, \
+        "the calibration cannot be trusted, because a load contradicts the others or the rig: {warnings}; weigh or measure the load again, \
          correct it in the protocol and repeat the rig trials and ramphold calibrate, or analyse without: --calibration none"
     )]
     Contradictory {
