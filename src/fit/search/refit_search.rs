@@ -21,32 +21,33 @@ use crate::fit::solver::levenberg_marquardt::solve;
 use crate::fit::solver::options::SolverOptions;
 
 /// Number of values of x_e that are looked at, and the least and the greatest of them as fractions of the largest motor angle in the window.
-const PLACES: usize = 16;
-const X_E_FRACTIONS: [f64; 2] = [0.081, 1.0];
+const PLACES_ALONG_X_E: usize = 16;
+const PLACE_FRACTIONS: [f64; 2] = [0.081, 1.0];
 
 /// k_dec as a fraction of k_srs where the descent to each of them starts.
-const K_DEC_FRACTION: f64 = 0.6;
+const PLACE_K_DEC: f64 = 0.6;
 
 /// Options of these descents, at the end of which the derivatives are taken. They need not be exact, since the other parameters follow the
 /// noise.
-const PLACE: SolverOptions = SolverOptions { max_iterations: 12, tolerance: 1e-4, max_log_step: 0.7 };
+const PLACE_OPTIONS: SolverOptions = SolverOptions { max_iterations: 12, tolerance: 1e-4, max_log_step: 0.7 };
 
 /// Options of a refit before it has found its optima; it is completed with the usual ones.
-const ROUGH: SolverOptions = SolverOptions { max_iterations: 100, tolerance: 1e-4, max_log_step: 0.7 };
+const ROUGH_OPTIONS: SolverOptions =
+    SolverOptions { max_iterations: 100, tolerance: 1e-4, max_log_step: 0.7 };
 
 /// In the first round a block descends from a place where the predicted cost exceeds the present one by less than this, per unit of noise
 /// variance, since the optimum lies below the place; later only where the predicted cost is lower.
-const MAX_EXCESS: f64 = 1.0;
+const MAX_PLACE_EXCESS: f64 = 1.0;
 
-/// Smallest decrease of a block's cost, per unit of noise variance, for which another optimum is adopted: less than the noise of one more
-/// sample in a hundred would change it.
-const MIN_DECREASE: f64 = 1e-2;
+/// Smallest decrease of a block's cost, per unit of noise variance, for which another optimum is adopted: a fiftieth of a unit of
+/// chi-square.
+const MIN_REFIT_DECREASE: f64 = 1e-2;
 
 /// Largest step of a coordinate from a place to the start of a descent.
-const LARGEST_STEP: f64 = 0.7;
+const LARGEST_PLACE_STEP: f64 = 0.7;
 
 /// Relative damping of that step. k_srs and k_dec are so alike that more would hide a part of what they can explain together.
-const DAMPING: f64 = 1e-7;
+const PLACE_DAMPING: f64 = 1e-7;
 
 /// Refits of sessions that are simulated from one fit.
 pub struct RefitSearch<'a> {
@@ -64,13 +65,13 @@ struct BlockPlaces {
     /// Position of x_e in the block.
     x_e: usize,
     /// In ascending order of x_e.
-    places: Vec<Place>,
+    places: Vec<ProfilePoint>,
     /// For each place, the whitened derivatives of the block's values, and their whitened distance from those of the fit; side by side.
     derivatives: DMatrix<f64>,
 }
 
 /// The best of a block at one value of x_e, without noise; coordinates in the order of the block, then of the border.
-struct Place {
+struct ProfilePoint {
     coordinates: Vec<f64>,
     /// Cost of the block, its gradient and its Gauss-Newton matrix.
     cost: f64,
@@ -94,7 +95,7 @@ impl<'a> RefitSearch<'a> {
         let Fit { parameterisation, kinds, objective, .. } = self.fit;
         let from =
             |start: &[f64], options| solve(session, parameterisation, kinds, objective, start, options);
-        let mut fit = self.fit.at_solution(from(&self.fit.solution.coordinates, ROUGH));
+        let mut fit = self.fit.at_solution(from(&self.fit.solution.coordinates, ROUGH_OPTIONS));
         let noise: Vec<DVector<f64>> = (session.trials.iter().zip(&self.predicted_nm).enumerate())
             .map(|(trial, (own, predicted))| {
                 let noise: Vec<f64> = own.measured_nm.iter().zip(predicted).map(|(m, p)| m - p).collect();
@@ -103,13 +104,13 @@ impl<'a> RefitSearch<'a> {
             .collect();
         let mut open = vec![true; parameterisation.components.len()];
         for round in 0..MAX_ROUNDS {
-            let max_excess = if round == 0 { MAX_EXCESS } else { 0.0 };
+            let max_excess = if round == 0 { MAX_PLACE_EXCESS } else { 0.0 };
             let mut found = self.alternative_optima(session, &fit, &noise, &open, max_excess);
-            found.retain(|own| own.decrease > MIN_DECREASE);
+            found.retain(|own| own.decrease > MIN_REFIT_DECREASE);
             if found.is_empty() {
                 break;
             }
-            open = fit.adopt_best_blocks(session, &found, ROUGH);
+            open = fit.adopt_best_blocks(session, &found, ROUGH_OPTIONS);
         }
         let completed = from(&fit.solution.coordinates, SolverOptions::default());
         Fit { other_optima: Vec::new(), ..fit.at_solution(completed) }
@@ -164,13 +165,13 @@ fn block_places(observations: &Observations, predicted_nm: &[Vec<f64>], fit: &Fi
         .flat_map(|(component, own)| (0..own.blocks.len()).map(move |block| (component, block)))
         .filter(has_own_x_e)
         .collect();
-    let repeated: Vec<BlockIndex> = blocks.iter().flat_map(|block| [*block; PLACES]).collect();
+    let repeated: Vec<BlockIndex> = blocks.iter().flat_map(|block| [*block; PLACES_ALONG_X_E]).collect();
     let mut subproblems = BlockSubproblems::new(&session, fit, &equations, &repeated);
     let mut start = subproblems.start.clone();
     for (subproblem, (component, block)) in repeated.iter().enumerate() {
         let own = &fit.parameterisation.components[*component];
         let Some(trial) = own.trials_of_block(*block).next() else { continue };
-        let restart = (x_e_fraction(subproblem % PLACES), K_DEC_FRACTION);
+        let restart = (x_e_fraction(subproblem % PLACES_ALONG_X_E), PLACE_K_DEC);
         for (parameter, value) in fit.restart_values(&session, trial, restart) {
             let coordinate = fit.coordinate_of(*component, *block, parameter);
             let Some(position) = own.blocks[*block].iter().position(|index| Some(*index) == coordinate)
@@ -185,17 +186,17 @@ fn block_places(observations: &Observations, predicted_nm: &[Vec<f64>], fit: &Fi
             }
         }
     }
-    let at = subproblems.solve(&subproblems.parameterisation, &start, PLACE).coordinates;
+    let at = subproblems.solve(&subproblems.parameterisation, &start, PLACE_OPTIONS).coordinates;
     let derivatives = subproblems.whitened_derivatives(&at);
     let places = |(number, block): (usize, &BlockIndex)| {
         let own = &fit.parameterisation.components[block.0];
         let x_e = fit.coordinate_of(block.0, block.1, X_E);
         let x_e = own.blocks[block.1].iter().position(|index| Some(*index) == x_e).unwrap_or(0);
-        let these = number * PLACES..(number + 1) * PLACES;
+        let these = number * PLACES_ALONG_X_E..(number + 1) * PLACES_ALONG_X_E;
         let place = |subproblem: usize| {
             let range = subproblems.ranges[subproblem].clone();
             let coordinates = &subproblems.parameterisation.coordinates[range.clone()];
-            Place::new(at[range].to_vec(), coordinates, &derivatives[subproblem])
+            ProfilePoint::new(at[range].to_vec(), coordinates, &derivatives[subproblem])
         };
         let columns: Vec<_> = derivatives[these.clone()].iter().flat_map(|own| own.column_iter()).collect();
         BlockPlaces {
@@ -211,8 +212,8 @@ fn block_places(observations: &Observations, predicted_nm: &[Vec<f64>], fit: &Fi
 
 /// x_e of a place as a fraction of the largest motor angle: steps of the square root, since x_e is better known where it is small.
 fn x_e_fraction(place: usize) -> f64 {
-    let [least, greatest] = X_E_FRACTIONS.map(libm::sqrt);
-    let root = least + (greatest - least) * place as f64 / (PLACES - 1) as f64;
+    let [least, greatest] = PLACE_FRACTIONS.map(libm::sqrt);
+    let root = least + (greatest - least) * place as f64 / (PLACES_ALONG_X_E - 1) as f64;
     root * root
 }
 
@@ -245,14 +246,14 @@ impl BlockPlaces {
             is_lowest(place) && cost(place) < if belongs { present } else { most }
         };
         let start = |place: usize| {
-            let steps = best[place].1.iter().map(|step| step.clamp(-LARGEST_STEP, LARGEST_STEP));
+            let steps = best[place].1.iter().map(|step| step.clamp(-LARGEST_PLACE_STEP, LARGEST_PLACE_STEP));
             self.places[place].coordinates.iter().zip(steps).map(|(value, step)| value + step).collect()
         };
         (0..best.len()).filter(|place| is_promising(*place)).map(start).collect()
     }
 }
 
-impl Place {
+impl ProfilePoint {
     /// The place at `at`, where the block has these whitened `derivatives` and, in their last column, residuals.
     fn new(at: Vec<f64>, coordinates: &[Coordinate], derivatives: &DMatrix<f64>) -> Self {
         let (jacobian, residual) = (derivatives.columns(0, at.len()), derivatives.column(at.len()));
@@ -283,7 +284,8 @@ impl Place {
         let mut of_border = matrix.view_mut((border, border), others.information.shape());
         of_border += &others.information;
         for position in 0..size {
-            matrix[(position, position)] = matrix[(position, position)] * (1.0 + DAMPING) + f64::MIN_POSITIVE;
+            matrix[(position, position)] =
+                matrix[(position, position)] * (1.0 + PLACE_DAMPING) + f64::MIN_POSITIVE;
         }
         matrix.row_mut(x_e).fill(0.0);
         matrix.column_mut(x_e).fill(0.0);
