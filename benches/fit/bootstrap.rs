@@ -1,6 +1,6 @@
 //! Sessions as the bootstrap draws them, for the peers to refit.
 
-use ramphold::fit::{NoiseSampler, draw_observations, predictions};
+use ramphold::fit::{NoiseSampler, RefitSearch, draw_observations, predictions};
 use ramphold::random::Stream;
 use serde_json::{Value, json};
 
@@ -14,10 +14,11 @@ pub fn as_json(problem: &Problem, count: usize) -> Value {
     let (prepared, fit) = (&problem.prepared, &problem.fit);
     let predicted: Vec<Vec<f64>> = predictions(prepared, fit).into_iter().map(|own| own.torque_nm).collect();
     let noise = NoiseSampler::new(&fit.residual_covariances);
+    let search = RefitSearch::new(prepared, fit);
     let refit = |number| {
         let mut stream = Stream::new(SEED, &format!("fit/bootstrap/{number}"));
         let session = draw_observations(prepared, &predicted, &noise, &mut stream);
-        let refitted = fit.refitted(&session);
+        let refitted = search.refit(&session);
         let costs: Vec<f64> = refitted.solution.outcomes.iter().map(|outcome| outcome.cost).collect();
         json!({ "measured_nm": measured(&session), "costs": costs })
     };

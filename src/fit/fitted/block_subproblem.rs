@@ -3,13 +3,15 @@
 
 use std::ops::Range;
 
+use nalgebra::DMatrix;
+
 use super::fit::Fit;
 use crate::fit::data::observations::Observations;
 use crate::fit::parameters::component::{BorderPrior, Component};
 use crate::fit::parameters::parameterisation::Parameterisation;
 use crate::fit::residuals::objective::Objective;
 use crate::fit::solver::levenberg_marquardt::{Solution, solve};
-use crate::fit::solver::normal_equations::{GaussNewtonEquations, evaluate};
+use crate::fit::solver::normal_equations::{GaussNewtonEquations, evaluate, whitened_derivatives};
 use crate::fit::solver::options::SolverOptions;
 use crate::wrist::mechanisms::MechanismKind;
 
@@ -30,8 +32,8 @@ pub struct BlockSubproblems<'a> {
 }
 
 impl<'a> BlockSubproblems<'a> {
-    /// Subproblems of `blocks`, in which a block that occurs several times does so consecutively. `equations` are the normal equations
-    /// of the components at the optimum of `fit`.
+    /// Subproblems of `blocks`, each of which may occur several times. `equations` are the normal equations of the components at the
+    /// optimum of `fit`.
     pub fn new(
         observations: &Observations,
         fit: &'a Fit,
@@ -40,7 +42,7 @@ impl<'a> BlockSubproblems<'a> {
     ) -> Self {
         let at = &fit.solution.coordinates;
         let mut trials = Vec::new();
-        let mut last_prior: Option<(BlockIndex, BorderPrior)> = None;
+        let mut priors: Vec<Option<Vec<BorderPrior>>> = vec![None; equations.len()];
         let mut parameterisation = Parameterisation {
             coordinates: Vec::new(),
             transforms: Vec::new(),
@@ -68,18 +70,15 @@ impl<'a> BlockSubproblems<'a> {
                 let here = transforms.map(|transform| transform.reindexed(index_here)).collect();
                 parameterisation.transforms.push(here);
             }
-            let prior = match last_prior.take() {
-                Some((of, prior)) if of == (*component, *block) => prior,
-                _ => equations[*component].border_prior_from_others(own, *block, at),
-            };
+            let of_component = priors[*component]
+                .get_or_insert_with(|| equations[*component].border_priors_from_others(own, at));
             parameterisation.components.push(Component {
                 trials: (first_trial..trials.len()).collect(),
                 blocks: vec![(first..border).collect()],
                 block_of_trial: vec![0; trials.len() - first_trial],
                 border: (border..start.len()).collect(),
-                border_prior: Some(prior.clone()),
+                border_prior: Some(of_component[*block].clone()),
             });
-            last_prior = Some(((*component, *block), prior));
             ranges.push(first..start.len());
         }
         Self {
@@ -96,6 +95,19 @@ impl<'a> BlockSubproblems<'a> {
     pub fn normal_equations(&self, coordinates: &[f64]) -> Vec<GaussNewtonEquations> {
         let components: Vec<&Component> = self.parameterisation.components.iter().collect();
         evaluate(
+            &self.observations,
+            &self.parameterisation,
+            self.kinds,
+            self.objective,
+            &components,
+            coordinates,
+        )
+    }
+
+    /// Whitened derivatives and residuals of all subproblems at `coordinates`; see [`whitened_derivatives`].
+    pub fn whitened_derivatives(&self, coordinates: &[f64]) -> Vec<DMatrix<f64>> {
+        let components: Vec<&Component> = self.parameterisation.components.iter().collect();
+        whitened_derivatives(
             &self.observations,
             &self.parameterisation,
             self.kinds,

@@ -21,16 +21,30 @@ pub const QUANTITIES: [&str; 9] = [
 impl Fit {
     /// Short-range-stiffness period x_t of a trial, s; `None` if the joint does not reach the elastic limit within the record.
     pub fn x_t_s(&self, observations: &Observations, trial: usize) -> Option<f64> {
-        srs_period_s(&simulated_trajectory(observations, self, trial), self.parameters[trial][X_E])
+        // Most joints reach it in the window, which is the first part of the record.
+        let within = |samples| {
+            srs_period_s(&trajectory(observations, self, trial, samples), self.parameters[trial][X_E])
+        };
+        within(observations.samples).or_else(|| within(recorded_samples(observations, trial)))
     }
 }
 
 /// Simulates a trial at the optimum of `fit`, from the start of the simulation to the end of the motion that was kept.
 pub fn simulated_trajectory(observations: &Observations, fit: &Fit, trial: usize) -> Vec<TraceSample> {
+    trajectory(observations, fit, trial, recorded_samples(observations, trial))
+}
+
+/// Number of samples from the onset of a trial to the end of the motion that was kept.
+fn recorded_samples(observations: &Observations, trial: usize) -> usize {
+    let input = &observations.trials[trial].input;
+    input.motion.len() - input.onset
+}
+
+/// The first `samples` of the simulated trajectory of a trial.
+fn trajectory(observations: &Observations, fit: &Fit, trial: usize, samples: usize) -> Vec<TraceSample> {
     let input = &observations.trials[trial].input;
     let parameters = &fit.parameters[trial];
     let substeps = substeps(observations.lever, parameters, observations.period_s);
-    let samples = input.motion.len() - input.onset;
     let request = SimulationSettings { samples, ..observations.request(&fit.kinds, substeps) };
     trace(&request, input, parameters)
 }

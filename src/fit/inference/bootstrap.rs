@@ -8,6 +8,7 @@ use crate::fit::fitted::fit::Fit;
 use crate::fit::fitted::predictions::predictions;
 use crate::fit::fitted::quantities::QUANTITIES;
 use crate::fit::model::parameter_index::{K_DEC, K_SRS};
+use crate::fit::search::refit_search::RefitSearch;
 use crate::random::Stream;
 use crate::wrist::BASE_PARAMETERS;
 
@@ -48,13 +49,14 @@ pub fn bootstrap_watched(
     let predicted: Vec<Vec<f64>> =
         predictions(observations, fit).into_iter().map(|own| own.torque_nm).collect();
     let noise = NoiseSampler::new(&fit.residual_covariances);
+    let search = RefitSearch::new(observations, fit);
     let drawn: Vec<Vec<[Option<f64>; COUNT]>> = (0..refits)
         .into_par_iter()
         .map(|number| {
             begins();
             let mut stream = Stream::new(seed, &format!("fit/bootstrap/{number}"));
             let session = draw_observations(observations, &predicted, &noise, &mut stream);
-            let refitted = fit.refitted(&session);
+            let refitted = search.refit(&session);
             (0..session.trials.len()).map(|trial| quantities(&session, &refitted, trial)).collect()
         })
         .collect();

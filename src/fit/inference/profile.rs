@@ -98,9 +98,9 @@ struct IntervalEnd {
 fn interval_ends(fit: &Fit, equations: &[GaussNewtonEquations]) -> Vec<IntervalEnd> {
     let mut ends = Vec::new();
     for (component, own) in fit.parameterisation.components.iter().enumerate() {
+        let priors = equations[component].border_priors_from_others(own, &fit.solution.coordinates);
         for (block, coordinates) in own.blocks.iter().enumerate() {
-            let prior = equations[component].border_prior_from_others(own, block, &fit.solution.coordinates);
-            let sds = equations[component].block_standard_deviations(block, &prior);
+            let sds = equations[component].block_standard_deviations(block, &priors[block]);
             for (position, coordinate) in coordinates.iter().enumerate() {
                 let bounds = &fit.parameterisation.coordinates[*coordinate];
                 if !bounds.logarithmic || !PROFILED_PARAMETERS.contains(&bounds.parameter) {

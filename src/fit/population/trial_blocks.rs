@@ -122,23 +122,21 @@ impl TrialBlocks {
     ) -> Vec<TrialSummary> {
         self.settle(observations, fit);
         let equations = normal_equations(observations, fit);
+        let with_component = equations.iter().zip(&fit.parameterisation.components);
+        let others: Vec<_> = with_component
+            .map(|(own, component)| own.border_priors_from_others(component, &fit.solution.coordinates))
+            .collect();
         let order: Vec<usize> = (0..self.own.len()).collect();
         let mut summaries: Vec<TrialSummary> = order
             .iter()
             .map(|trial| {
                 let (component, block) = self.blocks[*trial];
-                let of_component = &fit.parameterisation.components[component];
-                let others = equations[component].border_prior_from_others(
-                    of_component,
-                    block,
-                    &fit.solution.coordinates,
-                );
                 let own = &self.own[*trial];
                 let at = own.iter().map(|index| fit.solution.coordinates[*index]).collect();
                 let summary = OptimumSummary::new(
                     &equations[component],
                     block,
-                    &others,
+                    &others[component][block],
                     &fit.parameterisation,
                     own,
                     at,
@@ -146,7 +144,6 @@ impl TrialBlocks {
                 TrialSummary { condition: self.conditions[*trial], optima: vec![summary] }
             })
             .collect();
-        // By component and block, since a block must occur consecutively.
         let mut starts: Vec<(BlockIndex, usize, DVector<f64>)> = Vec::new();
         for (trial, own) in points.iter_mut().enumerate() {
             for point in own.drain(..) {
@@ -155,7 +152,6 @@ impl TrialBlocks {
                 }
             }
         }
-        starts.sort_by_key(|(block, ..)| *block);
         self.add_optima(observations, fit, &equations, &starts, &mut summaries);
         for (own, summary) in points.iter_mut().zip(&summaries) {
             *own = summary.optima.iter().map(|optimum| optimum.at.clone()).collect();

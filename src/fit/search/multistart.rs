@@ -26,7 +26,7 @@ const BLOCK_RESTARTS: [Restart; 8] =
 const COMPONENT_RESTARTS: [Restart; 2] = [(0.4, 0.6), (0.6, 0.6)];
 
 /// Largest number of rounds of block restarts: a block with another optimum moves the border, and with it the other blocks.
-const MAX_ROUNDS: usize = 5;
+pub(super) const MAX_ROUNDS: usize = 5;
 
 /// Smallest decrease of a block's cost, per unit of noise variance, for which another optimum is adopted.
 const MIN_BLOCK_DECREASE: f64 = 3e-3;
@@ -52,10 +52,10 @@ const UNWEIGHTED_RESTART: SolverOptions =
     SolverOptions { max_iterations: 60, tolerance: 1e-6, max_log_step: 0.7 };
 
 /// Optimum of a block that a restart reached.
-struct AlternativeOptimum {
+pub(super) struct AlternativeOptimum {
     block: BlockIndex,
     /// Decrease of the block's cost, per unit of noise variance, if the other blocks follow.
-    decrease: f64,
+    pub(super) decrease: f64,
     /// log x_e, and its distance from that of the fit.
     log_x_e: f64,
     distance: f64,
@@ -71,19 +71,6 @@ impl Fit {
             self.restart_components(observations);
             self.restart_blocks(observations);
         }
-    }
-
-    /// This fit repeated on other observations of the same trials, such as a simulated session.
-    pub fn refitted(&self, session: &Observations) -> Self {
-        let start = &self.solution.coordinates;
-        let options = SolverOptions::default();
-        let solution = solve(session, &self.parameterisation, &self.kinds, &self.objective, start, options);
-        let mut fit = self.at_solution(solution);
-        if fit.has_local_x_e() {
-            // The parameters that trials share are nearly right already, so components need not be restarted.
-            fit.restart_blocks(session);
-        }
-        fit
     }
 
     /// Restarts all trials of each component together: with a wrong value of the parameters that they share, no trial reaches its
@@ -106,7 +93,7 @@ impl Fit {
                 |(found, present): (&ComponentOutcome, &ComponentOutcome)| found.cost < present.cost;
             let improved: Vec<bool> =
                 found.outcomes.iter().zip(&self.solution.outcomes).map(is_better).collect();
-            self.adopt_if_better(observations, &improved, &found.coordinates);
+            self.adopt_if_better(observations, &improved, &found.coordinates, SolverOptions::default());
         }
     }
 
@@ -118,7 +105,7 @@ impl Fit {
         for _ in 0..MAX_ROUNDS {
             let alternatives = self.alternative_optima(observations, &open);
             self.collect_other_optima(&alternatives, &open, &mut other_optima);
-            open = self.adopt_best_blocks(observations, &alternatives);
+            open = self.adopt_best_blocks(observations, &alternatives, SolverOptions::default());
             if !open.contains(&true) {
                 break;
             }
@@ -140,9 +127,6 @@ impl Fit {
         }
         let subproblems = BlockSubproblems::new(observations, self, &present, &blocks);
         let start = self.restart_coordinates(observations, &subproblems, &blocks);
-        let present_cost =
-            |block: &BlockIndex| present[block.0].block_costs().nth(block.1).unwrap_or(f64::INFINITY);
-        let unit = |block: &BlockIndex| self.cost_unit(observations, *block, &present[block.0]);
         let equations = subproblems.normal_equations(&start);
         let kept: Vec<usize> = (0..blocks.len())
             .filter(|subproblem| {
@@ -151,10 +135,25 @@ impl Fit {
                 let x_e = self.coordinate_of(block.0, block.1, X_E);
                 let held: Vec<bool> = own.iter().map(|index| Some(*index) == x_e).collect();
                 let predicted = equations[*subproblem].predicted_block_cost(0, &held);
-                predicted < present_cost(block) + MAX_EXCESS * unit(block)
+                let present = &present[block.0];
+                predicted
+                    < present_cost(present, *block)
+                        + MAX_EXCESS * self.cost_unit(observations, *block, present)
             })
             .collect();
-        let solution = subproblems.solve(&subproblems.subset(&kept), &start, self.restart_options());
+        self.optima_from(observations, &present, (&subproblems, &blocks), &kept, &start)
+    }
+
+    /// The optima that the subproblems `kept` reach from the coordinates `start`; each is one of the block of the same index.
+    pub(super) fn optima_from(
+        &self,
+        observations: &Observations,
+        present: &[GaussNewtonEquations],
+        (subproblems, blocks): (&BlockSubproblems, &[BlockIndex]),
+        kept: &[usize],
+        start: &[f64],
+    ) -> Vec<AlternativeOptimum> {
+        let solution = subproblems.solve(&subproblems.subset(kept), start, self.restart_options());
         let alternative = |(subproblem, outcome): (&usize, &ComponentOutcome)| {
             let (block, range) = (blocks[*subproblem], subproblems.ranges[*subproblem].clone());
             let own = &self.parameterisation.components[block.0].blocks[block.1];
@@ -162,7 +161,9 @@ impl Fit {
             let x_e = self.coordinate_of(block.0, block.1, X_E);
             let position = own.iter().position(|index| Some(*index) == x_e).unwrap_or(0);
             let distance = (coordinates[position] - self.solution.coordinates[own[position]]).abs();
-            let decrease = (present_cost(&block) - outcome.cost) / unit(&block);
+            let present = &present[block.0];
+            let decrease =
+                (present_cost(present, block) - outcome.cost) / self.cost_unit(observations, block, present);
             AlternativeOptimum { block, decrease, log_x_e: coordinates[position], distance, coordinates }
         };
         kept.iter().zip(&solution.outcomes).map(alternative).collect()
@@ -245,10 +246,11 @@ impl Fit {
     }
 
     /// Continues from the best alternative of each block that improves; returns for each component whether a block improved.
-    fn adopt_best_blocks(
+    pub(super) fn adopt_best_blocks(
         &mut self,
         observations: &Observations,
         alternatives: &[AlternativeOptimum],
+        options: SolverOptions,
     ) -> Vec<bool> {
         let mut merged = self.solution.coordinates.clone();
         let mut improved = vec![false; self.parameterisation.components.len()];
@@ -264,12 +266,18 @@ impl Fit {
                 merged[*index] = *value;
             }
         }
-        self.adopt_if_better(observations, &improved, &merged);
+        self.adopt_if_better(observations, &improved, &merged, options);
         improved
     }
 
     /// Optimises the components that `improved` from the coordinates `merged`, and adopts those whose cost is lower than before.
-    fn adopt_if_better(&mut self, observations: &Observations, improved: &[bool], merged: &[f64]) {
+    fn adopt_if_better(
+        &mut self,
+        observations: &Observations,
+        improved: &[bool],
+        merged: &[f64],
+        options: SolverOptions,
+    ) {
         if !improved.contains(&true) {
             return;
         }
@@ -281,7 +289,6 @@ impl Fit {
                 .collect(),
             ..self.parameterisation.clone()
         };
-        let options = SolverOptions::default();
         let found: Solution = solve(observations, &some, &self.kinds, &self.objective, merged, options);
         let optimised = (0..improved.len()).filter(|component| improved[*component]);
         for (component, outcome) in optimised.zip(found.outcomes) {
@@ -295,14 +302,14 @@ impl Fit {
     }
 
     /// Normal equations of all components at the optimum.
-    fn normal_equations(&self, observations: &Observations) -> Vec<GaussNewtonEquations> {
+    pub(super) fn normal_equations(&self, observations: &Observations) -> Vec<GaussNewtonEquations> {
         let components: Vec<_> = self.parameterisation.components.iter().collect();
         let at = &self.solution.coordinates;
         evaluate(observations, &self.parameterisation, &self.kinds, &self.objective, &components, at)
     }
 
     /// Whether each trial or condition has its own x_e, so that x_e can have several optima per block.
-    fn has_local_x_e(&self) -> bool {
+    pub(super) fn has_local_x_e(&self) -> bool {
         let spec = &self.model.base[X_E];
         matches!(spec.scope, Scope::Trial | Scope::Condition) && spec.law.is_empty()
     }
@@ -315,7 +322,7 @@ impl Fit {
     }
 
     /// Index of the coordinate of a block that is the logarithm of a base parameter; `None` if the block has no such coordinate.
-    fn coordinate_of(&self, component: usize, block: usize, parameter: usize) -> Option<usize> {
+    pub(super) fn coordinate_of(&self, component: usize, block: usize, parameter: usize) -> Option<usize> {
         let coordinates = &self.parameterisation.components[component].blocks[block];
         let is_wanted = |index: &usize| {
             let own = &self.parameterisation.coordinates[*index];
@@ -326,7 +333,7 @@ impl Fit {
 
     /// Cost per unit of noise variance in a block: 1 for whitened residuals, otherwise estimated from the residuals of the block, whose
     /// normal equations are among `present`.
-    fn cost_unit(
+    pub(super) fn cost_unit(
         &self,
         observations: &Observations,
         (component, block): BlockIndex,
@@ -343,4 +350,9 @@ impl Fit {
             }
         }
     }
+}
+
+/// The present cost of a block, whose component has these normal equations.
+pub(super) fn present_cost(present: &GaussNewtonEquations, (_, block): BlockIndex) -> f64 {
+    present.block_costs().nth(block).unwrap_or(f64::INFINITY)
 }

@@ -172,24 +172,31 @@ impl GaussNewtonEquations {
         cholesky(own).map_or(*cost, |factor| cost - 0.5 * gradient.dot(&factor.solve(&gradient)))
     }
 
-    /// Information about the border from all blocks but one, at the coordinates `at`: the Schur complement of the other blocks.
-    pub fn border_prior_from_others(&self, component: &Component, block: usize, at: &[f64]) -> BorderPrior {
-        let mut information = &self.border - &self.blocks[block].border_share;
-        let mut gradient = &self.border_gradient - &self.blocks[block].border_gradient_share;
-        for (index, other) in self.blocks.iter().enumerate() {
-            if index == block || other.matrix.nrows() == 0 {
-                continue;
-            }
-            let mut matrix = other.matrix.clone();
+    /// For each block the information about the border from all others, at the coordinates `at`: the Schur complement of the others.
+    pub fn border_priors_from_others(&self, component: &Component, at: &[f64]) -> Vec<BorderPrior> {
+        let through_block = |own: &BlockEquations| {
+            let mut matrix = own.matrix.clone();
             for i in 0..matrix.nrows() {
                 matrix[(i, i)] = matrix[(i, i)] * (1.0 + 1e-9) + f64::MIN_POSITIVE;
             }
-            let Some(factor) = cholesky(matrix) else { continue };
-            information -= other.with_border.tr_mul(&factor.solve(&other.with_border));
-            gradient -= other.with_border.tr_mul(&factor.solve(&other.gradient));
-        }
+            let factor = cholesky(matrix)?;
+            let information = own.with_border.tr_mul(&factor.solve(&own.with_border));
+            Some((information, own.with_border.tr_mul(&factor.solve(&own.gradient))))
+        };
+        let through: Vec<Option<(DMatrix<f64>, DVector<f64>)>> =
+            self.blocks.iter().map(|own| through_block(own).filter(|_| own.matrix.nrows() > 0)).collect();
         let at = DVector::from_iterator(component.border.len(), component.border.iter().map(|i| at[*i]));
-        BorderPrior { at, gradient, information }
+        let without = |block: usize| {
+            let mut information = &self.border - &self.blocks[block].border_share;
+            let mut gradient = &self.border_gradient - &self.blocks[block].border_gradient_share;
+            let others = through.iter().enumerate().filter(|(index, _)| *index != block);
+            for (of_information, of_gradient) in others.filter_map(|(_, other)| other.as_ref()) {
+                information -= of_information;
+                gradient -= of_gradient;
+            }
+            BorderPrior { at: at.clone(), gradient, information }
+        };
+        (0..self.blocks.len()).map(without).collect()
     }
 
     /// Cost, gradient and Gauss-Newton matrix of a block over its own coordinates alone: for each value of these, the border is at its

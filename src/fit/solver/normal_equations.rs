@@ -86,6 +86,81 @@ pub fn evaluate(
     result
 }
 
+/// Derivatives of the whitened values of each of `components` with respect to its coordinates, in the order of the component, and the
+/// whitened residuals in the last column; one row per value of its trials.
+pub fn whitened_derivatives(
+    observations: &Observations,
+    parameterisation: &Parameterisation,
+    kinds: &[MechanismKind],
+    objective: &Objective,
+    components: &[&Component],
+    coordinates: &[f64],
+) -> Vec<DMatrix<f64>> {
+    let trials: Vec<usize> = components.iter().flat_map(|component| &component.trials).copied().collect();
+    let mut parameters = Vec::new();
+    for trial in &trials {
+        parameterisation.parameters(*trial, coordinates, &mut parameters);
+    }
+    let mut response = SimulatedTorque::default();
+    predict(observations, kinds, &parameterisation.estimated, &trials, &parameters, &mut response);
+    let count = parameterisation.transforms[0].len();
+    let mut place = 0;
+    let mut of_component = |component: &&Component| {
+        let order = component.order();
+        let mut of_trials = Vec::new();
+        for trial in &component.trials {
+            let by_parameter =
+                columns(observations, *trial, &response, place, parameterisation.estimated.len());
+            let by_parameter = objective.whiten_columns(observations.noise_index[*trial], &by_parameter);
+            let mut own = DMatrix::zeros(by_parameter.nrows(), order.len() + 1);
+            own.set_column(order.len(), &by_parameter.column(parameterisation.estimated.len()));
+            for (from, parameter) in parameterisation.estimated.iter().enumerate() {
+                let value = parameters[place * count + parameter];
+                parameterisation.slopes(*trial, *parameter, value, |coordinate, slope| {
+                    let to = order.iter().position(|index| *index == coordinate);
+                    let mut to = own.column_mut(to.expect("a coordinate of the trial's component"));
+                    to.axpy(slope, &by_parameter.column(from), 1.0);
+                });
+            }
+            of_trials.push(own);
+            place += 1;
+        }
+        let rows = of_trials.iter().map(DMatrix::nrows).sum();
+        let mut stacked = DMatrix::zeros(rows, order.len() + 1);
+        let mut row = 0;
+        for own in of_trials {
+            stacked.rows_mut(row, own.nrows()).copy_from(&own);
+            row += own.nrows();
+        }
+        stacked
+    };
+    components.iter().map(&mut of_component).collect()
+}
+
+/// Derivatives of the values of `trial`, whose simulation is number `row` of the response, by the estimated parameters, and the residuals in
+/// the last column.
+fn columns(
+    observations: &Observations,
+    trial: usize,
+    response: &SimulatedTorque,
+    row: usize,
+    estimated: usize,
+) -> DMatrix<f64> {
+    let samples = observations.rows();
+    let torque = &response.torque_nm[row * samples..(row + 1) * samples];
+    let slopes = &response.slopes[row * samples * estimated..(row + 1) * samples * estimated];
+    let measured = &observations.trials[trial].measured_nm;
+    let mut columns = DMatrix::zeros(samples, estimated + 1);
+    for (row, slopes) in slopes.chunks_exact(estimated.max(1)).enumerate() {
+        for (column, slope) in slopes.iter().enumerate() {
+            columns[(row, column)] = *slope;
+        }
+    }
+    let residual = torque.iter().zip(measured).map(|(predicted, measured)| predicted - measured);
+    columns.column_mut(estimated).iter_mut().zip(residual).for_each(|(to, from)| *to = from);
+    columns
+}
+
 /// Normal equations of `trial`, whose simulation is number `row` of the response.
 fn trial_equations(
     observations: &Observations,
@@ -95,22 +170,10 @@ fn trial_equations(
     row: usize,
     estimated: usize,
 ) -> TrialEquations {
-    let samples = observations.rows();
-    let torque = &response.torque_nm[row * samples..(row + 1) * samples];
-    let slopes = &response.slopes[row * samples * estimated..(row + 1) * samples * estimated];
-    let measured = &observations.trials[trial].measured_nm;
-    let residual = torque.iter().zip(measured).map(|(predicted, measured)| predicted - measured);
     match objective.whitening_matrix(observations.noise_index[trial]) {
         Some(whitening) => {
-            // One product for the derivatives and the residual, whose column is the last.
-            let mut columns = DMatrix::zeros(samples, estimated + 1);
-            for (row, slopes) in slopes.chunks_exact(estimated.max(1)).enumerate() {
-                for (column, slope) in slopes.iter().enumerate() {
-                    columns[(row, column)] = *slope;
-                }
-            }
-            columns.column_mut(estimated).iter_mut().zip(residual).for_each(|(to, from)| *to = from);
-            let whitened = whitening * columns;
+            // One product for the derivatives and the residual.
+            let whitened = whitening * columns(observations, trial, response, row, estimated);
             let (jacobian, residual) = (whitened.columns(0, estimated), whitened.column(estimated));
             TrialEquations {
                 cost: 0.5 * residual.norm_squared(),
@@ -119,6 +182,11 @@ fn trial_equations(
             }
         }
         None => {
+            let samples = observations.rows();
+            let torque = &response.torque_nm[row * samples..(row + 1) * samples];
+            let slopes = &response.slopes[row * samples * estimated..(row + 1) * samples * estimated];
+            let measured = &observations.trials[trial].measured_nm;
+            let residual = torque.iter().zip(measured).map(|(predicted, measured)| predicted - measured);
             let mut matrix = DMatrix::zeros(estimated, estimated);
             let mut gradient = DVector::zeros(estimated);
             let mut cost = 0.0;

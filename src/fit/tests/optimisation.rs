@@ -4,7 +4,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::super::solver::levenberg_marquardt::solve;
-use super::super::solver::normal_equations::evaluate;
+use super::super::solver::normal_equations::{evaluate, whitened_derivatives};
 use super::*;
 
 fn true_starting_values(observations: &Observations) -> StartingValues {
@@ -193,6 +193,7 @@ fn a_refit_reaches_the_optimum_of_a_full_multistart_search() {
     let predicted: Vec<Vec<f64>> =
         predictions(&observations, &fit).into_iter().map(|own| own.torque_nm).collect();
     let noise = NoiseSampler::new(&fit.residual_covariances);
+    let search = RefitSearch::new(&observations, &fit);
     let excess = |number: u32| {
         let mut stream = Stream::new(1, &format!("refit/{number}"));
         let session = draw_observations(&observations, &predicted, &noise, &mut stream);
@@ -208,8 +209,52 @@ fn a_refit_reaches_the_optimum_of_a_full_multistart_search() {
         );
         from_start.search_multistart(&session);
         let cost = |fit: &Fit| fit.solution.outcomes[0].cost;
-        cost(&fit.refitted(&session)) / cost(&from_start) - 1.0
+        cost(&search.refit(&session)) / cost(&from_start) - 1.0
     };
     let worst = (0..40).into_par_iter().map(excess).reduce(|| 0.0, f64::max);
     assert!(worst < 1e-3, "relative excess of the cost: {worst:e}");
+}
+
+#[test]
+fn the_products_of_the_whitened_derivatives_are_the_normal_equations() {
+    let observations = SyntheticSession::new(2).observations();
+    let fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
+    let (own, kinds, objective) = (&fit.parameterisation, &fit.kinds, &fit.objective);
+    // Away from the optimum, where the gradient is not zero.
+    let at: Vec<f64> = fit.solution.coordinates.iter().map(|value| value + 0.01).collect();
+    let components: Vec<&Component> = own.components.iter().collect();
+    let equations = evaluate(&observations, own, kinds, objective, &components, &at);
+    let derivatives = whitened_derivatives(&observations, own, kinds, objective, &components, &at);
+    assert_eq!(equations.len(), 2);
+    for ((component, equations), derivatives) in components.iter().zip(&equations).zip(&derivatives) {
+        let count = derivatives.ncols() - 1;
+        let (jacobian, residual) = (derivatives.columns(0, count), derivatives.column(count));
+        let matrix = equations.dense(component);
+        assert!((jacobian.tr_mul(&jacobian) - &matrix).amax() < 1e-9 * matrix.amax());
+        let gradient = equations.gradient(component);
+        assert!((jacobian.tr_mul(&residual) - &gradient).amax() < 1e-9 * gradient.amax());
+        assert!((0.5 * residual.norm_squared() - equations.cost).abs() < 1e-9 * equations.cost);
+    }
+}
+
+#[test]
+fn x_t_does_not_depend_on_how_much_of_the_record_is_simulated() {
+    let observations = SyntheticSession::new(1).observations();
+    let mut fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
+    let mut after_the_window = 0;
+    for trial in 0..observations.trials.len() {
+        for factor in [1.0, 1.6, 20.0] {
+            fit.parameters[trial][X_E] *= factor;
+            let whole = simulated_trajectory(&observations, &fit, trial);
+            let expected = wrist::srs_period_s(&whole, fit.parameters[trial][X_E]);
+            assert_eq!(fit.x_t_s(&observations, trial), expected);
+            let window_s = observations.samples as f64 * observations.period_s;
+            after_the_window += usize::from(expected.is_some_and(|x_t_s| x_t_s > window_s));
+        }
+        assert_eq!(fit.x_t_s(&observations, trial), None, "x_e lies beyond the ramp");
+    }
+    assert!(
+        after_the_window > 0,
+        "no trial reaches x_e between the end of the window and that of the record"
+    );
 }
