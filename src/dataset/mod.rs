@@ -64,8 +64,8 @@ pub use replay::{Difference, Garbage, Replay, StepObserver, replay, replay_watch
 pub use resume::{Resumable, ResumeError, Resumed, every_trial_is_done};
 pub use rig_calibration::{
     AngleAgainstTarget, CalibratedQuantity, CalibrationFit, CalibrationLoad, CalibrationNoise,
-    CalibrationSource, NoiseSpectrum, RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, RigCalibration,
-    RigCalibrationError, RigQuantity,
+    CalibrationSource, NoiseSpectrum, RIG_CALIBRATION, RIG_CALIBRATION_FORMAT, ROUNDING_STEPS,
+    RigCalibration, RigCalibrationError, RigQuantity,
 };
 pub use rig_trial_csv_reader::{RIG_TRIAL_REST_S, RigTrialSignals};
 pub use rig_trials::{RIG_TRIALS_TABLE, RigTrial, RigTrialMotion, RigTrials, load_rig_trials};

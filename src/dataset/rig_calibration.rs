@@ -210,12 +210,18 @@ pub struct AngleAgainstTarget {
 }
 
 /// Largest difference of two angles of which each is rounded and relative to a rounded start, in steps.
-const ROUNDING_STEPS: f64 = 2.0;
+pub const ROUNDING_STEPS: f64 = 2.0;
 
 impl AngleAgainstTarget {
-    /// Whether the recorded angle cannot be told from the target.
+    /// Whether the recorded angle cannot be told from the target, by steps that the target passes within a sample. Coarser ones hide how
+    /// a motor follows.
     pub fn is_target(&self) -> bool {
-        self.largest_steps <= ROUNDING_STEPS
+        self.largest_steps <= ROUNDING_STEPS && self.step_s() <= self.sample_s
+    }
+
+    /// Time for a step at the largest speed of the target, s.
+    pub fn step_s(&self) -> f64 {
+        self.largest_s / self.largest_steps.max(f64::MIN_POSITIVE)
     }
 }
 

@@ -10,7 +10,10 @@ use super::across_trials::stiffness_table::StiffnessTable;
 use super::applicability::missing;
 use super::base_model::not_described;
 use super::cause::{AlternativeCause, Cause, CauseEvidence};
-use super::evidence::answer::{CauseProbabilities, NAMED_PROBABILITY, answered_causes, most_probable_model};
+use super::evidence::answer::{
+    CauseProbabilities, NAMED_PROBABILITY, answered_causes, most_probable_model,
+    most_probable_of_likely_causes,
+};
 use super::evidence::found_law::{FoundLaw, LawCheck};
 use super::evidence::model_posterior::ModelPosterior;
 use super::evidence::model_prior::compared;
@@ -129,8 +132,12 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     let acts_within = |kind: &MechanismKind| kind.evidence() == EvidenceSource::Trace && !rig.tells(*kind);
     let is_seen = !models[most_probable].causes.iter().all(acts_within) || given.p_values.any() < SEEN_LEVEL;
     let nothing = probabilities.none > 1.0 - NAMED_PROBABILITY || !is_seen;
-    let best = if nothing { 0 } else { most_probable };
     let explains = probabilities.none_of_these < 0.5;
+    let best = match (nothing, explains) {
+        (true, _) => 0,
+        (false, true) => most_probable,
+        (false, false) => most_probable_of_likely_causes(models, &probabilities),
+    };
     let free = (!nothing && !explains).then(|| FoundLaw::of(&search, &probabilities)).flatten();
     let (extended, tested) = match single {
         (index, fit, test) if index == best => (fit, (best > 0).then_some(test)),

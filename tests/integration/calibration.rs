@@ -106,6 +106,25 @@ fn a_calibration_that_knows_the_gains_badly_is_not_taken_for_less_noise() {
 }
 
 #[test]
+fn what_no_mechanism_explains_lists_no_cause_that_is_not_at_work() {
+    // Delays that the person's trials contradict.
+    let mut own = calibration(&[(RigQuantity::TorqueDelay, 0.001)]);
+    let place = own.covariance_of.iter().position(|of| *of == RigQuantity::TorqueDelay).unwrap();
+    own.covariance[place][place] = 1e-12;
+    own.quantities.iter_mut().find(|own| own.name == RigQuantity::TorqueDelay).unwrap().se = Some(1e-6);
+    let workspace = workspace(&own, &["--calibration", FILE]);
+    workspace.call(0, &["diagnose", "session"]);
+    let found = json_of(&workspace, "session/results/diagnosis.json");
+    assert_eq!(found["verdict"], "unexplained");
+    assert!(
+        found["none_of_these"].as_f64().or(found["probabilities"]["none_of_these"].as_f64()).unwrap() > 0.5
+    );
+    for cause in found["causes"].as_array().unwrap() {
+        assert!(cause["probability"].as_f64().unwrap() > 0.05, "{cause}");
+    }
+}
+
+#[test]
 fn a_session_without_a_calibration_says_what_errors_of_its_lever_would_do() {
     let workspace = workspace(&calibration(&[]), &[]);
     let fit = json_of(&workspace, "session/results/fit.json");

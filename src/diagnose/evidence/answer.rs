@@ -91,6 +91,15 @@ pub fn most_probable_model(models: &[ComparedModel]) -> usize {
     candidates.max_by(|a, b| models[*a].log_odds.total_cmp(&models[*b].log_odds)).unwrap_or(0)
 }
 
+/// The most probable model of causes that are at work with more than the probability left beside what is named, as index: where the cause
+/// is in no catalogue, the most probable model of the catalogue may have no probability to speak of.
+pub fn most_probable_of_likely_causes(models: &[ComparedModel], probabilities: &CauseProbabilities) -> usize {
+    let is_likely =
+        |kind: &MechanismKind| !kind.is_free_law() && probabilities.of_cause(*kind) > 1.0 - NAMED_PROBABILITY;
+    let candidates = (0..models.len()).filter(|index| models[*index].causes.iter().all(is_likely));
+    candidates.max_by(|a, b| models[*a].log_odds.total_cmp(&models[*b].log_odds)).unwrap_or(0)
+}
+
 /// The causes of `models[index]`. Each has the smallest set of causes in its place that holds the probability needed, given the others.
 pub fn answered_causes(models: &[ComparedModel], index: usize) -> Vec<AnsweredCause> {
     let weights = weights(models);

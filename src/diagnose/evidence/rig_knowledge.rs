@@ -8,7 +8,7 @@ use nalgebra::DMatrix;
 
 use super::gaussian::log_normal_distribution;
 use crate::calibrate::{CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
-use crate::dataset::{AngleAgainstTarget, RigCalibration, RigQuantity};
+use crate::dataset::{AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity};
 use crate::diagnose::interval::Interval;
 use crate::fit::{CalibrationMisuse, RigConstants};
 use crate::wrist::Lever;
@@ -24,7 +24,8 @@ const LEAST_PART: f64 = 0.1;
 /// within two samples' way of it, or neither: a drive may report the target late, or its own way between two targets. Assumed.
 const TARGET_AS_ANGLE: [f64; 3] = [0.9, 0.099, 0.001];
 
-/// Probability that a motor stays within a step of the encoder of its target all along the ramps. Assumed.
+/// Least probability that a motor stays within a step of the encoder of its target all along the ramps; more where the step is long beside
+/// a servo's delay. Assumed.
 const MOTOR_WITHIN_A_STEP: f64 = 1e-4;
 
 /// Samples by which a drive may report a target late.
@@ -169,8 +170,11 @@ fn probability_of(angle: &AngleAgainstTarget, is_command: bool) -> f64 {
         return TARGET_AS_ANGLE[near];
     }
     let (median, log_sd) = servo_bandwidth_hz();
-    let fast = log_normal_distribution(-libm::log(following_bandwidth_hz(late_s) / median) / log_sd);
-    [MOTOR_WITHIN_A_STEP, libm::exp(fast), 1.0 - libm::exp(fast)][near]
+    let faster_than = |delay_s: f64| {
+        libm::exp(log_normal_distribution(-libm::log(following_bandwidth_hz(delay_s) / median) / log_sd))
+    };
+    let within_steps = MOTOR_WITHIN_A_STEP.max(faster_than(ROUNDING_STEPS * angle.step_s()));
+    [within_steps, faster_than(late_s), 1.0 - faster_than(late_s)][near]
 }
 
 /// Standard deviation of a bearing's friction about a constant one, as a part of it. Assumed: grease and Stribeck's drop change it by some
@@ -297,6 +301,9 @@ mod tests {
         let (following, lag) = (&[MechanismKind::ServoFollowing], &[MechanismKind::TorqueLag]);
         let target = seen(&late, 0.6, 0.000_02);
         assert!(target.log_odds(following) > target.log_odds(lag) + 5.0 && target.log_odds(lag) > 10.0);
+        // Steps that a motor is as late as hide it.
+        let coarse = seen(&late, 1.2, 0.001);
+        assert!(coarse.log_odds(following) < coarse.log_odds(lag) + 2.0);
         let motor = seen(&late, 150.0, 0.003);
         assert!(motor.log_odds(lag) > motor.log_odds(following) + 5.0);
         // A drive that reports its target a sample late is not told from a motor as fast.
