@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::constants::{REPORTED, RigCoordinates};
-use super::covariance::{NOTHING_KNOWN, RigCovariance, covariance, inverse};
+use super::covariance::{RigCovariance, covariance};
 use super::encoder::step_positions;
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
@@ -13,7 +13,7 @@ use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
 use super::noise::PowerSpectrum;
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
-use super::reported::reported;
+use super::reported::{reported, stated};
 use super::sound_rig::{RigDeviations, ToldConstant};
 use super::starts::fit_from_starts;
 use super::stated_rig::{LoadByRig, load_by_rig};
@@ -235,12 +235,12 @@ pub fn calibrate(
         p_value_of_misfit: Some(misfit.p_value),
     };
     calibration.angle_against_target = prepared.angle_against_target;
-    let stated =
-        |quantity: RigQuantity| calibration.quantities.iter().find(|own| own.name == quantity)?.stated;
-    let deviations = RigDeviations::of(&calibration, trials.lever, stated);
+    let deviations = RigDeviations::of(&calibration, trials.lever, |quantity| stated(quantity, trials.lever));
+    let of_data = found.of_data();
     for (check, place) in loads.iter_mut().zip(RigCoordinates::first_load()..) {
         if check.difference.is_none() {
-            check.by_rig = Some(load_by_rig(&deviations, effect_of_load(&deviations, &found, place)));
+            check.by_rig =
+                Some(load_by_rig(&deviations, effect_of_load(&deviations, &found, &of_data, place)));
         }
     }
     calibration.warnings =
@@ -248,11 +248,14 @@ pub fn calibrate(
     Ok(CalibrationOutcome { calibration, misfit, loads })
 }
 
-/// Change of each deviation with true over stated value of the load whose coordinate is at `place`.
-fn effect_of_load(deviations: &RigDeviations, found: &RigCovariance, place: usize) -> DVector<f64> {
-    let size = found.information.nrows();
-    // Without what the scatter of whole trials adds: that is no part of the load.
-    let of_data = inverse(&found.information + DMatrix::identity(size, size) * NOTHING_KNOWN);
+/// Change of each deviation with true over stated value of the load whose coordinate is at `place`. The scatter of whole trials is no part
+/// of it: it follows from the covariance `of_data` alone.
+fn effect_of_load(
+    deviations: &RigDeviations,
+    found: &RigCovariance,
+    of_data: &DMatrix<f64>,
+    place: usize,
+) -> DVector<f64> {
     let effect = |own: &ToldConstant| {
         let coordinate = RigQuantity::ALL.iter().position(|name| *name == own.quantity).unwrap_or_default();
         // A cut-off falls as its coordinate, the time constant, rises.
@@ -353,7 +356,7 @@ pub fn named_load(load: RigLoad) -> String {
     }
 }
 
-/// A load that disagrees with the others, as a sentence.
+/// The warning of a load that disagrees with the others.
 fn disagreement(check: &LoadCheck) -> Option<String> {
     let difference = check.difference.filter(|_| check.disagrees())?;
     let or: Vec<String> = check.or.iter().map(|load| named_load(*load)).collect();

@@ -25,6 +25,14 @@ pub struct RigCovariance {
     pub information: DMatrix<f64>,
 }
 
+impl RigCovariance {
+    /// Covariance of the coordinates from the data and the stated loads alone, without what the scatter of whole trials adds.
+    pub fn of_data(&self) -> DMatrix<f64> {
+        let size = self.information.nrows();
+        inverse(&self.information + DMatrix::identity(size, size) * NOTHING_KNOWN)
+    }
+}
+
 /// Covariances of the coordinates of a fit.
 pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
     let size = input.coordinates.count();

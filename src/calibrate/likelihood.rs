@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::fit::{RigFitInput, cholesky_factor, solve_lower};
 use super::moments::{MomentChannel, MomentLabel, Needed, TrialMoments};
+use crate::statistics::log_determinant_of_factor;
 
 /// Channels whose noise has a scale of its own.
 const CHANNELS: [MomentChannel; 3] = [MomentChannel::Torque, MomentChannel::Servo, MomentChannel::Mean];
@@ -72,7 +73,6 @@ impl CommonProducts {
             let squares: Vec<f64> = labels.iter().zip(independent.iter()).filter_map(own).collect();
             (squares.iter().sum(), squares.len() as f64)
         });
-        let log_determinant = 2.0 * factor.diagonal().iter().map(|value| libm::log(*value)).sum::<f64>();
-        TrialDeviance { squares, log_determinant }
+        TrialDeviance { squares, log_determinant: log_determinant_of_factor(&factor) }
     }
 }

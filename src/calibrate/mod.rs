@@ -38,6 +38,7 @@ mod stated_rig;
 
 pub use calibration::{CalibrationOutcome, calibrate, named_load};
 pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, compare};
+pub use constants::time_constant_s;
 pub use error::CalibrateError;
 pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};

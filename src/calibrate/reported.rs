@@ -92,9 +92,7 @@ fn whole_delay(
 ) -> Told {
     let sum = in_delay.row(DELAY_PLACE);
     let variance = |covariance: &DMatrix<f64>| (sum * covariance * sum.transpose())[(0, 0)];
-    let size = found.information.nrows();
-    let of_data = inverse(&found.information + DMatrix::identity(size, size) * NOTHING_KNOWN);
-    if INTERVAL * libm::sqrt(variance(&of_data)) > 1.0 {
+    if INTERVAL * libm::sqrt(variance(&found.of_data())) > 1.0 {
         return Told::Unknown;
     }
     let se = libm::sqrt(variance(&found.covariance));
@@ -142,7 +140,7 @@ fn told(quantity: RigQuantity, scale: CoordinateScale, coordinate: f64, se: f64)
 }
 
 /// What the session states: its lever, and a rig without errors for the rest.
-fn stated(quantity: RigQuantity, lever: Option<Lever>) -> Option<f64> {
+pub fn stated(quantity: RigQuantity, lever: Option<Lever>) -> Option<f64> {
     match quantity {
         RigQuantity::LeverInertia => lever.map(|own| own.inertia_kg_m2),
         RigQuantity::LeverDamping => lever.map(|own| own.damping_nm_s_per_rad),

@@ -7,7 +7,9 @@ use std::f64::consts::SQRT_2;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::constants::time_constant_s;
 use crate::dataset::{RigCalibration, RigQuantity};
+use crate::statistics::log_determinant_of_factor;
 use crate::wrist::Lever;
 use crate::wrist::mechanisms::{MechanismKind, Prior, ProbeContext};
 
@@ -125,8 +127,7 @@ impl RigDeviations {
         // Tolerances make it positive definite.
         let Some(factor) = covariance.cholesky() else { return (f64::NEG_INFINITY, 0.0) };
         let weighted = factor.solve(&off);
-        let log_determinant =
-            2.0 * factor.l_dirty().diagonal().iter().map(|own| libm::log(*own)).sum::<f64>();
+        let log_determinant = log_determinant_of_factor(factor.l_dirty());
         let size = error.map_or(0.0, |error| error.sd * error.sd * error.effect.dot(&weighted));
         (-0.5 * (off.dot(&weighted) + log_determinant), size)
     }
@@ -145,7 +146,7 @@ pub fn servo_bandwidth_hz() -> (f64, f64) {
 /// Two equal poles of time constant T are, in mean and variance, a delay of (2 - sqrt 2) T and a pole of sqrt 2 T. Servos that brake less,
 /// or more, lie about them by T (assumed).
 fn caused_by_following(quantity: RigQuantity) -> Option<(f64, f64)> {
-    let time_constant_s = 1.0 / (std::f64::consts::TAU * servo_bandwidth_hz().0);
+    let time_constant_s = time_constant_s(servo_bandwidth_hz().0);
     match quantity {
         RigQuantity::TorqueDelay => Some(((2.0 - SQRT_2) * time_constant_s, time_constant_s)),
         RigQuantity::TorqueCutoff => Some((SQRT_2 * time_constant_s, time_constant_s)),
@@ -163,9 +164,8 @@ fn told_constant(
     let prior = own.kind.prior(0, context);
     let (deviation, slope, caused) = match (own.quantity, prior) {
         (RigQuantity::TorqueCutoff, Prior::LogNormal { median, log_sd }) => {
-            let time_constant = |cutoff_hz: f64| 1.0 / (std::f64::consts::TAU * cutoff_hz);
-            let typical = time_constant(median);
-            (time_constant(value), -time_constant(value) / value, (typical, typical * log_sd))
+            let typical = time_constant_s(median);
+            (time_constant_s(value), -time_constant_s(value) / value, (typical, typical * log_sd))
         }
         (RigQuantity::TorqueDelay, Prior::Normal { mean, sd }) => (value, 1.0, (mean, sd)),
         // A measured damping may be zero or less, which has no logarithm.

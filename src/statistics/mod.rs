@@ -2,9 +2,10 @@
 //!
 //! The tests of a study's tables (analysis of variance, contrasts, reliability, comparison of two groups) rest on [`MeanCovariance`]
 //! and [`MeanVariance`], which take in one subject at a time: a study of a million subjects needs no more memory than one of two.
-//! Fit, diagnosis and report share [`group_indices`], [`upper_median`] and the linear regressions of `least_squares`.
+//! Fit, diagnosis and report share [`group_indices`], [`upper_median`], [`log_determinant_of_factor`] and the linear regressions of `least_squares`.
 
 mod correlation;
+mod determinant;
 mod distribution;
 mod groups;
 mod least_squares;
@@ -16,6 +17,7 @@ mod repeated_measures_anova;
 mod welch;
 
 pub use correlation::rank_correlation;
+pub use determinant::log_determinant_of_factor;
 pub use distribution::{chi_square_tail, f_tail, t_quantile, t_two_sided, wilson};
 pub use groups::group_indices;
 pub use least_squares::{WeightedRegression, slope_through_origin};

@@ -3,6 +3,8 @@
 use nalgebra::DMatrix;
 use statrs::function::erf::erfc;
 
+use crate::statistics::log_determinant_of_factor;
+
 /// Logarithm of the standard normal distribution function at `x`.
 pub fn log_normal_distribution(x: f64) -> f64 {
     if x > -6.0 {
@@ -28,17 +30,12 @@ pub fn smooth_precision(size: usize, knots: f64) -> (DMatrix<f64>, f64) {
     (precision, -log_covariance)
 }
 
-/// Twice the sum of the logarithms of a triangular factor's diagonal: the logarithm of the determinant of what was factored.
-pub fn twice_log_diagonal(factor: &DMatrix<f64>) -> f64 {
-    2.0 * factor.diagonal().iter().map(|own| libm::log(*own)).sum::<f64>()
-}
-
 /// Logarithm of the determinant of a positive definite matrix; `None` if it is not.
 pub fn log_determinant(matrix: DMatrix<f64>) -> Option<f64> {
     if matrix.nrows() == 0 {
         return Some(0.0);
     }
-    matrix.cholesky().map(|factor| twice_log_diagonal(factor.l_dirty()))
+    matrix.cholesky().map(|factor| log_determinant_of_factor(factor.l_dirty()))
 }
 
 #[cfg(test)]

@@ -183,11 +183,6 @@ impl ModelPosterior {
         })
     }
 
-    /// Values of the common errors, in standard deviations of those of the rig, at the optimum; the changes of the mechanisms' sizes follow.
-    pub fn errors(&self) -> &[f64] {
-        &self.point.common.as_slice()[self.unknowns.common.len()..]
-    }
-
     /// Changes of each trial's whitened prediction as the size of a mechanism changes with the order of the trials, torque and velocity.
     pub fn size_changes(&self) -> Vec<Vec<DVector<f64>>> {
         let change = |place: usize| -> Vec<DVector<f64>> {

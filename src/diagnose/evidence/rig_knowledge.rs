@@ -7,7 +7,9 @@
 use nalgebra::DMatrix;
 
 use super::gaussian::log_normal_distribution;
-use crate::calibrate::{CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
+use crate::calibrate::{
+    CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz, time_constant_s,
+};
 use crate::dataset::{AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity};
 use crate::diagnose::interval::Interval;
 use crate::fit::{CalibrationMisuse, RigConstants};
@@ -151,9 +153,15 @@ impl RigKnowledge {
     }
 }
 
-/// Natural frequency of a critically damped servo that is late by `delay_s`, Hz.
+/// Natural frequency of a critically damped servo, of two equal poles, that is late by `delay_s`, Hz.
 fn following_bandwidth_hz(delay_s: f64) -> f64 {
-    1.0 / (std::f64::consts::PI * delay_s)
+    // A frequency and its time constant follow from each other in the same way.
+    time_constant_s(0.5 * delay_s)
+}
+
+/// How late a critically damped servo of this natural frequency is, s.
+fn following_delay_s(bandwidth_hz: f64) -> f64 {
+    2.0 * time_constant_s(bandwidth_hz)
 }
 
 /// Probability of a recorded angle so near its target, where it is the command or the motor's.
@@ -192,13 +200,13 @@ const EXPECTED_SE_S: f64 = 1e-4;
 /// rig's, where the cause's parameter is `value`; `None` if rig trials do not tell it.
 pub fn expected_distance(kind: MechanismKind, value: f64, lever: Option<Lever>) -> Option<f64> {
     if kind == MechanismKind::ServoFollowing {
-        let sds = 1.0 / (std::f64::consts::PI * value) / libm::hypot(EXPECTED_SE_S, SOUND_DELAY_S);
+        let sds = following_delay_s(value) / libm::hypot(EXPECTED_SE_S, SOUND_DELAY_S);
         return Some(sds * sds);
     }
     let own = CAUSED.iter().find(|own| own.kind == kind)?;
     let (deviation, se) = match own.quantity {
         RigQuantity::TorqueDelay => (value, EXPECTED_SE_S),
-        RigQuantity::TorqueCutoff => (1.0 / (std::f64::consts::TAU * value), EXPECTED_SE_S),
+        RigQuantity::TorqueCutoff => (time_constant_s(value), EXPECTED_SE_S),
         _ => (value / RigConstants::stated(lever).value(own.quantity)? - 1.0, EXPECTED_RELATIVE_SE),
     };
     Some(deviation * deviation / (se * se + own.tolerance * own.tolerance))

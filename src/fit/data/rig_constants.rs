@@ -109,7 +109,7 @@ pub enum CalibrationMisuse {
         /// Highest value.
         high: f64,
     },
-    /// Its loads contradict each other.
+    /// A load contradicts the others, or the rig as stated.
     #[error(
         "the calibration cannot be trusted, because a load contradicts the others or the rig: {warnings}; weigh or measure the load again, \
          correct it in the protocol and repeat the rig trials and ramphold calibrate, or analyse without: --calibration none"
@@ -145,7 +145,7 @@ impl RigConstants {
     /// The constants that `calibration` measured, and for those that it cannot tell what a session with the lever `stated` states.
     ///
     /// # Errors
-    /// If the calibration is of another kind of rig, in other units, or of loads that contradict each other.
+    /// If the calibration is of another kind of rig, in other units, or of a load that contradicts the others or the rig.
     pub fn calibrated(
         calibration: &RigCalibration,
         stated: Option<Lever>,

@@ -1,9 +1,10 @@
 //! Spreads and regression of a session by expectation maximisation, from quadratic approximations of the trials' costs.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::summary::OptimumSummary;
 use crate::fit::linalg::cholesky;
+use crate::statistics::log_determinant_of_factor;
 
 /// Degrees of freedom of the trials' distribution around their condition: heavy tails, so that a trial that is really different stays
 /// so (Lange, Little and Taylor 1989).
@@ -301,7 +302,7 @@ impl Hierarchy {
                 let off = &point - mean;
                 cost = optimum.cost_at(&point) + 0.5 * off.dot(&precision.component_mul(&off));
             }
-            log_evidence.push(-cost - 0.5 * log_of_determinant(&factor));
+            log_evidence.push(-cost - 0.5 * log_determinant_of_factor(factor.l_dirty()));
             conditionals.push(Conditional {
                 information: &prior - &prior * &shrinkage,
                 vector: &prior * &offset,
@@ -347,7 +348,7 @@ impl Hierarchy {
         let (mut covariances, mut log_determinant) = (Vec::new(), 0.0);
         for ((own, vector), regressors) in information.iter().zip(vectors).zip(&self.regressors) {
             let factor = cholesky(own + &precision)?;
-            log_determinant -= log_of_determinant(&factor);
+            log_determinant -= log_determinant_of_factor(factor.l_dirty());
             let covariance = factor.inverse();
             let about_regression = &precision - &precision * &covariance * &precision;
             let of_regression = &precision * &covariance * vector;
@@ -362,7 +363,7 @@ impl Hierarchy {
             covariances.push(covariance);
         }
         let factor = cholesky(normal)?;
-        self.log_determinant = log_determinant - log_of_determinant(&factor);
+        self.log_determinant = log_determinant - log_determinant_of_factor(factor.l_dirty());
         self.coefficients = factor.solve(&right);
         let of_coefficients = factor.inverse();
         self.condition_means.clear();
@@ -412,11 +413,6 @@ impl Hierarchy {
         }
         change
     }
-}
-
-/// Logarithm of the determinant of a matrix from its factor.
-fn log_of_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
-    2.0 * factor.l_dirty().diagonal().iter().map(|x| libm::log(*x)).sum::<f64>()
 }
 
 /// The posterior of a trial from those at its optima, and from mean and covariance of its condition.

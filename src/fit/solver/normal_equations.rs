@@ -60,13 +60,7 @@ pub fn evaluate(
     components: &[&Component],
     coordinates: &[f64],
 ) -> Vec<GaussNewtonEquations> {
-    let trials: Vec<usize> = components.iter().flat_map(|component| &component.trials).copied().collect();
-    let mut parameters = Vec::new();
-    for trial in &trials {
-        parameterisation.parameters(*trial, coordinates, &mut parameters);
-    }
-    let mut response = SimulatedTorque::default();
-    predict(observations, kinds, &parameterisation.estimated, &trials, &parameters, &mut response);
+    let (parameters, response) = simulated(observations, parameterisation, kinds, components, coordinates);
     let mut row = 0;
     let count = parameterisation.transforms[0].len();
     let estimated = parameterisation.estimated.len();
@@ -86,6 +80,24 @@ pub fn evaluate(
     result
 }
 
+/// The parameters of all trials of `components`, in this order, and their simulation with the derivatives by the estimated ones.
+fn simulated(
+    observations: &Observations,
+    parameterisation: &Parameterisation,
+    kinds: &[MechanismKind],
+    components: &[&Component],
+    coordinates: &[f64],
+) -> (Vec<f64>, SimulatedTorque) {
+    let trials: Vec<usize> = components.iter().flat_map(|component| &component.trials).copied().collect();
+    let mut parameters = Vec::new();
+    for trial in &trials {
+        parameterisation.parameters(*trial, coordinates, &mut parameters);
+    }
+    let mut response = SimulatedTorque::default();
+    predict(observations, kinds, &parameterisation.estimated, &trials, &parameters, &mut response);
+    (parameters, response)
+}
+
 /// Derivatives of the whitened values of each of `components` with respect to its coordinates, in the order of the component, and the
 /// whitened residuals in the last column; one row per value of its trials.
 pub fn whitened_derivatives(
@@ -96,13 +108,7 @@ pub fn whitened_derivatives(
     components: &[&Component],
     coordinates: &[f64],
 ) -> Vec<DMatrix<f64>> {
-    let trials: Vec<usize> = components.iter().flat_map(|component| &component.trials).copied().collect();
-    let mut parameters = Vec::new();
-    for trial in &trials {
-        parameterisation.parameters(*trial, coordinates, &mut parameters);
-    }
-    let mut response = SimulatedTorque::default();
-    predict(observations, kinds, &parameterisation.estimated, &trials, &parameters, &mut response);
+    let (parameters, response) = simulated(observations, parameterisation, kinds, components, coordinates);
     let count = parameterisation.transforms[0].len();
     let mut place = 0;
     let mut of_component = |component: &&Component| {
@@ -137,6 +143,22 @@ pub fn whitened_derivatives(
     components.iter().map(&mut of_component).collect()
 }
 
+/// Derivatives of the values of `trial` by the estimated parameters, value by value, and its residuals; its simulation is number `row` of
+/// the response.
+fn trial_values<'a>(
+    observations: &'a Observations,
+    trial: usize,
+    response: &'a SimulatedTorque,
+    row: usize,
+    estimated: usize,
+) -> (&'a [f64], impl Iterator<Item = f64> + Clone + 'a) {
+    let samples = observations.rows();
+    let torque = &response.torque_nm[row * samples..(row + 1) * samples];
+    let slopes = &response.slopes[row * samples * estimated..(row + 1) * samples * estimated];
+    let measured = &observations.trials[trial].measured_nm;
+    (slopes, torque.iter().zip(measured).map(|(predicted, measured)| predicted - measured))
+}
+
 /// Derivatives of the values of `trial`, whose simulation is number `row` of the response, by the estimated parameters, and the residuals in
 /// the last column.
 fn columns(
@@ -146,17 +168,13 @@ fn columns(
     row: usize,
     estimated: usize,
 ) -> DMatrix<f64> {
-    let samples = observations.rows();
-    let torque = &response.torque_nm[row * samples..(row + 1) * samples];
-    let slopes = &response.slopes[row * samples * estimated..(row + 1) * samples * estimated];
-    let measured = &observations.trials[trial].measured_nm;
-    let mut columns = DMatrix::zeros(samples, estimated + 1);
+    let (slopes, residual) = trial_values(observations, trial, response, row, estimated);
+    let mut columns = DMatrix::zeros(observations.rows(), estimated + 1);
     for (row, slopes) in slopes.chunks_exact(estimated.max(1)).enumerate() {
         for (column, slope) in slopes.iter().enumerate() {
             columns[(row, column)] = *slope;
         }
     }
-    let residual = torque.iter().zip(measured).map(|(predicted, measured)| predicted - measured);
     columns.column_mut(estimated).iter_mut().zip(residual).for_each(|(to, from)| *to = from);
     columns
 }
@@ -182,11 +200,7 @@ fn trial_equations(
             }
         }
         None => {
-            let samples = observations.rows();
-            let torque = &response.torque_nm[row * samples..(row + 1) * samples];
-            let slopes = &response.slopes[row * samples * estimated..(row + 1) * samples * estimated];
-            let measured = &observations.trials[trial].measured_nm;
-            let residual = torque.iter().zip(measured).map(|(predicted, measured)| predicted - measured);
+            let (slopes, residual) = trial_values(observations, trial, response, row, estimated);
             let mut matrix = DMatrix::zeros(estimated, estimated);
             let mut gradient = DVector::zeros(estimated);
             let mut cost = 0.0;

@@ -5,9 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use super::design::{Design, EXPONENT_SD, LEVEL_SD, Point, REGRESSORS, cost};
 use super::products::Products;
 use super::spreads::{ExpectedSquares, Spreads};
-use crate::diagnose::evidence::gaussian::twice_log_diagonal;
 use crate::diagnose::evidence::linearisation::LinearTrial;
 use crate::fit::inverse_of;
+use crate::statistics::log_determinant_of_factor;
 
 /// The quadratic approximation of the negative logarithm of posterior density at a point, for given spreads.
 #[derive(Debug, Clone)]
@@ -140,7 +140,7 @@ impl Design {
         let mut schur_gradient = corner_gradient.clone();
         for (matrix, mixed, gradient) in blocks {
             let factor = matrix.cholesky()?;
-            log_determinant += twice_log_diagonal(factor.l_dirty());
+            log_determinant += log_determinant_of_factor(factor.l_dirty());
             let inverse = inverse_of(&factor);
             let towards = &inverse * &mixed;
             let alone = &inverse * &gradient;
@@ -152,7 +152,7 @@ impl Design {
         // Sums of rounding errors must not make it unsymmetric.
         let schur = (&schur + schur.transpose()) * 0.5;
         let factor = schur.cholesky()?;
-        log_determinant += twice_log_diagonal(factor.l_dirty());
+        log_determinant += log_determinant_of_factor(factor.l_dirty());
         let border_step = -factor.solve(&schur_gradient);
         let border_covariance = inverse_of(&factor);
         let mut decrease = -0.5 * corner_gradient.dot(&border_step);

@@ -3,9 +3,9 @@ use nalgebra::{DMatrix, DVector};
 use super::design::EXPONENT_SD;
 use super::design::LEVEL_SD;
 use super::*;
-use crate::diagnose::evidence::gaussian::twice_log_diagonal;
 use crate::diagnose::evidence::linearisation::LinearTrial;
 use crate::random::Stream;
+use crate::statistics::log_determinant_of_factor;
 
 const VALUES: usize = 4;
 
@@ -64,7 +64,7 @@ fn log_density(design: &Design, trials: &[LinearTrial], spreads: &Spreads) -> f6
     });
     let residual = DVector::from_fn(count, |i, _| trials[i / VALUES].residual[i % VALUES]);
     let factor = covariance.cholesky().unwrap();
-    -0.5 * (residual.dot(&factor.solve(&residual)) + twice_log_diagonal(factor.l_dirty()))
+    -0.5 * (residual.dot(&factor.solve(&residual)) + log_determinant_of_factor(factor.l_dirty()))
 }
 
 #[test]
