@@ -8,7 +8,7 @@ use super::encoder::step_positions;
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::following::angle_against_target;
-use super::loads::{LoadCheck, check_loads};
+use super::loads::{LOAD_LEVEL, LoadCheck, check_loads};
 use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
 use super::noise::PowerSpectrum;
@@ -82,7 +82,8 @@ impl PreparedRig {
         for trial in &analysed {
             check_return(trial, trials.sample_rate_hz)?;
         }
-        let mut noise = ChannelNoise::measure(&analysed, trials.sample_rate_hz);
+        let positions = step_positions(POSITIONS, &mut Stream::new(SEED, "calibrate/encoder"));
+        let mut noise = ChannelNoise::measure(&analysed, trials.sample_rate_hz, positions);
         if noise.torque_nm == 0.0 {
             return Err(CalibrateError::NoNoise);
         }
@@ -93,11 +94,8 @@ impl PreparedRig {
             };
             noise.torque = noise.torque.larger(&known);
         }
-        let positions = step_positions(POSITIONS, &mut Stream::new(SEED, "calibrate/encoder"));
-        let prepared: Vec<PreparedTrial> = analysed
-            .iter()
-            .map(|trial| PreparedTrial::new(trial, trials.sample_rate_hz, &noise, &positions))
-            .collect();
+        let prepared: Vec<PreparedTrial> =
+            analysed.iter().map(|trial| PreparedTrial::new(trial, trials.sample_rate_hz)).collect();
         let mut loads: Vec<RigLoad> = Vec::new();
         for trial in &analysed {
             let load = trial.load.without_sign();
@@ -244,7 +242,7 @@ pub fn calibrate(
         }
     }
     calibration.warnings =
-        loads.iter().filter_map(|check| disagreement(check).or_else(|| doubt(check))).collect();
+        loads.iter().filter_map(|check| disagreement(check, &misfit).or_else(|| doubt(check))).collect();
     Ok(CalibrationOutcome { calibration, misfit, loads })
 }
 
@@ -357,13 +355,18 @@ pub fn named_load(load: RigLoad) -> String {
 }
 
 /// The warning of a load that disagrees with the others.
-fn disagreement(check: &LoadCheck) -> Option<String> {
+fn disagreement(check: &LoadCheck, misfit: &RigMisfit) -> Option<String> {
     let difference = check.difference.filter(|_| check.disagrees())?;
     let or: Vec<String> = check.or.iter().map(|load| named_load(*load)).collect();
     let or =
         if or.is_empty() { String::new() } else { format!("; or {} is wrong in its place", or.join(" or ")) };
+    let or_the_model = if misfit.p_value > LOAD_LEVEL {
+        String::new()
+    } else {
+        format!("; or the rig has a law that its model lacks, as the misfit (p = {:.3}) says", misfit.p_value)
+    };
     Some(format!(
-        "{} disagrees with the other loads: by them it is {:+.1} % from its stated value (standard error {:.1} %, p = {:.2e}){or}",
+        "{} disagrees with the other loads: by them it is {:+.1} % from its stated value (standard error {:.1} %, p = {:.2e}){or}{or_the_model}",
         named_load(check.load),
         100.0 * difference,
         100.0 * check.se,

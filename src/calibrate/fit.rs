@@ -20,7 +20,7 @@ const STEPS: usize = 30;
 /// Step of the finite differences, as a part of what engineering allows. It is so small because a combination of constants that no trial
 /// tells must come out as one, however many samples there are.
 const DIFFERENCE: f64 = 1e-7;
-/// Largest step, in standard errors, at which the search has ended.
+/// Largest step, in standard errors, at which a search has ended.
 const ENDED: f64 = 1e-2;
 
 /// The trials of a fit and what is known of their noise.
@@ -110,7 +110,6 @@ struct SearchEnd {
     point: DVector<f64>,
     /// Standard errors of the coordinates.
     se: DVector<f64>,
-    cost_at_start: f64,
     cost: f64,
 }
 
@@ -118,7 +117,6 @@ struct SearchEnd {
 struct Whitened {
     moments: TrialMoments,
     labels: Vec<MomentLabel>,
-    scales: DVector<f64>,
     factor: DMatrix<f64>,
 }
 
@@ -133,17 +131,22 @@ impl RigFitInput<'_> {
     ) -> Vec<ReleasedFit> {
         let whitened = self.whitened(&fit.point);
         let values = fit.equations.iter().map(|own| own.residual.len()).sum::<usize>() as f64;
+        // The products are those of the fit, its own search stopped before they were: both fits are searched to their ends.
+        let stated = self.search(&whitened, fit.point.clone(), |_| true);
         let released = |place: usize| {
             let mut prior = self.prior.clone();
             prior.precision[(place, place)] = precision;
             let without = Self { coordinates: self.coordinates.clone(), prior, ..*self };
-            let end = without.search(&whitened, fit.point.clone(), |_| true);
+            let end = without.search(&whitened, stated.point.clone(), |_| true);
+            let mut again = end.point.clone();
+            again[place] = stated.point[place];
+            let again = self.search(&whitened, again, |_| true);
             // What the model leaves beyond the noise counts as noise.
             let excess = (end.cost / values).max(1.0);
             ReleasedFit {
                 value: end.point[place],
                 se: end.se[place],
-                gain: (end.cost_at_start - end.cost) / excess,
+                gain: (stated.cost.min(again.cost) - end.cost) / excess,
             }
         };
         places.map(released).collect()
@@ -192,16 +195,26 @@ impl RigFitInput<'_> {
             .map(|trial| {
                 let moments = self.moments(trial, &constants);
                 let labels = moments.labels();
-                let scale = |label: &MomentLabel| match label.channel {
-                    MomentChannel::Mean => 1.0,
-                    MomentChannel::Torque => self.torque_scale,
-                    MomentChannel::Servo => self.servo_scale,
-                };
-                let scales = DVector::from_iterator(labels.len(), labels.iter().map(scale));
-                let factor = cholesky_factor(moments.covariance(trial, self.noise, true));
-                Whitened { moments, labels, scales, factor }
+                let factor = cholesky_factor(self.grown(moments.covariance(trial, self.noise), &labels));
+                Whitened { moments, labels, factor }
             })
             .collect()
+    }
+
+    /// A covariance of moments with what is beside the noise at rest. It is noise of one channel alone: what an error of the angle makes
+    /// in both channels at once stays as it is.
+    fn grown(&self, mut covariance: DMatrix<f64>, labels: &[MomentLabel]) -> DMatrix<f64> {
+        let variance = |channel: MomentChannel| match channel {
+            MomentChannel::Mean => 1.0,
+            MomentChannel::Torque => self.torque_scale * self.torque_scale,
+            MomentChannel::Servo => self.servo_scale * self.servo_scale,
+        };
+        for (row, own) in labels.iter().enumerate() {
+            for (column, _) in labels.iter().enumerate().filter(|(_, other)| other.channel == own.channel) {
+                covariance[(row, column)] *= variance(own.channel);
+            }
+        }
+        covariance
     }
 
     /// Residual of the trial in a place.
@@ -217,11 +230,6 @@ impl RigFitInput<'_> {
         residual(trial, moments, constants, handle, self.friction_speed_rad_s, needed)
     }
 
-    /// Moments of a trial's residual, in units of their scale.
-    fn scaled(&self, whitened: &Whitened, residual: &TrialResidual) -> DVector<f64> {
-        whitened.moments.of(residual, self.mean_sd_nm).component_div(&whitened.scales)
-    }
-
     /// Independent residuals and their derivatives, trial by trial.
     fn linearised(
         &self,
@@ -235,7 +243,7 @@ impl RigFitInput<'_> {
             .map(|place| {
                 let own = &whitened[place];
                 let base = self.residual(place, &own.moments, &constants, Needed::Both);
-                let at = self.scaled(own, &base);
+                let at = own.moments.of(&base, self.mean_sd_nm);
                 let mut jacobian = DMatrix::zeros(at.len(), self.coordinates.count());
                 for column in 0..self.coordinates.count() {
                     if !is_free(column) || !self.matters(column, place) {
@@ -244,15 +252,15 @@ impl RigFitInput<'_> {
                     let derivative = if let Some(of) = of_torque_channel(column) {
                         let derivative =
                             torque_channel_derivative(&self.trials[place], &base, &constants, of);
-                        self.scaled(own, &derivative) * self.coordinates.scales[column].range()
+                        own.moments.of(&derivative, self.mean_sd_nm) * self.coordinates.scales[column].range()
                     } else {
                         let mut moved = point.clone();
                         moved[column] += DIFFERENCE;
                         let moved = self.coordinates.constants(moved.as_slice());
                         let is_of_servo = is_of_servo(column);
                         let needed = if is_of_servo { Needed::Servo } else { Needed::Torque };
-                        let mut change =
-                            self.scaled(own, &self.residual(place, &own.moments, &moved, needed));
+                        let moved = self.residual(place, &own.moments, &moved, needed);
+                        let mut change = own.moments.of(&moved, self.mean_sd_nm);
                         for (row, label) in own.labels.iter().enumerate() {
                             // The other residual was not computed: it does not change.
                             change[row] = if (label.channel == MomentChannel::Servo) == is_of_servo {
@@ -287,7 +295,6 @@ impl RigFitInput<'_> {
         let mut point = start;
         let mut equations = self.linearised(whitened, &point, is_free);
         let mut value = cost(&equations, &point);
-        let cost_at_start = value;
         let mut damping = 1e-3;
         let mut se = DVector::from_element(point.len(), 1.0);
         for _ in 0..STEPS {
@@ -337,7 +344,7 @@ impl RigFitInput<'_> {
                 break;
             }
         }
-        SearchEnd { point, se, cost_at_start, cost: value }
+        SearchEnd { point, se, cost: value }
     }
 
     fn equations(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<RigTrialEquations> {
@@ -348,20 +355,21 @@ impl RigFitInput<'_> {
             .map(|(place, (own, (residual, jacobian)))| {
                 let trial = &self.trials[place];
                 let residual_there = self.residual(place, &own.moments, &constants, Needed::Both);
-                let scaled = self.scaled(own, &residual_there);
-                let deviations = DVector::from_fn(scaled.len(), |row, _| own.factor.row(row).norm());
-                let noise = own.moments.covariance(trial, self.noise, false);
+                let moments = own.moments.of(&residual_there, self.mean_sd_nm);
+                let deviations = DVector::from_fn(moments.len(), |row, _| own.factor.row(row).norm());
+                let noise = self.grown(own.moments.covariance_without_steps(trial, self.noise), &own.labels);
                 let half = solve_lower_columns(&own.factor, &noise);
                 RigTrialEquations {
                     labels: own.labels.clone(),
-                    standardised: scaled.component_div(&deviations),
+                    standardised: moments.component_div(&deviations),
                     residual,
                     jacobian,
                     noise_covariance: solve_lower_columns(&own.factor, &half.transpose()),
-                    step_errors: trial
-                        .angle_errors
+                    step_errors: own
+                        .moments
+                        .of_steps()
                         .iter()
-                        .map(|error| solve_lower(&own.factor, &own.moments.of_angle_error(error)))
+                        .map(|error| solve_lower(&own.factor, error))
                         .collect(),
                     deviations,
                     factor: own.factor.clone(),

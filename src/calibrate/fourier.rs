@@ -13,6 +13,7 @@ const POINTS_PER_COEFFICIENT: usize = 8;
 #[derive(Clone)]
 pub struct Fourier {
     record: Arc<dyn Fft<f64>>,
+    to_record: Arc<dyn Fft<f64>>,
     forward: Arc<dyn Fft<f64>>,
     inverse: Arc<dyn Fft<f64>>,
     samples: usize,
@@ -31,6 +32,7 @@ impl Fourier {
         let mut planner = FftPlanner::new();
         Self {
             record: planner.plan_fft_forward(samples),
+            to_record: planner.plan_fft_inverse(samples),
             forward: planner.plan_fft_forward(points),
             inverse: planner.plan_fft_inverse(points),
             samples,
@@ -71,11 +73,9 @@ impl Fourier {
         buffer.iter().map(|value| value / count as f64).collect()
     }
 
-    /// The record without what is above the highest frequency, on its own time axis.
-    pub fn smoothed(&self, record: &[f64]) -> Vec<f64> {
-        let coefficients = self.of_record(record);
-        let mut planner = FftPlanner::new();
-        on_axis(&*planner.plan_fft_inverse(self.samples), &coefficients, self.samples)
+    /// Values of a signal with these coefficients at the samples of the record.
+    pub fn to_record(&self, coefficients: &[Complex64]) -> Vec<f64> {
+        on_axis(&*self.to_record, coefficients, self.samples)
     }
 
     /// Values of a signal with these coefficients on the coarser time axis.
@@ -114,6 +114,6 @@ mod tests {
         }
         let again = fourier.of_time(&values);
         assert!(again.iter().zip(&found).all(|(a, b)| (a - b).norm() < 1e-12));
-        assert!(fourier.smoothed(&record).iter().zip(&record).all(|(a, b)| (a - b).abs() < 1e-9));
+        assert!(fourier.to_record(&found).iter().zip(&record).all(|(a, b)| (a - b).abs() < 1e-9));
     }
 }

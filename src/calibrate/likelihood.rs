@@ -64,7 +64,7 @@ impl CommonProducts {
         let constants = input.coordinates.constants(point.as_slice());
         moments.move_to(trial, &constants, input.coordinates.at_handle(&constants, trial.load));
         let residual = input.residual(place, moments, &constants, Needed::Both);
-        let factor = cholesky_factor(moments.covariance(trial, input.noise, true));
+        let factor = cholesky_factor(moments.covariance(trial, input.noise));
         let independent = solve_lower(&factor, &moments.of(&residual, input.mean_sd_nm));
         let labels = moments.labels();
         let squares = CHANNELS.map(|channel| {

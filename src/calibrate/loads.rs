@@ -9,7 +9,7 @@ use crate::statistics::{chi_square_tail, holm};
 
 /// Significance level of a load that disagrees, over all loads. A load in a hundred is wrong, by some 15 % (assumed): where chance makes a
 /// larger difference in one case of a thousand, a wrong load becomes the likelier explanation.
-const LOAD_LEVEL: f64 = 0.001;
+pub const LOAD_LEVEL: f64 = 0.001;
 
 /// What the other loads say of a load's value.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,13 +51,16 @@ pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit) -> Vec<LoadCheck> {
     for ((place, load), own) in places.zip(&input.coordinates.loads).zip(released) {
         let ReleasedFit { value, se, gain } = own;
         let stated = input.prior.precision[(place, place)];
+        let se_with_stated = libm::hypot(se, 1.0 / libm::sqrt(stated));
         // An interval wider than the value itself tells nothing about the value.
         let told = INTERVAL * se < 1.0;
-        gains.push(if told { gain } else { 0.0 });
+        // Nor does a load disagree whose interval holds the stated value: then the costs of two searches differ, and not the loads.
+        let is_elsewhere = value.abs() > INTERVAL * se_with_stated;
+        gains.push(if told && is_elsewhere { gain } else { 0.0 });
         checks.push(LoadCheck {
             load: *load,
             difference: told.then_some(value),
-            se: libm::hypot(se, 1.0 / libm::sqrt(stated)),
+            se: se_with_stated,
             p_value: 1.0,
             or: Vec::new(),
             by_rig: None,

@@ -8,6 +8,8 @@ use nalgebra::{DMatrix, DVector};
 use rustfft::num_complex::Complex64;
 
 use super::constants::{AtHandle, FittedConstants};
+use super::encoder::step_error_rad;
+use super::fourier::Fourier;
 use super::prepared_trial::{ChannelNoise, PreparedTrial};
 use super::rig_model::{
     HandleMotion, loaded_servo_response, recorded_torque, servo_response, servo_yield, torque_channel,
@@ -73,6 +75,8 @@ pub struct TrialMoments {
     instruments: Vec<Instrument>,
     /// Whether the mean is used, as the last moment.
     has_mean: bool,
+    /// Errors of the recorded angle along the motion that follows from the target, for each position of the encoder's steps.
+    angle_errors: Vec<Vec<Complex64>>,
     at: TrialResponses,
 }
 
@@ -209,11 +213,19 @@ impl TrialMoments {
         let fourier = &trial.fourier;
         let count = fourier.coefficients;
         let at = TrialResponses::new(trial, constants, handle);
-        let mut own = Self { instruments: Vec::new(), has_mean: has_mean(trial.load), at };
+        let mut own = Self {
+            instruments: Vec::new(),
+            has_mean: has_mean(trial.load),
+            angle_errors: vec![vec![Complex64::ZERO; count]; noise.step_positions.len()],
+            at,
+        };
         if !trial.moves() {
             return own;
         }
         let expected = expected_motion(trial, constants, handle);
+        if noise.step_rad > 0.0 {
+            own.angle_errors = angle_errors(&expected, fourier, noise);
+        }
         let torque_variance = own.torque_variance(trial, noise);
         let servo_variance: Vec<f64> = (0..count)
             .map(|place| trial.variance(noise.step_power + noise.angle.at(fourier.frequency_hz(place))))
@@ -324,8 +336,12 @@ impl TrialMoments {
         DVector::from_vec(moments)
     }
 
-    /// The moments of an error of the recorded angle.
-    pub fn of_angle_error(&self, error: &[Complex64]) -> DVector<f64> {
+    /// The moments that the errors of the recorded angle make, for each position of the encoder's steps.
+    pub fn of_steps(&self) -> Vec<DVector<f64>> {
+        self.angle_errors.iter().map(|error| self.of_angle_error(error)).collect()
+    }
+
+    fn of_angle_error(&self, error: &[Complex64]) -> DVector<f64> {
         let torque: Vec<Complex64> =
             error.iter().zip(&self.at.response).map(|(own, response)| -response * own).collect();
         let residual = TrialResidual { torque: Some(torque), servo: Some(error.to_vec()) };
@@ -338,12 +354,28 @@ impl TrialMoments {
         moments
     }
 
-    /// Covariance of the moments under the noise of both channels, the steps of the encoder left out or taken as white.
-    pub fn covariance(&self, trial: &PreparedTrial, noise: &ChannelNoise, with_steps: bool) -> DMatrix<f64> {
+    /// Covariance of the moments under the noise of both channels and the errors of the encoder's steps.
+    ///
+    /// The errors are white where a motion passes many steps, and go with the motion where it passes few. Half of their variance is taken
+    /// as white, and half as it is along the motion: the positions are fewer than the moments.
+    pub fn covariance(&self, trial: &PreparedTrial, noise: &ChannelNoise) -> DMatrix<f64> {
+        let mut covariance = self.covariance_with(trial, noise, 0.5 * noise.step_power);
+        let errors = self.of_steps();
+        for error in &errors {
+            covariance.ger(0.5 / errors.len() as f64, error, error, 1.0);
+        }
+        covariance
+    }
+
+    /// Covariance of the moments under the noise of both channels, the steps of the encoder left out.
+    pub fn covariance_without_steps(&self, trial: &PreparedTrial, noise: &ChannelNoise) -> DMatrix<f64> {
+        self.covariance_with(trial, noise, 0.0)
+    }
+
+    fn covariance_with(&self, trial: &PreparedTrial, noise: &ChannelNoise, steps: f64) -> DMatrix<f64> {
         let count = self.at.response.len();
         let hz = |place: usize| trial.fourier.frequency_hz(place);
         let torque: Vec<f64> = (0..count).map(|place| trial.variance(noise.torque.at(hz(place)))).collect();
-        let steps = if with_steps { noise.step_power } else { 0.0 };
         let angle: Vec<f64> =
             (0..count).map(|place| trial.variance(steps + noise.angle.at(hz(place)))).collect();
         // Weights of each moment on the torque's noise and on the angle's.
@@ -377,6 +409,13 @@ impl TrialMoments {
         }
         covariance
     }
+}
+
+/// Errors of the recorded angle along a motion, for each position of the encoder's steps.
+fn angle_errors(motion: &[Complex64], fourier: &Fourier, noise: &ChannelNoise) -> Vec<Vec<Complex64>> {
+    let motion_rad = fourier.to_record(motion);
+    let error = |position: &f64| step_error_rad(&motion_rad, noise.step_rad, *position);
+    noise.step_positions.iter().map(|position| fourier.of_record(&error(position))).collect()
 }
 
 /// Whether the mean torque of a trial with this load tells the offset. Where the load's torque depends on the angle, the unknown place

@@ -2,7 +2,7 @@
 
 use rustfft::num_complex::Complex64;
 
-use super::encoder::{smallest_step, step_error_rad};
+use super::encoder::smallest_step;
 use super::fourier::Fourier;
 use super::noise::PowerSpectrum;
 use crate::dataset::{RIG_TRIAL_REST_S, RigTrial, RigTrialMotion};
@@ -26,8 +26,6 @@ pub struct PreparedTrial {
     pub angle: Vec<Complex64>,
     /// Recorded torque.
     pub torque: Vec<Complex64>,
-    /// Errors of the recorded angle for each position of the encoder's steps.
-    pub angle_errors: Vec<Vec<Complex64>>,
     /// Number of samples.
     pub samples: usize,
 }
@@ -45,11 +43,13 @@ pub struct ChannelNoise {
     pub step_power: f64,
     /// Size of the encoder's step, rad.
     pub step_rad: f64,
+    /// Positions that the steps may have had at the start of a motion, as parts of a step.
+    pub step_positions: Vec<f64>,
 }
 
 impl ChannelNoise {
     /// Measures the noise in the rests before the motions, and in trials without motion.
-    pub fn measure(trials: &[&RigTrial], sample_rate_hz: f64) -> Self {
+    pub fn measure(trials: &[&RigTrial], sample_rate_hz: f64, step_positions: Vec<f64>) -> Self {
         let rest = (RIG_TRIAL_REST_S * sample_rate_hz) as usize;
         let at_rest = |channel: fn(&RigTrial) -> &Vec<f64>| -> Vec<&[f64]> {
             trials
@@ -73,6 +73,7 @@ impl ChannelNoise {
             torque,
             step_power,
             step_rad,
+            step_positions,
             angle,
         }
     }
@@ -94,8 +95,8 @@ fn top_hz(sample_rate_hz: f64) -> f64 {
 }
 
 impl PreparedTrial {
-    /// Transforms the record; `positions` are those that the encoder's steps may have.
-    pub fn new(trial: &RigTrial, sample_rate_hz: f64, noise: &ChannelNoise, positions: &[f64]) -> Self {
+    /// Transforms the record.
+    pub fn new(trial: &RigTrial, sample_rate_hz: f64) -> Self {
         let record = &trial.record;
         let samples = record.torque_l_nm.len();
         let rest = (RIG_TRIAL_REST_S * sample_rate_hz) as usize;
@@ -105,21 +106,12 @@ impl PreparedTrial {
             let relative: Vec<f64> = channel.iter().map(|value| value - level).collect();
             fourier.of_record(&relative)
         };
-        let moves = trial.motion != RigTrialMotion::Still;
-        let angle_errors = if moves && noise.step_rad > 0.0 {
-            let motion = fourier.smoothed(&record.theta_m_rad);
-            let error = |position: &f64| step_error_rad(&motion, noise.step_rad, *position);
-            positions.iter().map(|position| fourier.of_record(&error(position))).collect()
-        } else {
-            positions.iter().map(|_| vec![Complex64::ZERO; fourier.coefficients]).collect()
-        };
         Self {
             load: trial.load,
             motion: trial.motion,
             target: from_start(&record.target_rad),
             angle: from_start(&record.theta_m_rad),
             torque: fourier.of_record(&record.torque_l_nm),
-            angle_errors,
             samples,
             fourier,
         }

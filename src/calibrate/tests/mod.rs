@@ -102,6 +102,17 @@ fn a_friction_that_a_search_finds_at_no_speed_is_searched_again() {
 }
 
 #[test]
+fn a_motion_of_a_few_steps_of_the_encoder_accuses_no_load() {
+    // Clamped, the motor that yields turns by five steps.
+    let rig = TrueRig { encoder_bits: 13, sample_rate_hz: 1250.0, ..yielding_rig(21) };
+    let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));
+    for (name, z) in deviations(&outcome, &rig) {
+        assert!(z.abs() < 4.0, "{} is {z:.1} standard errors off", name.name());
+    }
+    assert!(outcome.calibration.warnings.is_empty(), "{:?}", outcome.calibration.warnings);
+}
+
+#[test]
 fn the_errors_are_small_enough_to_be_of_use() {
     let rig = TrueRig::usual(3);
     let calibration = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0)).calibration;
