@@ -53,7 +53,7 @@ pub fn align(request: &AttachRequest) -> Result<Aligned, AttachError> {
     }
     let session = dataset::load(&request.session)?;
     if Folder::open(&request.file).is_ok() {
-        let expected = "one recording: a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf or .xdf file; attach several one after the other";
+        let expected = "one recording: a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf, .xdf or .c3d file; attach several one after the other";
         return Err(request.unexpected("a folder".to_owned(), expected));
     }
     let recording = read_recording(&request.file)?;

@@ -7,7 +7,7 @@ use super::error::AttachError;
 /// How a recording says when its samples were taken.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ClockSource {
-    /// By its format, as EDF and XDF.
+    /// By its format, as EDF, XDF and C3D.
     Format,
     /// By a column, in seconds.
     Column(String),

@@ -14,13 +14,14 @@ use super::verb::Verb;
 /// into the trials and written to SESSION/attached/NAME, beside a copy of its file. No sample is changed or resampled: each has its
 /// own time on the axis of its trial. How well the clocks agree is printed and kept in attachment.json.
 ///
-/// Read are .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf and .xdf files. EDF, BDF and XDF have times of their own; the others need
-/// --time or --rate.
+/// Read are .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf, .xdf and .c3d files. EDF, BDF, XDF and C3D have times of their own; the
+/// others need --time or --rate. Of C3D, the analog channels are read.
 #[derive(Debug, clap::Args)]
 #[command(
     group(clap::ArgGroup::new("reference").required(true).args(["trigger", "marker", "signal"])),
     after_help = "Examples:\n  ramphold attach sessions/S01 emg.bdf --trigger TRIG --emg-fcr EMG1 --emg-ecr EMG2\n  \
                   ramphold attach sessions/S01 emg.xdf --marker onset --table EMG\n  \
+                  ramphold attach sessions/S01 motion.c3d --trigger Sync --emg-fcr FCR\n  \
                   ramphold attach sessions/S01 torque.csv --time t --signal torque --shared torque_l_nm"
 )]
 pub struct AttachArgs {

@@ -10,7 +10,7 @@ use crate::import::{ImportedSession, Mapping, SourceTable, import, read_source};
 
 use super::verb::Verb;
 
-/// Make a session of a foreign recording: a folder of CSV files, a .mat file, a Parquet table, or one long record.
+/// Make a session of a foreign recording: a folder of CSV files, a .mat, Parquet, EDF, XDF or C3D file, or one long record.
 ///
 /// A mapping says which column is what, in which unit and with which sign. Without --mapping it is asked for at the terminal, and kept
 /// in the session's import.json. Onsets are found, speeds and torques are grouped into conditions. The session's import.svg shows the
@@ -20,7 +20,7 @@ use super::verb::Verb;
                         ramphold import recordings/ --mapping mapping.json --out sessions/S01\n  \
                         ramphold schema import > import.schema.json")]
 pub struct ImportArgs {
-    /// The recording: a folder, or a .csv, .mat or .parquet file.
+    /// The recording: a folder, or a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf, .xdf or .c3d file.
     source: PathBuf,
     /// The mapping [default: it is asked for].
     #[arg(long, value_name = "FILE")]

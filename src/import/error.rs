@@ -11,7 +11,7 @@ use crate::protocol::{Problem, ProtocolError};
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// The source cannot be read.
-    #[error("{}: cannot be read: {source}; give a folder of CSV files, a .csv, .mat or .parquet file", path.display())]
+    #[error("{}: cannot be read: {source}; give a folder of CSV files, or a .csv, .mat, .parquet, .edf, .bdf, .xdf or .c3d file", path.display())]
     Unreadable {
         /// The file or folder.
         path: PathBuf,

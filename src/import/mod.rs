@@ -1,10 +1,11 @@
-//! Sessions from foreign recordings: a folder of CSV files, a `.mat` file, a Parquet table, EDF, BDF or XDF, or one long record with a
-//! ramp signal.
+//! Sessions from foreign recordings: a folder of CSV files, a `.mat` file, a Parquet table, EDF, BDF, XDF or C3D, or one long record
+//! with a ramp signal.
 //!
 //! A [`Mapping`] says which column is what, in which unit and with which sign. [`import`] reads the tables, converts them, cuts a
 //! long record into trials, finds the onsets and groups speeds and torques into conditions. Nothing is written before
 //! [`ImportedSession::write`].
 
+mod c3d;
 mod conditions;
 mod cut;
 mod edf;

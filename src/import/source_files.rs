@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use super::error::ImportError;
 use super::recording::Recording;
 use super::source_table::SourceTable;
-use super::{edf, xdf};
+use super::{c3d, edf, xdf};
 use crate::files::{self, Folder, limits};
 
 /// Kinds of files that are read.
-const KINDS: &str = "a folder of such files, or a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf or .xdf file";
+const KINDS: &str =
+    "a folder of such files, or a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf, .xdf or .c3d file";
 
 /// Reads the tables of `source`: one of each file of a folder, in the order of their names and numbers; of a .mat file with matrices one of each of their columns.
 ///
@@ -49,6 +50,7 @@ pub fn read_recording(file: &Path) -> Result<Recording, ImportError> {
     match extension(file).as_str() {
         "edf" | "bdf" => read_stamped(file, edf::is_edf, edf::read),
         "xdf" => read_stamped(file, xdf::is_xdf, xdf::read),
+        "c3d" => read_stamped(file, c3d::is_c3d, c3d::read),
         _ => Ok(Recording { tables: read_file(file)?, markers: Vec::new() }),
     }
 }
@@ -65,7 +67,7 @@ fn read_stamped(
         return Err(ImportError::Source {
             path: path.into(),
             found: "a file that does not begin as its name says".into(),
-            expected: "an EDF, BDF or XDF file",
+            expected: "an EDF, BDF, XDF or C3D file",
         });
     }
     read(&bytes, path)
@@ -76,7 +78,7 @@ fn extension(path: &Path) -> String {
 }
 
 fn is_known(path: &Path) -> bool {
-    ["csv", "txt", "tsv", "mat", "parquet", "edf", "bdf", "xdf"].contains(&extension(path).as_str())
+    ["csv", "txt", "tsv", "mat", "parquet", "edf", "bdf", "xdf", "c3d"].contains(&extension(path).as_str())
 }
 
 fn read_file(path: &Path) -> Result<Vec<SourceTable>, ImportError> {
@@ -84,7 +86,7 @@ fn read_file(path: &Path) -> Result<Vec<SourceTable>, ImportError> {
         "csv" | "txt" | "tsv" => Ok(vec![read_text_table(path)?]),
         "mat" => read_mat(path),
         "parquet" => read_parquet(path),
-        "edf" | "bdf" | "xdf" => Ok(read_recording(path)?.tables),
+        "edf" | "bdf" | "xdf" | "c3d" => Ok(read_recording(path)?.tables),
         _ => Err(ImportError::Source {
             path: path.into(),
             found: "a file of another kind".into(),
