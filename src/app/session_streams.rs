@@ -180,6 +180,9 @@ pub fn attach_streams(session: &Path, console: &Console) -> Result<(), Failure> 
                         stream.name, attachment.clock.rate_hz
                     ));
                 }
+                for frozen in &attachment.frozen_emg {
+                    console.announce(format_args!("stream {:?}: {frozen}", stream.name));
+                }
                 for left in &attachment.left_out {
                     console.announce(format_args!(
                         "stream {:?}, trial {} left out: {}",

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::attachment::{
-    self, ATTACHED, Attachment, AttachmentTrial, ClockComparison, LeftOut, StepBetweenTrials,
+    self, ATTACHED, Attachment, AttachmentTrial, ClockComparison, FrozenEmg, LeftOut, StepBetweenTrials,
 };
 use super::error::AttachError;
 use super::ramp_search::{AlignedRamps, find_ramps};
@@ -88,7 +88,7 @@ pub fn cut(
 ) -> Result<Aligned, AttachError> {
     let columns = table.columns();
     let speed = found.speed.unwrap_or(1.0);
-    let (mut trials, mut left_out, mut parts) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut trials, mut left_out, mut parts, mut spans) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for trial in session.trials.iter().filter(|trial| !trial.record.theta_m_rad.is_empty()) {
         let mut leave =
             |because: &str| left_out.push(LeftOut { trial: trial.number, because: because.to_owned() });
@@ -133,6 +133,7 @@ pub fn cut(
         let file = format!("trial-{:03}.csv", trial.number);
         let on_axis = |sample: usize| onset_s + (table.times_s[sample] - own.onset_s) / speed;
         parts.push((file.clone(), part(&columns, from..to, on_axis)));
+        spans.push((trial.number, from..to));
         let samples = to - from;
         trials.push(AttachmentTrial {
             trial: trial.number,
@@ -145,6 +146,12 @@ pub fn cut(
     if let (true, Some(LeftOut { trial, because })) = (trials.is_empty(), left_out.first()) {
         return Err(request.not_aligned(format!("no trial can be attached; of trial {trial}: {because}")));
     }
+    let frozen_emg = request.emg.iter().flatten().filter_map(|column| {
+        let values = table.table.column(column)?;
+        let trials: Vec<(u32, &[f64])> =
+            spans.iter().map(|(number, span)| (*number, &values[span.clone()])).collect();
+        FrozenEmg::of(column, &trials, table.rate_hz)
+    });
     let ending = request.file.extension().unwrap_or_default().to_string_lossy().into_owned();
     let mut files = Vec::new();
     let (source, source_sha256) = match source {
@@ -172,6 +179,7 @@ pub fn cut(
         stream: None,
         trials,
         left_out,
+        frozen_emg: frozen_emg.collect(),
     };
     files.extend(parts);
     Ok(Aligned { attachment, session: request.session.clone(), name, files })

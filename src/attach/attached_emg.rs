@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-use super::attachment::{ATTACHED, Attachment, LeftOut};
+use super::attachment::{ATTACHED, Attachment, FrozenEmg, LeftOut};
 use super::error::AttachError;
 use crate::files::{EntryKind, Folder, limits};
 
@@ -19,6 +19,8 @@ pub struct AttachedEmg {
     pub trials: BTreeMap<u32, AttachedTrialEmg>,
     /// The trials that are not in it.
     pub left_out: Vec<LeftOut>,
+    /// What of it does not go on changing.
+    pub frozen: Vec<FrozenEmg>,
 }
 
 /// The EMG of a trial.
@@ -98,10 +100,11 @@ pub fn attached_emg(session: &Path) -> Result<Option<AttachedEmg>, AttachError> 
             Some((first, _)) => {
                 first.trials.extend(trials);
                 first.left_out.extend(own.left_out);
+                first.frozen.extend(own.frozen_emg);
             }
             None => {
-                let (rate_hz, left_out) = (own.clock.rate_hz, own.left_out);
-                found = Some((AttachedEmg { name, rate_hz, trials, left_out }, stream));
+                let (rate_hz, left_out, frozen) = (own.clock.rate_hz, own.left_out, own.frozen_emg);
+                found = Some((AttachedEmg { name, rate_hz, trials, left_out, frozen }, stream));
             }
         }
     }

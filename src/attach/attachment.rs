@@ -1,10 +1,12 @@
 //! `attachment.json`: what is known of a recording that was attached, and its files.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::consistency::{check_frozen, trial_list};
 use crate::dataset::{Disk, Manifest, RecordError};
 use crate::files::Folder;
 use crate::rig::ChannelDetails;
@@ -58,6 +60,42 @@ pub struct Attachment {
     pub trials: Vec<AttachmentTrial>,
     /// Trials that are not in the recording, and why.
     pub left_out: Vec<LeftOut>,
+    /// EMG that does not go on changing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frozen_emg: Vec<FrozenEmg>,
+}
+
+/// A column of EMG that keeps one value for longer than a muscle and its amplifier do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FrozenEmg {
+    /// The column.
+    pub column: String,
+    /// The trials in which it does.
+    pub trials: Vec<u32>,
+    /// The longest stretch.
+    pub measured: String,
+    /// How long one by chance would be.
+    pub expected: String,
+}
+
+impl FrozenEmg {
+    /// The column, if it is so in one of the trials, whose numbers and values are given.
+    pub(super) fn of(column: &str, trials: &[(u32, &[f64])], rate_hz: f64) -> Option<Self> {
+        let found = check_frozen(column, trials, rate_hz)?;
+        let column = column.to_owned();
+        Some(Self { column, trials: found.trials, measured: found.measured, expected: found.stated })
+    }
+}
+
+impl fmt::Display for FrozenEmg {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (column, trials) = (&self.column, trial_list(&self.trials));
+        let (measured, expected) = (&self.measured, &self.expected);
+        write!(
+            formatter,
+            "EMG in column {column:?}, {trials}: {measured}; expected {expected}; had the amplifier stopped, or was an electrode off?"
+        )
+    }
 }
 
 /// The clock of a recording beside that of the session.
@@ -205,4 +243,29 @@ pub(super) fn write(
     write().map_err(RecordError::at(&target))?;
     Manifest::renew_attachments(&disk, session, ATTACHED)?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stream;
+
+    #[test]
+    fn emg_that_stops_in_a_trial_is_told_with_its_column_and_trial() {
+        let mut stream = Stream::new(1, "emg");
+        let mut trials: Vec<Vec<f64>> =
+            (0..4).map(|_| (0..2000).map(|_| stream.normal()).collect()).collect();
+        let found = |trials: &[Vec<f64>]| {
+            let numbered: Vec<(u32, &[f64])> =
+                (11..).zip(trials).map(|(number, own)| (number, own.as_slice())).collect();
+            FrozenEmg::of("FCR", &numbered, 2000.0)
+        };
+        assert_eq!(found(&trials), None);
+        trials[2][500..1500].fill(0.25);
+        let text = found(&trials).unwrap().to_string();
+        assert!(
+            text.starts_with("EMG in column \"FCR\", trial 13: it stays at 0.25 for 0.5 s in trial 13; expected no more than 0.05 s"),
+            "{text}"
+        );
+    }
 }

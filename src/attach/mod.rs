@@ -22,7 +22,7 @@ mod trigger;
 pub use alignment::{Aligned, align};
 pub use attached_emg::{AttachedEmg, AttachedTrialEmg, attached_emg};
 pub use attachment::{
-    ATTACHED, AttachedStream, Attachment, AttachmentTrial, ClockComparison, ClockOffsets, LeftOut,
+    ATTACHED, AttachedStream, Attachment, AttachmentTrial, ClockComparison, ClockOffsets, FrozenEmg, LeftOut,
 };
 pub use error::AttachError;
 pub use request::{AttachRequest, ClockSource, Reference};

@@ -114,6 +114,9 @@ impl Verb for AttachArgs {
                 1e3 * step.step_s
             ));
         }
+        for frozen in &attachment.frozen_emg {
+            console.announce(frozen);
+        }
         for left in &attachment.left_out {
             console.announce(format_args!("trial {} left out: {}", left.trial, left.because));
         }

@@ -22,9 +22,11 @@ mod signal_check;
 mod trial_list;
 
 pub use contradiction::{Contradiction, Contradictions};
+pub use frozen_emg::check_frozen;
 pub use measured_trial::MeasuredTrial;
 pub use session_check::{check, contradictions};
 pub use signal_check::{SignalCheck, UnknownCheck};
+pub use trial_list::trial_list;
 
 #[cfg(test)]
 mod tests;

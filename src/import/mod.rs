@@ -5,6 +5,7 @@
 //! long record into trials, finds the onsets and groups speeds and torques into conditions. Nothing is written before
 //! [`ImportedSession::write`].
 
+mod byte_cursor;
 mod c3d;
 mod conditions;
 mod cut;

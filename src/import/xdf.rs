@@ -6,6 +6,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use super::byte_cursor::Cursor;
 use super::error::ImportError;
 use super::recording::{Marker, Recording, TIME_COLUMN};
 use super::source_table::SourceTable;
@@ -64,20 +65,8 @@ struct XdfStream {
     offsets: Vec<(f64, f64)>,
 }
 
-/// Reads bytes from the front; every count is held against what is left.
-struct Cursor<'a>(&'a [u8]);
-
-impl<'a> Cursor<'a> {
-    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
-        let (taken, rest) = self.0.split_at_checked(count)?;
-        self.0 = rest;
-        Some(taken)
-    }
-
-    fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.take(N)?.try_into().ok()
-    }
-
+/// The values of the format.
+impl Cursor<'_> {
     /// A length with the count of its bytes before it: 1, 4 or 8.
     fn length(&mut self) -> Option<usize> {
         match self.number::<1>()? {

@@ -117,6 +117,9 @@ impl ReportInput {
         for left in attached.iter().flat_map(|own| &own.left_out) {
             missing.push(format!("Trial {} has no attached EMG: {}.", left.trial, left.because));
         }
+        for frozen in attached.iter().flat_map(|own| &own.frozen) {
+            missing.push(format!("Do not trust the attached {frozen}"));
+        }
         let (traces, excluded) =
             traces(&session, fitted.as_ref(), protocol.as_ref(), attached.as_ref(), &mut missing);
         let diagnosis = diagnosis.as_ref().map(Diagnosed::of);

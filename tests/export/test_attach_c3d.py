@@ -184,6 +184,20 @@ def test_channels_beyond_255_are_found_by_their_labels(own_session, device, tmp_
     assert own["columns"] == labels and largest_error_s(device, own) < 4 / RATE_HZ
 
 
+def test_emg_that_stopped_is_attached_and_told(own_session, device, tmp_path):
+    stopped = device.samples.copy()
+    trial, onset = sorted(device.onsets.items())[3]
+    first = int(RATE_HZ * onset) - 300
+    stopped[0, first : first + 320] = 0.25
+    result = done("attach", own_session, write(tmp_path / "stopped.c3d", stopped), *BY_TRIGGER)
+    assert f'EMG in column "EMG 1", trial {trial}: it stays at 0.25 for 0.1595 s' in result.stderr, result.stderr
+    (frozen,) = attachment(own_session, "stopped")["frozen_emg"]
+    assert frozen["column"] == "EMG 1" and frozen["trials"] == [trial]
+    done("report", own_session)
+    report = (own_session / "results/report.html").read_text()
+    assert f"Do not trust the attached EMG in column &quot;EMG 1&quot;, trial {trial}" in report
+
+
 def test_what_is_no_recording_of_the_session_is_refused_and_nothing_is_written(own_session, device, tmp_path):
     def refused(file, *arguments):
         result = ramphold("attach", own_session, file, *(arguments or BY_TRIGGER))

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use super::layout::{self, Layout};
+use super::layout::{self, AnalogLayout};
 use super::parameters::Parameters;
 use crate::import::error::ImportError;
 use crate::import::recording::{Recording, TIME_COLUMN};
@@ -115,7 +115,7 @@ fn names(parameters: &Parameters, channels: usize) -> (Vec<String>, Vec<(String,
 }
 
 /// The values of a channel.
-fn values(layout: &Layout, channel: usize, scaling: &Scaling, is_unsigned: bool) -> Vec<f64> {
+fn values(layout: &AnalogLayout, channel: usize, scaling: &Scaling, is_unsigned: bool) -> Vec<f64> {
     let processor = layout.processor;
     let width = if layout.is_float { 4 } else { 2 };
     let sample = |bytes: &[u8]| match *bytes {

@@ -13,7 +13,7 @@ const KEY: u8 = 0x50;
 const TOO_MANY: f64 = 65535.0;
 
 /// Two rates that differ by more than this share are two, and not one that was rounded.
-const RATE_TOLERANCE: f64 = 1e-4;
+const RATE_ROUNDING: f64 = 1e-4;
 
 /// Blocks of zeros that programs write behind the last frame.
 const FILL_BLOCKS: usize = 2;
@@ -25,7 +25,7 @@ pub fn is_c3d(bytes: &[u8]) -> bool {
 
 /// Where the samples are.
 #[derive(Debug)]
-pub struct Layout<'a> {
+pub struct AnalogLayout<'a> {
     /// Number format.
     pub processor: Processor,
     /// Whether samples are floating-point numbers, and not integers of 16 bits.
@@ -82,7 +82,7 @@ impl Header {
 }
 
 /// The parameters of a file, and where its samples are; the error says what is wrong with it.
-pub fn read(bytes: &[u8]) -> Result<(Parameters<'_>, Layout<'_>), String> {
+pub fn read(bytes: &[u8]) -> Result<(Parameters<'_>, AnalogLayout<'_>), String> {
     let cut_off = || format!("{} bytes: the file is cut off in its header or its parameters", bytes.len());
     let parameter_block = usize::from(*bytes.first().ok_or_else(cut_off)?);
     let parameters_at = BLOCK * parameter_block.saturating_sub(1);
@@ -98,11 +98,11 @@ pub fn read(bytes: &[u8]) -> Result<(Parameters<'_>, Layout<'_>), String> {
     }
     let section = bytes.get(parameters_at..data_at).ok_or_else(cut_off)?;
     let parameters = Parameters::read(section)?;
-    let layout = Layout::new(&header, &parameters, bytes, data_at)?;
+    let layout = AnalogLayout::new(&header, &parameters, bytes, data_at)?;
     Ok((parameters, layout))
 }
 
-impl<'a> Layout<'a> {
+impl<'a> AnalogLayout<'a> {
     fn new(
         header: &Header,
         parameters: &Parameters,
@@ -184,7 +184,8 @@ fn rate_hz(header: &Header, parameters: &Parameters) -> Result<f64, String> {
     if !is_rate(stated) {
         return Err(format!("ANALOG:RATE is {stated}"));
     }
-    if !((of_frames / stated - 1.0).abs() < RATE_TOLERANCE) {
+    let is_same = (of_frames / stated - 1.0).abs() < RATE_ROUNDING;
+    if !is_same {
         return Err(format!(
             "ANALOG:RATE is {stated} Hz, and {} samples in each of {frames_hz} frames a second are {of_frames} Hz",
             header.samples_in_frame

@@ -1,6 +1,7 @@
 //! The parameter section of a C3D file: groups of named values.
 
 use super::processor::Processor;
+use crate::import::byte_cursor::Cursor;
 
 /// Types of values.
 const TEXT: i8 = -1;
@@ -34,21 +35,6 @@ struct Parameter<'a> {
     kind: i8,
     dimensions: &'a [u8],
     data: &'a [u8],
-}
-
-/// Reads bytes from the front.
-struct Cursor<'a>(&'a [u8]);
-
-impl<'a> Cursor<'a> {
-    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
-        let (taken, rest) = self.0.split_at_checked(count)?;
-        self.0 = rest;
-        Some(taken)
-    }
-
-    fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
-        self.take(N)?.try_into().ok()
-    }
 }
 
 impl<'a> Parameters<'a> {

@@ -49,15 +49,16 @@ impl ValidRigFile {
             CanRigFileError::Invalid { file: name.to_owned(), problems }
         };
         let (file, mut problems) = typed(&source);
+        let told: Vec<String> = problems.iter().map(|problem| problem.path.clone()).collect();
         let file = match file {
             Ok(file) => file,
             Err(problem) => {
-                problems.push(problem);
+                // A stand-in for a missing object may lack fields itself.
+                problems.extend((!depends_on(&problem.path, &told)).then_some(problem));
                 return Err(invalid(problems));
             }
         };
         let more = rules::problems(&file, &source);
-        let told: Vec<String> = problems.iter().map(|problem| problem.path.clone()).collect();
         problems.extend(more.into_iter().filter(|problem| !depends_on(&problem.path, &told)));
         let (Some(period), true) = (BusPeriod::from_us(file.period_us), problems.is_empty()) else {
             return Err(invalid(problems));
@@ -257,6 +258,8 @@ mod tests {
         assert_eq!(found, ["streams[0].emg_ecr", "streams[0].tolerate.silent_s"]);
         let missing = told(|rig| rig["streams"] = json!([{ "name": "EMG" }]));
         assert!(missing.len() > 1 && missing.iter().all(|own| own.starts_with("streams")), "{missing:?}");
+        let without_tolerance = told(|rig| rig["streams"] = json!([{ "name": "EMG", "unit": "uV" }]));
+        assert_eq!(without_tolerance, ["streams[0].tolerate"]);
     }
 
     #[test]
