@@ -261,7 +261,7 @@ mod tests {
             FrozenEmg::of("FCR", &numbered, 2000.0)
         };
         assert_eq!(found(&trials), None);
-        trials[2][500..1500].fill(0.25);
+        trials[2][500..1501].fill(0.25);
         let text = found(&trials).unwrap().to_string();
         assert!(
             text.starts_with("EMG in column \"FCR\", trial 13: it stays at 0.25 for 0.5 s in trial 13; expected no more than 0.05 s"),
