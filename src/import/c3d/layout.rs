@@ -13,7 +13,7 @@ const KEY: u8 = 0x50;
 const TOO_MANY: f64 = 65535.0;
 
 /// Two rates that differ by more than this share are two, and not one that was rounded.
-const RATE_ROUNDING: f64 = 1e-4;
+const RATES_ALIKE: f64 = 1e-4;
 
 /// Blocks of zeros that programs write behind the last frame.
 const FILL_BLOCKS: usize = 2;
@@ -184,7 +184,7 @@ fn rate_hz(header: &Header, parameters: &Parameters) -> Result<f64, String> {
     if !is_rate(stated) {
         return Err(format!("ANALOG:RATE is {stated}"));
     }
-    let is_same = (of_frames / stated - 1.0).abs() < RATE_ROUNDING;
+    let is_same = (of_frames / stated - 1.0).abs() < RATES_ALIKE;
     if !is_same {
         return Err(format!(
             "ANALOG:RATE is {stated} Hz, and {} samples in each of {frames_hz} frames a second are {of_frames} Hz",
