@@ -11,7 +11,7 @@ use super::request::AttachRequest;
 use super::timed_table::{GAP_STEPS, TimedTable};
 use crate::dataset::{self, PROGRAM, Session};
 use crate::files::{self, Folder, limits};
-use crate::import::{SourceTable, read_recording};
+use crate::import::{RECORDING_FILES, SourceTable, read_recording};
 
 /// A recording that was aligned, before it is written.
 #[derive(Debug, Clone)]
@@ -53,7 +53,7 @@ pub fn align(request: &AttachRequest) -> Result<Aligned, AttachError> {
     }
     let session = dataset::load(&request.session)?;
     if Folder::open(&request.file).is_ok() {
-        let expected = "one recording: a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf, .xdf or .c3d file; attach several one after the other";
+        let expected = format!("one recording: {RECORDING_FILES}; attach several one after the other");
         return Err(request.unexpected("a folder".to_owned(), expected));
     }
     let recording = read_recording(&request.file)?;

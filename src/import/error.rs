@@ -4,6 +4,7 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
+use super::recording::RECORDING_FILES;
 use crate::json_file::JsonFileError;
 use crate::protocol::{Problem, ProtocolError};
 
@@ -11,7 +12,7 @@ use crate::protocol::{Problem, ProtocolError};
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// The source cannot be read.
-    #[error("{}: cannot be read: {source}; give a folder of CSV files, or a .csv, .mat, .parquet, .edf, .bdf, .xdf or .c3d file", path.display())]
+    #[error("{}: cannot be read: {source}; give a folder of CSV files, or {RECORDING_FILES}", path.display())]
     Unreadable {
         /// The file or folder.
         path: PathBuf,

@@ -31,7 +31,7 @@ mod xdf;
 
 pub use error::ImportError;
 pub use mapping::{IMPORT_FORMAT, LongRecord, MappedSignal, Mapping, SignalColumns, SignalUnit, schema_text};
-pub use recording::{Marker, Recording, TIME_COLUMN};
+pub use recording::{Marker, RECORDING_FILES, Recording, TIME_COLUMN};
 pub use session_build::{ImportedSession, import};
 pub use source_files::{read_recording, read_source};
 pub use source_table::SourceTable;

@@ -2,6 +2,9 @@
 
 use super::source_table::SourceTable;
 
+/// The files that recordings are read from.
+pub const RECORDING_FILES: &str = "a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf, .xdf or .c3d file";
+
 /// Name of the column of time in tables of formats that have a clock of their own, s.
 pub const TIME_COLUMN: &str = "time_s";
 

@@ -9,7 +9,7 @@ use super::source_table::SourceTable;
 use super::{c3d, edf, xdf};
 use crate::files::{self, Folder, limits};
 
-/// Kinds of files that are read.
+/// What is read: `RECORDING_FILES`, and folders of them.
 const KINDS: &str =
     "a folder of such files, or a .csv, .txt, .tsv, .mat, .parquet, .edf, .bdf, .xdf or .c3d file";
 

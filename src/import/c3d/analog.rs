@@ -26,7 +26,8 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
         expected: "a C3D file that is whole and has analog channels; export the recording again",
     };
     let (parameters, layout) = layout::read(bytes).map_err(broken)?;
-    let scalings = scalings(&parameters, layout.channels).map_err(broken)?;
+    let is_unsigned = is_unsigned(&parameters);
+    let scalings = scalings(&parameters, layout.channels, is_unsigned).map_err(broken)?;
     let (names, labels_of_several) = names(&parameters, layout.channels);
 
     let mut table = SourceTable::new(format!("{}, analog channels", path.display()), Vec::new());
@@ -39,7 +40,6 @@ pub fn read(bytes: &[u8], path: &Path) -> Result<Recording, ImportError> {
         }
         Err(reason) => table.unusable.push((TIME_COLUMN.to_owned(), reason.clone())),
     }
-    let is_unsigned = is_unsigned(&parameters);
     for (channel, (name, scaling)) in names.into_iter().zip(scalings).enumerate() {
         match scaling {
             Ok(scaling) => table.columns.push((name, values(&layout, channel, &scaling, is_unsigned))),
@@ -55,7 +55,11 @@ fn is_unsigned(parameters: &Parameters) -> bool {
 }
 
 /// Offset and scale of each channel, or why it has none.
-fn scalings(parameters: &Parameters, channels: usize) -> Result<Vec<Result<Scaling, String>>, String> {
+fn scalings(
+    parameters: &Parameters,
+    channels: usize,
+    is_unsigned: bool,
+) -> Result<Vec<Result<Scaling, String>>, String> {
     let of_channels = |name: &str, are_integers_signed: bool| {
         let values = parameters.numbers("ANALOG", name, are_integers_signed);
         match values {
@@ -66,7 +70,7 @@ fn scalings(parameters: &Parameters, channels: usize) -> Result<Vec<Result<Scali
         }
     };
     let scales = of_channels("SCALE", true)?.ok_or("no ANALOG:SCALE")?;
-    let offsets = of_channels("OFFSET", !is_unsigned(parameters))?.unwrap_or_else(|| vec![0.0; channels]);
+    let offsets = of_channels("OFFSET", !is_unsigned)?.unwrap_or_else(|| vec![0.0; channels]);
     let general = parameters.count("ANALOG", "GEN_SCALE").unwrap_or(1.0);
     let pairs = scales.into_iter().zip(offsets).take(channels);
     Ok(pairs
@@ -117,7 +121,7 @@ fn names(parameters: &Parameters, channels: usize) -> (Vec<String>, Vec<(String,
 /// The values of a channel.
 fn values(layout: &AnalogLayout, channel: usize, scaling: &Scaling, is_unsigned: bool) -> Vec<f64> {
     let processor = layout.processor;
-    let width = if layout.is_float { 4 } else { 2 };
+    let width = layout.sample_bytes;
     let sample = |bytes: &[u8]| match *bytes {
         [a, b] if is_unsigned => f64::from(processor.word([a, b])),
         [a, b] => f64::from(processor.word([a, b]) as i16),

@@ -28,8 +28,8 @@ pub fn is_c3d(bytes: &[u8]) -> bool {
 pub struct AnalogLayout<'a> {
     /// Number format.
     pub processor: Processor,
-    /// Whether samples are floating-point numbers, and not integers of 16 bits.
-    pub is_float: bool,
+    /// Bytes of a sample: 4 of a floating-point number, 2 of an integer.
+    pub sample_bytes: usize,
     /// Number of analog channels.
     pub channels: usize,
     /// Samples of each channel in a frame.
@@ -97,7 +97,7 @@ pub fn read(bytes: &[u8]) -> Result<(Parameters<'_>, AnalogLayout<'_>), String> 
         ));
     }
     let section = bytes.get(parameters_at..data_at).ok_or_else(cut_off)?;
-    let parameters = Parameters::read(section)?;
+    let parameters = Parameters::read(section, processor)?;
     let layout = AnalogLayout::new(&header, &parameters, bytes, data_at)?;
     Ok((parameters, layout))
 }
@@ -128,10 +128,9 @@ impl<'a> AnalogLayout<'a> {
                 header.analog_samples
             ));
         }
-        let is_float = is_float(header, parameters)?;
-        let width = if is_float { 4 } else { 2 };
-        let marker_bytes = 4 * width * header.markers;
-        let frame_bytes = marker_bytes + width * header.analog_samples;
+        let sample_bytes = if is_float(header, parameters)? { 4 } else { 2 };
+        let marker_bytes = 4 * sample_bytes * header.markers;
+        let frame_bytes = marker_bytes + sample_bytes * header.analog_samples;
         // Rotations of segments, where there are any, come after the frames.
         let rotations_at = parameters
             .count("ROTATION", "DATA_START")
@@ -142,7 +141,7 @@ impl<'a> AnalogLayout<'a> {
         let count = frame_count(header, parameters, data, frame_bytes)?;
         Ok(Self {
             processor: parameters.processor(),
-            is_float,
+            sample_bytes,
             channels,
             samples_in_frame,
             rate_hz: rate_hz(header, parameters),

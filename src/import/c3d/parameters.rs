@@ -46,9 +46,8 @@ impl<'a> Parameters<'a> {
         })
     }
 
-    /// Reads a section; the error says what is wrong with it.
-    pub fn read(section: &'a [u8]) -> Result<Self, String> {
-        let processor = Self::read_processor(section)?;
+    /// Reads a section in the number format that [`Self::read_processor`] gives; the error says what is wrong with it.
+    pub fn read(section: &'a [u8], processor: Processor) -> Result<Self, String> {
         let mut own = Self { processor, groups: Vec::new(), parameters: Vec::new() };
         let mut at = SECTION_HEADER;
         while let Some(next) = own.read_entry(section, at)? {
