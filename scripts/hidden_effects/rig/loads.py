@@ -98,6 +98,9 @@ BLOCKS: dict[str, tuple[Block, ...]] = {
     "coarse": (ramps(), multisine(amplitude_rad=0.02, highest_hz=40.0), weight(1.0), clamp(0.004, highest_hz=40.0)),
     "flicker": (ramps(), multisine(), weight(1.0), weight(2.5, 0.12), bar(0.004), clamp(), spring(20.0)),
     "direct": (multisine(duration_s=2.0), weight(1.0), spring(20.0, duration_s=2.0)),
+    "child": (ramps(), weight(0.5), bar(0.002, 0.02), clamp()),
+    "interpolated": (multisine(), weight(1.0), weight(2.0, 0.15), bar(0.005), clamp(), spring(30.0)),
+    "resolver": (ramps(), multisine(duration_s=2.0), weight(1.0), bar(0.003, duration_s=2.0)),
 }
 
 

@@ -56,7 +56,7 @@ def test_the_quick_part_has_every_mechanism_and_in_each_laboratory_something_and
     assert {c.laboratory for c in cases} == set(laboratories)
     for laboratory in laboratories:
         assert {"none", "mechanism"} <= {c.group for c in cases if c.laboratory == laboratory}
-    assert len({c.seed for c in cases}) == len(cases) <= 40  # what 4 minutes hold
+    assert len({c.seed for c in cases}) == len(cases) <= 44  # what 4 minutes hold
 
 
 @pytest.mark.parametrize("part", [reference.laboratories, reference.laws, reference.aliens])

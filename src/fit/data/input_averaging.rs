@@ -4,29 +4,68 @@
 //! hertz, in which the steps of an encoder would weigh as much as the noise of the torque; a mechanism that smooths the angle (lag
 //! of the servo, too much damping of the lever) would then seem to improve the model.
 
+use super::chosen_smoothing::{AngleRecords, smoothing};
 use super::observations::{Observations, TrialObservation};
 use crate::wrist::{Kinematics, Smoothing};
 
-/// Smoothing of the mean angle; it passes the rise of a ramp and the response of a servo.
-const MEAN_SMOOTHING: Smoothing = Smoothing { half_s: 0.004, twice: true };
+/// Trials whose motor moves alike.
+struct AlikeTrials {
+    /// Their places among the observations.
+    trials: Vec<usize>,
+    /// Sample of the onset in `angles`.
+    onset: usize,
+    /// Their angles, aligned at the onset, rad.
+    angles: Vec<Vec<f64>>,
+    /// Mean of the angles.
+    mean: Vec<f64>,
+}
 
-/// Smoothing of the difference between a trial and the mean; a motor yields slowly under another load.
-const DIFFERENCE_SMOOTHING: Smoothing = Smoothing { half_s: 0.008, twice: true };
+impl AlikeTrials {
+    fn of(observations: &Observations, trials: Vec<usize>) -> Self {
+        let own = || trials.iter().map(|trial| &observations.trials[*trial]);
+        let onset = own().map(|trial| trial.input.onset).min().unwrap_or(0);
+        let after = own().map(|trial| trial.angle_rad.len() - trial.input.onset).min().unwrap_or(0);
+        let aligned = |trial: &TrialObservation| {
+            trial.angle_rad[trial.input.onset - onset..trial.input.onset + after].to_vec()
+        };
+        let angles: Vec<Vec<f64>> = own().map(aligned).collect();
+        let mean_at = |sample: usize| angles.iter().map(|own| own[sample]).sum::<f64>() / angles.len() as f64;
+        let mean = (0..onset + after).map(mean_at).collect();
+        Self { trials, onset, angles, mean }
+    }
+
+    /// What each angle has beside the mean.
+    fn differences(&self) -> Vec<Vec<f64>> {
+        let own = |angle: &Vec<f64>| angle.iter().zip(&self.mean).map(|(own, mean)| own - mean).collect();
+        self.angles.iter().map(own).collect()
+    }
+}
 
 impl Observations {
-    /// Replaces the motion of each trial by the mean over the trials of its velocity plus the trial's own slow difference.
+    /// Replaces the motion of each trial by the mean over the trials of its velocity plus the trial's own difference, each smoothed as far
+    /// as the errors of the angle ask for.
     pub fn average_motion(&mut self) {
-        let key = |trial: &TrialObservation| (trial.velocity_rad_s.to_bits(), trial.label.clone());
-        let mut keys: Vec<_> = self.trials.iter().map(key).collect();
-        keys.sort();
-        keys.dedup();
-        for own in &keys {
-            let alike: Vec<usize> =
-                (0..self.trials.len()).filter(|t| key(&self.trials[*t]) == *own).collect();
-            self.average_over(&alike);
-        }
-        let of_mean = keys.len() as f64 / self.trials.len() as f64;
-        self.angle_smoothings = vec![(of_mean, MEAN_SMOOTHING), (1.0 - of_mean, DIFFERENCE_SMOOTHING)];
+        let groups = self.alike_trials();
+        let trials = self.trials.len() as f64;
+        let variance = if self.angle_step_rad > 0.0 {
+            self.angle_step_rad * self.angle_step_rad / 12.0
+        } else {
+            self.angle_noise_rad * self.angle_noise_rad
+        };
+        let of_mean = groups.len() as f64 / trials;
+        let chosen = |records: &dyn Fn(&AlikeTrials) -> Vec<Vec<f64>>, share: f64| {
+            let records = groups.iter().map(|group| AngleRecords {
+                angle_rad: records(group),
+                onset: group.onset,
+                variance_rad2: share * variance,
+            });
+            let records: Vec<AngleRecords> = records.collect();
+            smoothing(&records, self.samples, &self.sections, self.period_s)
+        };
+        let mean = chosen(&|group| vec![group.mean.clone()], of_mean);
+        let difference = chosen(&AlikeTrials::differences, 1.0 - of_mean);
+        self.angle_smoothings = vec![(of_mean, mean), (1.0 - of_mean, difference)];
+        self.average(&groups, mean, difference);
     }
 
     /// The same session with its motion smoothed once more, as if the smoothed motion had been recorded without an error: what that changes
@@ -41,41 +80,44 @@ impl Observations {
             trial.angle_rad = trial.input.motion.iter().map(|knot| knot.theta).collect();
             trial.input.motion = Smoothing::ONE_RECORD.motion(&trial.angle_rad, self.period_s);
         }
-        if smoothed.angle_smoothings.len() > 1 {
-            smoothed.average_motion();
+        if let [(_, mean), (_, difference)] = self.angle_smoothings[..] {
+            let groups = smoothed.alike_trials();
+            smoothed.average(&groups, mean, difference);
         }
         smoothed.trials.iter_mut().zip(taken).for_each(|(trial, taken)| trial.friction = taken);
         smoothed.constants = self.constants;
         smoothed
     }
 
-    /// Averages the motion over the trials `alike`, aligned at the onset.
-    fn average_over(&mut self, alike: &[usize]) {
-        let trials = || alike.iter().map(|trial| &self.trials[*trial]);
-        let before = trials().map(|trial| trial.input.onset).min().unwrap_or(0);
-        let after = trials().map(|trial| trial.angle_rad.len() - trial.input.onset).min().unwrap_or(0);
-        let aligned = |trial: &TrialObservation| {
-            trial.angle_rad[trial.input.onset - before..trial.input.onset + after].to_vec()
-        };
-        let angles: Vec<Vec<f64>> = trials().map(aligned).collect();
-        let mean: Vec<f64> = (0..before + after)
-            .map(|sample| angles.iter().map(|angle| angle[sample]).sum::<f64>() / angles.len() as f64)
-            .collect();
-        let common = MEAN_SMOOTHING.motion(&mean, self.period_s);
-        for (trial, angle) in alike.iter().zip(angles) {
-            let difference: Vec<f64> = angle.iter().zip(&mean).map(|(own, mean)| own - mean).collect();
-            let own = DIFFERENCE_SMOOTHING.motion(&difference, self.period_s);
-            let sum = |(a, b): (&Kinematics<f64>, &Kinematics<f64>)| Kinematics {
-                theta: a.theta + b.theta,
-                omega: a.omega + b.omega,
-            };
-            let motion = self.as_torque_sees(common.iter().zip(&own).map(sum).collect());
-            let mut averaged = self.trials[*trial].clone();
-            averaged.input.motion = motion;
-            averaged.input.onset = before;
-            averaged.angle_rad = angle;
-            self.take_friction(&mut averaged);
-            self.trials[*trial] = averaged;
+    /// The trials of each velocity.
+    fn alike_trials(&self) -> Vec<AlikeTrials> {
+        let key = |trial: &TrialObservation| (trial.velocity_rad_s.to_bits(), trial.label.clone());
+        let mut keys: Vec<_> = self.trials.iter().map(key).collect();
+        keys.sort();
+        keys.dedup();
+        let of_key =
+            |own: &_| (0..self.trials.len()).filter(|trial| key(&self.trials[*trial]) == *own).collect();
+        keys.iter().map(|own| AlikeTrials::of(self, of_key(own))).collect()
+    }
+
+    /// Averages the motion over the trials of each group.
+    fn average(&mut self, groups: &[AlikeTrials], mean: Smoothing, difference: Smoothing) {
+        for group in groups {
+            let common = mean.motion(&group.mean, self.period_s);
+            for ((trial, angle), own) in group.trials.iter().zip(&group.angles).zip(group.differences()) {
+                let own = difference.motion(&own, self.period_s);
+                let sum = |(a, b): (&Kinematics<f64>, &Kinematics<f64>)| Kinematics {
+                    theta: a.theta + b.theta,
+                    omega: a.omega + b.omega,
+                };
+                let motion = self.as_torque_sees(common.iter().zip(&own).map(sum).collect());
+                let mut averaged = self.trials[*trial].clone();
+                averaged.input.motion = motion;
+                averaged.input.onset = group.onset;
+                averaged.angle_rad.clone_from(angle);
+                self.take_friction(&mut averaged);
+                self.trials[*trial] = averaged;
+            }
         }
     }
 }

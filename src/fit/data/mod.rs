@@ -1,6 +1,7 @@
 //! Observations: the measured torque and motion of each trial, prepared from a session for the comparison with the model.
 
 pub mod bearing_friction;
+pub mod chosen_smoothing;
 pub mod covariates;
 pub mod further_channels;
 pub mod hold_noise;
