@@ -166,7 +166,9 @@ fn an_inertia_of_the_lever_is_found_though_all_yields_go_astray_without_it() {
         let alternatives = cause["alternatives"].as_array().into_iter().flatten();
         let could_be = alternatives.chain([cause]).find(|own| own["mechanism"] == "lever_inertia");
         let own = could_be.unwrap_or_else(|| panic!("{cause:#}"));
-        assert!(own["probability"].as_f64().unwrap() > 0.25, "{cause:#}");
+        // The smaller one is told from them.
+        let least = if inertia_kg_m2 == 0.0032 { 0.5 } else { 0.25 };
+        assert!(own["probability"].as_f64().unwrap() > least, "{cause:#}");
         let value = own["parameters"]["inertia_kg_m2"]["value"].as_f64().unwrap();
         assert!((value / inertia_kg_m2 - 1.0).abs() < 0.05, "{cause:#}");
     }

@@ -6,6 +6,7 @@
 
 use super::chosen_smoothing::{AngleRecords, smoothing};
 use super::observations::{Observations, TrialObservation};
+use crate::statistics::group_indices;
 use crate::wrist::{Kinematics, Smoothing};
 
 /// Trials whose motor moves alike.
@@ -89,15 +90,15 @@ impl Observations {
         smoothed
     }
 
-    /// The trials of each velocity.
+    /// The trials whose motor moves alike: those of each velocity and label.
+    pub fn trials_of_velocities(&self) -> Vec<Vec<usize>> {
+        let key =
+            |trial: usize| (self.trials[trial].velocity_rad_s.to_bits(), self.trials[trial].label.clone());
+        group_indices(self.trials.len(), key).into_values().collect()
+    }
+
     fn alike_trials(&self) -> Vec<AlikeTrials> {
-        let key = |trial: &TrialObservation| (trial.velocity_rad_s.to_bits(), trial.label.clone());
-        let mut keys: Vec<_> = self.trials.iter().map(key).collect();
-        keys.sort();
-        keys.dedup();
-        let of_key =
-            |own: &_| (0..self.trials.len()).filter(|trial| key(&self.trials[*trial]) == *own).collect();
-        keys.iter().map(|own| AlikeTrials::of(self, of_key(own))).collect()
+        self.trials_of_velocities().into_iter().map(|trials| AlikeTrials::of(self, trials)).collect()
     }
 
     /// Averages the motion over the trials of each group.

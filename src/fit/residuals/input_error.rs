@@ -120,19 +120,13 @@ fn mean_motions(
     count: usize,
     angle: impl Fn(&TrialObservation, usize) -> f64,
 ) -> Vec<(f64, Vec<f64>)> {
-    let key = |trial: &TrialObservation| (trial.velocity_rad_s.to_bits(), trial.label.clone());
-    let mut keys: Vec<_> = observations.trials.iter().map(key).collect();
-    keys.sort();
-    keys.dedup();
-    let of_key = |own: &(u64, Option<String>)| {
-        let alike: Vec<&TrialObservation> =
-            observations.trials.iter().filter(|trial| key(trial) == *own).collect();
-        let at =
-            |sample: usize| alike.iter().map(|trial| angle(trial, sample)).sum::<f64>() / alike.len() as f64;
+    let of_velocity = |alike: Vec<usize>| {
+        let own = || alike.iter().map(|trial| &observations.trials[*trial]);
+        let at = |sample: usize| own().map(|trial| angle(trial, sample)).sum::<f64>() / alike.len() as f64;
         let share = alike.len() as f64 / observations.trials.len() as f64;
         (share, (0..count).map(at).collect())
     };
-    keys.iter().map(of_key).collect()
+    observations.trials_of_velocities().into_iter().map(of_velocity).collect()
 }
 
 /// Impulse response of the channels to an error of an angle at one sample.
