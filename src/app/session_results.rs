@@ -17,30 +17,6 @@ fn fit_as_run(folder: &Path, console: &Console) -> Result<Results, Failure> {
     Ok(session.fit(&Model::default(), Weighting::default(), false)?.results)
 }
 
-/// Results of a session that the operator ended before its last trial, from the trials that there are.
-fn finish_early(left: usize, is_virtual: bool, folder: &Path, console: &Console) -> Result<(), Failure> {
-    let disk = Disk::default();
-    let shown = folder.display();
-    let fitted = fit_as_run(folder, console);
-    if let Ok(results) = &fitted {
-        let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
-        results.write(&disk, &own)?;
-        write_report(folder, &own, console)?;
-    }
-    Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
-    console.message(format_args!(
-        "the session was ended with {left} trials left to do. Go on with: ramphold resume {shown}"
-    ));
-    match fitted {
-        Ok(results) => fit_table(console, &results),
-        Err(reason) => {
-            console
-                .message(format_args!("there is no fit yet: {reason}. Make it with: ramphold fit {shown}"));
-            Ok(())
-        }
-    }
-}
-
 /// Prints how many trials have which status; fits the session if every trial is done, and writes results, report and
 /// manifest.
 ///
@@ -49,7 +25,6 @@ fn finish_early(left: usize, is_virtual: bool, folder: &Path, console: &Console)
 pub fn finish_session(
     machine: &Machine,
     was_finished: bool,
-    on_purpose: bool,
     folder: &Path,
     console: &Console,
 ) -> Result<(), Failure> {
@@ -72,10 +47,6 @@ pub fn finish_session(
         console.announce(format_args!("the recorded streams were not cut into the trials: {failure}"));
     }
     if !was_finished && machine.phase() != Phase::Finished {
-        let left = machine.progress().queue().len();
-        if on_purpose {
-            return finish_early(left, is_virtual, folder, console);
-        }
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
         return Err(Failure::Ended { folder: folder.to_owned(), left: machine.progress().queue().len() });
     }

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use crate::console::{ConsoleSetup, Live, OperatorNotice, SETS_ORIGIN_HERE};
 use crate::dataset::{BackgroundRecorder, Recorder};
 use crate::lsl::{LslClock, LslFeed, LslPublisher, WatchedRig};
 use crate::rig::Rig;
-use crate::session::{Event, Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
+use crate::session::{Machine, Operator, Pacing, RealTime, Unpaced, run_control_loop};
 
 use super::command_line_operator::CommandLineOperator;
 use super::day_check::DayCheck;
@@ -48,16 +48,8 @@ impl SessionRun<'_> {
     pub fn run(self, console: &Console) -> Result<(), Failure> {
         let folder = self.folder.clone();
         let stop = stop_on_signals()?;
-        let has_console = self.setup.is_some();
-        let (machine, live) = self.run_to_the_end(stop.clone(), console)?;
-        // An operator's page ended the session; a signal, or a fault that nobody could mend, did not.
-        let was_faulted = machine
-            .progress()
-            .attempts()
-            .iter()
-            .any(|attempt| matches!(attempt.ended, Some((_, Event::Fault))));
-        let on_purpose = has_console && !stop.load(Ordering::Relaxed) && !was_faulted;
-        let finished = finish_session(&machine, false, on_purpose, &folder, console);
+        let (machine, live) = self.run_to_the_end(stop, console)?;
+        let finished = finish_session(&machine, false, &folder, console);
         if let Some(live) = live {
             live.close(&match &finished {
                 Ok(()) => format!("the results are in {}", folder.join("results").display()),

@@ -97,7 +97,7 @@ impl Verb for ResumeArgs {
         let Some(rig) = rig else {
             console.message("every trial is done; making the results");
             drop(recorder);
-            return finish_session(&machine, true, false, &self.session, console);
+            return finish_session(&machine, true, &self.session, console);
         };
         console.message(format_args!("session {}, subject {subject}, seed {seed}", self.session.display()));
         let setup = if has_console {
