@@ -3,14 +3,15 @@
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::app::{Console, Failure};
 
 use super::verb::Verb;
 use super::{
-    attach, calibrate, check, cohort, console, design, diagnose, export, fit, import, new, power, replay,
-    report, resume, reveal, rig, run, schedule, schema, sessions, states, trials, verify, watch,
+    attach, calibrate, check, cohort, completions, console, design, diagnose, export, fit, import, new,
+    power, replay, report, resume, reveal, rig, run, schedule, schema, sessions, states, trials, verify,
+    watch,
 };
 
 /// The verbs and the structs of their arguments; clap spells `RigCheck` as `rig-check`.
@@ -59,12 +60,20 @@ verbs! {
     Schema(schema::SchemaArgs),
 }
 
+/// A verb, or completions, which are about all verbs.
+#[derive(Debug, Subcommand)]
+enum Subcommands {
+    #[command(flatten)]
+    Verb(Box<Verbs>),
+    Completions(completions::CompletionsArgs),
+}
+
 /// Ramp-and-hold experiments on the human wrist: run the protocol, fit the model, find what the model gets wrong.
 #[derive(Debug, Parser)]
 #[command(name = "ramphold", version = VERSION, arg_required_else_help = true, after_help = EXIT_CODES)]
 pub struct CommandLine {
     #[command(subcommand)]
-    verb: Verbs,
+    subcommand: Subcommands,
     /// Print results and errors only.
     #[arg(long, global = true, conflicts_with = "verbose")]
     quiet: bool,
@@ -93,7 +102,11 @@ pub fn run_program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     let console = Console::new(command_line.quiet, command_line.verbose);
-    match command_line.verb.run(&console) {
+    let done = match command_line.subcommand {
+        Subcommands::Verb(verb) => verb.run(&console),
+        Subcommands::Completions(completions) => completions.print(CommandLine::command(), &console),
+    };
+    match done {
         Ok(()) => 0,
         Err(failure) => {
             if !failure.is_broken_pipe() {
@@ -117,7 +130,6 @@ pub const VERSION: &str = concat!(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_well_formed() {

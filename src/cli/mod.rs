@@ -9,6 +9,7 @@ mod calibrate;
 mod check;
 mod cohort;
 mod command_line;
+mod completions;
 mod console;
 mod design;
 mod diagnose;
