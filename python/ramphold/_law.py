@@ -73,7 +73,10 @@ class OwnLaw:
         except (TypeError, ValueError) as error:
             raise InputError(f"points: {error}; expected numbers") from None
         if at.ndim != 1 or at.shape != values.shape or at.size < 8:
-            raise InputError(f"points of shape {at.shape} and {values.shape}; expected two rows of the same length, 8 or more")
+            raise InputError(
+                f"points of shape {at.shape} and {values.shape}; expected two rows of the same length, 8 or more (for fewer knots, give "
+                "from_function a spline through them)"
+            )
         if not (np.isfinite(at).all() and np.isfinite(values).all() and (np.diff(at) > 0).all()):
             raise InputError("points: expected finite numbers, the arguments in rising order")
         basis = spline_basis(np.ascontiguousarray(at), float(at[0]), float(at[-1]))
@@ -92,7 +95,8 @@ class OwnLaw:
     def from_function(
         cls, place: str, argument: str, function: Callable[[float], float], low: float, high: float, *, tolerance: float
     ) -> OwnLaw:
-        """The law of a Python function of one number, over the range `low` to `high` of its argument.
+        """The law of a Python function of one number, over the range `low` to `high` of its argument: also a spline of SciPy, such as
+        `scipy.interpolate.CubicSpline(knots, values)`.
 
         tolerance: largest distance between spline and function that you accept, N m (rad at the angle channel).
         """
@@ -100,8 +104,7 @@ class OwnLaw:
         if begin >= end:
             raise InputError(f"range {low} to {high}; expected the lower end first")
         u = np.linspace(begin, end, _SAMPLES)
-        return cls.from_points(place, argument, u, [number(function(float(own)), "the function's value") for own in u],
-                               tolerance=tolerance)
+        return cls.from_points(place, argument, u, [_value(function(float(own))) for own in u], tolerance=tolerance)
 
     def __call__(self, u: ArrayLike) -> Array:
         """h(u) - h(0), shape as `u`."""
@@ -141,6 +144,11 @@ class OwnLaw:
             return float(np.median(taken))
 
         return lasts([self]) / lasts([])
+
+
+def _value(found: object) -> float:
+    """What a function gave: a number, or an array of one number, as functions of SciPy give."""
+    return number(found.item() if isinstance(found, np.ndarray) and found.size == 1 else found, "the function's value")
 
 
 def mechanism_list(added: Sequence[Mapping[str, Any] | OwnLaw]) -> list[dict[str, Any]]:

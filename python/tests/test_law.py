@@ -33,6 +33,16 @@ def test_a_line_is_met_exactly_and_acts_as_the_mechanism_that_it_is(ramp):
     assert np.abs(own - known).max() < 1e-9
 
 
+def test_a_law_may_be_a_spline_through_a_few_knots():
+    """SciPy's functions give arrays, of no dimension for one number."""
+    interpolate = pytest.importorskip("scipy.interpolate")
+    knots, values = [-1.0, 0.0, 1.5, 4.0], [-0.1, 0.0, 0.12, 0.15]
+    own = ramphold.OwnLaw.from_function("joint", "speed", interpolate.CubicSpline(knots, values), -1.0, 4.0, tolerance=0.002)
+    assert own(np.array(knots)) == pytest.approx(values, abs=0.002)
+    with pytest.raises(ramphold.InputError, match="the function's value"):
+        ramphold.OwnLaw.from_function("joint", "speed", lambda u: np.zeros(2), 0.0, 1.0, tolerance=0.01)
+
+
 def test_a_function_that_the_spline_cannot_follow_is_refused():
     with pytest.raises(ramphold.InputError, match="tolerance"):
         ramphold.OwnLaw.from_function("joint", "speed", lambda u: np.sin(40 * u), 0.0, 4.0, tolerance=0.01)
