@@ -72,4 +72,5 @@ calibration.save("S01/rig-calibration.json")
 assert ramphold.Session.load("S01").fit().json == session.fit(calibration="S01/rig-calibration.json").json
 
 # %% [markdown]
-# On another day, a few ramps with the empty handle say whether the rig is still the same: `calibration.compare(folder)`.
+# On another day, a few ramps with the empty handle say whether the rig is still the same: `calibration.compare(folder)`. Trials that another
+# program recorded are given as arrays: `ramphold.RigTrials.from_arrays(...)` stands for the folder in both calls.

@@ -15,6 +15,7 @@ from ._law import OwnLaw
 from ._native import BASE_PARAMETERS, VERSION
 from ._protocol import Protocol, schedule, write_examples
 from ._results import Diagnosis, Fit
+from ._rig_trials import RigTrials
 from ._session import Session
 from ._simulate import Motion, Simulation, mechanisms, simulate
 from ._study import Study
@@ -31,6 +32,7 @@ __all__ = [
     "Protocol",
     "RampholdError",
     "RigComparison",
+    "RigTrials",
     "Session",
     "Simulation",
     "Study",

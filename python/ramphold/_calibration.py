@@ -12,6 +12,7 @@ from ._arguments import json_text, path, text_of, write_new
 from ._errors import InputError
 from ._native import calibrate as native_calibrate
 from ._native import check_calibration, compare_calibration
+from ._rig_trials import RigTrials
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,9 +70,11 @@ class Calibration:
             raise InputError("the residuals are not in the file of a calibration; ramphold.calibrate gives them")
         return pd.DataFrame(self._found["residuals_by_load"])
 
-    def compare(self, folder: str | Path) -> RigComparison:
-        """Whether the empty-handle trials of the session in `folder` agree with this calibration."""
-        return RigComparison(json.loads(compare_calibration(self._json, path(folder, "folder"))))
+    def compare(self, source: str | Path | RigTrials) -> RigComparison:
+        """Whether the empty-handle trials of a session's folder, or among rig trials given as arrays, agree with this calibration."""
+        if isinstance(source, RigTrials):
+            return RigComparison(json.loads(source._native.compare(self._json)))
+        return RigComparison(json.loads(compare_calibration(self._json, path(source, "source"))))
 
     def save(self, file: str | Path) -> None:
         """Writes the file, which `ramphold run`, `fit` and `diagnose` take as `--calibration`."""
@@ -124,12 +127,14 @@ CalibrationSource = Calibration | str | os.PathLike[str] | Mapping[str, Any]
 """A calibration, its file, its contents, or the word "none"."""
 
 
-def calibrate(folder: str | Path) -> Calibration:
-    """Fits the constants of the rig to the rig trials of the session in `folder` (rig-trials.csv), as `ramphold calibrate` does.
+def calibrate(source: str | Path | RigTrials) -> Calibration:
+    """Fits the constants of the rig to rig trials, as `ramphold calibrate` does.
+
+    source: the folder of a session with rig trials (rig-trials.csv), or `RigTrials.from_arrays(...)`.
 
     Nothing is written; `save` does that. Raises `InputError` if there are no rig trials or none can be analysed.
     """
-    text, found = native_calibrate(path(folder, "folder"))
+    text, found = source._native.calibrate() if isinstance(source, RigTrials) else native_calibrate(path(source, "source"))
     return Calibration(text, found=json.loads(found))
 
 

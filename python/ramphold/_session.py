@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import PathOrJson, count, json_text, listener, names, number, optional_number, path, text_of
+from ._arrays import cell_text, is_empty, optional_mapping, record_arrays, sample_rate, table_rows, time_arrays, whole_number
 from ._calibration import CalibrationSource, calibration_argument
 from ._errors import InputError
 from ._law import OwnLaw, mechanism_list, model_text
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _TABLE = ("trial", "velocity_rad_s", "torque_nm", "repetition", "condition", "onset_s", "status")
-
-_RATE_ROUNDING = 1e-3
-"""Rates are whole numbers; times are rounded by up to this part of a record. As the program's import does it."""
 
 
 class Session:
@@ -89,25 +87,25 @@ class Session:
         not finite, or the table does not fit the signals. Wrong units are found by `fit` and `diagnose`, which hold the signals
         against the table.
         """
-        rows = _rows(trials)
+        rows = table_rows(trials)
         given = {
             "theta": theta, "torque": torque, "emg_fcr": emg_fcr, "emg_ecr": emg_ecr,
             "theta_l": theta_l, "alpha_l": alpha_l, "torque_h": torque_h, "theta_j": theta_j,
         }
         channels = {
-            name: _records(values, name, len(rows))
+            name: record_arrays(values, name, len(rows))
             for name, values in given.items()
             if values is not None or name in ("theta", "torque")
         }
-        times = _times(t, len(rows))
-        rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else _rate(times[0])
+        times = time_arrays(t, len(rows))
+        rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else sample_rate(times[0])
         if not isinstance(subject, str):
             raise InputError(f"subject: {subject!r}; expected a text")
         description = {
             "subject": subject,
             "sample_rate_hz": rate,
-            "lever": _optional_mapping(lever, "lever"),
-            "recorded_filter": _optional_mapping(recorded_filter, "recorded_filter"),
+            "lever": optional_mapping(lever, "lever"),
+            "recorded_filter": optional_mapping(recorded_filter, "recorded_filter"),
             "trials": _table(rows),
         }
         columns = {"t": times, **channels}
@@ -292,29 +290,6 @@ class Session:
         return f"<ramphold.Session of {self.subject}: {len(self._description['trials'])} trials at {self.sample_rate_hz:g} Hz>"
 
 
-def _rows(trials: Any) -> list[dict[str, Any]]:
-    """The rows of a table, whatever it came as."""
-    if hasattr(trials, "to_dicts"):  # polars
-        rows: Any = trials.to_dicts()
-    elif hasattr(trials, "to_dict") and hasattr(trials, "columns"):  # pandas
-        rows = trials.to_dict("records")
-    elif isinstance(trials, Mapping):
-        try:
-            columns = {name: list(values) for name, values in trials.items()}
-        except TypeError:
-            raise InputError("trials: expected a column of values for each name") from None
-        if len({len(values) for values in columns.values()}) > 1:
-            raise InputError("trials: the columns have different lengths; expected one value a trial")
-        rows = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
-    elif isinstance(trials, Sequence) and not isinstance(trials, (str, bytes)):
-        rows = list(trials)
-    else:
-        raise InputError(f"trials: {type(trials).__name__}; expected a frame, a dict of columns, or a list of dicts")
-    if not rows or not all(isinstance(row, Mapping) and all(isinstance(key, str) for key in row) for row in rows):
-        raise InputError("trials: expected at least one row, with a name for each column")
-    return [dict(row) for row in rows]
-
-
 def _table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The table of a session as the native part takes it."""
     missing = [name for name in ("velocity_rad_s", "torque_nm") if name not in rows[0]]
@@ -325,7 +300,7 @@ def _table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for index, row in enumerate(rows):
         where = f"trials, row {index}"
         velocity, torque = (number(row.get(name), f"{where}, {name}") for name in ("velocity_rad_s", "torque_nm"))
-        label = None if _is_empty(row.get("condition")) else str(row["condition"]).strip()
+        label = None if is_empty(row.get("condition")) else str(row["condition"]).strip()
         condition = (velocity, torque, label)
         seen[condition] = seen.get(condition, 0) + 1
         repetition = row.get("repetition")
@@ -333,89 +308,15 @@ def _table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         status = row.get("status", "ok")
         if status not in ("ok", "aborted", "rejected"):
             raise InputError(f"{where}, status: {status!r} is not valid; expected ok, aborted or rejected")
-        trial = index + 1 if _is_empty(row.get("trial")) else _whole(row["trial"], f"{where}, trial")
+        trial = index + 1 if is_empty(row.get("trial")) else whole_number(row["trial"], f"{where}, trial")
         table.append({
             "trial": trial,
             "velocity_rad_s": velocity,
             "torque_nm": torque,
-            "repetition": seen[condition] if _is_empty(repetition) else _whole(repetition, f"{where}, repetition"),
+            "repetition": seen[condition] if is_empty(repetition) else whole_number(repetition, f"{where}, repetition"),
             "condition": label,
-            "onset_s": None if _is_empty(onset) else number(onset, f"{where}, onset_s"),
+            "onset_s": None if is_empty(onset) else number(onset, f"{where}, onset_s"),
             "status": status,
-            "extra": {name: _cell(value) for name, value in row.items() if name not in _TABLE},
+            "extra": {name: cell_text(value) for name, value in row.items() if name not in _TABLE},
         })
     return table
-
-
-def _whole(value: object, name: str) -> int:
-    """A whole number, also one that a frame with gaps has made a float."""
-    found = number(value, name)
-    if found != int(found):
-        raise InputError(f"{name}: {value!r} is not valid; expected a whole number")
-    return count(int(found), name, 0, 2**32 - 1)
-
-
-def _is_empty(value: object) -> bool:
-    return value is None or (isinstance(value, (float, np.floating)) and bool(np.isnan(value))) or value == ""
-
-
-def _cell(value: object) -> str:
-    """A further column as text, as a table would hold it."""
-    if _is_empty(value):
-        return ""
-    if isinstance(value, (float, np.floating)):
-        return repr(float(value))
-    return str(value).strip()
-
-
-def _as_array(value: object) -> Any:
-    """A column of a frame as an array of its own; anything else as it is."""
-    to_numpy = getattr(value, "to_numpy", None)
-    return value if isinstance(value, np.ndarray) or to_numpy is None else np.ascontiguousarray(to_numpy())
-
-
-def _records(values: object, name: str, trials: int) -> list[object]:
-    """One array a trial."""
-    own = _as_array(values)
-    if isinstance(own, np.ndarray):
-        if own.ndim == 1 and trials == 1:
-            return [own]
-        if own.ndim != 2:
-            raise InputError(f"{name}: shape {own.shape}; expected (trials, samples), or a list of one array a trial")
-        if not own.flags.c_contiguous:
-            raise InputError(f"{name}: not contiguous; expected one trial after the other in memory (numpy.ascontiguousarray copies)")
-        records: list[object] = list(own)
-    elif isinstance(own, Sequence) and not isinstance(own, (str, bytes)):
-        records = [_as_array(record) for record in own]
-    else:
-        raise InputError(f"{name}: {type(own).__name__}; expected an array, or a list of one array a trial")
-    if len(records) != trials:
-        raise InputError(f"{name}: {len(records)} records; expected {trials}, one for each row of trials")
-    return records
-
-
-def _times(t: object, trials: int) -> list[object]:
-    own = _as_array(t)
-    if isinstance(own, np.ndarray) and own.ndim == 1:
-        return [own] * trials
-    return _records(own, "t", trials)
-
-
-def _rate(time: object) -> float:
-    """The rate of an even time axis; a whole number where it is one but for rounding."""
-    if not isinstance(time, np.ndarray) or time.dtype != np.float64 or time.ndim != 1 or time.size < 2:
-        raise InputError("t: expected an array of float64 with at least two samples for each trial")
-    lasts = float(time[-1] - time[0])
-    if not (np.isfinite(lasts) and lasts > 0):
-        raise InputError("t: does not rise; expected seconds in rising order")
-    rate = (time.size - 1) / lasts
-    whole = round(rate)
-    return float(whole) if abs(rate - whole) < _RATE_ROUNDING * whole else rate
-
-
-def _optional_mapping(value: object, name: str) -> dict[str, Any] | None:
-    if value is None:
-        return None
-    if not isinstance(value, Mapping):
-        raise InputError(f"{name}: {type(value).__name__}; expected a dict or None")
-    return dict(value)

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use pyo3::prelude::*;
 use ramphold::app::{calibrate_rig, compare_rig};
+use ramphold::calibrate::CalibrationOutcome;
 use ramphold::dataset::RigCalibration;
 
 use crate::background;
@@ -13,9 +14,13 @@ use crate::errors::exception;
 /// `ramphold calibrate --json` prints.
 #[pyfunction]
 pub fn calibrate(py: Python<'_>, path: PathBuf) -> PyResult<(String, String)> {
-    let outcome = background::run(py, None, move |_| calibrate_rig(&path))?.map_err(exception)?;
+    Ok(texts(&background::run(py, None, move |_| calibrate_rig(&path))?.map_err(exception)?))
+}
+
+/// The text of rig-calibration.json, and as JSON what `ramphold calibrate --json` prints.
+pub fn texts(outcome: &CalibrationOutcome) -> (String, String) {
     let text = String::from_utf8_lossy(&outcome.calibration.text()).into_owned();
-    Ok((text, outcome.to_json().to_string()))
+    (text, outcome.to_json().to_string())
 }
 
 /// Reads the text of a calibration and checks it; `name` is its name in messages.

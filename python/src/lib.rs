@@ -11,7 +11,9 @@ mod errors;
 mod fitted;
 mod motion;
 mod protocol;
+mod rig_trials;
 mod session;
+mod signals;
 mod study;
 
 use pyo3::prelude::*;
@@ -26,6 +28,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<fitted::NativeFit>()?;
     module.add_class::<motion::NativeMotion>()?;
     module.add_class::<protocol::NativeProtocol>()?;
+    module.add_class::<rig_trials::NativeRigTrials>()?;
     module.add_class::<study::NativeStudy>()?;
     module.add_function(wrap_pyfunction!(calibration::calibrate, module)?)?;
     module.add_function(wrap_pyfunction!(calibration::check_calibration, module)?)?;

@@ -15,7 +15,7 @@ use serde_json::json;
 use crate::arrays::{matrix, vector};
 use crate::background;
 use crate::errors::wrong_input;
-use crate::session::argument;
+use crate::signals::argument;
 
 /// Most samples of a motion.
 const MAX_SAMPLES: usize = 10_000_000;

@@ -18,14 +18,13 @@ use ramphold::rig::virtual_wrist::{MechanismList, Person, RigFile, Setup};
 use ramphold::signal::FilterSpec;
 use ramphold::study::{SessionStorage, Unit, UnitSource, simulate_unit};
 use ramphold::wrist::Lever;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::arrays::vector;
 use crate::background;
 use crate::errors::{exception, failed_work, wrong_input};
 use crate::fitted::NativeFit;
 use crate::protocol::NativeProtocol;
+use crate::signals::{Signals, TrialSignals, argument, check_rows};
 
 /// A session, its name in messages, its protocol, and the calibration in its folder.
 #[pyclass(frozen, module = "ramphold._native")]
@@ -60,9 +59,6 @@ struct GivenTrial {
     extra: BTreeMap<String, String>,
 }
 
-/// The signals of a trial by the names of the arguments of `Session.from_arrays`.
-type Signals<'py> = BTreeMap<String, Bound<'py, PyAny>>;
-
 /// The arguments of `Session.from_arrays` for the further channels.
 const FURTHER: [(&str, FurtherChannel); 4] = [
     ("theta_l", FurtherChannel::HandleAngle),
@@ -73,39 +69,24 @@ const FURTHER: [(&str, FurtherChannel); 4] = [
 
 /// The record of a trial, and its times, s; `trial` is its number in messages.
 fn record_of(signals: &Signals<'_>, trial: u32) -> PyResult<(Record, Vec<f64>)> {
-    let optional = |channel: &str| -> PyResult<Option<Vec<f64>>> {
-        let Some(value) = signals.get(channel) else { return Ok(None) };
-        let name = format!("trial {trial}, {channel}");
-        let array = vector(value, &name)?;
-        let values = array.as_slice().map_err(|error| wrong_input(format!("{name}: {error}")))?;
-        Ok(Some(values.to_vec()))
-    };
-    let needed = |channel: &str| {
-        optional(channel)?.ok_or_else(|| wrong_input(format!("trial {trial}, {channel}: is missing")))
-    };
-    let times_s = needed("t")?;
+    let signals = TrialSignals::new(signals, format!("trial {trial}"));
+    let times_s = signals.needed("t")?;
     let mut record = Record {
         start_s: times_s.first().copied().unwrap_or(0.0),
-        theta_m_rad: needed("theta")?,
-        torque_l_nm: needed("torque")?,
-        emg_fcr_mvc: optional("emg_fcr")?,
-        emg_ecr_mvc: optional("emg_ecr")?,
+        theta_m_rad: signals.needed("theta")?,
+        torque_l_nm: signals.needed("torque")?,
+        emg_fcr_mvc: signals.optional("emg_fcr")?,
+        emg_ecr_mvc: signals.optional("emg_ecr")?,
         ..Record::default()
     };
     for (name, channel) in FURTHER {
-        *record.further_mut(channel) = optional(name)?;
+        *record.further_mut(channel) = signals.optional(name)?;
     }
     Ok((record, times_s))
 }
 
 /// A column, with its name.
 type NamedArray<'py> = (&'static str, Bound<'py, PyArray1<f64>>);
-
-/// Reads the JSON text of an argument.
-pub fn argument<T: DeserializeOwned>(text: &str, name: &str) -> PyResult<T> {
-    ramphold::json_file::parse(text, Path::new(name), "what the documentation describes")
-        .map_err(|error| wrong_input(error.to_string()))
-}
 
 fn checks(names: &[String]) -> PyResult<Vec<SignalCheck>> {
     names
@@ -139,13 +120,7 @@ impl NativeSession {
     #[staticmethod]
     fn from_arrays(description: &str, signals: Vec<Signals<'_>>) -> PyResult<Self> {
         let given: Given = argument(description, "session")?;
-        if given.trials.len() != signals.len() {
-            return Err(wrong_input(format!(
-                "trials: {} rows; expected {}, one for each record",
-                given.trials.len(),
-                signals.len()
-            )));
-        }
+        check_rows(given.trials.len(), signals.len())?;
         let (mut trials, mut times_s) = (Vec::new(), Vec::new());
         for (about, own) in given.trials.into_iter().zip(&signals) {
             let (record, own_s) = record_of(own, about.trial)?;

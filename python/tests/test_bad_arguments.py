@@ -106,6 +106,35 @@ def spoiled_arguments(arrays):
         yield {**arrays, "t": [change(own) for own in arrays["t"]]}
 
 
+def rig_trials():
+    """Arguments of RigTrials.from_arrays."""
+    t = np.arange(600) / 1000.0
+    target = np.where(t < 0.3, 0.0, 0.01)
+    rows = [{"load": "empty_handle", "motion": "multisine"}, {"load": "known_spring", "motion": "multisine",
+             "stiffness_nm_per_rad": 20.0, "relative_error": 0.01}]
+    signals = {name: [own.copy(), own.copy()] for name, own in (("t", t), ("target", target), ("theta", target), ("torque", t))}
+    return {**signals, "trials": rows, "lever": None}
+
+
+def spoiled_rig_trials():
+    good = rig_trials()
+    for channel in ("t", "target", "theta", "torque", "theta_l"):
+        for own in spoiled_records(good["theta" if channel == "theta_l" else channel]):
+            if channel != "theta_l" or own is not None:
+                yield {**good, channel: own}
+    for column in ("load", "motion", "stiffness_nm_per_rad", "relative_error"):
+        for value in (None, NAN, INF, -1.0, "soft", [], {}, True, 1j, "", object()):
+            yield {**good, "trials": [good["trials"][0], {**good["trials"][1], column: value}]}
+    for column in ("mass_kg", "sign", "velocity_rad_s", "arm_m", "inertia_kg_m2"):
+        yield {**good, "trials": [good["trials"][0], {**good["trials"][1], column: 1.0}]}
+    for column, value in itertools.product(("trial", "repetition"), (0, -1, 1.5, INF, "one", [], 2**32, True)):
+        yield {**good, "trials": [{**good["trials"][0], column: value}, good["trials"][1]]}
+    for own in (None, 3, "table", [], {}, [{}], [3, 4], good["trials"][:1], 2 * good["trials"]):
+        yield {**good, "trials": own}
+    for field, bad in {"lever": (3, {}, "rigid"), "name": (None, 3), "started_utc": (3, "now"), "sample_rate_hz": (0, NAN, 1.0, "1", 1e9)}.items():
+        yield from ({**good, field: value} for value in bad)
+
+
 def other_calls(session, fit, motion):
     """Calls of everything else."""
     simulate = ramphold.simulate
@@ -171,6 +200,11 @@ def other_calls(session, fit, motion):
     for channel in (None, 0, "theta", "theta_l_rad", ""):
         yield lambda channel=channel: fit.measured(channel)
         yield lambda channel=channel: fit.predicted(channel)
+    ramphold.RigTrials.from_arrays(**rig_trials())
+    for own in spoiled_rig_trials():
+        yield lambda own=own: ramphold.RigTrials.from_arrays(**own)
+    for own in (None, 3, session):
+        yield lambda own=own: ramphold.RigTrials(own)
     for own in (None, 3, "/nowhere.json", "\0", QUICK):
         yield lambda own=own: ramphold.calibrate(own)
         yield lambda own=own: ramphold.Calibration.load(own)

@@ -85,3 +85,100 @@ def test_what_a_notebook_shows_of_a_calibration(calibration):
     html = calibration._repr_html_()
     assert "lever_stiffness_nm_per_rad" in html and "data:image/png;base64," in html
     assert len(calibration.to_frame()) == 11 and np.isfinite(calibration.to_frame()["value"].dropna()).all()
+
+
+@pytest.fixture(scope="module")
+def arrays(folder):
+    """The rig trials of the session's folder as a lab's own arrays, read without ramphold."""
+    table = pd.read_csv(folder / "rig-trials.csv")
+    records = [np.loadtxt(folder / file, delimiter=",", skiprows=1) for file in table["file"]]
+    signals = {name: [own[:, column].copy() for own in records] for column, name in enumerate(("t", "target", "theta", "torque"))}
+    about = json.loads((folder / "session.json").read_text())
+    return {**signals, "trials": table, "lever": about["rig"]["lever"], "name": "S01"}
+
+
+@pytest.fixture(scope="module")
+def given(arrays):
+    return ramphold.RigTrials.from_arrays(**arrays)
+
+
+def without(own, *names):
+    return {key: value for key, value in own.items() if key not in names}
+
+
+def test_rig_trials_as_arrays_are_calibrated_as_those_of_a_folder(given, calibration, tmp_path):
+    own = ramphold.calibrate(given)
+    # The sums are those of the files that `save` writes, whose numbers have more digits.
+    assert without(own.dict, "made_utc", "sources") == without(calibration.dict, "made_utc", "sources")
+    pd.testing.assert_frame_equal(own.residuals(), calibration.residuals(), check_exact=True)
+    given.save(tmp_path / "S01")
+    printed = json.loads(run("calibrate", tmp_path / "S01", "--json"))
+    assert without(printed["calibration"], "made_utc") == without(own.dict, "made_utc")
+    assert (tmp_path / "S01/rig-calibration.json").read_text() == own.json.replace(own.dict["made_utc"], printed["calibration"]["made_utc"])
+    with pytest.raises(ramphold.InputError, match="exists already"):
+        given.save(tmp_path / "S01")
+
+
+def test_rig_trials_as_arrays_are_compared_as_those_of_a_folder(folder, given, calibration):
+    assert calibration.compare(given).dict == calibration.compare(folder).dict
+
+
+def test_the_table_of_rig_trials_may_be_short_and_of_any_kind(arrays, given):
+    table = arrays["trials"].drop(columns=["trial", "file", "repetition", "status"]).assign(remark="Tuesday")
+    polars = pytest.importorskip("polars")
+    for trials in (table, polars.DataFrame(table.to_dict("list")), table.to_dict("list"), table.to_dict("records")):
+        own = ramphold.RigTrials.from_arrays(**{**arrays, "trials": trials})
+        pd.testing.assert_frame_equal(own.to_frame(), given.to_frame())
+    pd.testing.assert_frame_equal(given.to_frame(), arrays["trials"].drop(columns="file"))
+
+
+def set_cell(row, column, value):
+    def change(arrays):
+        trials = arrays["trials"].astype(object).copy()
+        trials.loc[row, column] = value
+        return {**arrays, "trials": trials}
+
+    return change
+
+
+def set_sample(channel, trial, sample, value):
+    def change(arrays):
+        own = [record.copy() for record in arrays[channel]]
+        own[trial][sample] = value
+        return {**arrays, channel: own}
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (set_cell(0, "load", "elbow"), 'rig trial 1, load: "elbow"'),
+        (set_cell(0, "motion", "chirp"), "still, ramp or multisine"),
+        (set_cell(0, "mass_kg", 1.0), "an empty cell"),
+        (set_cell(1, "trial", 1), "a number that no other trial has"),
+        (set_cell(0, "trial", 0), "a whole number from 1 up"),
+        (set_cell(0, "status", "fine"), "row 0, status"),
+        (set_sample("torque", 0, 7, float("nan")), r"rig trial 1, torque_l_nm\[7\]"),
+        (set_sample("target", 0, 7, 0.5), "0.2 s: the noise is measured at rest"),
+        (lambda own: {**own, "t": [1e3 * t for t in own["t"]], "sample_rate_hz": 2500}, "milliseconds|samples a second"),
+        (lambda own: {**own, "t": [t + 1.0 for t in own["t"]]}, "time 0"),
+        (lambda own: {**own, "theta": [theta.astype("float32") for theta in own["theta"]]}, "float64"),
+        (lambda own: {**own, "theta": own["theta"][:-1]}, "records; expected"),
+        (lambda own: {**own, "torque": [torque[:-1] for torque in own["torque"]]}, "one for each time"),
+        (lambda own: {**own, "started_utc": "yesterday"}, "a time in UTC"),
+        (lambda own: {**own, "name": None}, "name: None"),
+        (lambda own: {**own, "lever": {}}, "inertia_kg_m2"),
+    ],
+)
+def test_wrong_rig_trials_are_refused(arrays, change, word):
+    with pytest.raises(ramphold.InputError, match=word):
+        ramphold.RigTrials.from_arrays(**change(arrays))
+
+
+def test_rig_trials_that_cannot_be_analysed_are_refused(arrays):
+    none_ok = ramphold.RigTrials.from_arrays(**{**arrays, "trials": arrays["trials"].assign(status="rejected")})
+    with pytest.raises(ramphold.RampholdError):
+        ramphold.calibrate(none_ok)
+    with pytest.raises(ramphold.InputError, match="from_arrays"):
+        ramphold.RigTrials(3)

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::calibrate::{CalibrationOutcome, RigComparison, calibrate, compare};
-use crate::dataset::{PROGRAM, RigCalibration, load_rig_trials};
+use crate::dataset::{PROGRAM, RigCalibration, RigTrials, load_rig_trials};
 
 use super::failure::Failure;
 use super::wall_clock::now_utc;
@@ -15,9 +15,21 @@ use super::wall_clock::now_utc;
 pub fn calibrate_rig(folder: &Path) -> Result<CalibrationOutcome, Failure> {
     let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let name = absolute.file_name().unwrap_or_default().to_string_lossy();
-    let trials = load_rig_trials(folder)?;
-    let mut outcome = calibrate(&trials, PROGRAM, &name)
-        .map_err(|source| Failure::Calibrate { session: folder.display().to_string(), source })?;
+    calibrate_from(&load_rig_trials(folder)?, &name, folder.display().to_string())
+}
+
+/// Fits the constants of the rig to rig trials that no folder holds; the calibration has the name `session` and the time.
+///
+/// # Errors
+/// If none of the trials can be analysed.
+pub fn calibrate_given_rig(trials: &RigTrials, session: &str) -> Result<CalibrationOutcome, Failure> {
+    calibrate_from(trials, session, session.to_owned())
+}
+
+/// `shown` is the name of the session in messages.
+fn calibrate_from(trials: &RigTrials, name: &str, shown: String) -> Result<CalibrationOutcome, Failure> {
+    let mut outcome =
+        calibrate(trials, PROGRAM, name).map_err(|source| Failure::Calibrate { session: shown, source })?;
     outcome.calibration.made_utc = Some(now_utc());
     Ok(outcome)
 }
@@ -29,4 +41,16 @@ pub fn calibrate_rig(folder: &Path) -> Result<CalibrationOutcome, Failure> {
 pub fn compare_rig(folder: &Path, earlier: &RigCalibration) -> Result<RigComparison, Failure> {
     compare(&load_rig_trials(folder)?, earlier)
         .map_err(|source| Failure::Calibrate { session: folder.display().to_string(), source })
+}
+
+/// Compares the empty-handle trials among rig trials that no folder holds with an earlier calibration; `session` is their name.
+///
+/// # Errors
+/// If none of them can be compared.
+pub fn compare_given_rig(
+    trials: &RigTrials,
+    session: &str,
+    earlier: &RigCalibration,
+) -> Result<RigComparison, Failure> {
+    compare(trials, earlier).map_err(|source| Failure::Calibrate { session: session.to_owned(), source })
 }

@@ -12,11 +12,11 @@ use super::record_csv::{Digits, record_csv};
 use super::rig_calibration::RIG_CALIBRATION;
 use super::stored_protocol::PROTOCOL;
 use super::trial_csv_reader::check_times;
-use super::{PROGRAM, Record, SESSION_FORMAT, Session, Status, Trial};
+use super::{PROGRAM, SESSION_FORMAT, Session, Status, Trial};
 use crate::files::{Folder, csv_cell, limits, make_folders};
 
 /// How messages name what was given instead of `session.json`.
-const DESCRIPTION: &str = "the session given";
+pub(super) const DESCRIPTION: &str = "the session given";
 
 /// Columns of `trials.csv` that every session has.
 const TRIAL_COLUMNS: [&str; 8] =
@@ -60,7 +60,7 @@ pub fn check_given(session: &Session, times_s: &[Vec<f64>]) -> Result<(), Datase
         if !trial.torque_nm.is_finite() {
             return Err(wrong("torque_nm", trial.torque_nm.to_string(), "a finite torque"));
         }
-        check_samples(&name, &trial.record, times_s)?;
+        check_samples(&name, trial.record.channels(), times_s)?;
         check_times(times_s, rate, |sample| sample_at(&name, sample, "t_s"))?;
         let onset_at = FilePlace { file: name.as_str().into(), line: None, column: Some("onset_s".into()) };
         check_record(trial, &name, &onset_at, rate)?;
@@ -69,8 +69,12 @@ pub fn check_given(session: &Session, times_s: &[Vec<f64>]) -> Result<(), Datase
 }
 
 /// Whether all channels have a finite value for every time.
-fn check_samples(name: &str, record: &Record, times_s: &[f64]) -> Result<(), DatasetError> {
-    for (channel, values) in std::iter::once(("t_s", times_s)).chain(record.channels()) {
+pub(super) fn check_samples<'a>(
+    name: &str,
+    channels: impl Iterator<Item = (&'static str, &'a [f64])>,
+    times_s: &'a [f64],
+) -> Result<(), DatasetError> {
+    for (channel, values) in std::iter::once(("t_s", times_s)).chain(channels) {
         if values.len() != times_s.len() {
             return Err(DatasetError::Value {
                 at: FilePlace { file: name.into(), line: None, column: Some(channel.into()) },
@@ -90,7 +94,7 @@ fn check_samples(name: &str, record: &Record, times_s: &[f64]) -> Result<(), Dat
 }
 
 /// A sample of a channel, counted from 0.
-fn sample_at(trial: &str, sample: usize, channel: &str) -> FilePlace {
+pub(super) fn sample_at(trial: &str, sample: usize, channel: &str) -> FilePlace {
     FilePlace { file: trial.into(), line: None, column: Some(format!("{channel}[{sample}]").into()) }
 }
 
@@ -107,14 +111,7 @@ pub fn write_session(
     calibration: Option<&[u8]>,
     folder: &Path,
 ) -> std::io::Result<()> {
-    if crate::files::exists(folder) {
-        return Err(std::io::Error::new(
-            std::io::ErrorKind::AlreadyExists,
-            "exists already and is not overwritten; give another folder",
-        ));
-    }
-    make_folders(folder)?;
-    let opened = Folder::open(folder)?;
+    let opened = new_folder(folder)?;
     let disk = Disk::default();
     let mut made = BTreeSet::new();
     for trial in &session.trials {
@@ -147,6 +144,18 @@ pub fn write_session(
     });
     // The description comes last: a folder without it is no session.
     disk.write(&opened, "session.json", format!("{description:#}\n").as_bytes())
+}
+
+/// Makes a folder for a session, which must not be there yet.
+pub(super) fn new_folder(folder: &Path) -> std::io::Result<Folder> {
+    if crate::files::exists(folder) {
+        return Err(std::io::Error::new(
+            std::io::ErrorKind::AlreadyExists,
+            "exists already and is not overwritten; give another folder",
+        ));
+    }
+    make_folders(folder)?;
+    Folder::open(folder)
 }
 
 fn table_text(session: &Session) -> String {
@@ -189,7 +198,7 @@ fn row(trial: &Trial, labelled: bool, extra: &[&String]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::{Subject, load};
+    use crate::dataset::{Record, Subject, load};
 
     fn given() -> (Session, Vec<Vec<f64>>) {
         let times_s: Vec<f64> = (0..400).map(|sample| -0.1 + f64::from(sample) / 2000.0).collect();

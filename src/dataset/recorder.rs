@@ -283,7 +283,9 @@ impl RecordNames {
             RecordTarget::Offset => "before/offset".to_owned(),
             RecordTarget::Effort(number) => format!("before/effort-{number}"),
             RecordTarget::Trial => return progress.current().map(tables::trial_file),
-            RecordTarget::RigTrial => return progress.current_rig_trial().map(tables::rig_trial_file),
+            RecordTarget::RigTrial => {
+                return progress.current_rig_trial().map(|attempt| tables::rig_trial_file(attempt.number));
+            }
         };
         let times = self.0.entry(stem.clone()).or_default();
         *times += 1;

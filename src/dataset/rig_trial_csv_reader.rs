@@ -24,6 +24,24 @@ pub struct RigTrialSignals {
     pub torque_h_nm: Option<Vec<f64>>,
 }
 
+impl RigTrialSignals {
+    /// The channels that there are, with the names of their columns, in the order of a record.
+    pub fn channels(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
+        let needed = [
+            ("target_rad", &self.target_rad),
+            ("theta_m_rad", &self.theta_m_rad),
+            ("torque_l_nm", &self.torque_l_nm),
+        ];
+        let optional = [
+            ("theta_l_rad", &self.theta_l_rad),
+            ("alpha_l_rad_s2", &self.alpha_l_rad_s2),
+            ("torque_h_nm", &self.torque_h_nm),
+        ];
+        let optional = optional.into_iter().filter_map(|(name, values)| Some((name, values.as_ref()?)));
+        needed.into_iter().chain(optional).map(|(name, values)| (name, values.as_slice()))
+    }
+}
+
 /// Reads a record; `file` is its name for messages. Only the record of an `analysed` trial must begin with a rest.
 pub(super) fn parse_rig_record(
     file: &str,
@@ -52,7 +70,7 @@ pub(super) fn parse_rig_record(
             }
         }
         lines.push(table.line());
-        if times_s.len() == 1 && times_s[0].abs() > 0.5 / sample_rate_hz {
+        if times_s.len() == 1 && !starts_at_zero(&times_s, sample_rate_hz) {
             return Err(table.invalid(time, "time 0 in the first row of a rig trial"));
         }
     }
@@ -60,27 +78,34 @@ pub(super) fn parse_rig_record(
     let [target_rad, theta_m_rad, torque_l_nm] = channels;
     let [theta_l_rad, alpha_l_rad_s2, torque_h_nm] = further;
     if analysed {
-        check_rest(file, &target_rad, &lines, sample_rate_hz)?;
+        let at = |row: usize| FilePlace::cell(file, lines[row], "column target_rad");
+        check_rest(file, &target_rad, sample_rate_hz, at)?;
     }
     Ok(RigTrialSignals { target_rad, theta_m_rad, torque_l_nm, theta_l_rad, alpha_l_rad_s2, torque_h_nm })
 }
 
-/// Whether the target stands still long enough before the motion, and the record is longer than this rest.
-fn check_rest(
-    file: &str,
+/// Whether the first of the times, s, is 0 but for rounding.
+pub(super) fn starts_at_zero(times_s: &[f64], sample_rate_hz: f64) -> bool {
+    times_s.first().is_none_or(|first_s| first_s.abs() <= 0.5 / sample_rate_hz)
+}
+
+/// Whether the target stands still long enough before the motion, and the record, called `name` in messages, is longer than this rest;
+/// `at` is the place of a target.
+pub(super) fn check_rest(
+    name: &str,
     target_rad: &[f64],
-    lines: &[u64],
     sample_rate_hz: f64,
+    at: impl Fn(usize) -> FilePlace,
 ) -> Result<(), DatasetError> {
     let rest = (RIG_TRIAL_REST_S * sample_rate_hz).floor() as usize;
     if target_rad.len() <= rest {
-        let at = FilePlace::file(file);
+        let at = FilePlace::file(name);
         return Err(DatasetError::TooShort { at, found: target_rad.len(), expected: rest + 1 });
     }
     match (0..rest).find(|row| target_rad[*row] != target_rad[0]) {
         None => Ok(()),
         Some(row) => Err(DatasetError::Value {
-            at: FilePlace::cell(file, lines[row], "column target_rad"),
+            at: at(row),
             found: target_rad[row].to_string(),
             expected: format!(
                 "the first target, {}, for at least {RIG_TRIAL_REST_S} s: the noise is measured at rest before the motion",

@@ -11,6 +11,7 @@ use super::hexadecimal::sha256;
 use super::load::{check_total_size, read_description};
 use super::rig_calibration::CalibrationSource;
 use super::rig_trial_csv_reader::{RigTrialSignals, parse_rig_record};
+use super::rig_trial_row::{COLUMNS_OF_SOME, RigTrialMotion, load_and_motion};
 use super::session_about::SessionCard;
 use crate::files::{excerpt, limits};
 use crate::protocol::RigLoad;
@@ -19,20 +20,6 @@ use crate::wrist::Lever;
 
 /// Name of the table of rig trials in a session's folder.
 pub const RIG_TRIALS_TABLE: &str = "rig-trials.csv";
-
-/// What the motor does in a rig trial.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum RigTrialMotion {
-    /// It holds the start position.
-    Still,
-    /// A ramp of the protocol, its hold and the way back.
-    Ramp {
-        /// Velocity, rad/s; negative turns the other way.
-        velocity_rad_s: f64,
-    },
-    /// A sum of sines.
-    Multisine,
-}
 
 /// One rig trial and its record.
 #[derive(Debug, Clone, PartialEq)]
@@ -124,17 +111,13 @@ impl RigRow {
     }
 }
 
-/// Columns of the table that belong to some loads or motions only.
-const OF_SOME: [&str; 7] =
-    ["velocity_rad_s", "sign", "mass_kg", "arm_m", "inertia_kg_m2", "stiffness_nm_per_rad", "relative_error"];
-
 fn read_table(folder: &SessionFolder, text: &str) -> Result<Vec<RigRow>, DatasetError> {
     let header = "a header trial,file,load,motion,velocity_rad_s,repetition,sign,mass_kg,arm_m,inertia_kg_m2,\
                   stiffness_nm_per_rad,relative_error,status and a row a trial";
     let mut table = CsvTable::new(folder.name(RIG_TRIALS_TABLE), text, header)?;
-    let [number, file, load, motion, repetition, status] =
+    let [number, file, _, _, repetition, status] =
         columns(&table, ["trial", "file", "load", "motion", "repetition", "status"])?;
-    let of_some = columns(&table, OF_SOME)?;
+    columns(&table, COLUMNS_OF_SOME)?;
     let mut rows = Vec::new();
     let mut seen = BTreeMap::new();
     let mut records = BTreeMap::new();
@@ -165,16 +148,13 @@ fn read_table(folder: &SessionFolder, text: &str) -> Result<Vec<RigRow>, Dataset
             let file_name = excerpt(&trial_file).into_owned();
             return Err(DatasetError::SharedRecord { at: table.place(file), file: file_name, first_line });
         }
-        let mut cells = Cells { table: &table, columns: of_some, used: [false; OF_SOME.len()] };
-        let trial_motion = cells.motion(motion)?;
-        let trial_load = cells.load(load)?;
-        cells.check_others_empty()?;
+        let (load, motion) = load_and_motion(&table)?;
         rows.push(RigRow {
             trial: RigTrial {
                 number: trial_number,
                 file: trial_file,
-                load: trial_load,
-                motion: trial_motion,
+                load,
+                motion,
                 repetition: table.count(repetition)?,
                 status: trial_status,
                 record: RigTrialSignals::default(),
@@ -191,86 +171,6 @@ fn columns<const N: usize>(table: &CsvTable<'_>, names: [&str; N]) -> Result<[us
         *place = table.column(name)?;
     }
     Ok(found)
-}
-
-/// The cells of the present row that belong to some loads or motions only; those not asked for must be empty.
-struct Cells<'a, 'text> {
-    table: &'a CsvTable<'text>,
-    columns: [usize; OF_SOME.len()],
-    used: [bool; OF_SOME.len()],
-}
-
-impl Cells<'_, '_> {
-    fn motion(&mut self, column: usize) -> Result<RigTrialMotion, DatasetError> {
-        match self.table.text(column) {
-            "still" => Ok(RigTrialMotion::Still),
-            "multisine" => Ok(RigTrialMotion::Multisine),
-            "ramp" => {
-                let is_velocity = |value: f64| value != 0.0;
-                let velocity_rad_s =
-                    self.number("velocity_rad_s", is_velocity, "a velocity in rad/s other than 0")?;
-                Ok(RigTrialMotion::Ramp { velocity_rad_s })
-            }
-            _ => Err(self.table.invalid(column, "still, ramp or multisine")),
-        }
-    }
-
-    fn load(&mut self, column: usize) -> Result<RigLoad, DatasetError> {
-        let positive = |value: f64| value > 0.0;
-        match self.table.text(column) {
-            "empty_handle" => Ok(RigLoad::EmptyHandle),
-            "clamped_handle" => Ok(RigLoad::ClampedHandle),
-            "known_weight" => Ok(RigLoad::KnownWeight {
-                mass_kg: self.number("mass_kg", positive, "a mass in kg above 0")?,
-                arm_m: self.number("arm_m", positive, "a lever arm in m above 0")?,
-                sign: if self.number("sign", |value| value.abs() == 1.0, "1 or -1")? > 0.0 { 1 } else { -1 },
-                relative_error: self.relative_error()?,
-            }),
-            "known_inertia" => Ok(RigLoad::KnownInertia {
-                inertia_kg_m2: self.number("inertia_kg_m2", positive, "an inertia in kg m2 above 0")?,
-                relative_error: self.relative_error()?,
-            }),
-            "known_spring" => Ok(RigLoad::KnownSpring {
-                stiffness_nm_per_rad: self.number(
-                    "stiffness_nm_per_rad",
-                    positive,
-                    "a stiffness in N m/rad above 0",
-                )?,
-                relative_error: self.relative_error()?,
-            }),
-            _ => {
-                let expected = "empty_handle, known_weight, known_inertia, clamped_handle or known_spring";
-                Err(self.table.invalid(column, expected))
-            }
-        }
-    }
-
-    fn relative_error(&mut self) -> Result<f64, DatasetError> {
-        let expected =
-            "the standard deviation of the stated value as a part of it, above 0 and below 1 (0.01 for 1 %)";
-        self.number("relative_error", |value| value > 0.0 && value < 1.0, expected)
-    }
-
-    fn number(&mut self, name: &str, good: fn(f64) -> bool, expected: &str) -> Result<f64, DatasetError> {
-        let place = OF_SOME.iter().position(|own| *own == name).unwrap_or_default();
-        self.used[place] = true;
-        let column = self.columns[place];
-        match self.table.text(column).parse::<f64>() {
-            Ok(value) if value.is_finite() && good(value) => Ok(value),
-            _ => Err(self.table.invalid(column, expected)),
-        }
-    }
-
-    fn check_others_empty(&self) -> Result<(), DatasetError> {
-        for (column, used) in self.columns.into_iter().zip(self.used) {
-            if !used && !self.table.text(column).is_empty() {
-                return Err(self
-                    .table
-                    .invalid(column, "an empty cell: this load or motion has no such value"));
-            }
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::trial_csv_writer::{HEADER, RIG_HEADER, TrialCsvWriter};
 use crate::protocol::{RigLoad, RigMotion};
 use crate::rig::Punctuality;
-use crate::session::{Attempt, PlannedTrial, Progress, RigAttempt, Settings};
+use crate::session::{Attempt, PlannedTrial, Progress, Settings, Status};
 
 /// The columns of `trials.csv`; the first seven are what every session has.
 const TRIALS: &str = "trial,file,velocity_rad_s,torque_nm,repetition,onset_s,status,\
@@ -27,9 +27,9 @@ pub fn empty_rig_table() -> &'static [u8] {
     RIG_TRIALS.as_bytes()
 }
 
-/// File of the record of a rig trial.
-pub fn rig_trial_file(attempt: &RigAttempt) -> String {
-    format!("{RIG_FOLDER}/rig-trial-{:03}.csv", attempt.number)
+/// File of the record of rig trial number `number`.
+pub fn rig_trial_file(number: u32) -> String {
+    format!("{RIG_FOLDER}/rig-trial-{number:03}.csv")
 }
 
 /// The columns that the record `file` has at least.
@@ -87,36 +87,45 @@ fn rig_table(progress: &Progress) -> Vec<u8> {
         // A rig trial under way has no row yet: its record is not complete.
         let Some((status, _)) = attempt.ended else { continue };
         let planned = &attempt.planned;
-        let cell = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         let velocity_rad_s = match planned.motion {
             RigMotion::Ramp { velocity_rad_s, .. } => Some(velocity_rad_s),
             RigMotion::Still { .. } | RigMotion::Multisine(_) => None,
         };
-        // Sign, mass, arm, inertia and stiffness.
-        let values = match planned.load {
-            RigLoad::EmptyHandle | RigLoad::ClampedHandle => [None; 5],
-            RigLoad::KnownWeight { mass_kg, arm_m, sign, .. } => {
-                [Some(f64::from(sign)), Some(mass_kg), Some(arm_m), None, None]
-            }
-            RigLoad::KnownInertia { inertia_kg_m2, .. } => [None, None, None, Some(inertia_kg_m2), None],
-            RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
-                [None, None, None, None, Some(stiffness_nm_per_rad)]
-            }
-        };
-        text += &format!(
-            "{},{},{},{},{},{},{},{},{}\n",
-            attempt.number,
-            rig_trial_file(attempt),
-            planned.load.name(),
-            planned.motion.name(),
-            cell(velocity_rad_s),
-            planned.repetition,
-            values.map(cell).join(","),
-            cell(planned.load.relative_error()),
-            status.name(),
-        );
+        let motion = (planned.motion.name(), velocity_rad_s);
+        text += &rig_row(attempt.number, planned.load, motion, planned.repetition, status);
     }
     text.into_bytes()
+}
+
+/// The row of a rig trial in `rig-trials.csv`; a motion is its name and the velocity of a ramp.
+pub fn rig_row(
+    number: u32,
+    load: RigLoad,
+    (motion, velocity_rad_s): (&str, Option<f64>),
+    repetition: u32,
+    status: Status,
+) -> String {
+    let cell = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+    // Sign, mass, arm, inertia and stiffness.
+    let values = match load {
+        RigLoad::EmptyHandle | RigLoad::ClampedHandle => [None; 5],
+        RigLoad::KnownWeight { mass_kg, arm_m, sign, .. } => {
+            [Some(f64::from(sign)), Some(mass_kg), Some(arm_m), None, None]
+        }
+        RigLoad::KnownInertia { inertia_kg_m2, .. } => [None, None, None, Some(inertia_kg_m2), None],
+        RigLoad::KnownSpring { stiffness_nm_per_rad, .. } => {
+            [None, None, None, None, Some(stiffness_nm_per_rad)]
+        }
+    };
+    format!(
+        "{number},{},{},{motion},{},{repetition},{},{},{}\n",
+        rig_trial_file(number),
+        load.name(),
+        cell(velocity_rad_s),
+        values.map(cell).join(","),
+        cell(load.relative_error()),
+        status.name(),
+    )
 }
 
 /// The cells under [`PUNCTUALITY`]; empty for a trial of which it is not known.
