@@ -85,6 +85,13 @@ def record_arrays(values: object, name: str, trials: int) -> list[object]:
     return records
 
 
+def channel_arrays(given: Mapping[str, object], needed: Sequence[str], trials: int) -> dict[str, list[object]]:
+    """One array a trial for each channel that was given or is needed."""
+    return {
+        name: record_arrays(values, name, trials) for name, values in given.items() if values is not None or name in needed
+    }
+
+
 def time_arrays(t: object, trials: int) -> list[object]:
     """One time axis a trial."""
     own = _as_array(t)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ._arguments import json_text, number, path
 from ._arrays import (
-    cell_text, is_empty, optional_mapping, record_arrays, sample_rate, table_rows, time_arrays, whole_number
+    cell_text, channel_arrays, is_empty, optional_mapping, sample_rate, table_rows, time_arrays, whole_number
 )
 from ._errors import InputError
 from ._native import NativeRigTrials
@@ -81,11 +81,7 @@ class RigTrials:
         given = {
             "target": target, "theta": theta, "torque": torque, "theta_l": theta_l, "alpha_l": alpha_l, "torque_h": torque_h,
         }
-        columns = {
-            channel: record_arrays(values, channel, len(rows))
-            for channel, values in given.items()
-            if values is not None or channel in ("target", "theta", "torque")
-        }
+        columns = channel_arrays(given, ("target", "theta", "torque"), len(rows))
         columns["t"] = time_arrays(t, len(rows))
         for text, argument in ((name, "name"), (started_utc, "started_utc")):
             if not isinstance(text, str) and not (text is None and argument == "started_utc"):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._arguments import PathOrJson, count, json_text, listener, names, number, optional_number, path, text_of
-from ._arrays import cell_text, is_empty, optional_mapping, record_arrays, sample_rate, table_rows, time_arrays, whole_number
+from ._arrays import cell_text, channel_arrays, is_empty, optional_mapping, sample_rate, table_rows, time_arrays, whole_number
 from ._calibration import CalibrationSource, calibration_argument
 from ._errors import InputError
 from ._law import OwnLaw, mechanism_list, model_text
@@ -92,11 +92,7 @@ class Session:
             "theta": theta, "torque": torque, "emg_fcr": emg_fcr, "emg_ecr": emg_ecr,
             "theta_l": theta_l, "alpha_l": alpha_l, "torque_h": torque_h, "theta_j": theta_j,
         }
-        channels = {
-            name: record_arrays(values, name, len(rows))
-            for name, values in given.items()
-            if values is not None or name in ("theta", "torque")
-        }
+        channels = channel_arrays(given, ("theta", "torque"), len(rows))
         times = time_arrays(t, len(rows))
         rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else sample_rate(times[0])
         if not isinstance(subject, str):

@@ -39,8 +39,7 @@ fn calibrate_from(trials: &RigTrials, name: &str, shown: String) -> Result<Calib
 /// # Errors
 /// If the rig trials cannot be read, or none of them can be compared.
 pub fn compare_rig(folder: &Path, earlier: &RigCalibration) -> Result<RigComparison, Failure> {
-    compare(&load_rig_trials(folder)?, earlier)
-        .map_err(|source| Failure::Calibrate { session: folder.display().to_string(), source })
+    compare_given_rig(&load_rig_trials(folder)?, &folder.display().to_string(), earlier)
 }
 
 /// Compares the empty-handle trials among rig trials that no folder holds with an earlier calibration; `session` is their name.

@@ -1,7 +1,6 @@
 //! Rig trials that a program gives rather than a folder: checked as those that are read, and written so that they are read back the same.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -12,6 +11,7 @@ use super::error::{DatasetError, FilePlace};
 use super::given_session::{DESCRIPTION, check_samples, new_folder, sample_at};
 use super::hexadecimal::sha256;
 use super::load::check_values;
+use super::record_csv::{Digits, channels_csv};
 use super::rig_calibration::CalibrationSource;
 use super::rig_trial_csv_reader::{RigTrialSignals, check_rest, starts_at_zero};
 use super::rig_trial_row::{RigTrialCells, load_and_motion};
@@ -159,21 +159,9 @@ impl RigTrials {
     }
 }
 
-/// The record of a trial, with as many digits as it takes to read back the same numbers.
+/// The text of a trial's record.
 fn record_text(record: &RigTrialSignals, sample_rate_hz: f64) -> String {
-    let channels: Vec<(&str, &[f64])> = record.channels().collect();
-    let mut text = "t_s".to_owned();
-    channels.iter().for_each(|(column, _)| text += &format!(",{column}"));
-    text += "\n";
-    for sample in 0..record.theta_m_rad.len() {
-        // Writing into memory does not fail.
-        let _ = write!(text, "{}", sample as f64 / sample_rate_hz);
-        for (_, values) in &channels {
-            let _ = write!(text, ",{}", values[sample]);
-        }
-        text += "\n";
-    }
-    text
+    channels_csv(&record.channels().collect::<Vec<_>>(), 0.0, sample_rate_hz, Digits::All)
 }
 
 /// Writes rig trials that [`given_rig_trials`] made into the new folder `folder`: a session without a person, whose calibration by

@@ -16,17 +16,27 @@ pub enum Digits {
 /// The text of a record, with the columns of the channels that it has.
 pub fn record_csv(record: &Record, sample_rate_hz: f64, digits: Digits) -> String {
     let channels: Vec<(&str, &[f64])> = record.channels().collect();
+    channels_csv(&channels, record.start_s, sample_rate_hz, digits)
+}
+
+/// The text of `channels`, each with the name of its column, whose first sample is at `start_s`.
+pub(super) fn channels_csv(
+    channels: &[(&str, &[f64])],
+    start_s: f64,
+    sample_rate_hz: f64,
+    digits: Digits,
+) -> String {
     let mut text = "t_s".to_owned();
     channels.iter().for_each(|(column, _)| text += &format!(",{column}"));
     text += "\n";
-    for sample in 0..record.theta_m_rad.len().min(record.torque_l_nm.len()) {
-        let time_s = record.start_s + sample as f64 / sample_rate_hz;
+    for sample in 0..channels.iter().map(|(_, samples)| samples.len()).min().unwrap_or(0) {
+        let time_s = start_s + sample as f64 / sample_rate_hz;
         // Writing into memory does not fail.
         let _ = match digits {
             Digits::All => write!(text, "{time_s}"),
             Digits::OfRecording => write!(text, "{time_s:.6}"),
         };
-        for (column, samples) in &channels {
+        for (column, samples) in channels {
             let value = samples[sample];
             let _ = match digits {
                 Digits::All => write!(text, ",{value}"),
