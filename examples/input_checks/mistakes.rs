@@ -15,7 +15,7 @@ const fn mistake(name: &'static str, make: fn(&mut Session) -> bool) -> Mistake 
 }
 
 /// The mistakes.
-pub const MISTAKES: [Mistake; 24] = [
+pub const MISTAKES: [Mistake; 29] = [
     mistake("angle in degrees", |s| each(s, |t| scale(&mut t.record.theta_m_rad, 57.295_78))),
     mistake("angle in milliradians", |s| each(s, |t| scale(&mut t.record.theta_m_rad, 1e3))),
     mistake("speed in degrees a second", |s| each(s, |t| t.velocity_rad_s *= 57.295_78)),
@@ -65,6 +65,22 @@ pub const MISTAKES: [Mistake; 24] = [
         }
         true
     }),
+    mistake("two records with different torques exchanged", |s| exchange(s, |a, b| a.torque_nm != b.torque_nm)),
+    mistake("two records with different speeds exchanged", |s| {
+        exchange(s, |a, b| a.velocity_rad_s.abs() > 1.2 * b.velocity_rad_s.abs())
+    }),
+    mistake("torque of one trial of the wrong sign", |s| {
+        scale(&mut s.trials[0].record.torque_l_nm, -1.0);
+        true
+    }),
+    mistake("torque of one trial in N cm", |s| {
+        scale(&mut s.trials[0].record.torque_l_nm, 100.0);
+        true
+    }),
+    mistake("one record copied", |s| {
+        s.trials[1].record = s.trials[0].record.clone();
+        true
+    }),
     mistake("EMG of half its size as offset", |s| emg(s, |i, x| 0.1 + if (i / 3) % 2 == 0 { x } else { -x })),
     mistake("EMG in percent", |s| emg(s, |_, x| 100.0 * x)),
     mistake("EMG in microvolts (0.5 mV at MVC)", |s| emg(s, |_, x| 500.0 * x)),
@@ -78,6 +94,15 @@ fn each(session: &mut Session, change: impl Fn(&mut Trial)) -> bool {
 
 fn scale(values: &mut [f64], factor: f64) {
     values.iter_mut().for_each(|value| *value *= factor);
+}
+
+/// Exchanges the record of the first trial with that of the first one that differs.
+fn exchange(session: &mut Session, differs: impl Fn(&Trial, &Trial) -> bool) -> bool {
+    let differs = |other: &Trial| differs(&session.trials[0], other) || differs(other, &session.trials[0]);
+    let Some(other) = session.trials.iter().position(differs) else { return false };
+    let record = session.trials[0].record.clone();
+    session.trials[0].record = std::mem::replace(&mut session.trials[other].record, record);
+    true
 }
 
 fn shift(trial: &mut Trial, by_s: f64) {

@@ -7,7 +7,9 @@
 //! The limits lie between what honest rigs, gauges and subjects do and what mistakes of units, signs and times do.
 //! `docs/explanation/input-checks.md` gives the reason of each.
 
+mod condition;
 mod contradiction;
+mod copied_record;
 mod emg;
 mod frozen_emg;
 mod hold;
@@ -20,6 +22,7 @@ mod resistance;
 mod session_check;
 mod signal_check;
 mod trial_list;
+mod wrong_row;
 
 pub use contradiction::{Contradiction, Contradictions};
 pub use frozen_emg::check_frozen;

@@ -28,11 +28,15 @@ pub enum SignalCheck {
     EmgFrozen,
     /// Whether the lever can pass on a ramp of some ten milliseconds.
     Lever,
+    /// Whether each label of a condition stands for one velocity and one torque.
+    Condition,
+    /// Whether each trial has a record of its own.
+    CopiedRecord,
 }
 
 impl SignalCheck {
     /// All checks.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::RampSpeed,
         Self::RampDirection,
         Self::Onset,
@@ -42,6 +46,8 @@ impl SignalCheck {
         Self::Emg,
         Self::EmgFrozen,
         Self::Lever,
+        Self::Condition,
+        Self::CopiedRecord,
     ];
 
     /// Name on the command line and in results.
@@ -56,6 +62,8 @@ impl SignalCheck {
             Self::Emg => "emg",
             Self::EmgFrozen => "emg-frozen",
             Self::Lever => "lever",
+            Self::Condition => "condition",
+            Self::CopiedRecord => "copied-record",
         }
     }
 }

@@ -183,6 +183,67 @@ fn columns_and_rows() {
 }
 
 #[test]
+fn a_record_in_the_row_of_another_condition_is_told_by_its_number() {
+    let exchange = |a: usize, b: usize| {
+        move |session: &mut Session| {
+            let record = session.trials[a].record.clone();
+            session.trials[a].record = std::mem::replace(&mut session.trials[b].record, record);
+        }
+    };
+    // Trials 1 and 5 have 0.9 and 2.1 N m, trials 3 and 9 have 1.3 and 3.0 rad/s.
+    assert_named(
+        exchange(0, 4),
+        SignalCheck::SteadyTorque,
+        "trials 1, 5: the torque before the ramp of trial 1",
+    );
+    assert_named(exchange(2, 8), SignalCheck::RampSpeed, "trials 3, 9: the ramp of trial 3");
+}
+
+#[test]
+fn the_torque_of_one_trial_with_another_sign_or_unit_is_told_by_its_number() {
+    let one =
+        |factor: f64| move |session: &mut Session| scale(&mut session.trials[2].record.torque_l_nm, factor);
+    assert_named(
+        one(-1.0),
+        SignalCheck::SteadyTorque,
+        "trial 3: the torque before the ramp of trial 3 is -1.8 N m",
+    );
+    assert_named(one(100.0), SignalCheck::SteadyTorque, "in another unit");
+    let half = |session: &mut Session| {
+        session.trials.iter_mut().step_by(2).for_each(|trial| scale(&mut trial.record.torque_l_nm, -1.0));
+    };
+    assert_named(half, SignalCheck::SteadyTorque, "trials 1, 3, 5, 7, 9, 11: the torque");
+}
+
+#[test]
+fn torques_that_nobody_held_well_are_not_refused() {
+    let badly_held = |session: &mut Session| {
+        for (place, trial) in session.trials.iter_mut().enumerate() {
+            let by = [-0.5, 0.3, 0.6, -0.2, 0.1][place % 5];
+            trial.record.torque_l_nm.iter_mut().for_each(|x| *x += by);
+        }
+    };
+    assert_eq!(failed(badly_held), []);
+}
+
+#[test]
+fn a_record_that_is_a_copy_of_another_is_no_repetition() {
+    let copied = |session: &mut Session| session.trials[1].record = session.trials[0].record.clone();
+    assert_named(copied, SignalCheck::CopiedRecord, "trial 2 has the torque of trial 1");
+}
+
+#[test]
+fn a_label_is_that_of_one_condition() {
+    let labelled = |label: fn(&Trial) -> String| each(move |trial| trial.condition = Some(label(trial)));
+    assert_eq!(failed(labelled(|trial| format!("{} {}", trial.velocity_rad_s, trial.torque_nm))), []);
+    assert_named(
+        labelled(|_| "A".into()),
+        SignalCheck::Condition,
+        "\"A\" is a condition of 1.3 rad/s and 0.9 N m",
+    );
+}
+
+#[test]
 fn an_angle_that_no_wrist_has() {
     let elsewhere = each(|t| t.record.theta_m_rad.iter_mut().for_each(|x| *x += std::f64::consts::PI));
     assert_named(elsewhere, SignalCheck::AngleRange, "zeroed elsewhere");

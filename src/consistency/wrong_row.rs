@@ -1,0 +1,156 @@
+//! Single trials whose record is not that of their row: rows that were exchanged, one record with another sign or unit.
+//!
+//! The other trials of the session say what a row means. A gauge with an offset, a gain that is off or a torque that nobody holds exactly do
+//! the same to all trials, so they are no reason.
+
+use super::contradiction::Contradiction;
+use super::measured_trial::{MeasuredTrial, median};
+use super::ramp::rounded;
+use super::signal_check::SignalCheck;
+
+/// A record is not that of its row if it is beyond this many standard deviations of what rows scatter, and is that of another row, or of its
+/// own with the sign turned, if it is within as many of it.
+const STANDARD_DEVIATIONS: f64 = 5.0;
+
+/// Standard deviation of normal values by their median absolute deviation.
+const SD_BY_MEDIAN: f64 = 1.4826;
+
+/// Trials that state the same, from which on their median holds if one of them is wrong.
+const LEVEL_TRIALS: usize = 3;
+
+/// A torque this many times that of its row is in another unit: no subject is so far off, and N cm are farther.
+const UNIT_FACTOR: f64 = 5.0;
+
+/// What single trials say against their rows.
+pub fn check_rows(trials: &[MeasuredTrial]) -> Vec<Contradiction> {
+    let speeds = Levels::of(trials, |trial| (trial.stated_speed_rad_s, trial.speed_rad_s));
+    let torques = Levels::of(trials, |trial| (trial.stated_torque_nm, trial.hold_nm));
+    let speed = |trial: &MeasuredTrial, wrong: WrongRow| {
+        matches!(wrong, WrongRow::Exchanged).then(|| {
+            let measured = format!(
+                "the ramp of trial {} has {} rad/s, as those of other rows have",
+                trial.number,
+                rounded(trial.speed_rad_s)
+            );
+            (measured, format!("{} rad/s, as the other ramps of its row", rounded(speeds.middle_of(trial))))
+        })
+    };
+    let torque = |trial: &MeasuredTrial, wrong: WrongRow| {
+        let as_what = match wrong {
+            WrongRow::Exchanged => ", as in trials of other rows",
+            WrongRow::SignTurned | WrongRow::Unit => "",
+        };
+        let measured = format!(
+            "the torque before the ramp of trial {} is {} N m{as_what}",
+            trial.number,
+            rounded(trial.hold_nm)
+        );
+        Some((
+            measured,
+            format!("{} N m, as in the other trials of its row", rounded(torques.middle_of(trial))),
+        ))
+    };
+    let speed = contradiction(&speeds, SignalCheck::RampSpeed, "velocity_rad_s", &speed);
+    let torque = contradiction(&torques, SignalCheck::SteadyTorque, "torque_nm", &torque);
+    speed.into_iter().chain(torque).collect()
+}
+
+/// One contradiction for all trials that are wrong in the same way as the first of them.
+fn contradiction(
+    levels: &Levels,
+    check: SignalCheck,
+    column: &str,
+    say: &dyn Fn(&MeasuredTrial, WrongRow) -> Option<(String, String)>,
+) -> Option<Contradiction> {
+    let wrong: Vec<(&MeasuredTrial, WrongRow)> = levels.wrong().collect();
+    let (first, kind) = wrong.iter().find(|(trial, kind)| say(trial, *kind).is_some())?;
+    let (measured, stated) = say(first, *kind)?;
+    let likely_mistake = match kind {
+        WrongRow::Exchanged => "Is another record in its row, or were rows exchanged?",
+        WrongRow::SignTurned => "Is its sign turned?",
+        WrongRow::Unit => "Is it in another unit, or did the gauge fail?",
+    };
+    Some(Contradiction {
+        check,
+        place: format!("trials.csv, column {column}"),
+        trials: wrong.iter().filter(|(_, own)| own == kind).map(|(trial, _)| trial.number).collect(),
+        measured,
+        stated,
+        likely_mistake: Some(likely_mistake.into()),
+        remedy: format!("Correct {column} or file, or set the status of the trial to rejected."),
+    })
+}
+
+/// How a record is not that of its row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum WrongRow {
+    /// It is that of another row.
+    Exchanged,
+    /// It is that of its own row with the sign turned.
+    SignTurned,
+    /// It is many times as large.
+    Unit,
+}
+
+/// A trial that is measured, in its level.
+struct InLevel<'a> {
+    trial: &'a MeasuredTrial,
+    measured: f64,
+    /// Middle of the trials that state the same.
+    middle: f64,
+}
+
+/// What was measured in trials, by what they state.
+struct Levels<'a> {
+    trials: Vec<InLevel<'a>>,
+    /// Standard deviation about the middles, from the median of the deviations.
+    sd: f64,
+}
+
+impl<'a> Levels<'a> {
+    /// `value` gives what a trial states and what was measured. Ramps to either side are levels of their own.
+    fn of(trials: &'a [MeasuredTrial], value: impl Fn(&MeasuredTrial) -> (f64, f64)) -> Self {
+        let side = |trial: &MeasuredTrial| trial.stated_speed_rad_s > 0.0;
+        let in_level = |trial: &'a MeasuredTrial| {
+            let (stated, measured) = value(trial);
+            let alike = trials.iter().filter(|other| side(other) == side(trial) && value(other).0 == stated);
+            let all: Vec<f64> = alike.map(|other| value(other).1).collect();
+            let of_stated_sign: Vec<f64> = all.iter().copied().filter(|own| own * stated > 0.0).collect();
+            let enough = |values: &Vec<f64>| values.len() >= LEVEL_TRIALS;
+            let level = if enough(&of_stated_sign) { of_stated_sign } else { all };
+            enough(&level).then(|| InLevel { trial, measured, middle: median(&level) })
+        };
+        let trials: Vec<InLevel> = trials.iter().filter_map(in_level).collect();
+        let off: Vec<f64> = trials.iter().map(|own| (own.measured - own.middle).abs()).collect();
+        let sd = SD_BY_MEDIAN * median(&off);
+        Self { trials, sd }
+    }
+
+    /// Middle of the trials that state the same as `trial`.
+    fn middle_of(&self, trial: &MeasuredTrial) -> f64 {
+        self.trials.iter().find(|own| own.trial.number == trial.number).map_or(f64::NAN, |own| own.middle)
+    }
+
+    /// The trials whose record is not that of their row.
+    fn wrong(&self) -> impl Iterator<Item = (&'a MeasuredTrial, WrongRow)> {
+        let within = STANDARD_DEVIATIONS * self.sd;
+        self.trials.iter().filter_map(move |own| {
+            let off = (own.measured - own.middle).abs();
+            if off <= within {
+                return None;
+            }
+            let is_of =
+                |other: &InLevel| other.middle != own.middle && (own.measured - other.middle).abs() <= within;
+            let wrong = if self.trials.iter().any(is_of) {
+                WrongRow::Exchanged
+            } else if (own.measured + own.middle).abs() <= within {
+                WrongRow::SignTurned
+            } else if off > (UNIT_FACTOR - 1.0) * own.middle.abs() {
+                WrongRow::Unit
+            } else {
+                return None;
+            };
+            Some((own.trial, wrong))
+        })
+    }
+}
