@@ -18,15 +18,19 @@ pub fn into_trials(table: SourceTable, mapping: &Mapping) -> Result<Vec<SourceTa
     }
 }
 
+/// A record cut at its ramps.
+pub struct CutRecord {
+    /// The parts, each with a ramp.
+    pub parts: Vec<SourceTable>,
+    /// Ramps that gave no part, and why.
+    pub left_out: Vec<String>,
+}
+
 /// Cuts `table` at its ramps, if the mapping says that it is one long record.
-pub fn at_ramps(
-    table: SourceTable,
-    mapping: &Mapping,
-    rate_hz: f64,
-) -> Result<Vec<SourceTable>, ImportError> {
+pub fn at_ramps(table: SourceTable, mapping: &Mapping, rate_hz: f64) -> Result<CutRecord, ImportError> {
     match &mapping.long_record {
         Some(long) => by_ramps(&table, mapping, long, rate_hz),
-        None => Ok(vec![table]),
+        None => Ok(CutRecord { parts: vec![table], left_out: Vec::new() }),
     }
 }
 
@@ -48,7 +52,7 @@ fn by_ramps(
     mapping: &Mapping,
     long: &LongRecord,
     rate_hz: f64,
-) -> Result<Vec<SourceTable>, ImportError> {
+) -> Result<CutRecord, ImportError> {
     let starts = match &long.ramp_column {
         Some(column) => rises(needed(table, column, "the signal of the ramps")?, long.threshold),
         None => {
@@ -61,11 +65,22 @@ fn by_ramps(
     };
     let samples = table.columns.first().map_or(0, |(_, values)| values.len());
     let [before, after] = [long.before_s, long.after_s].map(|time_s| libm::round(time_s * rate_hz) as usize);
-    let mut parts = Vec::new();
+    let (mut parts, mut left_out) = (Vec::new(), Vec::new());
     let mut free = 0;
     for start in starts {
         // A ramp within the last trial is its return, not a trial of its own.
-        if start < free || start < before || start + after > samples {
+        if start < free {
+            continue;
+        }
+        let recorded = [(start, before, "before"), (samples - start, after, "after")];
+        if let Some((there, _, side)) = recorded.into_iter().find(|(there, wanted, _)| there < wanted) {
+            left_out.push(format!(
+                "{}: the ramp at {:.3} s has {:.3} s {side} it; expected long_record.{side}_s ({} s)",
+                table.name,
+                start as f64 / rate_hz,
+                there as f64 / rate_hz,
+                if side == "before" { long.before_s } else { long.after_s }
+            ));
             continue;
         }
         parts.push(part(table, start - before, start + after, &format!("ramp {}", parts.len() + 1)));
@@ -79,7 +94,7 @@ fn by_ramps(
         );
         return Err(ImportError::NoTrial { reason });
     }
-    Ok(parts)
+    Ok(CutRecord { parts, left_out })
 }
 
 /// Samples at which `values` rise through `threshold`.

@@ -6,6 +6,7 @@ use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 
 use super::error::ImportError;
+use super::signal_kind::signal_problems;
 use crate::dataset::Subject;
 use crate::json_file;
 use crate::protocol::Problem;
@@ -279,7 +280,8 @@ impl Mapping {
             };
             return Err(ImportError::Mapping { file: name, problems: vec![problem] });
         }
-        Ok(own)
+        let problems = signal_problems(&own, text);
+        if problems.is_empty() { Ok(own) } else { Err(ImportError::Mapping { file: name, problems }) }
     }
 }
 

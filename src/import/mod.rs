@@ -24,6 +24,7 @@ mod picture;
 mod plausible;
 mod recording;
 mod session_build;
+mod signal_kind;
 mod source_files;
 mod source_table;
 mod write;

@@ -19,7 +19,7 @@ pub struct ImportedSession {
     pub session: Session,
     /// For each trial, the table it is from.
     pub sources: Vec<String>,
-    /// Tables that gave no trial, and why.
+    /// Tables and ramps that gave no trial, and why.
     pub left_out: Vec<String>,
 }
 
@@ -34,11 +34,13 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
         records.extend(into_trials(table, mapping)?);
     }
     let rate_hz = sample_rate(&records, mapping)?;
-    let mut parts = Vec::new();
+    let (mut parts, mut left_out) = (Vec::new(), Vec::new());
     for record in records {
-        parts.extend(at_ramps(record, mapping, rate_hz)?);
+        let cut = at_ramps(record, mapping, rate_hz)?;
+        parts.extend(cut.parts);
+        left_out.extend(cut.left_out);
     }
-    let (mut trials, mut sources, mut left_out) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut trials, mut sources) = (Vec::new(), Vec::new());
     let mut measured = Vec::new();
     for part in parts {
         let record = record(&part, mapping)?;

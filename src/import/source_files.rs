@@ -154,11 +154,19 @@ fn read_text_table(path: &Path) -> Result<SourceTable, ImportError> {
         let row = row.map_err(broken)?;
         let line = row.position().map_or(1, csv::Position::line);
         for ((column, values), cell) in columns.iter_mut().zip(row.iter()) {
-            // A decimal comma is common where the separator is a semicolon.
-            let number = cell.parse().or_else(|_| cell.replace(',', ".").parse()).map_err(|_| {
-                ImportError::Cell { path: path.into(), line, column: column.clone(), found: cell.to_owned() }
-            });
-            values.push(number?);
+            let refused = || ImportError::Cell {
+                path: path.into(),
+                line,
+                column: column.clone(),
+                found: cell.to_owned(),
+            };
+            // A decimal comma is common where the separator is none; where it is, a comma in a number divides thousands, or nobody knows.
+            let number = match cell.parse() {
+                Ok(number) => number,
+                Err(_) if separator == Some(b',') => return Err(refused()),
+                Err(_) => cell.replace(',', ".").parse().map_err(|_| refused())?,
+            };
+            values.push(number);
         }
     }
     Ok(SourceTable::new(path.display().to_string(), columns))

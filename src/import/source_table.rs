@@ -17,15 +17,22 @@ impl SourceTable {
         Self { name, columns, unusable: Vec::new() }
     }
 
-    /// The column called `name`.
+    /// The column called `name`, if it is the only one.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
-        self.columns.iter().find(|(own, _)| own == name).map(|(_, values)| values.as_slice())
+        let mut called = self.columns.iter().filter(|(own, _)| own == name);
+        match (called.next(), called.next()) {
+            (Some((_, values)), None) => Some(values),
+            _ => None,
+        }
     }
 
     /// Why there is no column called `name` to use, for a message.
     pub fn why_not(&self, name: &str) -> String {
         match self.unusable.iter().find(|(own, _)| own == name) {
             Some((_, reason)) => format!("cannot use column {name:?}: {reason}"),
+            None if self.columns.iter().any(|(own, _)| own == name) => {
+                format!("has several columns {name:?} (rename all but one)")
+            }
             None => format!("has no column {name:?}"),
         }
     }

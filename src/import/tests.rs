@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use super::{ImportedSession, LongRecord, Mapping, SignalUnit, SourceTable, import, read_source};
+use super::{
+    ImportedSession, LongRecord, MappedSignal, Mapping, SignalUnit, SourceTable, import, read_source,
+};
 use crate::consistency::contradictions;
 use crate::dataset;
 
@@ -230,6 +232,61 @@ fn times_of_another_unit_or_rate_are_refused_with_what_to_write() {
         told.contains("expected 1200") && told.contains("correct sample_rate_hz, or leave it out"),
         "{told}"
     );
+}
+
+#[test]
+fn a_unit_of_another_kind_of_signal_is_refused_with_those_that_it_can_have() {
+    let told = |change: &dyn Fn(&mut Mapping)| {
+        let mut wrong = mapping();
+        change(&mut wrong);
+        let text = serde_json::to_string_pretty(&wrong).unwrap();
+        Mapping::parse(&text, Path::new("m.json")).unwrap_err().to_string()
+    };
+    let volts = told(&|own| own.columns.torque.unit = SignalUnit::Volt);
+    assert!(volts.contains("columns.torque.unit is \"V\"") && volts.contains("\"N m\""), "{volts}");
+    assert!(told(&|own| own.columns.angle.unit = SignalUnit::Millisecond).contains("\"deg\""));
+    assert!(told(&|own| own.columns.angle.sign = 0).contains("columns.angle.sign is 0"));
+    assert!(told(&|own| own.columns.torque.at_mvc = Some(2.0)).contains("columns.torque.at_mvc"));
+    let emg = |unit: SignalUnit| {
+        told(&|own| own.columns.emg_fcr = Some(MappedSignal { unit, ..own.columns.torque.clone() }))
+    };
+    assert!(emg(SignalUnit::Millivolt).contains("columns.emg_fcr.at_mvc"));
+    assert!(emg(SignalUnit::NewtonMetre).contains("columns.emg_fcr.unit is \"N m\""));
+}
+
+#[test]
+fn a_name_that_two_columns_have_says_of_neither_what_it_is() {
+    let mut twice = table("t1.csv", columns(1.3));
+    twice.columns.push(("Pos".into(), columns(2.6)[1].clone()));
+    let told = import(vec![twice], &mapping()).unwrap_err().to_string();
+    assert!(told.contains("t1.csv has several columns \"Pos\" (rename all but one)"), "{told}");
+}
+
+#[test]
+fn a_ramp_too_near_to_the_ends_of_a_long_record_is_left_out_and_told() {
+    let long = columns(1.3).into_iter().zip(columns(2.6)).map(|(first, second)| [first, second].concat());
+    let mut long = table("long", long.collect::<Vec<_>>().try_into().unwrap());
+    long.columns[0].1 = (0..2 * SAMPLES).map(|i| i as f64).collect();
+    long.columns[1].1[SAMPLES..].iter_mut().for_each(|angle| *angle -= 0.14_f64.to_degrees());
+    let long_record = LongRecord { ramp_column: None, threshold: 0.5, before_s: 0.8, after_s: 0.25 };
+    let imported = import(vec![long], &Mapping { long_record: Some(long_record), ..mapping() }).unwrap();
+    assert_eq!(imported.sources.len(), 1);
+    assert!(
+        imported.left_out[0].contains("expected long_record.before_s (0.8 s)"),
+        "{:?}",
+        imported.left_out
+    );
+}
+
+#[test]
+fn a_number_with_a_divider_of_thousands_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("t1.csv");
+    fs::write(&file, "Time,Pos\n0,\"2,218\"\n").unwrap();
+    let told = read_source(&file).unwrap_err().to_string();
+    assert!(told.contains("line 2, column Pos: \"2,218\" is no number"), "{told}");
+    fs::write(&file, "Time;Pos\n0;2,218\n").unwrap();
+    assert_eq!(read_source(&file).unwrap()[0].columns[1].1, [2.218]);
 }
 
 #[test]
