@@ -137,7 +137,7 @@ impl Verb for RunArgs {
                 Hand::Left => Wrist::Left,
                 Hand::Right => Wrist::Right,
             }),
-            subject_fields: self.subject_fields(),
+            subject_fields: self.subject_fields()?,
             lsl: self.lsl,
             lsl_library: self.lsl_library.as_deref(),
             console: &self.console,
@@ -148,11 +148,17 @@ impl Verb for RunArgs {
 
 impl RunArgs {
     /// The fields of the subject; a number is kept as a number.
-    fn subject_fields(&self) -> serde_json::Map<String, serde_json::Value> {
+    fn subject_fields(&self) -> Result<serde_json::Map<String, serde_json::Value>, Failure> {
         let value = |text: &str| match text.parse::<f64>() {
             Ok(number) if number.is_finite() => serde_json::from_str(text).unwrap_or_else(|_| text.into()),
             _ => text.into(),
         };
-        self.about.iter().map(|(field, text)| (field.clone(), value(text))).collect()
+        let mut fields = serde_json::Map::new();
+        for (field, text) in &self.about {
+            if fields.insert(field.clone(), value(text)).is_some() {
+                return Err(Failure::Usage(format!("--about gives {field} twice; give each field once")));
+            }
+        }
+        Ok(fields)
     }
 }

@@ -75,6 +75,15 @@ fn a_session_measured_elsewhere_is_told_why_there_is_nothing_to_verify() {
 }
 
 #[test]
+fn a_field_of_the_subject_that_is_given_twice_is_refused() {
+    let workspace = Workspace::new();
+    let twice = ["run", QUICK, "--about", "age=3", "--about", "age=4", "--out", "a"];
+    let (_, told) = workspace.call(2, &twice);
+    assert!(told.contains("--about gives age twice"), "{told}");
+    assert!(!workspace.path("a").exists());
+}
+
+#[test]
 fn who_and_what_are_kept_and_a_virtual_session_says_that_it_is_one() {
     let workspace = Workspace::new();
     let about =
