@@ -9,6 +9,7 @@ positive, and a torque that resists the ramp is positive.
     session.diagnose().plot()
 """
 
+from ._analyses import diagnose, fit
 from ._calibration import Calibration, RigComparison, calibrate
 from ._errors import InputError, RampholdError, WorkError
 from ._law import OwnLaw
@@ -38,6 +39,8 @@ __all__ = [
     "Study",
     "WorkError",
     "calibrate",
+    "diagnose",
+    "fit",
     "mechanisms",
     "schedule",
     "simulate",
