@@ -71,9 +71,14 @@ def count(value: object, name: str, low: int = 0, high: int = 2**64 - 1) -> int:
 
 def path(value: object, name: str) -> str:
     """A path."""
-    if not isinstance(value, (str, os.PathLike)) or "\0" in os.fspath(value):
+    own = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
+    if not isinstance(own, str) or "\0" in own:
         raise InputError(f"{name}: {value!r} is not valid; expected a path")
-    return str(os.fspath(value))
+    try:
+        os.fsencode(own)
+    except UnicodeEncodeError:
+        raise InputError(f"{name}: {value!r} is not valid; expected a path that the system can name") from None
+    return own
 
 
 def optional_number(value: object, name: str) -> float | None:
@@ -81,11 +86,41 @@ def optional_number(value: object, name: str) -> float | None:
     return None if value is None else number(value, name)
 
 
+def label(value: object, name: str) -> str:
+    """A text that can be written."""
+    if not isinstance(value, str):
+        raise InputError(f"{name}: {value!r}; expected a text")
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise InputError(f"{name}: {value!r}: {error.reason}; expected a text") from None
+    return value
+
+
+def choice(value: object, name: str, known: Sequence[str]) -> str:
+    """One of the texts that are known."""
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"{name}: {value!r}; expected {known[0] if len(known) == 1 else 'one of ' + ', '.join(known)}")
+    return value
+
+
+def callback(value: Listens, name: str) -> Listens:
+    """What can be called."""
+    if not callable(value):
+        raise InputError(f"{name}: {type(value).__name__}; expected a function")
+    return value
+
+
+def flag(value: object, name: str) -> bool:
+    """True or False; a text such as "no" is not taken for True."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise InputError(f"{name}: {value!r} is not valid; expected True or False")
+    return bool(value)
+
+
 def listener(value: Listens | None) -> Listens | None:
     """A function that is told of the progress, or nothing."""
-    if value is not None and not callable(value):
-        raise InputError("progress: not callable; expected a function")
-    return value
+    return None if value is None else callback(value, "progress")
 
 
 def names(value: object, name: str) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import number
+from ._arguments import callback, count, flag, number
 from ._errors import InputError
 from ._native import catalogue, spline_basis
 
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SAMPLES = 401
+"""Points at which a function is sampled."""
+
+_COEFFICIENTS = 8
+"""Coefficients of a free law."""
 
 
 def _laws() -> dict[tuple[str, str], dict[str, Any]]:
@@ -42,7 +46,7 @@ class OwnLaw:
     def __init__(self, place: str, argument: str, low: float, high: float, coefficients: ArrayLike) -> None:
         """The law with these eight coefficients over the range `low` to `high`; see `from_points` and `from_function`."""
         laws = _laws()
-        if (place, argument) not in laws:
+        if not isinstance(place, str) or not isinstance(argument, str) or (place, argument) not in laws:
             known = ", ".join(f"{own} {of}" for own, of in laws)
             raise InputError(f"law at {place!r} of {argument!r}; expected a place and an argument: {known}")
         self._entry = laws[(place, argument)]
@@ -51,8 +55,8 @@ class OwnLaw:
         if self.low >= self.high:
             raise InputError(f"range {low} to {high}; expected the lower end first")
         self.coefficients: Array = np.array([number(own, "coefficients") for own in np.ravel(np.asarray(coefficients))])
-        if self.coefficients.shape != (8,):
-            raise InputError(f"coefficients: {self.coefficients.size}; expected 8")
+        if self.coefficients.shape != (_COEFFICIENTS,):
+            raise InputError(f"coefficients: {self.coefficients.size}; expected {_COEFFICIENTS}")
         self.deviation = 0.0
 
     @staticmethod
@@ -64,27 +68,28 @@ class OwnLaw:
     def from_points(cls, place: str, argument: str, u: ArrayLike, h: ArrayLike, *, tolerance: float) -> OwnLaw:
         """The law through points, such as the knots of a spline.
 
-        u: arguments in rising order, shape (points,), at least 8, in the argument's unit.
+        u: arguments in rising order, shape (points,), at least 2, in the argument's unit. Between fewer than 8 the law is the natural
+            cubic spline through them; 8 or more are met in the least-squares sense.
         h: values there, shape (points,), N m (rad at the angle channel); a constant in h has no effect.
-        tolerance: largest distance between spline and points that you accept, in the unit of h.
+        tolerance: largest distance that you accept between the law and the points, or that natural spline, in the unit of h.
         """
-        try:
-            at, values = np.asarray(u, dtype=np.float64), np.asarray(h, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"points: {error}; expected numbers") from None
-        if at.ndim != 1 or at.shape != values.shape or at.size < 8:
-            raise InputError(
-                f"points of shape {at.shape} and {values.shape}; expected two rows of the same length, 8 or more (for fewer knots, give "
-                "from_function a spline through them)"
-            )
+        at, values = _array(u, "points, u"), _array(h, "points, h")
+        if at.ndim != 1 or at.shape != values.shape or at.size < 2:
+            raise InputError(f"points of shape {at.shape} and {values.shape}; expected two rows of the same length, 2 or more")
         if not (np.isfinite(at).all() and np.isfinite(values).all() and (np.diff(at) > 0).all()):
             raise InputError("points: expected finite numbers, the arguments in rising order")
+        if at.size < _COEFFICIENTS:
+            with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+                at, values = _natural_spline(at, values)
+            if not np.isfinite(values).all():
+                raise InputError("points: too large or too close to each other for a spline through them")
         basis = spline_basis(np.ascontiguousarray(at), float(at[0]), float(at[-1]))
         design = np.column_stack([basis, np.ones(at.size)])
         solution = np.linalg.lstsq(design, values, rcond=None)[0]
-        law = cls(place, argument, float(at[0]), float(at[-1]), solution[:8] - solution[:8].mean())
+        own = solution[:_COEFFICIENTS]
+        law = cls(place, argument, float(at[0]), float(at[-1]), own - own.mean())
         law.deviation = float(np.abs(design @ solution - values).max())
-        if law.deviation > number(tolerance, "tolerance"):
+        if not law.deviation <= number(tolerance, "tolerance"):
             raise InputError(
                 f"the spline of eight coefficients is {law.deviation:.3g} from the points; expected at most the tolerance of "
                 f"{tolerance:.3g}: give a shorter range, or a smoother law"
@@ -103,12 +108,13 @@ class OwnLaw:
         begin, end = number(low, "low"), number(high, "high")
         if begin >= end:
             raise InputError(f"range {low} to {high}; expected the lower end first")
+        h = callback(function, "function")
         u = np.linspace(begin, end, _SAMPLES)
-        return cls.from_points(place, argument, u, [_value(function(float(own))) for own in u], tolerance=tolerance)
+        return cls.from_points(place, argument, u, [_value(h(float(own))) for own in u], tolerance=tolerance)
 
     def __call__(self, u: ArrayLike) -> Array:
         """h(u) - h(0), shape as `u`."""
-        at = np.asarray(u, dtype=np.float64)
+        at = _array(u, "u")
         basis = spline_basis(np.ascontiguousarray(at.reshape(-1)), self.low, self.high)
         return np.asarray((basis @ self.coefficients).reshape(at.shape))
 
@@ -121,7 +127,7 @@ class OwnLaw:
     def in_model(self, *, fitted: bool = False) -> dict[str, Any]:
         """The law in a model file: as it is, or with coefficients that a fit estimates from these on, one value a session."""
         own = self.as_mechanism()
-        if fitted:
+        if flag(fitted, "fitted"):
             ends = list(own["parameters"])[:2]
             own["parameters"] = {
                 name: value if name in ends else {"scope": "session", "value": value}
@@ -135,9 +141,11 @@ class OwnLaw:
 
         from ._simulate import simulate
 
+        times = count(repetitions, "repetitions", 1, 1_000_000)
+
         def lasts(added: list[OwnLaw]) -> float:
             taken: list[float] = []
-            for _ in range(repetitions):
+            for _ in range(times):
                 begin = time.perf_counter()
                 simulate(parameters, motion, mechanisms=added, derivatives=True)
                 taken.append(time.perf_counter() - begin)
@@ -146,9 +154,36 @@ class OwnLaw:
         return lasts([self]) / lasts([])
 
 
+def _array(values: ArrayLike, name: str) -> Array:
+    """Numbers as an array."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: {error}; expected numbers") from None
+
+
 def _value(found: object) -> float:
     """What a function gave: a number, or an array of one number, as functions of SciPy give."""
     return number(found.item() if isinstance(found, np.ndarray) and found.size == 1 else found, "the function's value")
+
+
+def _natural_spline(knots: Array, values: Array) -> tuple[Array, Array]:
+    """Points on the cubic spline through the knots that is straight at its ends."""
+    steps = np.diff(knots)
+    slopes = np.diff(values) / steps
+    # Second derivatives at the knots.
+    system, wanted = np.eye(knots.size), np.zeros(knots.size)
+    for inner in range(1, knots.size - 1):
+        before, after = steps[inner - 1], steps[inner]
+        system[inner, inner - 1 : inner + 2] = before, 2.0 * (before + after), after
+        wanted[inner] = 6.0 * (slopes[inner] - slopes[inner - 1])
+    bends = np.linalg.solve(system, wanted)
+    u = np.linspace(knots[0], knots[-1], _SAMPLES)
+    piece = np.clip(np.searchsorted(knots, u, side="right") - 1, 0, knots.size - 2)
+    step, past = steps[piece], u - knots[piece]
+    first = slopes[piece] - step * (2.0 * bends[piece] + bends[piece + 1]) / 6.0
+    third = (bends[piece + 1] - bends[piece]) / (6.0 * step)
+    return u, values[piece] + past * (first + past * (bends[piece] / 2.0 + past * third))
 
 
 def mechanism_list(added: Sequence[Mapping[str, Any] | OwnLaw]) -> list[dict[str, Any]]:

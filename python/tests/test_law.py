@@ -43,6 +43,23 @@ def test_a_law_may_be_a_spline_through_a_few_knots():
         ramphold.OwnLaw.from_function("joint", "speed", lambda u: np.zeros(2), 0.0, 1.0, tolerance=0.01)
 
 
+@pytest.mark.parametrize("count", [2, 3, 5, 7])
+def test_a_few_knots_are_joined_by_the_natural_spline(count):
+    interpolate = pytest.importorskip("scipy.interpolate")
+    knots = np.linspace(-1.0, 1.6, count) ** 3
+    values = 0.15 * np.tanh(knots / 3.0)
+    own = ramphold.OwnLaw.from_points("joint", "speed", knots, values, tolerance=0.01)
+    known = interpolate.CubicSpline(knots, values, bc_type="natural") if count > 2 else interpolate.interp1d(knots, values)
+    u = np.linspace(knots[0], knots[-1], 401)
+    shift = own(u) - known(u)
+    assert np.abs(shift - shift.mean()).max() < 2 * own.deviation + 1e-12
+    assert own.deviation == pytest.approx(
+        ramphold.OwnLaw.from_function("joint", "speed", known, knots[0], knots[-1], tolerance=0.01).deviation, abs=1e-12
+    )
+    with pytest.raises(ramphold.InputError, match="tolerance"):
+        ramphold.OwnLaw.from_points("joint", "speed", [0.0, 0.1, 4.0], [0.0, 1.0, 0.0], tolerance=1e-6)
+
+
 def test_a_function_that_the_spline_cannot_follow_is_refused():
     with pytest.raises(ramphold.InputError, match="tolerance"):
         ramphold.OwnLaw.from_function("joint", "speed", lambda u: np.sin(40 * u), 0.0, 4.0, tolerance=0.01)
