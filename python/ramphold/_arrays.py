@@ -47,7 +47,12 @@ def whole_number(value: object, name: str) -> int:
 
 def is_empty(value: object) -> bool:
     """Whether a cell of a table has nothing in it."""
-    return value is None or (isinstance(value, (float, np.floating)) and bool(np.isnan(value))) or value == ""
+    if value is None or isinstance(value, str):
+        return not value
+    # Frames say that there is nothing in a cell in ways of their own: NaN, NaT and pandas.NA.
+    import pandas as pd
+
+    return bool(pd.api.types.is_scalar(value) and pd.isna(value))
 
 
 def cell_text(value: object) -> str:
@@ -108,6 +113,8 @@ def sample_rate(time: object) -> float:
     if not (np.isfinite(lasts) and lasts > 0):
         raise InputError("t: does not rise; expected seconds in rising order")
     rate = (time.size - 1) / lasts
+    if not np.isfinite(rate):
+        raise InputError("t: all times are the same but for rounding; expected seconds in rising order")
     whole = round(rate)
     return float(whole) if abs(rate - whole) < _RATE_ROUNDING * whole else rate
 

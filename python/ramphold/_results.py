@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import count, write_new
+from ._arguments import choice, count, flag, write_new
 from ._errors import InputError
 from ._native import BASE_PARAMETERS, NativeFit
 from ._simulate import Motion, Parameters, point_array
@@ -56,13 +56,12 @@ class Fit:
         """
         import pandas as pd
 
-        if table == "conditions":
-            if independent:
+        alone = flag(independent, "independent")
+        if choice(table, "table", ("trials", "conditions")) == "conditions":
+            if alone:
                 raise InputError("table: conditions of the independent fit are in conditions-independent.csv; expected trials")
             return pd.DataFrame([_condition_row(own) for own in self.dict["conditions"]])
-        if table != "trials":
-            raise InputError(f"table: {table!r}; expected trials or conditions")
-        return pd.DataFrame([_trial_row(own, own["independent"] if independent else own) for own in self.dict["trials"]])
+        return pd.DataFrame([_trial_row(own, own["independent"] if alone else own) for own in self.dict["trials"]])
 
     @property
     def trials(self) -> list[int]:
@@ -86,7 +85,7 @@ class Fit:
 
     def predicted_nm(self, *, independent: bool = False) -> Array:
         """Torque of the fitted model, shape (trials, samples), N m."""
-        return self._native.predicted(0, bool(independent))
+        return self._native.predicted(0, flag(independent, "independent"))
 
     def measured(self, channel: str) -> Array:
         """One of `channels` as it was fitted, shape (trials, samples), in the unit of its name: a change from before the ramp."""
@@ -94,13 +93,13 @@ class Fit:
 
     def predicted(self, channel: str, *, independent: bool = False) -> Array:
         """The same of the fitted model."""
-        return self._native.predicted(self._channel(channel), bool(independent))
+        return self._native.predicted(self._channel(channel), flag(independent, "independent"))
 
     def parameters(self, *, independent: bool = False) -> pd.DataFrame:
         """All parameters of the model, those of mechanisms too: one row a trial, the trial's number as index, SI units."""
         import pandas as pd
 
-        values = self._native.parameters(bool(independent))
+        values = self._native.parameters(flag(independent, "independent"))
         index = pd.Index(self.trials, name="trial")
         return pd.DataFrame(values, index=index, columns=self._native.parameter_names)
 
@@ -127,7 +126,7 @@ class Fit:
         points = point_array(parameters, self._native.parameter_names)
         several = points.ndim == 2
         found, slopes = self._native.residuals(
-            row, points.reshape(-1), points.shape[0] if several else 1, bool(derivatives)
+            row, points.reshape(-1), points.shape[0] if several else 1, flag(derivatives, "derivatives")
         )
         residuals = found if several else found[0]
         if slopes is None:
@@ -155,9 +154,7 @@ class Fit:
         return found if points.ndim == 2 else float(found[0])
 
     def _channel(self, channel: str) -> int:
-        if channel not in self.channels:
-            raise InputError(f"channel: {channel!r}; expected one of {', '.join(self.channels)}")
-        return self.channels.index(channel)
+        return self.channels.index(choice(channel, "channel", self.channels))
 
     def _row(self, trial: int) -> int:
         number = count(trial, "trial", 0, 2**32 - 1)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import json_text, number, path
+from ._arguments import json_text, label, number, path
 from ._arrays import (
     cell_text, channel_arrays, is_empty, optional_mapping, sample_rate, table_rows, time_arrays, whole_number
 )
@@ -83,14 +83,11 @@ class RigTrials:
         }
         columns = channel_arrays(given, ("target", "theta", "torque"), len(rows))
         columns["t"] = time_arrays(t, len(rows))
-        for text, argument in ((name, "name"), (started_utc, "started_utc")):
-            if not isinstance(text, str) and not (text is None and argument == "started_utc"):
-                raise InputError(f"{argument}: {text!r}; expected a text")
         description = {
-            "name": name,
+            "name": label(name, "name"),
             "sample_rate_hz": sample_rate(columns["t"][0]) if sample_rate_hz is None else number(sample_rate_hz, "sample_rate_hz"),
             "lever": optional_mapping(lever, "lever"),
-            "started_utc": started_utc,
+            "started_utc": None if started_utc is None else label(started_utc, "started_utc"),
             "trials": _table(rows),
         }
         signals = [{channel: own[index] for channel, own in columns.items()} for index in range(len(rows))]
@@ -134,7 +131,7 @@ def _table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         condition = tuple(cells.values())
         seen[condition] = seen.get(condition, 0) + 1
         status = row.get("status", "ok")
-        if status not in ("ok", "aborted", "rejected"):
+        if not isinstance(status, str) or status not in ("ok", "aborted", "rejected"):
             raise InputError(f"{where}, status: {status!r} is not valid; expected ok, aborted or rejected")
         trial, repetition = row.get("trial"), row.get("repetition")
         table.append({

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import PathOrJson, count, json_text, listener, names, number, optional_number, path, text_of
+from ._arguments import PathOrJson, count, flag, json_text, label, listener, names, number, optional_number, path, text_of
 from ._arrays import cell_text, channel_arrays, is_empty, optional_mapping, sample_rate, table_rows, time_arrays, whole_number
 from ._calibration import CalibrationSource, calibration_argument
 from ._errors import InputError
@@ -95,10 +95,8 @@ class Session:
         channels = channel_arrays(given, ("theta", "torque"), len(rows))
         times = time_arrays(t, len(rows))
         rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else sample_rate(times[0])
-        if not isinstance(subject, str):
-            raise InputError(f"subject: {subject!r}; expected a text")
         description = {
-            "subject": subject,
+            "subject": label(subject, "subject"),
             "sample_rate_hz": rate,
             "lever": optional_mapping(lever, "lever"),
             "recorded_filter": optional_mapping(recorded_filter, "recorded_filter"),
@@ -137,7 +135,7 @@ class Session:
             text_of(person, "person"),
             text_of(rig, "rig"),
             json_text(added, "mechanisms") if added else None,
-            str(subject),
+            label(subject, "subject"),
             count(subject_number, "subject_number", 1, 2**32 - 1),
         )
         return cls(native)
@@ -240,7 +238,8 @@ class Session:
                 tell(begun, refits)
 
         fitted = self._native.fit(
-            text, window, file, calibrated, bool(plain), bool(independent), names(accept, "accept"), refits, count(seed, "seed"), refit
+            text, window, file, calibrated, flag(plain, "plain"), flag(independent, "independent"), names(accept, "accept"), refits,
+            count(seed, "seed"), refit,
         )
         return Fit(fitted)
 
@@ -296,13 +295,13 @@ def _table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for index, row in enumerate(rows):
         where = f"trials, row {index}"
         velocity, torque = (number(row.get(name), f"{where}, {name}") for name in ("velocity_rad_s", "torque_nm"))
-        label = None if is_empty(row.get("condition")) else str(row["condition"]).strip()
-        condition = (velocity, torque, label)
+        named = None if is_empty(row.get("condition")) else str(row["condition"]).strip()
+        condition = (velocity, torque, named)
         seen[condition] = seen.get(condition, 0) + 1
         repetition = row.get("repetition")
         onset = row.get("onset_s")
         status = row.get("status", "ok")
-        if status not in ("ok", "aborted", "rejected"):
+        if not isinstance(status, str) or status not in ("ok", "aborted", "rejected"):
             raise InputError(f"{where}, status: {status!r} is not valid; expected ok, aborted or rejected")
         trial = index + 1 if is_empty(row.get("trial")) else whole_number(row["trial"], f"{where}, trial")
         table.append({
@@ -310,7 +309,7 @@ def _table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             "velocity_rad_s": velocity,
             "torque_nm": torque,
             "repetition": seen[condition] if is_empty(repetition) else whole_number(repetition, f"{where}, repetition"),
-            "condition": label,
+            "condition": named,
             "onset_s": None if is_empty(onset) else number(onset, f"{where}, onset_s"),
             "status": status,
             "extra": {name: cell_text(value) for name, value in row.items() if name not in _TABLE},

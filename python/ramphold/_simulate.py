@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import count, json_text, number
+from ._arguments import count, flag, json_text, number
 from ._errors import InputError
 from ._law import OwnLaw, mechanism_list
 from ._native import BASE_PARAMETERS, NativeMotion, catalogue
@@ -152,7 +152,7 @@ def simulate(
     flat = values.reshape(-1)
     points = values.shape[0] if several else 1
     added = mechanism_list(mechanisms)
-    torque, slopes = motion._native.simulate(flat, points, json_text(added, "mechanisms"), bool(derivatives))
+    torque, slopes = motion._native.simulate(flat, points, json_text(added, "mechanisms"), flag(derivatives, "derivatives"))
     names = list(BASE_PARAMETERS)
     for entry in added:
         order = [own["name"] for own in _entry(entry["mechanism"])["parameters"]]

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._arguments import count, path
-from ._errors import WorkError
+from ._arguments import count, flag, listener, path
+from ._errors import InputError, WorkError
 from ._frames import frame_of_csv
 from ._native import NativeStudy
 
@@ -62,13 +62,16 @@ class Study:
 
         Raises `WorkError` if sessions are missing from the tables; what there is has been written.
         """
+        if client is not None and not hasattr(client, "map"):
+            raise InputError(f"client: {type(client).__name__}; expected a distributed.Client or None")
+        heard = listener(progress)
         folder = Path(path(out, "out")).resolve()
-        self._native.begin(folder, resume)
+        self._native.begin(folder, flag(resume, "resume"))
         pending = self._native.pending(folder)
 
         def tell(done: int) -> None:
-            if progress is not None:
-                progress(done, self._native.parts)
+            if heard is not None:
+                heard(done, self._native.parts)
 
         done = self._native.parts - len(pending)
         if client is None:

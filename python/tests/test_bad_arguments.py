@@ -1,8 +1,11 @@
 """A thousand bad arguments: each gives an exception of ramphold with a text, and none ends the process."""
 
 import itertools
+from functools import partial
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from conftest import LEVER, PARAMETERS, QUICK
 
@@ -61,7 +64,7 @@ def spoiled_tables(good):
         rows = [dict(row) for row in good]
         rows[0]["onset_s"] = value
         yield rows
-    for value in ("fine", 1, None, True, "OK"):
+    for value in ("fine", 1, None, True, "OK", pd.NA, np.array(["ok", "ok"])):
         rows = [dict(row) for row in good]
         rows[0]["status"] = value
         yield rows
@@ -99,9 +102,12 @@ def spoiled_arguments(arrays):
                {"kind": "butterworth", "order": 2.5, "cutoff_hz": 50.0})
     yield from ({**arrays, "recorded_filter": value} for value in filters)
     yield from ({**arrays, "sample_rate_hz": value} for value in (0, -1, NAN, INF, 1e9, "2500", [], 1.0, True))
-    yield from ({**arrays, "subject": value} for value in (None, 3, [], b"S01"))
+    yield from ({**arrays, "subject": value} for value in (None, 3, [], b"S01", "\ud800"))
     milliseconds = [1e3 * own for own in arrays["t"]]
     yield {**arrays, "t": milliseconds}
+    # A rate that is not finite.
+    tiny = [np.linspace(0.0, 1e-320, own.size) for own in arrays["t"]]
+    yield {key: own for key, own in {**arrays, "t": tiny}.items() if key != "sample_rate_hz"}
     for change in (lambda t: t[::-1].copy(), lambda t: np.zeros_like(t), lambda t: t + 0.01 * (t > t[9])):
         yield {**arrays, "t": [change(own) for own in arrays["t"]]}
 
@@ -125,6 +131,8 @@ def spoiled_rig_trials():
     for column in ("load", "motion", "stiffness_nm_per_rad", "relative_error"):
         for value in (None, NAN, INF, -1.0, "soft", [], {}, True, 1j, "", object()):
             yield {**good, "trials": [good["trials"][0], {**good["trials"][1], column: value}]}
+    for value in ("fine", 1, None, pd.NA, np.array(["ok", "ok"])):
+        yield {**good, "trials": [{**good["trials"][0], "status": value}, good["trials"][1]]}
     for column in ("mass_kg", "sign", "velocity_rad_s", "arm_m", "inertia_kg_m2"):
         yield {**good, "trials": [good["trials"][0], {**good["trials"][1], column: 1.0}]}
     for column, value in itertools.product(("trial", "repetition"), (0, -1, 1.5, INF, "one", [], 2**32, True)):
@@ -180,7 +188,11 @@ def other_calls(session, fit, motion):
             yield lambda own=own: ramphold.Motion(theta, **own)
     for own in (None, 3, [0.0] * 300, theta.astype("float32"), np.zeros(600)[::2], np.zeros((300, 1)), np.full(300, NAN), np.zeros(4)):
         yield lambda own=own: ramphold.Motion(own, 2500.0, onset=100, lever=None)
-    for verb in (session.fit, session.diagnose):
+    analyses = (ramphold.fit, ramphold.diagnose)
+    for analysis in analyses:
+        for source in (None, 3, [], b"S01", "", "\0", "/nowhere", fit, motion, Path("/nowhere")):
+            yield lambda analysis=analysis, source=source: analysis(source)
+    for verb in (session.fit, session.diagnose, *(partial(own, session) for own in analyses)):
         for window in (0, -1, NAN, INF, 11, "0.04", [], True):
             yield lambda verb=verb, window=window: verb(window_s=window)
         for accept in ("onset", ["ghost"], [3], 3, None, [None]):
@@ -197,7 +209,7 @@ def other_calls(session, fit, motion):
         for call in (fit.residuals, fit.log_likelihood):
             yield lambda call=call, name=name: call(fit.trials[0], {**PARAMETERS, name: NAN})
             yield lambda call=call, name=name: call(fit.trials[0], {key: own for key, own in PARAMETERS.items() if key != name})
-    for channel in (None, 0, "theta", "theta_l_rad", ""):
+    for channel in (None, 0, "theta", "theta_l_rad", "", [], np.zeros(3), pd.NA, pd.Series([1.0])):
         yield lambda channel=channel: fit.measured(channel)
         yield lambda channel=channel: fit.predicted(channel)
     ramphold.RigTrials.from_arrays(**rig_trials())
@@ -214,12 +226,21 @@ def other_calls(session, fit, motion):
         yield lambda refits=refits: session.fit(bootstrap=refits)
     for listener in (3, "print", []):
         yield lambda listener=listener: session.diagnose(progress=listener)
+    for own in ("no", "false", 0, 1, None, [], [True], np.array([True, False])):
+        yield lambda own=own: session.fit(plain=own)
+        yield lambda own=own: session.fit(independent=own)
+        for call in (fit.to_frame, fit.predicted_nm, fit.parameters, fit.plot):
+            yield lambda call=call, own=own: call(independent=own)
+        yield lambda own=own: simulate(PARAMETERS, motion, derivatives=own)
+        yield lambda own=own: fit.residuals(fit.trials[0], PARAMETERS, derivatives=own)
+    for own in (None, 3, [], b"S01", "\ud800"):
+        yield lambda own=own: ramphold.Session.simulate(QUICK, 1, subject=own)
     for trial in (0, -1, 999, 1.5, None, "1", 2**40, True, NAN):
         for call in (
             session.record, fit.motion, lambda own: fit.residuals(own, PARAMETERS), lambda own: fit.log_likelihood(own, PARAMETERS)
         ):
             yield lambda call=call, trial=trial: call(trial)
-    for table in ("trial", None, 3, ["trials"]):
+    for table in ("trial", None, 3, ["trials"], np.zeros(3), pd.NA, pd.Series([1.0])):
         yield lambda table=table: fit.to_frame(table)
     for source in (None, 3, [], "/nowhere.json", "\0", {}, {"velocities_rad_s": [74.5]}, b"x", {1: 2}, {"a": NAN}, {"a": object()}):
         yield lambda source=source: ramphold.Protocol(source)
@@ -239,8 +260,20 @@ def other_calls(session, fit, motion):
     law = ramphold.OwnLaw
     for low, high in ((1, 1), (2, 1), (NAN, 1), (0, INF), (None, 1), ("0", 1)):
         yield lambda low=low, high=high: law.from_function("joint", "speed", abs, low, high, tolerance=1.0)
+    for own in ([], {}, None, 3, np.array("joint"), pd.Series(["joint"])):
+        yield lambda own=own: law(own, "speed", 0.0, 1.0, np.zeros(8))
+        yield lambda own=own: law("joint", own, 0.0, 1.0, np.zeros(8))
+    of_zeros = law("joint", "speed", 0.0, 1.0, np.zeros(8))
+    for own in ("u", None, {}, object(), 1j, [[1.0], [2.0, 3.0]]):
+        yield lambda own=own: of_zeros(own)
+    for own in (0, -1, 1.5, None, "2", True, 2**70):
+        yield lambda own=own: of_zeros.slowdown(motion, good, repetitions=own)
+    for own in (None, 3, "abs", [], np.zeros(3)):
+        yield lambda own=own: law.from_function("joint", "speed", own, 0.0, 1.0, tolerance=1.0)
     for own in (lambda u: NAN, lambda u: "h", lambda u: None, lambda u: INF):
         yield lambda own=own: law.from_function("joint", "speed", own, 0.0, 1.0, tolerance=1.0)
+    for u, h in (([0.0], [1.0]), ([0.0, 5e-324, 1.0], [0.0, 1.0, 2.0]), ([0.0, 1.0, 2.0], [0.0, 1e308, -1e308]), (np.arange(9.0), np.arange(9.0) * 2e307)):
+        yield lambda u=u, h=h: law.from_points("joint", "speed", u, h, tolerance=1.0)
     for own in (np.zeros(3), np.zeros((8, 2)), np.full(9, NAN), "points", None, np.arange(9)[::-1]):
         yield lambda own=own: law.from_points("joint", "speed", own, np.zeros(9), tolerance=1.0)
     for own in (np.zeros(7), np.zeros(9), [NAN] * 8, "eight", None):

@@ -50,6 +50,21 @@ def test_a_study_has_the_bytes_of_the_program(study_file, by_the_program, tmp_pa
     assert same(tmp_path / "out", by_the_program)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "word"),
+    [
+        ({"client": 3}, "a distributed.Client or None"),
+        ({"progress": 3}, "expected a function"),
+        ({"resume": "yes"}, "True or False"),
+        ({"out": 3}, "expected a path"),
+    ],
+)
+def test_a_study_with_a_wrong_argument_begins_nothing(study_file, tmp_path, wrong, word):
+    with pytest.raises(ramphold.InputError, match=word):
+        ramphold.Study(study_file, 5).compute(**{"out": tmp_path / "out", **wrong})
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_study_on_dask_has_the_same_bytes(study_file, by_the_program, tmp_path):
     from distributed import Client, LocalCluster
 

@@ -24,6 +24,19 @@ def test_a_table_may_be_of_pandas_polars_or_python(arrays):
     assert len(digests) == 1
 
 
+def test_an_empty_cell_of_a_frame_may_be_any_that_pandas_has(arrays):
+    table = arrays["trials"].drop(columns="onset_s").assign(
+        onset_s=[None, *arrays["trials"]["onset_s"][1:]], condition=[None] + ["rested"] * (len(arrays["trials"]) - 1)
+    )
+    forms = [table, table.convert_dtypes(), table.astype(object).where(table.notna(), pd.NA)]
+    forms.append(polars.from_dicts(table.astype(object).where(table.notna(), None).to_dict("records")))
+    records = table.astype(object).where(table.notna(), pd.NA)
+    forms.append([{name: records[name].iloc[row] for name in records} for row in range(len(records))])
+    assert forms[-1][0]["condition"] is forms[-1][0]["onset_s"] is pd.NA
+    digests = {ramphold.Session.from_arrays(**{**arrays, "trials": own}).digest for own in forms}
+    assert len(digests) == 1
+
+
 def test_signals_may_be_one_matrix_or_columns_of_a_frame(arrays):
     rate = arrays["sample_rate_hz"]
     onsets = [round((onset - own[0]) * rate) for onset, own in zip(arrays["trials"]["onset_s"], arrays["t"], strict=True)]
@@ -34,8 +47,9 @@ def test_signals_may_be_one_matrix_or_columns_of_a_frame(arrays):
     rest = {key: arrays[key] for key in ("trials", "lever", "sample_rate_hz")}
     listed = ramphold.Session.from_arrays(**cut, **rest)
     matrices = ramphold.Session.from_arrays(**{name: np.stack(own) for name, own in cut.items()}, **rest)
-    series = {name: [pd.Series(own) for own in values] for name, values in cut.items()}
-    assert listed.digest == matrices.digest == ramphold.Session.from_arrays(**series, **rest).digest
+    for column in (pd.Series, polars.Series):
+        series = {name: [column(own) for own in values] for name, values in cut.items()}
+        assert listed.digest == matrices.digest == ramphold.Session.from_arrays(**series, **rest).digest
 
 
 def test_repetitions_numbers_and_rate_are_counted_where_they_are_not_given(arrays):
