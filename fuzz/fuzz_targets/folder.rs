@@ -52,15 +52,16 @@ fuzz_target!(|text: &[u8]| {
     for line in String::from_utf8_lossy(text).lines().take(40) {
         apply(line, &session);
     }
-    let _ = dataset::load(&session);
     let _ = dataset::replay(&session);
     let _ = Manifest::read(&session).map(|manifest| manifest.changes(&session));
     let _ = write_bids(
         &[Participant { folder: session.clone(), label: Some("01".into()) }],
         &place.path().join("bids"),
     );
-    if let Ok(results) = Folder::open(&session).and_then(|folder| folder.folder_made("results")) {
-        let _ = report::write(&session, &results, None, &results, &Disk::default());
+    let read = dataset::load(&session);
+    let results = Folder::open(&session).and_then(|folder| folder.folder_made("results"));
+    if let (Ok(read), Ok(results)) = (read, results) {
+        let _ = report::write(&session, read, &results, None, &results, &Disk::default());
     }
     let _ = Manifest::renew_results(&Disk::default(), &session);
     let _ = Resumable::open(&session, Disk::default()).map(|session| session.resume());

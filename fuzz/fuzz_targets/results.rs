@@ -6,7 +6,7 @@ use std::cell::OnceCell;
 use std::fs;
 
 use libfuzzer_sys::fuzz_target;
-use ramphold::dataset::Disk;
+use ramphold::dataset::{self, Disk};
 use ramphold::files::Folder;
 use ramphold::report;
 
@@ -27,7 +27,8 @@ fuzz_target!(|text: &[u8]| {
             }
         }
         let results = Folder::open(session).and_then(|folder| folder.folder("results")).expect("a folder");
-        if let Ok(written) = report::write(session, &results, None, &results, &Disk::default()) {
+        let read = dataset::load(session).expect("the session");
+        if let Ok(written) = report::write(session, read, &results, None, &results, &Disk::default()) {
             let page = fs::read_to_string(written.page).expect("the page");
             assert_eq!(page.matches("<script>").count(), 1, "a text became a script");
         }

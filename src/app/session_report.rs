@@ -2,16 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::dataset::Disk;
+use crate::dataset::{Disk, Session};
 use crate::files::Folder;
 use crate::report;
 
 use super::console::Console;
 use super::failure::Failure;
 
-/// Writes the report of a session into the folder of its results and prints what the report lacks; gives the page's path.
-pub fn write_report(session: &Path, results: &Folder, console: &Console) -> Result<PathBuf, Failure> {
-    write_report_to(session, results, None, results, console)
+/// Writes the report of a session, which was read from `folder`, into the folder of its results and prints what the report lacks; gives
+/// the page's path.
+pub fn write_report(
+    folder: &Path,
+    session: Session,
+    results: &Folder,
+    console: &Console,
+) -> Result<PathBuf, Failure> {
+    write_report_to(folder, session, results, None, results, console)
 }
 
 /// Writes the report of the study in `folder` into the folder `out`; gives the page's path.
@@ -33,16 +39,17 @@ pub fn tell_foreign_results(session: &Path, console: &Console) -> Result<(), Fai
 
 /// As [`write_report`], with a second fit laid beside the first, and into another folder than that of the results.
 pub fn write_report_to(
-    session: &Path,
+    folder: &Path,
+    session: Session,
     results: &Folder,
     beside: Option<&Folder>,
     out: &Folder,
     console: &Console,
 ) -> Result<PathBuf, Failure> {
-    let written = report::write(session, results, beside, out, &Disk::default())?;
+    let written = report::write(folder, session, results, beside, out, &Disk::default())?;
     for missing in &written.missing {
         // The page names no folder, so that equal sessions give equal pages.
-        console.message(missing.replace("SESSION", &session.display().to_string()));
+        console.message(missing.replace("SESSION", &folder.display().to_string()));
     }
     Ok(written.page)
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::dataset::{Disk, Manifest, Resumable};
+use crate::dataset::{Disk, Manifest, Resumable, Session};
 use crate::fit::{Model, Results, Weighting};
 use crate::session::{Machine, Phase, Status};
 
@@ -11,10 +11,11 @@ use super::{
     ran_on_can_motor, write_report,
 };
 
-/// The results of a session that has just been run, as nothing was asked for.
-fn fit_as_run(folder: &Path, console: &Console) -> Result<Results, Failure> {
+/// A session that has just been run, and its results, as nothing was asked for.
+fn fit_as_run(folder: &Path, console: &Console) -> Result<(Session, Results), Failure> {
     let session = AnalysedSession::read(folder, &AnalysisRequest::default(), console)?;
-    Ok(session.fit(&Model::default(), Weighting::default(), false)?.results)
+    let results = session.fit(&Model::default(), Weighting::default(), false)?.results;
+    Ok((session.checked.session, results))
 }
 
 /// Prints how many trials have which status; fits the session if every trial is done, and writes results, report and
@@ -55,10 +56,10 @@ pub fn finish_session(
         // What was measured is complete, whatever the analysis says of it.
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
     }
-    let results = fitted?;
+    let (session, results) = fitted?;
     let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
     results.write(&disk, &own)?;
-    write_report(folder, &own, console)?;
+    write_report(folder, session, &own, console)?;
     // The manifest comes last: a session without it is not complete.
     Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
     fit_table(console, &results)

@@ -85,7 +85,7 @@ impl Verb for DiagnoseArgs {
         }
         let folder = folder.open()?;
         diagnosis.write(prepared, &json, &Disk::default(), &folder)?;
-        write_report(&self.session, &folder, console)?;
+        write_report(&self.session, session.checked.session, &folder, console)?;
         if self.out.is_none() {
             Manifest::renew_results(&Disk::default(), &self.session)?;
         }

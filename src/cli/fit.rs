@@ -8,7 +8,7 @@ use crate::app::{
     check_out, fit_table, folder_of_fit, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
-use crate::dataset::{Disk, Manifest, session_folders};
+use crate::dataset::{Disk, Manifest, Session, session_folders};
 use crate::fit::{self, Model, Results, Weighting};
 use rayon::prelude::*;
 
@@ -83,8 +83,8 @@ impl Verb for FitArgs {
         let sessions = session_folders(&self.sessions)?;
         let folders = self.result_folders(&sessions)?;
         if let ([session], [folder]) = (sessions.as_slice(), folders.as_slice()) {
-            let results = self.fit(session, &model, console)?;
-            self.write(session, folder.as_ref(), &results, console)?;
+            let (read, results) = self.fit(session, &model, console)?;
+            self.write(session, read, folder.as_ref(), &results, console)?;
             return self.show(console, &results);
         }
         self.fit_many(console, &sessions, &folders, &model)
@@ -92,7 +92,8 @@ impl Verb for FitArgs {
 }
 
 impl FitArgs {
-    fn fit(&self, session: &Path, model: &Model, console: &Console) -> Result<Results, Failure> {
+    /// The session in the folder `session`, and its results.
+    fn fit(&self, session: &Path, model: &Model, console: &Console) -> Result<(Session, Results), Failure> {
         let asked = AnalysisRequest {
             window_s: self.window,
             calibration: self.calibration.clone(),
@@ -106,7 +107,7 @@ impl FitArgs {
             let scatter = fit::bootstrap(&observations, &independent, refits as usize, self.seed);
             results.add_bootstrap(refits as usize, self.seed, &scatter);
         }
-        Ok(results)
+        Ok((session.checked.session, results))
     }
 
     /// The results folder of each session in `--out`, where nothing is replaced; none without `--out`: the fit then decides.
@@ -142,8 +143,8 @@ impl FitArgs {
         let fitted: Vec<Option<serde_json::Value>> = (sessions, folders)
             .into_par_iter()
             .map(|(session, folder)| {
-                let done = self.fit(session, model, &console.silent()).and_then(|results| {
-                    self.write(session, folder.as_ref(), &results, &console.silent())?;
+                let done = self.fit(session, model, &console.silent()).and_then(|(read, results)| {
+                    self.write(session, read, folder.as_ref(), &results, &console.silent())?;
                     Ok(results.json)
                 });
                 progress.inc(1);
@@ -161,11 +162,12 @@ impl FitArgs {
         if failed == 0 { Ok(()) } else { Err(Failure::Some { failed, of: sessions.len() }) }
     }
 
-    /// Writes results and report, and updates the session's manifest. Without `folder`, the session's results are replaced only by
-    /// those of the same settings.
+    /// Writes results and report of the session that was `read`, and updates its manifest. Without `folder`, the session's results are
+    /// replaced only by those of the same settings.
     fn write(
         &self,
         session: &Path,
+        read: Session,
         folder: Option<&ResultsFolder>,
         results: &Results,
         console: &Console,
@@ -182,7 +184,7 @@ impl FitArgs {
         }
         let folder = folder.open()?;
         results.write(&Disk::default(), &folder)?;
-        write_report(session, &folder, console)?;
+        write_report(session, read, &folder, console)?;
         if self.out.is_none() {
             Manifest::renew_results(&Disk::default(), session)?;
         }

@@ -4,7 +4,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use crate::app::{Console, Failure, ResultsFolder, check_out, write_report_to, write_study_report};
-use crate::dataset::session_folders;
+use crate::dataset::{self, session_folders};
 use crate::files::{EntryKind, Folder};
 use crate::report::ReportError;
 use crate::study::is_study;
@@ -62,7 +62,8 @@ impl Verb for ReportArgs {
                 None => results.clone(),
                 Some(out) => ResultsFolder::Given(out).open()?,
             };
-            let page = write_report_to(session, &results, beside.as_ref(), &out, console)?;
+            let read = dataset::load(session)?;
+            let page = write_report_to(session, read, &results, beside.as_ref(), &out, console)?;
             writeln!(console.results(), "{}", page.display())?;
         }
         Ok(())

@@ -96,7 +96,7 @@ pub(super) struct CsvTable<'text> {
     reader: csv::Reader<&'text [u8]>,
     header: Vec<String>,
     places: BTreeMap<String, usize>,
-    row: csv::ByteRecord,
+    row: csv::StringRecord,
 }
 
 impl<'text> CsvTable<'text> {
@@ -129,7 +129,7 @@ impl<'text> CsvTable<'text> {
                 });
             }
         }
-        Ok(Self { file, reader, header, places, row: csv::ByteRecord::new() })
+        Ok(Self { file, reader, header, places, row: csv::StringRecord::new() })
     }
 
     /// Where `column` is, if it is there.
@@ -154,7 +154,7 @@ impl<'text> CsvTable<'text> {
 
     /// Goes to the next row; `false` at the end. Blank lines are passed over.
     pub fn next_row(&mut self) -> Result<bool, DatasetError> {
-        let more = self.reader.read_byte_record(&mut self.row);
+        let more = self.reader.read_record(&mut self.row);
         match more {
             Ok(true) if self.row.len() != self.header.len() => Err(DatasetError::FieldCount {
                 at: FilePlace::line(self.file.clone(), self.line()),
@@ -173,13 +173,14 @@ impl<'text> CsvTable<'text> {
 
     /// A cell of the present row, without blanks around it.
     pub fn text(&self, column: usize) -> &str {
-        // The table was made from a str, and fields end at ASCII bytes, so a cell is a str too.
-        std::str::from_utf8(self.row.get(column).unwrap_or_default()).unwrap_or_default().trim()
+        self.row.get(column).unwrap_or_default().trim()
     }
 
     /// A cell that holds a finite number.
     pub fn number(&self, column: usize) -> Result<f64, DatasetError> {
-        match self.text(column).parse::<f64>() {
+        // Few numbers have blanks around them, and looking for blanks takes as long as reading digits.
+        let cell = self.row.get(column).unwrap_or_default();
+        match cell.parse::<f64>().or_else(|_| cell.trim().parse()) {
             Ok(value) if value.is_finite() => Ok(value),
             _ => Err(self.invalid(column, "a finite number, with a point")),
         }

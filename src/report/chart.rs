@@ -1,7 +1,7 @@
 //! Charts as SVG. They are drawn here because their colours must be CSS variables: the same figure then follows a light or
 //! dark page, prints, and works as a separate file. Charting libraries write fixed colours into every shape.
 
-use std::fmt::Write;
+use std::fmt::{Display, Write, from_fn};
 
 use super::scale::{Axis, escape};
 
@@ -280,13 +280,11 @@ impl Plot<'_> {
                 continue;
             }
             let here = ((self.x(*x) * 10.0).round() as i64, (self.y(*y) * 10.0).round() as i64);
-            match last {
-                None => path += &format!("M{} {}", tenths(here.0), tenths(here.1)),
+            let _ = match last {
+                None => write!(path, "M{} {}", tenths(here.0), tenths(here.1)),
                 Some(before) if before == here => continue,
-                Some(before) => {
-                    path += &format!("l{} {}", tenths(here.0 - before.0), tenths(here.1 - before.1));
-                }
-            }
+                Some(before) => write!(path, "l{} {}", tenths(here.0 - before.0), tenths(here.1 - before.1)),
+            };
             last = Some(here);
         }
         path
@@ -294,10 +292,12 @@ impl Plot<'_> {
 }
 
 /// `number / 10` in as few characters as it takes.
-fn tenths(number: i64) -> String {
+fn tenths(number: i64) -> impl Display {
     let sign = if number < 0 { "-" } else { "" };
     let (whole, part) = (number.abs() / 10, number.abs() % 10);
-    if part == 0 { format!("{sign}{whole}") } else { format!("{sign}{whole}.{part}") }
+    from_fn(
+        move |out| if part == 0 { write!(out, "{sign}{whole}") } else { write!(out, "{sign}{whole}.{part}") },
+    )
 }
 
 fn class(stroke: Stroke) -> &'static str {

@@ -69,12 +69,16 @@ pub struct LatenessSummary {
 }
 
 impl ReportInput {
-    /// Reads the session in `folder` and its results in `results`.
+    /// Reads what else there is of `session` in its `folder`, and its results in `results`.
     ///
     /// # Errors
-    /// If the session or a result file that is there cannot be read.
-    pub fn read(folder: &Path, results: &Folder, beside: Option<&Folder>) -> Result<Self, ReportError> {
-        let session = dataset::load(folder)?;
+    /// If the folder or a result file that is there cannot be read.
+    pub fn read(
+        folder: &Path,
+        session: Session,
+        results: &Folder,
+        beside: Option<&Folder>,
+    ) -> Result<Self, ReportError> {
         let card = SessionCard::read(folder)?;
         let mut missing = Vec::new();
         let protocol = protocol(folder, &mut missing);

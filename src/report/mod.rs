@@ -70,19 +70,20 @@ pub fn is_of_session(results: &Path, session: &Session) -> Result<bool, ReportEr
     Ok(read_fit(&folder)?.is_none_or(|fitted| fitted.is_of(session)))
 }
 
-/// Writes the report of the session in `folder`, whose results are in `results`, into the folder `out`; a second fit, in the folder
-/// `beside`, is laid beside the first.
+/// Writes the report of `session`, which was read from `folder` and whose results are in `results`, into the folder `out`; a second
+/// fit, in the folder `beside`, is laid beside the first.
 ///
 /// # Errors
-/// If the session, or a result file that is there, cannot be read, or the report cannot be written.
+/// If the session's folder, or a result file that is there, cannot be read, or the report cannot be written.
 pub fn write(
     folder: &Path,
+    session: Session,
     results: &Folder,
     beside: Option<&Folder>,
     out: &Folder,
     disk: &Disk,
 ) -> Result<WrittenReport, ReportError> {
-    let input = ReportInput::read(folder, results, beside)?;
+    let input = ReportInput::read(folder, session, results, beside)?;
     let beside = input.beside.is_some().then(|| sections::comparison(&input));
     let emg = sections::emg(&input);
     let mut sections = vec![sections::verdict(&input), sections::overview(&input)];
