@@ -111,6 +111,30 @@ fn told(stream: &str, event: &StreamEvent) -> (OperatorAction, OperatorNotice) {
             let text = format!("the stream {stream:?} is back after {after_s:.2} s");
             (OperatorAction::StreamBack { stream: name, after_s: *after_s }, OperatorNotice::Message(text))
         }
+        StreamEvent::Frozen { channel, value, for_s, is_fault } => {
+            let then = if *is_fault {
+                ""
+            } else {
+                "; the rig file tolerates it, and the session goes on; do not trust this EMG"
+            };
+            let text = format!(
+                "the stream {stream:?} has had the same value, {value}, in {channel} for {for_s:.2} s: has the amplifier stopped, or is an \
+                 electrode off?{then}"
+            );
+            let channel = (*channel).to_owned();
+            (
+                OperatorAction::StreamFrozen { stream: name, channel, value: *value, for_s: *for_s },
+                OperatorNotice::Alarm(text),
+            )
+        }
+        StreamEvent::Live { channel, after_s } => {
+            let text = format!("{channel} of the stream {stream:?} changes again after {after_s:.2} s");
+            let channel = (*channel).to_owned();
+            (
+                OperatorAction::StreamLive { stream: name, channel, after_s: *after_s },
+                OperatorNotice::Message(text),
+            )
+        }
         StreamEvent::NotRecorded { reason } => {
             let text = format!("the stream {stream:?} is not recorded any more: {reason}");
             (

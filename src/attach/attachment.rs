@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::consistency::{check_frozen, trial_list};
+use crate::consistency::{check_frozen, measured_and_expected};
 use crate::dataset::{Disk, Manifest, RecordError};
 use crate::files::Folder;
 use crate::rig::ChannelDetails;
@@ -89,12 +89,9 @@ impl FrozenEmg {
 
 impl fmt::Display for FrozenEmg {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (column, trials) = (&self.column, trial_list(&self.trials));
-        let (measured, expected) = (&self.measured, &self.expected);
-        write!(
-            formatter,
-            "EMG in column {column:?}, {trials}: {measured}; expected {expected}; had the amplifier stopped, or was an electrode off?"
-        )
+        let place = format!("EMG in column {:?}", self.column);
+        let told = measured_and_expected(&place, &self.trials, &self.measured, &self.expected);
+        write!(formatter, "{told}; had the amplifier stopped, or was an electrode off?")
     }
 }
 

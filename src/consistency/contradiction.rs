@@ -29,16 +29,19 @@ pub struct Contradiction {
 
 impl fmt::Display for Contradiction {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}: {}", self.check, self.place)?;
-        if !self.trials.is_empty() {
-            write!(formatter, ", {}", trial_list(&self.trials))?;
-        }
-        write!(formatter, ": {}; expected {}.", self.measured, self.stated)?;
+        let Self { check, place, trials, measured, stated, .. } = self;
+        write!(formatter, "{check}: {}.", measured_and_expected(place, trials, measured, stated))?;
         if let Some(mistake) = &self.likely_mistake {
             write!(formatter, " {mistake}")?;
         }
         write!(formatter, " {}", self.remedy)
     }
+}
+
+/// Where something was measured, in which trials, what it was, and what was expected.
+pub fn measured_and_expected(place: &str, trials: &[u32], measured: &str, expected: &str) -> String {
+    let trials = if trials.is_empty() { String::new() } else { format!(", {}", trial_list(trials)) };
+    format!("{place}{trials}: {measured}; expected {expected}")
 }
 
 /// The contradictions for which a session is refused.

@@ -10,7 +10,7 @@ use super::signal_check::SignalCheck;
 
 /// No run below this time counts, s: a whole period of 20 Hz, the lowest frequency of surface EMG (its usual band is 20 to
 /// 450 Hz). Clipped peaks and values that are repeated to a higher rate are shorter.
-const SHORTEST_RUN_S: f64 = 0.05;
+pub const SHORTEST_RUN_S: f64 = 0.05;
 
 /// Expected number of runs in a session that are called frozen though they are chance.
 const FALSE_ALARMS: f64 = 1e-6;
@@ -39,8 +39,7 @@ pub fn check_frozen(column: &str, trials: &[(u32, &[f64])], sample_rate_hz: f64)
     let samples: usize = runs.iter().map(|run| run.3).sum();
     let longest_by_chance = |own: f64| {
         let equal = usual.map_or(0.0, |usual| usual.max(own));
-        let chance = libm::log(FALSE_ALARMS / samples as f64) / libm::log(equal);
-        (SHORTEST_RUN_S * sample_rate_hz).max(chance)
+        (SHORTEST_RUN_S * sample_rate_hz).max(longest_run_by_chance(equal, samples))
     };
     let frozen: Vec<_> = runs.iter().filter(|run| run.1.pairs as f64 > longest_by_chance(run.2)).collect();
     let longest = frozen.iter().max_by_key(|run| run.1.pairs)?;
@@ -78,6 +77,12 @@ pub fn check_frozen(column: &str, trials: &[(u32, &[f64])], sample_rate_hz: f64)
                  whether the muscle was active."
             .into(),
     })
+}
+
+/// Pairs of neighbours in the longest run of equal values that is still chance in so many samples, if two in a row are equal with the
+/// probability `equal`.
+pub fn longest_run_by_chance(equal: f64, samples: usize) -> f64 {
+    libm::log(FALSE_ALARMS / samples as f64) / libm::log(equal)
 }
 
 /// The longest run of equal values; `None` for a record of fewer than two samples.

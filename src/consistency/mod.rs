@@ -12,6 +12,7 @@ mod contradiction;
 mod copied_record;
 mod emg;
 mod frozen_emg;
+mod frozen_watch;
 mod hold;
 mod lever;
 mod likely_mistake;
@@ -24,12 +25,12 @@ mod signal_check;
 mod trial_list;
 mod wrong_row;
 
-pub use contradiction::{Contradiction, Contradictions};
+pub use contradiction::{Contradiction, Contradictions, measured_and_expected};
 pub use frozen_emg::check_frozen;
+pub use frozen_watch::{EmgChange, FrozenWatch};
 pub use measured_trial::MeasuredTrial;
 pub use session_check::{check, contradictions};
 pub use signal_check::{SignalCheck, UnknownCheck};
-pub use trial_list::trial_list;
 
 #[cfg(test)]
 mod tests;

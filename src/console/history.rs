@@ -118,6 +118,13 @@ impl LogEntry {
             OperatorAction::StreamBack { stream, after_s } => {
                 Self::plain(&format!("stream {stream:?} back after {after_s:.2} s"))
             }
+            OperatorAction::StreamFrozen { stream, channel, value, for_s } => {
+                let text = format!("stream {stream:?}: {channel} stands at {value} for {for_s:.2} s");
+                Self::new(LogKind::Alarm, text)
+            }
+            OperatorAction::StreamLive { stream, channel, after_s } => {
+                Self::plain(&format!("stream {stream:?}: {channel} changes again after {after_s:.2} s"))
+            }
             OperatorAction::StreamNotRecorded { stream, because } => {
                 Self::new(LogKind::Alarm, format!("stream {stream:?} not recorded: {because}"))
             }

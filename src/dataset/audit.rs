@@ -50,6 +50,26 @@ pub enum OperatorAction {
         /// After how long, s.
         after_s: f64,
     },
+    /// A channel of EMG of a stream keeps one value, as that of an amplifier that has stopped.
+    StreamFrozen {
+        /// Name of the stream in the rig file.
+        stream: String,
+        /// Name of the channel in the rig file.
+        channel: String,
+        /// The value, in the unit of the channel.
+        value: f64,
+        /// For how long, s.
+        for_s: f64,
+    },
+    /// A channel of EMG of a stream changes again.
+    StreamLive {
+        /// Name of the stream in the rig file.
+        stream: String,
+        /// Name of the channel in the rig file.
+        channel: String,
+        /// After how long, s.
+        after_s: f64,
+    },
     /// The samples of a stream cannot be written any more.
     StreamNotRecorded {
         /// Its name in the rig file.

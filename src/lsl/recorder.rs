@@ -12,6 +12,7 @@ use super::library::{LslError, LslLibrary};
 use super::stream_description::DescribedStream;
 use super::stream_file::StreamFile;
 use super::stream_watch::{StreamHealth, StreamWatch};
+use crate::consistency::{EmgChange, FrozenWatch};
 use crate::dataset::{RecordError, STREAMS, stream_file_name};
 use crate::rig::StreamSettings;
 
@@ -50,6 +51,24 @@ pub enum StreamEvent {
     },
     /// Its samples come again, after this time, s.
     Back {
+        /// After how long, s.
+        after_s: f64,
+    },
+    /// A channel of EMG keeps one value, as that of an amplifier that has stopped.
+    Frozen {
+        /// Name of the channel in the rig file.
+        channel: &'static str,
+        /// The value, in the unit of the channel.
+        value: f64,
+        /// For how long, s.
+        for_s: f64,
+        /// Whether that is a fault.
+        is_fault: bool,
+    },
+    /// A channel of EMG changes again.
+    Live {
+        /// Name of the channel in the rig file.
+        channel: &'static str,
         /// After how long, s.
         after_s: f64,
     },
@@ -144,6 +163,7 @@ impl ConnectedStreams {
             let taken = TakenStream {
                 room: (CHUNK_S * described.rate_hz).ceil().max(64.0) as usize,
                 channels: described.channels.len(),
+                emg: WatchedEmg::all(&described, &settings),
                 can_be_found_again: !described.source_id.is_empty(),
                 settings,
                 inlet,
@@ -280,6 +300,8 @@ struct TakenStream {
     file: StreamFile,
     tell: TellStream,
     channels: usize,
+    /// The channels that are EMG.
+    emg: Vec<WatchedEmg>,
     /// Samples that are taken at once.
     room: usize,
     can_be_found_again: bool,
@@ -331,6 +353,7 @@ impl TakenStream {
                 if std::mem::take(&mut is_silent) {
                     self.back(last_sample.elapsed());
                 }
+                self.watch_emg(&values[..count * self.channels]);
                 last_sample = Instant::now();
                 if count < self.room {
                     break;
@@ -364,7 +387,32 @@ impl TakenStream {
     }
 
     fn longest_silence(&self) -> Duration {
-        Duration::from_secs_f64(self.settings.tolerate.silent_s.unwrap_or(NOTED_SILENCE_S))
+        Duration::from_secs_f64(longest_silence_s(&self.settings))
+    }
+
+    /// An amplifier that has stopped may repeat its last value: that is no better than silence.
+    fn watch_emg(&mut self, values: &[f64]) {
+        let is_fault = self.settings.tolerate.silent_s.is_some();
+        for sample in values.chunks_exact(self.channels) {
+            for at in 0..self.emg.len() {
+                let own = &mut self.emg[at];
+                let channel = own.name;
+                let event = match own.watch.take(sample[own.place]) {
+                    None => continue,
+                    Some(EmgChange::Frozen { value, for_s }) => {
+                        own.is_frozen = true;
+                        StreamEvent::Frozen { channel, value, for_s, is_fault }
+                    }
+                    Some(EmgChange::Live { after_s }) => {
+                        own.is_frozen = false;
+                        StreamEvent::Live { channel, after_s }
+                    }
+                };
+                let is_frozen = is_fault && self.emg.iter().any(|own| own.is_frozen);
+                self.watch.set(if is_frozen { StreamHealth::Frozen } else { StreamHealth::Good });
+                (self.tell)(&self.settings.name, event);
+            }
+        }
     }
 
     fn silent(&self, silence: Duration, is_lost: bool) {
@@ -377,8 +425,36 @@ impl TakenStream {
         (self.tell)(&self.settings.name, event);
     }
 
-    fn back(&self, silence: Duration) {
+    fn back(&mut self, silence: Duration) {
+        for own in &mut self.emg {
+            own.watch.interrupt();
+            own.is_frozen = false;
+        }
         self.watch.set(StreamHealth::Good);
         (self.tell)(&self.settings.name, StreamEvent::Back { after_s: silence.as_secs_f64() });
     }
+}
+
+/// A channel of EMG while it is recorded.
+struct WatchedEmg {
+    /// Its name in the rig file.
+    name: &'static str,
+    /// Its place among the channels.
+    place: usize,
+    watch: FrozenWatch,
+    is_frozen: bool,
+}
+
+impl WatchedEmg {
+    /// Those of a stream.
+    fn all(described: &DescribedStream, settings: &StreamSettings) -> Vec<Self> {
+        let watch = FrozenWatch::new(described.rate_hz, longest_silence_s(settings));
+        let own = |(name, place)| Self { name, place, watch: watch.clone(), is_frozen: false };
+        described.emg_places(settings).into_iter().map(own).collect()
+    }
+}
+
+/// Time without a new value that is let pass, s.
+fn longest_silence_s(settings: &StreamSettings) -> f64 {
+    settings.tolerate.silent_s.unwrap_or(NOTED_SILENCE_S)
 }

@@ -119,6 +119,12 @@ impl DescribedStream {
         Ok(own)
     }
 
+    /// Names in the rig file and places of the channels that are EMG; none is left out of a stream that was read.
+    pub fn emg_places(&self, settings: &StreamSettings) -> Vec<(&'static str, usize)> {
+        let place = |(name, channel): (_, Option<&StreamChannel>)| Some((name, self.place(channel?).ok()?));
+        settings.emg().into_iter().filter_map(place).collect()
+    }
+
     /// Place of a channel.
     fn place(&self, channel: &StreamChannel) -> Result<usize, StreamProblem> {
         let count = self.channels.len();

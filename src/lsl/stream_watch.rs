@@ -19,6 +19,8 @@ pub enum StreamHealth {
     Good,
     /// It has been silent for longer than is tolerated.
     Silent,
+    /// Its EMG has kept one value for longer than is tolerated.
+    Frozen,
     /// Its samples cannot be written.
     NotRecorded,
 }
@@ -28,6 +30,7 @@ pub enum StreamHealth {
 pub struct StreamWatch {
     health: Arc<AtomicU8>,
     silent: Fault,
+    frozen: Fault,
     not_recorded: Fault,
 }
 
@@ -49,6 +52,13 @@ impl StreamWatch {
                      check its device and its program"
                 ),
             ),
+            frozen: fault(
+                "frozen_stream",
+                format!(
+                    "the EMG of the stream {name:?} kept one value for more than the {tolerated_s} s that tolerate.silent_s of the rig file \
+                     lets pass; check its amplifier and its electrodes"
+                ),
+            ),
             not_recorded: fault(
                 "stream_not_recorded",
                 format!("the stream {name:?} cannot be written to the session's folder; check the disk"),
@@ -64,6 +74,7 @@ impl StreamWatch {
     fn fault(&self) -> Option<Fault> {
         match self.health.load(Ordering::Acquire) {
             health if health == StreamHealth::Silent as u8 => Some(self.silent),
+            health if health == StreamHealth::Frozen as u8 => Some(self.frozen),
             health if health == StreamHealth::NotRecorded as u8 => Some(self.not_recorded),
             _ => None,
         }

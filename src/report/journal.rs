@@ -104,6 +104,14 @@ fn stream_incident(deed: &Value) -> Option<String> {
     if let Some((name, back)) = of("stream_back") {
         return Some(format!("stream {name} back after {:.2} s", back["after_s"].as_f64()?));
     }
+    if let Some((name, frozen)) = of("stream_frozen") {
+        let (channel, for_s) = (frozen["channel"].as_str()?, frozen["for_s"].as_f64()?);
+        return Some(format!("stream {name} frozen: {channel} the same for {for_s:.2} s"));
+    }
+    if let Some((name, live)) = of("stream_live") {
+        let (channel, after_s) = (live["channel"].as_str()?, live["after_s"].as_f64()?);
+        return Some(format!("stream {name} live: {channel} changes again after {after_s:.2} s"));
+    }
     let (name, lost) = of("stream_not_recorded")?;
     Some(format!("stream {name} not recorded any more: {}", lost["because"].as_str()?))
 }
@@ -141,6 +149,22 @@ mod tests {
         let expected =
             [(1.0, "stream EMG silent: no sample for 1.02 s"), (3.0, "stream EMG back after 2.50 s")];
         assert_eq!(incidents, expected.map(|(at_s, what)| (at_s, what.to_owned())));
+    }
+
+    #[test]
+    fn emg_of_a_stream_that_stood_still_and_went_on_is_two_incidents() {
+        let deed = |deed: &str| {
+            line(&format!(r#"{{"record":"console","sample":100,"desk":"program","deed":{deed}}}"#))
+        };
+        let text = deed(r#"{"stream_frozen":{"stream":"EMG","channel":"emg_fcr","value":0.5,"for_s":1.02}}"#)
+            + &deed(r#"{"stream_live":{"stream":"EMG","channel":"emg_fcr","after_s":2.5}}"#);
+        let incidents: Vec<String> =
+            times(&text, 100.0).incidents.into_iter().map(|(_, what)| what).collect();
+        let expected = [
+            "stream EMG frozen: emg_fcr the same for 1.02 s",
+            "stream EMG live: emg_fcr changes again after 2.50 s",
+        ];
+        assert_eq!(incidents, expected);
     }
 
     #[test]

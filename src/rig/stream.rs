@@ -63,8 +63,8 @@ pub struct StreamChannel {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StreamTolerance {
-    /// Time without a sample, s; after it the motor is made safe, as by any fault of a sensor, and the trial is run again. `null`: the
-    /// session goes on without the stream, and says so.
+    /// Time without a sample, or with one and the same value in a channel of EMG, s; after it the motor is made safe, as by any fault of a
+    /// sensor, and the trial is run again. `null`: the session goes on without the stream, and says so.
     #[serde(deserialize_with = "Option::deserialize")]
     pub silent_s: Option<f64>,
 }

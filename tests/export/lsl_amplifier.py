@@ -22,6 +22,7 @@ def main():
     parser.add_argument("--channels", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=60)
     parser.add_argument("--silent", type=float, nargs=2, help="from when to when nothing is sent, s")
+    parser.add_argument("--frozen", type=float, nargs=2, help="from when to when the EMG keeps its last value, s")
     parser.add_argument("--ahead", type=float, default=0, help="how far the stream's stamps are ahead of the clock, s")
     given = parser.parse_args()
     info = pylsl.StreamInfo(given.name, "EMG", given.channels, given.nominal, given.format, given.source)
@@ -32,6 +33,7 @@ def main():
     print("ready", flush=True)
     start = pylsl.local_clock()
     number = 0
+    live = range(1)
     while (now := pylsl.local_clock() - start) < given.seconds:
         # Sample k is taken at k / rate, and a parcel is complete with its last one.
         due = (int(now * given.rate) + 1) // given.parcel * given.parcel
@@ -44,7 +46,10 @@ def main():
             if given.format == "string":
                 outlet.push_sample(["0"] * given.channels)
                 continue
-            values = [[*sample(one), at, *[0.0] * 9][: given.channels] for one, at in zip(numbers, times)]
+            if not (given.frozen and given.frozen[0] <= times[0] - start < given.frozen[1]):
+                live = numbers
+            held = [one if live is numbers else live[-1] for one in numbers]
+            values = [[*sample(own), at, *[0.0] * 9][: given.channels] for own, at in zip(held, times)]
             # Parcels are stamped when they are sent, as amplifiers do: late, never early.
             stamp = pylsl.local_clock() if given.parcel > 1 else times[-1]
             outlet.push_chunk(values, stamp + given.ahead)

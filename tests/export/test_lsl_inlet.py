@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -181,6 +182,37 @@ def test_a_silence_that_is_tolerated_costs_the_trials_in_it_and_no_others(lab):
     assert numpy.abs(offsets_ms(lab.folder / "s")).max() < 1
     report = (lab.folder / "s/results/report.html").read_text()
     assert "stream Amplifier 7 silent" in report and "the recording has a gap in it" in report
+
+
+def test_emg_that_stands_still_is_a_fault_while_the_session_runs(lab):
+    lab.amplifier("--frozen", 9, 1e9)
+    begun = time.monotonic()
+    result = lab.ramphold(*real_time(lab.files(repetitions=6)))
+    assert result.returncode != 0
+    session = lab.folder / "s"
+    journal = (session / "journal.log").read_text()
+    assert 'the EMG of the stream "Amplifier 7" kept one value for more than the 0.5 s' in result.stderr, result.stderr
+    assert '"kind":"frozen_stream"' in journal and '"stream_frozen":{"stream":"Amplifier 7","channel":"emg_fcr"' in journal
+    print(f"over {time.monotonic() - begun:.1f} s after the beginning; the EMG stood still from 9 s after that of the amplifier")
+    rows = list(csv.DictReader((session / "trials.csv").open()))
+    assert 1 <= sum(row["status"] == "ok" for row in rows) < 6
+
+
+def test_emg_that_stands_still_is_told_live_where_the_rig_file_tolerates_it_and_so_is_its_return(lab):
+    lab.amplifier("--frozen", 10, 14)
+    result = lab.ramphold(*real_time(lab.files(repetitions=4, tolerate={"silent_s": None})))
+    assert result.returncode == 0, result.stderr
+    for channel in ["emg_fcr", "emg_ecr"]:
+        told = re.search(rf'the stream "Amplifier 7" has had the same value, \S+, in {channel} for (\d\.\d+) s', result.stderr)
+        assert told and 1.0 <= float(told[1]) < 1.5, result.stderr
+        back = re.search(rf'{channel} of the stream "Amplifier 7" changes again after (\d\.\d+) s', result.stderr)
+        assert back and 3.9 < float(back[1]) < 4.1, result.stderr
+    assert "do not trust this EMG" in result.stderr
+    session = lab.folder / "s"
+    # The end of the session names the trials, and nothing of the stream is missing.
+    assert attachment(session)["frozen_emg"] and attachment(session)["left_out"] == []
+    report = (session / "results/report.html").read_text()
+    assert "stream Amplifier 7 frozen: emg_fcr" in report and "stream Amplifier 7 live: emg_fcr" in report
 
 
 def test_what_a_kill_leaves_of_a_stream_is_whole_to_the_last_moments_and_is_cut_when_the_session_is_resumed(lab):
