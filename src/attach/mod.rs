@@ -20,7 +20,10 @@ mod timed_table;
 mod trigger;
 
 pub use alignment::{Aligned, align};
-pub use attached_emg::{AttachedEmg, AttachedTrialEmg, attached_emg};
+pub use attached_emg::{
+    AttachedChannel, AttachedEmg, AttachedRecording, AttachedTrial, AttachedTrialEmg, attached_emg,
+    attached_recordings,
+};
 pub use attachment::{
     ATTACHED, AttachedStream, Attachment, AttachmentTrial, ClockComparison, ClockOffsets, FrozenEmg, LeftOut,
 };

@@ -16,7 +16,7 @@ pub struct BdfChannel<'a> {
     /// At most 16 ASCII characters.
     pub label: &'static str,
     /// At most 8 ASCII characters.
-    pub unit: &'static str,
+    pub unit: &'a str,
     /// Its values.
     pub values: &'a [f64],
 }

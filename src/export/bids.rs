@@ -1,12 +1,13 @@
 //! A BIDS dataset of sessions: `emg` recordings where there is EMG, `motion` recordings where there is none.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::bdf::{self, BdfChannel};
+use super::attached_emg::AttachedRecordings;
+use super::bdf::BdfChannel;
+use super::bids_folder::BidsFolder;
 use super::error::ExportError;
 use super::sidecars::{self, TASK};
 use crate::dataset::{
@@ -29,6 +30,7 @@ struct Entry {
     card: SessionCard,
     folder: PathBuf,
     session: Session,
+    attached: AttachedRecordings,
     label: String,
     /// Session number, from 1, if the subject has several sessions.
     number: Option<usize>,
@@ -49,7 +51,7 @@ pub fn write(participants: &[Participant], target: &Path) -> Result<(), ExportEr
         files::make_folders(target)?;
         Folder::open(target)
     };
-    let target = BidsFolder(open().map_err(ExportError::at(target))?);
+    let target = BidsFolder::new(open().map_err(ExportError::at(target))?);
     target.put_json("dataset_description.json", &sidecars::dataset())?;
     target.put("README.md", sidecars::README)?;
     target.put_json(&format!("task-{TASK}_events.json"), &sidecars::events_meaning())?;
@@ -61,11 +63,18 @@ pub fn write(participants: &[Participant], target: &Path) -> Result<(), ExportEr
     entries.iter().try_for_each(|entry| entry.write(&target))
 }
 
-/// When the record of a trial began: to the microsecond where the session kept the time of its samples. Without it, to the second from the
-/// session's start; nobody then knows how long a break was, so a trial after one has no such time.
-fn began_utc(started: &str, clock: &SessionClock, ramps: &[RampTime], trial: &Trial) -> Option<String> {
+/// When a recording of a trial began whose first sample is at `start_s` on the axis of the trial: to the microsecond where the session kept
+/// the time of its samples. Without it, to the second from the session's start; nobody then knows how long a break was, so a trial after one
+/// has no such time.
+fn began_utc(
+    started: &str,
+    clock: &SessionClock,
+    ramps: &[RampTime],
+    trial: &Trial,
+    start_s: f64,
+) -> Option<String> {
     let ramp = ramps.iter().find(|ramp| ramp.trial == Some(trial.number))?;
-    let since_start_s = ramp.onset_s + trial.record.start_s - trial.onset_s?;
+    let since_start_s = ramp.onset_s + start_s - trial.onset_s?;
     if let Some(utc_ns) = clock.utc_ns(ramp.stretch, since_start_s) {
         return Some(utc_text_us(utc_ns));
     }
@@ -117,6 +126,7 @@ fn load(participants: &[Participant]) -> Result<Vec<Entry>, ExportError> {
         let card = SessionCard::read(&participant.folder)?;
         entries.push(Entry {
             folder: participant.folder.clone(),
+            attached: AttachedRecordings::read(&participant.folder)?,
             card,
             session,
             label,
@@ -156,18 +166,30 @@ impl Entry {
             let (kind, track) = if has_emg { ("emg", "") } else { ("motion", "_tracksys-motor") };
             let folder = format!("{}/{kind}", self.folder());
             let run = format!("run-{:03}", trial.number);
-            target.put(&format!("{folder}/{stem}_{run}_events.tsv"), &sidecars::events(trial))?;
+            let onset_s = trial.onset_s.map(|onset_s| onset_s - trial.record.start_s);
+            target.put(&format!("{folder}/{stem}_{run}_events.tsv"), &sidecars::events(trial, onset_s))?;
             let name = |suffix: &str| format!("{folder}/{stem}{track}_{run}_{suffix}");
             let signal = if has_emg { "emg.bdf" } else { "motion.tsv" };
-            scans.push((trial, format!("{kind}/{stem}{track}_{run}_{signal}")));
-            if has_emg { self.emg(trial, target, name)? } else { self.motion(trial, target, name)? }
+            scans.push((trial, trial.record.start_s, format!("{kind}/{stem}{track}_{run}_{signal}")));
+            if has_emg {
+                self.emg(trial, target, name)?
+            } else {
+                self.motion(trial, target, name)?
+            }
+            let stem = format!("{stem}_{run}");
+            for (start_s, file) in
+                self.attached.write(trial, &self.label, &format!("{}/emg", self.folder()), &stem, target)?
+            {
+                scans.push((trial, start_s, format!("emg/{file}")));
+            }
         }
         if let Some(started) = &self.card.about.started_utc {
             let own = self.folder();
             let ramps = dataset::ramp_times(&self.folder)?.unwrap_or_default();
             let clock = SessionClock::read(&self.folder)?;
-            let row = |(trial, file): &(&Trial, String)| {
-                let began = began_utc(started, &clock, &ramps, trial).unwrap_or_else(|| "n/a".to_owned());
+            let row = |(trial, start_s, file): &(&Trial, f64, String)| {
+                let began = began_utc(started, &clock, &ramps, trial, *start_s);
+                let began = began.unwrap_or_else(|| "n/a".to_owned());
                 format!("{file}\t{began}\n")
             };
             let rows: String = scans.iter().map(row).collect();
@@ -204,25 +226,19 @@ impl Entry {
             .map(|(label, unit, values)| BdfChannel { label, unit, values })
             .collect();
         let further = record.further_channels().len();
-        let path = name("emg.bdf");
-        let bytes = bdf::recording(&self.label, self.session.sample_rate_hz, &channels).map_err(
-            |(place, value)| ExportError::OutOfRange {
-                path: target.0.path_of(&path),
-                channel: channels[place].label,
-                value,
-                limit: bdf::LARGEST_VALUE,
-            },
-        )?;
-        target.put_bytes(&path, &bytes)?;
+        let rate_hz = self.session.sample_rate_hz;
+        target.put_bdf(&name("emg.bdf"), &self.label, rate_hz, &channels)?;
+        let muscles = channels.len() - 2 - further;
+        let filters = sidecars::filters(&self.session);
         target.put_json(
             &name("emg.json"),
-            &sidecars::emg(&self.session, record.theta_m_rad.len(), channels.len() - 2 - further, further),
+            &sidecars::emg(rate_hz, record.theta_m_rad.len(), muscles, 2 + further, filters),
         )?;
         target.put(
             &name("channels.tsv"),
             &sidecars::emg_channels(
                 channels.iter().map(|channel| channel.label),
-                self.session.sample_rate_hz,
+                rate_hz,
                 &self.card.channels,
             ),
         )
@@ -247,42 +263,5 @@ impl Entry {
         target.put(&name("motion.tsv"), &text)?;
         target.put_json(&name("motion.json"), &sidecars::motion(&self.session, &further))?;
         target.put(&name("channels.tsv"), &sidecars::motion_channels(&further))
-    }
-}
-
-/// The folder of the dataset.
-struct BidsFolder(Folder);
-
-impl BidsFolder {
-    fn put(&self, name: &str, text: &str) -> Result<(), ExportError> {
-        self.put_bytes(name, text.as_bytes())
-    }
-
-    fn put_json(&self, name: &str, value: &Value) -> Result<(), ExportError> {
-        self.put(name, &format!("{value:#}\n"))
-    }
-
-    fn put_bytes(&self, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
-        self.make_folder_of(name)?;
-        self.0.write(name, bytes).map_err(ExportError::at(self.0.path_of(name)))
-    }
-
-    /// Copies a plain file, piece by piece.
-    fn copy(&self, from: &Folder, file: &str, to: &str) -> Result<(), ExportError> {
-        self.make_folder_of(to)?;
-        let mut source = from.open_file(file).map_err(ExportError::at(from.path_of(file)))?;
-        let mut copy = || {
-            let mut target = self.0.begin_file(to)?;
-            io::copy(&mut source, target.file())?;
-            target.finish()
-        };
-        copy().map_err(ExportError::at(self.0.path_of(to)))
-    }
-
-    fn make_folder_of(&self, name: &str) -> Result<(), ExportError> {
-        for (end, _) in name.match_indices('/') {
-            self.0.folder_made(&name[..end]).map_err(ExportError::at(self.0.path_of(&name[..end])))?;
-        }
-        Ok(())
     }
 }

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use crate::attach::AttachError;
 use crate::dataset::DatasetError;
 use crate::files::is_refusal;
 
@@ -12,6 +13,9 @@ pub enum ExportError {
     /// A session cannot be read.
     #[error(transparent)]
     Dataset(#[from] DatasetError),
+    /// An attachment of a session cannot be read.
+    #[error(transparent)]
+    Attached(#[from] AttachError),
     /// The target folder is not empty.
     #[error("{}: is not empty, and an export does not add to existing files; give a new or empty folder", .0.display())]
     NotEmpty(PathBuf),

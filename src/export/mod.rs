@@ -1,7 +1,9 @@
 //! Sessions in the formats of other tools: a BIDS dataset, tidy Parquet tables, .mat files, XDF.
 
+mod attached_emg;
 mod bdf;
 mod bids;
+mod bids_folder;
 mod error;
 mod fit_rows;
 mod mat;

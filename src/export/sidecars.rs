@@ -49,22 +49,24 @@ pub const README: &str = "\
 A stiff servo motor holds a wrist, the person pushes with a set torque, and the motor extends the wrist with a fast ramp.
 Each run is a trial: motor angle (rad), torque in the lever (N m) and, where it was measured, EMG of flexor and extensor
 carpi radialis as a fraction of maximal voluntary contraction. Signals are raw: unfiltered, offsets not removed.
+EMG of another device has its own rate and clock: it is a recording of its own (recording-NAME), which begins within a sample
+of the trial.
 
 The sessions as they were recorded are in sourcedata/, fits, diagnoses and reports in derivatives/ramphold/.
 ";
 
-/// `_emg.json`.
-pub fn emg(session: &Session, samples: usize, muscles: usize, further: usize) -> Value {
+/// `_emg.json` of a recording with so many channels of EMG and `other` ones.
+pub fn emg(rate_hz: f64, samples: usize, muscles: usize, other: usize, software_filters: Value) -> Value {
     json!({
         "TaskName": TASK,
         "TaskDescription": task(),
-        "SamplingFrequency": session.sample_rate_hz,
+        "SamplingFrequency": rate_hz,
         "PowerLineFrequency": "n/a",
-        "SoftwareFilters": filters(session),
+        "SoftwareFilters": software_filters,
         "RecordingType": "continuous",
-        "RecordingDuration": samples as f64 / session.sample_rate_hz,
+        "RecordingDuration": samples as f64 / rate_hz,
         "EMGChannelCount": muscles,
-        "MISCChannelCount": 2 + further,
+        "MISCChannelCount": other,
         "EMGPlacementScheme": "Other",
         "EMGPlacementSchemeDescription": "On the bellies of flexor carpi radialis (FCR) and extensor carpi radialis (ECR)",
         "EMGReference": "bipolar",
@@ -92,7 +94,8 @@ fn task() -> &'static str {
     "Hold a target torque against the motor; once it is steady, a fast ramp extends the wrist and holds it there"
 }
 
-fn filters(session: &Session) -> Value {
+/// `SoftwareFilters`: what was filtered before recording.
+pub fn filters(session: &Session) -> Value {
     session.recorded_filter.map_or(json!("n/a"), |filter| json!({ "BeforeRecording": filter }))
 }
 
@@ -104,7 +107,7 @@ pub fn emg_channels<'a>(
 ) -> String {
     let rows = names.map(|name| {
         let known = known.iter().find(|(column, _)| column.strip_prefix(name).is_some_and(is_unit_of_column));
-        let filters = cutoffs(known.map(|(_, channel)| channel));
+        let filters = cutoffs(known.and_then(|(_, channel)| channel.filter.as_deref()));
         let rest = match EMG_CHANNELS.iter().find(|row| row.starts_with(&format!("{name}\t"))) {
             Some(row) => (*row).to_owned(),
             None => match FurtherChannel::ALL.into_iter().find(|channel| channel.symbol() == name) {
@@ -127,8 +130,8 @@ fn is_unit_of_column(rest: &str) -> bool {
 }
 
 /// Cut-off frequencies of a channel's high-pass and low-pass, and its notch, Hz; `n/a` where there is none or it is not known.
-fn cutoffs(known: Option<&RecordedChannel>) -> String {
-    let filters = known.and_then(|channel| channel.filter.as_deref()).unwrap_or_default();
+pub fn cutoffs(filters: Option<&[ChannelFilter]>) -> String {
+    let filters = filters.unwrap_or_default();
     let of = |cutoff: fn(&ChannelFilter) -> Option<f64>| {
         filters.iter().find_map(cutoff).map_or("n/a".to_owned(), |cutoff_hz| cutoff_hz.to_string())
     };
@@ -206,16 +209,15 @@ pub fn events_meaning() -> Value {
     })
 }
 
-/// `_events.tsv` of a trial; no row where there is no onset.
-pub fn events(trial: &Trial) -> String {
+/// `_events.tsv` of a recording of a trial, in which its onset is at `onset_s` after the first sample; no row where there is no onset.
+pub fn events(trial: &Trial, onset_s: Option<f64>) -> String {
     let mut text =
         "onset\tduration\ttrial_type\tvelocity_rad_s\ttorque_nm\trepetition\ttrial\tstatus\n".to_owned();
-    if let Some(onset_s) = trial.onset_s {
+    if let Some(onset_s) = onset_s {
         let amplitude: Option<f64> = trial.extra.get("amplitude_rad").and_then(|text| text.parse().ok());
         let duration = amplitude.map_or("n/a".into(), |rad| (rad / trial.velocity_rad_s).abs().to_string());
         text += &format!(
-            "{}\t{duration}\tramp\t{}\t{}\t{}\t{}\t{}\n",
-            onset_s - trial.record.start_s,
+            "{onset_s}\t{duration}\tramp\t{}\t{}\t{}\t{}\t{}\n",
             trial.velocity_rad_s,
             trial.torque_nm,
             trial.repetition,
