@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use super::display_latency::DisplayLatency;
 use super::fitter::TrialFit;
+use super::reflexes::Reflexes;
 use super::trial_fits::TrialFits;
 use crate::dataset::{ActionOrigin, AuditEntry, OperatorAction};
 use crate::fit::{ConditionEstimate, QUANTITIES, TrialEstimate};
@@ -210,7 +211,13 @@ impl SessionHistory {
     }
 
     /// The history as JSON.
-    pub fn json(&self, progress: &Progress, settings: &Settings, fits: &TrialFits) -> String {
+    pub fn json(
+        &self,
+        progress: &Progress,
+        settings: &Settings,
+        fits: &TrialFits,
+        reflexes: &Reflexes,
+    ) -> String {
         let counts = |attempt: &&Attempt| {
             matches!(attempt.ended, Some((Status::Ok, _))) && !attempt.planned.key.practice
         };
@@ -218,8 +225,10 @@ impl SessionHistory {
             progress.attempts().iter().filter(counts).map(|attempt| attempt.number).collect();
         let conditions = fits.conditions(counting.iter().copied());
         let last = counting.iter().rev().find_map(|number| Some((number, fits.outcome(*number)?)));
-        let trials =
-            progress.attempts().iter().map(|attempt| trial(attempt, counts(&attempt).then_some(fits)));
+        let trials = progress
+            .attempts()
+            .iter()
+            .map(|attempt| trial(attempt, counts(&attempt).then_some((fits, reflexes))));
         let mut gauges = json!(self.status);
         gauges["alarms"] = self.alarms().into();
         json!({
@@ -293,15 +302,18 @@ fn planned(planned: &PlannedTrial) -> Value {
     })
 }
 
-/// A trial, with its fit if it counts.
-fn trial(attempt: &Attempt, fits: Option<&TrialFits>) -> Value {
+/// A trial, with its fit and the latency of its reflex response if it counts.
+fn trial(attempt: &Attempt, counting: Option<(&TrialFits, &Reflexes)>) -> Value {
     let mut trial = planned(&attempt.planned);
     trial["number"] = attempt.number.into();
     if let Some((status, event)) = attempt.ended {
         trial["status"] = status.name().into();
         trial["reason"] = event.name().into();
     }
-    if let Some(fits) = fits {
+    if let Some((fits, reflexes)) = counting {
+        if reflexes.has(attempt.number) {
+            trial["response_s"] = json!(reflexes.latency_s(attempt.number));
+        }
         if let Some(Err(reason)) = fits.outcome(attempt.number) {
             trial["no_fit"] = reason.into();
         } else if let Some(estimate) = fits.estimate(attempt.number) {

@@ -5,7 +5,7 @@
 //! recorded session is shown in the same way ([`player`]). Between the sessions of a laboratory the pages show a
 //! [`LaboratoryView`].
 //!
-//! Layers, bottom up: step_feed, commands, controls -> trial_fits, ramps, history -> view_model, laboratory_view -> web, terminal -> live, player.
+//! Layers, bottom up: step_feed, commands, controls -> trial_fits, ramps, reflexes, history -> view_model, laboratory_view -> web, terminal -> live, player.
 
 mod coming_and_going;
 mod command_questions;
@@ -21,6 +21,7 @@ mod playback_time;
 pub mod player;
 mod presence;
 mod ramps;
+mod reflexes;
 mod snapshot;
 mod step_feed;
 mod strip_chart;

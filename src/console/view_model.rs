@@ -9,6 +9,7 @@ use super::command_questions::CommandQuestions;
 use super::fitter::Fitter;
 use super::history::{LogEntry, SessionHistory, SystemStatus};
 use super::ramps::Ramps;
+use super::reflexes::Reflexes;
 use super::snapshot::{CurrentTrial, Instruction, PlaybackState, RigTrialsView, Snapshot};
 use super::step_feed::TimedStep;
 use super::strip_chart::{Bin, StripChart};
@@ -67,6 +68,7 @@ pub struct ViewModel {
     fitter: Fitter,
     fits: TrialFits,
     ramps: Ramps,
+    reflexes: Reflexes,
     questions: CommandQuestions,
     snapshot: Snapshot,
     /// Sample at which the phase was entered.
@@ -114,6 +116,7 @@ impl ViewModel {
             fitter,
             fits: TrialFits::default(),
             ramps: Ramps::default(),
+            reflexes: Reflexes::default(),
             questions,
             snapshot,
             phase_start: 0,
@@ -139,6 +142,8 @@ impl ViewModel {
             let number = trial.number;
             if trial.status == crate::dataset::Status::Ok {
                 self.ramps.add(&trial, self.settings.sample_rate_hz);
+                self.reflexes.add(&trial, self.settings.sample_rate_hz);
+                self.history_changed = true;
             }
             if self.fitter.fit(trial) {
                 self.fits.await_trial(number);
@@ -227,6 +232,7 @@ impl ViewModel {
             {
                 self.fitter.forget(number);
                 self.ramps.remove(number);
+                self.reflexes.remove(number);
                 self.publish_ramps();
             }
         }
@@ -295,7 +301,8 @@ impl ViewModel {
                 (snapshot.pause_requested && snapshot.phase.is_armed() && snapshot.phase != Phase::Paused)
                     || progress.holds(Guard::PauseAsked);
             self.history_changed = false;
-            self.history_out.send_replace(self.history.json(progress, &self.settings, &self.fits).into());
+            let history = self.history.json(progress, &self.settings, &self.fits, &self.reflexes);
+            self.history_out.send_replace(history.into());
         }
         self.snapshot_out.send_replace(Arc::new(snapshot.clone()));
         // A snapshot without a new sample must not count in the display latency.

@@ -27,6 +27,7 @@ mod traces;
 
 use std::path::{Path, PathBuf};
 
+pub use emg::{TrialEmg, find_onsets, trial_emg};
 pub use error::ReportError;
 pub use estimate_text::MARK_MEANING;
 pub use figures::{EffectCurve, PowerCurve, mechanism as mechanism_figure, power as power_figure};

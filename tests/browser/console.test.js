@@ -306,6 +306,71 @@ test("nothing is cut at 1280 pixels, from the first page to the end of the sessi
   await close();
 });
 
+/// What leaves its panel, or lies over another part of it.
+const displaced = (page) => page.evaluate(() => {
+  const places = (parts) => parts.filter((part) => part.checkVisibility()).map((part) => [part, part.getBoundingClientRect()]);
+  const name = (part) => part.id || part.className || part.tagName;
+  return places([...document.querySelectorAll("#session > section")]).flatMap(([panel, frame]) => {
+    const inside = places([...panel.querySelectorAll("*")]).filter(([part]) => !part.closest(".unseen") && !part.parentElement.closest(".scroll"));
+    const out = inside.filter(([, own]) => own.bottom > frame.bottom + 1 || own.right > frame.right + 1);
+    const rows = places([...panel.children]).filter(([part]) => !part.matches(".unseen"));
+    const over = rows.slice(1).filter(([, own], place) => own.top < rows[place][1].bottom - 1 && own.left < rows[place][1].right - 1 && own.height && rows[place][1].height);
+    return [...out.map(([part]) => `${panel.id}: ${name(part)} leaves it`), ...(panel.id === "health" ? [] : over.map(([part]) => `${panel.id}: ${name(part)} is over what comes before`))];
+  });
+});
+
+/// At 1280 x 800 the values of the fit were written over the remarks and out of their panel, as soon as there was an alarm.
+test("every panel keeps its content inside, also with an alarm and many remarks", async () => {
+  const { program } = await session("--speed", "5");
+  for (const [width, height] of SCREENS) {
+    const { page, close } = await open(program.operator, { width, height });
+    if (width === SCREENS[0][0]) {
+      await ready(page);
+      await page.keyboard.press("s");
+      await page.locator("#trial-rows tr.ok").nth(4).waitFor();
+      await page.keyboard.press("e");
+    }
+    await phase(page, "paused");
+    await page.locator("#values dt", { hasText: "reflex" }).waitFor();
+    await page.waitForTimeout(500);
+    assert.deepEqual(await displaced(page), [], `${width} x ${height}`);
+    await page.evaluate(() => {
+      document.getElementById("remarks").textContent = "x_e ended at its bound; another optimum fits within the noise; ".repeat(3);
+      Object.assign(document.getElementById("alarm"), { hidden: false, textContent: "fault: the motor did not answer in time; ".repeat(6) });
+      dispatchEvent(new Event("resize"));
+    });
+    await page.evaluate(() => {
+      document.getElementById("remarks").textContent = "x_e ended at its bound; another optimum fits within the noise; ".repeat(3);
+    });
+    assert.deepEqual(await displaced(page), [], `${width} x ${height}, strained`);
+    if (process.env.SCREENSHOTS) {
+      mkdirSync(process.env.SCREENSHOTS, { recursive: true });
+      await page.screenshot({ path: join(process.env.SCREENSHOTS, `operator-strained-${width}.png`) });
+    }
+    await close();
+  }
+  await program.stop();
+});
+
+test("the latency of the reflex stands beside each trial, and is that of the report", async () => {
+  const { out, program } = await session("--speed", "5");
+  const { page, wrong, close } = await open(program.operator);
+  await ready(page);
+  assert.equal(await page.locator("#latency-head").isVisible(), false);
+  await page.keyboard.press("s");
+  await page.locator("#line", { hasText: "session over" }).waitFor();
+  assert.ok(await page.locator("#latency-head").isVisible());
+  const rows = page.locator("#trial-rows tr");
+  const shown = await rows.evaluateAll((all) => all.map((row) => [row.cells[0].textContent, row.cells[4].textContent]));
+  const report = readFileSync(join(out, "results/report.html"), "utf8");
+  const table = report.slice(report.indexOf("EMG by trial")).split("</table>")[0];
+  const told = table.split("<tr>").slice(2).map((row) => [...row.matchAll(/<td[^>]*>([^<]*)<\/td>/g)].map((cell) => cell[1]));
+  assert.deepEqual(shown, told.map((cells) => [cells[0], cells.at(-1)]));
+  assert.ok(shown.filter(([, latency]) => /^\d\d\.\d$/.test(latency)).length >= 4, JSON.stringify(shown));
+  assert.deepEqual(wrong, []);
+  await close();
+});
+
 test("everything fits on each screen, and every button is in reach", async () => {
   const { program } = await session("--speed", "5");
   for (const [width, height] of SCREENS) {

@@ -6,7 +6,7 @@ import { connect } from "./link.js";
 import { Machine } from "./machine.js";
 import { drawFit, drawRamps } from "./response.js";
 import { Strips } from "./strips.js";
-import { bestEfforts, tellConditions, tellEfforts, tellTrials, writeHeads } from "./tables.js";
+import { bestEfforts, latency, tellConditions, tellEfforts, tellTrials, writeHeads } from "./tables.js";
 
 const by = (id) => document.getElementById(id);
 const strips = new Strips({ torque: by("torque"), angle: by("angle"), emg: by("emg") }, () => ({
@@ -182,6 +182,8 @@ function tellResponse() {
   const condition = ramps?.conditions.find((own) => conditionName(own) === by("shown").value);
   const fit = condition ? null : sessionHistory?.last_fit;
   const values = fit?.values && hello ? hello.quantities.map(({ name, sign, unit }) => [sign, `${fit.shown[name]} ${unit}`]) : [];
+  const trial = values.length ? sessionHistory.trials.find((own) => own.number === fit.trial && !own.practice) : null;
+  if (trial && "response_s" in trial) values.push(["reflex", `${latency(trial)} ms`]);
   list("values", values);
   if (condition) {
     const trials = condition.ramps.map((ramp) => ramp.trial).join(", ");

@@ -41,11 +41,17 @@ export function writeHeads(quantities) {
   }
 }
 
+/// Latency of the reflex response of a trial in ms: of one without a response a dash, of one without EMG nothing.
+export const latency = ({ response_s: response }) => (response === undefined ? "" : response === null ? "–" : (1e3 * response).toFixed(1));
+
 const name = (trial) => `${trial.practice ? "p" : ""}${trial.number}`;
 
 export function tellTrials({ trials, queue }, mark) {
   const rows = by("trial-rows");
   const made = document.createElement("tbody");
+  // The column is there where EMG is measured.
+  const hasEmg = trials.some((trial) => "response_s" in trial);
+  by("latency-head").hidden = !hasEmg;
   for (const trial of trials) {
     const row = made.insertRow();
     const outcome = trial.status ?? "under way";
@@ -53,7 +59,8 @@ export function tellTrials({ trials, queue }, mark) {
     const reason = trial.status && trial.status !== "ok" ? ` (${trial.reason.replaceAll("_", " ")})` : "";
     const values = OF_TRIALS.map((quantity) => trial.shown?.[quantity] ?? "");
     if (trial.no_fit) values[OF_TRIALS.length - 1] = "no fit";
-    cells(row, [name(trial), trial.velocity_rad_s, trial.torque_nm, outcome + reason, ...values]);
+    const reflex = hasEmg ? [latency(trial)] : [];
+    cells(row, [name(trial), trial.velocity_rad_s, trial.torque_nm, outcome + reason, ...reflex, ...values]);
     row.title = trial.no_fit ?? "";
     row.cells[3].className = "words";
   }
@@ -62,7 +69,7 @@ export function tellTrials({ trials, queue }, mark) {
     row.className = "next";
     const again = trial.rejections ? ", again" : "";
     const when = place ? `${place + 1} of ${queue.length}${again}` : `next${again}`;
-    cells(row, [trial.practice ? "p" : "", trial.velocity_rad_s, trial.torque_nm, when, ...OF_TRIALS.map(() => "")]);
+    cells(row, [trial.practice ? "p" : "", trial.velocity_rad_s, trial.torque_nm, when, ...(hasEmg ? [""] : []), ...OF_TRIALS.map(() => "")]);
     row.cells[3].className = "words";
   });
   const place = rows.closest(".scroll");
