@@ -3,7 +3,8 @@
 use super::ReportSection;
 use crate::report::figures;
 use crate::report::input::ReportInput;
-use crate::report::rest_torque::{drift_nm, rest_torques};
+use crate::report::rest_torque::{RestTorque, drift_nm, rest_torques};
+use crate::report::table::{Cell, HtmlTable};
 
 /// The section; `None` if no record begins at rest.
 pub fn torque_at_rest(input: &ReportInput) -> Option<ReportSection> {
@@ -11,6 +12,7 @@ pub fn torque_at_rest(input: &ReportInput) -> Option<ReportSection> {
     rests.first()?;
     let mut section = ReportSection::new("rest", "Torque at rest");
     section.figure(figures::torque_at_rest(&rests));
+    section.html += &table(&rests).html();
     if let Some(drift_nm) = drift_nm(&rests) {
         let drift = format!(
             "From the first third of the trials to the last, the torque at rest drifts by {drift_nm:.3} N m (medians)."
@@ -35,4 +37,17 @@ pub fn torque_at_rest(input: &ReportInput) -> Option<ReportSection> {
          Neither it nor the torque shown here changes a number of the fit.",
     );
     Some(section)
+}
+
+/// The torque at rest, trial by trial.
+fn table(rests: &[RestTorque]) -> HtmlTable {
+    let row = |rest: &RestTorque| {
+        vec![Cell::Number(rest.trial.to_string()), Cell::Spread(Some(rest.mean_nm), Some(rest.sd_nm))]
+    };
+    HtmlTable {
+        caption: "Torque at rest by trial".into(),
+        head: ["trial", "torque (N m), mean ± SD of the samples"].map(String::from).to_vec(),
+        rows: rests.iter().map(row).collect(),
+        note: None,
+    }
 }
