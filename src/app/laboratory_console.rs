@@ -4,7 +4,7 @@
 //! second is late, because what was chosen has another number by then.
 
 use std::panic::resume_unwind;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Receiver;
@@ -16,7 +16,7 @@ use crate::console::{
     Choice, ConsoleError, LaboratoryControls, LaboratoryPublisher, LaboratoryRequest, LaboratoryView,
     ListedCheck, Notice, Outcome, Part,
 };
-use crate::dataset::Wrist;
+use crate::dataset::{SessionCard, Wrist};
 use crate::files;
 use crate::protocol::ValidProtocol;
 
@@ -24,8 +24,8 @@ use super::laboratory_checks::{Chosen, checks};
 use super::laboratory_lists::LaboratoryLists;
 use super::laboratory_sessions::LaboratorySessions;
 use super::{
-    Console, ConsoleOptions, Failure, NewSessionFolder, Pace, PageOptions, RequestedSubject, SessionRequest,
-    draw_seed, stop_on_signals,
+    Console, ConsoleOptions, Failure, NewSessionFolder, Pace, PageOptions, RequestedSubject, ResumeRequest,
+    SessionRequest, draw_seed, stop_on_signals, stored_streams,
 };
 
 /// Time between two looks at the folder, and at whether the program is to end.
@@ -87,23 +87,35 @@ impl LaboratoryConsole {
         while !stop.load(Ordering::Relaxed) {
             let request = requests.recv_timeout(FOLDER_LOOK_PERIOD).ok();
             desk.look(LaboratoryLists::read(&self.folder));
-            match request {
-                Some(LaboratoryRequest::Choose { part, name }) => desk.choose(part, name),
-                Some(LaboratoryRequest::Begin { number }) if desk.may_begin(number) => {
-                    self.publish(&publisher, &desk, &sessions, true);
-                    // Nothing else is to use the disk while a session runs.
-                    drop(sessions);
-                    let ended = self.run_session(&desk, &server, console);
-                    sessions = LaboratorySessions::read(self.sessions());
-                    desk.end_session(ended);
-                    refuse_late(&requests, console);
-                    self.publish(&publisher, &desk, &sessions, false);
-                    server.display().show(content());
-                    continue;
+            let asked = match request {
+                Some(LaboratoryRequest::Choose { part, name }) => {
+                    desk.choose(part, name);
+                    None
                 }
-                Some(LaboratoryRequest::Begin { .. }) | None => {}
-            }
+                Some(LaboratoryRequest::Begin { number }) => {
+                    desk.may_begin(number).then_some(RequestedRun::New)
+                }
+                Some(LaboratoryRequest::Resume { session }) => desk.unfinished(&sessions, &session),
+                None => None,
+            };
+            let Some(asked) = asked else {
+                self.publish(&publisher, &desk, &sessions, false);
+                continue;
+            };
+            self.publish(&publisher, &desk, &sessions, true);
+            // Nothing else is to use the disk while a session runs.
+            drop(sessions);
+            let ended = match asked {
+                RequestedRun::New => self.run_session(&desk, &server, console),
+                RequestedRun::Resumed { folder, subject } => {
+                    self.resume_session(&folder, &subject, &server, console)
+                }
+            };
+            sessions = LaboratorySessions::read(self.sessions());
+            desk.end_session(ended);
+            refuse_late(&requests, console);
             self.publish(&publisher, &desk, &sessions, false);
+            server.display().show(content());
         }
         Ok(())
     }
@@ -175,31 +187,73 @@ impl LaboratoryConsole {
             }
             .run(console)
         };
-        // A thread of its own: whatever a session asked of the system for its thread ends with it.
-        let ended = thread::scope(|scope| {
-            let thread = thread::Builder::new().name("session".to_owned()).stack_size(SESSION_STACK_BYTES);
-            match thread.spawn_scoped(scope, run) {
-                Ok(session) => session.join().unwrap_or_else(|panic| resume_unwind(panic)),
-                Err(error) => Err(ConsoleError::Start(error).into()),
+        let ended = on_own_thread(run);
+        how_it_ended(ended, &subject.id, &folder, console)
+    }
+
+    /// Goes on with an unfinished session, as `ramphold resume` does; says how it ended.
+    fn resume_session(&self, folder: &Path, subject: &str, server: &Server, console: &Console) -> Notice {
+        let run = || -> Result<(), Failure> {
+            let hand = SessionCard::read(folder)?.about.hand;
+            // The library is refused where nothing needs it, and other sessions of the console may need it.
+            let library = self.lsl_library.as_deref();
+            let library = if stored_streams(folder)?.is_empty() { None } else { library };
+            ResumeRequest {
+                session: folder,
+                // Only the page arms a motor, and it asks.
+                is_confirmed: false,
+                home_here: false,
+                hide: None,
+                pace: self.pace,
+                lsl_library: library,
+                console: &self.options(hand, server),
             }
-        });
-        let (id, shown) = (&subject.id, folder.display());
-        match ended {
-            Ok(()) => Notice {
-                text: format!(
-                    "The session of {id} is over. Its results are in {}",
-                    folder.join("results").display()
-                ),
-                is_alarm: false,
-            },
-            Err(failure) => {
-                console.error(&failure);
-                let what = match files::exists(&folder) {
-                    true => format!("The session of {id} in {shown}"),
-                    false => format!("No session of {id} has begun"),
-                };
-                Notice { text: format!("{what}: {failure}"), is_alarm: true }
-            }
+            .run(console)
+        };
+        how_it_ended(on_own_thread(run), subject, folder, console)
+    }
+}
+
+/// What a page asked for.
+enum RequestedRun {
+    /// A session with what is chosen.
+    New,
+    /// An unfinished session of the list.
+    Resumed {
+        /// Its folder.
+        folder: PathBuf,
+        /// Its subject.
+        subject: String,
+    },
+}
+
+/// Runs a session on a thread of its own: whatever it asked of the system for its thread ends with it.
+fn on_own_thread(run: impl FnOnce() -> Result<(), Failure> + Send) -> Result<(), Failure> {
+    thread::scope(|scope| {
+        let thread = thread::Builder::new().name("session".to_owned()).stack_size(SESSION_STACK_BYTES);
+        match thread.spawn_scoped(scope, run) {
+            Ok(session) => session.join().unwrap_or_else(|panic| resume_unwind(panic)),
+            Err(error) => Err(ConsoleError::Start(error).into()),
+        }
+    })
+}
+
+fn how_it_ended(ended: Result<(), Failure>, subject: &str, folder: &Path, console: &Console) -> Notice {
+    match ended {
+        Ok(()) => Notice {
+            text: format!(
+                "The session of {subject} is over. Its results are in {}",
+                folder.join("results").display()
+            ),
+            is_alarm: false,
+        },
+        Err(failure) => {
+            console.error(&failure);
+            let what = match files::exists(folder) {
+                true => format!("The session of {subject} in {}", folder.display()),
+                false => format!("No session of {subject} has begun"),
+            };
+            Notice { text: format!("{what}: {failure}"), is_alarm: true }
         }
     }
 }
@@ -207,7 +261,7 @@ impl LaboratoryConsole {
 /// Takes what pages asked while the session was being made or ran; nothing of it is done.
 fn refuse_late(requests: &Receiver<LaboratoryRequest>, console: &Console) {
     for request in requests.try_iter() {
-        if matches!(request, LaboratoryRequest::Begin { .. }) {
+        if matches!(request, LaboratoryRequest::Begin { .. } | LaboratoryRequest::Resume { .. }) {
             console.message("a second page asked to begin a session at the same time; only one was begun");
         }
     }
@@ -291,6 +345,16 @@ impl Desk {
         };
         self.notice = Some(Notice { text: why.to_owned(), is_alarm: true });
         false
+    }
+
+    /// The unfinished session of that name; otherwise the notice says why none goes on.
+    fn unfinished(&mut self, sessions: &LaboratorySessions, name: &str) -> Option<RequestedRun> {
+        let Some((folder, subject)) = sessions.unfinished(name) else {
+            let text = "No session goes on: the list has no unfinished session of that name".to_owned();
+            self.notice = Some(Notice { text, is_alarm: true });
+            return None;
+        };
+        Some(RequestedRun::Resumed { folder, subject: subject.unwrap_or_default() })
     }
 
     /// After a session the next subject is chosen anew.

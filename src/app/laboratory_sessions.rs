@@ -9,11 +9,14 @@ use crate::console::{ListedSession, lower_thread_priority};
 use crate::dataset::{is_session, session_folders};
 use crate::files::Folder;
 
-use super::session_state::SessionSummary;
+use super::session_state::{SessionState, SessionSummary};
+
+/// A session: its folder, and what the page shows of it.
+type FoundSession = (PathBuf, ListedSession);
 
 /// Reads the sessions in a folder; dropped, it stops.
 pub struct LaboratorySessions {
-    found: Arc<Mutex<Option<Vec<ListedSession>>>>,
+    found: Arc<Mutex<Option<Vec<FoundSession>>>>,
     stop: Arc<AtomicBool>,
     reader: Option<JoinHandle<()>>,
 }
@@ -36,7 +39,17 @@ impl LaboratorySessions {
 
     /// The sessions; `None` while they are being read.
     pub fn found(&self) -> Option<Vec<ListedSession>> {
-        self.found.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        let found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
+        Some(found.as_ref()?.iter().map(|(_, listed)| listed.clone()).collect())
+    }
+
+    /// Folder and subject of the unfinished session of that name; `None` where the list has no such one, or several.
+    pub fn unfinished(&self, name: &str) -> Option<(PathBuf, Option<String>)> {
+        let found = self.found.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut named = found.as_ref()?.iter().filter(|(_, listed)| listed.session == name);
+        let (folder, listed) = named.next()?;
+        let is_it = named.next().is_none() && listed.state == SessionState::Unfinished.name();
+        is_it.then(|| (folder.clone(), listed.subject.clone()))
     }
 }
 
@@ -50,24 +63,25 @@ impl Drop for LaboratorySessions {
     }
 }
 
-fn sessions(folder: &Path, stop: &AtomicBool) -> Vec<ListedSession> {
+fn sessions(folder: &Path, stop: &AtomicBool) -> Vec<FoundSession> {
     let mut folders = session_folders(&[folder.to_owned()]).unwrap_or_else(|error| {
         tracing::warn!("{error}");
         Vec::new()
     });
     folders.retain(|folder| Folder::open(folder).is_ok_and(|folder| is_session(&folder)));
     folders.sort_by(|a, b| natord::compare(&a.to_string_lossy(), &b.to_string_lossy()));
-    folders.iter().take_while(|_| !stop.load(Ordering::Relaxed)).map(|folder| listed(folder)).collect()
+    folders.into_iter().take_while(|_| !stop.load(Ordering::Relaxed)).map(listed).collect()
 }
 
-fn listed(folder: &Path) -> ListedSession {
-    let summary = SessionSummary::of(folder);
-    ListedSession {
+fn listed(folder: PathBuf) -> FoundSession {
+    let summary = SessionSummary::of(&folder);
+    let listed = ListedSession {
         session: folder.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         started_utc: summary.started_utc,
         subject: summary.subject,
         trials: [summary.trials_ok, summary.trials],
         state: summary.state.name(),
         reasons: summary.reasons,
-    }
+    };
+    (folder, listed)
 }

@@ -78,4 +78,9 @@ pub enum Request {
         /// Number of the view that the operator saw; of another one nothing begins.
         number: u64,
     },
+    /// Go on with an unfinished session of the laboratory.
+    Resume {
+        /// Its name in the list.
+        session: String,
+    },
 }

@@ -157,6 +157,11 @@ pub enum LaboratoryRequest {
         /// The number.
         number: u64,
     },
+    /// Go on with an unfinished session.
+    Resume {
+        /// Its name in the list.
+        session: String,
+    },
 }
 
 /// Passes the requests of operators' pages on to the program.
@@ -176,6 +181,7 @@ impl Controls for LaboratoryControls {
         let request = match request {
             Request::Choose { part, name } => LaboratoryRequest::Choose { part, name },
             Request::Begin { number } => LaboratoryRequest::Begin { number },
+            Request::Resume { session } => LaboratoryRequest::Resume { session },
             // The others are for a session.
             _ => return,
         };

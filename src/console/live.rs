@@ -302,7 +302,7 @@ impl Controls for SessionControls {
                     self.commands.record(OperatorAction::Noted { text, clock }, origin);
                 }
             }
-            Request::Begin { .. } => self
+            Request::Begin { .. } | Request::Resume { .. } => self
                 .commands
                 .alarm("a page asked to begin another session: this one runs, and the other was not begun"),
             // Not an operator's command, not confirmed, or meant for a recording or a laboratory.

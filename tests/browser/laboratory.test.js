@@ -105,6 +105,16 @@ test("two sessions are chosen, begun, run and left from one page, and nothing mo
   await page.reload();
   await page.locator("#notice.alarm", { hasText: "S01" }).waitFor();
   await page.locator("#sessions tr.state-unfinished", { hasText: "S01" }).waitFor();
+  await picture(page, "unfinished");
+  // It goes on by a click, waits for the operator again, and is run to its end.
+  await page.getByRole("button", { name: /^resume protocol-S01-/ }).click();
+  await page.locator("#phase", { hasText: /^ready$/ }).waitFor();
+  assert.match(await page.locator("#facts").textContent(), /left wrist/);
+  await page.keyboard.press("s");
+  await page.locator("#over", { hasText: /The session of S01 is over. Its results are in .*results$/ }).waitFor();
+  await page.keyboard.press("Enter");
+  await page.locator("#sessions tr.state-fitted", { hasText: "S01" }).waitFor();
+  assert.equal(await page.locator("#sessions button").count(), 0);
   assert.equal(await program.stop(), 0);
   await page.locator("#line", { hasText: "the program has ended" }).waitFor();
   assert.ok(await page.locator("#begin").isDisabled());

@@ -38,7 +38,7 @@ export class Laboratory {
     by("notice").hidden = !notice;
     by("notice").textContent = notice?.text ?? "";
     by("notice").className = notice?.is_alarm ? "alarm" : "done";
-    this.make("sessions", view.sessions, () => (view.sessions ?? []).map(session));
+    this.make("sessions", view.sessions, () => (view.sessions ?? []).map((own) => this.session(own)));
     by("session-note").textContent = view.sessions === null ? "being read" : String(view.sessions.length || "none yet");
     this.able();
   }
@@ -47,6 +47,9 @@ export class Laboratory {
     const { may_begin: mayBegin, is_beginning: isBeginning } = this.view;
     document.querySelectorAll("#choices select").forEach((select) => {
       select.disabled = !this.isConnected || isBeginning;
+    });
+    document.querySelectorAll("#sessions button").forEach((button) => {
+      button.disabled = !this.isConnected || isBeginning;
     });
     by("begin").disabled = !this.isConnected || !mayBegin;
     by("begin-note").textContent = isBeginning
@@ -71,6 +74,22 @@ export class Laboratory {
     select.addEventListener("change", () => this.send({ choose: { part, name: select.value || null } }));
     return element("label", {}, element("span", { textContent: NAMES[part] }), select);
   }
+
+  session({ session: name, started_utc: began, subject, trials, state, reasons }) {
+    const row = document.createElement("tr");
+    row.className = `state-${state}`;
+    row.title = reasons.join("\n");
+    const when = began?.replace("T", " ").replace(/:\d\dZ$/, "") ?? "–";
+    for (const value of [name, when, subject ?? "–", trials.join("/"), state]) row.insertCell().textContent = value;
+    for (const place of [0, 1, 2, 4]) row.cells[place].className = "words";
+    if (state === "unfinished") {
+      const resume = element("button", { type: "button", textContent: "Resume" });
+      resume.setAttribute("aria-label", `resume ${name}`);
+      resume.addEventListener("click", () => this.send({ resume: { session: name } }));
+      row.cells[4].append(" ", resume);
+    }
+    return row;
+  }
 }
 
 function check({ name, outcome, text }) {
@@ -78,14 +97,4 @@ function check({ name, outcome, text }) {
   sign.setAttribute("role", "img");
   sign.setAttribute("aria-label", outcome);
   return element("li", { className: outcome }, sign, element("span", { className: "what", textContent: name }), element("span", { textContent: text }));
-}
-
-function session({ session: name, started_utc: began, subject, trials, state, reasons }) {
-  const row = document.createElement("tr");
-  row.className = `state-${state}`;
-  row.title = reasons.join("\n");
-  const when = began?.replace("T", " ").replace(/:\d\dZ$/, "") ?? "–";
-  for (const value of [name, when, subject ?? "–", trials.join("/"), state]) row.insertCell().textContent = value;
-  for (const place of [0, 1, 2, 4]) row.cells[place].className = "words";
-  return row;
 }

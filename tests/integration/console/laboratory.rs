@@ -260,3 +260,78 @@ fn a_motor_that_cannot_be_reached_begins_nothing_and_the_page_says_why() {
     assert!(notice(&over).contains("/dev/no-such-adapter"), "{over}");
     assert_eq!((over["is_beginning"].clone(), sessions(&program)), (json!(false), Vec::new()));
 }
+
+fn resume(page: &mut Socket, session: &str) {
+    page.send(&json!({ "resume": { "session": session } }));
+}
+
+/// The view in which a session has a state.
+fn listed(page: &mut Socket, session: &str, state: &str) -> Value {
+    view(page, state, |view| {
+        let sessions = view["sessions"].as_array();
+        sessions.is_some_and(|own| own.iter().any(|own| own["session"] == session && own["state"] == state))
+    })
+}
+
+/// Begins a session of S01 and ends it after its first trial; its name.
+fn unfinished(program: &Program, page: &mut Socket) -> String {
+    let green = all_green(page, "S01");
+    begin(page, &green);
+    page.phase("ready");
+    page.word("start");
+    page.until("a trial", |message| message["kind"] == "now" && message["done"] == 1);
+    page.send(&json!({ "word": { "word": "abort", "sure": true } }));
+    view(page, "the laboratory", |view| notice(view).contains("S01"));
+    sessions(program).remove(0)
+}
+
+#[test]
+fn an_unfinished_session_of_the_list_goes_on_by_a_click_and_waits_for_the_operator() {
+    let program = Program::laboratory(SUBJECTS, &["--speed", "20"]);
+    let mut operator = program.operator.live();
+    let name = unfinished(&program, &mut operator);
+    listed(&mut operator, &name, "unfinished");
+    resume(&mut operator, &name);
+    let hello = operator.until("the session", |message| message["kind"] == "hello");
+    assert_eq!((&hello["subject"], &hello["wrist"]), (&json!("S01"), &json!("left")));
+    // It has what was done, and nothing moves before the operator arms it.
+    let waits = operator.until("the session", |message| message["kind"] == "now");
+    assert_eq!((&waits["phase"], &waits["done"]), (&json!("ready"), &json!(1)));
+    operator.word("start");
+    operator.phase("finished");
+    let over = view(&mut operator, "the laboratory again", |_| true);
+    assert!(notice(&over).contains("session of S01 is over"), "{over}");
+    listed(&mut operator, &name, "fitted");
+    assert_eq!(sessions(&program), [name.clone()]);
+    // A session that is over has nothing to go on with.
+    resume(&mut operator, &name);
+    view(&mut operator, "a refusal", |view| notice(view).contains("no unfinished session of that name"));
+}
+
+#[test]
+fn no_session_goes_on_that_is_not_an_unfinished_one_of_the_list_or_whose_files_were_changed() {
+    let program = Program::laboratory(SUBJECTS, &["--speed", "20"]);
+    let mut operator = program.operator.live();
+    let name = unfinished(&program, &mut operator);
+    listed(&mut operator, &name, "unfinished");
+    for other in ["", ".", "..", "../sessions", "/", &format!("./{name}"), &format!("{name}/trials")] {
+        resume(&mut operator, other);
+        view(&mut operator, other, |view| notice(view).contains("no unfinished session of that name"));
+        choose(&mut operator, "subject", "S02");
+        view(&mut operator, "the choice", |view| view["notice"].is_null());
+        choose(&mut operator, "subject", "S01");
+    }
+    // The checks of `ramphold resume`: the rig must be that of the beginning.
+    let rig = program.session.join(&name).join("rig.json");
+    let journal = fs::read(program.session.join(&name).join("journal.log")).unwrap();
+    let changed = fs::read_to_string(&rig).unwrap().replacen("virtual", "virtual ", 1);
+    fs::write(&rig, changed).unwrap();
+    resume(&mut operator, &name);
+    let over = view(&mut operator, "why not", |view| notice(view).contains("rig.json"));
+    assert_eq!((&over["notice"]["is_alarm"], &over["is_beginning"]), (&json!(true), &json!(false)), "{over}");
+    assert_eq!(fs::read(program.session.join(&name).join("journal.log")).unwrap(), journal);
+    // The subject's page asks for nothing.
+    let mut subject = program.subject.live();
+    resume(&mut subject, &name);
+    assert_eq!(subject.closed(), "the subject's page gives no commands");
+}
