@@ -65,7 +65,9 @@ pub const MISTAKES: [Mistake; 29] = [
         }
         true
     }),
-    mistake("two records with different torques exchanged", |s| exchange(s, |a, b| a.torque_nm != b.torque_nm)),
+    mistake("two records with different torques exchanged", |s| {
+        exchange(s, |a, b| a.torque_nm != b.torque_nm)
+    }),
     mistake("two records with different speeds exchanged", |s| {
         exchange(s, |a, b| a.velocity_rad_s.abs() > 1.2 * b.velocity_rad_s.abs())
     }),

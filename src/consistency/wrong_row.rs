@@ -98,6 +98,8 @@ struct InLevel<'a> {
     measured: f64,
     /// Middle of the trials that state the same.
     middle: f64,
+    /// Whether the trial counts for that middle.
+    is_of_level: bool,
 }
 
 /// What was measured in trials, by what they state.
@@ -116,13 +118,16 @@ impl<'a> Levels<'a> {
             let alike = trials.iter().filter(|other| side(other) == side(trial) && value(other).0 == stated);
             let all: Vec<f64> = alike.map(|other| value(other).1).collect();
             let of_stated_sign: Vec<f64> = all.iter().copied().filter(|own| own * stated > 0.0).collect();
-            let enough = |values: &Vec<f64>| values.len() >= LEVEL_TRIALS;
-            let level = if enough(&of_stated_sign) { of_stated_sign } else { all };
-            enough(&level).then(|| InLevel { trial, measured, middle: median(&level) })
+            // A gauge with an offset may turn the sign of most.
+            let level = if 2 * of_stated_sign.len() >= all.len() { &of_stated_sign } else { &all };
+            let (middle, is_of_level) = (median(level), level.contains(&measured));
+            (all.len() >= LEVEL_TRIALS).then_some(InLevel { trial, measured, middle, is_of_level })
         };
         let trials: Vec<InLevel> = trials.iter().filter_map(in_level).collect();
-        let off: Vec<f64> = trials.iter().map(|own| (own.measured - own.middle).abs()).collect();
-        let sd = SD_BY_MEDIAN * median(&off);
+        // The trial in the middle of its level says nothing of the scatter.
+        let off = trials.iter().filter(|own| own.is_of_level && own.measured != own.middle);
+        let sd =
+            SD_BY_MEDIAN * median(&off.map(|own| (own.measured - own.middle).abs()).collect::<Vec<f64>>());
         Self { trials, sd }
     }
 

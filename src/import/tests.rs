@@ -259,7 +259,7 @@ fn a_name_that_two_columns_have_says_of_neither_what_it_is() {
     let mut twice = table("t1.csv", columns(1.3));
     twice.columns.push(("Pos".into(), columns(2.6)[1].clone()));
     let told = import(vec![twice], &mapping()).unwrap_err().to_string();
-    assert!(told.contains("t1.csv has several columns \"Pos\" (rename all but one)"), "{told}");
+    assert!(told.contains("t1.csv: has several columns \"Pos\" (rename all but one)"), "{told}");
 }
 
 #[test]
@@ -268,11 +268,11 @@ fn a_ramp_too_near_to_the_ends_of_a_long_record_is_left_out_and_told() {
     let mut long = table("long", long.collect::<Vec<_>>().try_into().unwrap());
     long.columns[0].1 = (0..2 * SAMPLES).map(|i| i as f64).collect();
     long.columns[1].1[SAMPLES..].iter_mut().for_each(|angle| *angle -= 0.14_f64.to_degrees());
-    let long_record = LongRecord { ramp_column: None, threshold: 0.5, before_s: 0.8, after_s: 0.25 };
+    let long_record = LongRecord { ramp_column: None, threshold: 0.5, before_s: 0.6, after_s: 0.25 };
     let imported = import(vec![long], &Mapping { long_record: Some(long_record), ..mapping() }).unwrap();
     assert_eq!(imported.sources.len(), 1);
     assert!(
-        imported.left_out[0].contains("expected long_record.before_s (0.8 s)"),
+        imported.left_out[0].contains("expected long_record.before_s (0.6 s)"),
         "{:?}",
         imported.left_out
     );
