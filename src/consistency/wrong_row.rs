@@ -144,11 +144,13 @@ impl<'a> Levels<'a> {
             if off <= within {
                 return None;
             }
-            let is_of =
-                |other: &InLevel| other.middle != own.middle && (own.measured - other.middle).abs() <= within;
-            let wrong = if self.trials.iter().any(is_of) {
+            // Rows whose scatters overlap tell nothing of a single trial.
+            let is_at = |middle: f64| {
+                (own.measured - middle).abs() <= within && (middle - own.middle).abs() > 2.0 * within
+            };
+            let wrong = if self.trials.iter().any(|other| is_at(other.middle)) {
                 WrongRow::Exchanged
-            } else if (own.measured + own.middle).abs() <= within {
+            } else if is_at(-own.middle) {
                 WrongRow::SignTurned
             } else if off > (UNIT_FACTOR - 1.0) * own.middle.abs() {
                 WrongRow::Unit
