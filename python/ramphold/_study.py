@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
+import tempfile
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,7 +51,7 @@ class Study:
         self,
         client: Any = None,
         *,
-        out: str | Path,
+        out: str | Path | None = None,
         resume: bool = False,
         progress: Callable[[int, int], object] | None = None,
     ) -> Study:
@@ -56,7 +59,8 @@ class Study:
 
         client: a `distributed.Client`, whose workers must see study file and `out` under the same paths, and have this package;
             None computes here, on all cores. The results are the same bytes.
-        out: the study's folder, which gets what `ramphold cohort` writes, except the report and the folders of sessions.
+        out: the study's folder, which gets what `ramphold cohort` writes, except the report and the folders of sessions. None is a
+            temporary folder, which goes with the study; workers of a client must then be on this machine.
         resume: go on in a folder in which the same study was begun.
         progress: called with the number of parts that are done, and of all.
 
@@ -65,6 +69,12 @@ class Study:
         if client is not None and not hasattr(client, "map"):
             raise InputError(f"client: {type(client).__name__}; expected a distributed.Client or None")
         heard = listener(progress)
+        if out is None:
+            if flag(resume, "resume"):
+                raise InputError("resume: True without out; expected the folder in which the study was begun")
+            temporary = tempfile.mkdtemp(prefix="ramphold-")
+            weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
+            out = Path(temporary) / "study"
         folder = Path(path(out, "out")).resolve()
         self._native.begin(folder, flag(resume, "resume"))
         pending = self._native.pending(folder)

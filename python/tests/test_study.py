@@ -70,4 +70,16 @@ def test_a_study_on_dask_has_the_same_bytes(study_file, by_the_program, tmp_path
 
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster, Client(cluster) as client:
         ramphold.Study(study_file, 5).compute(client, out=tmp_path / "out")
+        without_a_folder = ramphold.Study(study_file, 5).compute(client)
+        assert same(without_a_folder.folder, by_the_program)
     assert same(tmp_path / "out", by_the_program)
+
+
+def test_a_study_without_a_folder_keeps_its_tables_as_long_as_it_lives(study_file, by_the_program):
+    study = ramphold.Study(study_file, 5).compute()
+    folder = study.folder
+    assert same(folder, by_the_program)
+    with pytest.raises(ramphold.InputError, match="without out"):
+        ramphold.Study(study_file, 5).compute(resume=True)
+    del study
+    assert not folder.exists()
