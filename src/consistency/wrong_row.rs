@@ -24,61 +24,30 @@ const UNIT_FACTOR: f64 = 5.0;
 /// What single trials say against their rows.
 pub fn check_rows(trials: &[MeasuredTrial]) -> Vec<Contradiction> {
     let speeds = Levels::of(trials, |trial| (trial.stated_speed_rad_s, trial.speed_rad_s));
+    // Ramps of the wrong direction or of a speed that no unit explains are found without the other rows.
+    let speed = speeds.contradiction(&[WrongRow::Exchanged], |measured, number| Told {
+        check: SignalCheck::RampSpeed,
+        column: "velocity_rad_s",
+        measured: format!("the ramp of trial {number} has {measured} rad/s"),
+        unit: "rad/s",
+    });
     let torques = Levels::of(trials, |trial| (trial.stated_torque_nm, trial.hold_nm));
-    let speed = |trial: &MeasuredTrial, wrong: WrongRow| {
-        matches!(wrong, WrongRow::Exchanged).then(|| {
-            let measured = format!(
-                "the ramp of trial {} has {} rad/s, as those of other rows have",
-                trial.number,
-                rounded(trial.speed_rad_s)
-            );
-            (measured, format!("{} rad/s, as the other ramps of its row", rounded(speeds.middle_of(trial))))
-        })
-    };
-    let torque = |trial: &MeasuredTrial, wrong: WrongRow| {
-        let as_what = match wrong {
-            WrongRow::Exchanged => ", as in trials of other rows",
-            WrongRow::SignTurned | WrongRow::Unit => "",
-        };
-        let measured = format!(
-            "the torque before the ramp of trial {} is {} N m{as_what}",
-            trial.number,
-            rounded(trial.hold_nm)
-        );
-        Some((
-            measured,
-            format!("{} N m, as in the other trials of its row", rounded(torques.middle_of(trial))),
-        ))
-    };
-    let speed = contradiction(&speeds, SignalCheck::RampSpeed, "velocity_rad_s", &speed);
-    let torque = contradiction(&torques, SignalCheck::SteadyTorque, "torque_nm", &torque);
+    let kinds = [WrongRow::Exchanged, WrongRow::SignTurned, WrongRow::Unit];
+    let torque = torques.contradiction(&kinds, |measured, number| Told {
+        check: SignalCheck::SteadyTorque,
+        column: "torque_nm",
+        measured: format!("the torque before the ramp of trial {number} is {measured} N m"),
+        unit: "N m",
+    });
     speed.into_iter().chain(torque).collect()
 }
 
-/// One contradiction for all trials that are wrong in the same way as the first of them.
-fn contradiction(
-    levels: &Levels,
+/// What a message says of a quantity.
+struct Told {
     check: SignalCheck,
-    column: &str,
-    say: &dyn Fn(&MeasuredTrial, WrongRow) -> Option<(String, String)>,
-) -> Option<Contradiction> {
-    let wrong: Vec<(&MeasuredTrial, WrongRow)> = levels.wrong().collect();
-    let (first, kind) = wrong.iter().find(|(trial, kind)| say(trial, *kind).is_some())?;
-    let (measured, stated) = say(first, *kind)?;
-    let likely_mistake = match kind {
-        WrongRow::Exchanged => "Is another record in its row, or were rows exchanged?",
-        WrongRow::SignTurned => "Is its sign turned?",
-        WrongRow::Unit => "Is it in another unit, or did the gauge fail?",
-    };
-    Some(Contradiction {
-        check,
-        place: format!("trials.csv, column {column}"),
-        trials: wrong.iter().filter(|(_, own)| own == kind).map(|(trial, _)| trial.number).collect(),
-        measured,
-        stated,
-        likely_mistake: Some(likely_mistake.into()),
-        remedy: format!("Correct {column} or file, or set the status of the trial to rejected."),
-    })
+    column: &'static str,
+    measured: String,
+    unit: &'static str,
 }
 
 /// How a record is not that of its row.
@@ -131,13 +100,31 @@ impl<'a> Levels<'a> {
         Self { trials, sd }
     }
 
-    /// Middle of the trials that state the same as `trial`.
-    fn middle_of(&self, trial: &MeasuredTrial) -> f64 {
-        self.trials.iter().find(|own| own.trial.number == trial.number).map_or(f64::NAN, |own| own.middle)
+    /// One contradiction for all trials that are wrong in the same way as the first that is so in one of the ways `kinds`.
+    fn contradiction(&self, kinds: &[WrongRow], say: impl Fn(String, u32) -> Told) -> Option<Contradiction> {
+        let wrong: Vec<(&InLevel, WrongRow)> = self.wrong().collect();
+        let (first, kind) = *wrong.iter().find(|(_, kind)| kinds.contains(kind))?;
+        let Told { check, column, measured, unit } = say(rounded(first.measured), first.trial.number);
+        let likely_mistake = match kind {
+            WrongRow::Exchanged => {
+                "Other rows have that: is another record in its row, or were rows exchanged?"
+            }
+            WrongRow::SignTurned => "Is its sign turned?",
+            WrongRow::Unit => "Is it in another unit, or did the gauge fail?",
+        };
+        Some(Contradiction {
+            check,
+            place: format!("trials.csv, column {column}"),
+            trials: wrong.iter().filter(|(_, own)| *own == kind).map(|(own, _)| own.trial.number).collect(),
+            measured,
+            stated: format!("{} {unit}, as in the other trials of its row", rounded(first.middle)),
+            likely_mistake: Some(likely_mistake.into()),
+            remedy: format!("Correct {column} or file, or set the status of the trial to rejected."),
+        })
     }
 
     /// The trials whose record is not that of their row.
-    fn wrong(&self) -> impl Iterator<Item = (&'a MeasuredTrial, WrongRow)> {
+    fn wrong(&self) -> impl Iterator<Item = (&InLevel<'a>, WrongRow)> {
         let within = STANDARD_DEVIATIONS * self.sd;
         self.trials.iter().filter_map(move |own| {
             let off = (own.measured - own.middle).abs();
@@ -157,7 +144,7 @@ impl<'a> Levels<'a> {
             } else {
                 return None;
             };
-            Some((own.trial, wrong))
+            Some((own, wrong))
         })
     }
 }

@@ -15,7 +15,7 @@ pub enum ExportError {
     Dataset(#[from] DatasetError),
     /// An attachment of a session cannot be read.
     #[error(transparent)]
-    Attached(#[from] AttachError),
+    Attached(Box<AttachError>),
     /// The target folder is not empty.
     #[error("{}: is not empty, and an export does not add to existing files; give a new or empty folder", .0.display())]
     NotEmpty(PathBuf),
@@ -104,6 +104,12 @@ pub enum ExportError {
         /// The operating system's reason.
         source: io::Error,
     },
+}
+
+impl From<AttachError> for ExportError {
+    fn from(error: AttachError) -> Self {
+        Self::Attached(Box::new(error))
+    }
 }
 
 impl ExportError {

@@ -64,12 +64,12 @@ fn problems_of(name: &str, kind: SignalKind, signal: &MappedSignal, text: &str) 
             "correct the unit, or name another column"
         };
         problems.push(problem("unit", Some(unit), format!("one of {}", names.join(", ")), advice));
-    } else if kind == SignalKind::Emg && signal.unit != SignalUnit::Mvc && signal.unit != SignalUnit::Percent
+    } else if kind == SignalKind::Emg
+        && !matches!(signal.unit, SignalUnit::Mvc | SignalUnit::Percent)
+        && signal.at_mvc.is_none()
     {
-        if signal.at_mvc.is_none() {
-            let expected = format!("the value at maximal effort, in {}", signal.unit.name());
-            problems.push(problem("at_mvc", None, expected, "EMG is kept as a fraction of maximal effort"));
-        }
+        let expected = format!("the value at maximal effort, in {}", signal.unit.name());
+        problems.push(problem("at_mvc", None, expected, "EMG is kept as a fraction of maximal effort"));
     }
     if let Some(at_mvc) = signal.at_mvc.filter(|own| kind != SignalKind::Emg || *own == 0.0) {
         let expected = if kind == SignalKind::Emg { "a value that is not 0" } else { "no such field" };
