@@ -302,7 +302,7 @@ fn an_unfinished_session_of_the_list_goes_on_by_a_click_and_waits_for_the_operat
     let over = view(&mut operator, "the laboratory again", |_| true);
     assert!(notice(&over).contains("session of S01 is over"), "{over}");
     listed(&mut operator, &name, "fitted");
-    assert_eq!(sessions(&program), [name.clone()]);
+    assert_eq!(sessions(&program), std::slice::from_ref(&name));
     // A session that is over has nothing to go on with.
     resume(&mut operator, &name);
     view(&mut operator, "a refusal", |view| notice(view).contains("no unfinished session of that name"));
