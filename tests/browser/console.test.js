@@ -108,7 +108,7 @@ test("a whole session is run with the mouse: paused, a trial repeated and one sk
   await label(subject.page, "all trials are done");
   // When the session is over each trial has its fit, or the reason why it has none: a busy computer may miss samples.
   const rows = await page.locator("#trial-rows tr.ok").evaluateAll((all) =>
-    all.map((row) => ({ condition: `${row.cells[1].textContent} ${row.cells[2].textContent}`, vaf: row.cells[6].textContent, why: row.title })));
+    all.map((row) => ({ condition: `${row.cells[1].textContent} ${row.cells[2].textContent}`, vaf: row.cells[7].textContent, why: row.title })));
   const fitted = rows.filter(({ why }) => !why.includes("missed some of its samples"));
   assert.equal(rows.length, 7);
   assert.ok(fitted.length > 0 && fitted.every(({ vaf }) => Number(vaf) > 0.98), JSON.stringify(rows));
