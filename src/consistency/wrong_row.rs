@@ -3,6 +3,8 @@
 //! The other trials of the session say what a row means. A gauge with an offset, a gain that is off or a torque that nobody holds exactly do
 //! the same to all trials, so they are no reason.
 
+use std::collections::BTreeSet;
+
 use super::contradiction::Contradiction;
 use super::measured_trial::{MeasuredTrial, median};
 use super::ramp::rounded;
@@ -93,10 +95,12 @@ impl<'a> Levels<'a> {
             (all.len() >= LEVEL_TRIALS).then_some(InLevel { trial, measured, middle, is_of_level })
         };
         let trials: Vec<InLevel> = trials.iter().filter_map(in_level).collect();
-        // The trial in the middle of its level says nothing of the scatter.
-        let off = trials.iter().filter(|own| own.is_of_level && own.measured != own.middle);
-        let sd =
-            SD_BY_MEDIAN * median(&off.map(|own| (own.measured - own.middle).abs()).collect::<Vec<f64>>());
+        let of_level = || trials.iter().filter(|own| own.is_of_level);
+        let mut off: Vec<f64> = of_level().map(|own| (own.measured - own.middle).abs()).collect();
+        off.sort_by(f64::total_cmp);
+        // The trial in the middle of a level says nothing of the scatter.
+        let levels: BTreeSet<u64> = of_level().map(|own| own.middle.to_bits()).collect();
+        let sd = SD_BY_MEDIAN * median(&off[levels.len().min(off.len())..]);
         Self { trials, sd }
     }
 
