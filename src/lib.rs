@@ -72,8 +72,8 @@
 //! | rig | [`rig`] | what moves the wrist and measures it: the virtual wrist, or a motor on a CAN bus |
 //! | session | [`session`] | the experiment as a state machine, and the control loop around it |
 //! | dataset | [`dataset`] | session folders: writing what is run, reading what was measured |
-//! | lsl | [`lsl`] | a running session as streams of Lab Streaming Layer, and streams that are recorded with it |
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
+//! | lsl | [`lsl`] | a running session as streams of Lab Streaming Layer, and streams that are recorded with it |
 //! | import | [`import`] | sessions from foreign recordings |
 //! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
 //! | attach | [`attach`] | recordings of other devices, aligned with the trials of a session |

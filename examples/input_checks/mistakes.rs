@@ -15,7 +15,7 @@ const fn mistake(name: &'static str, make: fn(&mut Session) -> bool) -> Mistake 
 }
 
 /// The mistakes.
-pub const MISTAKES: [Mistake; 29] = [
+pub const MISTAKES: [Mistake; 28] = [
     mistake("angle in degrees", |s| each(s, |t| scale(&mut t.record.theta_m_rad, 57.295_78))),
     mistake("angle in milliradians", |s| each(s, |t| scale(&mut t.record.theta_m_rad, 1e3))),
     mistake("speed in degrees a second", |s| each(s, |t| t.velocity_rad_s *= 57.295_78)),
@@ -77,10 +77,6 @@ pub const MISTAKES: [Mistake; 29] = [
     }),
     mistake("torque of one trial in N cm", |s| {
         scale(&mut s.trials[0].record.torque_l_nm, 100.0);
-        true
-    }),
-    mistake("one record copied", |s| {
-        s.trials[1].record = s.trials[0].record.clone();
         true
     }),
     mistake("EMG of half its size as offset", |s| emg(s, |i, x| 0.1 + if (i / 3) % 2 == 0 { x } else { -x })),

@@ -7,9 +7,7 @@
 //! The limits lie between what honest rigs, gauges and subjects do and what mistakes of units, signs and times do.
 //! `docs/explanation/input-checks.md` gives the reason of each.
 
-mod condition;
 mod contradiction;
-mod copied_record;
 mod emg;
 mod frozen_emg;
 mod frozen_watch;

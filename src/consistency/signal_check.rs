@@ -28,15 +28,11 @@ pub enum SignalCheck {
     EmgFrozen,
     /// Whether the lever can pass on a ramp of some ten milliseconds.
     Lever,
-    /// Whether each label of a condition stands for one velocity and one torque.
-    Condition,
-    /// Whether each trial has a record of its own.
-    CopiedRecord,
 }
 
 impl SignalCheck {
     /// All checks.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 9] = [
         Self::RampSpeed,
         Self::RampDirection,
         Self::Onset,
@@ -46,8 +42,6 @@ impl SignalCheck {
         Self::Emg,
         Self::EmgFrozen,
         Self::Lever,
-        Self::Condition,
-        Self::CopiedRecord,
     ];
 
     /// Name on the command line and in results.
@@ -62,8 +56,6 @@ impl SignalCheck {
             Self::Emg => "emg",
             Self::EmgFrozen => "emg-frozen",
             Self::Lever => "lever",
-            Self::Condition => "condition",
-            Self::CopiedRecord => "copied-record",
         }
     }
 }

@@ -227,23 +227,6 @@ fn torques_that_nobody_held_well_are_not_refused() {
 }
 
 #[test]
-fn a_record_that_is_a_copy_of_another_is_no_repetition() {
-    let copied = |session: &mut Session| session.trials[1].record = session.trials[0].record.clone();
-    assert_named(copied, SignalCheck::CopiedRecord, "trial 2 has the torque of trial 1");
-}
-
-#[test]
-fn a_label_is_that_of_one_condition() {
-    let labelled = |label: fn(&Trial) -> String| each(move |trial| trial.condition = Some(label(trial)));
-    assert_eq!(failed(labelled(|trial| format!("{} {}", trial.velocity_rad_s, trial.torque_nm))), []);
-    assert_named(
-        labelled(|_| "A".into()),
-        SignalCheck::Condition,
-        "\"A\" is a condition of 1.3 rad/s and 0.9 N m",
-    );
-}
-
-#[test]
 fn an_angle_that_no_wrist_has() {
     let elsewhere = each(|t| t.record.theta_m_rad.iter_mut().for_each(|x| *x += std::f64::consts::PI));
     assert_named(elsewhere, SignalCheck::AngleRange, "zeroed elsewhere");

@@ -27,7 +27,7 @@ const UNIT_FACTOR: f64 = 5.0;
 pub fn check_rows(trials: &[MeasuredTrial]) -> Vec<Contradiction> {
     let speeds = Levels::of(trials, |trial| (trial.stated_speed_rad_s, trial.speed_rad_s));
     // Ramps of the wrong direction or of a speed that no unit explains are found without the other rows.
-    let speed = speeds.contradiction(&[WrongRow::Exchanged], |measured, number| Told {
+    let speed = speeds.contradiction(&[WrongRow::Exchanged], |measured, number| RowMessage {
         check: SignalCheck::RampSpeed,
         column: "velocity_rad_s",
         measured: format!("the ramp of trial {number} has {measured} rad/s"),
@@ -35,7 +35,7 @@ pub fn check_rows(trials: &[MeasuredTrial]) -> Vec<Contradiction> {
     });
     let torques = Levels::of(trials, |trial| (trial.stated_torque_nm, trial.hold_nm));
     let kinds = [WrongRow::Exchanged, WrongRow::SignTurned, WrongRow::Unit];
-    let torque = torques.contradiction(&kinds, |measured, number| Told {
+    let torque = torques.contradiction(&kinds, |measured, number| RowMessage {
         check: SignalCheck::SteadyTorque,
         column: "torque_nm",
         measured: format!("the torque before the ramp of trial {number} is {measured} N m"),
@@ -45,7 +45,7 @@ pub fn check_rows(trials: &[MeasuredTrial]) -> Vec<Contradiction> {
 }
 
 /// What a message says of a quantity.
-struct Told {
+struct RowMessage {
     check: SignalCheck,
     column: &'static str,
     measured: String,
@@ -105,10 +105,14 @@ impl<'a> Levels<'a> {
     }
 
     /// One contradiction for all trials that are wrong in the same way as the first that is so in one of the ways `kinds`.
-    fn contradiction(&self, kinds: &[WrongRow], say: impl Fn(String, u32) -> Told) -> Option<Contradiction> {
+    fn contradiction(
+        &self,
+        kinds: &[WrongRow],
+        say: impl Fn(String, u32) -> RowMessage,
+    ) -> Option<Contradiction> {
         let wrong: Vec<(&InLevel, WrongRow)> = self.wrong().collect();
         let (first, kind) = *wrong.iter().find(|(_, kind)| kinds.contains(kind))?;
-        let Told { check, column, measured, unit } = say(rounded(first.measured), first.trial.number);
+        let RowMessage { check, column, measured, unit } = say(rounded(first.measured), first.trial.number);
         let likely_mistake = match kind {
             WrongRow::Exchanged => {
                 "Other rows have that: is another record in its row, or were rows exchanged?"

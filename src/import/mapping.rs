@@ -6,7 +6,7 @@ use schemars::{JsonSchema, schema_for};
 use serde::{Deserialize, Serialize};
 
 use super::error::ImportError;
-use super::signal_kind::signal_problems;
+use super::mapped_signal::{MappedSignal, SignalKind, problems_of};
 use crate::dataset::Subject;
 use crate::json_file;
 use crate::protocol::Problem;
@@ -89,129 +89,6 @@ pub struct SignalColumns {
     pub joint_angle: Option<MappedSignal>,
 }
 
-/// A column with its unit and sign: the value is `sign` (column - `zero`) in SI units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct MappedSignal {
-    /// Name of the column, or of the variable in a .mat file.
-    pub column: String,
-    /// Unit of its values.
-    pub unit: SignalUnit,
-    /// 1, or -1 to turn the sign.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
-    #[schemars(range(min = -1, max = 1))]
-    pub sign: i8,
-    /// Value of the column at zero, in its unit.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub zero: f64,
-    /// Value of EMG at maximal effort, in its unit; needed if EMG is not a fraction already.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub at_mvc: Option<f64>,
-}
-
-fn one() -> i8 {
-    1
-}
-
-fn is_one(sign: &i8) -> bool {
-    *sign == 1
-}
-
-fn is_zero(value: &f64) -> bool {
-    *value == 0.0
-}
-
-/// Unit of a column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum SignalUnit {
-    /// Seconds.
-    #[serde(rename = "s")]
-    Second,
-    /// Milliseconds.
-    #[serde(rename = "ms")]
-    Millisecond,
-    /// Microseconds.
-    #[serde(rename = "us")]
-    Microsecond,
-    /// Radians.
-    #[serde(rename = "rad")]
-    Radian,
-    /// Milliradians.
-    #[serde(rename = "mrad")]
-    Milliradian,
-    /// Degrees.
-    #[serde(rename = "deg")]
-    Degree,
-    /// Revolutions.
-    #[serde(rename = "rev")]
-    Revolution,
-    /// Radians a second, squared.
-    #[serde(rename = "rad/s2")]
-    RadianPerSecondSquared,
-    /// Degrees a second, squared.
-    #[serde(rename = "deg/s2")]
-    DegreePerSecondSquared,
-    /// Newton metres.
-    #[serde(rename = "N m")]
-    NewtonMetre,
-    /// Newton centimetres.
-    #[serde(rename = "N cm")]
-    NewtonCentimetre,
-    /// Newton millimetres.
-    #[serde(rename = "N mm")]
-    NewtonMillimetre,
-    /// Kilopond centimetres.
-    #[serde(rename = "kgf cm")]
-    KilopondCentimetre,
-    /// Pound-force inches.
-    #[serde(rename = "lbf in")]
-    PoundInch,
-    /// A fraction of maximal voluntary contraction.
-    #[serde(rename = "mvc")]
-    Mvc,
-    /// Percent of maximal voluntary contraction.
-    #[serde(rename = "%")]
-    Percent,
-    /// Volts.
-    #[serde(rename = "V")]
-    Volt,
-    /// Millivolts.
-    #[serde(rename = "mV")]
-    Millivolt,
-    /// Microvolts.
-    #[serde(rename = "uV")]
-    Microvolt,
-}
-
-impl SignalUnit {
-    /// Name in a mapping.
-    pub fn name(self) -> String {
-        serde_json::to_value(self).ok().and_then(|name| name.as_str().map(str::to_owned)).unwrap_or_default()
-    }
-
-    /// Factor to the SI unit of its kind; EMG in volts has none, and is divided by its value at maximal effort.
-    pub fn factor(self) -> f64 {
-        match self {
-            Self::Second | Self::Radian | Self::RadianPerSecondSquared | Self::NewtonMetre | Self::Mvc => 1.0,
-            Self::Volt | Self::Millivolt | Self::Microvolt => 1.0,
-            Self::Millisecond | Self::Milliradian | Self::NewtonMillimetre => 1e-3,
-            Self::Microsecond => 1e-6,
-            Self::Degree | Self::DegreePerSecondSquared => std::f64::consts::PI / 180.0,
-            Self::Revolution => std::f64::consts::TAU,
-            Self::NewtonCentimetre | Self::Percent => 1e-2,
-            Self::KilopondCentimetre => 0.098_066_5,
-            Self::PoundInch => 0.112_984_829,
-        }
-    }
-}
-
-impl MappedSignal {
-    /// A value of the column in SI units, or as a fraction of maximal effort.
-    pub fn convert(&self, value: f64) -> f64 {
-        f64::from(self.sign) * (value - self.zero) * self.unit.factor() / self.at_mvc.unwrap_or(1.0)
-    }
-}
-
 /// How one long record is cut into trials.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -246,6 +123,23 @@ fn after_s() -> f64 {
 }
 
 impl Mapping {
+    /// The signals by name, each with what it measures.
+    fn signals(&self) -> impl Iterator<Item = (&'static str, SignalKind, &MappedSignal)> {
+        let columns = &self.columns;
+        let signals = [
+            ("time", SignalKind::Time, columns.time.as_ref()),
+            ("angle", SignalKind::Angle, Some(&columns.angle)),
+            ("torque", SignalKind::Torque, Some(&columns.torque)),
+            ("emg_fcr", SignalKind::Emg, columns.emg_fcr.as_ref()),
+            ("emg_ecr", SignalKind::Emg, columns.emg_ecr.as_ref()),
+            ("handle_angle", SignalKind::Angle, columns.handle_angle.as_ref()),
+            ("handle_acceleration", SignalKind::Acceleration, columns.handle_acceleration.as_ref()),
+            ("hand_torque", SignalKind::Torque, columns.hand_torque.as_ref()),
+            ("joint_angle", SignalKind::Angle, columns.joint_angle.as_ref()),
+        ];
+        signals.into_iter().filter_map(|(name, kind, signal)| Some((name, kind, signal?)))
+    }
+
     /// Reads a mapping; the error lists all wrong and missing fields.
     ///
     /// # Errors
@@ -280,7 +174,8 @@ impl Mapping {
             };
             return Err(ImportError::Mapping { file: name, problems: vec![problem] });
         }
-        let problems = signal_problems(&own, text);
+        let problems: Vec<Problem> =
+            own.signals().flat_map(|(name, kind, signal)| problems_of(name, kind, signal, text)).collect();
         if problems.is_empty() { Ok(own) } else { Err(ImportError::Mapping { file: name, problems }) }
     }
 }

@@ -11,6 +11,7 @@ mod conditions;
 mod cut;
 mod edf;
 mod error;
+mod mapped_signal;
 mod mapping;
 #[cfg(feature = "matlab")]
 mod mat_array;
@@ -24,14 +25,14 @@ mod picture;
 mod plausible;
 mod recording;
 mod session_build;
-mod signal_kind;
 mod source_files;
 mod source_table;
 mod write;
 mod xdf;
 
 pub use error::ImportError;
-pub use mapping::{IMPORT_FORMAT, LongRecord, MappedSignal, Mapping, SignalColumns, SignalUnit, schema_text};
+pub use mapped_signal::{MappedSignal, SignalUnit};
+pub use mapping::{IMPORT_FORMAT, LongRecord, Mapping, SignalColumns, schema_text};
 pub use recording::{Marker, RECORDING_FILES, Recording, TIME_COLUMN};
 pub use session_build::{ImportedSession, import};
 pub use source_files::{read_recording, read_source};

@@ -1,7 +1,8 @@
 //! What no limb can do, and the unit that would explain it: a session of wrong units can be fitted, and some of its numbers look good.
 
 use super::error::ImportError;
-use super::mapping::{MappedSignal, Mapping, SignalUnit};
+use super::mapped_signal::{MappedSignal, SignalUnit};
+use super::mapping::Mapping;
 use super::source_table::SourceTable;
 use crate::dataset::Trial;
 

@@ -3,7 +3,8 @@
 use super::conditions::{grouped, repetitions};
 use super::cut::{at_ramps, into_trials};
 use super::error::ImportError;
-use super::mapping::{MappedSignal, Mapping, SignalUnit};
+use super::mapped_signal::{MappedSignal, SignalUnit};
+use super::mapping::Mapping;
 use super::plausible::{check_distinct, check_units};
 use super::source_table::SourceTable;
 use crate::consistency::MeasuredTrial;
