@@ -88,7 +88,7 @@ pub fn trial_emg(record: &Record, onset: usize, velocity_rad_s: f64, period_s: f
     })
 }
 
-/// Finds the onsets: the first time at which the stretched muscle exceeds the level that its EMG in the holds exceeds in [`CHANCE`]
+/// Finds the onsets: the first time at which the stretched muscle exceeds the level that its EMG in the holds exceeds in `CHANCE`
 /// of the stretches as long as the time sought in. Holds are relative to their own mean, so that all trials share the level. No onset
 /// is found if the holds are too few to have such a level.
 pub fn find_onsets(trials: &mut [&mut TrialEmg]) {
