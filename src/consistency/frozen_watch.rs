@@ -27,7 +27,7 @@ pub enum EmgChange {
 #[derive(Debug, Clone)]
 pub struct FrozenWatch {
     rate_hz: f64,
-    /// Shortest run that is told, s.
+    /// Runs of equal values up to this long are not reported, s.
     tolerated_s: f64,
     last: Option<f64>,
     /// Pairs of equal neighbours in the run under way.
@@ -95,7 +95,7 @@ mod tests {
         (0..samples).map(|_| libm::round(steps * stream.normal())).collect()
     }
 
-    /// What is told of a channel, and at which sample.
+    /// The changes that are reported of a channel with these values, each with its sample.
     fn told(values: &[f64], tolerated_s: f64) -> Vec<(usize, EmgChange)> {
         let mut watch = FrozenWatch::new(RATE_HZ, tolerated_s);
         values.iter().enumerate().filter_map(|(at, value)| Some((at, watch.take(*value)?))).collect()
