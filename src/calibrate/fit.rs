@@ -230,6 +230,18 @@ impl RigFitInput<'_> {
         residual(trial, moments, constants, handle, self.friction_speed_rad_s, needed)
     }
 
+    /// Independent residuals, trial by trial.
+    fn residuals(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<DVector<f64>> {
+        let constants = self.coordinates.constants(point.as_slice());
+        let places = whitened.par_iter().enumerate();
+        places
+            .map(|(place, own)| {
+                let residual = self.residual(place, &own.moments, &constants, Needed::Both);
+                solve_lower(&own.factor, &own.moments.of(&residual, self.mean_sd_nm))
+            })
+            .collect()
+    }
+
     /// Independent residuals and their derivatives, trial by trial.
     fn linearised(
         &self,
@@ -288,20 +300,19 @@ impl RigFitInput<'_> {
 
     /// Searches the point of the smallest cost with fixed products.
     fn search(&self, whitened: &[Whitened], start: DVector<f64>, is_free: fn(usize) -> bool) -> SearchEnd {
-        let cost = |residuals: &[(DVector<f64>, DMatrix<f64>)], point: &DVector<f64>| -> f64 {
-            residuals.iter().map(|(residual, _)| residual.norm_squared()).sum::<f64>()
-                + self.prior.misfit(point)
+        let cost = |point: &DVector<f64>| -> f64 {
+            let residuals = self.residuals(whitened, point);
+            residuals.iter().map(DVector::norm_squared).sum::<f64>() + self.prior.misfit(point)
         };
         let mut point = start;
-        let mut equations = self.linearised(whitened, &point, is_free);
-        let mut value = cost(&equations, &point);
+        let mut value = cost(&point);
         let mut damping = 1e-3;
         let mut se = DVector::from_element(point.len(), 1.0);
         for _ in 0..STEPS {
             let mut normal = self.prior.precision.clone();
             let mut gradient = &self.prior.precision * (&point - &self.prior.mean);
-            for (residual, jacobian) in &equations {
-                normal += jacobian.transpose() * jacobian;
+            for (residual, jacobian) in self.linearised(whitened, &point, is_free) {
+                normal += jacobian.transpose() * &jacobian;
                 gradient += jacobian.transpose() * residual;
             }
             for place in (0..point.len()).filter(|place| !is_free(*place)) {
@@ -326,12 +337,11 @@ impl RigFitInput<'_> {
                 };
                 let change = -factor.solve(&gradient);
                 let candidate = &point + &change;
-                let there = self.linearised(whitened, &candidate, is_free);
-                let there_value = cost(&there, &candidate);
+                let there_value = cost(&candidate);
                 if there_value <= value {
                     damping = (damping / 10.0).max(1e-12);
                     step = Some(change.component_div(&se).amax());
-                    (point, equations, value) = (candidate, there, there_value);
+                    (point, value) = (candidate, there_value);
                     break;
                 }
                 // At the optimum rounding decides which of two points is the better one.

@@ -28,7 +28,7 @@ impl Fourier {
     pub fn new(samples: usize, sample_rate_hz: f64, top_hz: f64) -> Self {
         let step_hz = sample_rate_hz / samples as f64;
         let coefficients = ((top_hz / step_hz).floor() as usize + 1).min(samples / 2);
-        let points = (POINTS_PER_COEFFICIENT * coefficients).next_power_of_two();
+        let points = quickly_transformed(POINTS_PER_COEFFICIENT * coefficients);
         let mut planner = FftPlanner::new();
         Self {
             record: planner.plan_fft_forward(samples),
@@ -84,6 +84,12 @@ impl Fourier {
     }
 }
 
+/// The least of the lengths 2^k, 5/8 2^k and 3/4 2^k, whose transforms are quick, that is no less than a length.
+fn quickly_transformed(least: usize) -> usize {
+    let power = least.next_power_of_two();
+    [power / 8 * 5, power / 4 * 3].into_iter().find(|length| *length >= least).unwrap_or(power)
+}
+
 fn on_axis(inverse: &dyn Fft<f64>, coefficients: &[Complex64], points: usize) -> Vec<f64> {
     let mut buffer = vec![Complex64::ZERO; points];
     for (place, value) in coefficients.iter().enumerate() {
@@ -99,6 +105,12 @@ fn on_axis(inverse: &dyn Fft<f64>, coefficients: &[Complex64], points: usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lengths_are_no_less_than_asked_for_and_transform_quickly() {
+        let lengths = [1, 2, 9, 100, 640, 641, 8192, 8193].map(quickly_transformed);
+        assert_eq!(lengths, [1, 2, 10, 128, 640, 768, 8192, 10_240]);
+    }
 
     #[test]
     fn a_sine_has_one_coefficient_and_comes_back() {

@@ -7,6 +7,7 @@
 pub mod mechanisms;
 
 mod batch;
+mod compiled;
 mod further_channel;
 mod history;
 mod integrate;

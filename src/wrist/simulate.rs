@@ -1,6 +1,7 @@
 //! Simulation of whole trials, several at once, with derivatives.
 
 use super::batch::{self, Batch, MAX_DERIVATIVES};
+use super::compiled;
 use super::simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth};
 #[cfg(target_arch = "x86_64")]
 use super::simulation::{has_avx_2, has_avx_512};
@@ -24,16 +25,16 @@ pub fn simulate(
         VectorWidth::One if is_x86_feature_detected!("fma") => {
             given.each_group::<f64>(0..count, response, |batch, response| {
                 // SAFETY: the processor has FMA, as asked just now.
-                unsafe { group_of_one_fused(batch, response) }
+                unsafe { compiled::one_fused::simulate(batch, response) }
             });
         }
-        VectorWidth::One => given.each_group::<f64>(0..count, response, group_of_one),
+        VectorWidth::One => given.each_group::<f64>(0..count, response, compiled::one::simulate),
         #[cfg(target_arch = "x86_64")]
         VectorWidth::Four => {
             assert!(has_avx_2(), "this processor has no AVX2 or no FMA");
             given.each_group::<crate::number::Four>(0..count, response, |batch, response| {
                 // SAFETY: the processor has AVX2 and FMA, as asserted above.
-                unsafe { group_of_four(batch, response) }
+                unsafe { compiled::four::simulate(batch, response) }
             });
         }
         #[cfg(target_arch = "x86_64")]
@@ -44,11 +45,11 @@ pub fn simulate(
             let whole = if rest <= 4 { count - rest } else { count };
             given.each_group::<crate::number::Eight>(0..whole, response, |batch, response| {
                 // SAFETY: the processor has AVX-512, as asserted above.
-                unsafe { group_of_eight(batch, response) }
+                unsafe { compiled::eight::simulate(batch, response) }
             });
             given.each_group::<crate::number::Four>(whole..count, response, |batch, response| {
-                // SAFETY: the processor has AVX-512, as asserted above.
-                unsafe { half_a_group_of_eight(batch, response) }
+                // SAFETY: it has AVX2 and FMA, too, as asserted above.
+                unsafe { compiled::four::simulate(batch, response) }
             });
         }
     }
@@ -124,34 +125,4 @@ impl<'a> Trials<'a> {
             }
         }
     }
-}
-
-fn group_of_one(batch: &Batch, response: &mut SimulatedTorque) {
-    batch::run::<f64>(batch, response);
-}
-
-/// One trial, with the instruction for what is fused; without it the same bits take longer.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "fma")]
-fn group_of_one_fused(batch: &Batch, response: &mut SimulatedTorque) {
-    batch::run::<f64>(batch, response);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn group_of_four(batch: &Batch, response: &mut SimulatedTorque) {
-    batch::run::<crate::number::Four>(batch, response);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]
-fn group_of_eight(batch: &Batch, response: &mut SimulatedTorque) {
-    batch::run::<crate::number::Eight>(batch, response);
-}
-
-/// Four trials with the registers of the widest vectors.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]
-fn half_a_group_of_eight(batch: &Batch, response: &mut SimulatedTorque) {
-    batch::run::<crate::number::Four>(batch, response);
 }

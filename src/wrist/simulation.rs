@@ -139,9 +139,9 @@ pub(super) fn has_avx_2() -> bool {
 /// Whether the processor has all instructions that the widest vectors are compiled for.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn has_avx_512() -> bool {
-    is_x86_feature_detected!("avx512f")
+    has_avx_2()
+        && is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512dq")
         && is_x86_feature_detected!("avx512vl")
         && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("fma")
 }

@@ -92,9 +92,21 @@ impl ShaftMotion {
         now.saturating_duration_since(self.at).as_secs_f64() / agility.stretch
     }
 
+    /// The time that the motor took from this motion to a later one. It replies once a period: where a busy adapter hands over
+    /// several replies together, their times of arrival are too close.
+    fn time_to_s(&self, later: &Self, agility: &Agility) -> f64 {
+        self.time_s(later.at, agility).max(agility.period_s)
+    }
+
     /// Whether the shaft can have gone from this motion to a later one.
     fn leads_to(&self, later: &Self, agility: &Agility) -> bool {
-        let time_s = self.time_s(later.at, agility);
+        let arrived_s = self.time_s(later.at, agility);
+        [arrived_s, self.time_to_s(later, agility)]
+            .into_iter()
+            .any(|time_s| self.leads_in(time_s, later, agility))
+    }
+
+    fn leads_in(&self, time_s: f64, later: &Self, agility: &Agility) -> bool {
         let allowed = agility.within(time_s);
         let turned_rad = later.position_rad - self.position_rad;
         let added_rad = 0.5 * (self.speed_rad_s + later.speed_rad_s) * time_s;
@@ -151,8 +163,7 @@ impl TrustedMotion {
         self.doubtful = Some(seen);
         if let Some(before) = trusted.filter(|trusted| has_power && !fits(trusted)) {
             self.unfit_in_a_row += 1;
-            let measured_rad_s =
-                (seen.position_rad - before.position_rad) / before.time_s(at, agility).max(f64::MIN_POSITIVE);
+            let measured_rad_s = (seen.position_rad - before.position_rad) / before.time_to_s(&seen, agility);
             let misfit = Misfit { reported_rad_s: seen.speed_rad_s, measured_rad_s };
             self.misfit = (self.unfit_in_a_row > UNFIT_REPLIES).then_some(misfit);
         }
@@ -232,6 +243,31 @@ mod tests {
         let replies = [(0.1, 0.0), (0.1, 0.0), wrong, (0.101, 0.0)];
         assert_eq!(expected_rad(&replies), Some(0.1), "not yet");
         assert_eq!(expected_rad(&[&replies[..], &[(0.101, 0.0)]].concat()), Some(0.101));
+    }
+
+    #[test]
+    fn replies_that_an_adapter_hands_over_together_are_a_period_apart() {
+        let (mut motion, mut at) = after(&[(0.1, 2.0), (0.104, 2.0)], true);
+        // Three periods of silence, then the replies of all of them at once.
+        at += 2 * PERIOD;
+        for position_rad in [0.108, 0.112, 0.116] {
+            let reply = MitReply { position_rad, speed_rad_s: 2.0, torque_nm: 0.0, error: 0 };
+            motion.observe(&reply, at, &agility(), true);
+        }
+        assert!(motion.misfit().is_none());
+        let (position_rad, ..) = motion.expected(at, &agility()).unwrap();
+        assert_eq!(position_rad, 0.116);
+    }
+
+    #[test]
+    fn speed_of_a_misfit_is_one_that_a_shaft_can_have() {
+        let (mut motion, at) = after(&[(0.1, 0.0), (0.1, 0.0)], true);
+        for _ in 0..5 {
+            let reply = MitReply { position_rad: 0.16, speed_rad_s: 0.0, torque_nm: 0.0, error: 0 };
+            motion.observe(&reply, at - PERIOD, &agility(), true);
+        }
+        let measured_rad_s = motion.misfit().unwrap().measured_rad_s;
+        assert!((measured_rad_s - 0.06 / PERIOD.as_secs_f64()).abs() < 1e-9, "{measured_rad_s}");
     }
 
     #[test]
