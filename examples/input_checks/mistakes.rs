@@ -15,7 +15,7 @@ const fn mistake(name: &'static str, make: fn(&mut Session) -> bool) -> Mistake 
 }
 
 /// The mistakes.
-pub const MISTAKES: [Mistake; 28] = [
+pub const MISTAKES: [Mistake; 29] = [
     mistake("angle in degrees", |s| each(s, |t| scale(&mut t.record.theta_m_rad, 57.295_78))),
     mistake("angle in milliradians", |s| each(s, |t| scale(&mut t.record.theta_m_rad, 1e3))),
     mistake("speed in degrees a second", |s| each(s, |t| t.velocity_rad_s *= 57.295_78)),
@@ -51,6 +51,12 @@ pub const MISTAKES: [Mistake; 28] = [
     mistake("stated torque in N cm", |s| each(s, |t| t.torque_nm *= 100.0)),
     mistake("angle zeroed half a turn elsewhere", |s| {
         each(s, |t| t.record.theta_m_rad.iter_mut().for_each(|x| *x += std::f64::consts::PI))
+    }),
+    mistake("torque measured at a fifth of the rate", |s| {
+        each(s, |t| {
+            let torque = &mut t.record.torque_l_nm;
+            (0..torque.len()).for_each(|at| torque[at] = torque[at - at % 5]);
+        })
     }),
     mistake("angle and torque swapped", |s| {
         each(s, |t| std::mem::swap(&mut t.record.theta_m_rad, &mut t.record.torque_l_nm))

@@ -66,6 +66,18 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
     if !failed.is_empty() {
         writeln!(out, "not converged: trials {} (fit.json says why)", failed.join(", "))?;
     }
+    let undescribed: Vec<&TrialEstimate> =
+        results.estimates.iter().filter(|e| e.vaf < DESCRIBING_VAF).collect();
+    if !undescribed.is_empty() && results.best_vaf() >= DESCRIBING_VAF {
+        writeln!(
+            out,
+            "the model does not describe {} of {} trials (VAF below {DESCRIBING_VAF}), which are in the means all the same: {}; look at \
+             them in the report, and reject what went wrong (ramphold trials)",
+            undescribed.len(),
+            results.estimates.len(),
+            first_of(&undescribed)
+        )?;
+    }
     match results.json["noise_source"].as_str() {
         Some("repetitions") => writeln!(
             out,

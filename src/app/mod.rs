@@ -72,7 +72,7 @@ pub use session_rig::{
     stored_streams, with_hidden_effect,
 };
 pub use session_runner::SessionRun;
-pub use session_state::{SessionState, SessionSummary};
+pub use session_state::{SessionState, SessionSummary, announce_unfinished};
 pub use session_streams::{RecordedStreams, SessionStreams, attach_streams};
 pub use signals::stop_on_signals;
 pub use wall_clock::{now_utc, operator_name, utc_offset_s};

@@ -9,6 +9,8 @@ use crate::dataset::{self, JOURNAL, MANIFEST, SessionCard, Status, every_trial_i
 use crate::files::Folder;
 use crate::report::{foreign_results, undescribed};
 
+use super::console::Console;
+
 /// How far a session is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -35,6 +37,25 @@ impl SessionState {
             Self::Diagnosed => "diagnosed",
             Self::Doubtful => "doubtful",
         }
+    }
+}
+
+fn has(folder: &Path, name: &str) -> bool {
+    Folder::open(folder).is_ok_and(|folder| folder.contains(name))
+}
+
+fn has_trials_left(folder: &Path) -> bool {
+    every_trial_is_done(folder).is_ok_and(|done| !done)
+}
+
+/// Says that the session in `folder` is unfinished, if trials are left to do.
+pub fn announce_unfinished(folder: &Path, console: &Console) {
+    if has(folder, JOURNAL) && has_trials_left(folder) {
+        console.announce(format_args!(
+            "{0} is unfinished: trials of its protocol are left to do, and the results are those of the trials so far. Go on with: \
+             ramphold resume {0}",
+            folder.display()
+        ));
     }
 }
 
@@ -73,10 +94,9 @@ impl SessionSummary {
             Ok(card) => (own.started_utc, own.subject) = (card.about.started_utc, Some(card.subject.id)),
             Err(error) => own.reasons.push(error.to_string()),
         }
-        let has = |name: &str| Folder::open(folder).is_ok_and(|folder| folder.contains(name));
+        let has = |name: &str| has(folder, name);
         // One that the operator ended has a manifest, too.
-        let is_unfinished =
-            has(JOURNAL) && (!has(MANIFEST) || every_trial_is_done(folder).is_ok_and(|done| !done));
+        let is_unfinished = has(JOURNAL) && (!has(MANIFEST) || has_trials_left(folder));
         match dataset::load(folder) {
             Ok(session) => {
                 own.trials = session.trials.len();

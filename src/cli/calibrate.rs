@@ -59,7 +59,11 @@ impl Verb for CalibrateArgs {
 
 impl CalibrateArgs {
     fn calibrate(&self, console: &Console) -> Result<(), Failure> {
-        let outcome = calibrate_rig(&self.session)?;
+        let stages = console.stages();
+        stages.set_message("fitting the rig's constants to its trials, from several starts");
+        let outcome = calibrate_rig(&self.session);
+        stages.finish_and_clear();
+        let outcome = outcome?;
         match &self.out {
             Some(out) => outcome.calibration.write_as(&Disk::default(), out)?,
             None => {

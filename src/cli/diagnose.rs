@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{
-    AnalysedSession, AnalysisRequest, Console, DiagnosedSession, Failure, ResultsFolder, check_has_none,
-    check_out, folder_of_diagnosis, parse_seed, read_model, write_report,
+    AnalysedSession, AnalysisRequest, Console, DiagnosedSession, Failure, ResultsFolder, announce_unfinished,
+    check_has_none, check_out, folder_of_diagnosis, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session};
@@ -62,6 +62,7 @@ impl Verb for DiagnoseArgs {
             calibration: self.calibration.clone(),
             accept: self.accept.clone(),
         };
+        announce_unfinished(&self.session, console);
         let session = AnalysedSession::read(&self.session, &asked, console)?;
         let given = self.given_folder(&session.checked.session)?;
         let input = session.prepare_diagnosis(&model)?;

@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::app::{
-    AnalysedSession, AnalysisRequest, Console, Failure, FittedSession, ResultsFolder, check_has_none,
-    check_out, fit_table, folder_of_fit, parse_seed, read_model, write_report,
+    AnalysedSession, AnalysisRequest, Console, Failure, FittedSession, ResultsFolder, announce_unfinished,
+    check_has_none, check_out, fit_table, folder_of_fit, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session, session_folders};
@@ -52,7 +52,7 @@ pub struct FitArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed, default_value_t = 1, requires = "bootstrap")]
     seed: u64,
     /// Analyse although a check of the signals against the table fails; the results keep it. Names, separated by commas:
-    /// ramp-speed, ramp-direction, onset, steady-torque, resistance, angle-range, emg, lever.
+    /// ramp-speed, ramp-direction, onset, steady-torque, resistance, angle-range, emg, emg-frozen, held-samples, lever.
     #[arg(long, value_name = "CHECKS", value_delimiter = ',')]
     accept: Vec<SignalCheck>,
     /// Folder for the results; earlier results there are not overwritten [default: results/ in the session's folder, or a named
@@ -100,6 +100,7 @@ impl FitArgs {
             accept: self.accept.clone(),
         };
         let weighting = if self.plain { Weighting::Plain } else { Weighting::MeasuredNoise };
+        announce_unfinished(session, console);
         let session = AnalysedSession::read(session, &asked, console)?;
         let FittedSession { observations, mut results, independent, .. } =
             session.fit(model, weighting, self.independent)?;

@@ -11,6 +11,7 @@ mod contradiction;
 mod emg;
 mod frozen_emg;
 mod frozen_watch;
+mod held_samples;
 mod hold;
 mod lever;
 mod likely_mistake;

@@ -3,15 +3,21 @@
 use super::contradiction::{Contradiction, Contradictions};
 use super::measured_trial::MeasuredTrial;
 use super::signal_check::SignalCheck;
-use super::{emg, hold, lever, onset, ramp, resistance, wrong_row};
+use super::{emg, held_samples, hold, lever, onset, ramp, resistance, wrong_row};
 use crate::dataset::{Session, Status, Trial};
 
 /// What the signals of `session` say against its table, in the order in which it is best mended.
 pub fn contradictions(session: &Session) -> Vec<Contradiction> {
     let usable: Vec<&Trial> = session.trials.iter().filter(|trial| trial.status == Status::Ok).collect();
     let found = of_trials(&usable, session.sample_rate_hz);
+    let held = held_samples::check_held(&usable, session.sample_rate_hz);
     let lever = session.lever.as_ref().and_then(lever::check_lever);
-    found.into_iter().chain(lever).chain(emg::check_emg(&usable, session.sample_rate_hz)).collect()
+    found
+        .into_iter()
+        .chain(held)
+        .chain(lever)
+        .chain(emg::check_emg(&usable, session.sample_rate_hz))
+        .collect()
 }
 
 /// Checks `session`, whose contradictions of the kinds `accepted` are known and meant.

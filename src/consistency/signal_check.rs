@@ -26,13 +26,15 @@ pub enum SignalCheck {
     Emg,
     /// Whether EMG goes on changing, as long as its noise and resolution make it.
     EmgFrozen,
+    /// Whether angle and torque are measured anew for each sample.
+    HeldSamples,
     /// Whether the lever can pass on a ramp of some ten milliseconds.
     Lever,
 }
 
 impl SignalCheck {
     /// All checks.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::RampSpeed,
         Self::RampDirection,
         Self::Onset,
@@ -41,6 +43,7 @@ impl SignalCheck {
         Self::AngleRange,
         Self::Emg,
         Self::EmgFrozen,
+        Self::HeldSamples,
         Self::Lever,
     ];
 
@@ -55,6 +58,7 @@ impl SignalCheck {
             Self::AngleRange => "angle-range",
             Self::Emg => "emg",
             Self::EmgFrozen => "emg-frozen",
+            Self::HeldSamples => "held-samples",
             Self::Lever => "lever",
         }
     }

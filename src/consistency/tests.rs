@@ -259,3 +259,55 @@ fn units_of_the_lever() {
     let lever = |session: &mut Session| session.lever.as_mut().unwrap().inertia_kg_m2 *= 1e4;
     assert_named(lever, SignalCheck::Lever, "kg cm2");
 }
+
+/// Each value of a channel stands until the next of every `samples`-th.
+fn hold(values: &mut [f64], samples: f64) {
+    let measured = values.to_vec();
+    for (at, value) in values.iter_mut().enumerate() {
+        let last = libm::floor(at as f64 / samples) * samples;
+        *value = measured[libm::ceil(last) as usize];
+    }
+}
+
+/// Values in steps of an instrument's resolution.
+fn in_steps(values: &mut [f64], step: f64) {
+    values.iter_mut().for_each(|value| *value = step * libm::round(*value / step));
+}
+
+#[test]
+fn a_slower_channel_whose_values_were_repeated_is_refused() {
+    for samples in [2.0, 2.5, 4.0, 5.0, 8.0] {
+        let torque = each(|trial| hold(&mut trial.record.torque_l_nm, samples));
+        assert_eq!(failed(torque), [SignalCheck::HeldSamples], "torque, {samples}");
+    }
+    assert_named(
+        each(|trial| hold(&mut trial.record.torque_l_nm, 5.0)),
+        SignalCheck::HeldSamples,
+        "each value stands for 5 samples, as if it were measured at 400 Hz",
+    );
+    assert_named(
+        each(|trial| hold(&mut trial.record.theta_m_rad, 4.0)),
+        SignalCheck::HeldSamples,
+        "column theta_m_rad of the records",
+    );
+}
+
+#[test]
+fn a_single_trial_whose_values_were_repeated_is_named() {
+    assert_named(
+        |session| hold(&mut session.trials[4].record.torque_l_nm, 4.0),
+        SignalCheck::HeldSamples,
+        "trial 5: during the ramps",
+    );
+}
+
+#[test]
+fn coarse_steps_of_an_instrument_are_no_repeated_values() {
+    for (angle_rad, torque_nm) in [(3.8e-4, 1e-3), (1.5e-3, 0.01), (1.0e-4, 0.1), (3.0e-3, 0.05)] {
+        let coarse = each(|trial| {
+            in_steps(&mut trial.record.theta_m_rad, angle_rad);
+            in_steps(&mut trial.record.torque_l_nm, torque_nm);
+        });
+        assert!(!failed(coarse).contains(&SignalCheck::HeldSamples), "{angle_rad} rad, {torque_nm} N m");
+    }
+}

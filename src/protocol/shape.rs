@@ -384,7 +384,7 @@ fn expectation(schema: &Value) -> String {
 }
 
 /// The known name that is most similar to `name`, if one is similar enough.
-fn closest<'a>(name: &str, names: &'a [String]) -> Option<&'a str> {
+pub fn closest<'a>(name: &str, names: &'a [String]) -> Option<&'a str> {
     let likeness = |known: &str| strsim::jaro_winkler(&name.to_lowercase(), known);
     let best = names.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b)))?;
     (likeness(best) > 0.8).then_some(best)

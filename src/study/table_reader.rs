@@ -7,6 +7,7 @@ use super::error::StudyError;
 use super::study_file::StudyFit;
 use crate::files::{self, text_of_cell};
 use crate::fit::QUANTITIES;
+use crate::protocol::shape::closest;
 
 /// Name of the table with a row for each trial of each subject.
 pub(super) const TABLE_FILE: &str = "study.csv";
@@ -56,7 +57,7 @@ struct StudyColumns {
 
 impl StudyTableReader {
     /// Opens a table. Only the columns `subject`, `velocity_rad_s` and `torque_nm` are required; a quantity without a column has no
-    /// values.
+    /// values. A column of nearly its name is refused: its values would be missing without a word.
     pub fn open(file: &Path) -> Result<Self, StudyError> {
         let wrong =
             |line: u64, message: String| StudyError::ResultTable { file: file.to_owned(), line, message };
@@ -70,6 +71,19 @@ impl StudyTableReader {
                 || wrong(1, format!("column {name} is missing; expected the study.csv of a study"));
             find(name).ok_or_else(expected)
         };
+        for quantity in QUANTITIES.iter().filter(|quantity| find(quantity).is_none()) {
+            let unknown: Vec<String> = header
+                .iter()
+                .map(|column| column.trim().to_owned())
+                .filter(|column| !is_known(column))
+                .collect();
+            if let Some(column) = closest(quantity, &unknown) {
+                let message = format!(
+                    "column {column} is none of study.csv, and {quantity} is missing; rename it to {quantity}, or take it out"
+                );
+                return Err(wrong(1, message));
+            }
+        }
         let columns = StudyColumns {
             subject: must("subject")?,
             velocity: must("velocity_rad_s")?,
@@ -156,6 +170,12 @@ impl StudyTableReader {
         }
         Ok(Some(own))
     }
+}
+
+/// Whether a column of this name is read.
+fn is_known(column: &str) -> bool {
+    QUANTITIES.contains(&column)
+        || ["subject", "velocity_rad_s", "torque_nm", "session", "converged", "fit"].contains(&column)
 }
 
 impl Iterator for StudyTableReader {

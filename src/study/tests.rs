@@ -229,6 +229,21 @@ fn a_session_without_a_model_is_in_no_table_of_sessions_that_have_one() {
     assert!(issues(&alike).is_empty(), "{}", issues(&alike));
 }
 
+#[test]
+fn a_column_that_was_renamed_is_refused_instead_of_left_out() {
+    let (_folder, path) = table(&all_cells("A", 1.0));
+    let text = fs::read_to_string(&path).unwrap();
+    let read = |header: &str| {
+        fs::write(&path, text.replace("k_srs_nm_per_rad", header)).unwrap();
+        summarise(&path, TableOrigin::External, |_, _| false, Vec::new())
+    };
+    for renamed in ["k_srs", "k_srs_nm_rad", "k_srs_Nm_per_rad"] {
+        let error = read(renamed).unwrap_err().to_string();
+        assert!(error.contains(renamed) && error.contains("rename it to k_srs_nm_per_rad"), "{error}");
+    }
+    assert!(read("age").is_ok(), "another column is left alone");
+}
+
 /// Index of k_srs in the quantities.
 const K_SRS: usize = 3;
 

@@ -100,7 +100,10 @@ fn a_killed_session_goes_on_where_it_was_and_keeps_what_it_had() {
     let workspace = Workspace::with_short_protocol();
     let session = workspace.killed_session();
     let first = fs::read(session.join("trials/trial-001.csv")).unwrap();
+    let (_, said) = workspace.call(0, &["fit", "s", "--independent", "--out", "so-far"]);
+    assert!(said.contains("s is unfinished") && said.contains("Go on with: ramphold resume s"), "{said}");
     let (_, said) = workspace.call(0, &["resume", "s", "--yes"]);
+    assert!(!said.contains("unfinished"), "{said}");
     assert!(said.contains("trial 2 was under way") && said.contains("kept with status aborted"), "{said}");
     assert_eq!(fs::read(session.join("trials/trial-001.csv")).unwrap(), first);
     let mut found = statuses(&session);

@@ -46,13 +46,15 @@ pub enum NoSessionModel {
     },
     /// The trials are those of two persons, or of one whose grip changed.
     #[error(
-        "the trials fall into two groups, of {} and {}, whose {parameter} differ by {} in all conditions alike: trials of two \
-         persons or rigs, a grip that changed, or a model that does not describe them",
-        counts[0], counts[1], in_words(*difference)
+        "{} of {trials} trials are a group of their own, whose {parameter} differs by {} from that of the others in all conditions \
+         alike: trials of two persons or rigs, a grip that changed, or a model that does not describe them; trials {}",
+        smaller.len(), in_words(*difference), numbers(smaller)
     )]
     TwoGroups {
-        /// Numbers of trials.
-        counts: [usize; 2],
+        /// Numbers of the trials of the smaller group.
+        smaller: Vec<u32>,
+        /// Number of all trials.
+        trials: usize,
         /// Name of the parameter that differs most, beside its error.
         parameter: &'static str,
         /// Part by which the larger is above the smaller.
@@ -65,6 +67,11 @@ pub enum NoSessionModel {
 
 /// Ratio of two groups above which its size says nothing: in one of them the data leave the parameter open.
 const LARGEST_RATIO: f64 = 10.0;
+
+/// Numbers of trials, separated by commas.
+fn numbers(trials: &[u32]) -> String {
+    trials.iter().map(u32::to_string).collect::<Vec<_>>().join(", ")
+}
 
 /// The part by which one is above the other.
 fn in_words(difference: f64) -> String {
@@ -82,9 +89,20 @@ mod tests {
     #[test]
     fn groups_of_which_one_leaves_a_parameter_open_are_said_to_differ_by_more_than_a_factor() {
         let text = |difference| {
-            NoSessionModel::TwoGroups { counts: [15, 3], parameter: "x_e_rad", difference }.to_string()
+            NoSessionModel::TwoGroups {
+                smaller: vec![4, 9, 17],
+                trials: 18,
+                parameter: "x_e_rad",
+                difference,
+            }
+            .to_string()
         };
-        assert!(text(0.4).contains("differ by 40 % in"), "{}", text(0.4));
-        assert!(text(1e50).contains("differ by more than a factor of 10 in"), "{}", text(1e50));
+        assert!(text(0.4).contains("differs by 40 % from"), "{}", text(0.4));
+        assert!(text(1e50).contains("differs by more than a factor of 10 from"), "{}", text(1e50));
+        assert!(
+            text(0.4).starts_with("3 of 18 trials") && text(0.4).ends_with("; trials 4, 9, 17"),
+            "{}",
+            text(0.4)
+        );
     }
 }

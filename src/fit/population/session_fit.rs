@@ -77,7 +77,8 @@ impl SessionFit {
         if let Some(groups) = found.groups.as_ref().filter(|groups| groups.are_distinct()) {
             let (place, difference) = groups.largest_difference();
             return Err(NoSessionModel::TwoGroups {
-                counts: groups.counts,
+                smaller: groups.smaller.iter().map(|place| observations.trials[*place].number).collect(),
+                trials: observations.trials.len(),
                 parameter: BASE_PARAMETERS[found.parameters[place]],
                 difference,
             });

@@ -21,8 +21,8 @@ const MAX_GROUP_ITERATIONS: usize = 40;
 pub struct TrialGroups {
     /// Twice the logarithm of the likelihood ratio of two groups to one.
     pub statistic: f64,
-    /// Numbers of trials.
-    pub counts: [usize; 2],
+    /// Places of the trials of the smaller group.
+    pub smaller: Vec<usize>,
     /// By how much the logarithms of the parameters of the second group are above those of the first.
     pub difference: DVector<f64>,
     /// Standard errors of `difference`.
@@ -70,14 +70,14 @@ impl TrialGroups {
             .collect::<Option<_>>()?;
         let one = best_shift(&shifts, |_| 1.0)?;
         let alone: f64 = shifts.iter().map(|shift| shift.log_likelihood(&one)).sum();
-        let count = shifts.len();
         let size = one.len();
         // Groups to begin with: above and below the mean in a parameter.
         let found = (0..size).filter_map(|own| {
             mixture(&shifts, shifts.iter().map(|shift| if shift.h[own] > 0.0 { 0.9 } else { 0.1 }).collect())
         });
         let (log_likelihood, second, [a, b]) = found.max_by(|x, y| x.0.total_cmp(&y.0))?;
-        let in_second = second.iter().filter(|own| **own > 0.5).count();
+        let (in_second, in_first): (Vec<usize>, Vec<usize>) =
+            (0..second.len()).partition(|trial| second[*trial] > 0.5);
         let error = |place: usize| {
             let information = |own: &dyn Fn(usize) -> f64| -> f64 {
                 shifts.iter().enumerate().map(|(trial, shift)| own(trial) * shift.p[(place, place)]).sum()
@@ -89,7 +89,7 @@ impl TrialGroups {
         Some(Self {
             errors: DVector::from_iterator(size, (0..size).map(error)),
             statistic: 2.0 * (log_likelihood - alone),
-            counts: [count - in_second, in_second],
+            smaller: if in_second.len() < in_first.len() { in_second } else { in_first },
             difference: b - a,
         })
     }
