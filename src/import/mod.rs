@@ -27,6 +27,7 @@ mod recording;
 mod session_build;
 mod source_files;
 mod source_table;
+mod text_encoding;
 mod write;
 mod xdf;
 

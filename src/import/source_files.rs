@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::error::ImportError;
 use super::recording::Recording;
 use super::source_table::SourceTable;
+use super::text_encoding::text_of;
 use super::{c3d, edf, xdf};
 use crate::files::{self, Folder, limits};
 
@@ -133,9 +134,7 @@ fn read_parquet(path: &Path) -> Result<Vec<SourceTable>, ImportError> {
 /// Reads a table with a header line; the separator is what the header has most of: comma, semicolon or tab.
 fn read_text_table(path: &Path) -> Result<SourceTable, ImportError> {
     let unreadable = |source| ImportError::Unreadable { path: path.into(), source };
-    let text = String::from_utf8_lossy(&files::read(path, limits::RECORDING_BYTES).map_err(unreadable)?)
-        .trim_start_matches('\u{feff}')
-        .to_owned();
+    let text = text_of(files::read(path, limits::RECORDING_BYTES).map_err(unreadable)?);
     let head = text.lines().next().unwrap_or_default();
     let separator =
         [b',', b';', b'\t'].into_iter().max_by_key(|one| head.bytes().filter(|byte| byte == one).count());
