@@ -174,6 +174,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     let mut causes = if nothing { Vec::new() } else { chain.causes(best) };
     causes.extend(look.hum.iter().map(|found| hum_cause(observations, &before, found, seed)));
     causes.sort_by(|a, b| ratio_of(a).total_cmp(&ratio_of(b)));
+    remarks.extend(causes.iter().filter_map(warning));
     let verdict = if free.is_some() || remaining_p_value < MISFIT_LEVEL {
         Verdict::Unexplained
     } else if causes.is_empty() {
@@ -461,6 +462,14 @@ fn hum_cause(
         values: hum.intervals(),
         law: None,
         evidence: CauseEvidence::Hold { hum: *hum, before, after, gain },
+    }
+}
+
+/// What must be said of a cause that makes predictions worse.
+fn warning(cause: &Cause) -> Option<String> {
+    match &cause.evidence {
+        CauseEvidence::WithinTrial { gain, .. } => gain.warning(cause.kind.title()),
+        _ => None,
     }
 }
 

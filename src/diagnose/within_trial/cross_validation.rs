@@ -33,6 +33,19 @@ pub struct Gain {
     pub vaf_after: f64,
 }
 
+impl Gain {
+    /// What must be said of a mechanism of this title that makes the prediction of repetitions left out worse, beyond chance.
+    pub fn warning(&self, title: &str) -> Option<String> {
+        let Ratio { value, low, high } = self.held_out_rmse_ratio;
+        (low > 1.0).then(|| {
+            format!(
+                "{title}: repetitions left out of its fit are predicted worse with it than without it (residual {value:.3} times as \
+                 large, 95 % interval {low:.3} to {high:.3}): it stands in for something else"
+            )
+        })
+    }
+}
+
 /// Improvement by the last mechanism of `after`, which extends `before`, and the decrease of the whitened sum of squares on the
 /// repetitions left out (chi-square units).
 ///
@@ -194,5 +207,22 @@ mod tests {
                 "{count} repetitions: {parts:?}"
             );
         }
+    }
+
+    #[test]
+    fn a_mechanism_that_predicts_worse_beyond_chance_is_said_to_stand_in_for_something_else() {
+        let gain = |low: f64| Gain {
+            held_out_rmse_ratio: Ratio { value: 1.05, low, high: 1.1 },
+            held_out_velocity_rmse_ratio: None,
+            held_out_torque_rmse_ratio: None,
+            vaf_before: 0.9,
+            vaf_after: 0.9,
+        };
+        let said = gain(1.01).warning("delay of the torque").unwrap();
+        assert!(
+            said.starts_with("delay of the torque: repetitions left out") && said.contains("1.010 to 1.100"),
+            "{said}"
+        );
+        assert_eq!(gain(0.99).warning("delay of the torque"), None);
     }
 }
