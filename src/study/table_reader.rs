@@ -71,13 +71,10 @@ impl StudyTableReader {
                 || wrong(1, format!("column {name} is missing; expected the study.csv of a study"));
             find(name).ok_or_else(expected)
         };
-        for quantity in QUANTITIES.iter().filter(|quantity| find(quantity).is_none()) {
-            let unknown: Vec<String> = header
-                .iter()
-                .map(|column| column.trim().to_owned())
-                .filter(|column| !is_known(column))
-                .collect();
-            if let Some(column) = closest(quantity, &unknown) {
+        let missing: Vec<String> =
+            QUANTITIES.iter().filter(|name| find(name).is_none()).map(|name| (*name).to_owned()).collect();
+        for column in header.iter().map(str::trim).filter(|column| !is_known(column)) {
+            if let Some(quantity) = closest(column, &missing) {
                 let message = format!(
                     "column {column} is none of study.csv, and {quantity} is missing; rename it to {quantity}, or take it out"
                 );
