@@ -8,18 +8,19 @@ use crate::export::{self, Participant, Rows};
 
 use super::verb::Verb;
 
-/// Export sessions as a BIDS dataset, as one Parquet table, as one .mat file or as an XDF file.
+/// Export sessions as a BIDS dataset, as one Parquet table, as one .mat file, as an XDF file or as an NWB file.
 ///
-/// One of --bids, --parquet, --mat and --xdf is required. The sessions are not changed.
+/// One of --bids, --parquet, --mat, --xdf and --nwb is required. The sessions are not changed.
 #[derive(Debug, clap::Args)]
 #[command(
-    group(clap::ArgGroup::new("format").required(true).args(["bids", "parquet", "mat", "xdf"])),
+    group(clap::ArgGroup::new("format").required(true).args(["bids", "parquet", "mat", "xdf", "nwb"])),
     after_help = "Examples:\n  ramphold export sessions --bids study\n  \
                   ramphold export sessions/S01 --bids study --participant 01\n  \
                   ramphold export sessions --parquet samples.parquet\n  \
                   ramphold export sessions --parquet trials.parquet --trials\n  \
                   ramphold export sessions --mat sessions.mat\n  \
-                  ramphold export sessions/S01 --xdf S01.xdf"
+                  ramphold export sessions/S01 --xdf S01.xdf\n  \
+                  ramphold export sessions/S01 --nwb S01.nwb"
 )]
 pub struct ExportArgs {
     /// Session folders, or folders of session folders.
@@ -43,6 +44,20 @@ pub struct ExportArgs {
     /// Write one session as XDF, the format of LabRecorder, to this file, which must not exist yet.
     #[arg(long, value_name = "FILE")]
     xdf: Option<PathBuf>,
+    /// Write one session as NWB (Neurodata Without Borders), which pynwb and MatNWB open, to this file, which must not exist yet.
+    #[arg(long, value_name = "FILE")]
+    nwb: Option<PathBuf>,
+}
+
+/// The only session of a file that holds one.
+fn only_session<'a>(option: &str, folders: &'a [PathBuf]) -> Result<&'a PathBuf, Failure> {
+    match folders {
+        [folder] => Ok(folder),
+        several => Err(Failure::Usage(format!(
+            "{option} holds one session, but {} are given; export each to a file of its own",
+            several.len()
+        ))),
+    }
 }
 
 impl Verb for ExportArgs {
@@ -64,13 +79,14 @@ impl Verb for ExportArgs {
         }
         if let Some(file) = &self.xdf {
             check_out("--xdf", file)?;
-            let [folder] = folders.as_slice() else {
-                return Err(Failure::Usage(format!(
-                    "--xdf holds one session, but {} are given",
-                    folders.len()
-                )));
-            };
+            let folder = only_session("--xdf", &folders)?;
             export::write_xdf(folder, file)?;
+            console.message(format_args!("{} in {}", folder.display(), file.display()));
+        }
+        if let Some(file) = &self.nwb {
+            check_out("--nwb", file)?;
+            let folder = only_session("--nwb", &folders)?;
+            export::write_nwb(folder, file)?;
             console.message(format_args!("{} in {}", folder.display(), file.display()));
         }
         if let Some(target) = &self.bids {

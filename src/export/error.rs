@@ -41,9 +41,15 @@ pub enum ExportError {
     Nothing(PathBuf),
     /// A session without a journal, in which nobody knows when its trials were.
     #[error(
-        "{}: has no journal, so nobody knows when its trials were; an XDF file needs that. Use --mat, --bids or --parquet", .0.display()
+        "{}: has no journal, so nobody knows when its trials were; {format} needs that. Use --mat, --bids or --parquet",
+        session.display()
     )]
-    NoTimes(PathBuf),
+    NoTimes {
+        /// The session.
+        session: PathBuf,
+        /// The format, such as `an XDF file`.
+        format: &'static str,
+    },
     /// A result table that cannot be read.
     #[error("{}: cannot be read as a table: {message}. Write it again with: ramphold fit", path.display())]
     Table {
@@ -88,9 +94,9 @@ pub enum ExportError {
         /// The cargo feature.
         feature: &'static str,
     },
-    /// The Parquet writer failed.
+    /// The crate that writes the format failed.
     #[error("{}: cannot be written: {message}", path.display())]
-    Parquet {
+    Writer {
         /// The file.
         path: PathBuf,
         /// Its reason.
@@ -123,7 +129,7 @@ impl ExportError {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::File { source, .. } => is_refusal(source),
-            Self::Parquet { .. } => false,
+            Self::Writer { .. } => false,
             _ => true,
         }
     }

@@ -1,21 +1,20 @@
 //! A .mat file of sessions: one struct for each, with a struct array of its trials.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
 use super::error::ExportError;
 use super::fit_rows::fit_rows;
-use super::mat_file::{self, LARGEST_VARIABLE, MatValue, StructArray, field_name};
-use crate::dataset::{self, FurtherChannel, PROGRAM, Record, SESSION_FORMAT, Session, SessionCard, Trial};
-use crate::files::{self, Folder};
+use super::mat_file::{self, LARGEST_VARIABLE, MatValue, StructArray};
+use super::new_file::{refuse_existing, write_new};
+use super::record_channels::measured_channels;
+use super::text_columns::{TextColumn, text_columns};
+use crate::dataset::{self, PROGRAM, SESSION_FORMAT, Session, SessionCard, Trial};
 
 /// The variable of the file.
 const VARIABLE: &str = "sessions";
-
-/// Name of a channel, and its samples in a record.
-type RecordColumn = (&'static str, fn(&Record) -> Option<&Vec<f64>>);
 
 /// The fields of a trial that every session has, in order.
 const TRIAL_FIELDS: [&str; 9] = [
@@ -36,17 +35,12 @@ const TRIAL_FIELDS: [&str; 9] = [
 /// If a session or its `fit.csv` cannot be read, the sessions are too large for the format, or the file exists already or
 /// cannot be written.
 pub fn write(folders: &[PathBuf], file: &Path) -> Result<(), ExportError> {
-    if files::exists(file) {
-        return Err(ExportError::Exists(file.into()));
-    }
+    refuse_existing(file)?;
     let sessions: Vec<MatValue> = folders.iter().map(|folder| session(folder)).collect::<Result<_, _>>()?;
     let variable = MatValue::Structs(sessions_array(sessions));
     let bytes = mat_file::file(PROGRAM, &[(VARIABLE, variable)])
         .map_err(|(_, bytes)| ExportError::TooLarge { path: file.into(), bytes, limit: LARGEST_VARIABLE })?;
-    let above = Folder::open(file.parent().unwrap_or(Path::new("")));
-    above
-        .and_then(|above| above.write(Path::new(file.file_name().unwrap_or_default()), &bytes))
-        .map_err(ExportError::at(file))
+    write_new(file, &bytes)
 }
 
 /// One struct array of the structs of all sessions, which have the same fields.
@@ -96,26 +90,11 @@ fn session(folder: &Path) -> Result<MatValue, ExportError> {
 
 /// The trials, in the order in which they were run. A field is there where any trial of the session has it.
 fn trials(session: &Session, fits: &BTreeMap<u32, BTreeMap<String, String>>) -> StructArray {
-    let mut channels: Vec<RecordColumn> = vec![
-        ("theta_m_rad", |record| Some(&record.theta_m_rad)),
-        ("torque_l_nm", |record| Some(&record.torque_l_nm)),
-    ];
-    let optional: [RecordColumn; 2 + FurtherChannel::COUNT] = [
-        ("emg_fcr_mvc", |record| record.emg_fcr_mvc.as_ref()),
-        ("emg_ecr_mvc", |record| record.emg_ecr_mvc.as_ref()),
-        (FurtherChannel::HandleAngle.column(), |record| record.theta_l_rad.as_ref()),
-        (FurtherChannel::HandleAcceleration.column(), |record| record.alpha_l_rad_s2.as_ref()),
-        (FurtherChannel::HandTorque.column(), |record| record.torque_h_nm.as_ref()),
-        (FurtherChannel::JointAngle.column(), |record| record.theta_j_rad.as_ref()),
-    ];
-    let is_measured = |of: &fn(&Record) -> Option<&Vec<f64>>| {
-        session.trials.iter().any(|trial| of(&trial.record).is_some())
-    };
-    channels.extend(optional.into_iter().filter(|(_, of)| is_measured(of)));
-    let table = Columns::of(session.trials.iter().map(|trial| &trial.extra));
-    let fit = Columns::of(fits.values());
+    let channels = measured_channels(session);
+    let table = text_columns(session.trials.iter().map(|trial| &trial.extra), &[]);
+    let fit = text_columns(fits.values(), &[]);
     let mut fields: Vec<String> = TRIAL_FIELDS.iter().map(|name| (*name).to_owned()).collect();
-    fields.extend(channels.iter().map(|(name, _)| (*name).to_owned()));
+    fields.extend(channels.iter().map(|own| own.column.to_owned()));
     fields.extend(["table".to_owned(), "fit".to_owned()]);
     let element = |trial: &Trial| {
         let record = &trial.record;
@@ -132,57 +111,21 @@ fn trials(session: &Session, fits: &BTreeMap<u32, BTreeMap<String, String>>) -> 
             MatValue::Numbers((0..record.theta_m_rad.len()).map(time_s).collect()),
         ];
         values.extend(
-            channels.iter().map(|(_, of)| MatValue::Numbers(of(record).cloned().unwrap_or_default())),
+            channels.iter().map(|own| MatValue::Numbers((own.samples)(record).cloned().unwrap_or_default())),
         );
-        values.push(table.record(&trial.extra));
-        values.push(fits.get(&trial.number).map_or(MatValue::Numbers(Vec::new()), |row| fit.record(row)));
+        values.push(row(&table, &trial.extra));
+        let own = fits.get(&trial.number);
+        values.push(own.map_or(MatValue::Numbers(Vec::new()), |own| row(&fit, own)));
         values
     };
     StructArray { fields, elements: session.trials.iter().map(element).collect() }
 }
 
-/// The columns of a table of text: a column is one of numbers if every cell that is not empty is a number.
-struct Columns {
-    /// Name in the table, name of the field, whether it is a column of numbers.
-    columns: Vec<(String, String, bool)>,
-}
-
-impl Columns {
-    fn of<'a>(rows: impl Iterator<Item = &'a BTreeMap<String, String>> + Clone) -> Self {
-        let names: BTreeSet<&String> = rows.clone().flat_map(BTreeMap::keys).collect();
-        let is_number = |name: &String| {
-            let cells = rows.clone().filter_map(|row| row.get(name)).filter(|cell| !cell.is_empty());
-            cells.clone().count() > 0 && cells.clone().all(|cell| cell.parse::<f64>().is_ok())
-        };
-        let mut taken = BTreeSet::new();
-        let mut columns = Vec::new();
-        for name in names {
-            let stem = field_name(name);
-            // Names that only differ in what MATLAB does not allow get a number.
-            let numbered = (2..).map(|number| {
-                let ending = format!("_{number}");
-                format!("{}{ending}", &stem[..stem.len().min(63 - ending.len())])
-            });
-            let Some(field) = std::iter::once(stem.clone()).chain(numbered).find(|own| !taken.contains(own))
-            else {
-                continue;
-            };
-            taken.insert(field.clone());
-            columns.push((name.clone(), field, is_number(name)));
-        }
-        Self { columns }
-    }
-
-    fn record(&self, row: &BTreeMap<String, String>) -> MatValue {
-        let value = |name: &str, is_number: bool| {
-            let cell = row.get(name).map_or("", String::as_str);
-            if is_number { MatValue::number(cell.parse().ok()) } else { MatValue::Text(cell.to_owned()) }
-        };
-        MatValue::record(
-            self.columns
-                .iter()
-                .map(|(name, field, is_number)| (field.clone(), value(name, *is_number)))
-                .collect(),
-        )
-    }
+/// A row of a table of text.
+fn row(columns: &[TextColumn], cells: &BTreeMap<String, String>) -> MatValue {
+    let value = |column: &TextColumn| match column.is_number {
+        true => MatValue::number(column.number(cells)),
+        false => MatValue::Text(column.text(cells).to_owned()),
+    };
+    MatValue::record(columns.iter().map(|column| (column.field.clone(), value(column))).collect())
 }

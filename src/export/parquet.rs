@@ -14,9 +14,10 @@ use parquet::schema::types::Type;
 
 use super::error::ExportError;
 use super::fit_rows::fit_rows;
+use super::new_file::refuse_existing;
 use super::rows::Rows;
 use crate::dataset::{self, FurtherChannel, Session, Trial};
-use crate::files::{self, Folder};
+use crate::files::Folder;
 
 /// A column of the table.
 enum Column {
@@ -32,9 +33,7 @@ type ParquetColumns = Vec<(String, Column)>;
 /// # Errors
 /// If a session or its `fit.csv` cannot be read, or the file exists already or cannot be written.
 pub fn write(folders: &[PathBuf], file: &Path, rows: Rows) -> Result<(), ExportError> {
-    if files::exists(file) {
-        return Err(ExportError::Exists(file.into()));
-    }
+    refuse_existing(file)?;
     let sessions: Vec<(PathBuf, Session)> = folders
         .iter()
         .map(|folder| Ok((folder.clone(), dataset::load(folder)?)))
@@ -55,8 +54,7 @@ pub fn write(folders: &[PathBuf], file: &Path, rows: Rows) -> Result<(), ExportE
     let mut output = above
         .and_then(|above| above.begin_file(file.file_name().unwrap_or_default()))
         .map_err(ExportError::at(file))?;
-    let refused =
-        |error: ParquetError| ExportError::Parquet { path: file.into(), message: error.to_string() };
+    let refused = |error: ParquetError| ExportError::Writer { path: file.into(), message: error.to_string() };
     write_groups(output.file(), &groups).map_err(refused)?;
     output.finish().map_err(ExportError::at(file))
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
+use super::record_channels::title;
 use crate::dataset::{FurtherChannel, PROGRAM, Session, Trial};
 use crate::rig::{ChannelFilter, RecordedChannel};
 
@@ -38,8 +39,14 @@ pub fn derivatives() -> Value {
 }
 
 fn generated_by() -> Value {
-    let (name, version) = PROGRAM.split_once(' ').unwrap_or((PROGRAM, ""));
+    let [name, version] = program();
     json!({ "Name": name, "Version": version })
+}
+
+/// Name and version of this program.
+pub fn program() -> [&'static str; 2] {
+    let (name, version) = PROGRAM.split_once(' ').unwrap_or((PROGRAM, ""));
+    [name, version]
 }
 
 /// The README that BIDS asks for.
@@ -90,7 +97,8 @@ pub fn motion(session: &Session, further: &[FurtherChannel]) -> Value {
     })
 }
 
-fn task() -> &'static str {
+/// What is done in a trial.
+pub fn task() -> &'static str {
     "Hold a target torque against the motor; once it is steady, a fast ramp extends the wrist and holds it there"
 }
 
@@ -108,8 +116,8 @@ pub fn emg_channels<'a>(
     let rows = names.map(|name| {
         let known = known.iter().find(|(column, _)| column.strip_prefix(name).is_some_and(is_unit_of_column));
         let filters = cutoffs(known.and_then(|(_, channel)| channel.filter.as_deref()));
-        let rest = match EMG_CHANNELS.iter().find(|row| row.starts_with(&format!("{name}\t"))) {
-            Some(row) => (*row).to_owned(),
+        let rest = match EMG_CHANNELS.iter().find(|row| row[0] == name) {
+            Some([name, kind, unit, rest]) => format!("{name}\t{kind}\t{unit}\t{}\t{rest}", title(name)),
             None => match FurtherChannel::ALL.into_iter().find(|channel| channel.symbol() == name) {
                 Some(channel) => {
                     format!("{name}\tMISC\t{}\t{}\tn/a\tn/a\tn/a", unit(channel), channel.title())
@@ -151,20 +159,27 @@ pub fn cutoffs(filters: Option<&[ChannelFilter]>) -> String {
     format!("{low}\t{high}\t{notch}")
 }
 
-const EMG_CHANNELS: [&str; 4] = [
-    "emg_fcr\tEMG\tMVC\tflexor carpi radialis, fraction of maximal voluntary contraction\tbipolar\twrist\tflexor carpi radialis",
-    "emg_ecr\tEMG\tMVC\textensor carpi radialis, fraction of maximal voluntary contraction\tbipolar\twrist\textensor carpi radialis",
-    "theta_m\tMISC\trad\tmotor angle, positive extends the wrist\tn/a\tn/a\tn/a",
-    "torque_l\tMISC\tN.m\ttorque in the lever, positive resists extension\tn/a\tn/a\tn/a",
+/// Name, type and unit of a channel, and what follows its description.
+const EMG_CHANNELS: [[&str; 4]; 4] = [
+    ["emg_fcr", "EMG", "MVC", "bipolar\twrist\tflexor carpi radialis"],
+    ["emg_ecr", "EMG", "MVC", "bipolar\twrist\textensor carpi radialis"],
+    ["theta_m", "MISC", "rad", "n/a\tn/a\tn/a"],
+    ["torque_l", "MISC", "N.m", "n/a\tn/a\tn/a"],
 ];
 
 /// `_channels.tsv` of a motion recording.
 pub fn motion_channels(further: &[FurtherChannel]) -> String {
-    let row = |channel: &FurtherChannel| {
-        let kind = if channel.is_angle() { "JNTANG" } else { "MISC" };
-        format!("{}\tn/a\t{kind}\twrist\t{}\t{}\n", channel.symbol(), unit(*channel), channel.title())
+    let row = |name: &str, kind: &str, unit: &str, title: &str| {
+        format!("{name}\tn/a\t{kind}\twrist\t{unit}\t{title}\n")
     };
-    MOTION_CHANNELS.to_owned() + &further.iter().map(row).collect::<String>()
+    let further = further.iter().map(|channel| {
+        let kind = if channel.is_angle() { "JNTANG" } else { "MISC" };
+        row(channel.symbol(), kind, unit(*channel), channel.title())
+    });
+    "name\tcomponent\ttype\ttracked_point\tunits\tdescription\n".to_owned()
+        + &row("theta_m", "JNTANG", "rad", title("theta_m"))
+        + &row("torque_l", "MISC", "N.m", title("torque_l"))
+        + &further.collect::<String>()
 }
 
 /// Unit of a further channel, as BIDS writes it.
@@ -175,11 +190,6 @@ pub fn unit(channel: FurtherChannel) -> &'static str {
         FurtherChannel::HandTorque => "N.m",
     }
 }
-
-const MOTION_CHANNELS: &str = "\
-name\tcomponent\ttype\ttracked_point\tunits\tdescription\n\
-theta_m\tn/a\tJNTANG\twrist\trad\tmotor angle, positive extends the wrist\n\
-torque_l\tn/a\tMISC\twrist\tN.m\ttorque in the lever, positive resists extension\n";
 
 /// What the columns of `_events.tsv` mean.
 pub fn events_meaning() -> Value {

@@ -1,5 +1,16 @@
 //! Options whose part is not built are refused with the command that builds it. A build with all features has no such option.
 
+#[cfg(not(feature = "matlab"))]
+#[test]
+fn an_nwb_file_is_refused_without_the_feature() {
+    use crate::workspace::{QUICK, Workspace};
+    let workspace = Workspace::new();
+    workspace.call(0, &["run", QUICK, "--seed", "1", "--out", "s"]);
+    let (_, message) = workspace.call(2, &["export", "s", "--nwb", "s.nwb"]);
+    assert!(message.contains("cargo build --release --features matlab"), "{message}");
+    assert!(!workspace.path("s.nwb").exists());
+}
+
 #[cfg(not(feature = "parquet"))]
 #[test]
 fn a_parquet_table_is_refused_without_the_feature() {
