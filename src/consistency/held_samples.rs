@@ -18,6 +18,9 @@ const MOVE_STEPS: f64 = 1.5;
 /// Repeats count as more frequent than not beyond this many standard deviations: by chance once in three million.
 const STANDARD_DEVIATIONS: f64 = 5.0;
 
+/// The samples of a channel in a trial.
+type SamplesOf = fn(&Trial) -> &[f64];
+
 /// Moves of a signal, by whether the value before was a repeat.
 #[derive(Debug, Clone, Copy, Default)]
 struct Moves {
@@ -74,19 +77,14 @@ impl Moves {
 
 /// Angle or torque that stands still between its moves, over all trials, or in single ones.
 pub fn check_held(trials: &[&Trial], sample_rate_hz: f64) -> Vec<Contradiction> {
-    let channels: [(&str, fn(&Trial) -> &[f64]); 2] = [
+    let channels: [(&str, SamplesOf); 2] = [
         ("theta_m_rad", |trial| &trial.record.theta_m_rad),
         ("torque_l_nm", |trial| &trial.record.torque_l_nm),
     ];
     channels.into_iter().filter_map(|(column, values)| held(column, values, trials, sample_rate_hz)).collect()
 }
 
-fn held(
-    column: &str,
-    values: fn(&Trial) -> &[f64],
-    trials: &[&Trial],
-    sample_rate_hz: f64,
-) -> Option<Contradiction> {
+fn held(column: &str, values: SamplesOf, trials: &[&Trial], sample_rate_hz: f64) -> Option<Contradiction> {
     let of_trials: Vec<(u32, Moves)> =
         trials.iter().map(|trial| (trial.number, Moves::of(trial, values(trial), sample_rate_hz))).collect();
     let together =
