@@ -77,7 +77,9 @@ impl MeasuredTrial {
             .sum();
         let noticed_rad = Self::NOTICED_S * speed_rad_s.abs();
         let time_s = |sample: usize| trial.record.start_s + sample as f64 / sample_rate_hz;
-        let noticed = angle[motion..].iter().position(|x| (x - hold_rad).abs() > noticed_rad)?;
+        // Back from the ramp: where a slow ramp begins is hard to see, and `motion` may be beyond it.
+        let rest = angle[..=passed(0.3)].iter().rposition(|x| (x - hold_rad).abs() <= noticed_rad);
+        let noticed = rest.map_or(motion, |rest| rest + 1);
         Some(Self {
             number: trial.number,
             stated_speed_rad_s: trial.velocity_rad_s,
@@ -90,7 +92,7 @@ impl MeasuredTrial {
             work_j,
             way_rad: (angle[end] - angle[motion]).abs(),
             motion_s: time_s(motion),
-            noticed_s: time_s(motion + noticed),
+            noticed_s: time_s(noticed),
         })
     }
 

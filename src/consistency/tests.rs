@@ -311,3 +311,21 @@ fn coarse_steps_of_an_instrument_are_no_repeated_values() {
         assert!(!failed(coarse).contains(&SignalCheck::HeldSamples), "{angle_rad} rad, {torque_nm} N m");
     }
 }
+
+#[test]
+fn a_ramp_that_takes_seconds_after_a_hold_that_settled_is_not_taken_for_a_late_one() {
+    let slow = each(|trial| {
+        let speed_rad_s = 0.05;
+        let time_s = |i: usize| i as f64 / RATE_HZ - ONSET_S;
+        trial.velocity_rad_s = speed_rad_s;
+        trial.record.theta_m_rad = (0..8000)
+            .map(|i| {
+                let settling = if time_s(i) < -0.25 { -0.001 } else { 0.0 };
+                -0.07 + settling + speed_rad_s * (time_s(i) - 0.008).clamp(0.0, 2.4)
+            })
+            .collect();
+        trial.record.torque_l_nm = (0..8000).map(|i| trial.torque_nm + 0.3 + 1e-4 * (i % 7) as f64).collect();
+        (trial.record.emg_fcr_mvc, trial.record.emg_ecr_mvc) = (None, None);
+    });
+    assert!(!failed(slow).contains(&SignalCheck::Onset));
+}

@@ -1,5 +1,9 @@
 //! Detection of the ramp's onset in recordings that do not state it.
 
+/// A motor stands still where it is within this part of its way, a fortieth of the tenth by which a ramp is found: at the place that is
+/// looked at, a ramp that rises with the third power of time moves by more than twice as much.
+const STILL: f64 = 2.5e-3;
+
 /// Index of the last sample at rest before the ramp: the search goes back from the sample at a tenth of the whole movement to the last
 /// sample within the noise of the rest before.
 ///
@@ -24,11 +28,22 @@ pub fn onset(theta_rad: &[f64]) -> Option<usize> {
     // for its first tenth four times as long as for the second.
     let second_tenth = theta_rad[moved..].iter().position(|x| (x - level) / way > 0.2)?.max(1);
     let ramp = moved.saturating_sub(6 * second_tenth).max(1);
-    let near = &theta_rad[ramp.saturating_sub(12 * second_tenth)..ramp];
-    let level = mean(near);
-    let spread = near.iter().map(|x| (x - level).abs()).fold(0.0, f64::max);
+    let far = &theta_rad[ramp.saturating_sub(12 * second_tenth)..ramp];
+    // A ramp of constant speed began a tenth before, and little more. Where it is so slow that the record does not reach back far enough, the
+    // motor may have settled since the record began.
+    let before = |tenths: f64| moved.saturating_sub((tenths * second_tenth as f64) as usize);
+    let close = &theta_rad[before(1.5)..before(1.15)];
+    let stands_still = !close.is_empty() && spread(close) < STILL * way.abs();
+    let near = if moved < 18 * second_tenth && stands_still { close } else { far };
+    let (level, spread) = (mean(near), spread(near));
     let band = spread.max(3e-4 * way.abs());
     theta_rad[..moved].iter().rposition(|x| (x - level) * way.signum() <= band)
+}
+
+/// Largest distance from the mean.
+fn spread(values: &[f64]) -> f64 {
+    let level = mean(values);
+    values.iter().map(|x| (x - level).abs()).fold(0.0, f64::max)
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -68,6 +83,23 @@ mod tests {
             .collect();
         let found = onset(&drifting).unwrap();
         assert!((1200..1208).contains(&found), "{found}");
+    }
+
+    #[test]
+    fn a_ramp_that_takes_seconds_is_found_after_a_hold_in_which_the_motor_settled() {
+        let settled = |i: usize| if i < 900 { -1e-3 } else { 0.0 };
+        let slow = |i: usize| 0.05 * ((i as f64 - 1500.0) * 4e-4).clamp(0.0, 2.8);
+        let angle: Vec<f64> = (0..10_000).map(|i| 0.3 + settled(i) + slow(i)).collect();
+        let found = onset(&angle).unwrap();
+        assert!((1499..1505).contains(&found), "{found}");
+        let cubic: Vec<f64> = (0..10_000)
+            .map(|i| {
+                let part = ((i as f64 - 1500.0) / 7000.0).clamp(0.0, 1.0);
+                0.3 + 0.14 * part * part * part
+            })
+            .collect();
+        let found = onset(&cubic).unwrap();
+        assert!((1499..2000).contains(&found), "{found}: within 0.03 % of the way");
     }
 
     #[test]

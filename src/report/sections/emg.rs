@@ -77,7 +77,7 @@ fn trials_table(input: &ReportInput) -> HtmlTable {
             Cell::text(condition_name(trace.label.as_ref(), trace.velocity_rad_s, trace.torque_nm)),
             level(0),
             level(1),
-            Cell::number(emg.and_then(|emg| emg.onset_s).map(|onset_s| 1e3 * onset_s), 3),
+            latency(emg.and_then(|emg| emg.onset_s)),
         ]
     };
     HtmlTable {
@@ -112,8 +112,7 @@ fn efforts_table(input: &ReportInput) -> Option<HtmlTable> {
 
 fn row(own: &[Trace]) -> Vec<Cell> {
     let emg: Vec<_> = own.iter().filter_map(|trace| trace.emg.as_ref()).collect();
-    let mut onsets: Vec<f64> =
-        emg.iter().filter_map(|emg| emg.onset_s).map(|onset_s| 1e3 * onset_s).collect();
+    let mut onsets: Vec<f64> = emg.iter().filter_map(|emg| emg.onset_s).collect();
     onsets.sort_by(f64::total_cmp);
     let level = |muscle: usize| {
         let found = mean_sd(emg.iter().map(|emg| emg.hold_mvc[muscle].map(|level| 100.0 * level)));
@@ -123,9 +122,26 @@ fn row(own: &[Trace]) -> Vec<Cell> {
         Cell::text(condition_name(own[0].label.as_ref(), own[0].velocity_rad_s, own[0].torque_nm)),
         Cell::Number(emg.len().to_string()),
         Cell::Number(emg.iter().filter(|emg| emg.onset_s.is_some()).count().to_string()),
-        Cell::number(onsets.get(onsets.len() / 2).copied(), 3),
-        Cell::number(onsets.first().copied(), 3),
+        latency(onsets.get(onsets.len() / 2).copied()),
+        latency(onsets.first().copied()),
         level(0),
         level(1),
     ]
+}
+
+/// A latency in ms with one decimal, as the console shows it: the samples are some tenths of a millisecond apart.
+fn latency(onset_s: Option<f64>) -> Cell {
+    Cell::Number(onset_s.map_or("–".into(), |onset_s| format!("{:.1}", 1e3 * onset_s)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Cell, latency};
+
+    #[test]
+    fn a_latency_has_one_decimal_as_on_the_console_however_short_it_is() {
+        for (onset_s, shown) in [(Some(0.0045), "4.5"), (Some(0.0385), "38.5"), (Some(0.1), "100.0"), (None, "–")] {
+            assert!(matches!(latency(onset_s), Cell::Number(own) if own == shown), "{onset_s:?}");
+        }
+    }
 }
