@@ -2,10 +2,14 @@
 
 use super::error::ImportError;
 use super::mapping::{LongRecord, Mapping};
+use super::ramp_way::RampWay;
 use super::source_table::SourceTable;
 
 /// The speed of an angle is taken over this time, s.
 const SPEED_OVER_S: f64 = 0.008;
+
+/// A motor that moves keeps its speed for this time, s, less than any ramp takes; a sample that is off does not.
+const KEPT_S: f64 = 0.004;
 
 /// A ramp is where the speed is above this part of the largest.
 const RAMP_SHARE: f64 = 0.3;
@@ -53,12 +57,11 @@ fn by_ramps(
     long: &LongRecord,
     rate_hz: f64,
 ) -> Result<CutRecord, ImportError> {
+    let angle = needed(table, &mapping.columns.angle.column, "the angle")?;
     let starts = match &long.ramp_column {
         Some(column) => rises(needed(table, column, "the signal of the ramps")?, long.threshold),
         None => {
-            let angle = needed(table, &mapping.columns.angle.column, "the angle")?;
-            let span = (libm::round(SPEED_OVER_S * rate_hz) as usize).max(1);
-            let speed: Vec<f64> = angle.windows(span + 1).map(|own| (own[span] - own[0]).abs()).collect();
+            let speed = kept_speed(angle, rate_hz);
             let largest = speed.iter().copied().fold(0.0, f64::max);
             rises(&speed, RAMP_SHARE * largest)
         }
@@ -66,23 +69,28 @@ fn by_ramps(
     let samples = table.columns.first().map_or(0, |(_, values)| values.len());
     let [before, after] = [long.before_s, long.after_s].map(|time_s| libm::round(time_s * rate_hz) as usize);
     let (mut parts, mut left_out) = (Vec::new(), Vec::new());
+    let (mut ways, mut covered) = (Vec::new(), Vec::new());
     let mut free = 0;
     for start in starts {
         // A ramp within the last trial is its return, not a trial of its own.
         if start < free {
             continue;
         }
-        let recorded = [(start, before, "before"), (samples - start, after, "after")];
-        if let Some((there, _, side)) = recorded.into_iter().find(|(there, wanted, _)| there < wanted) {
+        let sides =
+            [(start, before, "before", long.before_s), (samples - start, after, "after", long.after_s)];
+        if let Some((there, _, side, wanted_s)) = sides.into_iter().find(|(there, wanted, ..)| there < wanted)
+        {
             left_out.push(format!(
-                "{}: the ramp at {:.3} s has {:.3} s {side} it; expected long_record.{side}_s ({} s)",
+                "{}: the ramp at {:.3} s has {:.3} s {side} it; expected long_record.{side}_s ({wanted_s} s)",
                 table.name,
                 start as f64 / rate_hz,
                 there as f64 / rate_hz,
-                if side == "before" { long.before_s } else { long.after_s }
             ));
+            covered.push(start.saturating_sub(before)..(start + after).min(samples));
             continue;
         }
+        ways.push(RampWay::of(&angle[start..start + after], angle[start]));
+        covered.push(start - before..start + after);
         parts.push(part(table, start - before, start + after, &format!("ramp {}", parts.len() + 1)));
         free = start + after;
     }
@@ -94,7 +102,30 @@ fn by_ramps(
         );
         return Err(ImportError::NoTrial { reason });
     }
+    let taken = RampWay::median(&ways).map_or_else(Vec::new, |way| way.taken_in(angle));
+    let unused = taken.iter().filter(|(_, gone_at)| !covered.iter().any(|part| part.contains(gone_at)));
+    let why = match &long.ramp_column {
+        Some(column) => {
+            format!("where {column} does not rise through long_record.threshold ({})", long.threshold)
+        }
+        None => format!(
+            "slower than {RAMP_SHARE} times the fastest; name a signal of the ramps in long_record.ramp_column"
+        ),
+    };
+    left_out.extend(unused.map(|(left_at, _)| {
+        let time_s = *left_at as f64 / rate_hz;
+        format!("{}: the motor goes the way of the ramps after {time_s:.3} s, {why}", table.name)
+    }));
     Ok(CutRecord { parts, left_out })
+}
+
+/// Angle made good in [`SPEED_OVER_S`], without its sign, the least of those that begin within [`KEPT_S`].
+fn kept_speed(angle: &[f64], rate_hz: f64) -> Vec<f64> {
+    let samples = |time_s: f64| (libm::round(time_s * rate_hz) as usize).max(1);
+    let span = samples(SPEED_OVER_S);
+    let speed: Vec<f64> = angle.windows(span + 1).map(|own| (own[span] - own[0]).abs()).collect();
+    let least = |own: &[f64]| own.iter().copied().fold(f64::INFINITY, f64::min);
+    speed.windows(samples(KEPT_S) + 1).map(least).collect()
 }
 
 /// Samples at which `values` rise through `threshold`.

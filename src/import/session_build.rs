@@ -6,12 +6,17 @@ use super::error::ImportError;
 use super::mapped_signal::{MappedSignal, SignalUnit};
 use super::mapping::Mapping;
 use super::plausible::{check_distinct, check_units};
+use super::ramp_way::RampWay;
 use super::source_table::SourceTable;
 use crate::consistency::MeasuredTrial;
 use crate::dataset::{FurtherChannel, Record, Session, Status, Subject, Trial};
 
 /// Rates are whole numbers; times are rounded by up to this part of the record.
 const RATE_ROUNDING: f64 = 1e-3;
+
+/// What to do about several ramps in a trial.
+const SHORTEN: &str = "shorten long_record.after_s";
+const CUT: &str = "cut the recording with long_record or trial_column";
 
 /// A session made of a foreign recording, before it is written.
 #[derive(Debug, Clone)]
@@ -52,6 +57,11 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
         let mut trial = trial(trials.len() as u32 + 1, record);
         match MeasuredTrial::new(&trial, rate_hz) {
             Some(own) => {
+                left_out.extend(later_ramps(&trial.record.theta_m_rad, own.hold_rad).map(|sample| {
+                    let time_s = sample as f64 / rate_hz;
+                    let cut = if mapping.long_record.is_some() { SHORTEN } else { CUT };
+                    format!("{}: another ramp begins after {time_s:.3} s; a trial has one: {cut}", part.name)
+                }));
                 trial.onset_s = Some(own.motion_s);
                 measured.push(own);
                 trials.push(trial);
@@ -82,6 +92,11 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
         trials,
     };
     Ok(ImportedSession { session, sources, left_out })
+}
+
+/// Samples at which the motor leaves for another ramp after that of the trial.
+fn later_ramps(theta_rad: &[f64], hold_rad: f64) -> impl Iterator<Item = usize> {
+    RampWay::of(theta_rad, hold_rad).taken_in(theta_rad).into_iter().skip(1).map(|(left_at, _)| left_at)
 }
 
 /// The sample rate that the mapping states, or that of the column of time, which must be the same in every table.

@@ -140,7 +140,9 @@ mod tests {
 
     #[test]
     fn a_latency_has_one_decimal_as_on_the_console_however_short_it_is() {
-        for (onset_s, shown) in [(Some(0.0045), "4.5"), (Some(0.0385), "38.5"), (Some(0.1), "100.0"), (None, "–")] {
+        for (onset_s, shown) in
+            [(Some(0.0045), "4.5"), (Some(0.0385), "38.5"), (Some(0.1), "100.0"), (None, "–")]
+        {
             assert!(matches!(latency(onset_s), Cell::Number(own) if own == shown), "{onset_s:?}");
         }
     }
