@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::consistency::SignalCheck;
-use crate::dataset::{self, PROGRAM};
+use crate::dataset::{self, PROGRAM, Status};
 use crate::diagnose::{Diagnosis, DiagnosisInput, diagnose, remove_hum};
 use crate::fit::{
     Fit, Model, NoSessionModel, Observations, PreprocessingSettings, Results, SessionFit, Weighting,
@@ -93,7 +93,8 @@ impl AnalysedSession {
         let digest = session.digest();
         let without_hum = model.hum_hz().map(|frequency_hz| remove_hum(session, frequency_hz));
         let session = without_hum.as_ref().unwrap_or(session);
-        let used = self.calibration.as_ref();
+        let used = self.calibration_at_its_torques();
+        let used = used.as_ref();
         let constants = UsedCalibration::constants(used, session.lever)?;
         let observations = Observations::of_rig(session, self.settings, constants)
             .map_err(|source| Failure::Prepare { session: self.name.clone(), source })?;
@@ -118,9 +119,17 @@ impl AnalysedSession {
     /// If the session cannot be prepared, or the calibration cannot be used for it.
     pub fn prepare_diagnosis(&self, model: &Model) -> Result<DiagnosisInput, Failure> {
         let session = &self.checked.session;
-        let rig = UsedCalibration::knowledge(self.calibration.as_ref(), session.lever)?;
+        let rig = UsedCalibration::knowledge(self.calibration_at_its_torques().as_ref(), session.lever)?;
         DiagnosisInput::of_rig(session, self.settings, model, rig)
             .map_err(|source| Failure::Prepare { session: self.name.clone(), source })
+    }
+
+    /// The calibration as far as it holds at the largest torque of the session.
+    fn calibration_at_its_torques(&self) -> Option<UsedCalibration> {
+        let usable = self.checked.session.trials.iter().filter(|trial| trial.status == Status::Ok);
+        let torques = usable.flat_map(|trial| &trial.record.torque_l_nm);
+        let largest_nm = torques.fold(0.0, |largest: f64, torque| largest.max(torque.abs()));
+        self.calibration.clone().map(|used| used.at_torques_up_to(largest_nm))
     }
 
     /// Diagnoses the session from `input`, which [`Self::prepare_diagnosis`] made of it with the same model.

@@ -66,6 +66,11 @@ impl UsedCalibration {
         Ok(Self { calibration, sha256: sha256(&bytes), file, bytes })
     }
 
+    /// The calibration in a session with torques of up to `largest_nm`, N m.
+    pub fn at_torques_up_to(self, largest_nm: f64) -> Self {
+        Self { calibration: self.calibration.at_torques_up_to(largest_nm), ..self }
+    }
+
     /// The constants that an analysis of a session with the lever `stated` uses; without a calibration those that the session states.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! The constants of a rig, and the coordinates in which they are fitted.
 
-use crate::dataset::RigQuantity;
+use crate::dataset::{LARGEST_NONLINEARITY, RigQuantity};
 use crate::protocol::RigLoad;
 use crate::wrist::Lever;
 
@@ -13,6 +13,9 @@ pub const NOT_REPORTED: usize = 8;
 
 /// Place of the first coordinate with a prior that is knowledge, not a guard: it stays where nothing else is assumed.
 pub const FIRST_KNOWN: usize = REPORTED + 5;
+
+/// Places of inertia, damping and stiffness of the lever among the coordinates.
+pub const LEVER_PLACES: std::ops::Range<usize> = 0..3;
 
 /// Places among the coordinates: the torque's cubic part, delay and low-pass, the servo's bandwidth, and the friction.
 pub const CUBIC_PLACE: usize = 5;
@@ -121,8 +124,6 @@ const START_CUTOFF_HZ: f64 = 150.0;
 const LOWEST_SERVO_HZ: f64 = 5.0;
 /// Natural frequency at which the fit of the servo starts, Hz; the median of its mechanism's prior.
 const START_SERVO_HZ: f64 = 120.0;
-/// Cubic part of the recorded torque at the largest torque, as a part of it, that no sensor exceeds.
-const LARGEST_NONLINEARITY: f64 = 0.1;
 /// Offset that no amplifier is left with, as a part of the largest torque recorded.
 const LARGEST_OFFSET: f64 = 1.0;
 /// Friction of the bearing that makes a rig useless, as a part of the largest torque recorded.

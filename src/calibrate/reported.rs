@@ -2,7 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::constants::{CoordinateScale, DELAY_PLACE, LAG_PLACE, REPORTED, RigCoordinates, time_constant_s};
+use super::constants::{
+    CoordinateScale, DELAY_PLACE, LAG_PLACE, LEVER_PLACES, REPORTED, RigCoordinates, time_constant_s,
+};
 use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, inverse};
 use super::fit::RigFitInput;
 use crate::dataset::{CalibratedQuantity, RigQuantity};
@@ -34,6 +36,10 @@ pub fn reported(
         told(RigQuantity::ALL[place], scales[place], point[place], se)
     };
     let mut states: Vec<Told> = (0..REPORTED).map(state).collect();
+    // Of a handle that is stated as rigid, the trials tell a whole lever or none.
+    if lever.is_none() && states[LEVER_PLACES].iter().any(|own| !matches!(own, Told::Value { .. })) {
+        states[LEVER_PLACES].fill_with(|| Told::Unknown);
+    }
     let mut in_delay = DMatrix::identity(point.len(), point.len());
     if !matches!(states[LAG_PLACE], Told::Value { .. }) {
         // A low-pass that is too fast to be seen delays, and nobody takes it into account otherwise.

@@ -142,12 +142,13 @@ fn summary(console: &Console, diagnosis: &Diagnosis, json: &Value) -> Result<(),
             diagnosis.remaining_p_value
         )?;
     }
-    let probabilities = &diagnosis.probabilities;
-    writeln!(
-        out,
-        "probability of no cause {:.3}, of a law in no catalogue {:.3}",
-        probabilities.none, probabilities.none_of_these
-    )?;
+    if let Some(probabilities) = &diagnosis.probabilities {
+        writeln!(
+            out,
+            "probability of no cause {:.3}, of a law in no catalogue {:.3}",
+            probabilities.none, probabilities.none_of_these
+        )?;
+    }
     if let Some(law) = &diagnosis.free_law {
         print_free_law(&mut out, law)?;
     }

@@ -3,6 +3,7 @@
 mod amendments;
 mod audit;
 mod background_recorder;
+mod calibrated_range;
 mod csv_input;
 mod description_json;
 mod disk;
@@ -48,6 +49,7 @@ pub use crate::wrist::FurtherChannel;
 pub use amendments::{AMENDMENTS, Amendment, Amendments};
 pub use audit::{ActionOrigin, AuditEntry, LONGEST_NOTE, OperatorAction, Wrist};
 pub use background_recorder::{AuditSender, BackgroundRecorder};
+pub use calibrated_range::LARGEST_NONLINEARITY;
 pub use csv_input::open_session;
 pub use disk::Disk;
 pub use error::{DatasetError, FilePlace};

@@ -54,8 +54,8 @@ pub struct Diagnosis {
     pub misfit: MisfitStatistics,
     /// Probability of a misfit at least as large, within and across the trials, if the model were right.
     pub p_value: f64,
-    /// Probability of each cause, of none, and of a cause in no catalogue.
-    pub probabilities: CauseProbabilities,
+    /// Probability of each cause, of none, and of a cause in no catalogue; `None` if no cause was looked for.
+    pub probabilities: Option<CauseProbabilities>,
     /// The causes, the largest improvement first.
     pub causes: Vec<Cause>,
     /// Probability of the remaining misfit if the model with the causes were right.
@@ -83,7 +83,7 @@ impl Diagnosis {
             verdict: Verdict::Unexplained,
             misfit: MisfitStatistics { largest: f64::NAN, excess: f64::NAN, scatter: f64::NAN },
             p_value: f64::NAN,
-            probabilities: CauseProbabilities::default(),
+            probabilities: None,
             causes: Vec::new(),
             remaining_p_value: f64::NAN,
             free_law: None,
@@ -169,6 +169,13 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
             left.p_values.scatter
         ));
     }
+    let probabilities =
+        if nothing { probabilities.where_nothing_is_seen(given.p_values.any()) } else { probabilities };
+    let probabilities = if remaining_p_value < MISFIT_LEVEL {
+        probabilities.where_misfit_is_left(remaining_p_value, search.model_prior.of_unknown_law())
+    } else {
+        probabilities
+    };
     stage("measuring the gain on data left out");
     let chain = FitChain { search: &search, probabilities: &probabilities, seed };
     let mut causes = if nothing { Vec::new() } else { chain.causes(best) };
@@ -196,7 +203,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         verdict,
         misfit: given.misfit,
         p_value: (2.0 * given.p_values.any()).min(p_of_causes).min(1.0),
-        probabilities,
+        probabilities: Some(probabilities),
         causes,
         remaining_p_value,
         free_law: free,

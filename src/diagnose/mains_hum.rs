@@ -6,6 +6,7 @@ use super::interval::Interval;
 use crate::dataset::{Session, Status, Trial};
 use crate::fit::onset_sample;
 use crate::signal::Sinusoid;
+use crate::statistics::largest_bayes_factor;
 
 /// Mains hum found in the holds.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -33,11 +34,9 @@ const HUM_LEVEL: f64 = 1e-3;
 /// Prior probability of hum that matters: one session in ten. Assumed.
 const PRIOR_PROBABILITY: f64 = 0.1;
 
-/// Posterior probability of `hum`, from the largest Bayes factor that its p-value allows, 1 / (-e p log p) (Sellke, Bayarri and Berger
-/// 2001).
+/// Posterior probability of `hum`, from the largest Bayes factor that its p-value allows.
 pub fn hum_probability(hum: &DetectedHum) -> f64 {
-    let p = hum.p_value.clamp(f64::MIN_POSITIVE, (-1.0f64).exp());
-    let odds = PRIOR_PROBABILITY / (1.0 - PRIOR_PROBABILITY) / (-std::f64::consts::E * p * libm::log(p));
+    let odds = PRIOR_PROBABILITY / (1.0 - PRIOR_PROBABILITY) * largest_bayes_factor(hum.p_value);
     odds / (1.0 + odds)
 }
 

@@ -6,6 +6,7 @@ use super::across_trials::covariate_regression::without_effect;
 use super::across_trials::elastic_limit_law::ElasticLimitLaw;
 use super::cause::{AlternativeCause, Cause, CauseEvidence};
 use super::diagnosis::Diagnosis;
+use super::evidence::answer::CauseProbabilities;
 use super::evidence::found_law::{FoundLaw, LawCheck};
 use super::interval::Interval;
 use super::predicted_torque::residuals;
@@ -35,8 +36,8 @@ impl Diagnosis {
                 "residual_variance_over_noise": self.misfit.scatter,
             },
             "causes": self.causes.iter().map(|cause| self.cause(observations, cause)).collect::<Vec<_>>(),
-            "probabilities": self.probabilities.to_json(),
-            "none_of_these": self.probabilities.none_of_these,
+            "probabilities": self.probabilities.as_ref().map(CauseProbabilities::to_json),
+            "none_of_these": self.probabilities.as_ref().map(|own| own.none_of_these),
             "left_over": { "p_value": self.remaining_p_value },
             "free_law": self.free_law.as_ref().map(FoundLaw::to_json),
             "residual_term": self.residual_term,

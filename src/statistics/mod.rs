@@ -4,6 +4,7 @@
 //! and [`MeanVariance`], which take in one subject at a time: a study of a million subjects needs no more memory than one of two.
 //! Fit, diagnosis and report share [`group_indices`], [`upper_median`], [`log_determinant_of_factor`] and the linear regressions of `least_squares`.
 
+mod bayes_factor;
 mod correlation;
 mod determinant;
 mod distribution;
@@ -16,6 +17,7 @@ mod reliability;
 mod repeated_measures_anova;
 mod welch;
 
+pub use bayes_factor::largest_bayes_factor;
 pub use correlation::rank_correlation;
 pub use determinant::log_determinant_of_factor;
 pub use distribution::{chi_square_tail, f_tail, t_quantile, t_two_sided, wilson};

@@ -16,7 +16,7 @@ from conftest import ROOT, program
 from test_lsl import LIBRARY, LOOPBACK
 from test_lsl_inlet import EMG, attachment, offsets_ms
 
-TRIAL_S = 4.0  # rest, approach, gate, ramp, hold and return of one trial
+TRIAL_S = 3.4  # rest, approach, gate, ramp, hold and return of one trial
 ALONE = 0.1  # how long the session without a stream is, as a part of the other
 LARGEST_OFFSET_MS = 1.0
 

@@ -167,6 +167,17 @@ fn an_empty_handle_tells_no_gain_and_no_lever_but_says_what_would() {
 }
 
 #[test]
+fn a_handle_that_is_stated_as_rigid_has_a_whole_lever_or_none() {
+    let lever = Lever { inertia_kg_m2: 0.0018, damping_nm_s_per_rad: 3.0, stiffness_nm_per_rad: 20_000.0 };
+    let rig = TrueRig { lever, torque_cutoff_hz: 300.0, ..TrueRig::usual(7) };
+    let loads = Loads { weight: true, inertia: true, ..NO_LOADS };
+    let stated_as_rigid = RigTrials { lever: None, ..rig_trials(&rig, loads, |_| 1.0) };
+    let outcome = calibrated(&stated_as_rigid);
+    let told = outcome.calibration.quantities[..3].iter().filter(|own| own.value.is_some()).count();
+    assert!(told == 0 || told == 3, "{:?}", &outcome.calibration.quantities[..3]);
+}
+
+#[test]
 fn a_cut_off_too_high_to_be_seen_has_a_bound_and_no_value() {
     let rig = TrueRig { torque_cutoff_hz: 4_000.0, ..TrueRig::usual(6) };
     let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));

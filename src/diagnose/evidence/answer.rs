@@ -4,13 +4,14 @@ use serde_json::{Map, Value, json};
 
 use super::model_search::ComparedModel;
 use crate::random::Stream;
+use crate::statistics::largest_bayes_factor;
 use crate::wrist::mechanisms::MechanismKind;
 
 /// Probability that what is named must have: a cause alone, or the smallest set that holds it.
 pub const NAMED_PROBABILITY: f64 = 0.95;
 
 /// Probability of each cause.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct CauseProbabilities {
     /// That no cause is at work.
     pub none: f64,
@@ -42,6 +43,30 @@ impl CauseProbabilities {
         Self { none: sum(&|own| own.causes.is_empty()), none_of_these, causes, free_laws }
     }
 
+    /// The probabilities where the test of the model as given sees no misfit, at `p_value`: the odds of a cause are at most what that allows.
+    /// Before the data they are even.
+    pub fn where_nothing_is_seen(self, p_value: f64) -> Self {
+        let least = 1.0 / (1.0 + largest_bayes_factor(p_value));
+        let part = others_part(self.none, least);
+        Self { none: self.none.max(least), none_of_these: part * self.none_of_these, ..self }
+            .with_causes_times(part)
+    }
+
+    /// The probabilities where the test of the best model has found misfit, at `p_value`: what was compared has a model of `prior` probability
+    /// beside it that was not.
+    pub fn where_misfit_is_left(self, p_value: f64, prior: f64) -> Self {
+        let odds = prior / (1.0 - prior) * largest_bayes_factor(p_value);
+        let least = odds / (1.0 + odds);
+        let part = others_part(self.none_of_these, least);
+        Self { none: part * self.none, none_of_these: self.none_of_these.max(least), ..self }
+            .with_causes_times(part)
+    }
+
+    fn with_causes_times(mut self, part: f64) -> Self {
+        self.causes.iter_mut().for_each(|(_, probability)| *probability *= part);
+        self
+    }
+
     /// The probabilities by cause, with `none` and `none_of_these`.
     pub fn to_json(&self) -> Value {
         let mut entry: Map<String, Value> = self
@@ -63,6 +88,11 @@ impl CauseProbabilities {
     pub fn likely_free_laws(&self) -> Vec<(MechanismKind, f64)> {
         smallest_set(&self.free_laws)
     }
+}
+
+/// What is left of all others where a probability is raised to `least`.
+fn others_part(probability: f64, least: f64) -> f64 {
+    if probability < least { (1.0 - least) / (1.0 - probability) } else { 1.0 }
 }
 
 /// A cause of the most probable model, and what could be in its place.
@@ -191,4 +221,40 @@ fn weights(models: &[ComparedModel]) -> Vec<f64> {
         mean.iter_mut().zip(&relative).for_each(|(mean, own)| *mean += own / sum / EVIDENCE_DRAWS as f64);
     }
     mean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::CauseProbabilities;
+    use crate::wrist::mechanisms::MechanismKind;
+
+    fn sure_of_a_friction() -> CauseProbabilities {
+        CauseProbabilities {
+            none: 0.001,
+            none_of_these: 0.009,
+            causes: vec![(MechanismKind::JointFriction, 0.99)],
+            free_laws: Vec::new(),
+        }
+    }
+
+    fn sum(own: &CauseProbabilities) -> f64 {
+        own.none + own.none_of_these + own.causes[0].1
+    }
+
+    #[test]
+    fn where_no_misfit_is_seen_no_cause_is_surer_than_the_test_allows() {
+        let found = sure_of_a_friction().where_nothing_is_seen(0.6);
+        assert!((found.none - 0.5).abs() < 1e-12 && (sum(&found) - 1.0).abs() < 1e-12, "{found:?}");
+        assert!(sure_of_a_friction().where_nothing_is_seen(0.06).none < 0.5);
+        let none = CauseProbabilities { none: 0.9, ..sure_of_a_friction() };
+        assert!((none.where_nothing_is_seen(0.6).none - 0.9).abs() < 1e-12);
+    }
+
+    #[test]
+    fn misfit_that_is_left_makes_a_law_in_no_catalogue_probable() {
+        let found = sure_of_a_friction().where_misfit_is_left(0.003, 0.13);
+        assert!((0.7..0.8).contains(&found.none_of_these) && (sum(&found) - 1.0).abs() < 1e-12, "{found:?}");
+        let unknown = CauseProbabilities { none_of_these: 0.98, ..sure_of_a_friction() };
+        assert!((unknown.where_misfit_is_left(0.003, 0.13).none_of_these - 0.98).abs() < 1e-12);
+    }
 }

@@ -44,6 +44,12 @@ impl ModelPrior {
         Self { odds: odds.collect() }
     }
 
+    /// Probability that a law in no catalogue is at work.
+    pub fn of_unknown_law(&self) -> f64 {
+        let unknown = self.odds.iter().filter(|(kind, _)| kind.is_free_law());
+        1.0 - unknown.map(|(_, odds)| 1.0 / (1.0 + odds)).product::<f64>()
+    }
+
     /// Logarithm of the prior odds of a model with the causes `kinds` against one with none.
     pub fn log_odds(&self, kinds: &[MechanismKind]) -> f64 {
         let of = |kind: &MechanismKind| {

@@ -68,7 +68,8 @@ pub enum CalibrationMisuse {
     /// It has a lever, the session none.
     #[error(
         "the calibration is of a rig with a lever ({name} = {value}), but the session states a rigid one (rig.lever is null in \
-         session.json); use the calibration of this rig"
+         session.json); if it is of this rig, its handle is not rigid: write its lever into session.json; else use the calibration of \
+         this rig"
     )]
     RigidSession {
         /// The constant of the lever.

@@ -49,7 +49,8 @@ pub struct ModelSearch<'a> {
     observations: &'a Observations,
     /// The priors.
     pub prior: SessionPrior,
-    model_prior: ModelPrior,
+    /// What each cause is held to be before the data.
+    pub model_prior: ModelPrior,
     before: &'a Fit,
     /// The models, none of the causes first.
     pub models: Vec<ComparedModel>,
