@@ -9,7 +9,7 @@ use super::source_table::SourceTable;
 const SPEED_OVER_S: f64 = 0.008;
 
 /// A motor that moves keeps its speed for this time, s, less than any ramp takes; a sample that is off does not.
-const KEPT_S: f64 = 0.004;
+const MOVING_FOR_S: f64 = 0.004;
 
 /// A ramp is where the speed is above this part of the largest.
 const RAMP_SHARE: f64 = 0.3;
@@ -119,13 +119,13 @@ fn by_ramps(
     Ok(CutRecord { parts, left_out })
 }
 
-/// Angle made good in [`SPEED_OVER_S`], without its sign, the least of those that begin within [`KEPT_S`].
+/// Angle made good in [`SPEED_OVER_S`], without its sign, the least of those that begin within [`MOVING_FOR_S`].
 fn kept_speed(angle: &[f64], rate_hz: f64) -> Vec<f64> {
     let samples = |time_s: f64| (libm::round(time_s * rate_hz) as usize).max(1);
     let span = samples(SPEED_OVER_S);
     let speed: Vec<f64> = angle.windows(span + 1).map(|own| (own[span] - own[0]).abs()).collect();
     let least = |own: &[f64]| own.iter().copied().fold(f64::INFINITY, f64::min);
-    speed.windows(samples(KEPT_S) + 1).map(least).collect()
+    speed.windows(samples(MOVING_FOR_S) + 1).map(least).collect()
 }
 
 /// Samples at which `values` rise through `threshold`.
