@@ -64,6 +64,7 @@
 //! | JSON file | [`json_file`] | reads JSON files, with errors that name the file, the line and the field |
 //! | number | [`number`] | numbers with derivatives, and vectors of numbers |
 //! | random numbers | [`random`] | streams of random numbers, one for each purpose, all derived from one seed |
+//! | statistics | [`statistics`] | tests, intervals and medians |
 //! | signal | [`signal`] | the low-pass filter, the onset of the ramp, the noise of the hold |
 //! | wrist | [`wrist`] | the wrist model, Eq. 1-7 of the paper, and the mechanisms that may be missing from it |
 //! | protocol | [`protocol`] | the protocol file: its fields, its schema, its validation |
@@ -75,7 +76,6 @@
 //! | consistency | [`consistency`] | what the signals of a session say against its table |
 //! | lsl | [`lsl`] | a running session as streams of Lab Streaming Layer, and streams that are recorded with it |
 //! | import | [`import`] | sessions from foreign recordings |
-//! | statistics | [`statistics`] | tests and intervals for tables of many subjects |
 //! | attach | [`attach`] | recordings of other devices, aligned with the trials of a session |
 //! | calibration | [`calibrate`] | the constants of the rig from trials without a person, and whether they are those of another day |
 //! | fit | [`fit`] | the wrist's parameters from the recorded torque, and their uncertainty |

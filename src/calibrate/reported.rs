@@ -36,9 +36,8 @@ pub fn reported(
         told(RigQuantity::ALL[place], scales[place], point[place], se)
     };
     let mut states: Vec<Told> = (0..REPORTED).map(state).collect();
-    // Of a handle that is stated as rigid, the trials tell a whole lever or none.
-    if lever.is_none() && states[LEVER_PLACES].iter().any(|own| !matches!(own, Told::Value { .. })) {
-        states[LEVER_PLACES].fill_with(|| Told::Unknown);
+    if lever.is_none() {
+        keep_whole_lever(&mut states[LEVER_PLACES]);
     }
     let mut in_delay = DMatrix::identity(point.len(), point.len());
     if !matches!(states[LAG_PLACE], Told::Value { .. }) {
@@ -80,6 +79,13 @@ pub fn reported(
         })
         .collect();
     Reported { quantities, covariance }
+}
+
+/// Of a handle that is stated as rigid, the trials tell a whole lever or none.
+fn keep_whole_lever(states: &mut [Told]) {
+    if states.iter().any(|own| !matches!(own, Told::Value { .. })) {
+        states.fill_with(|| Told::Unknown);
+    }
 }
 
 /// Covariance of linear combinations, a row of `combinations` each. Where large parts cancel, rounding leaves each half of the product
@@ -229,6 +235,17 @@ fn remedy(quantity: RigQuantity, coordinates: &RigCoordinates, input: &RigFitInp
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_damping_without_inertia_and_stiffness_is_no_lever() {
+        let known = || Told::Value { value: 1.0, se: 0.1, sign: 1.0 };
+        let told = |mut states: [Told; 3]| {
+            keep_whole_lever(&mut states);
+            states.iter().filter(|own| matches!(own, Told::Value { .. })).count()
+        };
+        assert_eq!(told([Told::Unknown, known(), Told::Unknown]), 0);
+        assert_eq!(told([known(), known(), known()]), 3);
+    }
 
     #[test]
     fn the_covariance_of_a_sum_whose_parts_cancel_is_symmetric() {

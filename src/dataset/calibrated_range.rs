@@ -1,12 +1,10 @@
 //! A calibration beyond the torques at which it was measured.
 
 use super::rig_calibration::{RigCalibration, RigQuantity};
+use crate::statistics::HALF_INTERVAL_95;
 
 /// Cubic part of the recorded torque at the largest torque, as a part of it, that no sensor exceeds.
 pub const LARGEST_NONLINEARITY: f64 = 0.1;
-
-/// Standard errors to the end of a 95 % interval.
-const INTERVAL_95: f64 = 1.96;
 
 impl RigCalibration {
     /// What is known of the rig in a session with torques of up to `largest_nm`, N m.
@@ -22,10 +20,10 @@ impl RigCalibration {
         let allowed = LARGEST_NONLINEARITY / (largest_nm * largest_nm);
         let with_it: Vec<f64> = self.covariance[place].clone();
         let variance = with_it[place];
-        if INTERVAL_95 * libm::sqrt(variance) <= allowed {
+        if HALF_INTERVAL_95 * libm::sqrt(variance) <= allowed {
             return self;
         }
-        let sd = allowed / INTERVAL_95;
+        let sd = allowed / HALF_INTERVAL_95;
         let sum = variance + sd * sd;
         for (i, row) in self.covariance.iter_mut().enumerate() {
             for (j, own) in row.iter_mut().enumerate() {

@@ -6,7 +6,7 @@ use super::interval::Interval;
 use crate::dataset::{Session, Status, Trial};
 use crate::fit::onset_sample;
 use crate::signal::Sinusoid;
-use crate::statistics::largest_bayes_factor;
+use crate::statistics::largest_posterior;
 
 /// Mains hum found in the holds.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -36,8 +36,7 @@ const PRIOR_PROBABILITY: f64 = 0.1;
 
 /// Posterior probability of `hum`, from the largest Bayes factor that its p-value allows.
 pub fn hum_probability(hum: &DetectedHum) -> f64 {
-    let odds = PRIOR_PROBABILITY / (1.0 - PRIOR_PROBABILITY) * largest_bayes_factor(hum.p_value);
-    odds / (1.0 + odds)
+    largest_posterior(PRIOR_PROBABILITY, hum.p_value)
 }
 
 impl DetectedHum {

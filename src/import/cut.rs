@@ -60,22 +60,19 @@ fn by_ramps(
     let angle = needed(table, &mapping.columns.angle.column, "the angle")?;
     let starts = match &long.ramp_column {
         Some(column) => rises(needed(table, column, "the signal of the ramps")?, long.threshold),
-        None => {
-            let speed = kept_speed(angle, rate_hz);
-            let largest = speed.iter().copied().fold(0.0, f64::max);
-            rises(&speed, RAMP_SHARE * largest)
-        }
+        None => fast_starts(angle, rate_hz),
     };
     let samples = table.columns.first().map_or(0, |(_, values)| values.len());
     let [before, after] = [long.before_s, long.after_s].map(|time_s| libm::round(time_s * rate_hz) as usize);
     let (mut parts, mut left_out) = (Vec::new(), Vec::new());
-    let (mut ways, mut covered) = (Vec::new(), Vec::new());
+    let (mut ways, mut seen) = (Vec::new(), Vec::new());
     let mut free = 0;
     for start in starts {
         // A ramp within the last trial is its return, not a trial of its own.
         if start < free {
             continue;
         }
+        seen.push(start.saturating_sub(before)..start + after);
         let sides =
             [(start, before, "before", long.before_s), (samples - start, after, "after", long.after_s)];
         if let Some((there, _, side, wanted_s)) = sides.into_iter().find(|(there, wanted, ..)| there < wanted)
@@ -86,11 +83,9 @@ fn by_ramps(
                 start as f64 / rate_hz,
                 there as f64 / rate_hz,
             ));
-            covered.push(start.saturating_sub(before)..(start + after).min(samples));
             continue;
         }
         ways.push(RampWay::of(&angle[start..start + after], angle[start]));
-        covered.push(start - before..start + after);
         parts.push(part(table, start - before, start + after, &format!("ramp {}", parts.len() + 1)));
         free = start + after;
     }
@@ -103,7 +98,7 @@ fn by_ramps(
         return Err(ImportError::NoTrial { reason });
     }
     let taken = RampWay::median(&ways).map_or_else(Vec::new, |way| way.taken_in(angle));
-    let unused = taken.iter().filter(|(_, gone_at)| !covered.iter().any(|part| part.contains(gone_at)));
+    let unseen = taken.iter().filter(|(_, gone_at)| !seen.iter().any(|own| own.contains(gone_at)));
     let why = match &long.ramp_column {
         Some(column) => {
             format!("where {column} does not rise through long_record.threshold ({})", long.threshold)
@@ -112,11 +107,18 @@ fn by_ramps(
             "slower than {RAMP_SHARE} times the fastest; name a signal of the ramps in long_record.ramp_column"
         ),
     };
-    left_out.extend(unused.map(|(left_at, _)| {
+    left_out.extend(unseen.map(|(left_at, _)| {
         let time_s = *left_at as f64 / rate_hz;
         format!("{}: the motor goes the way of the ramps after {time_s:.3} s, {why}", table.name)
     }));
     Ok(CutRecord { parts, left_out })
+}
+
+/// Samples at which the angle becomes fast beside the fastest ramp.
+fn fast_starts(angle: &[f64], rate_hz: f64) -> Vec<usize> {
+    let speed = kept_speed(angle, rate_hz);
+    let largest = speed.iter().copied().fold(0.0, f64::max);
+    rises(&speed, RAMP_SHARE * largest)
 }
 
 /// Angle made good in [`SPEED_OVER_S`], without its sign, the least of those that begin within [`MOVING_FOR_S`].

@@ -5,6 +5,7 @@ use super::mapped_signal::{MappedSignal, SignalUnit};
 use super::mapping::Mapping;
 use super::source_table::SourceTable;
 use crate::dataset::Trial;
+use crate::statistics::upper_median;
 
 /// No joint is turned farther by a ramp than this, rad.
 const LARGEST_RAMP_RAD: f64 = std::f64::consts::FRAC_PI_2;
@@ -25,11 +26,7 @@ pub fn check_units(trials: &[Trial], mapping: &Mapping) -> Result<(), ImportErro
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(*value), b.max(*value)));
         most - least
     };
-    let middle = |of: &dyn Fn(&Trial) -> f64| {
-        let mut own: Vec<f64> = trials.iter().map(of).collect();
-        own.sort_by(f64::total_cmp);
-        own.get(own.len() / 2).copied().unwrap_or(0.0)
-    };
+    let middle = |of: &dyn Fn(&Trial) -> f64| upper_median(trials.iter().map(of)).unwrap_or(0.0);
     let angle_rad = middle(&|trial| range(&trial.record.theta_m_rad));
     let torque_nm =
         middle(&|trial| trial.record.torque_l_nm.iter().fold(0.0, |most: f64, own| most.max(own.abs())));

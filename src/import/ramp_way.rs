@@ -1,5 +1,7 @@
 //! Ramps of a recording by where the motor goes, however fast.
 
+use crate::statistics::upper_median;
+
 /// The motor is gone from where it held beyond this part of the ramp, and back below the other: far from both ends, so that neither
 /// overshoot nor noise counts.
 const GONE: f64 = 0.7;
@@ -22,11 +24,7 @@ impl RampWay {
 
     /// The median of several ways, each of its two numbers by itself; `None` for none.
     pub fn median(ways: &[Self]) -> Option<Self> {
-        let median = |number: fn(&Self) -> f64| {
-            let mut own: Vec<f64> = ways.iter().map(number).collect();
-            own.sort_by(f64::total_cmp);
-            own.get(own.len() / 2).copied()
-        };
+        let median = |number: fn(&Self) -> f64| upper_median(ways.iter().map(number));
         Some(Self { hold_rad: median(|own| own.hold_rad)?, way_rad: median(|own| own.way_rad)? })
     }
 

@@ -11,6 +11,7 @@ use super::error::ImportError;
 use super::recording::{Marker, Recording, TIME_COLUMN};
 use super::source_table::SourceTable;
 use crate::dataset::XDF_MAGIC;
+use crate::statistics::upper_median;
 
 /// The most streams, and the most channels of a stream, that are read.
 const MOST_STREAMS: usize = 1000;
@@ -381,9 +382,7 @@ fn clock_step(offsets: &[(f64, f64)]) -> Option<(f64, f64)> {
 
 /// The middle one of some values; zero of none.
 fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+    upper_median(values.iter().copied()).unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -4,6 +4,9 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use statrs::function::beta::beta_reg;
 use statrs::function::gamma::checked_gamma_ur;
 
+/// Half width of a 95 % interval of a normal distribution, in standard deviations.
+pub const HALF_INTERVAL_95: f64 = 1.96;
+
 /// P(F > f) with `df` degrees of freedom (numerator, denominator; fractions allowed). Precise to small relative error far out in the
 /// tail; NaN if `f` is NaN or a degree of freedom is not positive.
 pub fn f_tail(f: f64, df: [f64; 2]) -> f64 {

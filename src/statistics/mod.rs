@@ -17,10 +17,10 @@ mod reliability;
 mod repeated_measures_anova;
 mod welch;
 
-pub use bayes_factor::largest_bayes_factor;
+pub use bayes_factor::largest_posterior;
 pub use correlation::rank_correlation;
 pub use determinant::log_determinant_of_factor;
-pub use distribution::{chi_square_tail, f_tail, t_quantile, t_two_sided, wilson};
+pub use distribution::{HALF_INTERVAL_95, chi_square_tail, f_tail, t_quantile, t_two_sided, wilson};
 pub use groups::group_indices;
 pub use least_squares::{WeightedRegression, slope_through_origin};
 pub use moments::{Contrast, MeanCovariance, MeanVariance};

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use crate::fit::{Fit, Observations, X_E};
-use crate::statistics::{MeanVariance, WeightedRegression};
+use crate::statistics::{HALF_INTERVAL_95, MeanVariance, WeightedRegression};
 use crate::wrist::mechanisms::EvidenceSource;
 
 /// Form of the dependence of the elastic limit on velocity.
@@ -39,9 +39,6 @@ const MIN_LIMIT_TRIALS: usize = 9;
 
 /// A part of the limit is called zero only if its 95 % interval extends less than this fraction of the mean limit. Assumed.
 const NEGLIGIBLE_FRACTION: f64 = 0.1;
-
-/// Half width of a 95 % interval, in standard errors.
-const HALF_INTERVAL_95: f64 = 1.96;
 
 /// A part of the limit is called different from zero beyond this many standard errors (two-sided level 0.01).
 const NONZERO_STANDARD_ERRORS: f64 = 2.58;

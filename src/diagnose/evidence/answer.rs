@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::model_search::ComparedModel;
 use crate::random::Stream;
-use crate::statistics::largest_bayes_factor;
+use crate::statistics::largest_posterior;
 use crate::wrist::mechanisms::MechanismKind;
 
 /// Probability that what is named must have: a cause alone, or the smallest set that holds it.
@@ -46,7 +46,7 @@ impl CauseProbabilities {
     /// The probabilities where the test of the model as given sees no misfit, at `p_value`: the odds of a cause are at most what that allows.
     /// Before the data they are even.
     pub fn where_nothing_is_seen(self, p_value: f64) -> Self {
-        let least = 1.0 / (1.0 + largest_bayes_factor(p_value));
+        let least = 1.0 - largest_posterior(0.5, p_value);
         let part = others_part(self.none, least);
         Self { none: self.none.max(least), none_of_these: part * self.none_of_these, ..self }
             .with_causes_times(part)
@@ -55,8 +55,7 @@ impl CauseProbabilities {
     /// The probabilities where the test of the best model has found misfit, at `p_value`: what was compared has a model of `prior` probability
     /// beside it that was not.
     pub fn where_misfit_is_left(self, p_value: f64, prior: f64) -> Self {
-        let odds = prior / (1.0 - prior) * largest_bayes_factor(p_value);
-        let least = odds / (1.0 + odds);
+        let least = largest_posterior(prior, p_value);
         let part = others_part(self.none_of_these, least);
         Self { none: part * self.none, none_of_these: self.none_of_these.max(least), ..self }
             .with_causes_times(part)

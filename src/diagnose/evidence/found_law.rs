@@ -6,13 +6,11 @@ use super::answer::CauseProbabilities;
 use super::model_posterior::ModelPosterior;
 use super::model_search::{ComparedModel, ModelSearch};
 use crate::fit::mechanism_ranges;
+use crate::statistics::HALF_INTERVAL_95;
 use crate::wrist::mechanisms::{Argument, FreeLaw, MechanismKind, Place};
 
 /// Number of points of a curve.
 const CURVE_POINTS: usize = 41;
-
-/// Half width of a 95 % band, in standard deviations.
-const HALF_BAND_95: f64 = 1.96;
 
 /// An unknown law with its curve.
 #[derive(Debug, Clone)]
@@ -54,7 +52,7 @@ impl FoundLaw {
         let value: Vec<f64> = argument.iter().map(|u| law.curve(parameters, *u)).collect();
         let sd = argument.iter().map(|u| sd_at(posterior, &law, range.start, parameters, *u));
         let sd: Vec<f64> = sd.collect();
-        let end = |sign: f64| value.iter().zip(&sd).map(|(v, sd)| v + sign * HALF_BAND_95 * sd).collect();
+        let end = |sign: f64| value.iter().zip(&sd).map(|(v, sd)| v + sign * HALF_INTERVAL_95 * sd).collect();
         let band = [end(-1.0), end(1.0)];
         Some(Self { kind, probability: 0.0, alternatives: Vec::new(), argument, value, band })
     }

@@ -11,6 +11,7 @@ use super::session_prior::{AddedColumns, SessionPrior};
 use crate::diagnose::interval::Interval;
 use crate::fit::{Fit, Observations, Solution, mechanism_ranges};
 use crate::random::Stream;
+use crate::statistics::HALF_INTERVAL_95;
 use crate::wrist::BASE_PARAMETERS;
 use crate::wrist::mechanisms::MechanismKind;
 
@@ -29,9 +30,6 @@ const LINEARISATIONS_TO_PROMISE: usize = 3;
 
 /// Longest step of a logarithm.
 const LONGEST_LOG_STEP: f64 = 0.5;
-
-/// Half width of a 95 % interval, in standard deviations.
-const HALF_INTERVAL_95: f64 = 1.96;
 
 /// Damping of a step that did not decrease the cost, its growth, and its decay with each step that did.
 const FIRST_DAMPING: f64 = 10.0;

@@ -13,11 +13,9 @@ use crate::calibrate::{
 use crate::dataset::{AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity};
 use crate::diagnose::interval::Interval;
 use crate::fit::{CalibrationMisuse, RigConstants};
+use crate::statistics::HALF_INTERVAL_95;
 use crate::wrist::Lever;
 use crate::wrist::mechanisms::MechanismKind;
-
-/// Half width of a 95 % interval, in standard deviations.
-const HALF_INTERVAL_95: f64 = 1.96;
 
 /// A constant that no rig has at zero is not tried at a smaller part of its value, however badly it is known.
 const LEAST_PART: f64 = 0.1;

@@ -9,6 +9,7 @@ use crate::report::input::ReportInput;
 use crate::report::scale::milliseconds;
 use crate::report::table::{Cell, HtmlTable};
 use crate::report::traces::Trace;
+use crate::statistics::upper_median;
 
 /// The section; `None` if no trial has EMG.
 pub fn emg(input: &ReportInput) -> Option<ReportSection> {
@@ -112,8 +113,7 @@ fn efforts_table(input: &ReportInput) -> Option<HtmlTable> {
 
 fn row(own: &[Trace]) -> Vec<Cell> {
     let emg: Vec<_> = own.iter().filter_map(|trace| trace.emg.as_ref()).collect();
-    let mut onsets: Vec<f64> = emg.iter().filter_map(|emg| emg.onset_s).collect();
-    onsets.sort_by(f64::total_cmp);
+    let onsets = || emg.iter().filter_map(|emg| emg.onset_s);
     let level = |muscle: usize| {
         let found = mean_sd(emg.iter().map(|emg| emg.hold_mvc[muscle].map(|level| 100.0 * level)));
         Cell::Spread(found.map(|own| own.0), found.and_then(|own| own.1))
@@ -121,9 +121,9 @@ fn row(own: &[Trace]) -> Vec<Cell> {
     vec![
         Cell::text(condition_name(own[0].label.as_ref(), own[0].velocity_rad_s, own[0].torque_nm)),
         Cell::Number(emg.len().to_string()),
-        Cell::Number(emg.iter().filter(|emg| emg.onset_s.is_some()).count().to_string()),
-        latency(onsets.get(onsets.len() / 2).copied()),
-        latency(onsets.first().copied()),
+        Cell::Number(onsets().count().to_string()),
+        latency(upper_median(onsets())),
+        latency(onsets().min_by(f64::total_cmp)),
         level(0),
         level(1),
     ]

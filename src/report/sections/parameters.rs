@@ -8,6 +8,7 @@ use crate::report::figures;
 use crate::report::fitted::{ConditionFit, Fitted, FittedTrial, IndependentFit, Optimum, SHOWN, Values};
 use crate::report::input::ReportInput;
 use crate::report::table::{Cell, HtmlTable};
+use crate::statistics::HALF_INTERVAL_95;
 
 /// The section with Fig. 5: parameters by condition, and their tables.
 pub fn parameters(input: &ReportInput) -> ReportSection {
@@ -79,11 +80,10 @@ fn other_optima(own: &IndependentFit) -> String {
 
 /// A row for a trial whose two fits differ.
 fn differing_row(trial: &FittedTrial) -> Option<Vec<Cell>> {
-    const HALF_WIDTH_95: f64 = 1.96;
     let own = trial.independent.as_ref()?;
     let differs = |name: &str| {
         let log_ratio = libm::log(value(&trial.values, name)? / value(&own.values, name)?).abs();
-        Some(log_ratio > HALF_WIDTH_95 * value(&own.se_relative, name)?)
+        Some(log_ratio > HALF_INTERVAL_95 * value(&own.se_relative, name)?)
     };
     let is_beyond = ["k_srs_nm_per_rad", "k_dec_nm_per_rad", "x_e_rad"]
         .into_iter()
