@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use ramphold::protocol::ValidProtocol;
-use ramphold::rig::can::bus::{CanBus, Frame, Received};
+use ramphold::rig::can::bus::{Arrival, CanBus, Frame, Received};
 use ramphold::rig::can::file::ValidRigFile;
 use ramphold::rig::can::{CanMotor, Connection, DryRun};
 use ramphold::rig::{Armed, ArmingConsent, Command, Cue, Motor, Rig};
@@ -152,7 +152,7 @@ impl CanBus for ObedientDrive {
 
     fn receive(&mut self, deadline: Instant) -> io::Result<Option<Received>> {
         if let Some(frame) = self.answers.pop_front() {
-            return Ok(Some(Received::Frame(frame, Instant::now())));
+            return Ok(Some(Received::Frame(frame, Arrival::at(Instant::now()))));
         }
         while Instant::now() < deadline {
             std::thread::yield_now();

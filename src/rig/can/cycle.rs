@@ -295,7 +295,7 @@ impl Cycle {
                 } else if !self.decoder.is_missing(frame.id) {
                     self.count_duplicate(frame.id, stats)?;
                 }
-            } else if !drive.handle_frame(&frame, link.arrived())? {
+            } else if !drive.handle_frame(&frame, link.arrival())? {
                 link.count_foreign()?;
             }
         }
@@ -336,7 +336,7 @@ impl Cycle {
                 Some(frame) => match self.decoder.decode(&frame) {
                     Ok(Decoded::Expected) => {}
                     Ok(Decoded::Duplicate) => self.count_duplicate(frame.id, stats)?,
-                    Ok(Decoded::Foreign) if drive.handle_frame(&frame, link.arrived())? => {}
+                    Ok(Decoded::Foreign) if drive.handle_frame(&frame, link.arrival())? => {}
                     Ok(Decoded::Foreign) => link.count_foreign()?,
                     Err(malformed) => self.unless_excused(Err(malformed))?,
                 },

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::bus::Frame;
+use super::bus::{Arrival, Frame};
 use super::canopen::{Link, MonitoredNode};
 use super::fault::CanFault;
 use super::file::CanRigFile;
@@ -71,11 +71,11 @@ pub trait Drive: std::fmt::Debug + Send {
     /// The bus is gone.
     fn send_sync(&mut self, link: &mut Link) -> Result<(), CanFault>;
 
-    /// Handles a frame that is not in the rig file, which arrived by `now`. Returns whether it is this motor's.
+    /// Handles a frame that is not in the rig file. Returns whether it is this motor's.
     ///
     /// # Errors
     /// What the motor reports in it.
-    fn handle_frame(&mut self, frame: &Frame, now: Instant) -> Result<bool, CanFault>;
+    fn handle_frame(&mut self, frame: &Frame, arrival: Arrival) -> Result<bool, CanFault>;
 
     /// Whether the motor's own answer in this period has come.
     fn has_replied(&self) -> bool;

@@ -8,11 +8,27 @@ use serde::Serialize;
 
 use super::frame::Frame;
 
+/// When a frame arrived: between two times, since an adapter without stamps tells only when it was read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Arrival {
+    /// What was there before was read.
+    pub earliest: Instant,
+    /// It was there.
+    pub latest: Instant,
+}
+
+impl Arrival {
+    /// Of a frame with a stamp.
+    pub fn at(stamp: Instant) -> Self {
+        Self { earliest: stamp, latest: stamp }
+    }
+}
+
 /// What comes from a bus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Received {
     /// A data frame, and when it arrived.
-    Frame(Frame, Instant),
+    Frame(Frame, Arrival),
     /// A frame that the program does not use: 29-bit identifier, or a remote frame.
     Foreign,
     /// Something that is no frame; a byte was lost between here and the adapter.

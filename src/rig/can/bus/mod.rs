@@ -15,7 +15,7 @@ mod socketcan;
 mod socketcand;
 mod spec;
 
-pub use can_bus::{CanBus, ControllerError, Received};
+pub use can_bus::{Arrival, CanBus, ControllerError, Received};
 pub use frame::Frame;
 pub use open::open;
 pub use spec::{BitRate, BusSpec, BusSpecError};

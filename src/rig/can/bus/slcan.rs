@@ -11,7 +11,7 @@ use std::io::{self, Read};
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
-use super::can_bus::{CanBus, ControllerError, Received};
+use super::can_bus::{Arrival, CanBus, ControllerError, Received};
 use super::frame::Frame;
 use super::spec::BitRate;
 
@@ -41,6 +41,8 @@ pub struct Slcan {
     line: Vec<u8>,
     read: Vec<u8>,
     waiting: VecDeque<Received>,
+    /// When the device was last asked for all that it had: whatever is read later arrived later.
+    emptied: Instant,
     /// Lines without content: the adapter's acknowledgements of commands.
     acknowledgements: u64,
     /// How long the adapter may refuse to take a frame.
@@ -62,6 +64,7 @@ impl Slcan {
             line: Vec::with_capacity(64),
             read: vec![0; SERIAL_BUFFER_BYTES],
             waiting: VecDeque::with_capacity(SERIAL_BUFFER_BYTES),
+            emptied: Instant::now(),
             acknowledgements: 0,
             send_timeout,
         };
@@ -170,9 +173,12 @@ impl Slcan {
 
     /// Reads what is there and takes it apart; false when nothing came before the deadline.
     fn fill(&mut self, deadline: Instant) -> io::Result<bool> {
+        let asked = Instant::now();
         if !self.wait(deadline)? {
+            self.emptied = asked;
             return Ok(false);
         }
+        let asked = Instant::now();
         let count = match self.port.read(&mut self.read) {
             Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
             Ok(count) => count,
@@ -180,18 +186,21 @@ impl Slcan {
             Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => 0,
             Err(error) => return Err(error),
         };
-        let now = Instant::now();
+        let arrival = Arrival { earliest: self.emptied, latest: Instant::now() };
+        if count < self.read.len() {
+            self.emptied = asked;
+        }
         for at in 0..count {
-            self.take(self.read[at], now);
+            self.take(self.read[at], arrival);
         }
         Ok(true)
     }
 
-    fn take(&mut self, byte: u8, now: Instant) {
+    fn take(&mut self, byte: u8, arrival: Arrival) {
         match byte {
             b'\r' => {
                 self.acknowledgements += u64::from(self.line.is_empty());
-                if let Some(received) = line(&self.line, now) {
+                if let Some(received) = line(&self.line, arrival) {
                     self.put(received);
                 }
                 self.line.clear();
@@ -286,7 +295,7 @@ fn encode(frame: &Frame, text: &mut [u8; 32]) -> usize {
 }
 
 /// What a line says; nothing for acknowledgements and answers.
-fn line(line: &[u8], now: Instant) -> Option<Received> {
+fn line(line: &[u8], arrival: Arrival) -> Option<Received> {
     let line = match line {
         [b'z' | b'Z', rest @ ..] => rest,
         whole => whole,
@@ -295,7 +304,9 @@ fn line(line: &[u8], now: Instant) -> Option<Received> {
         None | Some(b'V' | b'N') => None,
         Some(b'F') => flags(&line[1..]),
         Some(b'T' | b'r' | b'R') => Some(Received::Foreign),
-        Some(b't') => Some(decode(&line[1..]).map_or(Received::Garbled, |frame| Received::Frame(frame, now))),
+        Some(b't') => {
+            Some(decode(&line[1..]).map_or(Received::Garbled, |frame| Received::Frame(frame, arrival)))
+        }
         Some(_) => Some(Received::Garbled),
     }
 }
@@ -343,7 +354,7 @@ mod tests {
     use super::*;
 
     fn heard(text: &[u8]) -> Option<Received> {
-        line(text, Instant::now())
+        line(text, Arrival::at(Instant::now()))
     }
 
     #[test]
@@ -424,6 +435,33 @@ mod tests {
         let began = Instant::now();
         assert_eq!(bus.receive(began + Duration::from_millis(10)).unwrap(), None);
         assert!(began.elapsed() < Duration::from_millis(500), "{:?}", began.elapsed());
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_frame_that_waited_arrived_between_the_read_before_and_its_own() {
+        use std::io::Write as _;
+        let (send, sending) = std::sync::mpsc::channel();
+        let (tell, told) = std::sync::mpsc::channel();
+        let device = adapter(move |mut port| {
+            while sending.recv().is_ok() {
+                port.write_all(b"t1232AABB\r").unwrap();
+                tell.send(Instant::now()).unwrap();
+            }
+        });
+        let mut bus = open_within(&device, Duration::from_secs(2)).unwrap();
+        for _ in 0..2 {
+            assert_eq!(bus.receive(Instant::now()).unwrap(), None);
+            let asked = Instant::now();
+            send.send(()).unwrap();
+            let sent = told.recv().unwrap();
+            std::thread::sleep(Duration::from_millis(20));
+            let Some(Received::Frame(_, arrival)) = bus.receive(asked + Duration::from_secs(1)).unwrap()
+            else {
+                panic!("no frame")
+            };
+            assert!(arrival.earliest <= asked && sent < arrival.latest, "{asked:?} {sent:?} {arrival:?}");
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant, SystemTime};
 use socketcan::{CanSocket, EmbeddedFrame, Frame as _, Socket, SocketOptions, StandardId};
 
 use super::arrival::ArrivalClock;
-use super::can_bus::{CanBus, ControllerError, Received};
+use super::can_bus::{Arrival, CanBus, ControllerError, Received};
 use super::frame::Frame;
 use super::netlink;
 use super::readiness::{readable, writable};
@@ -97,7 +97,7 @@ impl CanBus for SocketCan {
 fn received(frame: &socketcan::CanFrame, arrived: Instant) -> Received {
     match frame {
         socketcan::CanFrame::Data(data) if data.is_standard() => {
-            Received::Frame(Frame::new(data.raw_id() as u16, data.data()), arrived)
+            Received::Frame(Frame::new(data.raw_id() as u16, data.data()), Arrival::at(arrived))
         }
         socketcan::CanFrame::Error(error) => {
             Received::ControllerError(controller_error(error.raw_id(), error.data()))

@@ -7,7 +7,7 @@ use std::os::fd::AsFd;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use super::can_bus::{CanBus, ControllerError, Received};
+use super::can_bus::{Arrival, CanBus, ControllerError, Received};
 use super::frame::Frame;
 
 const SERVER_TIMEOUT: Duration = Duration::from_secs(2);
@@ -23,6 +23,10 @@ pub struct Socketcand {
     /// What of the buffer is filled and not yet taken apart.
     from: usize,
     to: usize,
+    /// When what was read last arrived.
+    arrival: Arrival,
+    /// When the server was last asked for all that it had: whatever is read later arrived later.
+    emptied: Instant,
     /// How long the server may refuse to take a frame.
     send_timeout: Duration,
 }
@@ -37,7 +41,9 @@ impl Socketcand {
         stream.set_nodelay(true)?;
         stream.set_write_timeout(Some(SERVER_TIMEOUT))?;
         let buffer = Box::new([0; SERVER_BUFFER_BYTES]);
-        let mut server = Self { stream, buffer, from: 0, to: 0, send_timeout };
+        let now = Instant::now();
+        let mut server =
+            Self { stream, buffer, from: 0, to: 0, arrival: Arrival::at(now), emptied: now, send_timeout };
         server.expect("hi", "a greeting")?;
         for command in [format!("< open {channel} >"), "< rawmode >".to_owned()] {
             server.stream.write_all(command.as_bytes())?;
@@ -88,7 +94,9 @@ impl Socketcand {
     }
 
     fn fill(&mut self, deadline: Instant) -> io::Result<bool> {
+        let asked = Instant::now();
         if !self.wait(deadline)? {
+            self.emptied = asked;
             return Ok(false);
         }
         if self.from > 0 {
@@ -100,11 +108,16 @@ impl Socketcand {
             // Nothing the server says is that long: it is not socketcand, or bytes were lost.
             self.to = 0;
         }
+        let asked = Instant::now();
         let count = self.stream.read(&mut self.buffer[self.to..])?;
         if count == 0 {
             return Err(io::ErrorKind::ConnectionReset.into());
         }
+        self.arrival = Arrival { earliest: self.emptied, latest: Instant::now() };
         self.to += count;
+        if self.to < SERVER_BUFFER_BYTES {
+            self.emptied = asked;
+        }
         Ok(true)
     }
 
@@ -154,7 +167,7 @@ impl CanBus for Socketcand {
         let mut reads_after_deadline = 0;
         loop {
             if let Some((from, to)) = self.command() {
-                return Ok(Some(parse(&self.buffer[from..to], Instant::now())));
+                return Ok(Some(parse(&self.buffer[from..to], self.arrival)));
             }
             if reads_after_deadline >= READS_AFTER_DEADLINE || !self.fill(deadline)? {
                 return Ok(None);
@@ -195,7 +208,7 @@ fn addresses(host: &str, port: u16) -> io::Result<Vec<SocketAddr>> {
 }
 
 /// `frame ID SECONDS.MICROSECONDS DATA`, `error CLASS SECONDS DATA`, or what concerns us not.
-fn parse(text: &[u8], now: Instant) -> Received {
+fn parse(text: &[u8], arrival: Arrival) -> Received {
     let Ok(text) = std::str::from_utf8(text) else { return Received::Garbled };
     let mut words = text.split_ascii_whitespace();
     match (words.next(), words.next()) {
@@ -210,7 +223,7 @@ fn parse(text: &[u8], now: Instant) -> Received {
                 }
                 Some(Frame::new(id, &bytes[..length]))
             };
-            frame().map_or(Received::Garbled, |frame| Received::Frame(frame, now))
+            frame().map_or(Received::Garbled, |frame| Received::Frame(frame, arrival))
         }
         (Some("frame" | "rtr"), Some(_)) => Received::Foreign,
         (Some("error"), Some(class)) => Received::ControllerError(controller_error(class)),
@@ -235,7 +248,7 @@ mod tests {
 
     #[test]
     fn what_the_server_says_is_told_apart() {
-        let now = Instant::now();
+        let now = Arrival::at(Instant::now());
         let frame = |text: &str| parse(text.as_bytes(), now);
         assert_eq!(frame(" frame 123 1.000002 01F1 "), Received::Frame(Frame::new(0x123, &[1, 0xF1]), now));
         assert_eq!(frame(" frame 080 1.0 "), Received::Frame(Frame::new(0x80, &[]), now));

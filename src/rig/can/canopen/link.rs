@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::error::CanopenError;
 use super::nmt::{NmtCommand, NmtState};
 use super::{cob, emergency};
-use crate::rig::can::bus::{CanBus, ControllerError, Frame, Received};
+use crate::rig::can::bus::{Arrival, CanBus, ControllerError, Frame, Received};
 use crate::timing::Clock;
 
 /// Nodes that can be watched: a motor and a few sensors.
@@ -108,7 +108,7 @@ pub struct Link {
     /// When it was last asked for what came.
     listened: Instant,
     /// When the latest frame arrived.
-    arrived: Instant,
+    arrival: Arrival,
     /// Set by the operator to stop the program.
     stop: Option<Arc<AtomicBool>>,
     /// The operator's stop interrupts whatever waits for frames.
@@ -132,7 +132,7 @@ impl Link {
             counters: Counters::default(),
             time_stretch: 1.0,
             listened: now,
-            arrived: now,
+            arrival: Arrival::at(now),
             stop: None,
             is_interruptible: false,
         }
@@ -149,8 +149,8 @@ impl Link {
     }
 
     /// When the latest frame that was received arrived, which may be before it was asked for.
-    pub fn arrived(&self) -> Instant {
-        self.arrived
+    pub fn arrival(&self) -> Arrival {
+        self.arrival
     }
 
     /// Counts of frames and errors so far.
@@ -377,11 +377,13 @@ impl Link {
     /// Takes care of what is not for the caller.
     fn sort(&mut self, received: Received) -> Result<Option<Frame>, CanopenError> {
         match received {
-            Received::Frame(frame, arrived) => {
+            Received::Frame(frame, arrival) => {
                 self.counters.received += 1;
-                self.arrived = arrived;
+                self.arrival = arrival;
                 match frame.id {
-                    0x700..=0x77F if self.minds(&frame) => self.heartbeat(&frame, arrived).map(|()| None),
+                    0x700..=0x77F if self.minds(&frame) => {
+                        self.heartbeat(&frame, arrival.latest).map(|()| None)
+                    }
                     0x081..=0x0FF if self.minds(&frame) => self.emergency(&frame).map(|()| None),
                     _ => Ok(Some(frame)),
                 }
@@ -492,7 +494,7 @@ mod tests {
 
     #[test]
     fn a_bus_that_is_never_silent_holds_up_neither_a_wait_nor_a_question() {
-        let foreign = Received::Frame(Frame::new(0x010, &[]), Instant::now());
+        let foreign = Received::Frame(Frame::new(0x010, &[]), Arrival::at(Instant::now()));
         for received in [Received::Garbled, Received::Foreign, foreign] {
             let mut link = Link::new(Box::new(NeverSilent(received)), Arc::new(SystemClock::default()));
             let began = Instant::now();

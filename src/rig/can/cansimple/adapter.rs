@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use super::axis::{AXIS_REPLY_TIMEOUT, AXIS_STATE_TIMEOUT, AxisCommand, Cansimple};
 use super::endpoints::AxisLimits;
 use super::frame::{CLOSED_LOOP_CONTROL, IDLE, PASSTHROUGH, POSITION_CONTROL, command, pair};
-use crate::rig::can::bus::Frame;
+use crate::rig::can::bus::{Arrival, Frame};
 use crate::rig::can::canopen::{CanopenError, ErrorPolicy, Link, MonitoredNode, cob};
 use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, OriginReport, PowerState};
 use crate::rig::can::fault::CanFault;
@@ -119,7 +119,7 @@ impl Drive for Cansimple {
         Ok(())
     }
 
-    fn handle_frame(&mut self, frame: &Frame, now: Instant) -> Result<bool, CanFault> {
+    fn handle_frame(&mut self, frame: &Frame, arrival: Arrival) -> Result<bool, CanFault> {
         if frame.id >> 5 != u16::from(self.motor.node) {
             return Ok(false);
         }
@@ -127,14 +127,14 @@ impl Drive for Cansimple {
             (command::AXIS_HEARTBEAT, [a, b, c, d, state, ..]) => {
                 self.errors = u32::from_le_bytes([*a, *b, *c, *d]);
                 self.state = *state;
-                self.heard = Some(now);
+                self.heard = Some(arrival.latest);
             }
             (command::ENCODER_ESTIMATES, [a, b, c, d, _, _, _, _]) => {
                 let turns = f64::from(f32::from_le_bytes([*a, *b, *c, *d]));
-                self.check.believe(self.handle_rad(turns), now)?;
-                self.estimates.add(turns, now);
+                self.check.believe(self.handle_rad(turns), arrival)?;
+                self.estimates.add(turns, arrival.latest);
                 // One from before SYNC is no answer to it.
-                self.has_replied = now > self.synced;
+                self.has_replied = arrival.latest > self.synced;
             }
             // Newer firmware may mark the confirmation of a write with its opcode.
             (command::TX_SDO, [_, low, high, _, value @ ..]) => {
@@ -229,7 +229,7 @@ impl Drive for Cansimple {
         let deadline = asked + AXIS_STATE_TIMEOUT;
         while !(self.state == IDLE && self.heard > Some(asked)) {
             let Some(frame) = link.receive(deadline)? else { return Err(CanFault::PowerNotConfirmed) };
-            let _ = self.handle_frame(&frame, link.arrived());
+            let _ = self.handle_frame(&frame, link.arrival());
         }
         Ok(self.sensors.release(link)?)
     }

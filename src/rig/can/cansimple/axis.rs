@@ -127,7 +127,7 @@ impl Cansimple {
                 return Ok(Some(found));
             }
             match link.receive(deadline)? {
-                Some(frame) => drop(self.handle_frame(&frame, link.arrived())?),
+                Some(frame) => drop(self.handle_frame(&frame, link.arrival())?),
                 None => return Ok(condition(self)),
             }
         }

@@ -6,7 +6,7 @@ use super::device::Cia402;
 use super::homing::takes_present_position;
 use super::object_setup::ObjectSetup;
 use crate::rig::Origin;
-use crate::rig::can::bus::Frame;
+use crate::rig::can::bus::{Arrival, Frame};
 use crate::rig::can::canopen::{
     CanopenError, DataType, ErrorPolicy, Link, MonitoredNode, NmtCommand, Object, cob,
 };
@@ -96,7 +96,7 @@ impl Drive for Cia402 {
         Ok(link.send(&Frame::new(cob::SYNC, &[]))?)
     }
 
-    fn handle_frame(&mut self, _frame: &Frame, _now: Instant) -> Result<bool, CanFault> {
+    fn handle_frame(&mut self, _frame: &Frame, _arrival: Arrival) -> Result<bool, CanFault> {
         Ok(false)
     }
 

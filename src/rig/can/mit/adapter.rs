@@ -7,7 +7,7 @@ use super::frame::{ENTER, LEAVE};
 use super::proof::prove;
 use super::trusted_motion::Misfit;
 use crate::rig::Origin;
-use crate::rig::can::bus::Frame;
+use crate::rig::can::bus::{Arrival, Frame};
 use crate::rig::can::canopen::{ErrorPolicy, Link, MonitoredNode, cob};
 use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, OriginReport, PowerState};
 use crate::rig::can::fault::CanFault;
@@ -115,7 +115,7 @@ impl Drive for Mit {
         Ok(link.send(&Frame::new(cob::SYNC, &[]))?)
     }
 
-    fn handle_frame(&mut self, frame: &Frame, now: Instant) -> Result<bool, CanFault> {
+    fn handle_frame(&mut self, frame: &Frame, arrival: Arrival) -> Result<bool, CanFault> {
         let data = frame.data();
         if frame.id != self.motor.reply_id || data.first() != Some(&(self.motor.id as u8)) {
             return Ok(false);
@@ -125,7 +125,7 @@ impl Drive for Mit {
         };
         let error = rest.get(1).copied().unwrap_or(0);
         let reply = self.ranges.decode([*a, *b, *c, *d, *e], error)?;
-        self.check.believe(self.handle_rad(&reply), now)?;
+        self.check.believe(self.handle_rad(&reply), arrival)?;
         self.judge_reply(&reply);
         self.reply = Some(reply);
         self.has_replied = true;

@@ -198,7 +198,7 @@ impl Mit {
                 if *special == ZERO {
                     self.forget_place();
                 }
-                if self.handle_frame(&frame, link.arrived())? && self.has_replied {
+                if self.handle_frame(&frame, link.arrival())? && self.has_replied {
                     quiet = deadline.min(link.now() + MIT_REPLY_TIMEOUT / 10);
                 }
             }

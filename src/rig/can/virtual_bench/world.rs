@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::shaft::Shaft;
 use super::target_log::TargetLog;
-use crate::rig::can::bus::{CanBus, ControllerError, Frame, Received};
+use crate::rig::can::bus::{Arrival, CanBus, ControllerError, Frame, Received};
 use crate::timing::{Clock, VirtualClock};
 
 /// Time from a frame being sent to its arrival.
@@ -115,7 +115,7 @@ impl Wire {
             }
         }
         for _ in 0..times {
-            self.put(at, Received::Frame(Frame::new(id, &bytes), at));
+            self.put(at, Received::Frame(Frame::new(id, &bytes), Arrival::at(at)));
         }
     }
 
@@ -259,7 +259,7 @@ impl World {
             stop.store(true, Ordering::Relaxed);
         }
         while let Some(due) = self.next_flood.filter(|due| *due <= now) {
-            self.wire.put(due, Received::Frame(Frame::new(0x010, &[0; 8]), due));
+            self.wire.put(due, Received::Frame(Frame::new(0x010, &[0; 8]), Arrival::at(due)));
             let per_s = self.wire.faults.iter().find_map(|fault| match fault {
                 BenchFault::Flood(per_s) => Some(*per_s),
                 _ => None,
