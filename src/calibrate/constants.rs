@@ -8,8 +8,8 @@ use crate::wrist::Lever;
 pub const REPORTED: usize = RigQuantity::ALL.len();
 
 /// Coordinates that are fitted and not reported: damping ratio, delay, gain, compliance and its delay, hold and speed
-/// command of the servo, and the speed of the friction.
-pub const NOT_REPORTED: usize = 8;
+/// command of the servo, the speed of the friction, and the growth of the lever's damping.
+pub const NOT_REPORTED: usize = 9;
 
 /// Place of the first coordinate with a prior that is knowledge, not a guard: it stays where nothing else is assumed.
 pub const FIRST_KNOWN: usize = REPORTED + 5;
@@ -25,7 +25,10 @@ pub const SERVO_PLACE: usize = 9;
 pub const FRICTION_PLACE: usize = 10;
 
 /// Place of the friction's speed among the coordinates.
-pub const FRICTION_SPEED_PLACE: usize = REPORTED + NOT_REPORTED - 1;
+pub const FRICTION_SPEED_PLACE: usize = REPORTED + 7;
+
+/// Place among the coordinates of the growth of the lever's damping.
+pub const DAMPING_GROWTH_PLACE: usize = REPORTED + 8;
 
 /// The constants that the model of the rig needs.
 #[derive(Debug, Clone, PartialEq)]
@@ -64,6 +67,8 @@ pub struct FittedConstants {
     pub friction_speed_factor: f64,
     /// Coulomb friction of the bearing, N m.
     pub bearing_friction_nm: f64,
+    /// By which part the lever's damping grows with the speed of its deflection, s/rad.
+    pub damping_growth_s_per_rad: f64,
     /// True over stated value of each load with a stated value.
     pub load_factors: Vec<f64>,
 }
@@ -130,6 +135,9 @@ const LARGEST_OFFSET: f64 = 1.0;
 const LARGEST_FRICTION: f64 = 0.1;
 /// How far the speed of the friction may be from where it starts, as a factor, one standard deviation.
 const FRICTION_SPEED_FACTOR: f64 = 10.0;
+/// Growth of the lever's damping with the speed of its deflection, s/rad, one standard deviation: a tenth at 1 rad/s, which a soft lever
+/// reaches (assumed). No solid or joint damps in exact proportion to speed, and a nonlinearity of the torque channel would stand in for it.
+const DAMPING_GROWTH_S_PER_RAD: f64 = 0.1;
 /// The lever that the fit starts from where the session states none: that of the paper's rig.
 const PAPER_LEVER: Lever =
     Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
@@ -178,6 +186,7 @@ impl RigCoordinates {
             linear(1.0, 1.0),
             linear(0.5, 0.5),
             CoordinateScale::Factor { start: 1.0, range: libm::log(FRICTION_SPEED_FACTOR) },
+            linear(0.0, DAMPING_GROWTH_S_PER_RAD),
         ];
         let mut prior_sd = vec![1.0; scales.len()];
         // Both ends of either range are common: each is one standard deviation from the middle.
@@ -224,7 +233,8 @@ impl RigCoordinates {
             servo_compliance_delay_s: value(15),
             servo_hold: value(16),
             servo_speed_command: value(17),
-            friction_speed_factor: value(18),
+            friction_speed_factor: value(FRICTION_SPEED_PLACE),
+            damping_growth_s_per_rad: value(DAMPING_GROWTH_PLACE),
             load_factors: (Self::first_load()..self.count()).map(value).collect(),
         }
     }

@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::constants::{
-    CUBIC_PLACE, DELAY_PLACE, FIRST_KNOWN, FRICTION_PLACE, FittedConstants, LAG_PLACE, REPORTED,
-    RigCoordinates, SERVO_PLACE,
+    CUBIC_PLACE, DAMPING_GROWTH_PLACE, DELAY_PLACE, FIRST_KNOWN, FRICTION_PLACE, FittedConstants, LAG_PLACE,
+    REPORTED, RigCoordinates, SERVO_PLACE,
 };
 use super::moments::{
     MomentChannel, MomentLabel, Needed, OfTorqueChannel, TrialMoments, TrialResidual, residual,
@@ -22,6 +22,8 @@ const STEPS: usize = 30;
 const DIFFERENCE: f64 = 1e-7;
 /// Largest step, in standard errors, at which a search has ended.
 const ENDED: f64 = 1e-2;
+/// Largest step, in standard errors, after which another one is taken by the same slopes.
+const SHORT: f64 = 1.0;
 
 /// The trials of a fit and what is known of their noise.
 pub struct RigFitInput<'a> {
@@ -113,6 +115,24 @@ struct SearchEnd {
     cost: f64,
 }
 
+/// A point of a search.
+struct SearchPoint {
+    point: DVector<f64>,
+    /// Independent residuals there, trial by trial.
+    residuals: Vec<DVector<f64>>,
+    cost: f64,
+    /// Part by which the diagonal of the normal equations is raised in the next step.
+    damping: f64,
+}
+
+/// Slopes of the residuals at a point of a search.
+struct SearchSlopes {
+    jacobians: Vec<DMatrix<f64>>,
+    /// Matrix of the normal equations, with what is known beforehand.
+    normal: DMatrix<f64>,
+    is_free: fn(usize) -> bool,
+}
+
 /// Products and whitening of one trial.
 struct Whitened {
     moments: TrialMoments,
@@ -178,12 +198,18 @@ impl RigFitInput<'_> {
         RigFit { point, equations }
     }
 
+    /// A point that is no fit, with its equations.
+    pub fn at(&self, point: DVector<f64>) -> RigFit {
+        let equations = self.equations(&self.whitened(&point), &point);
+        RigFit { point, equations }
+    }
+
     /// The products of a trial at some constants.
     pub fn moments(&self, trial: &PreparedTrial, constants: &FittedConstants) -> TrialMoments {
         let range = |place: usize| {
             self.coordinates.scales[place].value(1.0) - self.coordinates.scales[place].value(0.0)
         };
-        let small_terms = [range(FRICTION_PLACE), range(CUBIC_PLACE)];
+        let small_terms = [FRICTION_PLACE, CUBIC_PLACE, DAMPING_GROWTH_PLACE].map(range);
         let handle = self.coordinates.at_handle(constants, trial.load);
         TrialMoments::new(trial, constants, handle, self.noise, self.friction_speed_rad_s, small_terms)
     }
@@ -300,61 +326,94 @@ impl RigFitInput<'_> {
 
     /// Searches the point of the smallest cost with fixed products.
     fn search(&self, whitened: &[Whitened], start: DVector<f64>, is_free: fn(usize) -> bool) -> SearchEnd {
-        let cost = |point: &DVector<f64>| -> f64 {
-            let residuals = self.residuals(whitened, point);
-            residuals.iter().map(DVector::norm_squared).sum::<f64>() + self.prior.misfit(point)
-        };
-        let mut point = start;
-        let mut value = cost(&point);
-        let mut damping = 1e-3;
-        let mut se = DVector::from_element(point.len(), 1.0);
+        let residuals = self.residuals(whitened, &start);
+        let cost = self.cost(&residuals, &start);
+        let mut at = SearchPoint { point: start, residuals, cost, damping: 1e-3 };
+        let mut se = DVector::from_element(at.point.len(), 1.0);
         for _ in 0..STEPS {
-            let mut normal = self.prior.precision.clone();
-            let mut gradient = &self.prior.precision * (&point - &self.prior.mean);
-            for (residual, jacobian) in self.linearised(whitened, &point, is_free) {
-                normal += jacobian.transpose() * &jacobian;
-                gradient += jacobian.transpose() * residual;
-            }
-            for place in (0..point.len()).filter(|place| !is_free(*place)) {
-                // Neither the trials nor what is known before move it.
-                normal.fill_row(place, 0.0);
-                normal.fill_column(place, 0.0);
-                normal[(place, place)] = 1.0;
-                gradient[place] = 0.0;
-            }
-            if let Some(inverse) = normal.clone().cholesky().map(|factor| factor.inverse()) {
+            let slopes = self.slopes(whitened, &at.point, is_free);
+            if let Some(inverse) = slopes.normal.clone().cholesky().map(|factor| factor.inverse()) {
                 se = inverse.diagonal().map(libm::sqrt);
             }
-            let mut step = None;
-            while damping < 1e12 {
-                let mut damped = normal.clone();
-                for place in 0..point.len() {
-                    damped[(place, place)] *= 1.0 + damping;
+            match self.step_down(whitened, &mut at, &slopes, &se) {
+                // Slopes cost ten times what residuals do, and change little within a short step: they serve for another one.
+                Some(step) if step >= ENDED => {
+                    if step < SHORT {
+                        self.step_down(whitened, &mut at, &slopes, &se);
+                    }
                 }
-                let Some(factor) = damped.cholesky() else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let change = -factor.solve(&gradient);
-                let candidate = &point + &change;
-                let there_value = cost(&candidate);
-                if there_value <= value {
-                    damping = (damping / 10.0).max(1e-12);
-                    step = Some(change.component_div(&se).amax());
-                    (point, value) = (candidate, there_value);
-                    break;
-                }
-                // At the optimum rounding decides which of two points is the better one.
-                if change.component_div(&se).amax() < ENDED {
-                    break;
-                }
-                damping *= 10.0;
-            }
-            if step.is_none_or(|step| step < ENDED) {
-                break;
+                _ => break,
             }
         }
-        SearchEnd { point, se, cost: value }
+        SearchEnd { point: at.point, se, cost: at.cost }
+    }
+
+    fn cost(&self, residuals: &[DVector<f64>], point: &DVector<f64>) -> f64 {
+        residuals.iter().map(DVector::norm_squared).sum::<f64>() + self.prior.misfit(point)
+    }
+
+    fn slopes(
+        &self,
+        whitened: &[Whitened],
+        point: &DVector<f64>,
+        is_free: fn(usize) -> bool,
+    ) -> SearchSlopes {
+        let jacobians: Vec<DMatrix<f64>> =
+            self.linearised(whitened, point, is_free).into_iter().map(|own| own.1).collect();
+        let mut normal = self.prior.precision.clone();
+        for jacobian in &jacobians {
+            normal += jacobian.transpose() * jacobian;
+        }
+        for place in (0..point.len()).filter(|place| !is_free(*place)) {
+            normal.fill_row(place, 0.0);
+            normal.fill_column(place, 0.0);
+            normal[(place, place)] = 1.0;
+        }
+        SearchSlopes { jacobians, normal, is_free }
+    }
+
+    /// Goes to a point of a smaller cost. The length of the step, in standard errors; `None` if there is none.
+    fn step_down(
+        &self,
+        whitened: &[Whitened],
+        at: &mut SearchPoint,
+        slopes: &SearchSlopes,
+        se: &DVector<f64>,
+    ) -> Option<f64> {
+        let mut gradient = &self.prior.precision * (&at.point - &self.prior.mean);
+        for (residual, jacobian) in at.residuals.iter().zip(&slopes.jacobians) {
+            gradient += jacobian.transpose() * residual;
+        }
+        for place in (0..gradient.len()).filter(|place| !(slopes.is_free)(*place)) {
+            // Neither the trials nor what is known before move it.
+            gradient[place] = 0.0;
+        }
+        while at.damping < 1e12 {
+            let mut damped = slopes.normal.clone();
+            for place in 0..gradient.len() {
+                damped[(place, place)] *= 1.0 + at.damping;
+            }
+            let Some(factor) = damped.cholesky() else {
+                at.damping *= 10.0;
+                continue;
+            };
+            let change = -factor.solve(&gradient);
+            let step = change.component_div(se).amax();
+            let point = &at.point + &change;
+            let residuals = self.residuals(whitened, &point);
+            let cost = self.cost(&residuals, &point);
+            if cost <= at.cost {
+                let damping = (at.damping / 10.0).max(1e-12);
+                *at = SearchPoint { point, residuals, cost, damping };
+                return Some(step);
+            }
+            // At the optimum rounding decides which of two points is the better one.
+            if step < ENDED {
+                return None;
+            }
+            at.damping *= 10.0;
+        }
+        None
     }
 
     fn equations(&self, whitened: &[Whitened], point: &DVector<f64>) -> Vec<RigTrialEquations> {

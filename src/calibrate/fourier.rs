@@ -66,6 +66,33 @@ impl Fourier {
         self.transformed(&*self.forward, values, values.len())
     }
 
+    /// As [`Fourier::to_time`], of two signals by one transform: one is its real part, the other its imaginary part.
+    pub fn to_time_pairs(&self, signals: &[[Complex64; 2]]) -> Vec<[f64; 2]> {
+        let points = self.inverse.len();
+        let mut buffer = vec![Complex64::ZERO; points];
+        for (place, [one, other]) in signals.iter().enumerate() {
+            buffer[place] = one + Complex64::I * other;
+            if place > 0 {
+                buffer[points - place] = one.conj() + Complex64::I * other.conj();
+            }
+        }
+        self.inverse.process(&mut buffer);
+        buffer.iter().map(|value| [value.re, value.im]).collect()
+    }
+
+    /// As [`Fourier::of_time`], of two signals by one transform.
+    pub fn of_time_pairs(&self, values: impl Iterator<Item = [f64; 2]>) -> Vec<[Complex64; 2]> {
+        let mut buffer: Vec<Complex64> = values.map(|[one, other]| Complex64::new(one, other)).collect();
+        self.forward.process(&mut buffer);
+        let points = buffer.len();
+        let pair = |place: usize| {
+            let (own, mirrored) = (buffer[place], buffer[(points - place) % points].conj());
+            let half = 0.5 / points as f64;
+            [half * (own + mirrored), -half * Complex64::I * (own - mirrored)]
+        };
+        (0..self.coefficients).map(pair).collect()
+    }
+
     fn transformed(&self, transform: &dyn Fft<f64>, values: &[f64], count: usize) -> Vec<Complex64> {
         let mut buffer: Vec<Complex64> = values.iter().map(|value| Complex64::new(*value, 0.0)).collect();
         transform.process(&mut buffer);
@@ -126,6 +153,25 @@ mod tests {
         }
         let again = fourier.of_time(&values);
         assert!(again.iter().zip(&found).all(|(a, b)| (a - b).norm() < 1e-12));
+        let mut other: Vec<Complex64> = found.iter().map(|value| 0.5 * Complex64::I * value).collect();
+        other[0] = Complex64::new(0.1, 0.0);
+        let pairs: Vec<[Complex64; 2]> = found.iter().zip(&other).map(|(a, b)| [*a, *b]).collect();
+        let in_time = fourier.to_time_pairs(&pairs);
+        let alone = fourier.to_time(&other);
+        assert!(
+            in_time
+                .iter()
+                .zip(values.iter().zip(&alone))
+                .all(|(pair, (a, b))| (pair[0] - a).abs() + (pair[1] - b).abs() < 1e-12)
+        );
+        let again = fourier.of_time_pairs(in_time.into_iter());
+        assert!(
+            again
+                .iter()
+                .zip(&pairs)
+                .skip(1)
+                .all(|(a, b)| (a[0] - b[0]).norm() + (a[1] - b[1]).norm() < 1e-12)
+        );
         assert!(fourier.to_record(&found).iter().zip(&record).all(|(a, b)| (a - b).abs() < 1e-9));
     }
 }

@@ -127,6 +127,9 @@ pub enum Needed {
 /// The recorded angle that follows from the target.
 fn expected_motion(trial: &PreparedTrial, constants: &FittedConstants, handle: AtHandle) -> Vec<Complex64> {
     let fourier = &trial.fourier;
+    if !trial.moves() {
+        return vec![Complex64::ZERO; fourier.coefficients];
+    }
     let response = |place: usize| {
         loaded_servo_response(constants, handle, fourier.omega(place), fourier.sample_rate_hz())
     };
@@ -200,15 +203,15 @@ pub fn torque_channel_derivative(
 }
 
 impl TrialMoments {
-    /// The products of a trial at some constants. `small_terms` are changes of friction and of the cubic part whose effects become
-    /// products of their own.
+    /// The products of a trial at some constants. `small_terms` are changes of friction, of the cubic part and of the growth of the
+    /// lever's damping whose effects become products of their own.
     pub fn new(
         trial: &PreparedTrial,
         constants: &FittedConstants,
         handle: AtHandle,
         noise: &ChannelNoise,
         friction_speed_rad_s: f64,
-        small_terms: [f64; 2],
+        small_terms: [f64; 3],
     ) -> Self {
         let fourier = &trial.fourier;
         let count = fourier.coefficients;
@@ -236,7 +239,7 @@ impl TrialMoments {
         };
         let torque = predict(constants);
         own.add_bands(trial, MomentChannel::Torque, &torque, &torque_variance);
-        let [friction, cubic] = small_terms;
+        let [friction, cubic, growth] = small_terms;
         let changed = [
             FittedConstants {
                 bearing_friction_nm: constants.bearing_friction_nm + friction,
@@ -244,6 +247,10 @@ impl TrialMoments {
             },
             FittedConstants {
                 torque_nonlinearity_per_nm2: constants.torque_nonlinearity_per_nm2 + cubic,
+                ..constants.clone()
+            },
+            FittedConstants {
+                damping_growth_s_per_rad: constants.damping_growth_s_per_rad + growth,
                 ..constants.clone()
             },
         ];

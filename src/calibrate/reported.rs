@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::constants::{
     CoordinateScale, DELAY_PLACE, LAG_PLACE, LEVER_PLACES, REPORTED, RigCoordinates, time_constant_s,
 };
-use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, inverse};
+use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, covariance, inverse};
 use super::fit::RigFitInput;
 use crate::dataset::{CalibratedQuantity, RigQuantity};
 use crate::protocol::RigLoad;
@@ -30,7 +30,7 @@ pub fn reported(
     let state = |place: usize| {
         // A coordinate whose interval is wider than what engineering allows is not told.
         if INTERVAL * found.data_se[place] > 1.0 {
-            return Told::Unknown;
+            return if place == LAG_PLACE { fast_low_pass(input, point) } else { Told::Unknown };
         }
         let se = libm::sqrt(found.covariance[(place, place)]);
         told(RigQuantity::ALL[place], scales[place], point[place], se)
@@ -113,6 +113,29 @@ fn whole_delay(
     told(RigQuantity::TorqueDelay, input.coordinates.scales[DELAY_PLACE], (sum * point)[0] + lag_start, se)
 }
 
+/// What is known of a low-pass whose slope tells nothing.
+///
+/// Beside a delay its effect goes with the square of its time constant, so that a fast one has no slope. A slow one has: there the trials
+/// say how well they know the square.
+fn fast_low_pass(input: &RigFitInput<'_>, point: &DVector<f64>) -> Told {
+    let [delay, lag] = [DELAY_PLACE, LAG_PLACE].map(|place| input.coordinates.scales[place]);
+    let (own_s, slow_s) = (lag.value(point[LAG_PLACE]), lag.value(0.0));
+    let mut slow = point.clone();
+    slow[LAG_PLACE] = lag.coordinate(slow_s);
+    slow[DELAY_PLACE] = delay.coordinate(delay.value(point[DELAY_PLACE]) - (slow_s - own_s));
+    let variance = covariance(input, &input.at(slow)).of_data()[(LAG_PLACE, LAG_PLACE)];
+    let error_s = INTERVAL * libm::sqrt(variance) * lag.range();
+    let bound_s = libm::sqrt(own_s * own_s + 2.0 * slow_s * error_s);
+    if bound_s < lag.range() { no_sign_of("a low-pass", bound_s) } else { Told::Unknown }
+}
+
+fn no_sign_of(what: &str, bound_s: f64) -> Told {
+    let bound_hz = time_constant_s(bound_s);
+    Told::Bound(format!(
+        "no sign of {what} in the trials: it is above {bound_hz:.0} Hz (95 %), if there is one"
+    ))
+}
+
 /// What is known of a quantity.
 enum Told {
     /// Value, standard error, and the sign of its change with the coordinate.
@@ -130,18 +153,15 @@ fn told(quantity: RigQuantity, scale: CoordinateScale, coordinate: f64, se: f64)
     match quantity {
         RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth => {
             if low <= 0.0 {
-                let bound = time_constant_s(high);
                 let what =
                     if quantity == RigQuantity::TorqueCutoff { "a low-pass" } else { "a limit of the motor" };
-                return Told::Bound(if bound > 0.0 {
-                    format!(
-                        "no sign of {what} in the trials: it is above {bound:.0} Hz (95 %), if there is one"
-                    )
+                return if high > 0.0 {
+                    no_sign_of(what, high)
                 } else {
-                    format!(
+                    Told::Bound(format!(
                         "the trials contradict {what}: the time constant is below zero; look for a delay of the other channel"
-                    )
-                });
+                    ))
+                };
             }
             let frequency = time_constant_s(value);
             let farther = (time_constant_s(low) - frequency).max(frequency - time_constant_s(high));

@@ -1,16 +1,16 @@
 //! The model of the rig without a person (Eq. 5 of the paper, and the two channels), at the frequencies of a record.
 //!
-//! The linear part is exact at each frequency, and follows the recorded angle. The friction of the bearing and the cubic part of the
-//! torque are small. They are computed in time, along the motion that follows from the target: a function that is not linear would turn
-//! the errors of the encoder into a torque.
+//! The linear part is exact at each frequency, and follows the recorded angle. The friction of the bearing, the growth of the lever's
+//! damping and the cubic part of the torque are small. They are computed in time, along the motion that follows from the target: a
+//! function that is not linear would turn the errors of the encoder into a torque.
 
 use rustfft::num_complex::Complex64;
 
 use super::constants::{AtHandle, FittedConstants};
 use super::fourier::Fourier;
 
-/// Number of times that the friction is computed along the solution that contains it.
-const FRICTION_PASSES: usize = 2;
+/// Number of times that the torques without a linear law are computed along the solution that contains them.
+const NONLINEAR_PASSES: usize = 2;
 
 /// A motion of the motor as the rig's channels have it.
 #[derive(Clone, Copy)]
@@ -31,16 +31,17 @@ pub fn recorded_torque(
     friction_speed_rad_s: f64,
 ) -> Vec<Complex64> {
     let places = motion.recorded.len();
-    let friction = friction(constants, handle, motion.expected, fourier, friction_speed_rad_s);
+    let nonlinear = nonlinear_torques(constants, handle, motion.expected, fourier, friction_speed_rad_s);
     let torque_along = |angle: &[Complex64]| -> Vec<Complex64> {
         let mut torque: Vec<Complex64> = (0..places)
             .map(|place| {
                 let [lever, whole, load] = impedances(constants, handle, fourier.omega(place));
                 let angle = angle[place] / constants.angle_gain;
+                let [friction, damper] = nonlinear[place];
                 if handle.is_clamped {
-                    lever * angle
+                    lever * angle + damper
                 } else {
-                    lever * (load * angle + friction[place]) / whole
+                    (lever * (load * angle + friction) + load * damper) / whole
                 }
             })
             .collect();
@@ -61,36 +62,45 @@ pub fn recorded_torque(
     torque
 }
 
-/// Friction of the bearing along a motion; computed once more along the motion of the handle with friction.
-fn friction(
+/// The torques that do not follow from the motion by a linear law: friction of the bearing, and what the lever's damper has beyond
+/// proportion to the speed of its deflection. Computed once more along the motion of the handle with them.
+fn nonlinear_torques(
     constants: &FittedConstants,
     handle: AtHandle,
     motion: &[Complex64],
     fourier: &Fourier,
     friction_speed_rad_s: f64,
-) -> Vec<Complex64> {
-    let mut friction = vec![Complex64::ZERO; motion.len()];
-    if handle.is_clamped || constants.bearing_friction_nm == 0.0 {
-        return friction;
+) -> Vec<[Complex64; 2]> {
+    let mut torques = vec![[Complex64::ZERO; 2]; motion.len()];
+    let friction_nm = if handle.is_clamped { 0.0 } else { constants.bearing_friction_nm };
+    let growth = constants.lever.damping_nm_s_per_rad * constants.damping_growth_s_per_rad;
+    let is_still = motion.iter().all(|value| *value == Complex64::ZERO);
+    if is_still || (friction_nm == 0.0 && growth == 0.0) {
+        return torques;
     }
     let full_at_rad_s = friction_speed_rad_s * constants.friction_speed_factor;
-    for _ in 0..FRICTION_PASSES {
-        let speed: Vec<Complex64> = (0..motion.len())
-            .map(|place| {
-                let omega = fourier.omega(place);
-                let [lever, whole, _] = impedances(constants, handle, omega);
-                Complex64::new(0.0, omega) * (lever * motion[place] / constants.angle_gain - friction[place])
-                    / whole
+    for _ in 0..NONLINEAR_PASSES {
+        let speeds: Vec<[Complex64; 2]> = torques
+            .iter()
+            .enumerate()
+            .map(|(place, [friction, damper])| {
+                let s = Complex64::new(0.0, fourier.omega(place));
+                let angle = motion[place] / constants.angle_gain;
+                let [lever, whole, _] = impedances(constants, handle, fourier.omega(place));
+                let of_handle = if handle.is_clamped {
+                    Complex64::ZERO
+                } else {
+                    (lever * angle + damper - friction) / whole
+                };
+                [s * of_handle, s * (angle - of_handle)]
             })
             .collect();
-        let torque: Vec<f64> = fourier
-            .to_time(&speed)
-            .iter()
-            .map(|speed| constants.bearing_friction_nm * libm::tanh(speed / full_at_rad_s))
-            .collect();
-        friction = fourier.of_time(&torque);
+        let law = |[of_handle, of_lever]: [f64; 2]| {
+            [friction_nm * libm::tanh(of_handle / full_at_rad_s), growth * of_lever.abs() * of_lever]
+        };
+        torques = fourier.of_time_pairs(fourier.to_time_pairs(&speeds).into_iter().map(law));
     }
-    friction
+    torques
 }
 
 /// Of the lever (k_l + b_l s), of lever, handle and load together, and of handle and load.

@@ -183,7 +183,11 @@ fn a_cut_off_too_high_to_be_seen_has_a_bound_and_no_value() {
     let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));
     let cutoff = &outcome.calibration.quantities[8];
     assert_eq!((cutoff.name, cutoff.value), (RigQuantity::TorqueCutoff, None));
-    assert!(cutoff.reason.as_deref().unwrap().contains("it is above "), "{cutoff:?}");
+    assert!(
+        cutoff.reason.as_deref().unwrap().contains("it is above "),
+        "{:?}",
+        outcome.calibration.quantities
+    );
     // What it delays is part of the delay, which is known well.
     let delay = &outcome.calibration.quantities[7];
     let (value, se) = (delay.value.unwrap(), delay.se.unwrap());
@@ -222,6 +226,26 @@ fn wrong_bar(load: &RigLoad) -> f64 {
 
 fn wrong_spring(load: &RigLoad) -> f64 {
     if matches!(load, RigLoad::KnownSpring { .. }) { 1.25 } else { 1.0 }
+}
+
+#[test]
+fn a_soft_lever_that_damps_more_at_speed_accuses_neither_a_load_nor_the_torque_channel() {
+    for seed in [31, 32] {
+        let rig = TrueRig {
+            lever: Lever { inertia_kg_m2: 0.002, damping_nm_s_per_rad: 0.25, stiffness_nm_per_rad: 450.0 },
+            torque_cutoff_hz: 400.0,
+            damping_growth: 0.02,
+            servo_compliance_rad_per_nm: 0.0,
+            encoder_bits: 18,
+            noise_nm: 0.012,
+            ..yielding_rig(seed)
+        };
+        let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));
+        for (name, z) in deviations(&outcome, &rig) {
+            assert!(z.abs() < 4.0, "{seed}: {} is {z:.1} standard errors off", name.name());
+        }
+        assert!(outcome.calibration.warnings.is_empty(), "{seed}: {:?}", outcome.calibration.warnings);
+    }
 }
 
 #[test]

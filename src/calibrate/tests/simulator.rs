@@ -40,6 +40,8 @@ pub struct TrueRig {
     pub breakaway: f64,
     /// Hardening of the lever, cubic part of its torque at 2 mrad: a law that the fit does not know.
     pub hardening: f64,
+    /// Growth of the lever's damping at 1 rad/s of its deflection, with the square of that speed: another law than that of the fit.
+    pub damping_growth: f64,
     pub seed: u64,
 }
 
@@ -69,6 +71,7 @@ impl TrueRig {
             hum_nm: 0.0,
             breakaway: 1.0,
             hardening: 0.0,
+            damping_growth: 0.0,
             seed,
         }
     }
@@ -179,8 +182,10 @@ impl TrueRig {
         let (theta_l, omega_l) = if is_clamped { (start, 0.0) } else { (theta_l, omega_l) };
         let twist = theta_m - theta_l;
         let hard = 1.0 + self.hardening * (twist / 0.002) * (twist / 0.002);
-        let torque = self.lever.stiffness_nm_per_rad * twist * hard
-            + self.lever.damping_nm_s_per_rad * (omega_m - omega_l);
+        let speed = omega_m - omega_l;
+        let damped = 1.0 + self.damping_growth * speed * speed;
+        let torque =
+            self.lever.stiffness_nm_per_rad * twist * hard + self.lever.damping_nm_s_per_rad * speed * damped;
         // Against the torque before the trial the motor is at its start already.
         let back = self.servo_compliance_rad_per_nm * (torque - weight);
         let braked = omega_m - self.servo_speed_command * target_speed;

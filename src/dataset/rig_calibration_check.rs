@@ -1,0 +1,199 @@
+//! What a rig calibration cannot be: names, values and a covariance that contradict each other.
+
+use super::rig_calibration::{CalibratedQuantity, RIG_CALIBRATION_FORMAT, RigCalibration, RigQuantity, told};
+
+/// How far a covariance may be from symmetric, and its diagonal from the squares of the standard errors, as a part of the product of
+/// both standard errors: the digits that other programs print.
+const COVARIANCE_ROUNDING: f64 = 1e-6;
+
+impl RigCalibration {
+    /// The first field with a value that a calibration cannot have, and what is wrong with it.
+    pub(super) fn check(&self) -> Result<(), (String, String)> {
+        let wrong = |field: &str, message: String| Err((field.to_owned(), message));
+        if self.format != RIG_CALIBRATION_FORMAT {
+            return wrong("format", format!("\"{}\"; expected \"{RIG_CALIBRATION_FORMAT}\"", self.format));
+        }
+        let names: Vec<RigQuantity> = self.quantities.iter().map(|quantity| quantity.name).collect();
+        if names != RigQuantity::ALL {
+            let expected = RigQuantity::ALL.map(RigQuantity::name).join(", ");
+            return wrong("quantities", format!("expected each of {expected} once, in this order"));
+        }
+        for (index, quantity) in self.quantities.iter().enumerate() {
+            quantity.check().or_else(|message| wrong(&format!("quantities[{index}]"), message))?;
+        }
+        if self.covariance_of != told(&self.quantities) {
+            return wrong(
+                "covariance_of",
+                "expected the quantities that have a value, in their order".into(),
+            );
+        }
+        self.check_covariance()
+    }
+
+    fn check_covariance(&self) -> Result<(), (String, String)> {
+        let size = self.covariance_of.len();
+        let wrong = |field: String, message: &str| Err((field, message.to_owned()));
+        if self.covariance.len() != size || self.covariance.iter().any(|row| row.len() != size) {
+            let message =
+                format!("expected {size} rows of {size} numbers, as covariance_of has {size} names");
+            return wrong("covariance".into(), &message);
+        }
+        let se: Vec<f64> = self.covariance_of.iter().filter_map(|name| self.se(*name)).collect();
+        for (i, row) in self.covariance.iter().enumerate() {
+            for (j, value) in row.iter().enumerate() {
+                let field = || format!("covariance[{i}][{j}]");
+                let scale = se[i] * se[j];
+                if !value.is_finite() || value.abs() > scale * (1.0 + COVARIANCE_ROUNDING) {
+                    return wrong(field(), "expected at most the product of both standard errors");
+                }
+                if (value - self.covariance[j][i]).abs() > COVARIANCE_ROUNDING * scale {
+                    return wrong(field(), "the covariance is not symmetric");
+                }
+                if i == j && (value - scale).abs() > COVARIANCE_ROUNDING * scale {
+                    return wrong(field(), "expected the square of the quantity's standard error");
+                }
+            }
+        }
+        if !is_positive_semidefinite(&self.covariance, &se) {
+            let message = "no covariance: a combination of the quantities has a variance below zero";
+            return wrong("covariance".into(), message);
+        }
+        Ok(())
+    }
+}
+
+impl CalibratedQuantity {
+    fn check(&self) -> Result<(), String> {
+        let name = self.name.name();
+        match (self.value, self.se) {
+            (None, None) if self.reason.is_some() => Ok(()),
+            (None, None) => Err(format!("{name} has no value: expected a reason")),
+            (Some(value), Some(se)) => {
+                if !value.is_finite() || (self.name.is_positive() && value <= 0.0) {
+                    Err(format!(
+                        "{name} is {value}; expected a number{}",
+                        if self.name.is_positive() { " above 0" } else { "" }
+                    ))
+                } else if !(se.is_finite() && se > 0.0) {
+                    Err(format!("{name} has the standard error {se}; expected a number above 0"))
+                } else {
+                    Ok(())
+                }
+            }
+            _ => Err(format!("{name}: expected a value with its standard error, or neither")),
+        }
+    }
+}
+
+/// Whether no combination of the quantities has a negative variance, beyond rounding; by Cholesky's factorisation of the correlations.
+fn is_positive_semidefinite(covariance: &[Vec<f64>], se: &[f64]) -> bool {
+    let size = se.len();
+    let mut factor = vec![vec![0.0; size]; size];
+    for i in 0..size {
+        for j in 0..=i {
+            let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
+            let left = covariance[i][j] / (se[i] * se[j]) - known;
+            if i == j {
+                if left < -COVARIANCE_ROUNDING * size as f64 {
+                    return false;
+                }
+                factor[i][i] = libm::sqrt(left.max(COVARIANCE_ROUNDING * COVARIANCE_ROUNDING));
+            } else {
+                factor[i][j] = left / factor[j][j];
+            }
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::wrist::Lever;
+
+    fn calibration() -> RigCalibration {
+        let quantity = |name: RigQuantity| {
+            let known = match name {
+                RigQuantity::LeverInertia => Some((0.0016, 1e-5)),
+                RigQuantity::TorqueGain => Some((1.02, 0.002)),
+                _ => None,
+            };
+            CalibratedQuantity {
+                name,
+                value: known.map(|(value, _)| value),
+                se: known.map(|(_, se)| se),
+                stated: None,
+                reason: known.is_none().then(|| "no load tells it".to_owned()),
+            }
+        };
+        let covariance = vec![vec![1e-10, -1e-8], vec![-1e-8, 4e-6]];
+        RigCalibration::new(
+            "ramphold".into(),
+            "S01".into(),
+            RigQuantity::ALL.map(quantity).to_vec(),
+            covariance,
+        )
+    }
+
+    fn refusal(change: impl FnOnce(&mut RigCalibration)) -> String {
+        let mut changed = calibration();
+        change(&mut changed);
+        let text = serde_json::to_string(&changed).unwrap();
+        RigCalibration::parse(&text, Path::new("rig-calibration.json")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_calibration_is_read_as_it_was_written() {
+        let text = serde_json::to_string(&calibration()).unwrap();
+        let read = RigCalibration::parse(&text, Path::new("c.json")).unwrap();
+        assert_eq!(read, calibration());
+        assert_eq!(read.covariance_between(RigQuantity::TorqueGain, RigQuantity::LeverInertia), Some(-1e-8));
+        let stated = Lever { inertia_kg_m2: 0.002, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
+        let lever = read.lever(stated);
+        assert_eq!((lever.inertia_kg_m2, lever.stiffness_nm_per_rad), (0.0016, 900.0));
+    }
+
+    #[test]
+    fn a_calibration_that_contradicts_itself_is_refused_with_the_field() {
+        let wrong = [
+            (refusal(|c| c.format = "ramphold-rig-calibration/9".into()), "field format"),
+            (refusal(|c| c.quantities.swap(0, 1)), "field quantities:"),
+            (
+                refusal(|c| c.quantities[0].value = Some(-1.0)),
+                "field quantities[0]: lever_inertia_kg_m2 is -1",
+            ),
+            (
+                refusal(|c| c.quantities[0].se = Some(0.0)),
+                "field quantities[0]: lever_inertia_kg_m2 has the standard",
+            ),
+            (refusal(|c| c.quantities[0].se = None), "expected a value with its standard error"),
+            (refusal(|c| c.quantities[1].reason = None), "expected a reason"),
+            (refusal(|c| c.covariance_of.truncate(1)), "field covariance_of"),
+            (refusal(|c| c.covariance.truncate(1)), "expected 2 rows of 2"),
+            (
+                refusal(|c| c.covariance[0][1] = 0.0),
+                "field covariance[0][1]: the covariance is not symmetric",
+            ),
+            (refusal(|c| c.covariance[0][0] = 0.5e-10), "field covariance[0][0]: expected the square"),
+            (
+                refusal(|c| (c.covariance[0][1], c.covariance[1][0]) = (1.0, 1.0)),
+                "field covariance[0][1]: expected at most",
+            ),
+        ];
+        for (message, expected) in wrong {
+            assert!(message.contains(expected), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_covariance_with_a_negative_variance_is_found() {
+        let se = [1.0; 3];
+        let row = |a: f64, b: f64, c: f64| vec![a, b, c];
+        let impossible = [row(1.0, 0.9, 0.9), row(0.9, 1.0, -0.9), row(0.9, -0.9, 1.0)];
+        assert!(!is_positive_semidefinite(&impossible, &se));
+        let together = [row(1.0, 1.0, 0.0), row(1.0, 1.0, 0.0), row(0.0, 0.0, 1.0)];
+        assert!(is_positive_semidefinite(&together, &se));
+    }
+}
