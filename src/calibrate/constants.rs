@@ -8,8 +8,9 @@ use crate::wrist::Lever;
 pub const REPORTED: usize = RigQuantity::ALL.len();
 
 /// Coordinates that are fitted and not reported: damping ratio, delay, gain, compliance and its delay, hold and speed
-/// command of the servo, the speed of the friction, and the growth of the lever's damping.
-pub const NOT_REPORTED: usize = 9;
+/// command of the servo, the speed of the friction, the growth of the lever's damping, and part and travel of a friction that gives
+/// before it slides.
+pub const NOT_REPORTED: usize = 11;
 
 /// Place of the first coordinate with a prior that is knowledge, not a guard: it stays where nothing else is assumed.
 pub const FIRST_KNOWN: usize = REPORTED + 5;
@@ -29,6 +30,10 @@ pub const FRICTION_SPEED_PLACE: usize = REPORTED + 7;
 
 /// Place among the coordinates of the growth of the lever's damping.
 pub const DAMPING_GROWTH_PLACE: usize = REPORTED + 8;
+
+/// Places among the coordinates of the part of the friction that gives before it slides, and of its travel.
+pub const PRESLIDING_PLACE: usize = REPORTED + 9;
+pub const PRESLIDING_TRAVEL_PLACE: usize = REPORTED + 10;
 
 /// The constants that the model of the rig needs.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,6 +74,10 @@ pub struct FittedConstants {
     pub bearing_friction_nm: f64,
     /// By which part the lever's damping grows with the speed of its deflection, s/rad.
     pub damping_growth_s_per_rad: f64,
+    /// Part of the friction that gives before it slides: 0 if it follows from the speed, 1 if it follows from the travel (Dahl 1976).
+    pub presliding_part: f64,
+    /// Travel in which that part builds up to 63 % of its full value, rad.
+    pub presliding_rad: f64,
     /// True over stated value of each load with a stated value.
     pub load_factors: Vec<f64>,
 }
@@ -138,6 +147,10 @@ const FRICTION_SPEED_FACTOR: f64 = 10.0;
 /// Growth of the lever's damping with the speed of its deflection, s/rad, one standard deviation: a tenth at 1 rad/s, which a soft lever
 /// reaches (assumed). No solid or joint damps in exact proportion to speed, and a nonlinearity of the torque channel would stand in for it.
 const DAMPING_GROWTH_S_PER_RAD: f64 = 0.1;
+/// Travel in which the friction of a bearing builds up, rad, and by how much it may differ, as a factor, one standard deviation: balls of
+/// some micrometres' give, on a race of some millimetres (assumed).
+const PRESLIDING_RAD: f64 = 1e-3;
+const PRESLIDING_FACTOR: f64 = 10.0;
 /// The lever that the fit starts from where the session states none: that of the paper's rig.
 const PAPER_LEVER: Lever =
     Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
@@ -156,6 +169,8 @@ pub struct RigCoordinates {
     pub loads: Vec<RigLoad>,
     /// Standard deviation of each coordinate before the trials are seen: 1, and for a load that of its stated value.
     pub prior_sd: Vec<f64>,
+    /// Whether the friction may give before it slides: where no trial shows it, its coordinates are none.
+    pub has_presliding: bool,
 }
 
 impl RigCoordinates {
@@ -187,6 +202,8 @@ impl RigCoordinates {
             linear(0.5, 0.5),
             CoordinateScale::Factor { start: 1.0, range: libm::log(FRICTION_SPEED_FACTOR) },
             linear(0.0, DAMPING_GROWTH_S_PER_RAD),
+            linear(0.5, 0.5),
+            CoordinateScale::Factor { start: PRESLIDING_RAD, range: libm::log(PRESLIDING_FACTOR) },
         ];
         let mut prior_sd = vec![1.0; scales.len()];
         // Both ends of either range are common: each is one standard deviation from the middle.
@@ -196,7 +213,7 @@ impl RigCoordinates {
             scales.push(CoordinateScale::Linear { start: 1.0, range: 1.0 });
             prior_sd.push(load.relative_error().unwrap_or(0.0));
         }
-        Self { scales, loads, prior_sd }
+        Self { scales, loads, prior_sd, has_presliding: false }
     }
 
     /// Number of coordinates.
@@ -235,6 +252,8 @@ impl RigCoordinates {
             servo_speed_command: value(17),
             friction_speed_factor: value(FRICTION_SPEED_PLACE),
             damping_growth_s_per_rad: value(DAMPING_GROWTH_PLACE),
+            presliding_part: if self.has_presliding { value(PRESLIDING_PLACE) } else { 0.0 },
+            presliding_rad: value(PRESLIDING_TRAVEL_PLACE),
             load_factors: (Self::first_load()..self.count()).map(value).collect(),
         }
     }

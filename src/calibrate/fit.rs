@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::constants::{
     CUBIC_PLACE, DAMPING_GROWTH_PLACE, DELAY_PLACE, FIRST_KNOWN, FRICTION_PLACE, FittedConstants, LAG_PLACE,
-    REPORTED, RigCoordinates, SERVO_PLACE,
+    PRESLIDING_PLACE, PRESLIDING_TRAVEL_PLACE, REPORTED, RigCoordinates, SERVO_PLACE,
 };
 use super::moments::{
     MomentChannel, MomentLabel, Needed, OfTorqueChannel, TrialMoments, TrialResidual, residual,
@@ -26,6 +26,7 @@ const ENDED: f64 = 1e-2;
 const SHORT: f64 = 1.0;
 
 /// The trials of a fit and what is known of their noise.
+#[derive(Clone)]
 pub struct RigFitInput<'a> {
     /// The trials.
     pub trials: &'a [PreparedTrial],
@@ -209,7 +210,9 @@ impl RigFitInput<'_> {
         let range = |place: usize| {
             self.coordinates.scales[place].value(1.0) - self.coordinates.scales[place].value(0.0)
         };
-        let small_terms = [FRICTION_PLACE, CUBIC_PLACE, DAMPING_GROWTH_PLACE].map(range);
+        let [friction, cubic, growth] = [FRICTION_PLACE, CUBIC_PLACE, DAMPING_GROWTH_PLACE].map(range);
+        let presliding = if self.coordinates.has_presliding { range(PRESLIDING_PLACE) } else { 0.0 };
+        let small_terms = [friction, cubic, growth, presliding];
         let handle = self.coordinates.at_handle(constants, trial.load);
         TrialMoments::new(trial, constants, handle, self.noise, self.friction_speed_rad_s, small_terms)
     }
@@ -318,6 +321,9 @@ impl RigFitInput<'_> {
 
     /// Whether a coordinate can matter to a trial.
     fn matters(&self, column: usize, place: usize) -> bool {
+        if [PRESLIDING_PLACE, PRESLIDING_TRAVEL_PLACE].contains(&column) {
+            return self.coordinates.has_presliding;
+        }
         match column.checked_sub(RigCoordinates::first_load()) {
             None => true,
             Some(load) => self.trials[place].load.without_sign() == self.coordinates.loads[load],

@@ -51,6 +51,11 @@ impl Fourier {
         self.step_hz * self.samples as f64
     }
 
+    /// Time between two points of the coarser time axis, s.
+    pub fn time_step_s(&self) -> f64 {
+        1.0 / (self.step_hz * self.inverse.len() as f64)
+    }
+
     /// Frequency of a coefficient, Hz.
     pub fn frequency_hz(&self, coefficient: usize) -> f64 {
         self.step_hz * coefficient as f64

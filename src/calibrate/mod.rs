@@ -6,6 +6,7 @@
 //!            -> moments          products of the residual with motions that follow from the target alone
 //!            -> fit              joint fit of all constants to all trials
 //!            -> starts           fits from several starts; likelihood says which one is right
+//!            -> presliding       whether the trials show a bearing that gives before it slides
 //!            -> covariance       noise, steps of the encoder, scatter of whole trials
 //!            -> reported, misfit, loads
 //!            -> following        whether the recorded angle is the motor's, or the target
@@ -30,6 +31,7 @@ mod moments;
 mod noise;
 mod output;
 mod prepared_trial;
+mod presliding;
 mod reported;
 mod rig_model;
 mod sound_rig;

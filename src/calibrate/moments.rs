@@ -88,6 +88,9 @@ struct TrialResponses {
     back_response: Vec<Complex64>,
     /// Torque in the lever as its record shows it.
     lever_torque: Vec<Complex64>,
+    /// The recorded angle that follows from the target. What is not linear is computed along it, so that the servo's constants change the
+    /// servo's residual alone.
+    expected: Vec<Complex64>,
 }
 
 impl TrialResponses {
@@ -101,6 +104,7 @@ impl TrialResponses {
             response: places.clone().map(response).collect(),
             back_response: places.clone().map(back).collect(),
             lever_torque: places.map(|place| trial.torque[place] / channel(place)).collect(),
+            expected: expected_motion(trial, constants, handle),
         }
     }
 }
@@ -136,7 +140,7 @@ fn expected_motion(trial: &PreparedTrial, constants: &FittedConstants, handle: A
     trial.target.iter().enumerate().map(|(place, target)| response(place) * target).collect()
 }
 
-/// Residual of a trial at some constants. `moments` has the torque that turns the motor back.
+/// Residual of a trial at some constants. `moments` has the torque that turns the motor back, and the motion that follows from the target.
 pub fn residual(
     trial: &PreparedTrial,
     moments: &TrialMoments,
@@ -146,8 +150,7 @@ pub fn residual(
     needed: Needed,
 ) -> TrialResidual {
     let torque = (needed != Needed::Servo).then(|| {
-        let expected = expected_motion(trial, constants, handle);
-        let motion = HandleMotion { recorded: &trial.angle, expected: &expected };
+        let motion = HandleMotion { recorded: &trial.angle, expected: &moments.at.expected };
         let predicted = recorded_torque(constants, handle, motion, &trial.fourier, friction_speed_rad_s);
         let mut left: Vec<Complex64> =
             trial.torque.iter().zip(predicted).map(|(own, model)| own - model).collect();
@@ -203,15 +206,15 @@ pub fn torque_channel_derivative(
 }
 
 impl TrialMoments {
-    /// The products of a trial at some constants. `small_terms` are changes of friction, of the cubic part and of the growth of the
-    /// lever's damping whose effects become products of their own.
+    /// The products of a trial at some constants. `small_terms` are changes of friction, of the cubic part, of the growth of the
+    /// lever's damping and of the part of the friction that gives before it slides, whose effects become products of their own.
     pub fn new(
         trial: &PreparedTrial,
         constants: &FittedConstants,
         handle: AtHandle,
         noise: &ChannelNoise,
         friction_speed_rad_s: f64,
-        small_terms: [f64; 3],
+        small_terms: [f64; 4],
     ) -> Self {
         let fourier = &trial.fourier;
         let count = fourier.coefficients;
@@ -225,7 +228,7 @@ impl TrialMoments {
         if !trial.moves() {
             return own;
         }
-        let expected = expected_motion(trial, constants, handle);
+        let expected = own.at.expected.clone();
         if noise.step_rad > 0.0 {
             own.angle_errors = angle_errors(&expected, fourier, noise);
         }
@@ -239,7 +242,7 @@ impl TrialMoments {
         };
         let torque = predict(constants);
         own.add_bands(trial, MomentChannel::Torque, &torque, &torque_variance);
-        let [friction, cubic, growth] = small_terms;
+        let [friction, cubic, growth, presliding] = small_terms;
         let changed = [
             FittedConstants {
                 bearing_friction_nm: constants.bearing_friction_nm + friction,
@@ -253,6 +256,7 @@ impl TrialMoments {
                 damping_growth_s_per_rad: constants.damping_growth_s_per_rad + growth,
                 ..constants.clone()
             },
+            FittedConstants { presliding_part: constants.presliding_part + presliding, ..constants.clone() },
         ];
         for (place, changed) in changed.iter().enumerate() {
             let effect: Vec<Complex64> =

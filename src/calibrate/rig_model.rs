@@ -95,12 +95,46 @@ fn nonlinear_torques(
                 [s * of_handle, s * (angle - of_handle)]
             })
             .collect();
+        let mut presliding = Presliding::new(constants, fourier.time_step_s());
         let law = |[of_handle, of_lever]: [f64; 2]| {
-            [friction_nm * libm::tanh(of_handle / full_at_rad_s), growth * of_lever.abs() * of_lever]
+            let friction = presliding.friction(of_handle, libm::tanh(of_handle / full_at_rad_s));
+            [friction_nm * friction, growth * of_lever.abs() * of_lever]
         };
         torques = fourier.of_time_pairs(fourier.to_time_pairs(&speeds).into_iter().map(law));
     }
     torques
+}
+
+/// A bearing that gives before it slides, along a motion that begins at rest (Dahl 1976, with the exponent 1): dz/dx = 1/travel (sign of
+/// the speed - z).
+struct Presliding {
+    /// Part of the friction that is of this kind.
+    part: f64,
+    travel_rad: f64,
+    step_s: f64,
+    speed_rad_s: f64,
+    /// How far it has built up: -1 to 1.
+    built_up: f64,
+}
+
+impl Presliding {
+    fn new(constants: &FittedConstants, step_s: f64) -> Self {
+        let (part, travel_rad) = (constants.presliding_part, constants.presliding_rad);
+        Self { part, travel_rad, step_s, speed_rad_s: 0.0, built_up: 0.0 }
+    }
+
+    /// Friction at the next point in time beside its full value, where a friction that follows from the speed is `of_speed`. Exact for a
+    /// way that is straight between two points.
+    fn friction(&mut self, speed_rad_s: f64, of_speed: f64) -> f64 {
+        if self.part == 0.0 {
+            return of_speed;
+        }
+        let way_rad = 0.5 * (self.speed_rad_s + speed_rad_s) * self.step_s;
+        self.speed_rad_s = speed_rad_s;
+        let towards = way_rad.signum();
+        self.built_up = towards + (self.built_up - towards) * libm::exp(-way_rad.abs() / self.travel_rad);
+        of_speed + self.part * (self.built_up - of_speed)
+    }
 }
 
 /// Of the lever (k_l + b_l s), of lever, handle and load together, and of handle and load.
@@ -162,4 +196,39 @@ pub fn loaded_servo_response(
 fn second_order(constants: &FittedConstants, omega: f64) -> Complex64 {
     let of_frequency = omega * constants.servo_period_s;
     1.0 / Complex64::new(1.0 - of_frequency * of_frequency, 2.0 * constants.servo_damping * of_frequency)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibrate::constants::RigCoordinates;
+
+    /// A bearing of which all gives, moved by `way_rad` at a steady speed in `points` points.
+    fn moved(bearing: &mut Presliding, way_rad: f64, points: usize) -> f64 {
+        let speed_rad_s = way_rad / (points as f64 * bearing.step_s);
+        bearing.speed_rad_s = speed_rad_s;
+        (0..points).fold(0.0, |_, _| bearing.friction(speed_rad_s, 1.0))
+    }
+
+    #[test]
+    fn a_bearing_that_gives_follows_the_travel_whatever_the_speed() {
+        let mut coordinates = RigCoordinates::new(None, 1.0, Vec::new());
+        coordinates.has_presliding = true;
+        let all = FittedConstants {
+            presliding_part: 1.0,
+            presliding_rad: 1e-3,
+            ..coordinates.constants(&vec![0.0; coordinates.count()])
+        };
+        for points in [3, 1000] {
+            let mut bearing = Presliding::new(&all, 1e-3);
+            let there = moved(&mut bearing, 1e-3, points);
+            assert!((there - (1.0 - libm::exp(-1.0))).abs() < 1e-12, "{points}: {there}");
+            assert!((moved(&mut bearing, 0.1, points) - 1.0).abs() < 1e-12);
+            let back = moved(&mut bearing, -1e-3, points);
+            assert!((back - (2.0 * libm::exp(-1.0) - 1.0)).abs() < 1e-12, "{points}: {back}");
+        }
+        // A half of it follows the speed.
+        let mut half = Presliding::new(&FittedConstants { presliding_part: 0.5, ..all }, 1e-3);
+        assert_eq!(half.friction(0.0, 1.0), 0.5);
+    }
 }

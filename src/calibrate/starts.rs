@@ -7,6 +7,7 @@ use super::constants::{
 };
 use super::fit::{RigFit, RigFitInput};
 use super::likelihood::CommonProducts;
+use super::presliding::presliding_start;
 
 /// Natural frequencies of the servo at which a search starts, Hz: the median of its mechanism's prior, and a quarter of it.
 const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];
@@ -21,24 +22,39 @@ struct FitFromStart {
 ///
 /// One start is the rig as stated. At others the servo is found first, from several bandwidths, with the rest as stated: where the motion
 /// that follows from the target is not known yet, a search takes what the servo leaves for the handle's. From the likeliest one the search
-/// goes on to the places that it is known to miss.
-pub fn fit_from_starts(input: &RigFitInput<'_>) -> RigFit {
+/// goes on to the places that it is known to miss. Where the trials show a bearing that gives before it slides, `input` gets its
+/// coordinates.
+pub fn fit_from_starts(input: &mut RigFitInput<'_>) -> RigFit {
     let mut products = CommonProducts::new(input);
-    let mut candidate = |from: &DVector<f64>| {
+    let mut candidate = |input: &RigFitInput<'_>, from: &DVector<f64>| {
         let fit = input.fit(from);
         let deviance = products.deviance(input, &fit.point);
         FitFromStart { fit, deviance }
     };
-    let mut best = candidate(&input.prior.mean);
+    let mut best = candidate(input, &input.prior.mean);
     let servo = input.coordinates.scales[SERVO_PLACE];
     for frequency_hz in SERVO_STARTS_HZ {
         let mut start = input.prior.mean.clone();
         start[SERVO_PLACE] = servo.coordinate(time_constant_s(frequency_hz));
-        best = likelier(best, candidate(&input.fit_servo(&start).point));
+        best = likelier(best, candidate(input, &input.fit_servo(&start).point));
     }
     for other in [other_side_of_lag, usual_friction] {
         if let Some(start) = other(input, &best.fit.point) {
-            best = likelier(best, candidate(&start));
+            best = likelier(best, candidate(input, &start));
+        }
+    }
+    let mut with_presliding = input.clone();
+    with_presliding.coordinates.has_presliding = true;
+    if let Some(start) = presliding_start(&with_presliding, &best.fit.point) {
+        let mut found = candidate(&with_presliding, &start);
+        for other in [other_side_of_lag, usual_friction] {
+            if let Some(start) = other(&with_presliding, &found.fit.point) {
+                found = likelier(found, candidate(&with_presliding, &start));
+            }
+        }
+        if found.deviance < best.deviance {
+            *input = with_presliding;
+            best = found;
         }
     }
     best.fit

@@ -174,13 +174,12 @@ impl SampleStamps {
         let detail = step.transition.and_then(|transition| transition.detail);
         let begins = step.measured.is_some() && matches!(detail, Some(TransitionDetail::Began { .. }));
         step.measured?;
-        let since_origin_ns = monotonic_ns() - self.origin_ns;
-        let had_s = since_origin_ns as f64 * 1e-9;
+        let stamp = (is_first || begins).then(|| ClockStamp::now((self.lsl_ahead_s)()));
+        // How late the sample was had is counted to the stamp itself: the thread may be held up before it.
+        let had_ns = stamp.map_or_else(monotonic_ns, |stamp| stamp.monotonic_ns);
+        let had_s = (had_ns - self.origin_ns) as f64 * 1e-9;
         let late_s = had_s - self.times.time_s(step.sample, had_s);
-        (is_first || begins).then(|| ClockStamp {
-            late_ns: Some((late_s * 1e9) as i64),
-            ..ClockStamp::now((self.lsl_ahead_s)())
-        })
+        stamp.map(|stamp| ClockStamp { late_ns: Some((late_s * 1e9) as i64), ..stamp })
     }
 }
 

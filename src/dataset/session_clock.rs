@@ -84,10 +84,12 @@ impl SessionClock {
     }
 
     /// UTC of a time in a stretch, ns since 1970, from the last known sample before it; `None` where no sample of the stretch is known.
+    /// Counted from where the least late samples are, as [`SessionClock::lsl_s`].
     pub fn utc_ns(&self, stretch: usize, time_s: f64) -> Option<i64> {
         let own = self.stamped.iter().filter(|known| known.stretch == stretch);
         let known = own.clone().rev().find(|known| known.time_s <= time_s).or_else(|| own.clone().next())?;
-        Some(known.stamp.utc_ns + libm::round((time_s - known.time_s) * 1e9) as i64)
+        let had_in_time_ns = known.stamp.utc_ns - known.stamp.late_ns.unwrap_or(0);
+        Some(had_in_time_ns + libm::round((time_s - known.time_s) * 1e9) as i64)
     }
 }
 
@@ -158,19 +160,21 @@ mod tests {
 
     /// Stamps every 10 s of samples whose clock is 80 ppm slow, had up to 2 ms late.
     #[test]
-    fn a_time_on_the_clock_of_streams_does_not_depend_on_how_late_a_sample_was_had() {
+    fn a_time_does_not_depend_on_how_late_a_sample_was_had() {
         let on_lsl = |time_s: f64| 500.0 + time_s * (1.0 + 80e-6);
         let stamped = (0..30u32).map(|at| {
             let (time_s, late_ns) = (10.0 * f64::from(at), i64::from(at * 7919 % 20) * 100_000);
             let lsl_s = Some(on_lsl(time_s) + late_ns as f64 * 1e-9);
+            let utc_ns = (time_s * 1e9) as i64 + late_ns;
             let stamp =
-                ClockStamp { utc_ns: 0, monotonic_ns: 0, lsl_s, late_ns: Some(late_ns), read_within_ns: 0 };
+                ClockStamp { utc_ns, monotonic_ns: 0, lsl_s, late_ns: Some(late_ns), read_within_ns: 0 };
             StampedSample { stretch: 1, time_s, run: 2, stamp }
         });
         let clock = SessionClock { stamped: stamped.collect(), runs: 2 };
         for time_s in [3.0, 57.5, 299.0] {
             let found = clock.lsl_s(1, time_s).unwrap();
             assert!((found - on_lsl(time_s)).abs() < 1e-6, "{time_s}: {}", found - on_lsl(time_s));
+            assert_eq!(clock.utc_ns(1, time_s), Some((time_s * 1e9) as i64));
         }
         assert_eq!((clock.lsl_s(0, 1.0), clock.run_of(1), clock.run_of(0)), (None, Some(2), None));
     }

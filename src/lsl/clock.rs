@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::library::LslLibrary;
-use crate::timing::monotonic_ns;
+use crate::timing::beside_monotonic;
 
 /// Where the clock of Lab Streaming Layer is, as the thread that calls the library last read it.
 #[derive(Debug, Clone)]
@@ -18,10 +18,8 @@ impl LslClock {
 
     /// Reads where it is now.
     pub(super) fn read(&self, library: &LslLibrary) {
-        let before_ns = monotonic_ns();
-        let now_s = library.now_s();
-        let middle_s = 0.5e-9 * (before_ns + monotonic_ns()) as f64;
-        self.0.store((now_s - middle_s).to_bits(), Ordering::Relaxed);
+        let (now_s, at_ns, _) = beside_monotonic(|| library.now_s());
+        self.0.store((now_s - at_ns as f64 * 1e-9).to_bits(), Ordering::Relaxed);
     }
 
     /// How far it is ahead of the monotonic clock, s; `None` before the streams are open.

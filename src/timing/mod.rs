@@ -7,7 +7,7 @@ mod periodic_timer;
 mod sample_clock;
 
 pub use clock::{Clock, SystemClock, VirtualClock};
-pub use clock_stamp::{ClockStamp, monotonic_ns};
+pub use clock_stamp::{ClockStamp, beside_monotonic, monotonic_ns};
 pub use histogram::Histogram;
 pub use periodic_timer::PeriodicTimer;
 pub use sample_clock::SampleClock;

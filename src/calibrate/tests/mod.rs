@@ -249,6 +249,16 @@ fn a_soft_lever_that_damps_more_at_speed_accuses_neither_a_load_nor_the_torque_c
 }
 
 #[test]
+fn a_bearing_that_gives_before_it_slides_accuses_neither_a_load_nor_the_torque_channel() {
+    let rig = TrueRig { presliding_rad: 3e-4, breakaway: 1.2, bearing_friction_nm: 0.03, ..yielding_rig(52) };
+    let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));
+    for (name, z) in deviations(&outcome, &rig) {
+        assert!(z.abs() < 4.0, "{} is {z:.1} standard errors off", name.name());
+    }
+    assert!(outcome.calibration.warnings.is_empty(), "{:?}", outcome.calibration.warnings);
+}
+
+#[test]
 fn a_load_with_a_wrong_value_disagrees_with_the_others() {
     let rig = TrueRig::usual(7);
     let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, wrong_spring));

@@ -38,6 +38,8 @@ pub struct TrueRig {
     pub hum_nm: f64,
     /// Friction at rest over friction in motion: a law that the fit does not know.
     pub breakaway: f64,
+    /// Travel in which the friction builds up, rad; 0 for one that follows from the speed.
+    pub presliding_rad: f64,
     /// Hardening of the lever, cubic part of its torque at 2 mrad: a law that the fit does not know.
     pub hardening: f64,
     /// Growth of the lever's damping at 1 rad/s of its deflection, with the square of that speed: another law than that of the fit.
@@ -70,6 +72,7 @@ impl TrueRig {
             jitter_rad: 1e-5,
             hum_nm: 0.0,
             breakaway: 1.0,
+            presliding_rad: 0.0,
             hardening: 0.0,
             damping_growth: 0.0,
             seed,
@@ -105,8 +108,8 @@ impl TrueRig {
         };
         let k = self.lever.stiffness_nm_per_rad;
         let start = targets[0];
-        // Motor angle and speed, handle angle and speed, torque behind the low-pass.
-        let mut state = [start, 0.0, start - weight / k, 0.0, weight];
+        // Motor angle and speed, handle angle and speed, torque behind the low-pass, and what the friction has built up.
+        let mut state = [start, 0.0, start - weight / k, 0.0, weight, 0.0];
         let phase = std::f64::consts::TAU * stream.uniform();
         let mut torques = Vec::with_capacity(count);
         let mut angles = Vec::with_capacity(targets.len());
@@ -119,7 +122,7 @@ impl TrueRig {
             }
             torques.push(state[4]);
             let time_s = sample as f64 * step_s;
-            let rates = |state: &[f64; 5], time_s: f64| {
+            let rates = |state: &[f64; 6], time_s: f64| {
                 let time_s = time_s - self.servo_delay_s;
                 let period_s = 1.0 / self.sample_rate_hz;
                 let speed = (target(time_s + 0.5 * period_s) - target(time_s - 0.5 * period_s)) / period_s;
@@ -129,7 +132,7 @@ impl TrueRig {
             let second = rates(&plus(&state, &first, 0.5 * step_s), time_s + 0.5 * step_s);
             let third = rates(&plus(&state, &second, 0.5 * step_s), time_s + 0.5 * step_s);
             let fourth = rates(&plus(&state, &third, step_s), time_s + step_s);
-            for place in 0..5 {
+            for place in 0..6 {
                 state[place] +=
                     step_s / 6.0 * (first[place] + 2.0 * second[place] + 2.0 * third[place] + fourth[place]);
             }
@@ -169,14 +172,14 @@ impl TrueRig {
 
     fn rates(
         &self,
-        state: &[f64; 5],
+        state: &[f64; 6],
         [target, target_speed]: [f64; 2],
         start: f64,
         load: RigLoad,
         factor: f64,
         weight: f64,
-    ) -> [f64; 5] {
-        let [theta_m, omega_m, theta_l, omega_l, filtered] = *state;
+    ) -> [f64; 6] {
+        let [theta_m, omega_m, theta_l, omega_l, filtered, built_up] = *state;
         let natural = std::f64::consts::TAU * self.servo_hz;
         let is_clamped = load == RigLoad::ClampedHandle;
         let (theta_l, omega_l) = if is_clamped { (start, 0.0) } else { (theta_l, omega_l) };
@@ -203,11 +206,14 @@ impl TrueRig {
             0.0
         };
         let breakaway = 1.0 + (self.breakaway - 1.0) * libm::exp(-(omega_l / 0.02) * (omega_l / 0.02));
-        let friction = self.bearing_friction_nm * breakaway * libm::tanh(omega_l / 0.002);
+        let gives = self.presliding_rad > 0.0;
+        let of_motion = if gives { built_up } else { libm::tanh(omega_l / 0.002) };
+        let friction = self.bearing_friction_nm * breakaway * of_motion;
+        let building = if gives { (omega_l - omega_l.abs() * built_up) / self.presliding_rad } else { 0.0 };
         let handle = if is_clamped { 0.0 } else { (torque - weight - spring - friction) / inertia };
         let sensed = torque + self.torque_nonlinearity_per_nm2 * torque * torque * torque;
         let rate = std::f64::consts::TAU * self.torque_cutoff_hz * (sensed - filtered);
-        [omega_m, acceleration, if is_clamped { 0.0 } else { omega_l }, handle, rate]
+        [omega_m, acceleration, if is_clamped { 0.0 } else { omega_l }, handle, rate, building]
     }
 
     /// Targets of a ramp, its hold and its return.
@@ -275,7 +281,7 @@ fn smooth(time: f64, rise: f64) -> f64 {
     }
 }
 
-fn plus(state: &[f64; 5], rates: &[f64; 5], step_s: f64) -> [f64; 5] {
+fn plus(state: &[f64; 6], rates: &[f64; 6], step_s: f64) -> [f64; 6] {
     std::array::from_fn(|place| state[place] + step_s * rates[place])
 }
 
