@@ -6,17 +6,22 @@ use std::fs;
 use std::io::Write;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::process::Command;
 
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use serde_json::{Value, json};
 
-use crate::workspace::{QUICK, Workspace, files};
-
-/// Longer than any of these commands takes on a busy machine; before, they took minutes or never ended.
-const SOON: Duration = Duration::from_secs(60);
+use crate::workspace::{PROGRAM, QUICK, Workspace, files, output_of};
 
 impl Workspace {
+    /// `call` with at most a minute of processor time, however busy the machine is: before, these commands took more, or never ended.
+    #[track_caller]
+    fn call_limited(&self, code: i32, arguments: &[&str]) -> (String, String) {
+        let mut command = Command::new("sh");
+        command.args(["-c", "ulimit -t 60; exec \"$@\"", "sh", PROGRAM]).args(arguments);
+        output_of(command.current_dir(self.folder()), code)
+    }
+
     /// The session `s`, run to its end, and a folder `outside` with files that are none of its business.
     fn with_stranger(&self) -> PathBuf {
         self.call(0, &["run", QUICK, "--seed", "7", "--out", "s"]);
@@ -201,7 +206,6 @@ fn a_replay_tells_of_garbage_behind_the_journal_and_behind_a_record() {
 fn a_pipe_or_a_device_in_place_of_a_file_holds_nobody_up() {
     let workspace = Workspace::new();
     let session = workspace.with_stranger();
-    let begun = Instant::now();
     for (name, verbs) in [
         ("bus.json", &["report"][..]),
         ("results/diagnosis.json", &["report"]),
@@ -227,7 +231,6 @@ fn a_pipe_or_a_device_in_place_of_a_file_holds_nobody_up() {
     fifo(&workspace.path("protocol"));
     workspace.call(2, &["check", "protocol"]);
     workspace.call(2, &["check", "/dev/zero"]);
-    assert!(begun.elapsed() < SOON, "{:?}", begun.elapsed());
 }
 
 #[test]
@@ -241,15 +244,13 @@ fn a_stray_file_of_any_size_is_not_read_by_verify() {
         .unwrap()
         .set_len(1 << 40)
         .unwrap();
-    let begun = Instant::now();
-    let (listed, _) = workspace.call(1, &["verify", "s"]);
+    let (listed, _) = workspace.call_limited(1, &["verify", "s"]);
     assert!(
         listed.contains("added    stray") && listed.contains("changed  trials/trial-001.csv"),
         "{listed}"
     );
-    let (_, said) = workspace.call(2, &["fit", "s"]);
+    let (_, said) = workspace.call_limited(2, &["fit", "s"]);
     assert!(said.contains("trial-001.csv") && said.contains("bytes; expected at most"), "{said}");
-    assert!(begun.elapsed() < SOON, "{:?}", begun.elapsed());
 }
 
 #[test]
@@ -261,36 +262,32 @@ fn many_trials_with_one_record_are_refused_before_it_is_read() {
     let rest = first.split_once(',').unwrap().1;
     let rows: String = (1..=15_000).map(|trial| format!("{trial},{rest}\n")).collect();
     fs::write(session.join("trials.csv"), format!("{header}\n{rows}")).unwrap();
-    let begun = Instant::now();
-    let (_, said) = workspace.call(2, &["fit", "s"]);
+    let (_, said) = workspace.call_limited(2, &["fit", "s"]);
     assert!(said.contains("is the record of line 2 already"), "{said}");
     let rows: String =
         (1..=30_000).map(|trial| format!("{trial},{}\n", rest.replace("001", &trial.to_string()))).collect();
     fs::write(session.join("trials.csv"), format!("{header}\n{rows}")).unwrap();
-    let (_, said) = workspace.call(2, &["fit", "s"]);
+    let (_, said) = workspace.call_limited(2, &["fit", "s"]);
     assert!(said.contains("more than 20000 trials"), "{said}");
     // A column's name was repeated in the message, whatever its length.
     fs::write(session.join("trials.csv"), format!("{}\n", "x".repeat(10_000_000))).unwrap();
-    let (_, said) = workspace.call(2, &["fit", "s"]);
+    let (_, said) = workspace.call_limited(2, &["fit", "s"]);
     assert!(said.contains("column trial is missing") && said.len() < 1000, "{} bytes", said.len());
-    assert!(begun.elapsed() < SOON, "{:?}", begun.elapsed());
 }
 
 #[test]
-fn a_protocol_of_eighty_thousand_velocities_is_refused_at_once() {
+fn a_protocol_of_eighty_thousand_velocities_is_refused_within_a_minute_of_processor_time() {
     let workspace = Workspace::new();
     let mut protocol: Value = serde_json::from_str(include_str!("../../protocols/quick.json")).unwrap();
     protocol["velocities_rad_s"] = (1..=80_000).map(|n| json!(f64::from(n) * 1e-4)).collect();
     workspace.write("protocol.json", &protocol);
-    let begun = Instant::now();
-    let (_, said) = workspace.call(2, &["check", "protocol.json"]);
+    let (_, said) = workspace.call_limited(2, &["check", "protocol.json"]);
     assert!(said.contains("velocities_rad_s") && said.contains("at most 100"), "{said}");
     let terms: Vec<&str> = vec!["one"; 1000];
     let model = json!({ "format": "ramphold-model/1", "parameters": { "x_e_rad": { "scope": "session", "law": terms } } });
     workspace.write("model.json", &model);
-    let (_, said) = workspace.call(2, &["run", QUICK, "--model", "model.json", "--out", "s"]);
+    let (_, said) = workspace.call_limited(2, &["run", QUICK, "--model", "model.json", "--out", "s"]);
     assert!(said.contains("parameters.x_e_rad") && said.contains("twice"), "{said}");
-    assert!(begun.elapsed() < SOON, "{:?}", begun.elapsed());
 }
 
 #[test]
