@@ -13,7 +13,7 @@ const TRAVELS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 /// Probability of searching it in a bearing that has none: the search then costs time, and changes nothing beyond the standard errors.
 const SEARCHED_LEVEL: f64 = 0.05;
 
-/// A start of its search from a fit without it, at `point`; `None` if no trial shows it.
+/// A start of its search from a fit without it, at `point`, where the trials show it. `input` has its coordinates.
 ///
 /// A score test: how far the part of such a friction would go from zero, by the slopes of all coordinates at the fit, at each travel. What
 /// the fit leaves counts as noise, and the level is shared by the travels (Bonferroni).
@@ -32,8 +32,8 @@ pub fn presliding_start(input: &RigFitInput<'_>, point: &DVector<f64>) -> Option
     (chi_square_tail(chi_square, 1.0) * (TRAVELS.len() as f64) < SEARCHED_LEVEL).then_some(start)
 }
 
-/// The step of the part from `point`, and its chi-square with one degree of freedom if there is no such friction. A step below zero is
-/// none.
+/// The step of the part from `point`, and its square in standard deviations: chi-square with one degree of freedom where there is no such
+/// friction. `None` where it goes below zero.
 fn score(input: &RigFitInput<'_>, point: &DVector<f64>) -> Option<(f64, f64)> {
     let equations = input.at(point.clone()).equations;
     let mut precision = input.prior.precision.clone();

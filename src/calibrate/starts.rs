@@ -12,12 +12,6 @@ use super::presliding::presliding_start;
 /// Natural frequencies of the servo at which a search starts, Hz: the median of its mechanism's prior, and a quarter of it.
 const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];
 
-/// A fit and how likely it is.
-struct FitFromStart {
-    fit: RigFit,
-    deviance: f64,
-}
-
 /// The most likely of the fits from several starts.
 ///
 /// One start is the rig as stated. At others the servo is found first, from several bandwidths, with the rest as stated: where the motion
@@ -25,33 +19,20 @@ struct FitFromStart {
 /// goes on to the places that it is known to miss. Where the trials show a bearing that gives before it slides, `input` gets its
 /// coordinates.
 pub fn fit_from_starts(input: &mut RigFitInput<'_>) -> RigFit {
-    let mut products = CommonProducts::new(input);
-    let mut candidate = |input: &RigFitInput<'_>, from: &DVector<f64>| {
-        let fit = input.fit(from);
-        let deviance = products.deviance(input, &fit.point);
-        FitFromStart { fit, deviance }
-    };
-    let mut best = candidate(input, &input.prior.mean);
+    let mut search = SearchFromStarts { products: CommonProducts::new(input) };
+    let mut best = search.fit(input, &input.prior.mean);
     let servo = input.coordinates.scales[SERVO_PLACE];
     for frequency_hz in SERVO_STARTS_HZ {
         let mut start = input.prior.mean.clone();
         start[SERVO_PLACE] = servo.coordinate(time_constant_s(frequency_hz));
-        best = likelier(best, candidate(input, &input.fit_servo(&start).point));
+        best = likelier(best, search.fit(input, &input.fit_servo(&start).point));
     }
-    for other in [other_side_of_lag, usual_friction] {
-        if let Some(start) = other(input, &best.fit.point) {
-            best = likelier(best, candidate(input, &start));
-        }
-    }
+    best = search.go_on(input, best);
     let mut with_presliding = input.clone();
     with_presliding.coordinates.has_presliding = true;
     if let Some(start) = presliding_start(&with_presliding, &best.fit.point) {
-        let mut found = candidate(&with_presliding, &start);
-        for other in [other_side_of_lag, usual_friction] {
-            if let Some(start) = other(&with_presliding, &found.fit.point) {
-                found = likelier(found, candidate(&with_presliding, &start));
-            }
-        }
+        let found = search.fit(&with_presliding, &start);
+        let found = search.go_on(&with_presliding, found);
         if found.deviance < best.deviance {
             *input = with_presliding;
             best = found;
@@ -60,8 +41,37 @@ pub fn fit_from_starts(input: &mut RigFitInput<'_>) -> RigFit {
     best.fit
 }
 
+/// A fit and how likely it is.
+struct FitFromStart {
+    fit: RigFit,
+    deviance: f64,
+}
+
 fn likelier(best: FitFromStart, other: FitFromStart) -> FitFromStart {
     if other.deviance < best.deviance { other } else { best }
+}
+
+/// Fits that are compared under the same products.
+struct SearchFromStarts {
+    products: CommonProducts,
+}
+
+impl SearchFromStarts {
+    fn fit(&mut self, input: &RigFitInput<'_>, start: &DVector<f64>) -> FitFromStart {
+        let fit = input.fit(start);
+        let deviance = self.products.deviance(input, &fit.point);
+        FitFromStart { fit, deviance }
+    }
+
+    /// Goes on to the places that a search is known to miss, to the likeliest of them.
+    fn go_on(&mut self, input: &RigFitInput<'_>, mut best: FitFromStart) -> FitFromStart {
+        for other in [other_side_of_lag, usual_friction] {
+            if let Some(start) = other(input, &best.fit.point) {
+                best = likelier(best, self.fit(input, &start));
+            }
+        }
+        best
+    }
 }
 
 /// A low-pass and its inverse change the amplitude of the torque alike, and with another delay nearly the phase: the search may end at
