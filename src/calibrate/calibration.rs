@@ -8,6 +8,7 @@ use super::encoder::step_positions;
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::following::angle_against_target;
+use super::input_check::contradictions;
 use super::loads::{LOAD_LEVEL, LoadCheck, check_loads};
 use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
@@ -195,6 +196,10 @@ pub fn calibrate(
     session: &str,
 ) -> Result<CalibrationOutcome, CalibrateError> {
     let prepared = PreparedRig::new(trials, |_| true, None)?;
+    let against = contradictions(&prepared, trials.lever);
+    if !against.is_empty() {
+        return Err(CalibrateError::Contradicts(against));
+    }
     let coordinates = RigCoordinates::new(trials.lever, prepared.largest_nm, prepared.loads.clone());
     let mut input = RigFitInput {
         trials: &prepared.trials,

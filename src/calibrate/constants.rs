@@ -127,7 +127,7 @@ impl CoordinateScale {
 }
 
 /// Largest factor by which a gain or a constant of the lever may be wrong: that of the catalogue of mechanisms.
-const WIDEST_FACTOR: f64 = 3.0;
+pub const WIDEST_FACTOR: f64 = 3.0;
 /// Largest delay between the channels, s; that of the mechanism channel_skew.
 const LARGEST_DELAY_S: f64 = 0.01;
 /// Lowest cut-off of a torque channel, Hz; that of the mechanism torque_lag.
@@ -135,7 +135,7 @@ const LOWEST_CUTOFF_HZ: f64 = 10.0;
 /// Cut-off at which the fit of the torque channel starts, Hz; the median of its mechanism's prior.
 const START_CUTOFF_HZ: f64 = 150.0;
 /// Lowest natural frequency of a servo, Hz; that of the mechanism servo_following.
-const LOWEST_SERVO_HZ: f64 = 5.0;
+pub const LOWEST_SERVO_HZ: f64 = 5.0;
 /// Natural frequency at which the fit of the servo starts, Hz; the median of its mechanism's prior.
 const START_SERVO_HZ: f64 = 120.0;
 /// Offset that no amplifier is left with, as a part of the largest torque recorded.

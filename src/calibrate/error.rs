@@ -1,5 +1,7 @@
 //! Why rig trials cannot be analysed.
 
+use super::input_check::RigContradiction;
+
 /// Why a calibration cannot be made of a session's rig trials.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CalibrateError {
@@ -31,6 +33,13 @@ pub enum CalibrateError {
         /// Angle at its end, beside the start, rad.
         end_rad: f64,
     },
+    /// Records against their table.
+    #[error(
+        "the rig trials contradict what rig-trials.csv and session.json state{}\nNothing was fitted. Correct the files, or give trials that \
+         went wrong another status than ok",
+        .0.iter().map(|one| format!("\n  {one}")).collect::<String>()
+    )]
+    Contradicts(Vec<RigContradiction>),
     /// A calibration in which nothing is known.
     #[error(
         "{0}: no quantity has a value, so there is nothing to compare with; calibrate with known loads first"

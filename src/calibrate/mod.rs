@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! rig trials -> prepared_trial   Fourier coefficients, noise at rest, errors of the encoder
+//!            -> input_check      whether the records can be those of the loads, units and signs in the table
 //!            -> rig_model        what the model of the rig predicts at each frequency
 //!            -> moments          products of the residual with motions that follow from the target alone
 //!            -> fit              joint fit of all constants to all trials
@@ -24,6 +25,7 @@ mod error;
 mod fit;
 mod following;
 mod fourier;
+mod input_check;
 mod likelihood;
 mod loads;
 mod misfit;
@@ -42,6 +44,7 @@ pub use calibration::{CalibrationOutcome, calibrate, named_load};
 pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, compare};
 pub use constants::time_constant_s;
 pub use error::CalibrateError;
+pub use input_check::RigContradiction;
 pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};
 pub use noise::PowerSpectrum;

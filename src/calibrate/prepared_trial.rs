@@ -14,6 +14,8 @@ const TOP_HZ: f64 = 150.0;
 
 /// A trial, ready for the fit.
 pub struct PreparedTrial {
+    /// Its number in the table.
+    pub number: u32,
     /// What is at the handle.
     pub load: RigLoad,
     /// What the motor does.
@@ -107,6 +109,7 @@ impl PreparedTrial {
             fourier.of_record(&relative)
         };
         Self {
+            number: trial.number,
             load: trial.load,
             motion: trial.motion,
             target: from_start(&record.target_rad),

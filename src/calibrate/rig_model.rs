@@ -153,7 +153,7 @@ pub fn torque_channel(constants: &FittedConstants, omega: f64) -> Complex64 {
 }
 
 /// Response of the torque in the lever to a small change of the recorded angle.
-fn lever_response(constants: &FittedConstants, handle: AtHandle, omega: f64) -> Complex64 {
+pub fn lever_response(constants: &FittedConstants, handle: AtHandle, omega: f64) -> Complex64 {
     let [lever, whole, load] = impedances(constants, handle, omega);
     let torque = if handle.is_clamped { lever } else { lever * load / whole };
     torque / constants.angle_gain

@@ -1,6 +1,7 @@
 //! Tests of the calibration with a rig that is simulated in another way.
 
 mod coverage;
+mod mistakes;
 mod simulator;
 
 use std::path::Path;
