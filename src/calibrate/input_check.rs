@@ -161,7 +161,7 @@ fn torque_mistake(rig: &PreparedRig, lever: Lever, trial: &PreparedTrial) -> Opt
         }
         RigLoad::ClampedHandle if ratio.value < 1.0 => Some("Was the handle clamped?"),
         RigLoad::KnownSpring { .. } if ratio.value < 1.0 => Some("Was the spring on?"),
-        RigLoad::EmptyHandle if ratio.value > 1.0 => Some("Was the handle empty and free?"),
+        RigLoad::EmptyHandle if ratio.value.abs() > widest => Some("Was the handle empty and free?"),
         _ if is_like(ratio.value, 1e3) => Some("Is torque_l_nm in mN m?"),
         _ => None,
     };
