@@ -159,10 +159,10 @@ fn torque_mistake(rig: &PreparedRig, lever: Lever, trial: &PreparedTrial) -> Opt
         _ if is_like(-ratio.value, 1.0) => {
             Some("Has torque_l_nm the sign of the torque that turns the handle with the angle?")
         }
+        _ if is_like(ratio.value, 1e3) => Some("Is torque_l_nm in mN m?"),
         RigLoad::ClampedHandle if ratio.value < 1.0 => Some("Was the handle clamped?"),
         RigLoad::KnownSpring { .. } if ratio.value < 1.0 => Some("Was the spring on?"),
         RigLoad::EmptyHandle if ratio.value.abs() > widest => Some("Was the handle empty and free?"),
-        _ if is_like(ratio.value, 1e3) => Some("Is torque_l_nm in mN m?"),
         _ => None,
     };
     Some(RigContradiction {
