@@ -259,35 +259,52 @@ fn weight_mistake(own: &HungWeight, hung: &[HungWeight], all_turned: bool) -> Op
     Some(mistake.into())
 }
 
+/// A weight on all sides and in all repetitions.
+struct Weight {
+    load: RigLoad,
+    trials: Vec<u32>,
+    ratios: Vec<Ratio>,
+}
+
+impl Weight {
+    /// Recorded over stated torque: the mean, with the error of one, as they share that of the empty handle.
+    fn ratio(&self) -> Ratio {
+        let count = self.ratios.len() as f64;
+        Ratio { value: self.ratios.iter().map(|own| own.value).sum::<f64>() / count, sd: self.ratios[0].sd }
+    }
+}
+
 /// Two weights of which one makes far more of its stated torque than the other: the fit would take it for a nonlinearity of the sensor.
 fn exchanged_weights(hung: &[HungWeight]) -> Vec<RigContradiction> {
-    let mut weights: Vec<(RigLoad, Vec<u32>, f64)> = Vec::new();
+    let mut weights: Vec<Weight> = Vec::new();
     for own in hung {
         let load = own.load.without_sign();
-        let value = own.ratio.value;
-        match weights.iter_mut().find(|weight| weight.0 == load) {
+        match weights.iter_mut().find(|weight| weight.load == load) {
             Some(weight) => {
-                weight.2 = (weight.2 * weight.1.len() as f64 + value) / (weight.1.len() + 1) as f64;
-                weight.1.push(own.number);
+                weight.trials.push(own.number);
+                weight.ratios.push(own.ratio);
             }
-            None => weights.push((load, vec![own.number], value)),
+            None => weights.push(Weight { load, trials: vec![own.number], ratios: vec![own.ratio] }),
         }
     }
-    let by_gain = |a: &&(RigLoad, Vec<u32>, f64), b: &&(RigLoad, Vec<u32>, f64)| a.2.total_cmp(&b.2);
-    let (Some(least), Some(most)) = (weights.iter().min_by(by_gain), weights.iter().max_by(by_gain)) else {
+    let by_ratio = |a: &&Weight, b: &&Weight| a.ratio().value.total_cmp(&b.ratio().value);
+    let (Some(least), Some(most)) = (weights.iter().min_by(by_ratio), weights.iter().max_by(by_ratio)) else {
         return Vec::new();
     };
-    if most.2 / least.2 < WEIGHTS_AGREE {
+    let reserve = |own: Ratio| STANDARD_DEVIATIONS * own.sd;
+    let at_least = most.ratio().value - reserve(most.ratio());
+    let at_most = least.ratio().value + reserve(least.ratio());
+    if at_least < WEIGHTS_AGREE * at_most {
         return Vec::new();
     }
-    let of = |one: &(RigLoad, Vec<u32>, f64), other: &(RigLoad, Vec<u32>, f64)| RigContradiction {
-        trials: one.1.clone(),
-        load: one.0,
+    let of = |one: &Weight, other: &Weight| RigContradiction {
+        trials: one.trials.clone(),
+        load: one.load,
         measured: format!(
             "the torque is {} times what this weight makes, and {} times for the {}; expected less than a factor {WEIGHTS_AGREE} between them",
-            significant(one.2),
-            significant(other.2),
-            named_load(other.0)
+            significant(one.ratio().value),
+            significant(other.ratio().value),
+            named_load(other.load)
         ),
         likely_mistake: Some("Were the weights exchanged, or does the torque channel end before?".into()),
     };

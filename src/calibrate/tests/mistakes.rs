@@ -118,6 +118,8 @@ fn odd_rigs_that_are_right_contradict_nothing() {
         TrueRig { servo_hz: 8.0, torque_cutoff_hz: 15.0, ..usual() },
         TrueRig { torque_delay_s: 0.008, ..usual() },
         TrueRig { lever: soft, bearing_friction_nm: 0.1, drift_nm: 0.05, ..usual() },
+        // An offset that drifts by half of what the smaller weight makes.
+        TrueRig { drift_nm: 0.5, ..usual() },
     ] {
         let trials: RigTrials = rig_trials(&rig, ALL_LOADS, |_| 1.0);
         let prepared = PreparedRig::new(&trials, |_| true, None).unwrap();
