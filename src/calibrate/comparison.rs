@@ -2,12 +2,13 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::calibration::{PreparedRig, fit_with_scatter};
+use super::calibration::fit_with_scatter;
 use super::constants::{CoordinateScale, REPORTED, RigCoordinates, time_constant_s};
 use super::covariance::{INTERVAL, inverse};
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::misfit::square_root;
+use super::prepared_rig::PreparedRig;
 use crate::dataset::{RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials};
 use crate::protocol::RigLoad;
 use crate::statistics::{chi_square_tail, holm, t_two_sided};

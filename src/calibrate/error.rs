@@ -1,6 +1,6 @@
 //! Why rig trials cannot be analysed.
 
-use super::input_check::RigContradiction;
+use super::rig_contradiction::RigContradiction;
 
 /// Why a calibration cannot be made of a session's rig trials.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

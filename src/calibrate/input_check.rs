@@ -3,13 +3,12 @@
 //! A weight in grams, two weights that were exchanged, an angle in degrees, a handle that nobody clamped: the fit would find constants
 //! for any of these, with small errors. Each limit is far beyond what a rig can be off by.
 
-use std::fmt;
-
 use rustfft::num_complex::Complex64;
 
-use super::calibration::{PreparedRig, named_load};
 use super::constants::{LOWEST_SERVO_HZ, RigCoordinates, WIDEST_FACTOR};
+use super::prepared_rig::PreparedRig;
 use super::prepared_trial::PreparedTrial;
+use super::rig_contradiction::{RigContradiction, named_load};
 use super::rig_model::lever_response;
 use crate::protocol::{GRAVITY_M_S2, RigLoad, significant};
 use crate::wrist::Lever;
@@ -25,41 +24,19 @@ const WEIGHTS_AGREE: f64 = 1.5;
 const LIKE: f64 = 1.5;
 
 /// What is off counts if it is so by more than this many standard deviations of what the records leave open.
-const STANDARD_DEVIATIONS: f64 = 4.0;
-
-/// Something that the records say against the table.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RigContradiction {
-    /// Numbers of the trials.
-    pub trials: Vec<u32>,
-    /// What is at the handle in them, as stated.
-    pub load: RigLoad,
-    /// What the records say of what, and what was expected.
-    pub measured: String,
-    /// The mistake that would explain it.
-    pub likely_mistake: Option<String>,
-}
-
-impl fmt::Display for RigContradiction {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let numbers: Vec<String> = self.trials.iter().map(u32::to_string).collect();
-        let trials = if numbers.len() == 1 { "trial" } else { "trials" };
-        write!(formatter, "{trials} {} ({}): {}.", numbers.join(", "), named_load(self.load), self.measured)?;
-        self.likely_mistake.as_ref().map_or(Ok(()), |mistake| write!(formatter, " {mistake}"))
-    }
-}
+const RESERVED_SD: f64 = 4.0;
 
 /// A recorded over an expected value.
 #[derive(Debug, Clone, Copy)]
-struct Ratio {
+struct RecordedOverExpected {
     value: f64,
     sd: f64,
 }
 
-impl Ratio {
+impl RecordedOverExpected {
     /// Whether it is not between the factor and its inverse.
     fn is_beyond(self, factor: f64) -> bool {
-        let reserve = STANDARD_DEVIATIONS * self.sd;
+        let reserve = RESERVED_SD * self.sd;
         self.value + reserve < 1.0 / factor || self.value - reserve > factor
     }
 }
@@ -106,7 +83,7 @@ fn angle_mistake(trial: &PreparedTrial) -> Option<RigContradiction> {
         with_target += (trial.angle[place] * trial.target[place].conj()).re;
         targets += trial.target[place].norm_sqr();
     }
-    let ratio = Ratio { value: with_target / targets, sd: 0.0 };
+    let ratio = RecordedOverExpected { value: with_target / targets, sd: 0.0 };
     let degree = std::f64::consts::PI / 180.0;
     let mistake = match ratio.value {
         value if is_like(value, 1.0 / degree) => "Is theta_m_rad in degrees?",
@@ -149,7 +126,7 @@ fn torque_mistake(rig: &PreparedRig, lever: Lever, trial: &PreparedTrial) -> Opt
         noise +=
             instrument.norm_sqr() * trial.variance(rig.noise.torque.at(trial.fourier.frequency_hz(place)));
     }
-    let ratio = Ratio { value: recorded / expected, sd: libm::sqrt(noise) / expected.abs() };
+    let ratio = RecordedOverExpected { value: recorded / expected, sd: libm::sqrt(noise) / expected.abs() };
     // Inertia or stiffness of the lever, and a gain, may be off at once.
     let widest = WIDEST_FACTOR * WIDEST_FACTOR;
     if !ratio.is_beyond(widest) {
@@ -183,7 +160,7 @@ struct HungWeight {
     load: RigLoad,
     stated_nm: f64,
     recorded_nm: f64,
-    ratio: Ratio,
+    ratio: RecordedOverExpected,
 }
 
 fn of_weights(rig: &PreparedRig) -> Vec<RigContradiction> {
@@ -208,7 +185,7 @@ fn of_weights(rig: &PreparedRig) -> Vec<RigContradiction> {
             let recorded_nm = trial.torque[0].re - offset_nm;
             let noise_nm = libm::sqrt(trial.variance(rig.noise.torque.at(0.0)));
             let sd_nm = std::f64::consts::SQRT_2 * of_empty_nm.max(noise_nm);
-            let ratio = Ratio { value: recorded_nm / stated_nm, sd: sd_nm / stated_nm.abs() };
+            let ratio = RecordedOverExpected { value: recorded_nm / stated_nm, sd: sd_nm / stated_nm.abs() };
             Some(HungWeight { number: trial.number, load: trial.load, stated_nm, recorded_nm, ratio })
         })
         .collect();
@@ -263,14 +240,17 @@ fn weight_mistake(own: &HungWeight, hung: &[HungWeight], all_turned: bool) -> Op
 struct Weight {
     load: RigLoad,
     trials: Vec<u32>,
-    ratios: Vec<Ratio>,
+    ratios: Vec<RecordedOverExpected>,
 }
 
 impl Weight {
     /// Recorded over stated torque: the mean, with the error of one, as they share that of the empty handle.
-    fn ratio(&self) -> Ratio {
+    fn ratio(&self) -> RecordedOverExpected {
         let count = self.ratios.len() as f64;
-        Ratio { value: self.ratios.iter().map(|own| own.value).sum::<f64>() / count, sd: self.ratios[0].sd }
+        RecordedOverExpected {
+            value: self.ratios.iter().map(|own| own.value).sum::<f64>() / count,
+            sd: self.ratios[0].sd,
+        }
     }
 }
 
@@ -291,7 +271,7 @@ fn exchanged_weights(hung: &[HungWeight]) -> Vec<RigContradiction> {
     let (Some(least), Some(most)) = (weights.iter().min_by(by_ratio), weights.iter().max_by(by_ratio)) else {
         return Vec::new();
     };
-    let reserve = |own: Ratio| STANDARD_DEVIATIONS * own.sd;
+    let reserve = |own: RecordedOverExpected| RESERVED_SD * own.sd;
     let at_least = most.ratio().value - reserve(most.ratio());
     let at_most = least.ratio().value + reserve(least.ratio());
     if at_least < WEIGHTS_AGREE * at_most {

@@ -1,7 +1,7 @@
 //! The constants of the rig, from trials without a person: lever, gains, delay, filter, servo and friction, with their covariance.
 //!
 //! ```text
-//! rig trials -> prepared_trial   Fourier coefficients, noise at rest, errors of the encoder
+//! rig trials -> prepared_rig     Fourier coefficients of each trial, noise at rest, errors of the encoder
 //!            -> input_check      whether the records can be those of the loads, units and signs in the table
 //!            -> rig_model        what the model of the rig predicts at each frequency
 //!            -> moments          products of the residual with motions that follow from the target alone
@@ -32,22 +32,24 @@ mod misfit;
 mod moments;
 mod noise;
 mod output;
+mod prepared_rig;
 mod prepared_trial;
 mod presliding;
 mod reported;
+mod rig_contradiction;
 mod rig_model;
 mod sound_rig;
 mod starts;
 mod stated_rig;
 
-pub use calibration::{CalibrationOutcome, calibrate, named_load};
+pub use calibration::{CalibrationOutcome, calibrate};
 pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, compare};
 pub use constants::time_constant_s;
 pub use error::CalibrateError;
-pub use input_check::RigContradiction;
 pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};
 pub use noise::PowerSpectrum;
+pub use rig_contradiction::{RigContradiction, named_load};
 pub use sound_rig::{CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
 pub use stated_rig::LoadByRig;
 

@@ -2,8 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::calibration::{CalibrationOutcome, named_load};
+use super::calibration::CalibrationOutcome;
 use super::comparison::{QuantityDifference, RigComparison};
+use super::rig_contradiction::named_load;
 
 impl CalibrationOutcome {
     /// The calibration as its file has it, with the residuals and what the loads say of each other.

@@ -2,8 +2,8 @@
 
 use super::simulator::{ALL_LOADS, TrueRig, rig_trials};
 use super::yielding_rig;
-use crate::calibrate::calibration::PreparedRig;
 use crate::calibrate::input_check::contradictions;
+use crate::calibrate::prepared_rig::PreparedRig;
 use crate::calibrate::{CalibrateError, calibrate};
 use crate::dataset::{RigTrial, RigTrials};
 use crate::protocol::RigLoad;

@@ -7,7 +7,7 @@ mod simulator;
 use std::path::Path;
 
 use self::simulator::{ALL_LOADS, Loads, TrueRig, rig_trials, truth};
-use super::calibration::PreparedRig;
+use super::prepared_rig::PreparedRig;
 use super::{CalibrateError, CalibrationOutcome, calibrate, compare};
 use crate::dataset::{RigCalibration, RigQuantity, RigTrialMotion, RigTrials};
 use crate::protocol::RigLoad;
