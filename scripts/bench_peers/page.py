@@ -1,5 +1,6 @@
 """docs/benchmarks/bench.md out of what was measured."""
 
+import subprocess
 from pathlib import Path
 
 from .fits import SAME
@@ -58,6 +59,7 @@ def markdown(r: dict) -> str:
     )
     return TEXT.format(
         processor=processor(),
+        build=build(),
         rounds=r["rounds"],
         rows="\n".join([row(figure) for figure in NAMES] + [memory_row + " |"]),
         alone=duration(r["seconds"]["simulation_alone"]["ours"]),
@@ -126,9 +128,14 @@ def processor() -> str:
     return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "an unnamed processor")
 
 
+def build() -> str:
+    described = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+    return described.stdout.strip() or "of no known commit"
+
+
 TEXT = """# The fit, side by side
 
-How fast the fit is beside what laboratories use today, all in one run of `scripts/bench` on one core of {processor}. Everybody
+How fast the fit is beside what laboratories use today, all in one run of `scripts/bench` on one core of {processor}, build {build}. Everybody
 fits the same numbers: the prepared windows of the session that `ramphold run protocols/de-vlugt-2011.json --seed 1` makes, with
 the same model, start and bounds, to the same optimum.
 
