@@ -1,9 +1,11 @@
-//! Times of arrival on the monotonic clock, from the kernel's stamps, which are times of day.
+//! Times of arrival on the monotonic clock: from the kernel's stamps, which are times of day, or from when a frame was read.
 //!
 //! A time of day may be set while frames wait. So a stamp is only believed as far as the monotonic clock agrees: a frame
 //! came after the socket was last seen empty, and before it was read.
 
 use std::time::{Duration, Instant, SystemTime};
+
+use super::can_bus::Arrival;
 
 /// A change of the two clocks against each other that is no rate correction, but a clock that was set.
 const CLOCK_STEP: Duration = Duration::from_millis(1);
@@ -42,6 +44,34 @@ impl ArrivalClock {
             _ => longest,
         };
         now - age
+    }
+}
+
+/// Times of arrival at an adapter without stamps, which tells only when a frame was read.
+#[derive(Debug, Clone, Copy)]
+pub struct ReadClock {
+    /// When the adapter was last asked for all that it had: whatever is read later arrived later.
+    empty_at: Instant,
+}
+
+impl ReadClock {
+    /// At the opening of an adapter.
+    pub fn new(now: Instant) -> Self {
+        Self { empty_at: now }
+    }
+
+    /// The adapter was asked at `asked`, and had nothing.
+    pub fn drained(&mut self, asked: Instant) {
+        self.empty_at = asked;
+    }
+
+    /// When what was just read arrived, from an adapter that was asked for it at `asked`. `is_all` says whether there was room for more.
+    pub fn read(&mut self, asked: Instant, is_all: bool) -> Arrival {
+        let arrival = Arrival { earliest: self.empty_at, latest: Instant::now() };
+        if is_all {
+            self.drained(asked);
+        }
+        arrival
     }
 }
 

@@ -11,6 +11,7 @@ use std::io::{self, Read};
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
+use super::arrival::ReadClock;
 use super::can_bus::{Arrival, CanBus, ControllerError, Received};
 use super::frame::Frame;
 use super::spec::BitRate;
@@ -41,8 +42,7 @@ pub struct Slcan {
     line: Vec<u8>,
     read: Vec<u8>,
     waiting: VecDeque<Received>,
-    /// When the device was last asked for all that it had: whatever is read later arrived later.
-    emptied: Instant,
+    reads: ReadClock,
     /// Lines without content: the adapter's acknowledgements of commands.
     acknowledgements: u64,
     /// How long the adapter may refuse to take a frame.
@@ -64,7 +64,7 @@ impl Slcan {
             line: Vec::with_capacity(64),
             read: vec![0; SERIAL_BUFFER_BYTES],
             waiting: VecDeque::with_capacity(SERIAL_BUFFER_BYTES),
-            emptied: Instant::now(),
+            reads: ReadClock::new(Instant::now()),
             acknowledgements: 0,
             send_timeout,
         };
@@ -175,7 +175,7 @@ impl Slcan {
     fn fill(&mut self, deadline: Instant) -> io::Result<bool> {
         let asked = Instant::now();
         if !self.wait(deadline)? {
-            self.emptied = asked;
+            self.reads.drained(asked);
             return Ok(false);
         }
         let asked = Instant::now();
@@ -186,10 +186,7 @@ impl Slcan {
             Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => 0,
             Err(error) => return Err(error),
         };
-        let arrival = Arrival { earliest: self.emptied, latest: Instant::now() };
-        if count < self.read.len() {
-            self.emptied = asked;
-        }
+        let arrival = self.reads.read(asked, count < self.read.len());
         for at in 0..count {
             self.take(self.read[at], arrival);
         }

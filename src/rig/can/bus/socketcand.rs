@@ -7,6 +7,7 @@ use std::os::fd::AsFd;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
+use super::arrival::ReadClock;
 use super::can_bus::{Arrival, CanBus, ControllerError, Received};
 use super::frame::Frame;
 
@@ -25,8 +26,7 @@ pub struct Socketcand {
     to: usize,
     /// When what was read last arrived.
     arrival: Arrival,
-    /// When the server was last asked for all that it had: whatever is read later arrived later.
-    emptied: Instant,
+    reads: ReadClock,
     /// How long the server may refuse to take a frame.
     send_timeout: Duration,
 }
@@ -42,8 +42,15 @@ impl Socketcand {
         stream.set_write_timeout(Some(SERVER_TIMEOUT))?;
         let buffer = Box::new([0; SERVER_BUFFER_BYTES]);
         let now = Instant::now();
-        let mut server =
-            Self { stream, buffer, from: 0, to: 0, arrival: Arrival::at(now), emptied: now, send_timeout };
+        let mut server = Self {
+            stream,
+            buffer,
+            from: 0,
+            to: 0,
+            arrival: Arrival::at(now),
+            reads: ReadClock::new(now),
+            send_timeout,
+        };
         server.expect("hi", "a greeting")?;
         for command in [format!("< open {channel} >"), "< rawmode >".to_owned()] {
             server.stream.write_all(command.as_bytes())?;
@@ -96,7 +103,7 @@ impl Socketcand {
     fn fill(&mut self, deadline: Instant) -> io::Result<bool> {
         let asked = Instant::now();
         if !self.wait(deadline)? {
-            self.emptied = asked;
+            self.reads.drained(asked);
             return Ok(false);
         }
         if self.from > 0 {
@@ -113,11 +120,8 @@ impl Socketcand {
         if count == 0 {
             return Err(io::ErrorKind::ConnectionReset.into());
         }
-        self.arrival = Arrival { earliest: self.emptied, latest: Instant::now() };
         self.to += count;
-        if self.to < SERVER_BUFFER_BYTES {
-            self.emptied = asked;
-        }
+        self.arrival = self.reads.read(asked, self.to < SERVER_BUFFER_BYTES);
         Ok(true)
     }
 
