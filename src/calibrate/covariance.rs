@@ -37,10 +37,7 @@ impl RigCovariance {
 pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
     let size = input.coordinates.count();
     let prior = input.prior.precision.diagonal();
-    let mut of_data = DMatrix::zeros(size, size);
-    for equations in &fit.equations {
-        of_data += equations.jacobian.transpose() * &equations.jacobian;
-    }
+    let of_data = fit.information();
     // The noise is white in these units, the steps of the encoder included; their errors that repeat come on top.
     let scores = &of_data + step_covariance(fit, size);
     let known = DVector::from_fn(size, |place, _| if place < FIRST_KNOWN { 0.0 } else { prior[place] });

@@ -98,6 +98,16 @@ pub struct RigFit {
     pub equations: Vec<RigTrialEquations>,
 }
 
+impl RigFit {
+    /// Information of the trials on the coordinates: the normal equations without what is known beforehand.
+    pub fn information(&self) -> DMatrix<f64> {
+        let size = self.point.len();
+        self.equations
+            .iter()
+            .fold(DMatrix::zeros(size, size), |sum, own| sum + own.jacobian.transpose() * &own.jacobian)
+    }
+}
+
 /// A coordinate as all but its own statement have it.
 pub struct ReleasedFit {
     /// Its value.

@@ -5,7 +5,7 @@
 
 use rustfft::num_complex::Complex64;
 
-use super::constants::{LOWEST_SERVO_HZ, RigCoordinates, WIDEST_FACTOR};
+use super::constants::{AtHandle, FittedConstants, LOWEST_SERVO_HZ, RigCoordinates, WIDEST_FACTOR};
 use super::prepared_rig::PreparedRig;
 use super::prepared_trial::PreparedTrial;
 use super::rig_contradiction::{RigContradiction, named_load};
@@ -51,8 +51,13 @@ pub fn contradictions(rig: &PreparedRig, lever: Option<Lever>) -> Vec<RigContrad
         return of_angle;
     }
     let mut found = of_weights(rig);
-    if let Some(lever) = lever {
-        found.extend(grouped(moving().filter_map(|trial| torque_mistake(rig, lever, trial))));
+    if lever.is_some() {
+        let stated = RigCoordinates::new(lever, rig.largest_nm, Vec::new());
+        let constants = stated.constants(&vec![0.0; stated.count()]);
+        let mistake = |trial: &PreparedTrial| {
+            torque_mistake(rig, &constants, stated.at_handle(&constants, trial.load), trial)
+        };
+        found.extend(grouped(moving().filter_map(mistake)));
     }
     found
 }
@@ -113,13 +118,15 @@ fn of_motion(trial: &PreparedTrial, ratio: f64, mistake: Option<&str>) -> RigCon
 }
 
 /// The torque against what the stated lever and load make of the recorded motion, by their products with what they make of the target.
-fn torque_mistake(rig: &PreparedRig, lever: Lever, trial: &PreparedTrial) -> Option<RigContradiction> {
-    let coordinates = RigCoordinates::new(Some(lever), rig.largest_nm, Vec::new());
-    let constants = coordinates.constants(&vec![0.0; coordinates.count()]);
-    let handle = coordinates.at_handle(&constants, trial.load);
+fn torque_mistake(
+    rig: &PreparedRig,
+    stated: &FittedConstants,
+    handle: AtHandle,
+    trial: &PreparedTrial,
+) -> Option<RigContradiction> {
     let (mut recorded, mut expected, mut noise) = (0.0, 0.0, 0.0);
     for place in up_to(trial, SLOW_HZ) {
-        let response = lever_response(&constants, handle, trial.fourier.omega(place));
+        let response = lever_response(stated, handle, trial.fourier.omega(place));
         let instrument: Complex64 = (response * trial.target[place]).conj();
         recorded += (trial.torque[place] * instrument).re;
         expected += (response * trial.angle[place] * instrument).re;

@@ -108,11 +108,7 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
     let observed: Vec<DVector<f64>> = fit.equations.iter().map(|own| own.residual.clone()).collect();
     let statistics = statistics(fit, &cells, &loads, &observed);
     let precision = input.prior.precision.diagonal();
-    let mut normal = DMatrix::from_diagonal(&precision);
-    for own in &fit.equations {
-        normal += own.jacobian.transpose() * &own.jacobian;
-    }
-    let inverse = inverse(normal);
+    let inverse = inverse(DMatrix::from_diagonal(&precision) + fit.information());
     let noise: Vec<DMatrix<f64>> =
         fit.equations.iter().map(|own| square_root(&own.noise_covariance)).collect();
     let positions = fit.equations.first().map_or(0, |own| own.step_errors.len());

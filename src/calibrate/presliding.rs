@@ -1,6 +1,6 @@
 //! Whether the trials show a bearing that gives before it slides, and where its search starts.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::constants::{PRESLIDING_PLACE, PRESLIDING_TRAVEL_PLACE};
 use super::covariance::inverse;
@@ -35,21 +35,19 @@ pub fn presliding_start(input: &RigFitInput<'_>, point: &DVector<f64>) -> Option
 /// The step of the part from `point`, and its square in standard deviations: chi-square with one degree of freedom where there is no such
 /// friction. `None` where it goes below zero.
 fn score(input: &RigFitInput<'_>, point: &DVector<f64>) -> Option<(f64, f64)> {
-    let equations = input.at(point.clone()).equations;
+    let fit = input.at(point.clone());
     let mut precision = input.prior.precision.clone();
     // Nothing is assumed about the part that is tested.
     precision.fill_row(PRESLIDING_PLACE, 0.0);
     precision.fill_column(PRESLIDING_PLACE, 0.0);
     let mut gradient = &precision * (point - &input.prior.mean);
-    let mut normal: DMatrix<f64> = precision;
     let (mut squares, mut count) = (0.0, 0.0);
-    for own in &equations {
+    for own in &fit.equations {
         gradient += own.jacobian.transpose() * &own.residual;
-        normal += own.jacobian.transpose() * &own.jacobian;
         squares += own.residual.norm_squared();
         count += own.residual.len() as f64;
     }
-    let covariance = inverse(normal);
+    let covariance = inverse(precision + fit.information());
     let step = -(covariance.row(PRESLIDING_PLACE) * gradient)[0];
     let variance = covariance[(PRESLIDING_PLACE, PRESLIDING_PLACE)] * (squares / count).max(1.0);
     (step > 0.0 && variance.is_finite()).then(|| (step, step * step / variance))

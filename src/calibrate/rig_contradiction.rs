@@ -11,7 +11,7 @@ pub struct RigContradiction {
     pub trials: Vec<u32>,
     /// What is at the handle in them, as stated.
     pub load: RigLoad,
-    /// What the records say of what, and what was expected.
+    /// What was measured, and what was expected.
     pub measured: String,
     /// The mistake that would explain it.
     pub likely_mistake: Option<String>,

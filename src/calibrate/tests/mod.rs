@@ -28,6 +28,14 @@ fn deviations(outcome: &CalibrationOutcome, rig: &TrueRig) -> Vec<(RigQuantity, 
     quantities.iter().zip(truth(rig)).filter_map(of).collect()
 }
 
+/// What a right calibration of `rig`, whose loads are right, says.
+fn assert_right(outcome: &CalibrationOutcome, rig: &TrueRig) {
+    for (name, z) in deviations(outcome, rig) {
+        assert!(z.abs() < 4.0, "seed {}: {} is {z:.1} standard errors off", rig.seed, name.name());
+    }
+    assert!(outcome.calibration.warnings.is_empty(), "seed {}: {:?}", rig.seed, outcome.calibration.warnings);
+}
+
 #[test]
 fn every_constant_is_found_within_its_error_with_coarse_and_fine_encoders() {
     for (seed, bits, rate_hz) in [(1, 17, 2000.0), (2, 13, 1000.0)] {
@@ -107,10 +115,7 @@ fn a_motion_of_a_few_steps_of_the_encoder_accuses_no_load() {
     // Clamped, the motor that yields turns by five steps.
     let rig = TrueRig { encoder_bits: 13, sample_rate_hz: 1250.0, ..yielding_rig(21) };
     let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));
-    for (name, z) in deviations(&outcome, &rig) {
-        assert!(z.abs() < 4.0, "{} is {z:.1} standard errors off", name.name());
-    }
-    assert!(outcome.calibration.warnings.is_empty(), "{:?}", outcome.calibration.warnings);
+    assert_right(&outcome, &rig);
 }
 
 #[test]
@@ -242,10 +247,7 @@ fn a_soft_lever_that_damps_more_at_speed_accuses_neither_a_load_nor_the_torque_c
             ..yielding_rig(seed)
         };
         let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));
-        for (name, z) in deviations(&outcome, &rig) {
-            assert!(z.abs() < 4.0, "{seed}: {} is {z:.1} standard errors off", name.name());
-        }
-        assert!(outcome.calibration.warnings.is_empty(), "{seed}: {:?}", outcome.calibration.warnings);
+        assert_right(&outcome, &rig);
     }
 }
 
@@ -262,12 +264,9 @@ fn a_bearing_that_gives_before_it_slides_leaves_no_misfit_and_accuses_no_load() 
         ..yielding_rig(52)
     };
     let outcome = calibrated(&rig_trials(&rig, ALL_LOADS, |_| 1.0));
-    for (name, z) in deviations(&outcome, &rig) {
-        assert!(z.abs() < 4.0, "{} is {z:.1} standard errors off", name.name());
-    }
+    assert_right(&outcome, &rig);
     // Without the law it is at the least that the draws can tell, 0.001.
     assert!(outcome.misfit.p_value > 0.01, "{:?}", outcome.misfit);
-    assert!(outcome.calibration.warnings.is_empty(), "{:?}", outcome.calibration.warnings);
 }
 
 #[test]
