@@ -8,6 +8,7 @@ use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::input_check::contradictions;
 use super::loads::{LOAD_LEVEL, LoadCheck, check_loads};
+use super::low_pass::without_low_pass;
 use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
 use super::prepared_rig::{PreparedRig, SEED};
@@ -66,14 +67,20 @@ pub fn calibrate(
         servo_scale: 1.0,
     };
     let fit = fit_with_scatter(&mut input);
+    let (fit, no_low_pass) = match without_low_pass(&mut input, &fit, trials.lever) {
+        Some((without, reason)) => (without, Some(reason)),
+        None => (fit, None),
+    };
     let misfit = misfit(&input, &fit, &mut Stream::new(SEED, "calibrate/misfit"));
-    let mut found = covariance(&input, &fit);
-    grow_with_misfit(&fit, &mut found);
+    let found = grown_covariance(&input, &fit);
     let mut loads = check_loads(&input, &fit);
     let mut reported = reported(&input, &fit.point, &found, trials.lever);
-    if prepared.angle_against_target.is_some_and(|own| own.is_target()) {
-        let servo = reported.quantities.iter_mut().filter(|own| own.name == RigQuantity::ServoBandwidth);
-        servo.filter(|own| own.value.is_none()).for_each(|own| own.reason = Some(ANGLE_IS_TARGET.into()));
+    let is_target = prepared.angle_against_target.is_some_and(|own| own.is_target());
+    let no_servo = is_target.then(|| ANGLE_IS_TARGET.to_owned());
+    for (name, reason) in [(RigQuantity::ServoBandwidth, no_servo), (RigQuantity::TorqueCutoff, no_low_pass)]
+    {
+        let untold = reported.quantities.iter_mut().filter(|own| own.name == name && own.value.is_none());
+        untold.for_each(|own| own.reason = reason.clone().or(own.reason.take()));
     }
     let mut calibration =
         RigCalibration::new(program.to_owned(), session.to_owned(), reported.quantities, reported.covariance);
@@ -150,8 +157,10 @@ fn mean_square(fit: &RigFit, of: fn(MomentChannel) -> bool) -> f64 {
     if count > 0.0 { sum / count } else { 0.0 }
 }
 
-/// Where the model leaves more than the noise, the covariance of the constants that follow from the torque grows as much.
-fn grow_with_misfit(fit: &RigFit, found: &mut RigCovariance) {
+/// Covariance of the constants at a fit. Where the model leaves more than the noise, that of the constants that follow from the torque grows
+/// as much.
+pub fn grown_covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
+    let mut found = covariance(input, fit);
     let growth = libm::sqrt(mean_square(fit, |channel| channel != MomentChannel::Servo).max(1.0));
     let is_of_torque = |place: usize| place != 9 && place < REPORTED;
     for row in 0..found.covariance.nrows() {
@@ -161,6 +170,7 @@ fn grow_with_misfit(fit: &RigFit, found: &mut RigCovariance) {
         }
         found.data_se[row] *= if is_of_torque(row) { growth } else { 1.0 };
     }
+    found
 }
 
 /// The loads of the file: what was at the handle in how many trials.

@@ -3,13 +3,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::calibration::fit_with_scatter;
-use super::constants::{CoordinateScale, REPORTED, RigCoordinates, time_constant_s};
+use super::constants::{CoordinateScale, REPORTED, RigCoordinates};
 use super::covariance::{INTERVAL, inverse};
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::misfit::square_root;
 use super::prepared_rig::PreparedRig;
-use crate::dataset::{RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials};
+use crate::dataset::{RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials, time_constant_s};
 use crate::protocol::RigLoad;
 use crate::statistics::{chi_square_tail, holm, t_two_sided};
 
@@ -205,9 +205,10 @@ fn calibrated_prior(coordinates: &RigCoordinates, calibration: &RigCalibration) 
     let mut mean = DVector::zeros(size);
     let mut covariance = DMatrix::identity(size, size);
     let place = |name: RigQuantity| RigQuantity::ALL.iter().position(|own| *own == name).unwrap_or_default();
+    // Change of a quantity with its coordinate, over its standard error.
     let slope = |name: RigQuantity| {
-        let value = calibration.value(name).unwrap_or(f64::NAN);
-        natural_slope(name, coordinates.scales[place(name)], value)
+        let [value, se] = [calibration.value(name), calibration.se(name)].map(|own| own.unwrap_or(f64::NAN));
+        coordinates.scales[place(name)].range() * se / name.normal_error(value, se)
     };
     for (row, name) in calibration.covariance_of.iter().enumerate() {
         let value = calibration.value(*name).unwrap_or(f64::NAN);

@@ -1,6 +1,6 @@
 //! The constants of a rig, and the coordinates in which they are fitted.
 
-use crate::dataset::{LARGEST_NONLINEARITY, RigQuantity};
+use crate::dataset::{LARGEST_NONLINEARITY, RigQuantity, time_constant_s};
 use crate::protocol::RigLoad;
 use crate::wrist::Lever;
 
@@ -154,11 +154,6 @@ const PRESLIDING_FACTOR: f64 = 10.0;
 /// The lever that the fit starts from where the session states none: that of the paper's rig.
 const PAPER_LEVER: Lever =
     Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
-
-/// Time constant of a pole at a frequency, s.
-pub fn time_constant_s(frequency_hz: f64) -> f64 {
-    1.0 / (std::f64::consts::TAU * frequency_hz)
-}
 
 /// The coordinates of a fit: those reported, those of the servo, and one for each load with a stated value.
 #[derive(Debug, Clone)]

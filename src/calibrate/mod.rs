@@ -8,6 +8,7 @@
 //!            -> fit              joint fit of all constants to all trials
 //!            -> starts           fits from several starts; likelihood says which one is right
 //!            -> presliding       whether the trials show a bearing that gives before it slides
+//!            -> low_pass         whether a low-pass that is hardly told beside a delay is one
 //!            -> covariance       noise, steps of the encoder, scatter of whole trials
 //!            -> reported, misfit, loads
 //!            -> following        whether the recorded angle is the motor's, or the target
@@ -28,6 +29,7 @@ mod fourier;
 mod input_check;
 mod likelihood;
 mod loads;
+mod low_pass;
 mod misfit;
 mod moments;
 mod noise;
@@ -44,7 +46,6 @@ mod stated_rig;
 
 pub use calibration::{CalibrationOutcome, calibrate};
 pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, compare};
-pub use constants::time_constant_s;
 pub use error::CalibrateError;
 pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};

@@ -2,12 +2,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::constants::{
-    CoordinateScale, DELAY_PLACE, LAG_PLACE, LEVER_PLACES, REPORTED, RigCoordinates, time_constant_s,
-};
+use super::constants::{CoordinateScale, DELAY_PLACE, LAG_PLACE, LEVER_PLACES, REPORTED, RigCoordinates};
 use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, covariance, inverse};
 use super::fit::RigFitInput;
-use crate::dataset::{CalibratedQuantity, RigQuantity};
+use crate::dataset::{CalibratedQuantity, RigQuantity, time_constant_s};
 use crate::protocol::RigLoad;
 use crate::wrist::Lever;
 

@@ -7,8 +7,7 @@ use std::f64::consts::SQRT_2;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::constants::time_constant_s;
-use crate::dataset::{RigCalibration, RigQuantity};
+use crate::dataset::{RigCalibration, RigQuantity, time_constant_s};
 use crate::statistics::log_determinant_of_factor;
 use crate::wrist::Lever;
 use crate::wrist::mechanisms::{MechanismKind, Prior, ProbeContext};
@@ -55,7 +54,7 @@ pub struct ToldConstant {
     pub se: f64,
     /// Measured less stated, in the coordinate.
     pub deviation: f64,
-    /// Change of the coordinate with the value.
+    /// Change of the coordinate with the value, over a standard error.
     pub slope: f64,
     /// Standard deviation of a sound rig's deviation, in the coordinate.
     pub tolerance: f64,
@@ -162,10 +161,11 @@ fn told_constant(
     context: &ProbeContext,
 ) -> Option<ToldConstant> {
     let prior = own.kind.prior(0, context);
+    let by_error = own.quantity.normal_error(value, se) / se;
     let (deviation, slope, caused) = match (own.quantity, prior) {
         (RigQuantity::TorqueCutoff, Prior::LogNormal { median, log_sd }) => {
             let typical = time_constant_s(median);
-            (time_constant_s(value), -time_constant_s(value) / value, (typical, typical * log_sd))
+            (time_constant_s(value), by_error, (typical, typical * log_sd))
         }
         (RigQuantity::TorqueDelay, Prior::Normal { mean, sd }) => (value, 1.0, (mean, sd)),
         // A measured damping may be zero or less, which has no logarithm.
@@ -175,7 +175,7 @@ fn told_constant(
         }
         (_, Prior::LogNormal { log_sd, .. }) => {
             let stated = stated.filter(|stated| *stated > 0.0)?;
-            (libm::log(value / stated), 1.0 / value, (0.0, log_sd))
+            (libm::log(value / stated), by_error, (0.0, log_sd))
         }
         _ => return None,
     };

@@ -2,12 +2,11 @@
 
 use nalgebra::DVector;
 
-use super::constants::{
-    DELAY_PLACE, FRICTION_PLACE, FRICTION_SPEED_PLACE, LAG_PLACE, SERVO_PLACE, time_constant_s,
-};
+use super::constants::{DELAY_PLACE, FRICTION_PLACE, FRICTION_SPEED_PLACE, LAG_PLACE, SERVO_PLACE};
 use super::fit::{RigFit, RigFitInput};
 use super::likelihood::CommonProducts;
 use super::presliding::presliding_start;
+use crate::dataset::time_constant_s;
 
 /// Natural frequencies of the servo at which a search starts, Hz: the median of its mechanism's prior, and a quarter of it.
 const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];

@@ -8,7 +8,7 @@
 use nalgebra::DVector;
 
 use super::sound_rig::{CommonError, RigDeviations, ToldConstant};
-use crate::wrist::mechanisms::MechanismClass;
+use crate::wrist::mechanisms::{MechanismClass, MechanismKind};
 
 /// Probability that a load's stated value is wrong, and the standard deviation of its relative error then. Assumed: a bar that was not
 /// measured anew, an arm that was read from the wrong side.
@@ -37,29 +37,15 @@ pub struct LoadByRig {
 /// Compared are rigs with no, one or two faults, with another lever, and with nothing as stated, each with the load as stated and with it
 /// wrong.
 pub fn load_by_rig(deviations: &RigDeviations, effect: DVector<f64>) -> LoadByRig {
-    let count = deviations.told.len();
-    let odds = FAULT / (1.0 - FAULT) / count.max(1) as f64;
     let (wrong, sd) = WRONG_LOAD;
     let error = CommonError { effect, sd };
-    // The constants that are at fault, with the weight of such a rig.
-    let mut faults: Vec<(Vec<usize>, f64)> = vec![(Vec::new(), 1.0)];
-    for one in 0..count {
-        faults.push((vec![one], odds));
-        faults.extend((one + 1..count).map(|other| (vec![one, other], odds * odds)));
-    }
-    let of_lever = (0..count).filter(|place| deviations.told[*place].kind.class() == MechanismClass::Rig);
-    faults.push((of_lever.collect(), OTHER_LEVER));
-    faults.push(((0..count).collect(), NOTHING_STATED));
     // Logarithm of the weight of each hypothesis, whether the load is wrong in it, and by how much.
     let mut weighed: Vec<(f64, bool, f64)> = Vec::new();
-    for (faulty, weight) in &faults {
-        let is_faulty =
-            |own: &ToldConstant| faulty.iter().any(|place| deviations.told[*place].kind == own.kind);
-        let prior = |own: &ToldConstant| if is_faulty(own) { own.caused } else { (0.0, own.tolerance) };
-        let of_faults = libm::log(*weight);
-        let (right, _) = deviations.log_density(prior, None);
+    for Faults { faulty, weight } in faults(&deviations.told) {
+        let of_faults = libm::log(weight);
+        let (right, _) = log_density(deviations, &faulty, None);
         weighed.push((of_faults + libm::log(1.0 - wrong) + right, false, 0.0));
-        let (with_error, size) = deviations.log_density(prior, Some(&error));
+        let (with_error, size) = log_density(deviations, &faulty, Some(&error));
         weighed.push((of_faults + libm::log(wrong) + with_error, true, size));
     }
     let most = weighed.iter().fold(f64::NEG_INFINITY, |most, own| most.max(own.0));
@@ -74,13 +60,62 @@ pub fn load_by_rig(deviations: &RigDeviations, effect: DVector<f64>) -> LoadByRi
     }
 }
 
+/// Probability that the constant which `kind` is about is at fault, by all measured constants together.
+pub fn probability_of_fault(deviations: &RigDeviations, kind: MechanismKind) -> f64 {
+    let weigh = |own: Faults| {
+        let weight = libm::log(own.weight) + log_density(deviations, &own.faulty, None).0;
+        (weight, own.faulty.contains(&kind))
+    };
+    let weighed: Vec<(f64, bool)> = faults(&deviations.told).into_iter().map(weigh).collect();
+    let most = weighed.iter().fold(f64::NEG_INFINITY, |most, own| most.max(own.0));
+    let sum = |of: &dyn Fn(bool) -> bool| -> f64 {
+        weighed.iter().filter(|own| of(own.1)).map(|own| libm::exp(own.0 - most)).sum()
+    };
+    sum(&|has| has) / sum(&|_| true)
+}
+
+/// Constants of a rig that are at fault, with the weight of such a rig beside one as stated.
+struct Faults {
+    /// The causes that are about them.
+    faulty: Vec<MechanismKind>,
+    weight: f64,
+}
+
+/// Rigs with no, one or two faults, with another lever, and with nothing as stated.
+fn faults(told: &[ToldConstant]) -> Vec<Faults> {
+    let odds = FAULT / (1.0 - FAULT) / told.len().max(1) as f64;
+    let rig = |faulty: Vec<MechanismKind>, weight: f64| Faults { faulty, weight };
+    let mut all = vec![rig(Vec::new(), 1.0)];
+    for (place, one) in told.iter().enumerate() {
+        all.push(rig(vec![one.kind], odds));
+        all.extend(told[place + 1..].iter().map(|other| rig(vec![one.kind, other.kind], odds * odds)));
+    }
+    let kinds = told.iter().map(|own| own.kind);
+    all.push(rig(kinds.clone().filter(|own| own.class() == MechanismClass::Rig).collect(), OTHER_LEVER));
+    all.push(rig(kinds.collect(), NOTHING_STATED));
+    all
+}
+
+/// Logarithm of the density of the deviations in a rig with these faults, and the most probable size of the common error.
+fn log_density(
+    deviations: &RigDeviations,
+    faulty: &[MechanismKind],
+    error: Option<&CommonError>,
+) -> (f64, f64) {
+    let prior = |own: &ToldConstant| {
+        if faulty.contains(&own.kind) { own.caused } else { (0.0, own.tolerance) }
+    };
+    deviations.log_density(prior, error)
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
     use crate::calibrate::sound_rig::CAUSED;
-    use crate::dataset::{CalibratedQuantity, RigCalibration, RigQuantity};
+    use crate::dataset::{CalibratedQuantity, RigCalibration, RigQuantity, time_constant_s};
+    use crate::statistics::HALF_INTERVAL_95;
     use crate::wrist::Lever;
 
     const LEVER: Lever =
@@ -161,6 +196,45 @@ mod tests {
             let found = of_bar(factors);
             assert!(found.probability < 0.5, "{factors:?}: {found:?}");
         }
+    }
+
+    /// Delay and time constant of a torque channel, s, known to `sd` each and better together.
+    fn of_channel([delay_s, lag_s]: [f64; 2], sd: f64) -> RigDeviations {
+        let told = [(RigQuantity::TorqueDelay, delay_s, 1.0), (RigQuantity::TorqueCutoff, lag_s, -1.0)];
+        let se_hz =
+            (time_constant_s(lag_s - HALF_INTERVAL_95 * sd) - time_constant_s(lag_s)) / HALF_INTERVAL_95;
+        let se = [sd, se_hz];
+        let quantity = |name: RigQuantity| {
+            let own = told.iter().position(|own| own.0 == name);
+            let value = match name {
+                RigQuantity::TorqueDelay => Some(delay_s),
+                RigQuantity::TorqueCutoff => Some(time_constant_s(lag_s)),
+                _ => None,
+            };
+            CalibratedQuantity {
+                name,
+                value,
+                se: own.map(|own| se[own]),
+                stated: None,
+                reason: value.is_none().then(String::new),
+            }
+        };
+        let quantities = RigQuantity::ALL.map(quantity).to_vec();
+        // The later the torque, the shorter the time constant, and the higher the cut-off.
+        let covariance = vec![vec![sd * sd, 0.999 * sd * se_hz], vec![0.999 * sd * se_hz, se_hz * se_hz]];
+        let calibration = RigCalibration::new("test".into(), "rig".into(), quantities, covariance);
+        RigDeviations::of(&calibration, None, |name| (name == RigQuantity::TorqueDelay).then_some(0.0))
+    }
+
+    #[test]
+    fn a_low_pass_that_only_undoes_an_early_torque_is_improbable_and_one_by_itself_is_not() {
+        let lag = |deviations: RigDeviations| probability_of_fault(&deviations, MechanismKind::TorqueLag);
+        let undone = lag(of_channel([-1.49e-3, 1.5e-3], 0.63e-3));
+        assert!(undone < 0.1, "{undone}");
+        let alone = lag(of_channel([0.02e-3, 0.6e-3], 0.2e-3));
+        assert!(alone > 0.9, "{alone}");
+        let both = lag(of_channel([-1.49e-3, 1.5e-3], 0.05e-3));
+        assert!(both > 0.99, "{both}");
     }
 
     #[test]

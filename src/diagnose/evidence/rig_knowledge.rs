@@ -7,18 +7,13 @@
 use nalgebra::DMatrix;
 
 use super::gaussian::log_normal_distribution;
-use crate::calibrate::{
-    CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz, time_constant_s,
-};
-use crate::dataset::{AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity};
+use crate::calibrate::{CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
+use crate::dataset::{AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity, time_constant_s};
 use crate::diagnose::interval::Interval;
 use crate::fit::{CalibrationMisuse, RigConstants};
 use crate::statistics::HALF_INTERVAL_95;
 use crate::wrist::Lever;
 use crate::wrist::mechanisms::MechanismKind;
-
-/// A constant that no rig has at zero is not tried at a smaller part of its value, however badly it is known.
-const LEAST_PART: f64 = 0.1;
 
 /// Probabilities that a recorded angle which is the target in truth stays within a step of the encoder of the target that the session has,
 /// within two samples' way of it, or neither: a drive may report the target late, or its own way between two targets. Assumed.
@@ -224,10 +219,8 @@ fn errors(calibration: &RigCalibration, constants: RigConstants) -> Vec<RigConst
     let with_error = |(place, variance): (usize, &f64)| {
         let sd = libm::sqrt(variance.max(0.0));
         quantities.iter().enumerate().fold(constants, |changed, (row, quantity)| {
-            let by = sd * se[row] * eigen.eigenvectors[(row, place)];
             let value = constants.value(*quantity).unwrap_or(0.0);
-            let least = if quantity.is_positive() { LEAST_PART * value } else { f64::NEG_INFINITY };
-            changed.with(*quantity, (value + by).max(least))
+            changed.with(*quantity, quantity.off_by(value, se[row], sd * eigen.eigenvectors[(row, place)]))
         })
     };
     eigen.eigenvalues.iter().enumerate().map(with_error).chain((law_nm != 0.0).then_some(law)).collect()

@@ -34,11 +34,11 @@ impl ConstantEffects {
         let se = |quantity: RigQuantity| calibration.se(quantity).unwrap_or(0.0);
         let per_se = |quantity: &RigQuantity| {
             let value = constants.value(*quantity).unwrap_or(0.0);
-            let at = |by: f64| {
-                fit.refitted_to(&observations.with_constants(constants.with(*quantity, value + by)))
+            let at = |errors: f64| {
+                let off = quantity.off_by(value, se(*quantity), errors);
+                fit.refitted_to(&observations.with_constants(constants.with(*quantity, off)))
             };
-            let se = se(*quantity);
-            Some(half_differences(&at(-se)?, &at(se)?))
+            Some(half_differences(&at(-1.0)?, &at(1.0)?))
         };
         let correlation = |one: &RigQuantity| {
             let of = |other: &RigQuantity| {
