@@ -54,6 +54,12 @@ impl Operator for CommandLineOperator {
             self.bar.set_position(ok_trials(machine) as u64);
             self.bar.set_message(machine.phase().name());
         }
+        if !self.is_stopped()
+            && let Some(failing) = machine.progress().every_trial_fails()
+        {
+            self.console.error(failing);
+            self.stop.store(true, Ordering::Relaxed);
+        }
         if self.is_stopped() {
             return Some(Event::Abort);
         }

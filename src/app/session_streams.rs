@@ -11,7 +11,7 @@ use crate::dataset::{
     ActionOrigin, AuditEntry, AuditSender, OperatorAction, RecordError, STREAMS, SessionClock, stream_files,
 };
 use crate::lsl::{
-    ConnectedStreams, LslClock, LslLibrary, StreamEvent, StreamRecording, StreamWatch, TellStream,
+    ConnectedStreams, LslClock, LslLibrary, StreamEvent, StreamRecording, StreamWatch, TellStream, stamps_off,
 };
 use crate::rig::StreamSettings;
 use crate::session::{Progress, Step, StepConsumer};
@@ -134,6 +134,19 @@ fn told(stream: &str, event: &StreamEvent) -> (OperatorAction, OperatorNotice) {
                 OperatorAction::StreamLive { stream: name, channel, after_s: *after_s },
                 OperatorNotice::Message(text),
             )
+        }
+        StreamEvent::StampsOff { late_s, is_fault } => {
+            let then = if *is_fault {
+                ""
+            } else {
+                "; the rig file tolerates it, and the session goes on; this stream cannot be placed on its time"
+            };
+            let text = format!("the stream {stream:?}: {}{then}", stamps_off(*late_s));
+            (OperatorAction::StreamStampsOff { stream: name, late_s: *late_s }, OperatorNotice::Alarm(text))
+        }
+        StreamEvent::StampsRight => {
+            let text = format!("the time stamps of the stream {stream:?} are right again");
+            (OperatorAction::StreamStampsRight { stream: name }, OperatorNotice::Message(text))
         }
         StreamEvent::NotRecorded { reason } => {
             let text = format!("the stream {stream:?} is not recorded any more: {reason}");

@@ -13,6 +13,9 @@ const GAIN_FACTOR: f64 = 1.5;
 /// Largest factor where there is one torque level, so that an offset of the gauge can be part of it.
 const ONE_LEVEL_FACTOR: f64 = 5.0;
 
+/// No joint holds more, N m: strong knees reach some 400.
+const LARGEST_NM: f64 = 500.0;
+
 /// Two torques are different levels if they differ by this part of the largest one.
 const LEVEL_SPREAD: f64 = 0.2;
 
@@ -44,7 +47,7 @@ pub fn check_torque(trials: &[MeasuredTrial]) -> Option<Contradiction> {
         (ratio, !(1.0 / ONE_LEVEL_FACTOR..=ONE_LEVEL_FACTOR).contains(&ratio))
     };
     if !is_off {
-        return None;
+        return impossible(trials);
     }
     let first = trials.iter().find(|trial| trial.stated_torque_nm != 0.0)?;
     let likely_mistake = if (-GAIN_FACTOR..=-1.0 / GAIN_FACTOR).contains(&ratio) {
@@ -68,6 +71,27 @@ pub fn check_torque(trials: &[MeasuredTrial]) -> Option<Contradiction> {
         stated: format!("{} N m in trial {}", rounded(first.stated_torque_nm), first.number),
         likely_mistake,
         remedy: "Give torque_l_nm in N m, positive where it resists a positive ramp.".into(),
+    })
+}
+
+/// Torques that are as stated, and that no joint holds.
+fn impossible(trials: &[MeasuredTrial]) -> Option<Contradiction> {
+    let sizes: Vec<f64> = trials.iter().map(|trial| trial.hold_nm.abs()).collect();
+    let middle = median(&sizes);
+    if middle <= LARGEST_NM {
+        return None;
+    }
+    Some(Contradiction {
+        check: SignalCheck::SteadyTorque,
+        place: "trials.csv, column torque_nm".into(),
+        trials: trials.iter().map(|trial| trial.number).collect(),
+        measured: format!(
+            "the torque before the ramps is {} N m, by the records and by the table",
+            rounded(middle)
+        ),
+        stated: format!("at most {LARGEST_NM} N m, as no joint holds more"),
+        likely_mistake: Some("Are torque_l_nm and torque_nm in mN m?".into()),
+        remedy: "Give both torques in N m.".into(),
     })
 }
 

@@ -12,6 +12,9 @@ const PLACE: &str = "trials.csv, column velocity_rad_s";
 /// angle gain that is off give at most a third; units give more than this.
 const SESSION_FACTOR: f64 = 1.5;
 
+/// No joint is stretched faster, rad/s: studies of reflexes go to some 10 rad/s. In degrees a second the slowest ramps are above it.
+const FASTEST_RAD_S: f64 = 30.0;
+
 /// Largest factor between the measured and the stated speed of one trial.
 const TRIAL_FACTOR: f64 = 2.5;
 
@@ -25,6 +28,8 @@ pub fn check_ramps(trials: &[MeasuredTrial]) -> Vec<Contradiction> {
     let beyond = |factor: f64, ratio: f64| libm::log(ratio).abs() > libm::log(factor);
     let speed = if beyond(SESSION_FACTOR, middle) {
         Some(of_session(trials, middle))
+    } else if let Some(impossible) = impossible(trials) {
+        Some(impossible)
     } else {
         let off: Vec<&MeasuredTrial> =
             trials.iter().filter(|trial| beyond(TRIAL_FACTOR, trial.speed_ratio().abs())).collect();
@@ -44,6 +49,26 @@ pub fn no_ramps(still: Vec<u32>) -> Contradiction {
         likely_mistake: Some("Does the column hold another signal?".into()),
         remedy: "Give the angle of the motor in rad.".into(),
     }
+}
+
+/// Speeds that are as stated, and that no joint is stretched with.
+fn impossible(trials: &[MeasuredTrial]) -> Option<Contradiction> {
+    let speeds: Vec<f64> = trials.iter().map(|trial| trial.speed_rad_s.abs()).collect();
+    let middle = median(&speeds);
+    if middle <= FASTEST_RAD_S {
+        return None;
+    }
+    Some(Contradiction {
+        check: SignalCheck::RampSpeed,
+        place: PLACE.into(),
+        trials: trials.iter().map(|trial| trial.number).collect(),
+        measured: format!("the ramps have {} rad/s, by the records and by the table", rounded(middle)),
+        stated: format!("at most {FASTEST_RAD_S} rad/s, as no joint is stretched faster"),
+        likely_mistake: Some(
+            "Are theta_m_rad and velocity_rad_s in degrees, or t_s in milliseconds and velocity_rad_s in rad/ms?".into(),
+        ),
+        remedy: "Give theta_m_rad in rad, t_s in s and velocity_rad_s in rad/s.".into(),
+    })
 }
 
 /// All speeds are off by the same factor.

@@ -227,6 +227,24 @@ fn torques_that_nobody_held_well_are_not_refused() {
 }
 
 #[test]
+fn units_that_are_wrong_in_records_and_table_alike() {
+    let degrees = each(|t| {
+        scale(&mut t.record.theta_m_rad, 57.2958);
+        t.velocity_rad_s *= 57.2958;
+    });
+    assert_named(degrees, SignalCheck::RampSpeed, "degrees");
+    let torque = |factor: f64| {
+        each(move |t| {
+            scale(&mut t.record.torque_l_nm, factor);
+            t.torque_nm *= factor;
+        })
+    };
+    assert_named(torque(1000.0), SignalCheck::SteadyTorque, "mN m");
+    assert_named(torque(1e300), SignalCheck::SteadyTorque, "no joint holds more");
+    assert_eq!(failed(torque(100.0)), [], "a knee");
+}
+
+#[test]
 fn an_angle_that_no_wrist_has() {
     let elsewhere = each(|t| t.record.theta_m_rad.iter_mut().for_each(|x| *x += std::f64::consts::PI));
     assert_named(elsewhere, SignalCheck::AngleRange, "zeroed elsewhere");

@@ -126,6 +126,13 @@ impl LogEntry {
             OperatorAction::StreamLive { stream, channel, after_s } => {
                 Self::plain(&format!("stream {stream:?}: {channel} changes again after {after_s:.2} s"))
             }
+            OperatorAction::StreamStampsOff { stream, late_s } => {
+                let text = format!("stream {stream:?}: time stamps {late_s:.3} s behind the clock");
+                Self::new(LogKind::Alarm, text)
+            }
+            OperatorAction::StreamStampsRight { stream } => {
+                Self::plain(&format!("stream {stream:?}: time stamps right again"))
+            }
             OperatorAction::StreamNotRecorded { stream, because } => {
                 Self::new(LogKind::Alarm, format!("stream {stream:?} not recorded: {because}"))
             }

@@ -70,6 +70,18 @@ pub enum OperatorAction {
         /// After how long, s.
         after_s: f64,
     },
+    /// The time stamps of a stream cannot be when its samples were taken.
+    StreamStampsOff {
+        /// Its name in the rig file.
+        stream: String,
+        /// How far they are behind the clock when the samples come, s; negative in the future.
+        late_s: f64,
+    },
+    /// The time stamps of a stream are right again.
+    StreamStampsRight {
+        /// Its name in the rig file.
+        stream: String,
+    },
     /// The samples of a stream cannot be written any more.
     StreamNotRecorded {
         /// Its name in the rig file.

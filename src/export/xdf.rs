@@ -7,9 +7,13 @@ use std::path::Path;
 use super::error::ExportError;
 use super::new_file::{refuse_existing, write_new};
 use super::record_channels::common_channels;
-use super::trial_times::{PlacedStretch, TrialTimes};
+use super::trial_times::{PlacedStretch, PlacedTrial, TrialTimes};
 use super::xdf_streams::add_streams;
 use crate::dataset::{self, Session, XdfTag, xdf_chunk, xdf_file_header, xdf_footer, xdf_stream_chunk};
+
+/// Pauses that readers do not take for jitter of the stamps, s and samples: a stream with a rate and shorter ones is smoothed over them, which
+/// moves its samples (jitter_break_threshold_seconds and _samples of pyxdf).
+const SHORTEST_PAUSE: (f64, f64) = (1.0, 500.0);
 
 /// Writes the session in `folder` to a new file.
 ///
@@ -47,7 +51,9 @@ fn xdf(session: &Session, stretches: &[PlacedStretch]) -> (Vec<u8>, u32) {
         let ending = if stretch == 0 { String::new() } else { format!(" {}", stretch + 1) };
         let head = Head { name: format!("ramphold signals{ending}"), kind: "Mixed", format: "double64" };
         let began = began_utc.as_ref().map_or(String::new(), |utc| format!("<began_utc>{utc}</began_utc>"));
-        header(&mut bytes, signals, &head, channels.len(), rate_hz, &described, &began);
+        // A rate of 0 says that every sample is at its stamp.
+        let told_hz = if are_parted(trials, rate_hz) { rate_hz } else { 0.0 };
+        header(&mut bytes, signals, &head, channels.len(), told_hz, &described, &began);
         let head = Head { name: format!("ramphold markers{ending}"), kind: "Markers", format: "string" };
         header(&mut bytes, markers, &head, 1, 0.0, "<channel><label>event</label></channel>", &began);
         let mut ends = [Span::default(), Span::default()];
@@ -82,6 +88,13 @@ fn xdf(session: &Session, stretches: &[PlacedStretch]) -> (Vec<u8>, u32) {
         }
     }
     (bytes, streams)
+}
+
+/// Whether the pauses between all trials are so long that every reader sees them.
+fn are_parted(trials: &[PlacedTrial<'_>], rate_hz: f64) -> bool {
+    let (shortest_s, samples) = SHORTEST_PAUSE;
+    let shortest_s = f64::max(shortest_s, samples / rate_hz);
+    trials.windows(2).all(|own| own[1].sample_s(0) - own[0].end_s() > shortest_s)
 }
 
 /// What the header of a stream says first.

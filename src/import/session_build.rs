@@ -11,8 +11,9 @@ use super::source_table::SourceTable;
 use crate::consistency::MeasuredTrial;
 use crate::dataset::{FurtherChannel, Record, Session, Status, Subject, Trial};
 
-/// Rates are whole numbers; times are rounded by up to this part of the record.
-const RATE_ROUNDING: f64 = 1e-3;
+/// Most rates are whole numbers. One is taken for the nearest if that moves the last sample by no more than this part of the time between two
+/// samples, beside what the times are rounded by.
+const RATE_ROUNDING: f64 = 0.05;
 
 /// What to do about several ramps in a trial.
 const SHORTEN: &str = "shorten long_record.after_s";
@@ -172,10 +173,8 @@ fn measured_rate(table: &SourceTable, time: &MappedSignal) -> Result<f64, Import
         .map(|pair| pair[1] - pair[0])
         .filter(|own_s| *own_s > 0.0)
         .fold(f64::INFINITY, f64::min);
-    let late = times_s
-        .iter()
-        .enumerate()
-        .find(|(sample, own_s)| (*own_s - first_s - *sample as f64 * step_s).abs() > step_s + least_s);
+    let off_s = |(sample, own_s): (usize, &f64)| (*own_s - first_s - sample as f64 * step_s).abs();
+    let late = times_s.iter().enumerate().find(|own| off_s(*own) > step_s + least_s);
     if let Some((sample, own_s)) = late {
         return Err(not_known(format!(
             "does not rise evenly: {own_s} s at sample {}, where {} s is due; export the recording without gaps",
@@ -184,8 +183,10 @@ fn measured_rate(table: &SourceTable, time: &MappedSignal) -> Result<f64, Import
         )));
     }
     let rate_hz = 1.0 / step_s;
-    let whole = libm::round(rate_hz);
-    Ok(if (rate_hz - whole).abs() < RATE_ROUNDING * whole { whole } else { rate_hz })
+    let whole_hz = libm::round(rate_hz);
+    let rounded_s = times_s.iter().enumerate().map(off_s).fold(0.0, f64::max);
+    let moved_s = (times_s.len() - 1) as f64 * (step_s - 1.0 / whole_hz).abs();
+    Ok(if moved_s < 2.0 * rounded_s + RATE_ROUNDING * step_s { whole_hz } else { rate_hz })
 }
 
 fn record(table: &SourceTable, mapping: &Mapping) -> Result<Record, ImportError> {

@@ -9,6 +9,7 @@
 //! recorder            the streams of a rig file: found, checked, and recorded on threads of their own
 //! stream_description  what a stream says of itself, held against the rig file
 //! stream_file         a stream as it came, in an XDF file that survives the death of the program
+//! stamp_watch         whether time stamps can be those of the samples
 //! stream_watch        a stream that stops, as a fault of the rig
 //! inlet               a stream that is taken in
 //! clock               the clock of the library
@@ -20,6 +21,7 @@ mod inlet;
 mod library;
 mod publisher;
 mod recorder;
+mod stamp_watch;
 mod stream_description;
 mod stream_file;
 mod stream_watch;
@@ -28,4 +30,5 @@ pub use clock::LslClock;
 pub use library::{LslError, LslLibrary};
 pub use publisher::{LslFeed, LslPublisher, MARKERS_STREAM, SIGNALS_STREAM};
 pub use recorder::{ConnectedStreams, StreamEvent, StreamRecording, TellStream};
+pub use stamp_watch::stamps_off;
 pub use stream_watch::{StreamWatch, WatchedRig};

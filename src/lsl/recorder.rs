@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use super::clock::LslClock;
 use super::inlet::{ClockOffset, FoundStream, Inlet, InletFailure};
 use super::library::{LslError, LslLibrary};
+use super::stamp_watch::{StampChange, StampWatch, stamps_off};
 use super::stream_description::DescribedStream;
 use super::stream_file::StreamFile;
 use super::stream_watch::{StreamHealth, StreamWatch};
@@ -72,6 +73,15 @@ pub enum StreamEvent {
         /// After how long, s.
         after_s: f64,
     },
+    /// Its time stamps cannot be when its samples were taken.
+    StampsOff {
+        /// How far they are behind the clock when the samples come, s; negative in the future.
+        late_s: f64,
+        /// Whether that is a fault.
+        is_fault: bool,
+    },
+    /// Its time stamps are right again.
+    StampsRight,
     /// Its samples cannot be written.
     NotRecorded {
         /// Why.
@@ -161,9 +171,10 @@ impl ConnectedStreams {
             let name = stream_file_name(&settings.file_stem(), run);
             let file = StreamFile::begin(session, &name, described.clone())?;
             let taken = TakenStream {
-                room: (CHUNK_S * described.rate_hz).ceil().max(64.0) as usize,
+                room: room(&described),
                 channels: described.channels.len(),
                 emg: WatchedEmg::all(&described, &settings),
+                stamps: StampWatch::new(longest_silence_s(&settings)),
                 can_be_found_again: !described.source_id.is_empty(),
                 settings,
                 inlet,
@@ -257,8 +268,42 @@ impl ConnectedStream {
             DescribedStream::read(xml, settings).map_err(|(found, expected)| problem(found, expected))?;
         let offset = inlet.clock_offset(WAIT_S).map_err(late("the time of its computer"))?;
         inlet.open(WAIT_S).map_err(late("its data"))?;
+        let newest_s = newest_stamp_s(&mut inlet, &described).map(|stamp_s| stamp_s + offset.offset_s);
+        if let Some(stamp_s) = newest_s
+            && let Some(StampChange::Off { late_s }) =
+                StampWatch::new(longest_silence_s(settings)).take(library.now_s() - stamp_s)
+        {
+            return Err(problem(
+                stamps_off(late_s),
+                "stamps of when each sample was taken, by lsl_local_clock() (pylsl.local_clock()), or none, which liblsl then gives; not \
+                 the time of day, and not the time since the device was switched on"
+                    .to_owned(),
+            ));
+        }
         Ok(Self { watch: StreamWatch::new(settings), settings: settings.clone(), described, inlet, offset })
     }
+}
+
+/// Samples that are taken at once.
+fn room(described: &DescribedStream) -> usize {
+    (CHUNK_S * described.rate_hz).ceil().max(64.0) as usize
+}
+
+/// The stamp of the newest sample that has come, s, on the clock of the stream; `None` if none comes within the time that a look for a second
+/// stream has.
+fn newest_stamp_s(inlet: &mut Inlet, described: &DescribedStream) -> Option<f64> {
+    let channels = described.channels.len();
+    let (mut values, mut times_s) = (vec![0.0; room(described) * channels], vec![0.0; room(described)]);
+    let (begun, mut newest_s) = (Instant::now(), None);
+    while newest_s.is_none() && begun.elapsed().as_secs_f64() < SECOND_WAIT_S {
+        while let Ok(count) = inlet.pull(channels, &mut values, &mut times_s)
+            && count > 0
+        {
+            newest_s = Some(times_s[count - 1]);
+        }
+        thread::sleep(PULL_PERIOD);
+    }
+    newest_s
 }
 
 /// What the library looks for: fields of the description, as XPath.
@@ -302,6 +347,7 @@ struct TakenStream {
     channels: usize,
     /// The channels that are EMG.
     emg: Vec<WatchedEmg>,
+    stamps: StampWatch,
     /// Samples that are taken at once.
     room: usize,
     can_be_found_again: bool,
@@ -356,6 +402,8 @@ impl TakenStream {
                 self.watch_emg(&values[..count * self.channels]);
                 last_sample = Instant::now();
                 if count < self.room {
+                    // Nothing newer has come.
+                    self.watch_stamps(library.now_s() - (last_stamp_s + last_offset.offset_s));
                     break;
                 }
             }
@@ -408,11 +456,35 @@ impl TakenStream {
                         StreamEvent::Live { channel, after_s }
                     }
                 };
-                let is_frozen = is_fault && self.emg.iter().any(|own| own.is_frozen);
-                self.watch.set(if is_frozen { StreamHealth::Frozen } else { StreamHealth::Good });
+                self.set_health();
                 (self.tell)(&self.settings.name, event);
             }
         }
+    }
+
+    /// Samples whose time nobody knows are no better than none.
+    fn watch_stamps(&mut self, late_s: f64) {
+        let event = match self.stamps.take(late_s) {
+            None => return,
+            Some(StampChange::Off { late_s }) => {
+                StreamEvent::StampsOff { late_s, is_fault: self.settings.tolerate.silent_s.is_some() }
+            }
+            Some(StampChange::Right) => StreamEvent::StampsRight,
+        };
+        self.set_health();
+        (self.tell)(&self.settings.name, event);
+    }
+
+    /// Says how the stream is while its samples come.
+    fn set_health(&self) {
+        let is_fault = self.settings.tolerate.silent_s.is_some();
+        self.watch.set(if is_fault && self.stamps.is_off() {
+            StreamHealth::StampsOff
+        } else if is_fault && self.emg.iter().any(|own| own.is_frozen) {
+            StreamHealth::Frozen
+        } else {
+            StreamHealth::Good
+        });
     }
 
     fn silent(&self, silence: Duration, is_lost: bool) {
@@ -430,7 +502,7 @@ impl TakenStream {
             own.watch.interrupt();
             own.is_frozen = false;
         }
-        self.watch.set(StreamHealth::Good);
+        self.set_health();
         (self.tell)(&self.settings.name, StreamEvent::Back { after_s: silence.as_secs_f64() });
     }
 }

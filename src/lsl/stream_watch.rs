@@ -21,6 +21,8 @@ pub enum StreamHealth {
     Silent,
     /// Its EMG has kept one value for longer than is tolerated.
     Frozen,
+    /// Its time stamps cannot be when its samples were taken.
+    StampsOff,
     /// Its samples cannot be written.
     NotRecorded,
 }
@@ -31,6 +33,7 @@ pub struct StreamWatch {
     health: Arc<AtomicU8>,
     silent: Fault,
     frozen: Fault,
+    stamps_off: Fault,
     not_recorded: Fault,
 }
 
@@ -59,6 +62,13 @@ impl StreamWatch {
                      lets pass; check its amplifier and its electrodes"
                 ),
             ),
+            stamps_off: fault(
+                "stream_stamps_off",
+                format!(
+                    "the time stamps of the stream {name:?} cannot be when its samples were taken; its device must stamp them by the clock of \
+                     Lab Streaming Layer: has its clock jumped?"
+                ),
+            ),
             not_recorded: fault(
                 "stream_not_recorded",
                 format!("the stream {name:?} cannot be written to the session's folder; check the disk"),
@@ -75,6 +85,7 @@ impl StreamWatch {
         match self.health.load(Ordering::Acquire) {
             health if health == StreamHealth::Silent as u8 => Some(self.silent),
             health if health == StreamHealth::Frozen as u8 => Some(self.frozen),
+            health if health == StreamHealth::StampsOff as u8 => Some(self.stamps_off),
             health if health == StreamHealth::NotRecorded as u8 => Some(self.not_recorded),
             _ => None,
         }

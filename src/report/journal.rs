@@ -112,6 +112,13 @@ fn stream_incident(deed: &Value) -> Option<String> {
         let (channel, after_s) = (live["channel"].as_str()?, live["after_s"].as_f64()?);
         return Some(format!("stream {name} live: {channel} changes again after {after_s:.2} s"));
     }
+    if let Some((name, off)) = of("stream_stamps_off") {
+        let late_s = off["late_s"].as_f64()?;
+        return Some(format!("stream {name} with wrong time stamps: {late_s:.3} s behind the clock"));
+    }
+    if let Some((name, _)) = of("stream_stamps_right") {
+        return Some(format!("stream {name} with right time stamps again"));
+    }
     let (name, lost) = of("stream_not_recorded")?;
     Some(format!("stream {name} not recorded any more: {}", lost["because"].as_str()?))
 }
@@ -163,6 +170,22 @@ mod tests {
         let expected = [
             "stream EMG frozen: emg_fcr the same for 1.02 s",
             "stream EMG live: emg_fcr changes again after 2.50 s",
+        ];
+        assert_eq!(incidents, expected);
+    }
+
+    #[test]
+    fn a_stream_whose_clock_jumped_and_came_back_is_two_incidents() {
+        let deed = |deed: &str| {
+            line(&format!(r#"{{"record":"console","sample":100,"desk":"program","deed":{deed}}}"#))
+        };
+        let text = deed(r#"{"stream_stamps_off":{"stream":"EMG","late_s":-3.0}}"#)
+            + &deed(r#"{"stream_stamps_right":{"stream":"EMG"}}"#);
+        let incidents: Vec<String> =
+            times(&text, 100.0).incidents.into_iter().map(|(_, what)| what).collect();
+        let expected = [
+            "stream EMG with wrong time stamps: -3.000 s behind the clock",
+            "stream EMG with right time stamps again",
         ];
         assert_eq!(incidents, expected);
     }

@@ -5,6 +5,7 @@
 
 mod control_loop;
 mod event;
+mod every_trial_fails;
 mod io;
 mod machine;
 mod motion;
@@ -21,6 +22,7 @@ pub mod transitions;
 
 pub use control_loop::{Operator, run_control_loop};
 pub use event::{Event, Source};
+pub use every_trial_fails::EveryTrialFails;
 pub use io::{
     Attempt, Input, MaximalEffort, Output, Reading, RecordTarget, RigAttempt, Status, TransitionDetail,
     TransitionRecord,

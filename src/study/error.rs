@@ -11,6 +11,7 @@ use crate::protocol::{ProtocolError, TooShort};
 use crate::rig::Fault;
 use crate::rig::virtual_wrist::{PersonError, RigFileError};
 use crate::schedule::DrawError;
+use crate::session::EveryTrialFails;
 
 /// Why a study cannot be carried out.
 #[derive(Debug, thiserror::Error)]
@@ -115,6 +116,9 @@ pub enum UnitError {
         /// The fault that ended the session, if any.
         fault: Option<Fault>,
     },
+    /// The virtual person fails every trial.
+    #[error(transparent)]
+    EveryTrialFails(#[from] EveryTrialFails),
     /// The session cannot be recorded.
     #[error(transparent)]
     Record(#[from] RecordError),

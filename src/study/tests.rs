@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::dataset;
+use crate::rig::virtual_wrist::RigFile;
 
 const PROTOCOLS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/protocols");
 
@@ -380,4 +381,20 @@ fn shifts_are_parsed_and_invalid_text_is_refused() {
 fn the_schema_in_the_repository_is_up_to_date() {
     let file = Path::new(PROTOCOLS).join("study.schema.json");
     assert!(fs::read_to_string(file).unwrap() == schema_text(), "run: ramphold schema study");
+}
+
+#[test]
+fn a_person_who_can_never_hold_the_torque_ends_the_session_with_a_reason() {
+    let rig = r#"{ "kind": "virtual", "mechanisms": [
+        { "mechanism": "mains_hum", "parameters": { "amplitude_nm": 0.2, "frequency_hz": 50.0 } }
+    ] }"#;
+    let RigFile::Virtual(hums) = RigFile::parse(rig, Path::new("rig.json")).unwrap();
+    let study = study(3, |_| {});
+    let mut unit = study.unit(1);
+    let UnitSource::Virtual { setup, .. } = &mut unit.source else { panic!("virtual") };
+    *setup = &hums;
+    let error = simulate_unit(&unit, SessionStorage::Memory).unwrap_err();
+    assert!(matches!(error, UnitError::EveryTrialFails(_)), "{error}");
+    let told = error.to_string();
+    assert!(told.contains("100 trials in a row failed") && told.contains("gate"), "{told}");
 }

@@ -155,6 +155,9 @@ fn run_to_the_end<E>(
     if machine.phase() == Phase::Finished {
         return Ok(Ok(()));
     }
+    if let Some(failing) = machine.progress().every_trial_fails() {
+        return Err(failing.into());
+    }
     Err(UnitError::Ended { left: machine.progress().queue().len(), fault: operator.fault })
 }
 
@@ -166,6 +169,9 @@ struct Unattended {
 
 impl Operator for Unattended {
     fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
+        if machine.progress().every_trial_fails().is_some() {
+            return Some(Event::Abort);
+        }
         // A virtual rig mounts its loads by itself, in some time.
         (machine.awaits_mounting() && machine.in_phase_s() >= LOAD_CHANGE_S).then_some(Event::Resume)
     }

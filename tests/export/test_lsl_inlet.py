@@ -184,6 +184,26 @@ def test_a_silence_that_is_tolerated_costs_the_trials_in_it_and_no_others(lab):
     assert "stream Amplifier 7 silent" in report and "the recording has a gap in it" in report
 
 
+@pytest.mark.parametrize(("ahead_s", "told"), [(1.7e9, "ahead of"), (-4000, "behind"), (3, "ahead of")])
+def test_a_stream_with_the_stamps_of_another_clock_is_refused_before_there_is_a_session(lab, ahead_s, told):
+    lab.amplifier("--ahead", ahead_s)
+    result = lab.ramphold(*real_time(lab.files()))
+    assert result.returncode == 2 and f"s {told} the clock of Lab Streaming Layer" in result.stderr, result.stderr
+    assert not (lab.folder / "s").exists()
+
+
+def test_a_clock_that_jumps_is_a_fault_while_the_session_runs(lab):
+    lab.amplifier("--jump", 9, 3)
+    result = lab.ramphold(*real_time(lab.files(repetitions=6)))
+    assert result.returncode != 0
+    assert 'the time stamps of the stream "Amplifier 7" cannot be when its samples were taken' in result.stderr, result.stderr
+    session = lab.folder / "s"
+    journal = (session / "journal.log").read_text()
+    assert '"kind":"stream_stamps_off"' in journal and '"stream_stamps_off":{"stream":"Amplifier 7","late_s":-' in journal
+    # What was attached is from before the jump.
+    assert numpy.abs(offsets_ms(session)).max() < 1
+
+
 def test_emg_that_stands_still_is_a_fault_while_the_session_runs(lab):
     lab.amplifier("--frozen", 9, 1e9)
     begun = time.monotonic()

@@ -86,3 +86,17 @@ def test_the_stretches_of_a_resumed_session_are_in_order_and_do_not_overlap(tmp_
         assert first["time_stamps"][-1] < second["time_stamps"][0]
         assert (numpy.diff(first["time_stamps"]) >= 0).all() and (numpy.diff(second["time_stamps"]) >= 0).all()
         assert second["info"]["desc"][0]["began_utc"][0] > first["info"]["desc"][0]["began_utc"][0]
+
+
+def test_trials_that_follow_each_other_at_once_keep_their_times_in_a_reader_that_smooths(tmp_path):
+    protocol = json.loads((ROOT / "protocols/quick.json").read_text())
+    protocol["rest_s"] = 0.5
+    (tmp_path / "p.json").write_text(json.dumps(protocol))
+    done("run", tmp_path / "p.json", "--seed", 1, "--out", tmp_path / "s")
+    done("export", tmp_path / "s", "--xdf", tmp_path / "s.xdf")
+    [smoothed, stored] = [
+        next(one["time_stamps"] for one in pyxdf.load_xdf(tmp_path / "s.xdf", dejitter_timestamps=smooth)[0]
+             if one["info"]["name"][0] == "ramphold signals")
+        for smooth in [True, False]
+    ]
+    assert numpy.abs(smoothed - stored).max() < 1e-6
