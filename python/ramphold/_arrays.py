@@ -10,8 +10,8 @@ import numpy as np
 from ._arguments import count, number
 from ._errors import InputError
 
-_RATE_ROUNDING = 1e-3
-"""Rates are whole numbers; times are rounded by up to this part of a record. As the program's import does it."""
+_RATE_ROUNDING = 0.05
+"""A whole rate stands for the exact one where it moves no sample of a record by more than this part of a sample."""
 
 
 def table_rows(trials: Any) -> list[dict[str, Any]]:
@@ -105,8 +105,13 @@ def time_arrays(t: object, trials: int) -> list[object]:
     return record_arrays(own, "t", trials)
 
 
-def sample_rate(time: object) -> float:
-    """The rate of an even time axis; a whole number where it is one but for rounding."""
+def sample_rate(times: Sequence[object]) -> float:
+    """The rate of even time axes, Hz, from the longest; a whole number where it is one but for rounding of the times."""
+    return max((_axis_rate(time) for time in times), key=lambda own: own[0])[1]
+
+
+def _axis_rate(time: object) -> tuple[int, float]:
+    """Samples of an even time axis, and its rate, Hz."""
     if not isinstance(time, np.ndarray) or time.dtype != np.float64 or time.ndim != 1 or time.size < 2:
         raise InputError("t: expected an array of float64 with at least two samples for each trial")
     lasts = float(time[-1] - time[0])
@@ -116,7 +121,7 @@ def sample_rate(time: object) -> float:
     if not np.isfinite(rate):
         raise InputError("t: all times are the same but for rounding; expected seconds in rising order")
     whole = round(rate)
-    return float(whole) if abs(rate - whole) < _RATE_ROUNDING * whole else rate
+    return time.size, float(whole) if abs(whole / rate - 1.0) * time.size < _RATE_ROUNDING else rate
 
 
 def optional_mapping(value: object, name: str) -> dict[str, Any] | None:

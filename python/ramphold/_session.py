@@ -78,7 +78,7 @@ class Session:
         lever: None for a rigid lever, else a dict of inertia_kg_m2, damping_nm_s_per_rad and stiffness_nm_per_rad.
         recorded_filter: None if nothing was filtered before recording, else the filter, such as
             {"kind": "butterworth", "order": 3, "cutoff_hz": 50}.
-        sample_rate_hz: samples a second; else from `t`.
+        sample_rate_hz: samples a second; else from `t`: a whole number where that moves no sample by more than a twentieth of a sample.
         emg_fcr, emg_ecr: EMG, as `theta`, fraction of maximal voluntary contraction; a list may hold None for a trial without.
         theta_l, alpha_l, torque_h, theta_j: further channels, as `theta`: angle of the handle (rad), its acceleration (rad/s2), torque
             between handle and hand (N m), angle of the joint (rad). The fit uses what there is; all trials have the same channels.
@@ -94,7 +94,7 @@ class Session:
         }
         channels = channel_arrays(given, ("theta", "torque"), len(rows))
         times = time_arrays(t, len(rows))
-        rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else sample_rate(times[0])
+        rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else sample_rate(times)
         description = {
             "subject": label(subject, "subject"),
             "sample_rate_hz": rate,
