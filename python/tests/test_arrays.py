@@ -39,7 +39,7 @@ def test_a_long_hold_does_not_change_what_is_fitted(loaded, rate_hz):
         if hold_s:
             assert session.sample_rate_hz == pytest.approx(rate_hz, rel=1e-9)
         values.append(session.fit(plain=True, independent=True).parameters(independent=True).to_numpy())
-    assert values[1] == pytest.approx(values[0], rel=1e-4)
+    assert values[1] == pytest.approx(values[0], rel=1e-3)
 
 
 def test_a_rate_is_a_whole_number_where_times_are_rounded():
