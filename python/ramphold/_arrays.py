@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._arguments import count, number
+from ._arguments import count, number, unmasked
 from ._errors import InputError
 
 _RATE_ROUNDING = 0.05
@@ -64,15 +64,17 @@ def cell_text(value: object) -> str:
     return str(value).strip()
 
 
-def _as_array(value: object) -> Any:
-    """A column of a frame as an array of its own; anything else as it is."""
+def _as_array(value: object, name: str) -> Any:
+    """A column of a frame as an array of its own, and an array without its mask; anything else as it is."""
+    if isinstance(value, np.ndarray):
+        return unmasked(value, name)
     to_numpy = getattr(value, "to_numpy", None)
-    return value if isinstance(value, np.ndarray) or to_numpy is None else np.ascontiguousarray(to_numpy())
+    return value if to_numpy is None else np.ascontiguousarray(to_numpy())
 
 
 def record_arrays(values: object, name: str, trials: int) -> list[object]:
     """One array a trial."""
-    own = _as_array(values)
+    own = _as_array(values, name)
     if isinstance(own, np.ndarray):
         if own.ndim == 1 and trials == 1:
             return [own]
@@ -82,7 +84,7 @@ def record_arrays(values: object, name: str, trials: int) -> list[object]:
             raise InputError(f"{name}: not contiguous; expected one trial after the other in memory (numpy.ascontiguousarray copies)")
         records: list[object] = list(own)
     elif isinstance(own, Sequence) and not isinstance(own, (str, bytes)):
-        records = [_as_array(record) for record in own]
+        records = [_as_array(record, f"{name}, record {index}") for index, record in enumerate(own)]
     else:
         raise InputError(f"{name}: {type(own).__name__}; expected an array, or a list of one array a trial")
     if len(records) != trials:
@@ -99,7 +101,7 @@ def channel_arrays(given: Mapping[str, object], needed: Sequence[str], trials: i
 
 def time_arrays(t: object, trials: int) -> list[object]:
     """One time axis a trial."""
-    own = _as_array(t)
+    own = _as_array(t, "t")
     if isinstance(own, np.ndarray) and own.ndim == 1:
         return [own] * trials
     return record_arrays(own, "t", trials)
