@@ -1,5 +1,7 @@
 """Arrays and tables of a laboratory, as `Session.from_arrays` takes them."""
 
+import warnings
+
 import numpy as np
 import pytest
 from conftest import LEVER
@@ -48,3 +50,41 @@ def test_a_rate_is_a_whole_number_where_times_are_rounded():
         t, np.zeros((1, 2000)), np.ones((1, 2000)), trials=[{"velocity_rad_s": 1.0, "torque_nm": 1.0, "onset_s": 0.4}], lever=None
     )
     assert session.sample_rate_hz == 2500.0
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({"file": "a.csv"}, "column 'file'"),
+        ({" file": "a.csv"}, "column ' file'"),
+        ({"note": "a", " note": "b"}, "columns 'note' and ' note'"),
+        ({"onset_s ": 0.4}, "columns 'onset_s' and 'onset_s '"),
+        ({"rest_s": "long"}, "row 0, rest_s: 'long'"),
+        ({"rest_s": float("inf")}, "row 0, rest_s: inf"),
+        ({"rest_s": True}, "row 0, rest_s: True"),
+    ],
+)
+def test_columns_that_a_saved_folder_cannot_be_read_with_are_refused(arrays, columns, words):
+    with pytest.raises(ramphold.InputError, match=words):
+        ramphold.Session.from_arrays(**{**arrays, "trials": arrays["trials"].assign(**columns)})
+
+
+def test_further_columns_are_read_back_from_the_saved_folder(arrays, tmp_path):
+    """Spaces around names are not read back, so a session has none from the beginning."""
+    table = arrays["trials"].drop(columns="rest_s", errors="ignore").assign(**{" rest_s ": 5.0, "a, note": "x, y", "Ort\u00e4": "z"})
+    table.loc[0, " rest_s "] = None
+    session = ramphold.Session.from_arrays(**{**arrays, "trials": table})
+    session.save(tmp_path / "S01")
+    again = ramphold.Session.load(tmp_path / "S01")
+    assert again.digest == session.digest and sorted(again.to_frame()) == sorted(session.to_frame())
+    assert session.to_frame()["rest_s"].tolist() == again.to_frame()["rest_s"].tolist()
+
+
+@pytest.mark.parametrize("name", ["onset", "Onset_s", "onset_ms", "onest_s"])
+def test_a_misspelt_column_of_onsets_is_warned_of(arrays, name):
+    with pytest.warns(UserWarning, match=f"'{name}' is kept as text and not used.*onset_s"):
+        ramphold.Session.from_arrays(**{**arrays, "trials": arrays["trials"].rename(columns={"onset_s": name})})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ramphold.Session.from_arrays(**arrays)
+        ramphold.Session.from_arrays(**{**arrays, "trials": arrays["trials"].drop(columns="onset_s")})
