@@ -32,6 +32,16 @@ class Fit:
         self._native = native
         self._read: dict[str, Any] | None = None
 
+    def __copy__(self) -> Fit:
+        return Fit(self._native)
+
+    def __deepcopy__(self, memo: object) -> Fit:
+        # The native fit never changes, so that copies can share it.
+        return Fit(self._native)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        raise TypeError("a Fit cannot be pickled; pickle the session and fit there, or keep fit.json and the tables that you need")
+
     @property
     def json(self) -> str:
         """The text of fit.json."""

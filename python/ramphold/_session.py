@@ -19,6 +19,7 @@ from ._calibration import CalibrationSource, calibration_argument
 from ._errors import InputError
 from ._law import OwnLaw, mechanism_list, model_text
 from ._native import NativeSession
+from ._pickles import folder_files, from_folder_files
 from ._protocol import Protocol
 from ._results import Diagnosis, Fit, Listener
 
@@ -143,6 +144,20 @@ class Session:
             count(subject_number, "subject_number", 1, 2**32 - 1),
         )
         return cls(native)
+
+    def __copy__(self) -> Session:
+        return Session(self._native)
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Session:
+        # The native session never changes, so that copies can share it.
+        return Session(self._native)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # A folder keeps all that an analysis reads, protocol and calibration too.
+        try:
+            return _session_of_files, (folder_files(self._native.save),)
+        except InputError as error:
+            raise TypeError(f"the session cannot be saved, and so not pickled: {error}; load its folder where it is needed") from None
 
     @property
     def subject(self) -> str:
@@ -287,6 +302,11 @@ class Session:
 
     def __repr__(self) -> str:
         return f"<ramphold.Session of {self.subject}: {len(self._description['trials'])} trials at {self.sample_rate_hz:g} Hz>"
+
+
+def _session_of_files(files: dict[str, bytes]) -> Session:
+    """The session that was pickled."""
+    return Session(from_folder_files(files, NativeSession.load))
 
 
 def _with_plain_names(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

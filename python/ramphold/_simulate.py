@@ -92,15 +92,32 @@ class Motion:
             "flexor_emg_excess_mvc": number(flexor_emg_excess_mvc, "flexor_emg_excess_mvc"),
             "extensor_emg_mvc": number(extensor_emg_mvc, "extensor_emg_mvc"),
         }
-        own = unmasked(theta, "theta")
-        self._native = NativeMotion(own, json_text(settings, "motion"))
+        own, text = unmasked(theta, "theta"), json_text(settings, "motion")
+        self._native = NativeMotion(own, text)
         _check_angles(own, onset)
+        self._given: tuple[Array, str] | None = (own.copy(), text)
 
     @classmethod
     def _of(cls, native: NativeMotion) -> Motion:
+        return cls._made(native, None)
+
+    @classmethod
+    def _made(cls, native: NativeMotion, given: tuple[Array, str] | None) -> Motion:
         motion = cls.__new__(cls)
-        motion._native = native
+        motion._native, motion._given = native, given
         return motion
+
+    def __copy__(self) -> Motion:
+        return self._made(self._native, self._given)
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Motion:
+        # The native motion never changes, so that copies can share it.
+        return self._made(self._native, self._given)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        if self._given is None:
+            raise TypeError("the motion of a fitted trial cannot be pickled; pickle the session, and fit there")
+        return _motion_of, self._given
 
     @property
     def time_s(self) -> Array:
@@ -116,6 +133,11 @@ class Motion:
     def omega_rad_s(self) -> Array:
         """Speed of the motor after the onset, shape (samples,), rad/s."""
         return self._native.window()[1]
+
+
+def _motion_of(theta: Array, settings: str) -> Motion:
+    """The motion that was pickled."""
+    return Motion._made(NativeMotion(theta, settings), (theta, settings))
 
 
 @dataclass(frozen=True)
