@@ -126,7 +126,7 @@ def listener(value: Listens | None) -> Listens | None:
 def unmasked(value: Any, name: str) -> Any:
     """An array without a mask; anything else as it is. Masked values are refused: what is under a mask is not a measured value."""
     if isinstance(value, np.ma.MaskedArray):
-        hidden = int(np.ma.count_masked(value))
+        hidden = int(np.count_nonzero(np.ma.getmaskarray(value)))
         if hidden:
             raise InputError(
                 f"{name}: {hidden} of {value.size} values are masked; expected an array without masked values: fill them, or leave out"

@@ -54,7 +54,8 @@ class OwnLaw:
         self.low, self.high = number(low, "low"), number(high, "high")
         if self.low >= self.high:
             raise InputError(f"range {low} to {high}; expected the lower end first")
-        self.coefficients: Array = np.array([number(own, "coefficients") for own in np.ravel(np.asarray(unmasked(coefficients, "coefficients")))])
+        given = np.ravel(np.asarray(unmasked(coefficients, "coefficients")))
+        self.coefficients: Array = np.array([number(own, "coefficients") for own in given])
         if self.coefficients.shape != (_COEFFICIENTS,):
             raise InputError(f"coefficients: {self.coefficients.size}; expected {_COEFFICIENTS}")
         self.deviation = 0.0
@@ -201,8 +202,8 @@ def check_for_model(added: Sequence[Mapping[str, Any]]) -> None:
     for index, own in enumerate(added):
         if own.get("mechanism") == "mains_hum":
             raise InputError(
-                f"mechanisms[{index}]: mains_hum is in the record and not in the model of the wrist, so it changes nothing here; subtract the"
-                " hum from the record: diagnose finds it in the hold and subtracts it, and Session.simulate makes records with it"
+                f"mechanisms[{index}]: mains_hum is in the record and not in the model of the wrist, so it changes nothing here; subtract"
+                " the hum from the record: diagnose finds it in the hold and subtracts it, and Session.simulate makes records with it"
             )
         values = own.get("parameters")
         entry = entries.get(str(own.get("mechanism")))

@@ -317,7 +317,8 @@ def _with_plain_names(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         own = name.strip()
         if own in seen:
             raise InputError(
-                f"trials: columns {seen[own]!r} and {name!r} have one name but for spaces; expected names that differ: rename or leave out one"
+                f"trials: columns {seen[own]!r} and {name!r} have one name but for spaces; expected names that differ: rename or leave"
+                " out one"
             )
         if own == "file":
             raise InputError(f"trials: column {name!r} is that of the samples in a saved session; rename or leave out the column")
@@ -331,8 +332,8 @@ def _warn_of_onsets(columns: list[str]) -> None:
     near = [own for own in known if "onset" in own.lower() or difflib.get_close_matches(own.lower(), ["onset_s"], cutoff=0.8)]
     if near and "onset_s" not in columns:
         warnings.warn(
-            f"trials: column {near[0]!r} is kept as text and not used, and the analysis finds the onsets; name the column onset_s (s, on the"
-            " axis of t) to give them",
+            f"trials: column {near[0]!r} is kept as text and not used, and the analysis finds the onsets; name the column onset_s (s, on"
+            " the axis of t) to give them",
             UserWarning,
             stacklevel=4,
         )

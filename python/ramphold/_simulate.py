@@ -249,8 +249,8 @@ def _check_angles(theta: Array, onset: int) -> None:
     begins = float(np.median(theta[: max(1, min(onset, 10))]))
     if abs(begins) > _HOLD_RAD:
         raise InputError(
-            f"theta: begins at {begins:g} rad; expected a change from the hold, within {_HOLD_RAD} rad of 0 at first: subtract the mean of the"
-            " hold"
+            f"theta: begins at {begins:g} rad; expected a change from the hold, within {_HOLD_RAD} rad of 0 at first: subtract the mean"
+            " of the hold"
         )
 
 
