@@ -7,6 +7,7 @@
 # %%
 import json
 import subprocess
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -25,7 +26,7 @@ Path("rig.json").write_text(json.dumps(rig))
 # %%
 protocol = {**ramphold.Protocol(protocols / "de-vlugt-2011-rig-trials.json").dict, "torques_nm": [0.9, 2.1], "repetitions": 2}
 Path("protocol.json").write_text(json.dumps(protocol))
-command = ["ramphold", "run", "protocol.json", "--rig", "rig.json", "--seed", "5", "--out", "S01", "--quiet"]
+command = [sys.executable, "-m", "ramphold", "run", "protocol.json", "--rig", "rig.json", "--seed", "5", "--out", "S01", "--quiet"]
 subprocess.run(command, check=True, capture_output=True)
 calibration = ramphold.calibrate("S01")
 calibration.to_frame()[["name", "value", "se", "stated"]]

@@ -123,6 +123,21 @@ def listener(value: Listens | None) -> Listens | None:
     return None if value is None else callback(value, "progress")
 
 
+def unmasked(value: Any, name: str) -> Any:
+    """An array without a mask; anything else as it is. Masked values are refused: what is under a mask is not a measured value."""
+    if isinstance(value, np.ma.MaskedArray):
+        hidden = int(np.count_nonzero(np.ma.getmaskarray(value)))
+        if hidden:
+            raise InputError(
+                f"{name}: {hidden} of {value.size} values are masked; expected an array without masked values: fill them, or leave out"
+                " what they belong to"
+            )
+        return np.ma.getdata(value)
+    if isinstance(value, (list, tuple)):
+        return [unmasked(own, name) for own in value]
+    return value
+
+
 def names(value: object, name: str) -> list[str]:
     """A list of texts; one text is not taken for its letters."""
     if isinstance(value, str) or not isinstance(value, Sequence) or not all(isinstance(own, str) for own in value):

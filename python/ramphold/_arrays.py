@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ._arguments import count, number
+from ._arguments import count, number, unmasked
 from ._errors import InputError
 
-_RATE_ROUNDING = 1e-3
-"""Rates are whole numbers; times are rounded by up to this part of a record. As the program's import does it."""
+_RATE_ROUNDING = 0.05
+"""A whole rate stands for the exact one where it moves no sample of a record by more than this part of a sample."""
 
 
 def table_rows(trials: Any) -> list[dict[str, Any]]:
@@ -64,15 +64,17 @@ def cell_text(value: object) -> str:
     return str(value).strip()
 
 
-def _as_array(value: object) -> Any:
-    """A column of a frame as an array of its own; anything else as it is."""
+def _as_array(value: object, name: str) -> Any:
+    """A column of a frame as an array of its own, and an array without its mask; anything else as it is."""
+    if isinstance(value, np.ndarray):
+        return unmasked(value, name)
     to_numpy = getattr(value, "to_numpy", None)
-    return value if isinstance(value, np.ndarray) or to_numpy is None else np.ascontiguousarray(to_numpy())
+    return value if to_numpy is None else np.ascontiguousarray(to_numpy())
 
 
 def record_arrays(values: object, name: str, trials: int) -> list[object]:
     """One array a trial."""
-    own = _as_array(values)
+    own = _as_array(values, name)
     if isinstance(own, np.ndarray):
         if own.ndim == 1 and trials == 1:
             return [own]
@@ -82,7 +84,7 @@ def record_arrays(values: object, name: str, trials: int) -> list[object]:
             raise InputError(f"{name}: not contiguous; expected one trial after the other in memory (numpy.ascontiguousarray copies)")
         records: list[object] = list(own)
     elif isinstance(own, Sequence) and not isinstance(own, (str, bytes)):
-        records = [_as_array(record) for record in own]
+        records = [_as_array(record, f"{name}, record {index}") for index, record in enumerate(own)]
     else:
         raise InputError(f"{name}: {type(own).__name__}; expected an array, or a list of one array a trial")
     if len(records) != trials:
@@ -99,14 +101,19 @@ def channel_arrays(given: Mapping[str, object], needed: Sequence[str], trials: i
 
 def time_arrays(t: object, trials: int) -> list[object]:
     """One time axis a trial."""
-    own = _as_array(t)
+    own = _as_array(t, "t")
     if isinstance(own, np.ndarray) and own.ndim == 1:
         return [own] * trials
     return record_arrays(own, "t", trials)
 
 
-def sample_rate(time: object) -> float:
-    """The rate of an even time axis; a whole number where it is one but for rounding."""
+def sample_rate(times: Sequence[object]) -> float:
+    """The rate of even time axes, Hz, from the longest; a whole number where it is one but for rounding of the times."""
+    return max((_axis_rate(time) for time in times), key=lambda own: own[0])[1]
+
+
+def _axis_rate(time: object) -> tuple[int, float]:
+    """Samples of an even time axis, and its rate, Hz."""
     if not isinstance(time, np.ndarray) or time.dtype != np.float64 or time.ndim != 1 or time.size < 2:
         raise InputError("t: expected an array of float64 with at least two samples for each trial")
     lasts = float(time[-1] - time[0])
@@ -116,7 +123,7 @@ def sample_rate(time: object) -> float:
     if not np.isfinite(rate):
         raise InputError("t: all times are the same but for rounding; expected seconds in rising order")
     whole = round(rate)
-    return float(whole) if abs(rate - whole) < _RATE_ROUNDING * whole else rate
+    return time.size, float(whole) if abs(whole / rate - 1.0) * time.size < _RATE_ROUNDING else rate
 
 
 def optional_mapping(value: object, name: str) -> dict[str, Any] | None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._arguments import json_text, path, text_of, write_new
+from ._arguments import json_text, label, path, text_of, write_new
 from ._errors import InputError
 from ._native import calibrate as native_calibrate
 from ._native import check_calibration, compare_calibration
@@ -26,7 +26,7 @@ class Calibration:
     """
 
     def __init__(self, text: str, name: str = "calibration", found: Mapping[str, Any] | None = None) -> None:
-        check_calibration(text, name)
+        check_calibration(label(text, "calibration"), label(name, "name"))
         self._json = text
         self._read: dict[str, Any] = json.loads(text)
         self._found = found

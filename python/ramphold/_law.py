@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import callback, count, flag, number
+from ._arguments import callback, count, flag, number, unmasked
 from ._errors import InputError
 from ._native import catalogue, spline_basis
 
@@ -54,7 +54,8 @@ class OwnLaw:
         self.low, self.high = number(low, "low"), number(high, "high")
         if self.low >= self.high:
             raise InputError(f"range {low} to {high}; expected the lower end first")
-        self.coefficients: Array = np.array([number(own, "coefficients") for own in np.ravel(np.asarray(coefficients))])
+        given = np.ravel(np.asarray(unmasked(coefficients, "coefficients")))
+        self.coefficients: Array = np.array([number(own, "coefficients") for own in given])
         if self.coefficients.shape != (_COEFFICIENTS,):
             raise InputError(f"coefficients: {self.coefficients.size}; expected {_COEFFICIENTS}")
         self.deviation = 0.0
@@ -115,6 +116,10 @@ class OwnLaw:
     def __call__(self, u: ArrayLike) -> Array:
         """h(u) - h(0), shape as `u`."""
         at = _array(u, "u")
+        if at.size == 0:
+            return at
+        if not np.isfinite(at).all():
+            raise InputError(f"u: {at[~np.isfinite(at)][0]} is not finite; expected finite numbers")
         basis = spline_basis(np.ascontiguousarray(at.reshape(-1)), self.low, self.high)
         return np.asarray((basis @ self.coefficients).reshape(at.shape))
 
@@ -157,7 +162,7 @@ class OwnLaw:
 def _array(values: ArrayLike, name: str) -> Array:
     """Numbers as an array."""
     try:
-        return np.asarray(values, dtype=np.float64)
+        return np.asarray(unmasked(values, name), dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: {error}; expected numbers") from None
 
@@ -191,6 +196,27 @@ def mechanism_list(added: Sequence[Mapping[str, Any] | OwnLaw]) -> list[dict[str
     return [own.as_mechanism() if isinstance(own, OwnLaw) else own for own in _sequence(added)]
 
 
+def check_for_model(added: Sequence[Mapping[str, Any]]) -> None:
+    """Refuses mechanisms that are not in the model of the wrist, and values outside of the catalogue's bounds, with the words of `fit`."""
+    entries = {own["id"]: own for own in json.loads(catalogue())}
+    for index, own in enumerate(added):
+        if own.get("mechanism") == "mains_hum":
+            raise InputError(
+                f"mechanisms[{index}]: mains_hum is in the record and not in the model of the wrist, so it changes nothing here; subtract"
+                " the hum from the record: diagnose finds it in the hold and subtracts it, and Session.simulate makes records with it"
+            )
+        values = own.get("parameters")
+        entry = entries.get(str(own.get("mechanism")))
+        if entry is None or not isinstance(values, Mapping):
+            continue
+        for known in entry["parameters"]:
+            value = values.get(known["name"])
+            if isinstance(value, (int, float, np.integer, np.floating)) and not known["low"] <= value <= known["high"]:
+                raise InputError(
+                    f"mechanisms[{index}].parameters.{known['name']}: value {value} is outside {known['low']:g} to {known['high']:g}"
+                )
+
+
 def model_text(model: Mapping[str, Any] | None, added: Sequence[Mapping[str, Any] | OwnLaw]) -> dict[str, Any] | None:
     """A model with mechanisms added to it; None for the model of the paper."""
     if model is not None and not isinstance(model, Mapping):
@@ -209,4 +235,9 @@ def _sequence(added: Sequence[Mapping[str, Any] | OwnLaw]) -> list[Any]:
     for own in added:
         if not isinstance(own, (Mapping, OwnLaw)):
             raise InputError(f"mechanisms: {type(own).__name__}; expected dicts and OwnLaw")
+        if isinstance(own, Mapping) and own.get("mechanism") == "outlier_trial":
+            raise InputError(
+                "mechanisms: outlier_trial changes neither the model nor a record, and cannot be added; diagnose finds such trials, and the"
+                " status rejected in the table leaves them out"
+            )
     return [own if isinstance(own, OwnLaw) else dict(own) for own in added]

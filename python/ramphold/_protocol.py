@@ -34,6 +34,16 @@ class Protocol:
         else:
             raise InputError(f"protocol: {type(source).__name__}; expected the path of a JSON file, or a dict")
 
+    def __copy__(self) -> Protocol:
+        return _protocol_of(self._native)
+
+    def __deepcopy__(self, memo: object) -> Protocol:
+        # The native protocol never changes, so that copies can share it.
+        return _protocol_of(self._native)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _protocol_of_text, (self.text,)
+
     @property
     def text(self) -> str:
         """The JSON text that it was read from."""
@@ -57,6 +67,17 @@ class Protocol:
 
     def __repr__(self) -> str:
         return f"<ramphold.Protocol of {self.trial_count} trials>"
+
+
+def _protocol_of(native: NativeProtocol) -> Protocol:
+    protocol = Protocol.__new__(Protocol)
+    protocol._native = native
+    return protocol
+
+
+def _protocol_of_text(text: str) -> Protocol:
+    """The protocol that was pickled."""
+    return _protocol_of(NativeProtocol.parse(text, "protocol"))
 
 
 def schedule(protocol: Protocol | PathOrJson, seed: int, subject_number: int | None = None) -> pd.DataFrame:

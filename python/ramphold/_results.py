@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ._arguments import choice, count, flag, write_new
+from ._arguments import choice, count, flag, label, write_new
 from ._errors import InputError
 from ._native import BASE_PARAMETERS, NativeFit
 from ._simulate import Motion, Parameters, point_array
@@ -31,6 +31,16 @@ class Fit:
     def __init__(self, native: NativeFit) -> None:
         self._native = native
         self._read: dict[str, Any] | None = None
+
+    def __copy__(self) -> Fit:
+        return Fit(self._native)
+
+    def __deepcopy__(self, memo: object) -> Fit:
+        # The native fit never changes, so that copies can share it.
+        return Fit(self._native)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        raise TypeError("a Fit cannot be pickled; pickle the session and fit there, or keep fit.json and the tables that you need")
 
     @property
     def json(self) -> str:
@@ -117,7 +127,8 @@ class Fit:
         """What the model of the fit leaves of trial number `trial` at other parameters: measured less predicted values of all channels,
         weighted so that noise as in the holds gives independent values of variance 1; N m where residuals are not weighted.
 
-        parameters: as the columns of `parameters()`, shape (parameters,) or (points, parameters), or a dict by name.
+        parameters: as the columns of `parameters()`, shape (parameters,) or (points, parameters), or by name: a dict, a pandas Series, or
+            the columns of a frame.
         derivatives: whether the Jacobian is given as well.
 
         Returns shape (values,) or (points, values); the Jacobian has the parameters as a further axis.
@@ -217,8 +228,14 @@ class Diagnosis:
     """
 
     def __init__(self, text: str) -> None:
+        try:
+            read = json.loads(label(text, "diagnosis"))
+        except ValueError as error:
+            raise InputError(f"diagnosis: {error}; expected the text of diagnosis.json") from None
+        if not isinstance(read, dict) or not {"verdict", "causes", "misfit"} <= set(read):
+            raise InputError("diagnosis: has no verdict, causes and misfit; expected the text of diagnosis.json")
         self._json = text
-        self._read: dict[str, Any] = json.loads(text)
+        self._read: dict[str, Any] = read
 
     @property
     def json(self) -> str:

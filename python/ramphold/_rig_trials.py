@@ -85,7 +85,7 @@ class RigTrials:
         columns["t"] = time_arrays(t, len(rows))
         description = {
             "name": label(name, "name"),
-            "sample_rate_hz": sample_rate(columns["t"][0]) if sample_rate_hz is None else number(sample_rate_hz, "sample_rate_hz"),
+            "sample_rate_hz": sample_rate(columns["t"]) if sample_rate_hz is None else number(sample_rate_hz, "sample_rate_hz"),
             "lever": optional_mapping(lever, "lever"),
             "started_utc": None if started_utc is None else label(started_utc, "started_utc"),
             "trials": _table(rows),

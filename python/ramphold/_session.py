@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import json
+import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +19,7 @@ from ._calibration import CalibrationSource, calibration_argument
 from ._errors import InputError
 from ._law import OwnLaw, mechanism_list, model_text
 from ._native import NativeSession
+from ._pickles import folder_files, from_folder_files
 from ._protocol import Protocol
 from ._results import Diagnosis, Fit, Listener
 
@@ -74,11 +78,12 @@ class Session:
         trials: the table, one row a trial: a pandas or polars frame, a dict of columns, or a list of dicts. Needed: velocity_rad_s,
             torque_nm (target). Known: trial (number; else 1, 2, ...), repetition (else counted in each condition), onset_s (on the
             axis of t; else found by the analysis), status (ok, aborted or rejected; else ok), condition (a label). Other columns
-            are kept as text; the analysis reads rest_s (rest before the trial, s).
+            are kept as text; the analysis reads rest_s (rest before the trial, s; a number or empty). Spaces around names do not count;
+            a column `file` is refused, since a saved session has one of its own.
         lever: None for a rigid lever, else a dict of inertia_kg_m2, damping_nm_s_per_rad and stiffness_nm_per_rad.
         recorded_filter: None if nothing was filtered before recording, else the filter, such as
             {"kind": "butterworth", "order": 3, "cutoff_hz": 50}.
-        sample_rate_hz: samples a second; else from `t`.
+        sample_rate_hz: samples a second; else from `t`: a whole number where that moves no sample by more than a twentieth of a sample.
         emg_fcr, emg_ecr: EMG, as `theta`, fraction of maximal voluntary contraction; a list may hold None for a trial without.
         theta_l, alpha_l, torque_h, theta_j: further channels, as `theta`: angle of the handle (rad), its acceleration (rad/s2), torque
             between handle and hand (N m), angle of the joint (rad). The fit uses what there is; all trials have the same channels.
@@ -94,7 +99,7 @@ class Session:
         }
         channels = channel_arrays(given, ("theta", "torque"), len(rows))
         times = time_arrays(t, len(rows))
-        rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else sample_rate(times[0])
+        rate = number(sample_rate_hz, "sample_rate_hz") if sample_rate_hz is not None else sample_rate(times)
         description = {
             "subject": label(subject, "subject"),
             "sample_rate_hz": rate,
@@ -139,6 +144,20 @@ class Session:
             count(subject_number, "subject_number", 1, 2**32 - 1),
         )
         return cls(native)
+
+    def __copy__(self) -> Session:
+        return Session(self._native)
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Session:
+        # The native session never changes, so that copies can share it.
+        return Session(self._native)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # A folder keeps all that an analysis reads, protocol and calibration too.
+        try:
+            return _session_of_files, (folder_files(self._native.save),)
+        except InputError as error:
+            raise TypeError(f"the session cannot be saved, and so not pickled: {error}; load its folder where it is needed") from None
 
     @property
     def subject(self) -> str:
@@ -285,8 +304,58 @@ class Session:
         return f"<ramphold.Session of {self.subject}: {len(self._description['trials'])} trials at {self.sample_rate_hz:g} Hz>"
 
 
+def _session_of_files(files: dict[str, bytes]) -> Session:
+    """The session that was pickled."""
+    return Session(from_folder_files(files, NativeSession.load))
+
+
+def _with_plain_names(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows with the names of their columns as they are read back from a saved folder: without spaces around them."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    seen: dict[str, str] = {}
+    for name in columns:
+        own = name.strip()
+        if own in seen:
+            raise InputError(
+                f"trials: columns {seen[own]!r} and {name!r} have one name but for spaces; expected names that differ: rename or leave"
+                " out one"
+            )
+        if own == "file":
+            raise InputError(f"trials: column {name!r} is that of the samples in a saved session; rename or leave out the column")
+        seen[own] = name
+    return [{name.strip(): value for name, value in row.items()} for row in rows]
+
+
+def _warn_of_onsets(columns: list[str]) -> None:
+    """Warns of a column that seems to be of onsets and has another name: it is not used."""
+    known = [own for own in columns if own not in _TABLE]
+    near = [own for own in known if "onset" in own.lower() or difflib.get_close_matches(own.lower(), ["onset_s"], cutoff=0.8)]
+    if near and "onset_s" not in columns:
+        warnings.warn(
+            f"trials: column {near[0]!r} is kept as text and not used, and the analysis finds the onsets; name the column onset_s (s, on"
+            " the axis of t) to give them",
+            UserWarning,
+            stacklevel=4,
+        )
+
+
+def _extra_cell(name: str, value: object, where: str) -> str:
+    """The text of a cell of a further column."""
+    text = cell_text(value)
+    if name == "rest_s" and text:
+        try:
+            seconds = float(text)
+        except ValueError:
+            seconds = float("nan")
+        if not math.isfinite(seconds):
+            raise InputError(f"{where}, rest_s: {value!r} is not valid; expected a finite number of s, or an empty cell")
+    return text
+
+
 def _table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The table of a session as the native part takes it."""
+    rows = _with_plain_names(rows)
+    _warn_of_onsets(list(rows[0]))
     missing = [name for name in ("velocity_rad_s", "torque_nm") if name not in rows[0]]
     if missing:
         raise InputError(f"trials: column {missing[0]} is missing; the columns are: {', '.join(map(str, rows[0]))}")
@@ -312,6 +381,6 @@ def _table(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
             "condition": named,
             "onset_s": None if is_empty(onset) else number(onset, f"{where}, onset_s"),
             "status": status,
-            "extra": {name: cell_text(value) for name, value in row.items() if name not in _TABLE},
+            "extra": {name: _extra_cell(name, value, where) for name, value in row.items() if name not in _TABLE},
         })
     return table

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._arguments import count, flag, json_text, number
+from ._arguments import count, flag, json_text, number, unmasked
 from ._errors import InputError
-from ._law import OwnLaw, mechanism_list
+from ._law import OwnLaw, check_for_model, mechanism_list
 from ._native import BASE_PARAMETERS, NativeMotion, catalogue
 
 if TYPE_CHECKING:
@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 Parameters = Mapping[str, float] | ArrayLike
-"""Parameters by name, or in the order of their names."""
+"""Parameters by name (a dict, a pandas Series, or the columns of a frame), or in the order of their names."""
+
+_HOLD_RAD = 0.02
+"""Largest angle at which a motion may begin, rad: noise and drift of a hold are far below it."""
 
 
 def mechanisms() -> pd.DataFrame:
@@ -50,7 +53,7 @@ def mechanisms() -> pd.DataFrame:
 class Motion:
     """A motion of the motor, with the lever and the filter between the model's torque and the measured one.
 
-    theta: recorded angle, shape (samples,), rad, as a change from the hold; a contiguous array of float64.
+    theta: recorded angle, shape (samples,), rad, as a change from the hold: near 0 at first, and at most pi; a contiguous array of float64.
     sample_rate_hz: samples a second.
     onset: index in `theta` at which the ramp begins; the model is at rest at sample 0.
     window_s: time after the onset that is simulated, s.
@@ -89,13 +92,32 @@ class Motion:
             "flexor_emg_excess_mvc": number(flexor_emg_excess_mvc, "flexor_emg_excess_mvc"),
             "extensor_emg_mvc": number(extensor_emg_mvc, "extensor_emg_mvc"),
         }
-        self._native = NativeMotion(theta, json_text(settings, "motion"))
+        own, text = unmasked(theta, "theta"), json_text(settings, "motion")
+        self._native = NativeMotion(own, text)
+        _check_angles(own, onset)
+        self._given: tuple[Array, str] | None = (own.copy(), text)
 
     @classmethod
     def _of(cls, native: NativeMotion) -> Motion:
+        return cls._made(native, None)
+
+    @classmethod
+    def _made(cls, native: NativeMotion, given: tuple[Array, str] | None) -> Motion:
         motion = cls.__new__(cls)
-        motion._native = native
+        motion._native, motion._given = native, given
         return motion
+
+    def __copy__(self) -> Motion:
+        return self._made(self._native, self._given)
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Motion:
+        # The native motion never changes, so that copies can share it.
+        return self._made(self._native, self._given)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        if self._given is None:
+            raise TypeError("the motion of a fitted trial cannot be pickled; pickle the session, and fit there")
+        return _motion_of, self._given
 
     @property
     def time_s(self) -> Array:
@@ -111,6 +133,11 @@ class Motion:
     def omega_rad_s(self) -> Array:
         """Speed of the motor after the onset, shape (samples,), rad/s."""
         return self._native.window()[1]
+
+
+def _motion_of(theta: Array, settings: str) -> Motion:
+    """The motion that was pickled."""
+    return Motion._made(NativeMotion(theta, settings), (theta, settings))
 
 
 @dataclass(frozen=True)
@@ -139,11 +166,14 @@ def simulate(
 
     parameters: the six of the model, in the order of `BASE_PARAMETERS`, shape (6,) or (points, 6), or a dict by name: i_j_kg_m2
         (kg m2), b_h_nm_s_per_rad (N m s/rad), k_h_nm_per_rad, k_srs_nm_per_rad, k_dec_nm_per_rad (N m/rad), x_e_rad (rad).
+        A pandas Series and the columns of a frame are taken by their names.
     motion: `Motion(...)`, or that of a fitted trial, `fit.motion(trial)`.
-    mechanisms: what is added to the model: a list of {"mechanism": id, "parameters": {name: value}} or `OwnLaw`.
-    derivatives: whether the Jacobian is computed as well: exact derivatives of the integration, not differences.
+    mechanisms: what is added to the model: a list of {"mechanism": id, "parameters": {name: value}} or `OwnLaw`, with values within the
+        bounds of `mechanisms()`. mains_hum and outlier_trial are not in the model of the wrist, and are refused.
+    derivatives: whether the Jacobian is computed as well: exact derivatives of the integration, not differences. Those by the ends of a
+        free law's range (`from_...`, `to_...`, `to_s`) are 0 by convention: the ends are fixed, not fitted.
 
-    Raises `InputError` if a value is not finite, or the simulation does not stay finite.
+    Raises `InputError` if a value is not finite or out of bounds, or the simulation does not stay finite.
     """
     if not isinstance(motion, Motion):
         raise InputError(f"motion: {type(motion).__name__}; expected a ramphold.Motion")
@@ -152,6 +182,7 @@ def simulate(
     flat = values.reshape(-1)
     points = values.shape[0] if several else 1
     added = mechanism_list(mechanisms)
+    check_for_model(added)
     torque, slopes = motion._native.simulate(flat, points, json_text(added, "mechanisms"), flag(derivatives, "derivatives"))
     names = list(BASE_PARAMETERS)
     for entry in added:
@@ -183,7 +214,7 @@ def point_array(parameters: Parameters, names: Sequence[str]) -> Array:
     if isinstance(parameters, (str, bytes, os.PathLike)):
         raise InputError("parameters: text; expected numbers")
     try:
-        array = np.asarray(parameters)
+        array = np.asarray(_in_order(unmasked(parameters, "parameters"), names))
     except (TypeError, ValueError) as error:
         raise InputError(f"parameters: {error}; expected numbers") from None
     if array.dtype != np.float64 and array.dtype.kind not in "iu":
@@ -195,6 +226,32 @@ def point_array(parameters: Parameters, names: Sequence[str]) -> Array:
     if len(wrong):
         raise InputError(f"parameters, {names[wrong[0][-1]]}: {whole[tuple(wrong[0])]} is not valid; expected a finite number")
     return whole
+
+
+def _in_order(parameters: Any, names: Sequence[str]) -> Any:
+    """A series or a frame whose values have names, in the order of `names`; anything else as it is."""
+    if not hasattr(parameters, "to_numpy"):
+        return parameters
+    # Columns of a frame of pandas or polars, or the index of a series of pandas; a series of polars has no names of its values.
+    labels = list(getattr(parameters, "columns", getattr(parameters, "index", [])))
+    if not labels or labels == list(range(len(labels))):
+        return parameters.to_numpy()
+    if len(labels) != len(names) or set(labels) != set(names):
+        raise InputError(f"parameters: {', '.join(map(str, labels))}; expected these names, each once: {', '.join(names)}")
+    return parameters.to_numpy()[..., [labels.index(name) for name in names]]
+
+
+def _check_angles(theta: Array, onset: int) -> None:
+    """Refuses angles of a motion that can be no change from the hold, rad."""
+    largest = float(np.abs(theta).max())
+    if largest > np.pi:
+        raise InputError(f"theta: up to {largest:g} in magnitude; expected rad, at most pi: numpy.radians converts degrees")
+    begins = float(np.median(theta[: max(1, min(onset, 10))]))
+    if abs(begins) > _HOLD_RAD:
+        raise InputError(
+            f"theta: begins at {begins:g} rad; expected a change from the hold, within {_HOLD_RAD} rad of 0 at first: subtract the mean"
+            " of the hold"
+        )
 
 
 def _mapping(value: object, name: str) -> Mapping[str, Any]:

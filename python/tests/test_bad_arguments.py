@@ -220,8 +220,9 @@ def other_calls(session, fit, motion):
     for own in (None, 3, "/nowhere.json", "\0", QUICK):
         yield lambda own=own: ramphold.calibrate(own)
         yield lambda own=own: ramphold.Calibration.load(own)
-    for text in ("", "{}", "[]", "\0", "null"):
+    for text in ("", "{}", "[]", "\0", "null", None, 3, b"{}", "\ud800"):
         yield lambda text=text: ramphold.Calibration(text)
+        yield lambda text=text: ramphold.Diagnosis(text)
     for refits in (0, 1, -1, 1.5, 10**7, "2", True, NAN):
         yield lambda refits=refits: session.fit(bootstrap=refits)
     for listener in (3, "print", []):

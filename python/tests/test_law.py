@@ -86,3 +86,11 @@ def test_coefficients_of_a_law_can_be_fitted(law):
 def test_what_a_law_costs_is_measured(law, ramp):
     base = [PARAMETERS[name] for name in ramphold.BASE_PARAMETERS]
     assert law.slowdown(ramp, base, repetitions=20) > 0.5
+
+
+def test_a_law_of_no_arguments_has_no_values_and_of_nan_none():
+    law = ramphold.OwnLaw("joint", "speed", 0.0, 1.0, np.arange(8.0))
+    assert law([]).shape == (0,) and law(np.zeros((0, 3))).shape == (0, 3)
+    for wrong in (np.nan, [0.0, np.inf]):
+        with pytest.raises(ramphold.InputError, match="u: .* is not finite"):
+            law(wrong)
