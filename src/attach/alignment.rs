@@ -2,12 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use super::aligned_ramps::AlignedRamps;
 use super::attachment::{
-    self, ATTACHED, Attachment, AttachmentTrial, ClockComparison, FrozenEmg, LeftOut, StepBetweenTrials,
+    self, ATTACHED, Attachment, AttachmentTrial, ClockComparison, FrozenEmg, LeftOut, RecordingGaps,
+    StepBetweenTrials,
 };
+use super::emg_check::{emg_warnings, no_fraction_of_mvc};
+use super::emg_warning::EmgWarning;
 use super::error::AttachError;
-use super::ramp_search::{AlignedRamps, find_ramps};
-use super::request::AttachRequest;
+use super::ramp_search::find_ramps;
+use super::request::{AttachRequest, Reference};
 use super::timed_table::{GAP_STEPS, TimedTable};
 use crate::dataset::{self, PROGRAM, Session};
 use crate::files::{self, Folder, limits};
@@ -47,6 +51,7 @@ impl Aligned {
 /// If session or recording cannot be read, the recording's clock is not sound, or the ramps of the session cannot be found in it.
 pub fn align(request: &AttachRequest) -> Result<Aligned, AttachError> {
     let name = request.attachment_name()?;
+    request.refuse_one_column_for_two_muscles()?;
     let folder = request.session.join(ATTACHED).join(&name);
     if files::exists(&folder) {
         return Err(AttachError::Exists(folder));
@@ -92,25 +97,20 @@ pub fn cut(
     for trial in session.trials.iter().filter(|trial| !trial.record.theta_m_rad.is_empty()) {
         let mut leave =
             |because: &str| left_out.push(LeftOut { trial: trial.number, because: because.to_owned() });
+        let Some(onset_s) = trial.onset_s else {
+            leave("it has no onset");
+            continue;
+        };
         let Some(own) = found.trials.iter().find(|own| own.trial == trial.number) else {
-            leave("its ramp was not found in the recording");
+            leave(found.why_not_found);
             continue;
         };
         let is_beside =
             |step: &&StepBetweenTrials| [step.after_trial, step.before_trial].contains(&trial.number);
         if let Some(step) = found.clock_steps.iter().find(is_beside) {
-            leave(&format!(
-                "the clocks step by {:.2} ms between the ramps of trials {} and {}, and nobody knows where: samples were lost",
-                1e3 * step.step_s,
-                step.after_trial,
-                step.before_trial
-            ));
+            leave(&step.why_left_out());
             continue;
         }
-        let Some(onset_s) = trial.onset_s else {
-            leave("it has no onset");
-            continue;
-        };
         let first_s = trial.record.start_s;
         let last_s = first_s + trial.record.theta_m_rad.len() as f64 / session.sample_rate_hz;
         let in_recording = |time_s: f64| own.onset_s + (time_s - onset_s) * speed;
@@ -127,7 +127,8 @@ pub fn cut(
             && table.times_s[from] < in_recording(first_s) + GAP_STEPS * step_s
             && table.times_s[to - 1] > in_recording(last_s) - (1.0 + GAP_STEPS) * step_s;
         if !is_whole || table.gaps.iter().any(|gap| (from..to - 1).contains(gap)) {
-            leave("the recording has a gap in it");
+            let missing_s = table.missing_within_s(in_recording(first_s)..in_recording(last_s));
+            leave(&format!("the recording has a gap in it: {missing_s:.3} s without a sample"));
             continue;
         }
         let file = format!("trial-{:03}.csv", trial.number);
@@ -146,11 +147,25 @@ pub fn cut(
     if let (true, Some(LeftOut { trial, because })) = (trials.is_empty(), left_out.first()) {
         return Err(request.not_aligned(format!("no trial can be attached; of trial {trial}: {because}")));
     }
+    let mut emg_warnings = emg_warnings(request, table, &spans);
+    if let Some((measured, expected)) = no_fraction_of_mvc(request, session, table, &spans) {
+        // A stream was recorded with the session: its trials are kept.
+        if !matches!(request.reference, Reference::SessionClock) {
+            return Err(request.unexpected(measured, expected));
+        }
+        emg_warnings.push(EmgWarning::NoFractionOfMvc { measured, expected });
+    }
     let frozen_emg = request.emg.iter().flatten().filter_map(|column| {
         let values = table.table.column(column)?;
         let trials: Vec<(u32, &[f64])> =
             spans.iter().map(|(number, span)| (*number, &values[span.clone()])).collect();
         FrozenEmg::of(column, &trials, table.rate_hz)
+    });
+    let gaps = matches!(request.reference, Reference::Marker(_)).then(|| table.longest_gap()).flatten();
+    let gaps = gaps.map(|(begin_s, longest_s)| {
+        let before = found.trials.iter().filter(|own| own.onset_s <= begin_s);
+        let last = before.max_by(|a, b| a.onset_s.total_cmp(&b.onset_s));
+        RecordingGaps { gaps: table.gaps.len(), longest_s, after_trial: last.map(|own| own.trial) }
     });
     let ending = request.file.extension().unwrap_or_default().to_string_lossy().into_owned();
     let mut files = Vec::new();
@@ -180,6 +195,8 @@ pub fn cut(
         trials,
         left_out,
         frozen_emg: frozen_emg.collect(),
+        emg_warnings,
+        gaps,
     };
     files.extend(parts);
     Ok(Aligned { attachment, session: request.session.clone(), name, files })

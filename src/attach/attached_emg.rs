@@ -5,6 +5,7 @@ use std::io;
 use std::path::Path;
 
 use super::attachment::{ATTACHED, Attachment, AttachmentTrial, FrozenEmg, LeftOut};
+use super::emg_warning::EmgWarning;
 use super::error::AttachError;
 use crate::files::{EntryKind, Folder, limits};
 use crate::rig::ChannelDetails;
@@ -26,6 +27,8 @@ pub struct AttachedRecording {
     pub left_out: Vec<LeftOut>,
     /// What of it does not go on changing.
     pub frozen: Vec<FrozenEmg>,
+    /// What else to know of the EMG before it is trusted.
+    pub warnings: Vec<EmgWarning>,
     /// Name of the stream, if it is one.
     stream: Option<String>,
 }
@@ -65,6 +68,10 @@ pub struct AttachedEmg {
     pub left_out: Vec<LeftOut>,
     /// What of it does not go on changing.
     pub frozen: Vec<FrozenEmg>,
+    /// What else to know of the EMG before it is trusted.
+    pub warnings: Vec<EmgWarning>,
+    /// Names of the other attachments of the session that have EMG.
+    pub others: Vec<String>,
 }
 
 /// The EMG of a trial.
@@ -82,7 +89,11 @@ pub struct AttachedTrialEmg {
 /// If an attachment is there and is not what it should be.
 pub fn attached_emg(session: &Path) -> Result<Option<AttachedEmg>, AttachError> {
     let has_mvc = |own: &AttachedRecording| own.emg.iter().flatten().any(|channel| channel.at_mvc.is_some());
-    Ok(attached_recordings(session)?.into_iter().find(has_mvc).map(AttachedRecording::of_mvc))
+    let mut recordings = attached_recordings(session)?;
+    let Some(first) = recordings.iter().position(has_mvc) else { return Ok(None) };
+    let own = recordings.remove(first);
+    let others = recordings.into_iter().map(|other| other.name).collect();
+    Ok(Some(own.of_mvc(others)))
 }
 
 /// The attachments of `session` that have EMG, by name. A stream that was recorded in several runs of the session is one attachment for
@@ -114,6 +125,7 @@ pub fn attached_recordings(session: &Path) -> Result<Vec<AttachedRecording>, Att
                 earlier.trials.extend(own.trials);
                 earlier.left_out.extend(own.left_out);
                 earlier.frozen.extend(own.frozen);
+                earlier.warnings.extend(own.warnings);
             }
             None => found.push(own),
         }
@@ -158,6 +170,7 @@ impl AttachedRecording {
             trials,
             left_out: own.left_out,
             frozen: own.frozen_emg,
+            warnings: own.emg_warnings,
             stream: own.stream.map(|stream| stream.name),
         }))
     }
@@ -167,8 +180,8 @@ impl AttachedRecording {
         self.stream.is_some() && self.stream == other.stream && self.emg == other.emg
     }
 
-    /// The channels whose value at maximal effort is known.
-    fn of_mvc(self) -> AttachedEmg {
+    /// The channels whose value at maximal effort is known; `others` are the other attachments with EMG.
+    fn of_mvc(self, others: Vec<String>) -> AttachedEmg {
         let at_mvc = self.emg.map(|channel| channel.and_then(|own| own.at_mvc));
         let scaled = |values: Option<Vec<f64>>, at_mvc: Option<f64>| {
             values
@@ -184,6 +197,8 @@ impl AttachedRecording {
             trials: self.trials.into_iter().map(of_trial).collect(),
             left_out: self.left_out,
             frozen: self.frozen,
+            warnings: self.warnings,
+            others,
         }
     }
 }

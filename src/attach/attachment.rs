@@ -11,6 +11,7 @@ use crate::dataset::{Disk, Manifest, RecordError};
 use crate::files::Folder;
 use crate::rig::ChannelDetails;
 
+use super::emg_warning::EmgWarning;
 use super::error::AttachError;
 
 /// Folder of the attachments in a session.
@@ -63,6 +64,40 @@ pub struct Attachment {
     /// EMG that does not go on changing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frozen_emg: Vec<FrozenEmg>,
+    /// What else to know of the EMG before it is trusted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub emg_warnings: Vec<EmgWarning>,
+    /// Gaps in the time of the recording, where the ramps were found by markers, which have times of their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gaps: Option<RecordingGaps>,
+}
+
+/// Gaps in the time of a recording whose ramps were found by markers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingGaps {
+    /// How many there are.
+    pub gaps: usize,
+    /// Time without a sample in the longest, s.
+    pub longest_s: f64,
+    /// The last trial whose ramp is before the longest; `None` if none is.
+    pub after_trial: Option<u32>,
+}
+
+impl fmt::Display for RecordingGaps {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let place = self
+            .after_trial
+            .map_or("before the first ramp".to_owned(), |trial| format!("after the ramp of trial {trial}"));
+        let gaps =
+            if self.gaps == 1 { "1 gap".to_owned() } else { format!("{} gaps, the longest", self.gaps) };
+        write!(
+            formatter,
+            "the recording has {gaps} of {:.3} s {place}; samples were lost there, or its clock jumped, which looks the same. The trials \
+             after a gap are aligned by the markers alone: if the clock jumped, they are off by as much. A trigger or a shared signal in the \
+             recording would tell (--trigger, --signal)",
+            self.longest_s
+        )
+    }
 }
 
 /// A column of EMG that keeps one value for longer than a muscle and its amplifier do.
@@ -184,6 +219,41 @@ pub struct StepBetweenTrials {
     pub step_s: f64,
 }
 
+impl StepBetweenTrials {
+    /// Why clocks step in its direction.
+    fn cause(&self) -> &'static str {
+        if self.step_s < 0.0 {
+            "samples were lost"
+        } else {
+            "the recording's clock jumped ahead, or it has samples too many"
+        }
+    }
+
+    /// Why a trial beside it is left out.
+    pub(super) fn why_left_out(&self) -> String {
+        format!(
+            "the clocks step by {:.2} ms between the ramps of trials {} and {}, and nobody knows where: {}",
+            1e3 * self.step_s,
+            self.after_trial,
+            self.before_trial,
+            self.cause()
+        )
+    }
+}
+
+impl fmt::Display for StepBetweenTrials {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "between trials {} and {} the clocks step by {:.2} ms: {}; what comes after is aligned by itself",
+            self.after_trial,
+            self.before_trial,
+            1e3 * self.step_s,
+            self.cause()
+        )
+    }
+}
+
 /// A trial of the session in a recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AttachmentTrial {
@@ -246,6 +316,15 @@ pub(super) fn write(
 mod tests {
     use super::*;
     use crate::random::Stream;
+
+    #[test]
+    fn a_gap_beside_markers_is_told_with_its_length_and_place_and_that_a_jump_looks_the_same() {
+        let gaps = RecordingGaps { gaps: 1, longest_s: 4.0, after_trial: Some(8) };
+        let text = gaps.to_string();
+        assert!(text.starts_with("the recording has 1 gap of 4.000 s after the ramp of trial 8"), "{text}");
+        assert!(text.contains("its clock jumped, which looks the same"), "{text}");
+        assert!(text.contains("by the markers alone"), "{text}");
+    }
 
     #[test]
     fn emg_that_stops_in_a_trial_is_told_with_its_column_and_trial() {

@@ -52,30 +52,13 @@ pub fn match_events<'a>(
     grain_s: f64,
     length_s: f64,
 ) -> Result<Vec<Option<EventCandidate>>, MatchProblem> {
-    let anchors = expected_s.len().div_ceil(MOST_ANCHORS).max(1);
-    let mut best: Option<Chain> = None;
-    let mut second: Option<Chain> = None;
+    let search = IntervalSearch { expected_s, candidates, grain_s, length_s };
     let mut tried = 0usize;
-    for anchor in (0..expected_s.len()).step_by(anchors) {
-        for candidate in candidates(anchor) {
-            tried += 1;
-            let chain = Chain::from_anchor(expected_s, &candidates, (anchor, *candidate), grain_s, length_s);
-            match &best {
-                Some(own) if own.is_same_place(&chain) => {
-                    if chain.is_better_than(own) {
-                        best = Some(chain);
-                    }
-                }
-                Some(own) if !chain.is_better_than(own) => {
-                    if second.as_ref().is_none_or(|second| chain.is_better_than(second)) {
-                        second = Some(chain);
-                    }
-                }
-                _ => second = best.replace(chain),
-            }
-        }
-    }
-    let best = best.ok_or(MatchProblem::TooFew { found: 0 })?;
+    let best = search
+        .chains()
+        .inspect(|_| tried += 1)
+        .reduce(|best, own| if own.is_better_than(&best) { own } else { best });
+    let mut best = best.ok_or(MatchProblem::TooFew { found: 0 })?;
     // The anchor is there by choice. Poisson's upper tail is at most exp(-m) (e m / q)^q.
     let (confirmed, by_chance) = (best.found.saturating_sub(1) as f64, best.found_by_chance.max(1e-300));
     let log_tail = -by_chance + confirmed * (1.0 + libm::log(by_chance) - libm::log(confirmed.max(1e-300)));
@@ -83,11 +66,82 @@ pub fn match_events<'a>(
     if is_chance {
         return Err(MatchProblem::TooFew { found: best.found });
     }
-    if let Some(other) = second.filter(|other| other.found >= best.found && !best.is_heavier_than(other)) {
+    let fits_alike =
+        |other: &Chain| other.is_rival_of(&best) && other.found >= best.found && !best.is_heavier_than(other);
+    if let Some(other) = search.chains().find(fits_alike) {
         let first = |chain: &Chain| chain.matched.iter().flatten().next().map_or(0.0, |own| own.time_s);
         return Err(MatchProblem::Ambiguous { at_s: [first(&best), first(&other)], found: best.found });
     }
+    search.fill(&mut best.matched);
     Ok(best.matched)
+}
+
+/// Events whose intervals are sought among the candidates of each.
+struct IntervalSearch<'e, F> {
+    expected_s: &'e [f64],
+    candidates: F,
+    grain_s: f64,
+    length_s: f64,
+}
+
+impl<'a, F: Fn(usize) -> &'a [EventCandidate]> IntervalSearch<'_, F> {
+    /// The chains of all anchors.
+    fn chains(&self) -> impl Iterator<Item = Chain> {
+        let apart = self.expected_s.len().div_ceil(MOST_ANCHORS).max(1);
+        let anchors = (0..self.expected_s.len()).step_by(apart);
+        anchors.flat_map(move |anchor| {
+            (self.candidates)(anchor)
+                .iter()
+                .map(move |candidate| Chain::from_anchor(self, anchor, *candidate))
+        })
+    }
+
+    /// How far the time of an event may be from where another event has it, s.
+    fn within_s(&self, interval_s: f64) -> f64 {
+        self.grain_s + CLOCK_TOLERANCE * interval_s.abs()
+    }
+
+    /// The candidate of an event that is where another event, expected and found at the times `at`, has it.
+    fn near(&self, event: usize, at: (f64, f64)) -> Option<EventCandidate> {
+        let interval_s = self.expected_s[event] - at.0;
+        let (wanted_s, within_s) = (at.1 + interval_s, self.within_s(interval_s));
+        let own = (self.candidates)(event);
+        let from = own.partition_point(|one| one.time_s < wanted_s - within_s);
+        let near = own[from..].iter().take_while(|one| one.time_s <= wanted_s + within_s);
+        let off = |one: &EventCandidate| (one.time_s - wanted_s).abs();
+        near.max_by(|a, b| a.weight.total_cmp(&b.weight).then(off(b).total_cmp(&off(a)))).copied()
+    }
+
+    /// Expected number of candidates of an event at random times that are as near.
+    fn near_by_chance(&self, event: usize, interval_s: f64) -> f64 {
+        let share = (2.0 * self.within_s(interval_s) / self.length_s).min(1.0);
+        (self.candidates)(event).len() as f64 * share
+    }
+
+    /// Fills holes between events that were found. Where the clocks step, a chain misses the events beyond the step until their
+    /// interval is so long that the step is within the tolerance; they follow from the events on their own side of it.
+    fn fill(&self, matched: &mut [Option<EventCandidate>]) {
+        let found: Vec<usize> = (0..matched.len()).filter(|event| matched[*event].is_some()).collect();
+        for pair in found.windows(2) {
+            let time_s =
+                |event: usize, matched: &[Option<EventCandidate>]| matched[event].map(|own| own.time_s);
+            let mut fill_beside = |from: usize, events: &mut dyn Iterator<Item = usize>| {
+                let mut beside = from;
+                for event in events {
+                    let Some(at_s) = time_s(beside, matched) else { break };
+                    let Some(own) = self.near(event, (self.expected_s[beside], at_s)) else { continue };
+                    let is_between = |(first, last): (f64, f64)| (first..last).contains(&own.time_s);
+                    let ends = time_s(pair[0], matched).zip(time_s(pair[1], matched));
+                    if matched[event].is_none() && ends.is_some_and(is_between) {
+                        matched[event] = Some(own);
+                        beside = event;
+                    }
+                }
+            };
+            fill_beside(pair[1], &mut (pair[0] + 1..pair[1]).rev());
+            fill_beside(pair[0], &mut (pair[0] + 1..pair[1]));
+        }
+    }
 }
 
 /// Events with the candidates that follow from one of them.
@@ -101,13 +155,12 @@ struct Chain {
 }
 
 impl Chain {
-    fn from_anchor<'a>(
-        expected_s: &[f64],
-        candidates: &impl Fn(usize) -> &'a [EventCandidate],
-        (anchor, candidate): (usize, EventCandidate),
-        grain_s: f64,
-        length_s: f64,
+    fn from_anchor<'a, F: Fn(usize) -> &'a [EventCandidate]>(
+        search: &IntervalSearch<F>,
+        anchor: usize,
+        candidate: EventCandidate,
     ) -> Self {
+        let expected_s = search.expected_s;
         let mut chain =
             Self { matched: vec![None; expected_s.len()], found: 0, weight: 0.0, found_by_chance: 0.0 };
         chain.keep(anchor, candidate);
@@ -116,16 +169,8 @@ impl Chain {
         let mut walk = |events: &mut dyn Iterator<Item = usize>| {
             let (mut at, mut missed, mut found) = ((expected_s[anchor], candidate.time_s), 0, 0);
             for event in events {
-                let interval_s = expected_s[event] - at.0;
-                let (wanted_s, within_s) = (at.1 + interval_s, grain_s + CLOCK_TOLERANCE * interval_s.abs());
-                let own = candidates(event);
-                chain.found_by_chance += own.len() as f64 * (2.0 * within_s / length_s).min(1.0);
-                let from = own.partition_point(|one| one.time_s < wanted_s - within_s);
-                let near = own[from..].iter().take_while(|one| one.time_s <= wanted_s + within_s);
-                let off = |one: &EventCandidate| (one.time_s - wanted_s).abs();
-                let nearest =
-                    near.max_by(|a, b| a.weight.total_cmp(&b.weight).then(off(b).total_cmp(&off(a))));
-                let Some(nearest) = nearest else {
+                chain.found_by_chance += search.near_by_chance(event, expected_s[event] - at.0);
+                let Some(nearest) = search.near(event, at) else {
                     missed += 1;
                     if missed > found + MOST_MISSED {
                         break;
@@ -133,7 +178,7 @@ impl Chain {
                     continue;
                 };
                 found += 1;
-                chain.keep(event, *nearest);
+                chain.keep(event, nearest);
                 at = (expected_s[event], nearest.time_s);
             }
         };
@@ -148,10 +193,11 @@ impl Chain {
         self.weight += candidate.weight;
     }
 
-    /// Whether both found some event at the same time.
-    fn is_same_place(&self, other: &Self) -> bool {
-        let pairs = self.matched.iter().zip(&other.matched);
-        pairs.filter_map(|(own, other)| own.zip(*other)).any(|(own, other)| own.time_s == other.time_s)
+    /// Whether it has events of the other at another place: at least half of those that the other found, and none at the same time. Two
+    /// chains of different events are two pieces of one recording.
+    fn is_rival_of(&self, other: &Self) -> bool {
+        let pairs = || self.matched.iter().zip(&other.matched).filter_map(|(own, other)| own.zip(*other));
+        2 * pairs().count() >= other.found && pairs().all(|(own, other)| own.time_s != other.time_s)
     }
 
     fn is_better_than(&self, other: &Self) -> bool {
@@ -222,6 +268,28 @@ mod tests {
         let own = pulses(twice.map(|(at, time_s)| time_s + if at < 40 { 0.0 } else { 1000.0 }));
         let found = match_events(&expected, |_| own.as_slice(), 1e-3, 1500.0);
         assert!(matches!(found, Err(MatchProblem::Ambiguous { found: 40, .. })), "{found:?}");
+    }
+
+    #[test]
+    fn two_halves_of_one_recording_on_two_clocks_are_not_two_places_that_fit_alike() {
+        let expected = events(1);
+        let step = |at: usize| if at < 20 { 0.0 } else { -2.5 };
+        let own = pulses(expected.iter().enumerate().map(|(at, time_s)| 100.0 + time_s + step(at)));
+        let matched = match_events(&expected, |_| own.as_slice(), 1e-3, 500.0).unwrap();
+        assert_eq!(matched.iter().flatten().count(), 20, "{matched:?}");
+    }
+
+    #[test]
+    fn events_beside_a_step_that_the_chain_crosses_later_are_found_as_well() {
+        let expected = events(1);
+        for step_s in [-0.02, 0.05] {
+            let on_clock = |at: usize| expected[at] + if at < 9 { 0.0 } else { step_s };
+            let own = pulses((0..40).map(on_clock));
+            let matched = match_events(&expected, |_| own.as_slice(), 1e-3, 500.0).unwrap();
+            for (at, found) in matched.iter().enumerate() {
+                assert_eq!(found.map(|own| own.time_s), Some(on_clock(at)), "step of {step_s} s, event {at}");
+            }
+        }
     }
 
     #[test]

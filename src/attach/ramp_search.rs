@@ -1,50 +1,20 @@
 //! The ramps of a session in a recording: at its trigger, at its markers, or by a signal that both have.
 
-use super::attachment::{ClockComparison, StepBetweenTrials};
-use super::clock_jump::{RampPair, clock_steps};
-use super::correlation::{PiecewiseRecording, Sampled};
+use std::ops::Range;
+
+use super::aligned_ramps::{AlignedRamp, AlignedRamps};
 use super::error::AttachError;
 use super::event_match::{CLOCK_TOLERANCE, EventCandidate, MatchProblem, match_events};
+use super::pieces::{Places, RecordingPart};
+use super::ramp_places::{RampPlaces, matched, onsets_s, resolution_s};
 use super::request::{AttachRequest, Reference};
-use super::shared_hold;
+use super::shared_signal::by_signal;
 use super::timed_table::{TimedTable, edges_in};
-use crate::dataset::{RampTime, Record, Session, SessionClock, Trial};
+use crate::dataset::{RampTime, Session, SessionClock, Trial};
 use crate::import::Recording;
-
-/// Probability with which a column that shares the ramps alone is taken for one that shares the signal.
-const FALSE_SIGNAL: f64 = 1e-3;
-
-/// The most places of a trial by a shared signal: as many as a session has trials of one condition, and more.
-const MOST_PLACES: usize = 200;
 
 /// Longest delay of a marker that a program sends: two periods of a screen of 60 Hz, s.
 const MARKER_GRAIN_S: f64 = 2.0 / 60.0;
-
-/// A trial that was found.
-#[derive(Debug, Clone, Copy)]
-pub struct AlignedRamp {
-    /// Number of the trial.
-    pub trial: u32,
-    /// When its ramp began, on the clock of the recording, s.
-    pub onset_s: f64,
-    /// How far that is off the straight line between the clocks, s.
-    pub residual_s: Option<f64>,
-}
-
-/// What was found of all trials.
-#[derive(Debug, Default)]
-pub struct AlignedRamps {
-    /// How they were found.
-    pub by: String,
-    /// The trials.
-    pub trials: Vec<AlignedRamp>,
-    /// How the clocks compare.
-    pub clock: ClockComparison,
-    /// Where the clocks step against each other.
-    pub clock_steps: Vec<StepBetweenTrials>,
-    /// Rate of the recording's clock over that of the session, where known.
-    pub speed: Option<f64>,
-}
 
 /// Finds the ramps of a session in a recording, by what both have in common.
 pub fn find_ramps(
@@ -121,11 +91,9 @@ fn at_events(
             ),
         ));
     }
-    let candidates: Vec<EventCandidate> =
-        times_s.iter().map(|time_s| EventCandidate { time_s: *time_s, weight: 1.0 }).collect();
-    let grain_s = 2.0 / table.rate_hz;
-    let times = (grain_s, table.length_s(), resolution_s(session, table));
-    matched(request, ramps, |_| candidates.as_slice(), times, by, |_, own| own)
+    let candidates = times_s.iter().map(|time_s| EventCandidate { time_s: *time_s, weight: 1.0 }).collect();
+    let search = Events { ramps, candidates, table };
+    matched(request, ramps, &search, resolution_s(session, table), by)
 }
 
 /// Trials of a session whose times nobody knows: as many events as ramps, in order.
@@ -243,201 +211,96 @@ fn farthest_off(trials: &[AlignedRamp], pairs: &[(usize, f64, f64)]) -> Option<(
     offs.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
 }
 
-/// Trials by a signal that the recording shares with them.
-fn by_signal(
-    request: &AttachRequest,
-    session: &Session,
-    ramps: &[RampTime],
-    table: &TimedTable,
-    column: &str,
-    shared: &str,
-) -> Result<AlignedRamps, AttachError> {
-    if ramps.is_empty() {
-        let reason = "ramps of one condition look alike, and a session without a journal has no times to tell them apart by; use a \
-                      trigger or markers";
-        return Err(request.not_aligned(reason.to_owned()));
-    }
-    let of_record: fn(&Record) -> Option<&Vec<f64>> = match shared {
-        "theta_m_rad" => |record| Some(&record.theta_m_rad),
-        "torque_l_nm" => |record| Some(&record.torque_l_nm),
-        "emg_fcr_mvc" => |record| record.emg_fcr_mvc.as_ref(),
-        "emg_ecr_mvc" => |record| record.emg_ecr_mvc.as_ref(),
-        other => {
-            let found = format!("--shared {other}");
-            let expected = "theta_m_rad, torque_l_nm, emg_fcr_mvc or emg_ecr_mvc";
-            return Err(request.unexpected(found, expected));
-        }
-    };
-    let values = table.finite_column(column)?;
-    let mut searched = PiecewiseRecording::new(&table.times_s, values, table.rate_hz, &table.gaps);
-    let trial_of = |ramp: &RampTime| {
-        let trial = session.trials.iter().find(|trial| Some(trial.number) == ramp.trial)?;
-        let onset_s = trial.onset_s?;
-        let values = of_record(&trial.record)?;
-        // Time 0 is the onset.
-        let start_s = trial.record.start_s - onset_s;
-        Some(Sampled { start_s, rate_hz: session.sample_rate_hz, values })
-    };
-    let known: Vec<(RampTime, Sampled)> =
-        ramps.iter().filter_map(|ramp| Some((*ramp, trial_of(ramp)?))).collect();
-    if known.is_empty() {
-        return Err(request.not_aligned(format!("no trial of the session has {shared} and an onset")));
-    }
-    // Trials of one condition look alike: each may fit at the places of the others.
-    let most = known.len().min(MOST_PLACES);
-    let places: Vec<Vec<EventCandidate>> =
-        known.iter().map(|(_, trial)| searched.places(*trial, most)).collect();
-    let ramps: Vec<RampTime> = known.iter().map(|(ramp, _)| *ramp).collect();
-    let by = format!("correlation of {column} with {shared}");
-    let grain_s = 0.01;
-    let length_s = table.length_s();
-    let resolution_s = resolution_s(session, table);
-    let mut found = matched(
-        request,
-        &ramps,
-        |at| places[at].as_slice(),
-        (grain_s, length_s, resolution_s),
-        by,
-        |at, own| searched.refined(known[at].1, own),
-    )?;
-    let onset_of = |ramp: &RampTime| found.trials.iter().find(|own| Some(own.trial) == ramp.trial);
-    let placed: Vec<(Sampled, f64)> =
-        known.iter().filter_map(|(ramp, trial)| Some((*trial, onset_of(ramp)?.onset_s))).collect();
-    let chance = shared_hold::chance(&searched, &placed);
-    if chance > FALSE_SIGNAL {
-        return Err(request.not_aligned(format!(
-            "column {column:?} moves with the ramps, but in the holds before them it has nothing in common with {shared}: of random \
-             assignments of its {} holds to the trials, a share of {chance:.2} fits as well, and of the same signal at most {FALSE_SIGNAL} \
-             would. Name the column of {shared}; if this is it, its noise hides the hold, or there are too few trials: use a trigger or \
-             markers",
-            placed.len()
-        )));
-    }
-    found.clock.hold_chance = Some(chance);
-    Ok(found)
+/// Times of events, in order, of which the session has one at each ramp.
+struct Events<'a> {
+    ramps: &'a [RampTime],
+    candidates: Vec<EventCandidate>,
+    table: &'a TimedTable<'a>,
 }
 
-/// What the coarser of the two clocks resolves, s.
-fn resolution_s(session: &Session, table: &TimedTable) -> f64 {
-    (1.0 / table.rate_hz).max(1.0 / session.sample_rate_hz)
+impl RampPlaces for Events<'_> {
+    fn find(&self, ramps: Range<usize>, part: &RecordingPart) -> Result<Places, MatchProblem> {
+        let before = |end_s: f64| self.candidates.partition_point(|own| own.time_s < end_s);
+        let from = self.candidates.partition_point(|own| own.time_s <= part.start);
+        let there = &self.candidates[from..before(part.end).max(from)];
+        let grain_s = 2.0 / self.table.rate_hz;
+        match_events(&onsets_s(&self.ramps[ramps]), |_| there, grain_s, self.table.length_within_s(part))
+    }
 }
 
-/// Matches the ramps of each stretch of the session with their candidates, and makes the times `exact`.
-fn matched<'a>(
-    request: &AttachRequest,
-    ramps: &[RampTime],
-    candidates: impl Fn(usize) -> &'a [EventCandidate],
-    (grain_s, length_s, resolution_s): (f64, f64, f64),
-    by: String,
-    exact: impl Fn(usize, EventCandidate) -> EventCandidate,
-) -> Result<AlignedRamps, AttachError> {
-    let mut found = AlignedRamps { by, ..AlignedRamps::default() };
-    let mut pairs = Vec::new();
-    let mut problem = None;
-    let mut first = 0;
-    for stretch in ramps.chunk_by(|a, b| a.stretch == b.stretch) {
-        let at = first;
-        first += stretch.len();
-        let expected: Vec<f64> = stretch.iter().map(|ramp| ramp.onset_s).collect();
-        match match_events(&expected, |event| candidates(at + event), grain_s, length_s) {
-            Err(own) => problem = problem.or(Some(own)),
-            Ok(matched) => {
-                for (event, own) in matched.into_iter().enumerate() {
-                    let Some((own, trial)) = own.zip(stretch[event].trial) else { continue };
-                    let own = exact(at + event, own);
-                    let lowest = found.clock.lowest_correlation.unwrap_or(1.0).min(own.weight);
-                    if matches!(request.reference, Reference::Signal { .. }) {
-                        found.clock.lowest_correlation = Some(lowest);
-                    }
-                    found.trials.push(AlignedRamp { trial, onset_s: own.time_s, residual_s: None });
-                    pairs.push((stretch[event].stretch, stretch[event].onset_s, own.time_s));
-                }
-            }
-        }
-    }
-    if found.trials.is_empty() {
-        let reason = match problem {
-            Some(MatchProblem::Ambiguous { at_s: [a, b], found }) => format!(
-                "{found} ramps of the session fit alike from {a:.3} s and from {b:.3} s of the recording on; cut the recording"
-            ),
-            Some(MatchProblem::TooFew { found }) => format!(
-                "{found} of {} ramps are at the intervals of the session, which may be chance: is it the recording of this session, and \
-                 is {} right?",
-                ramps.len(),
-                found_in(request)
-            ),
-            None => "no ramp of a trial is in it".to_owned(),
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attach::request::ClockSource;
+    use crate::import::SourceTable;
+    use crate::random::Stream;
+
+    const RATE_HZ: f64 = 2000.0;
+
+    /// 36 ramps, 6 to 12 s apart.
+    fn ramps() -> Vec<RampTime> {
+        let mut stream = Stream::new(1, "ramps");
+        let mut onset_s = 0.0;
+        let mut ramp = |trial| {
+            onset_s += 6.0 + 6.0 * stream.uniform();
+            RampTime { stretch: 0, trial: Some(trial), onset_s }
         };
-        return Err(request.not_aligned(reason));
-    }
-    found.compare_clocks(pairs, resolution_s);
-    Ok(found)
-}
-
-fn found_in(request: &AttachRequest) -> &'static str {
-    match request.reference {
-        Reference::Trigger { .. } => "the column of the trigger, its threshold and its direction",
-        Reference::Marker(_) => "the text of the markers",
-        Reference::SessionClock => "its clock",
-        Reference::Signal { .. } => "the column, its sign and the signal that it shares",
-    }
-}
-
-impl AlignedRamps {
-    /// Fits one speed of the recording's clock, and an offset for each stretch, to the pairs of the trials. What comes after a step of the
-    /// clocks is a stretch of its own.
-    fn compare_clocks(&mut self, mut pairs: Vec<RampPair>, resolution_s: f64) {
-        let steps = clock_steps(&pairs, resolution_s);
-        self.clock_steps = steps
-            .iter()
-            .map(|step| StepBetweenTrials {
-                after_trial: self.trials[step.before].trial,
-                before_trial: self.trials[step.before + 1].trial,
-                step_s: step.step_s,
-            })
-            .collect();
-        let ahead = |at: usize| steps.iter().filter(|step| step.before < at).count();
-        for (at, pair) in pairs.iter_mut().enumerate().filter(|(_, pair)| pair.0 != usize::MAX) {
-            pair.0 += ahead(at);
-        }
-        self.fit_line(&pairs);
+        (1..=36).map(&mut ramp).collect()
     }
 
-    fn fit_line(&mut self, pairs: &[RampPair]) {
-        let mut stretches: Vec<usize> = pairs.iter().map(|pair| pair.0).collect();
-        stretches.sort_unstable();
-        stretches.dedup();
-        // A stretch that is not known has no times.
-        stretches.retain(|stretch| *stretch != usize::MAX);
-        let mean = |stretch: usize, of: fn(&(usize, f64, f64)) -> f64| {
-            let own: Vec<f64> = pairs.iter().filter(|pair| pair.0 == stretch).map(of).collect();
-            own.iter().sum::<f64>() / own.len() as f64
+    /// What is found by pulses of which those from trial `first` on are later by `step_s`.
+    fn found_with_step(first: u32, step_s: f64) -> AlignedRamps {
+        let ramps = ramps();
+        let reference = Reference::Trigger { column: "TRIG".into(), threshold: None, falling: false };
+        let request = AttachRequest {
+            session: "S".into(),
+            file: "emg.csv".into(),
+            clock: ClockSource::Rate(RATE_HZ),
+            reference,
+            table: None,
+            emg: [None, None],
+            emg_at_mvc: [None, None],
+            name: None,
         };
-        let means: Vec<(usize, f64, f64)> = stretches
-            .iter()
-            .map(|own| (*own, mean(*own, |pair| pair.1), mean(*own, |pair| pair.2)))
-            .collect();
-        let centred = |pair: &(usize, f64, f64)| {
-            let own = means.iter().find(|mean| mean.0 == pair.0)?;
-            Some((pair.1 - own.1, pair.2 - own.2))
+        let samples = (400.0 * RATE_HZ) as usize;
+        let columns = vec![("TRIG".to_owned(), vec![0.0; samples])];
+        let recording =
+            Recording { tables: vec![SourceTable::new("emg.csv".into(), columns)], markers: Vec::new() };
+        let table = TimedTable::new(&request, &recording).unwrap();
+        let on_clock = |ramp: &RampTime| {
+            let step_s = if ramp.trial >= Some(first) { step_s } else { 0.0 };
+            // A sample of the recording.
+            libm::ceil((5.0 + 1.00003 * ramp.onset_s + step_s) * RATE_HZ) / RATE_HZ
         };
-        let known: Vec<(f64, f64)> = pairs.iter().filter_map(centred).collect();
-        let square: f64 = known.iter().map(|(session, _)| session * session).sum();
-        if square == 0.0 {
-            return;
+        let candidates =
+            ramps.iter().map(|ramp| EventCandidate { time_s: on_clock(ramp), weight: 1.0 }).collect();
+        let search = Events { ramps: &ramps, candidates, table: &table };
+        matched(&request, &ramps, &search, 1.0 / RATE_HZ, "trigger".into()).unwrap()
+    }
+
+    #[test]
+    fn what_is_before_and_after_a_step_of_any_size_is_found_and_the_step_is_told() {
+        for (first, step_s) in
+            [(9, -0.01), (9, -0.05), (9, -0.2), (9, 2.5), (19, -0.2), (29, -0.35), (32, -1.0)]
+        {
+            let found = found_with_step(first, step_s);
+            assert_eq!(found.trials.len(), 36, "step of {step_s} s before trial {first}");
+            let [step] = found.clock_steps.as_slice() else {
+                panic!("step of {step_s} s before trial {first}: {:?}", found.clock_steps)
+            };
+            assert_eq!((step.after_trial, step.before_trial), (first - 1, first));
+            assert!((step.step_s - step_s).abs() < 1.5e-3, "{step:?}");
+            assert!(found.clock.residual_largest_s.unwrap() < 1e-3, "{:?}", found.clock);
         }
-        let speed = known.iter().map(|(session, own)| session * own).sum::<f64>() / square;
-        let residual = |pair: &(usize, f64, f64)| centred(pair).map(|(session, own)| own - speed * session);
-        for (trial, pair) in self.trials.iter_mut().zip(pairs) {
-            trial.residual_s = residual(pair);
+    }
+
+    #[test]
+    fn a_piece_that_would_not_be_accepted_alone_is_not_accepted_beside_another() {
+        for first in [2, 3] {
+            let found = found_with_step(first, -0.2);
+            let numbers: Vec<u32> = found.trials.iter().map(|own| own.trial).collect();
+            assert_eq!(numbers, (first..=36).collect::<Vec<u32>>());
+            assert!(found.why_not_found.contains("too few"));
         }
-        // The speed, and an offset of each stretch, are taken from the same times.
-        let free = known.len().saturating_sub(1 + means.len());
-        let squares: f64 = pairs.iter().filter_map(residual).map(|own| own * own).sum();
-        let largest = pairs.iter().filter_map(residual).fold(0.0, |most: f64, own| most.max(own.abs()));
-        self.speed = Some(speed);
-        self.clock.drift_ppm = Some((speed - 1.0) * 1e6);
-        self.clock.residual_rms_s = (free > 0).then(|| (squares / free as f64).sqrt());
-        self.clock.residual_largest_s = (free > 0).then_some(largest);
     }
 }

@@ -72,6 +72,16 @@ impl AttachRequest {
         AttachError::NotAligned { file: self.file.clone(), reason }
     }
 
+    /// Refuses a column that is named for both muscles.
+    pub(super) fn refuse_one_column_for_two_muscles(&self) -> Result<(), AttachError> {
+        let [Some(fcr), Some(ecr)] = &self.emg else { return Ok(()) };
+        if fcr != ecr {
+            return Ok(());
+        }
+        let found = format!("--emg-fcr and --emg-ecr both name column {fcr:?}");
+        Err(self.unexpected(found, "a column for each muscle; leave out the one that was not measured"))
+    }
+
     /// Name of the attachment.
     pub(super) fn attachment_name(&self) -> Result<String, AttachError> {
         let stem = self.file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -84,5 +94,33 @@ impl AttachRequest {
             ));
         }
         Ok(name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of_emg(fcr: Option<&str>, ecr: Option<&str>) -> AttachRequest {
+        AttachRequest {
+            session: PathBuf::new(),
+            file: "emg.csv".into(),
+            clock: ClockSource::Format,
+            reference: Reference::SessionClock,
+            table: None,
+            emg: [fcr, ecr].map(|own| own.map(str::to_owned)),
+            emg_at_mvc: [None, None],
+            name: None,
+        }
+    }
+
+    #[test]
+    fn one_column_is_not_the_emg_of_two_muscles() {
+        let refused = of_emg(Some("FCR"), Some("FCR")).refuse_one_column_for_two_muscles().unwrap_err();
+        assert!(refused.to_string().contains("both name column \"FCR\""), "{refused}");
+        for (fcr, ecr) in [(Some("FCR"), Some("ECR")), (Some("FCR"), None), (None, Some("FCR")), (None, None)]
+        {
+            assert!(of_emg(fcr, ecr).refuse_one_column_for_two_muscles().is_ok());
+        }
     }
 }

@@ -1,6 +1,9 @@
 //! A table of a recording with the times of its samples, which must go on.
 
+use std::ops::Range;
+
 use super::error::AttachError;
+use super::pieces::RecordingPart;
 use super::request::{AttachRequest, ClockSource};
 use super::trigger;
 use crate::import::{Recording, SourceTable, TIME_COLUMN};
@@ -76,9 +79,32 @@ impl<'a> TimedTable<'a> {
         Ok(values)
     }
 
-    /// Time from the first sample to the last, s.
-    pub fn length_s(&self) -> f64 {
-        self.times_s[self.times_s.len() - 1] - self.times_s[0]
+    /// Time that the recording and a part of it have in common, s.
+    pub fn length_within_s(&self, part: &RecordingPart) -> f64 {
+        let (first_s, last_s) = (self.times_s[0], self.times_s[self.times_s.len() - 1]);
+        (part.end.min(last_s) - part.start.max(first_s)).max(0.0)
+    }
+
+    /// Time without a sample in the gaps that a part of the recording has a share in, s.
+    pub fn missing_within_s(&self, part: RecordingPart) -> f64 {
+        let is_beside = |gap: &&usize| self.times_s[**gap] < part.end && self.times_s[**gap + 1] > part.start;
+        self.gaps.iter().filter(is_beside).map(|gap| self.missing_s(*gap)).sum()
+    }
+
+    /// When the longest gap begins, and the time in it without a sample, s; `None` without a gap.
+    pub fn longest_gap(&self) -> Option<(f64, f64)> {
+        let gaps = self.gaps.iter().map(|gap| (self.times_s[*gap], self.missing_s(*gap)));
+        gaps.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    fn missing_s(&self, gap: usize) -> f64 {
+        self.times_s[gap + 1] - self.times_s[gap] - 1.0 / self.rate_hz
+    }
+
+    /// The samples within a part of the recording.
+    pub fn samples_within(&self, part: &RecordingPart) -> Range<usize> {
+        let first = self.times_s.partition_point(|time_s| *time_s <= part.start);
+        first..self.times_s.partition_point(|time_s| *time_s < part.end).max(first)
     }
 
     /// The columns that are attached: all but that of time.

@@ -107,15 +107,16 @@ impl Verb for AttachArgs {
             writeln!(out, "chance that the holds are alike though the column is another: {chance:.1e}")?;
         }
         for step in &attachment.clock_steps {
-            console.announce(format_args!(
-                "between trials {} and {} the clocks step by {:.2} ms: samples were lost; what comes after is aligned by itself",
-                step.after_trial,
-                step.before_trial,
-                1e3 * step.step_s
-            ));
+            console.announce(step);
+        }
+        if let Some(gaps) = &attachment.gaps {
+            console.announce(gaps);
         }
         for frozen in &attachment.frozen_emg {
             console.announce(frozen);
+        }
+        for warning in &attachment.emg_warnings {
+            console.announce(warning);
         }
         for left in &attachment.left_out {
             console.announce(format_args!("trial {} left out: {}", left.trial, left.because));

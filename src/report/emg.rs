@@ -1,5 +1,6 @@
 //! EMG of the trials for their figures, and the onset of the reflex response of the stretched muscle.
 
+use crate::attach::shows_onsets;
 use crate::dataset::Record;
 
 /// Part of the record that is drawn before and after the onset of the ramp, s.
@@ -31,6 +32,8 @@ pub struct TrialEmg {
     pub hold_mvc: [Option<f64>; 2],
     /// Onset of the response of the stretched muscle after that of the ramp, s; `None` if none stands out.
     pub onset_s: Option<f64>,
+    /// Whether it has samples enough a second to show an onset.
+    pub shows_onsets: bool,
     /// Relative to its mean in the hold: EMG of the stretched muscle in the time in which a response is sought.
     after: Vec<f64>,
     /// The largest such value in each stretch of the hold.
@@ -82,6 +85,7 @@ pub fn trial_emg(record: &Record, onset: usize, velocity_rad_s: f64, period_s: f
         rectified_mvc: means.map(cut),
         hold_mvc,
         onset_s: None,
+        shows_onsets: shows_onsets(1.0 / period_s),
         after,
         peaks,
         period_s,
@@ -90,8 +94,11 @@ pub fn trial_emg(record: &Record, onset: usize, velocity_rad_s: f64, period_s: f
 
 /// Finds the onsets: the first time at which the stretched muscle exceeds the level that its EMG in the holds exceeds in `CHANCE`
 /// of the stretches as long as the time sought in. Holds are relative to their own mean, so that all trials share the level. No onset
-/// is found if the holds are too few to have such a level.
+/// is found if the holds are too few to have such a level, or the EMG has too few samples a second.
 pub fn find_onsets(trials: &mut [&mut TrialEmg]) {
+    if trials.iter().any(|emg| !emg.shows_onsets) {
+        return;
+    }
     let mut peaks: Vec<f64> = trials.iter().flat_map(|emg| emg.peaks.iter().copied()).collect();
     if peaks.len() < FEWEST_STRETCHES {
         return;
@@ -136,6 +143,21 @@ mod tests {
         let found = onsets(40, 1.0).into_iter().flatten().count();
         // 40 trials at 5 %: 7 or more have a probability below 1 %.
         assert!(found < 7, "{found}");
+    }
+
+    #[test]
+    fn emg_of_few_samples_a_second_has_no_latency() {
+        let mut stream = Stream::new(1, "emg");
+        let mut slow: Vec<TrialEmg> = (0..40)
+            .map(|_| {
+                let level = |sample: usize| if (515..530).contains(&sample) { 8.0 } else { 1.0 };
+                let emg = (0..750).map(|sample| 0.02 * level(sample) * stream.normal()).collect();
+                let own = Record { emg_fcr_mvc: Some(emg), ..Record::default() };
+                trial_emg(&own, 500, 2.0, 2e-3).unwrap()
+            })
+            .collect();
+        find_onsets(&mut slow.iter_mut().collect::<Vec<_>>());
+        assert!(slow.iter().all(|emg| emg.onset_s.is_none() && !emg.shows_onsets));
     }
 
     #[test]

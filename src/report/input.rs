@@ -39,8 +39,8 @@ pub struct ReportInput {
     pub fitted: Option<Fitted>,
     /// The measured and fitted traces of the trials.
     pub traces: Vec<Trace>,
-    /// The attachment that the EMG is from, and its samples a second; `None` for the EMG of the session's own records.
-    pub emg_from: Option<(String, f64)>,
+    /// The attachment that the EMG is from; `None` for the EMG of the session's own records.
+    pub emg_from: Option<EmgSource>,
     /// A second fit to lay beside the first, with its name.
     pub beside: Option<(String, Fitted)>,
     /// The diagnosis.
@@ -53,6 +53,33 @@ pub struct ReportInput {
     pub excluded: Vec<ExcludedTrial>,
     /// What is missing from this report, the reasons, and how to get it.
     pub missing: Vec<String>,
+}
+
+/// The attachment that the EMG of a report is from.
+#[derive(Debug)]
+pub struct EmgSource {
+    /// Its name.
+    pub name: String,
+    /// Its samples a second.
+    pub rate_hz: f64,
+    /// Names of the other attachments with EMG, which are not shown.
+    pub others: Vec<String>,
+}
+
+impl EmgSource {
+    /// The sentence of the report that names it.
+    pub fn sentence(&self) -> String {
+        let Self { name, rate_hz, others } = self;
+        let own = format!("The EMG is that of the attachment {name}, {rate_hz:.0} samples a second.");
+        if others.is_empty() {
+            return own;
+        }
+        format!(
+            "{own} The session has other attachments with EMG, which are not shown: {}. Of those with a value at maximal effort the first \
+             by name is shown.",
+            others.join(", ")
+        )
+    }
 }
 
 /// Lateness of the control cycle of a motor: delay between the scheduled and the actual start.
@@ -124,6 +151,9 @@ impl ReportInput {
         for frozen in attached.iter().flat_map(|own| &own.frozen) {
             missing.push(format!("Do not trust the attached {frozen}"));
         }
+        for warning in attached.iter().flat_map(|own| &own.warnings) {
+            missing.push(format!("Of the attached EMG: {warning}."));
+        }
         let (traces, excluded) =
             traces(&session, fitted.as_ref(), protocol.as_ref(), attached.as_ref(), &mut missing);
         let diagnosis = diagnosis.as_ref().map(Diagnosed::of);
@@ -139,7 +169,11 @@ impl ReportInput {
             lateness,
             fitted,
             traces,
-            emg_from: attached.map(|own| (own.name, own.rate_hz)),
+            emg_from: attached.map(|own| EmgSource {
+                name: own.name,
+                rate_hz: own.rate_hz,
+                others: own.others,
+            }),
             beside,
             diagnosis,
             missing,
@@ -247,4 +281,21 @@ fn diagnosis(results: &Folder) -> Result<Option<Value>, ReportError> {
     let Some(text) = text(results, "diagnosis.json", limits::DIAGNOSIS_BYTES)? else { return Ok(None) };
     let diagnosis = json_file::parse(&text, &results.path_of("diagnosis.json"), "ramphold-diagnosis/1");
     diagnosis.map(Some).map_err(|source| ReportError::Content { source, verb: "diagnose" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::EmgSource;
+
+    #[test]
+    fn a_report_says_which_of_several_attachments_it_shows() {
+        let source = |others: &[&str]| EmgSource {
+            name: "a".into(),
+            rate_hz: 2000.0,
+            others: others.iter().map(|own| (*own).into()).collect(),
+        };
+        assert_eq!(source(&[]).sentence(), "The EMG is that of the attachment a, 2000 samples a second.");
+        let several = source(&["b", "c"]).sentence();
+        assert!(several.contains("attachment a,") && several.contains("not shown: b, c."), "{several}");
+    }
 }

@@ -22,11 +22,14 @@ pub fn trial(trace: &Trace, window_s: f64, biases: &Biases) -> Figure {
         (_, Some(vaf)) => format!("Variance accounted for: {vaf:.5}."),
         _ => String::new(),
     };
-    let responses = match trace.emg.as_ref().map(|emg| emg.onset_s) {
-        Some(Some(onset_s)) => {
+    let responses = match trace.emg.as_ref().map(|emg| (emg.onset_s, emg.shows_onsets)) {
+        Some((Some(onset_s), _)) => {
             format!(" E: rectified EMG; the stretched muscle responds after {} ms.", milliseconds(onset_s))
         }
-        Some(None) => " E: rectified EMG; no response of the stretched muscle stands out.".to_owned(),
+        Some((None, false)) => {
+            " E: rectified EMG; it has too few samples a second to show when a response begins.".to_owned()
+        }
+        Some((None, true)) => " E: rectified EMG; no response of the stretched muscle stands out.".to_owned(),
         None => String::new(),
     };
     let further = match trace.further.as_slice() {

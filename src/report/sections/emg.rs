@@ -1,6 +1,7 @@
 //! EMG in the holds, and the onset of the reflex response.
 
 use super::ReportSection;
+use crate::attach::LOWEST_ONSET_HZ;
 use crate::report::derived::mean_sd;
 use crate::report::emg::CHANCE;
 use crate::report::figures::by_condition;
@@ -16,17 +17,8 @@ pub fn emg(input: &ReportInput) -> Option<ReportSection> {
     let measured = || input.traces.iter().filter_map(|trace| trace.emg.as_ref());
     measured().next()?;
     let mut section = ReportSection::new("emg", "EMG and reflexes");
-    let onsets: Vec<f64> = measured().filter_map(|emg| emg.onset_s).collect();
-    let window_s = input.window_s();
-    let within = onsets.iter().filter(|onset_s| **onset_s < window_s).count();
-    section.paragraph(&format!(
-        "The EMG of the stretched muscle responds to the ramp in {} of {} trials, in {within} of them within the analysed window of {} ms. \
-         By chance alone {:.0} % of the trials would show a response. The torque of a reflex follows its EMG.",
-        onsets.len(),
-        measured().count(),
-        milliseconds(window_s),
-        100.0 * CHANCE
-    ));
+    let shows_onsets = measured().any(|emg| emg.shows_onsets);
+    section.paragraph(&if shows_onsets { responses(input) } else { no_latency() });
     let head = [
         "condition",
         "trials",
@@ -47,15 +39,38 @@ pub fn emg(input: &ReportInput) -> Option<ReportSection> {
     if let Some(efforts) = efforts_table(input) {
         section.html += &efforts.html();
     }
-    if let Some((name, rate_hz)) = &input.emg_from {
-        section
-            .paragraph(&format!("The EMG is that of the attachment {name}, {rate_hz:.0} samples a second."));
+    if let Some(source) = &input.emg_from {
+        section.paragraph(&source.sentence());
     }
     section.paragraph(
         "Rectified EMG, averaged over 5 ms, relative to its mean in the last 0.5 s of the hold. The onset is the first time within 100 ms \
          at which it exceeds the level that 5 % of the 100 ms stretches of all holds exceed somewhere.",
     );
     Some(section)
+}
+
+/// In how many trials the stretched muscle responds.
+fn responses(input: &ReportInput) -> String {
+    let measured = || input.traces.iter().filter_map(|trace| trace.emg.as_ref());
+    let onsets: Vec<f64> = measured().filter_map(|emg| emg.onset_s).collect();
+    let window_s = input.window_s();
+    let within = onsets.iter().filter(|onset_s| **onset_s < window_s).count();
+    format!(
+        "The EMG of the stretched muscle responds to the ramp in {} of {} trials, in {within} of them within the analysed window of {} ms. \
+         By chance alone {:.0} % of the trials would show a response. The torque of a reflex follows its EMG.",
+        onsets.len(),
+        measured().count(),
+        milliseconds(window_s),
+        100.0 * CHANCE
+    )
+}
+
+/// Why slow EMG has no latency.
+fn no_latency() -> String {
+    format!(
+        "No latency of a response is given: the EMG has fewer than {LOWEST_ONSET_HZ} samples a second. Surface EMG reaches up to some 450 Hz, \
+         so that slower samples show neither its size over 5 ms nor when it begins."
+    )
 }
 
 /// Background and latency of each trial.
@@ -85,7 +100,7 @@ fn trials_table(input: &ReportInput) -> HtmlTable {
         caption: "EMG by trial".into(),
         head: head.map(String::from).to_vec(),
         rows: traces.into_iter().map(row).collect(),
-        note: Some("A dash: no response stands out, or the muscle was not measured.".into()),
+        note: Some("A dash: no response stands out, the muscle was not measured, or its EMG has too few samples a second.".into()),
     }
 }
 
