@@ -345,10 +345,15 @@ mod tests {
         ]);
         assert_eq!(knowledge.errors.len(), 3);
         for (quantity, se) in [(RigQuantity::TorqueGain, 0.002), (RigQuantity::TorqueCutoff, 8.0)] {
-            let centre = knowledge.constants.value(quantity).unwrap();
-            let squares = knowledge.errors.iter().map(|own| own.value(quantity).unwrap() - centre);
-            let variance: f64 = squares.map(|by| by * by).sum();
-            assert!((variance / (se * se) - 1.0).abs() < 1e-9, "{quantity:?}: {variance}");
+            let coordinate = |own: &RigConstants| quantity.normal_coordinate(own.value(quantity).unwrap());
+            let centre = coordinate(&knowledge.constants);
+            let variance: f64 = knowledge
+                .errors
+                .iter()
+                .map(|own| (coordinate(own) - centre) * (coordinate(own) - centre))
+                .sum();
+            let expected = quantity.normal_error(knowledge.constants.value(quantity).unwrap(), se);
+            assert!((variance / (expected * expected) - 1.0).abs() < 1e-9, "{quantity:?}: {variance}");
         }
     }
 }
