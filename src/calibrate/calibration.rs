@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::constants::{REPORTED, RigCoordinates};
-use super::covariance::{RigCovariance, covariance};
+use super::constants::RigCoordinates;
+use super::covariance::{RigCovariance, grown_covariance, mean_square};
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::input_check::contradictions;
@@ -141,36 +141,6 @@ pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
     // No motor is exactly of second order: what the model of the servo leaves is its noise.
     input.servo_scale = libm::sqrt(mean_square(&first, |channel| channel == MomentChannel::Servo).max(1.0));
     input.fit(&first.point)
-}
-
-/// Mean square of the moments of some channels, in standard deviations; the coordinates are few beside the moments.
-fn mean_square(fit: &RigFit, of: fn(MomentChannel) -> bool) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for own in &fit.equations {
-        for (label, value) in own.labels.iter().zip(own.standardised.iter()) {
-            if of(label.channel) {
-                sum += value * value;
-                count += 1.0;
-            }
-        }
-    }
-    if count > 0.0 { sum / count } else { 0.0 }
-}
-
-/// Covariance of the constants at a fit. Where the model leaves more than the noise, that of the constants that follow from the torque grows
-/// as much.
-pub fn grown_covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
-    let mut found = covariance(input, fit);
-    let growth = libm::sqrt(mean_square(fit, |channel| channel != MomentChannel::Servo).max(1.0));
-    let is_of_torque = |place: usize| place != 9 && place < REPORTED;
-    for row in 0..found.covariance.nrows() {
-        for column in 0..found.covariance.ncols() {
-            let factor = |place: usize| if is_of_torque(place) { growth } else { 1.0 };
-            found.covariance[(row, column)] *= factor(row) * factor(column);
-        }
-        found.data_se[row] *= if is_of_torque(row) { growth } else { 1.0 };
-    }
-    found
 }
 
 /// The loads of the file: what was at the handle in how many trials.

@@ -2,8 +2,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::constants::FIRST_KNOWN;
+use super::constants::{FIRST_KNOWN, REPORTED, SERVO_PLACE};
 use super::fit::{RigFit, RigFitInput};
+use super::moments::MomentChannel;
 use crate::statistics::t_quantile;
 
 /// Precision of a coordinate of which nothing is assumed: a hundred times what engineering allows.
@@ -129,4 +130,34 @@ pub fn inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
         }
         None => DMatrix::from_diagonal_element(size, size, f64::INFINITY),
     }
+}
+
+/// Mean square of the moments of some channels, in standard deviations; the coordinates are few beside the moments.
+pub fn mean_square(fit: &RigFit, of: fn(MomentChannel) -> bool) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for own in &fit.equations {
+        for (label, value) in own.labels.iter().zip(own.standardised.iter()) {
+            if of(label.channel) {
+                sum += value * value;
+                count += 1.0;
+            }
+        }
+    }
+    if count > 0.0 { sum / count } else { 0.0 }
+}
+
+/// Covariance of the constants at a fit. Where the model leaves more than the noise, that of the constants that follow from the torque grows
+/// as much.
+pub fn grown_covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
+    let mut found = covariance(input, fit);
+    let growth = libm::sqrt(mean_square(fit, |channel| channel != MomentChannel::Servo).max(1.0));
+    let is_of_torque = |place: usize| place != SERVO_PLACE && place < REPORTED;
+    for row in 0..found.covariance.nrows() {
+        for column in 0..found.covariance.ncols() {
+            let factor = |place: usize| if is_of_torque(place) { growth } else { 1.0 };
+            found.covariance[(row, column)] *= factor(row) * factor(column);
+        }
+        found.data_se[row] *= if is_of_torque(row) { growth } else { 1.0 };
+    }
+    found
 }

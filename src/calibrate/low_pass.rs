@@ -5,8 +5,8 @@
 //! from what channels have, and whatever is fitted with them is wrong. So the rig is compared with and without a low-pass, by what is
 //! known of sound channels and of faulty ones.
 
-use super::calibration::grown_covariance;
 use super::constants::{DELAY_PLACE, LAG_PLACE};
+use super::covariance::grown_covariance;
 use super::fit::{RigFit, RigFitInput};
 use super::reported::{Reported, reported, stated};
 use super::sound_rig::{RigDeviations, SOUND_DELAY_S};
