@@ -220,6 +220,9 @@ pub fn attach_streams(session: &Path, console: &Console) -> Result<(), Failure> 
                 for frozen in &attachment.frozen_emg {
                     console.announce(format_args!("stream {:?}: {frozen}", stream.name));
                 }
+                for warning in &attachment.emg_warnings {
+                    console.announce(format_args!("stream {:?}: {warning}", stream.name));
+                }
                 for left in &attachment.left_out {
                     console.announce(format_args!(
                         "stream {:?}, trial {} left out: {}",

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::error::ExportError;
 use super::fit_rows::fit_rows;
+use super::mat_attached::attached;
 use super::mat_file::{self, LARGEST_VARIABLE, MatValue, StructArray};
 use super::new_file::{refuse_existing, write_new};
 use super::record_channels::measured_channels;
@@ -85,6 +86,7 @@ fn session(folder: &Path) -> Result<MatValue, ExportError> {
         ("recorded_filter".into(), json(serde_json::json!(session.recorded_filter))),
         ("channels".into(), json(serde_json::json!(card.channels))),
         ("trials".into(), MatValue::Structs(trials(&session, &fits))),
+        ("attached".into(), attached(folder)?),
     ]))
 }
 

@@ -7,6 +7,7 @@ mod bids_folder;
 mod error;
 mod fit_rows;
 mod mat;
+mod mat_attached;
 mod mat_file;
 mod new_file;
 #[cfg(feature = "matlab")]

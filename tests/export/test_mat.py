@@ -9,6 +9,7 @@ import numpy
 import pytest
 import scipy.io
 from conftest import done, ramphold
+from other_device import RATE_HZ, Device
 from test_bids import records
 
 
@@ -90,3 +91,24 @@ def test_a_file_that_exists_is_not_overwritten(file, session):
     result = ramphold("export", session, "--mat", file)
     assert result.returncode == 2 and "exists already" in result.stderr
     assert file.read_bytes() == before
+
+
+def test_emg_of_another_device_is_there_at_its_own_rate(session, tmp_path):
+    device = Device(session, tmp_path)
+    emg, trigger, _ = device.samples.astype(float)
+    times = numpy.arange(len(emg)) / RATE_HZ
+    rows = numpy.column_stack([times, emg, trigger])
+    numpy.savetxt(tmp_path / "emg.csv", rows, delimiter=",", header="t,EMG 1,TRIG", comments="", fmt="%.9g")
+    copy = shutil.copytree(session, tmp_path / "s", symlinks=True)
+    more = ["--trigger", "TRIG", "--name", "lab", "--emg-fcr", "EMG 1", "--fcr-at-mvc", 2.5]
+    done("attach", copy, tmp_path / "emg.csv", "--time", "t", *more)
+    done("export", copy, session, "--mat", tmp_path / "both.mat")
+    with_emg, without = sessions(tmp_path / "both.mat")
+    own = with_emg.attached
+    assert numpy.size(without.attached) == 0
+    assert (own.name, own.emg_fcr.column, own.emg_fcr.at_mvc, own.emg_ecr.size) == ("lab", "EMG 1", 2.5, 0)
+    found = json.loads((copy / "attached/lab/attachment.json").read_text())["trials"]
+    assert [int(trial.trial) for trial in own.trials] == [trial["trial"] for trial in found]
+    for trial, told in zip(own.trials, found):
+        values = [float(row["EMG 1"]) for row in csv.DictReader((copy / "attached/lab" / told["file"]).open())]
+        assert numpy.allclose(trial.emg_fcr, values, rtol=1e-8) and len(values) > 1000
