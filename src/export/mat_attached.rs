@@ -7,15 +7,15 @@ use super::mat_file::{MatValue, StructArray};
 use crate::attach::{AttachedChannel, AttachedRecording, AttachedTrial, attached_recordings};
 
 /// The fields of an attachment, in order.
-const FIELDS: [&str; 5] = ["name", "rate_hz", "emg_fcr", "emg_ecr", "trials"];
+const ATTACHED_FIELDS: [&str; 5] = ["name", "rate_hz", "emg_fcr", "emg_ecr", "trials"];
 
 /// The fields of a trial of an attachment, in order.
-const TRIAL_FIELDS: [&str; 4] = ["trial", "start_s", "emg_fcr", "emg_ecr"];
+const ATTACHED_TRIAL_FIELDS: [&str; 4] = ["trial", "start_s", "emg_fcr", "emg_ecr"];
 
 /// The attachments of the session in `folder` that have EMG.
 pub fn attached(folder: &Path) -> Result<MatValue, ExportError> {
     let elements = attached_recordings(folder)?.iter().map(recording).collect();
-    Ok(MatValue::Structs(array(&FIELDS, elements)))
+    Ok(MatValue::Structs(array(&ATTACHED_FIELDS, elements)))
 }
 
 fn recording(own: &AttachedRecording) -> Vec<MatValue> {
@@ -26,7 +26,7 @@ fn recording(own: &AttachedRecording) -> Vec<MatValue> {
         MatValue::number(Some(own.rate_hz)),
         fcr,
         ecr,
-        MatValue::Structs(array(&TRIAL_FIELDS, trials)),
+        MatValue::Structs(array(&ATTACHED_TRIAL_FIELDS, trials)),
     ]
 }
 
