@@ -268,11 +268,9 @@ impl ConnectedStream {
             DescribedStream::read(xml, settings).map_err(|(found, expected)| problem(found, expected))?;
         let offset = inlet.clock_offset(WAIT_S).map_err(late("the time of its computer"))?;
         inlet.open(WAIT_S).map_err(late("its data"))?;
-        let newest_s = newest_stamp_s(&mut inlet, &described).map(|stamp_s| stamp_s + offset.offset_s);
-        if let Some(stamp_s) = newest_s
-            && let Some(StampChange::Off { late_s }) =
-                StampWatch::new(longest_silence_s(settings)).take(library.now_s() - stamp_s)
-        {
+        let watch = StampWatch::new(longest_silence_s(settings));
+        let late_s = |stamp_s: f64| library.now_s() - (stamp_s + offset.offset_s);
+        if let Some(late_s) = impossible_stamps(&mut inlet, &described, &watch, late_s) {
             return Err(problem(
                 stamps_off(late_s),
                 "stamps of when each sample was taken, by lsl_local_clock() (pylsl.local_clock()), or none, which liblsl then gives; not \
@@ -289,21 +287,29 @@ fn room(described: &DescribedStream) -> usize {
     (CHUNK_S * described.rate_hz).ceil().max(64.0) as usize
 }
 
-/// The stamp of the newest sample that has come, s, on the clock of the stream; `None` if none comes within the time that a look for a second
-/// stream has.
-fn newest_stamp_s(inlet: &mut Inlet, described: &DescribedStream) -> Option<f64> {
+/// How far the stamps of the newest samples that have come are behind the clock, s, if none of them is possible within the time that a look
+/// for a second stream has; `None`, too, if no sample comes.
+fn impossible_stamps(
+    inlet: &mut Inlet,
+    described: &DescribedStream,
+    watch: &StampWatch,
+    late_s: impl Fn(f64) -> f64,
+) -> Option<f64> {
     let channels = described.channels.len();
     let (mut values, mut times_s) = (vec![0.0; room(described) * channels], vec![0.0; room(described)]);
-    let (begun, mut newest_s) = (Instant::now(), None);
-    while newest_s.is_none() && begun.elapsed().as_secs_f64() < SECOND_WAIT_S {
+    let (begun, mut found_s) = (Instant::now(), None);
+    while begun.elapsed().as_secs_f64() < SECOND_WAIT_S {
         while let Ok(count) = inlet.pull(channels, &mut values, &mut times_s)
             && count > 0
         {
-            newest_s = Some(times_s[count - 1]);
+            found_s = Some(late_s(times_s[count - 1]));
+            if found_s.is_some_and(|late_s| watch.allows(late_s)) {
+                return None;
+            }
         }
         thread::sleep(PULL_PERIOD);
     }
-    newest_s
+    found_s
 }
 
 /// What the library looks for: fields of the description, as XPath.
@@ -403,7 +409,8 @@ impl TakenStream {
                 last_sample = Instant::now();
                 if count < self.room {
                     // Nothing newer has come.
-                    self.watch_stamps(library.now_s() - (last_stamp_s + last_offset.offset_s));
+                    let now_s = library.now_s();
+                    self.watch_stamps(now_s - (last_stamp_s + last_offset.offset_s), now_s);
                     break;
                 }
             }
@@ -463,8 +470,8 @@ impl TakenStream {
     }
 
     /// Samples whose time nobody knows are no better than none.
-    fn watch_stamps(&mut self, late_s: f64) {
-        let event = match self.stamps.take(late_s) {
+    fn watch_stamps(&mut self, late_s: f64, at_s: f64) {
+        let event = match self.stamps.take(late_s, at_s) {
             None => return,
             Some(StampChange::Off { late_s }) => {
                 StreamEvent::StampsOff { late_s, is_fault: self.settings.tolerate.silent_s.is_some() }
