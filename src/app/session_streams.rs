@@ -135,18 +135,23 @@ fn told(stream: &str, event: &StreamEvent) -> (OperatorAction, OperatorNotice) {
                 OperatorNotice::Message(text),
             )
         }
-        StreamEvent::StampsOff { late_s, is_fault } => {
+        StreamEvent::StampsOff { late_s, after_samples, is_fault } => {
             let then = if *is_fault {
                 ""
             } else {
-                "; the rig file tolerates it, and the session goes on; this stream cannot be placed on its time"
+                "; the rig file tolerates it, and the session goes on; what it sends until they are right has no place in the trials"
             };
             let text = format!("the stream {stream:?}: {}{then}", stamps_off(*late_s));
-            (OperatorAction::StreamStampsOff { stream: name, late_s: *late_s }, OperatorNotice::Alarm(text))
+            let (late_s, after_samples) = (*late_s, *after_samples);
+            (
+                OperatorAction::StreamStampsOff { stream: name, late_s, after_samples },
+                OperatorNotice::Alarm(text),
+            )
         }
-        StreamEvent::StampsRight => {
+        StreamEvent::StampsRight { after_samples } => {
             let text = format!("the time stamps of the stream {stream:?} are right again");
-            (OperatorAction::StreamStampsRight { stream: name }, OperatorNotice::Message(text))
+            let after_samples = *after_samples;
+            (OperatorAction::StreamStampsRight { stream: name, after_samples }, OperatorNotice::Message(text))
         }
         StreamEvent::NotRecorded { reason } => {
             let text = format!("the stream {stream:?} is not recorded any more: {reason}");

@@ -1,6 +1,7 @@
 //! A stream that was recorded with a session, cut into its trials by the clock that both have.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 use super::alignment::{Aligned, RecordingSource, cut};
@@ -58,7 +59,11 @@ pub fn align_stream(
     }
 
     let RecordedStream { columns, nominal_hz, times_s: stamps_s, clock_offsets, cut_off_bytes, .. } = stream;
-    let even = even_times(&stamps_s, nominal_hz);
+    let off = dataset::samples_with_stamps_off(session, &settings.name, file.run)?;
+    let right = parts_between(&off, stamps_s.len());
+    let even = even_times(right.iter().map(|part| &stamps_s[part.clone()]), nominal_hz);
+    let of_right = |values: Vec<f64>| right.iter().flat_map(|part| &values[part.clone()]).copied().collect();
+    let columns = columns.into_iter().map(|(name, values)| (name, of_right(values)));
     let columns = std::iter::once((TIME_COLUMN.to_owned(), even.times_s)).chain(columns).collect();
     let recording = Recording {
         tables: vec![SourceTable::new(format!("{}, stream {}", path.display(), settings.name), columns)],
@@ -91,6 +96,16 @@ pub fn align_stream(
     Ok(Some(aligned))
 }
 
+/// What of `samples` lies between the parts that are `left_out`.
+fn parts_between(left_out: &[Range<usize>], samples: usize) -> Vec<Range<usize>> {
+    let ends = std::iter::once(0).chain(left_out.iter().map(|part| part.end));
+    let starts = left_out.iter().map(|part| part.start).chain(std::iter::once(samples));
+    ends.zip(starts)
+        .map(|(from, to)| from.min(samples)..to.min(samples))
+        .filter(|part| part.start < part.end)
+        .collect()
+}
+
 /// The column of a channel.
 fn column(stream: &RecordedStream, channel: &StreamChannel) -> Result<String, (String, String)> {
     let place = match (&channel.label, channel.number) {
@@ -102,4 +117,17 @@ fn column(stream: &RecordedStream, channel: &StreamChannel) -> Result<String, (S
         let names: Vec<&str> = stream.columns.iter().map(|(name, _)| name.as_str()).collect();
         (format!("no channel {wanted}"), format!("one of {}", names.join(", ")))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_between_parts_that_are_left_out_is_kept() {
+        assert_eq!(parts_between(&[], 9), [0..9]);
+        assert_eq!(parts_between(&[2..4, 7..usize::MAX], 9), [0..2, 4..7]);
+        assert_eq!(parts_between(&[0..3, 20..30], 9), [3..9]);
+        assert!(parts_between(&[0..usize::MAX], 9).is_empty());
+    }
 }

@@ -9,7 +9,7 @@ use super::display_latency::DisplayLatency;
 use super::fitter::TrialFit;
 use super::reflexes::Reflexes;
 use super::trial_fits::TrialFits;
-use crate::dataset::{ActionOrigin, AuditEntry, OperatorAction};
+use crate::dataset::{ActionOrigin, AuditEntry, OperatorAction, stamps_from_clock};
 use crate::fit::{ConditionEstimate, QUANTITIES, TrialEstimate};
 use crate::report::SHOWN;
 use crate::rig::{Direction, Vitals};
@@ -126,11 +126,11 @@ impl LogEntry {
             OperatorAction::StreamLive { stream, channel, after_s } => {
                 Self::plain(&format!("stream {stream:?}: {channel} changes again after {after_s:.2} s"))
             }
-            OperatorAction::StreamStampsOff { stream, late_s } => {
-                let text = format!("stream {stream:?}: time stamps {late_s:.3} s behind the clock");
+            OperatorAction::StreamStampsOff { stream, late_s, .. } => {
+                let text = format!("stream {stream:?}: time stamps {} the clock", stamps_from_clock(*late_s));
                 Self::new(LogKind::Alarm, text)
             }
-            OperatorAction::StreamStampsRight { stream } => {
+            OperatorAction::StreamStampsRight { stream, .. } => {
                 Self::plain(&format!("stream {stream:?}: time stamps right again"))
             }
             OperatorAction::StreamNotRecorded { stream, because } => {

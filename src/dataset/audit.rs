@@ -76,11 +76,15 @@ pub enum OperatorAction {
         stream: String,
         /// How far they are behind the clock when the samples come, s; negative in the future.
         late_s: f64,
+        /// How many samples had been recorded in this run of the program when they were last right.
+        after_samples: u64,
     },
     /// The time stamps of a stream are right again.
     StreamStampsRight {
         /// Its name in the rig file.
         stream: String,
+        /// How many samples had been recorded in this run of the program by then.
+        after_samples: u64,
     },
     /// The samples of a stream cannot be written any more.
     StreamNotRecorded {
@@ -120,6 +124,11 @@ pub enum Wrist {
     /// The right wrist.
     #[default]
     Right,
+}
+
+/// How far stamps are from a clock, for a message: `3.000 s ahead of`; negative in the future.
+pub fn stamps_from_clock(late_s: f64) -> String {
+    format!("{:.3} s {}", late_s.abs(), if late_s < 0.0 { "ahead of" } else { "behind" })
 }
 
 /// An action with its time and origin.

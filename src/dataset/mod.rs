@@ -38,6 +38,7 @@ mod session_folders;
 mod session_schema;
 mod stored_protocol;
 mod stream_files;
+mod stream_stamps;
 mod tables;
 mod trial_csv_reader;
 mod trial_csv_writer;
@@ -49,7 +50,7 @@ use std::collections::BTreeMap;
 pub use crate::session::Status;
 pub use crate::wrist::FurtherChannel;
 pub use amendments::{AMENDMENTS, Amendment, Amendments};
-pub use audit::{ActionOrigin, AuditEntry, LONGEST_NOTE, OperatorAction, Wrist};
+pub use audit::{ActionOrigin, AuditEntry, LONGEST_NOTE, OperatorAction, Wrist, stamps_from_clock};
 pub use background_recorder::{AuditSender, BackgroundRecorder};
 pub use calibrated_range::LARGEST_NONLINEARITY;
 pub use csv_input::open_session;
@@ -87,6 +88,7 @@ pub use session_files::session_files;
 pub use session_folders::{is_session, session_folders};
 pub use stored_protocol::stored_protocol;
 pub use stream_files::{STREAMS, StreamFileName, stream_file_name, stream_files};
+pub use stream_stamps::samples_with_stamps_off;
 pub use utc::{utc_day, utc_seconds, utc_text};
 pub use xdf_chunk::{
     XDF_MAGIC, XdfTag, xdf_chunk, xdf_chunks, xdf_file_header, xdf_footer, xdf_stream_chunk,

@@ -2,8 +2,15 @@
 
 use std::ffi::{CStr, c_ulong};
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::library::{LslLibrary, Pointer, text};
+
+/// Longest time between two looks for samples.
+pub const PULL_PERIOD: Duration = Duration::from_millis(20);
+
+/// Time that samples are taken for at once, s; more are taken at the next look.
+const CHUNK_S: f64 = 0.5;
 
 /// Seconds of a stream that the library keeps while nobody takes them.
 const INLET_KEPT_S: i32 = 360;
@@ -175,4 +182,9 @@ impl Drop for Inlet {
         // SAFETY: the inlet is alive and is not used after this.
         unsafe { (self.library.inlets.destroy)(self.inlet) };
     }
+}
+
+/// Samples of a stream that are taken at once.
+pub fn room(rate_hz: f64) -> usize {
+    (CHUNK_S * rate_hz).ceil().max(64.0) as usize
 }

@@ -6,7 +6,8 @@
 //!
 //! ```text
 //! publisher           the session's end of the ring, and the thread that publishes
-//! recorder            the streams of a rig file: found, checked, and recorded on threads of their own
+//! recorder            streams while a session records them, on threads of their own
+//! connected_streams   the streams of a rig file: found and checked
 //! stream_description  what a stream says of itself, held against the rig file
 //! stream_file         a stream as it came, in an XDF file that survives the death of the program
 //! stamp_watch         whether time stamps can be those of the samples
@@ -17,6 +18,7 @@
 //! ```
 
 mod clock;
+mod connected_streams;
 mod inlet;
 mod library;
 mod publisher;
@@ -27,8 +29,9 @@ mod stream_file;
 mod stream_watch;
 
 pub use clock::LslClock;
+pub use connected_streams::ConnectedStreams;
 pub use library::{LslError, LslLibrary};
 pub use publisher::{LslFeed, LslPublisher, MARKERS_STREAM, SIGNALS_STREAM};
-pub use recorder::{ConnectedStreams, StreamEvent, StreamRecording, TellStream};
+pub use recorder::{StreamEvent, StreamRecording, TellStream};
 pub use stamp_watch::stamps_off;
 pub use stream_watch::{StreamWatch, WatchedRig};

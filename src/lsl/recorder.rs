@@ -1,4 +1,4 @@
-//! Records the streams of a rig file, each on a thread of its own: the control loop never waits for them.
+//! Records the streams of a session, each on a thread of its own: the control loop never waits for them.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,36 +7,22 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use super::clock::LslClock;
-use super::inlet::{ClockOffset, FoundStream, Inlet, InletFailure};
-use super::library::{LslError, LslLibrary};
-use super::stamp_watch::{StampChange, StampWatch, stamps_off};
+use super::connected_streams::{ConnectedStream, ConnectedStreams};
+use super::inlet::{ClockOffset, Inlet, InletFailure, PULL_PERIOD, room};
+use super::library::LslLibrary;
+use super::stamp_watch::{StampChange, StampWatch};
 use super::stream_description::DescribedStream;
 use super::stream_file::StreamFile;
-use super::stream_watch::{StreamHealth, StreamWatch};
+use super::stream_watch::{StreamHealth, StreamWatch, longest_silence_s};
 use crate::consistency::{EmgChange, FrozenWatch};
 use crate::dataset::{RecordError, STREAMS, stream_file_name};
 use crate::rig::StreamSettings;
 
-/// How long a stream is looked for, and waited for at each step of taking it in, s.
-const WAIT_S: f64 = 10.0;
-
-/// How long a second stream that fits is looked for once there is one, s.
-const SECOND_WAIT_S: f64 = 1.0;
-
-/// Longest time between two looks for samples.
-const PULL_PERIOD: Duration = Duration::from_millis(20);
-
 /// Time between two measurements of the clock that are kept: the library measures every 5 s.
 const CLOCK_PERIOD: Duration = Duration::from_secs(2);
 
-/// Time that samples are taken for at once, s; more are taken at the next look.
-const CHUNK_S: f64 = 0.5;
-
 /// Longest wait at the end of a session for samples that were taken before it.
 const END_WAIT: Duration = Duration::from_secs(2);
-
-/// Length of a tolerated silence after which the operator gets a message, s.
-const NOTED_SILENCE_S: f64 = 1.0;
 
 /// What happens to a stream in a session.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,11 +63,16 @@ pub enum StreamEvent {
     StampsOff {
         /// How far they are behind the clock when the samples come, s; negative in the future.
         late_s: f64,
+        /// How many samples had been recorded when they were last right.
+        after_samples: u64,
         /// Whether that is a fault.
         is_fault: bool,
     },
     /// Its time stamps are right again.
-    StampsRight,
+    StampsRight {
+        /// How many samples had been recorded by then.
+        after_samples: u64,
+    },
     /// Its samples cannot be written.
     NotRecorded {
         /// Why.
@@ -92,68 +83,7 @@ pub enum StreamEvent {
 /// How a session hears of its streams: name of the stream, and what happened.
 pub type TellStream = Arc<dyn Fn(&str, StreamEvent) + Send + Sync>;
 
-/// The streams of a rig file, found and taken in.
-#[derive(Debug)]
-pub struct ConnectedStreams {
-    library: Arc<LslLibrary>,
-    streams: Vec<ConnectedStream>,
-    clock: LslClock,
-}
-
-#[derive(Debug)]
-struct ConnectedStream {
-    settings: StreamSettings,
-    described: DescribedStream,
-    inlet: Inlet,
-    watch: StreamWatch,
-    /// The clock of its computer when it was taken in.
-    offset: ClockOffset,
-}
-
 impl ConnectedStreams {
-    /// Finds the streams, and holds each against its description in the rig file.
-    ///
-    /// # Errors
-    /// If one is not there, there are several of it, or it is not as it must be.
-    pub fn connect(library: LslLibrary, streams: &[StreamSettings]) -> Result<Self, LslError> {
-        let library = Arc::new(library);
-        let clock = LslClock::unknown();
-        clock.read(&library);
-        let streams: Result<Vec<ConnectedStream>, LslError> =
-            streams.iter().map(|settings| ConnectedStream::connect(&library, settings)).collect();
-        Ok(Self { streams: streams?, library, clock })
-    }
-
-    /// The watches of the streams, for the rig.
-    pub fn watches(&self) -> Vec<StreamWatch> {
-        self.streams.iter().map(|stream| stream.watch.clone()).collect()
-    }
-
-    /// The clock of the library, to be asked from any thread.
-    pub fn clock(&self) -> LslClock {
-        self.clock.clone()
-    }
-
-    /// What was found, a line for each stream.
-    pub fn described(&self) -> Vec<String> {
-        let line = |stream: &ConnectedStream| {
-            let DescribedStream { channels, rate_hz, source_id, .. } = &stream.described;
-            let again = if source_id.is_empty() {
-                "; it says no source id, so it cannot be found again if it stops"
-            } else {
-                ""
-            };
-            format!(
-                "stream {:?}: {} channels, {rate_hz} samples a second, clock offset {:.3} ms within {:.3} ms{again}",
-                stream.settings.name,
-                channels.len(),
-                1e3 * stream.offset.offset_s,
-                1e3 * stream.offset.uncertainty_s
-            )
-        };
-        self.streams.iter().map(line).collect()
-    }
-
     /// Begins to record the streams into the folder of a session, in the `run`th run of the program on it, counted from 1.
     ///
     /// # Errors
@@ -171,7 +101,7 @@ impl ConnectedStreams {
             let name = stream_file_name(&settings.file_stem(), run);
             let file = StreamFile::begin(session, &name, described.clone())?;
             let taken = TakenStream {
-                room: room(&described),
+                room: room(described.rate_hz),
                 channels: described.channels.len(),
                 emg: WatchedEmg::all(&described, &settings),
                 stamps: StampWatch::new(longest_silence_s(&settings)),
@@ -219,128 +149,6 @@ impl Drop for StreamRecording {
     fn drop(&mut self) {
         self.end();
     }
-}
-
-impl ConnectedStream {
-    fn connect(library: &Arc<LslLibrary>, settings: &StreamSettings) -> Result<Self, LslError> {
-        let problem = |found: String, expected: String| LslError::Stream {
-            stream: settings.name.clone(),
-            found,
-            expected,
-        };
-        let predicate = predicate(settings);
-        let mut found = FoundStream::resolve(library, &predicate, 1, WAIT_S);
-        if !found.is_empty() {
-            found = FoundStream::resolve(library, &predicate, 2, SECOND_WAIT_S);
-        }
-        let stream = match found.as_slice() {
-            [] => {
-                let others = FoundStream::resolve(library, "name!=''", 8, SECOND_WAIT_S);
-                let others: Vec<String> = others.iter().map(|own| told(&own.xml())).collect();
-                return Err(problem(
-                    format!("not found within {WAIT_S} s; on the network are: {}", listed(&others)),
-                    "its device to run and to publish it, in the same network, under the name, type and source_id of the rig file"
-                        .to_owned(),
-                ));
-            }
-            [one] => one,
-            several => {
-                let several: Vec<String> = several.iter().map(|own| told(&own.xml())).collect();
-                return Err(problem(
-                    format!("{} streams that fit: {}", several.len(), listed(&several)),
-                    "one; give its type or source_id in the rig file, or stop the other".to_owned(),
-                ));
-            }
-        };
-        let late = |what: &'static str| {
-            move |_: InletFailure| {
-                problem(
-                    format!("{what} did not come within {WAIT_S} s"),
-                    "a device that answers; is a firewall between?".to_owned(),
-                )
-            }
-        };
-        let mut inlet = stream.inlet().ok_or_else(|| {
-            problem("liblsl cannot take it in".to_owned(), "memory for 360 s of it".to_owned())
-        })?;
-        let xml = inlet.description(WAIT_S).map_err(late("its description"))?;
-        let described =
-            DescribedStream::read(xml, settings).map_err(|(found, expected)| problem(found, expected))?;
-        let offset = inlet.clock_offset(WAIT_S).map_err(late("the time of its computer"))?;
-        inlet.open(WAIT_S).map_err(late("its data"))?;
-        let watch = StampWatch::new(longest_silence_s(settings));
-        let late_s = |stamp_s: f64| library.now_s() - (stamp_s + offset.offset_s);
-        if let Some(late_s) = impossible_stamps(&mut inlet, &described, &watch, late_s) {
-            return Err(problem(
-                stamps_off(late_s),
-                "stamps of when each sample was taken, by lsl_local_clock() (pylsl.local_clock()), or none, which liblsl then gives; not \
-                 the time of day, and not the time since the device was switched on"
-                    .to_owned(),
-            ));
-        }
-        Ok(Self { watch: StreamWatch::new(settings), settings: settings.clone(), described, inlet, offset })
-    }
-}
-
-/// Samples that are taken at once.
-fn room(described: &DescribedStream) -> usize {
-    (CHUNK_S * described.rate_hz).ceil().max(64.0) as usize
-}
-
-/// How far the stamps of the newest samples that have come are behind the clock, s, if none of them is possible within the time that a look
-/// for a second stream has; `None`, too, if no sample comes.
-fn impossible_stamps(
-    inlet: &mut Inlet,
-    described: &DescribedStream,
-    watch: &StampWatch,
-    late_s: impl Fn(f64) -> f64,
-) -> Option<f64> {
-    let channels = described.channels.len();
-    let (mut values, mut times_s) = (vec![0.0; room(described) * channels], vec![0.0; room(described)]);
-    let (begun, mut found_s) = (Instant::now(), None);
-    while begun.elapsed().as_secs_f64() < SECOND_WAIT_S {
-        while let Ok(count) = inlet.pull(channels, &mut values, &mut times_s)
-            && count > 0
-        {
-            found_s = Some(late_s(times_s[count - 1]));
-            if found_s.is_some_and(|late_s| watch.allows(late_s)) {
-                return None;
-            }
-        }
-        thread::sleep(PULL_PERIOD);
-    }
-    found_s
-}
-
-/// What the library looks for: fields of the description, as XPath.
-fn predicate(settings: &StreamSettings) -> String {
-    let fields = [
-        ("name", Some(&settings.name)),
-        ("type", settings.kind.as_ref()),
-        ("source_id", settings.source_id.as_ref()),
-    ];
-    let given = fields.iter().filter_map(|(field, text)| Some(format!("{field}=\"{}\"", (*text)?)));
-    given.collect::<Vec<_>>().join(" and ")
-}
-
-/// Name, type, source id and host of a stream, for a message.
-fn told(xml: &str) -> String {
-    let Ok(document) = roxmltree::Document::parse(xml) else { return "one without a description".to_owned() };
-    let field = |name: &str| {
-        let node = document.root_element().children().find(|node| node.has_tag_name(name));
-        node.and_then(|node| node.text()).unwrap_or_default().to_owned()
-    };
-    format!(
-        "{:?} (type {:?}, source_id {:?}, on {})",
-        field("name"),
-        field("type"),
-        field("source_id"),
-        field("hostname")
-    )
-}
-
-fn listed(streams: &[String]) -> String {
-    if streams.is_empty() { "none".to_owned() } else { streams.join("; ") }
 }
 
 /// A stream on its thread.
@@ -405,6 +213,7 @@ impl TakenStream {
                 if std::mem::take(&mut is_silent) {
                     self.back(last_sample.elapsed());
                 }
+                self.stamps.samples(&times_s[..count]);
                 self.watch_emg(&values[..count * self.channels]);
                 last_sample = Instant::now();
                 if count < self.room {
@@ -473,10 +282,11 @@ impl TakenStream {
     fn watch_stamps(&mut self, late_s: f64, at_s: f64) {
         let event = match self.stamps.take(late_s, at_s) {
             None => return,
-            Some(StampChange::Off { late_s }) => {
-                StreamEvent::StampsOff { late_s, is_fault: self.settings.tolerate.silent_s.is_some() }
+            Some(StampChange::Off { late_s, after_samples }) => {
+                let is_fault = self.settings.tolerate.silent_s.is_some();
+                StreamEvent::StampsOff { late_s, after_samples, is_fault }
             }
-            Some(StampChange::Right) => StreamEvent::StampsRight,
+            Some(StampChange::Right { after_samples }) => StreamEvent::StampsRight { after_samples },
         };
         self.set_health();
         (self.tell)(&self.settings.name, event);
@@ -509,6 +319,7 @@ impl TakenStream {
             own.watch.interrupt();
             own.is_frozen = false;
         }
+        self.stamps.interrupt();
         self.set_health();
         (self.tell)(&self.settings.name, StreamEvent::Back { after_s: silence.as_secs_f64() });
     }
@@ -531,9 +342,4 @@ impl WatchedEmg {
         let own = |(name, place)| Self { name, place, watch: watch.clone(), is_frozen: false };
         described.emg_places(settings).into_iter().map(own).collect()
     }
-}
-
-/// Time without a new value that is let pass, s.
-fn longest_silence_s(settings: &StreamSettings) -> f64 {
-    settings.tolerate.silent_s.unwrap_or(NOTED_SILENCE_S)
 }

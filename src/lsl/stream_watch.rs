@@ -11,6 +11,9 @@ use crate::rig::{
     StreamSettings, Vitals,
 };
 
+/// Length of a tolerated silence after which the operator gets a message, s.
+const NOTED_SILENCE_S: f64 = 1.0;
+
 /// How a stream is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -90,6 +93,11 @@ impl StreamWatch {
             _ => None,
         }
     }
+}
+
+/// Time without a new value that is let pass, s.
+pub fn longest_silence_s(settings: &StreamSettings) -> f64 {
+    settings.tolerate.silent_s.unwrap_or(NOTED_SILENCE_S)
 }
 
 /// A rig, and the streams that a session on it needs.

@@ -61,6 +61,9 @@ pub fn trial_emg(record: &Record, onset: usize, velocity_rad_s: f64, period_s: f
     let samples = |time_s: f64| libm::round(time_s / period_s) as usize;
     let means = channels.map(|channel| channel.as_ref().map(|emg| rectified(emg, period_s)));
     let length = means.iter().flatten().map(Vec::len).min()?;
+    if length <= onset {
+        return None;
+    }
     let drawn = onset.saturating_sub(samples(DRAWN_S.0))..(onset + samples(DRAWN_S.1)).min(length);
     // A mean that reaches into the ramp is none of the hold.
     let hold = onset.saturating_sub(samples(HOLD_S))..onset.saturating_sub(samples(MEAN_S));
@@ -143,6 +146,12 @@ mod tests {
         let found = onsets(40, 1.0).into_iter().flatten().count();
         // 40 trials at 5 %: 7 or more have a probability below 1 %.
         assert!(found < 7, "{found}");
+    }
+
+    #[test]
+    fn emg_that_ends_before_the_ramp_is_not_drawn() {
+        let record = Record { emg_fcr_mvc: Some(vec![0.1; 900]), ..Record::default() };
+        assert!(trial_emg(&record, 1000, 2.0, 1e-3).is_none());
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use serde_json::Value;
 
+use crate::dataset::stamps_from_clock;
+
 /// The times of a session, from its journal.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SessionTimes {
@@ -114,7 +116,10 @@ fn stream_incident(deed: &Value) -> Option<String> {
     }
     if let Some((name, off)) = of("stream_stamps_off") {
         let late_s = off["late_s"].as_f64()?;
-        return Some(format!("stream {name} with wrong time stamps: {late_s:.3} s behind the clock"));
+        return Some(format!(
+            "stream {name} with wrong time stamps: {} the clock",
+            stamps_from_clock(late_s)
+        ));
     }
     if let Some((name, _)) = of("stream_stamps_right") {
         return Some(format!("stream {name} with right time stamps again"));
@@ -184,7 +189,7 @@ mod tests {
         let incidents: Vec<String> =
             times(&text, 100.0).incidents.into_iter().map(|(_, what)| what).collect();
         let expected = [
-            "stream EMG with wrong time stamps: -3.000 s behind the clock",
+            "stream EMG with wrong time stamps: 3.000 s ahead of the clock",
             "stream EMG with right time stamps again",
         ];
         assert_eq!(incidents, expected);

@@ -24,7 +24,7 @@ def main():
     parser.add_argument("--silent", type=float, nargs=2, help="from when to when nothing is sent, s")
     parser.add_argument("--frozen", type=float, nargs=2, help="from when to when the EMG keeps its last value, s")
     parser.add_argument("--ahead", type=float, default=0, help="how far the stream's stamps are ahead of the clock, s")
-    parser.add_argument("--jump", type=float, nargs=2, default=[float("inf"), 0], help="from when the stamps are ahead, and by how much, s")
+    parser.add_argument("--jump", type=float, nargs=3, default=[0, 0, 0], help="from when to when the stamps are ahead, and by how much, s")
     given = parser.parse_args()
     info = pylsl.StreamInfo(given.name, "EMG", given.channels, given.nominal, given.format, given.source)
     channels = info.desc().append_child("channels")
@@ -53,7 +53,7 @@ def main():
             values = [[*sample(own), at, *[0.0] * 9][: given.channels] for own, at in zip(held, times)]
             # Parcels are stamped when they are sent, as amplifiers do: late, never early.
             stamp = pylsl.local_clock() if given.parcel > 1 else times[-1]
-            jump = given.jump[1] if times[0] - start >= given.jump[0] else 0
+            jump = given.jump[2] if given.jump[0] <= times[0] - start < given.jump[1] else 0
             outlet.push_chunk(values, stamp + given.ahead + jump)
         time.sleep(0.002)
 

@@ -194,16 +194,31 @@ def test_a_stream_with_the_stamps_of_another_clock_is_refused_before_there_is_a_
     assert not (lab.folder / "s").exists()
 
 
-def test_a_clock_that_jumps_is_a_fault_while_the_session_runs(lab):
-    lab.amplifier("--jump", 9, 3)
+@pytest.mark.parametrize(("jump_s", "late"), [(3, "-"), (-3, "")])
+def test_a_clock_that_jumps_is_a_fault_while_the_session_runs(lab, jump_s, late):
+    lab.amplifier("--jump", 9, 1e9, jump_s)
     result = lab.ramphold(*real_time(lab.files(repetitions=6)))
     assert result.returncode != 0
     assert 'the time stamps of the stream "Amplifier 7" cannot be when its samples were taken' in result.stderr, result.stderr
     session = lab.folder / "s"
     journal = (session / "journal.log").read_text()
-    assert '"kind":"stream_stamps_off"' in journal and '"stream_stamps_off":{"stream":"Amplifier 7","late_s":-' in journal
+    assert '"kind":"stream_stamps_off"' in journal and '"stream_stamps_off":{"stream":"Amplifier 7","late_s":' + late in journal
     # What was attached is from before the jump.
     assert numpy.abs(offsets_ms(session)).max() < 1
+
+
+@pytest.mark.parametrize("jump_s", [3, -3])
+def test_a_jump_that_is_tolerated_costs_the_trials_beside_it_and_no_others(lab, jump_s):
+    lab.amplifier("--jump", 10, 12, jump_s)
+    result = lab.ramphold(*real_time(lab.files(repetitions=5, tolerate={"silent_s": None})))
+    assert result.returncode == 0, result.stderr
+    assert "s behind the clock" in result.stderr or "s ahead of the clock" in result.stderr, result.stderr
+    assert "are right again" in result.stderr, result.stderr
+    own = attachment(lab.folder / "s")
+    left = [left["because"] for left in own["left_out"]]
+    assert 1 <= len(left) <= 2 and all("the recording has a gap in it" in because for because in left), left
+    assert len(own["trials"]) + len(left) == len(list(csv.DictReader((lab.folder / "s/trials.csv").open())))
+    assert numpy.abs(offsets_ms(lab.folder / "s")).max() < 1
 
 
 def test_emg_that_stands_still_is_a_fault_while_the_session_runs(lab):
