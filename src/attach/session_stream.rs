@@ -125,9 +125,8 @@ mod tests {
 
     #[test]
     fn what_lies_between_parts_that_are_left_out_is_kept() {
-        assert_eq!(parts_between(&[], 9), [0..9]);
+        assert_eq!(parts_between(&[], 9), std::slice::from_ref(&(0..9)));
         assert_eq!(parts_between(&[2..4, 7..usize::MAX], 9), [0..2, 4..7]);
-        assert_eq!(parts_between(&[0..3, 20..30], 9), [3..9]);
-        assert!(parts_between(&[0..usize::MAX], 9).is_empty());
+        assert!(parts_between(&[0..5, 5..30], 9).is_empty());
     }
 }
