@@ -9,7 +9,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT = {"build": "0123456", "parts": "with all", "tools": "rustc 1, valgrind 1",
-        "counts": {"dry run": 3_000_000, "diagnosis": 2_000_000, "fit": 1_000_000}}
+        "counts": {"dry run": 3_000_000, "diagnosis": 2_000_000, "fit": 1_000_000},
+        "shares": {name: {"`ramphold::wrist`": 0.6, "`sha2`": 0.4} for name in ["dry run", "diagnosis", "fit"]}}
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +33,7 @@ def count_as(instructions, monkeypatch, tmp_path):
     def run(*arguments, **times):
         factors = {name.replace("_", " "): factor for name, factor in times.items()}
         monkeypatch.setattr(instructions, "counted", lambda _, name: round(KEPT["counts"][name] * factors.get(name, 1)))
+        monkeypatch.setattr(instructions, "shares", lambda _: KEPT["shares"]["fit"])
         monkeypatch.setattr(instructions.sys, "argv", ["instructions", *arguments])
         return instructions.main()
 
@@ -70,6 +72,17 @@ def test_the_count_is_read_from_what_valgrind_says(instructions):
     assert instructions.read_count("==1== \n==1== I   refs:      6,076,215,360\n") == 6_076_215_360
     with pytest.raises(SystemExit, match="counted nothing"):
         instructions.read_count("==1== error\n")
+
+
+def test_instructions_are_shared_among_the_parts_that_execute_them(instructions, tmp_path):
+    (tmp_path / "functions").write_text("fl=a\nfn=<ramphold::fit::Fit as core::fmt::Debug>::fmt\n0 10\n3 50\nfn=<&mut core::slice::Iter as X>::next\n0 30\n"
+                                        "fn=memcpy\n0 10\nsummary: 100\n")
+    assert instructions.shares(tmp_path / "functions") == {"`ramphold::fit`": 0.6, "`core`": 0.3, "the C library": 0.1}
+
+
+def test_a_part_that_is_small_in_every_command_is_not_in_the_table(instructions):
+    table = instructions.share_table({"fit": {"`sha2`": 0.9, "`core`": 0.019}, "dry run": {"`csv`": 0.5}})
+    assert table.splitlines()[2:] == ["| `sha2` | 90.0% | 0.0% |", "| `csv` | 0.0% | 50.0% |"]
 
 
 def test_the_page_has_the_counts_of_the_file(instructions):
