@@ -198,13 +198,21 @@ def mechanism_list(added: Sequence[Mapping[str, Any] | OwnLaw]) -> list[dict[str
 
 def check_for_model(added: Sequence[Mapping[str, Any]]) -> None:
     """Refuses mechanisms that are not in the model of the wrist, and values outside of the catalogue's bounds, with the words of `fit`."""
-    entries = {own["id"]: own for own in json.loads(catalogue())}
     for index, own in enumerate(added):
         if own.get("mechanism") == "mains_hum":
             raise InputError(
                 f"mechanisms[{index}]: mains_hum is in the record and not in the model of the wrist, so it changes nothing here; subtract"
                 " the hum from the record: diagnose finds it in the hold and subtracts it, and Session.simulate makes records with it"
             )
+    if outside := outside_catalogue(added):
+        raise InputError(outside[0])
+
+
+def outside_catalogue(added: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What is outside of the catalogue's bounds, such as a latency in ms."""
+    entries = {own["id"]: own for own in json.loads(catalogue())}
+    found = []
+    for index, own in enumerate(added):
         values = own.get("parameters")
         entry = entries.get(str(own.get("mechanism")))
         if entry is None or not isinstance(values, Mapping):
@@ -212,9 +220,8 @@ def check_for_model(added: Sequence[Mapping[str, Any]]) -> None:
         for known in entry["parameters"]:
             value = values.get(known["name"])
             if isinstance(value, (int, float, np.integer, np.floating)) and not known["low"] <= value <= known["high"]:
-                raise InputError(
-                    f"mechanisms[{index}].parameters.{known['name']}: value {value} is outside {known['low']:g} to {known['high']:g}"
-                )
+                found.append(f"mechanisms[{index}].parameters.{known['name']}: value {value} is outside {known['low']:g} to {known['high']:g}")
+    return found
 
 
 def model_text(model: Mapping[str, Any] | None, added: Sequence[Mapping[str, Any] | OwnLaw]) -> dict[str, Any] | None:

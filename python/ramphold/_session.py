@@ -17,7 +17,7 @@ from ._arguments import PathOrJson, count, flag, json_text, label, listener, nam
 from ._arrays import cell_text, channel_arrays, is_empty, optional_mapping, sample_rate, table_rows, time_arrays, whole_number
 from ._calibration import CalibrationSource, calibration_argument
 from ._errors import InputError
-from ._law import OwnLaw, mechanism_list, model_text
+from ._law import OwnLaw, mechanism_list, model_text, outside_catalogue
 from ._native import NativeSession
 from ._pickles import folder_files, from_folder_files
 from ._protocol import Protocol
@@ -130,7 +130,7 @@ class Session:
 
         person, rig: files or dicts, as for `ramphold run`; without them the average person and the assumed rig.
         mechanisms: what the wrist or the rig does beyond the model: a list of {"mechanism": id, "parameters": {name: value}} with
-            every parameter (`ramphold.mechanisms()` lists them), or `OwnLaw`.
+            every parameter (`ramphold.mechanisms()` lists them), or `OwnLaw`. Warns of values outside of their bounds there.
         """
         own = protocol if isinstance(protocol, Protocol) else Protocol(protocol)
         added = mechanism_list(mechanisms)
@@ -143,6 +143,8 @@ class Session:
             label(subject, "subject"),
             count(subject_number, "subject_number", 1, 2**32 - 1),
         )
+        for outside in outside_catalogue(added):
+            warnings.warn(f"{outside}, where diagnose looks for it: is its unit right?", stacklevel=2)
         return cls(native)
 
     def __copy__(self) -> Session:

@@ -134,6 +134,12 @@ def test_values_outside_the_bounds_are_refused_with_the_words_of_the_fit(loaded,
             call()
 
 
+def test_a_session_may_have_values_outside_the_bounds_and_says_so():
+    reflex = {"mechanism": "stretch_reflex", "parameters": {"gain_nm_s_per_rad": 0.3, "latency_s": 25.0, "time_constant_s": 0.01}}
+    with pytest.warns(UserWarning, match=r"mechanisms\[0\].parameters.latency_s: value 25.* is outside 0.012 to 0.2"):
+        ramphold.Session.simulate(QUICK, 1, mechanisms=[reflex])
+
+
 def test_angles_that_are_no_change_from_the_hold_are_refused(ramp):
     theta = np.clip(2.0 * (np.arange(260) / 2500.0 - 0.04), 0.0, 0.09)
     settings = {"onset": 100, "lever": LEVER}

@@ -18,6 +18,8 @@ pub struct CommandLineOperator {
     stop: Arc<AtomicBool>,
     bar: ProgressBar,
     console: Console,
+    /// Attempts that were made before this run of the program.
+    earlier: usize,
 }
 
 impl CommandLineOperator {
@@ -29,7 +31,7 @@ impl CommandLineOperator {
         let bar = ProgressBar::with_draw_target(Some(planned), target);
         let style = ProgressStyle::with_template("{bar:30} trial {pos} of {len}, {eta} left: {msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-        Self { stop, bar, console: *console }
+        Self { stop, bar, console: *console, earlier: machine.progress().attempts().len() }
     }
 
     /// Removes the progress bar.
@@ -55,7 +57,7 @@ impl Operator for CommandLineOperator {
             self.bar.set_message(machine.phase().name());
         }
         if !self.is_stopped()
-            && let Some(failing) = machine.progress().every_trial_fails()
+            && let Some(failing) = machine.progress().every_trial_fails(self.earlier)
         {
             self.console.error(failing);
             self.stop.store(true, Ordering::Relaxed);

@@ -108,6 +108,9 @@ impl SessionRequest<'_> {
         if let Some(model) = self.model {
             add_mechanisms_of_model(model, &subject, &mut setup)?;
         }
+        for outside in subject.mechanisms.and(&setup.mechanisms).outside_catalogue() {
+            console.message(outside);
+        }
         let seed = self.seed.unwrap_or_else(draw_seed);
         let order = schedule::draw(self.protocol, seed, subject_number(&subject.id))?;
         let settings = Settings::new(self.protocol, seed, &order)?;

@@ -13,7 +13,7 @@ use super::misfit::{RigMisfit, cells, misfit, scatter_within};
 use super::moments::MomentChannel;
 use super::prepared_rig::{PreparedRig, SEED};
 use super::prepared_trial::PreparedTrial;
-use super::reported::{reported, stated};
+use super::reported::{Reported, stated};
 use super::rig_contradiction::named_load;
 use super::sound_rig::{RigDeviations, ToldConstant};
 use super::starts::fit_from_starts;
@@ -66,15 +66,17 @@ pub fn calibrate(
         torque_scale: 1.0,
         servo_scale: 1.0,
     };
-    let fit = fit_with_scatter(&mut input);
-    let (fit, no_low_pass) = match without_low_pass(&mut input, &fit, trials.lever) {
-        Some((without, reason)) => (without, Some(reason)),
-        None => (fit, None),
-    };
+    let mut fit = fit_with_scatter(&mut input);
+    let mut found = grown_covariance(&input, &fit);
+    let mut reported = Reported::new(&input, &fit.point, &found, trials.lever);
+    let mut no_low_pass = None;
+    if let Some((without, reason)) = without_low_pass(&mut input, &fit, &reported, trials.lever) {
+        (fit, no_low_pass) = (without, Some(reason));
+        found = grown_covariance(&input, &fit);
+        reported = Reported::new(&input, &fit.point, &found, trials.lever);
+    }
     let misfit = misfit(&input, &fit, &mut Stream::new(SEED, "calibrate/misfit"));
-    let found = grown_covariance(&input, &fit);
     let mut loads = check_loads(&input, &fit);
-    let mut reported = reported(&input, &fit.point, &found, trials.lever);
     let is_target = prepared.angle_against_target.is_some_and(|own| own.is_target());
     let no_servo = is_target.then(|| ANGLE_IS_TARGET.to_owned());
     for (name, reason) in [(RigQuantity::ServoBandwidth, no_servo), (RigQuantity::TorqueCutoff, no_low_pass)]

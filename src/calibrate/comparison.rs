@@ -7,11 +7,13 @@ use super::constants::{CoordinateScale, REPORTED, RigCoordinates};
 use super::covariance::{INTERVAL, inverse};
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
+use super::input_check::contradictions;
 use super::misfit::square_root;
 use super::prepared_rig::PreparedRig;
 use crate::dataset::{RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials, time_constant_s};
 use crate::protocol::RigLoad;
 use crate::statistics::{chi_square_tail, holm, t_two_sided};
+use crate::wrist::Lever;
 
 /// Significance level over all quantities.
 pub const DIFFERENCE_LEVEL: f64 = 0.05;
@@ -53,7 +55,7 @@ pub struct RigComparison {
 /// uncertainty.
 ///
 /// # Errors
-/// If there are no trials with the empty handle in motion, or the calibration has no values.
+/// If there are no trials with the empty handle in motion, if they contradict what is stated of them, or if the calibration has no values.
 pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigComparison, CalibrateError> {
     if calibration.covariance_of.is_empty() {
         return Err(CalibrateError::NothingCalibrated(calibration.session.clone()));
@@ -63,6 +65,10 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
     let prepared = PreparedRig::new(trials, of_the_empty_handle, Some(&calibration.noise.spectrum)).map_err(
         |error| if error == CalibrateError::NoMotion { CalibrateError::NoEmptyHandle } else { error },
     )?;
+    let against = contradictions(&prepared, calibrated_lever(calibration).or(trials.lever));
+    if !against.is_empty() {
+        return Err(CalibrateError::Contradicts(against));
+    }
     let coordinates = RigCoordinates::new(trials.lever, prepared.largest_nm, Vec::new());
     let (prior, prior_covariance) = calibrated_prior(&coordinates, calibration);
     let mean = prior.mean.clone();
@@ -124,6 +130,15 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
         trials: prepared.trials.len(),
         p_value: unchanged.p_value(),
         quantities: found.into_iter().map(|(_, own)| own).collect(),
+    })
+}
+
+/// The lever of a calibration that tells all of it.
+fn calibrated_lever(calibration: &RigCalibration) -> Option<Lever> {
+    Some(Lever {
+        inertia_kg_m2: calibration.value(RigQuantity::LeverInertia)?,
+        damping_nm_s_per_rad: calibration.value(RigQuantity::LeverDamping)?,
+        stiffness_nm_per_rad: calibration.value(RigQuantity::LeverStiffness)?,
     })
 }
 

@@ -6,9 +6,8 @@
 //! known of sound channels and of faulty ones.
 
 use super::constants::{DELAY_PLACE, LAG_PLACE};
-use super::covariance::grown_covariance;
 use super::fit::{RigFit, RigFitInput};
-use super::reported::{Reported, reported, stated};
+use super::reported::{Reported, stated};
 use super::sound_rig::{RigDeviations, SOUND_DELAY_S};
 use super::stated_rig::probability_of_fault;
 use crate::dataset::{RigCalibration, RigQuantity};
@@ -19,14 +18,14 @@ use crate::wrist::mechanisms::MechanismKind;
 /// Probability of a low-pass below which there is none.
 const PROBABLE: f64 = 0.5;
 
-/// A fit without the low-pass that another one has, if the rig probably has none; and why it has none.
+/// A fit without the low-pass that `fit` has, as `reported`, if the rig probably has none; and why it has none.
 pub fn without_low_pass(
     input: &mut RigFitInput<'_>,
     fit: &RigFit,
+    reported: &Reported,
     lever: Option<Lever>,
 ) -> Option<(RigFit, String)> {
-    let Reported { quantities, covariance } =
-        reported(input, &fit.point, &grown_covariance(input, fit), lever);
+    let Reported { quantities, covariance } = reported.clone();
     let told = RigCalibration::new(String::new(), String::new(), quantities, covariance);
     let (cutoff_hz, se) = told.value(RigQuantity::TorqueCutoff).zip(told.se(RigQuantity::TorqueCutoff))?;
     let deviations = RigDeviations::of(&told, lever, |quantity| stated(quantity, lever));

@@ -10,6 +10,7 @@ use crate::protocol::RigLoad;
 use crate::wrist::Lever;
 
 /// What is reported of the coordinates.
+#[derive(Debug, Clone)]
 pub struct Reported {
     /// The quantities, in the order of the file.
     pub quantities: Vec<CalibratedQuantity>,
@@ -17,66 +18,73 @@ pub struct Reported {
     pub covariance: Vec<Vec<f64>>,
 }
 
-/// The reported quantities of a fit.
-pub fn reported(
-    input: &RigFitInput<'_>,
-    point: &DVector<f64>,
-    found: &RigCovariance,
-    lever: Option<Lever>,
-) -> Reported {
-    let scales = &input.coordinates.scales;
-    let state = |place: usize| {
-        // A coordinate whose interval is wider than what engineering allows is not told.
-        if INTERVAL * found.data_se[place] > 1.0 {
-            return if place == LAG_PLACE { fast_low_pass(input, point) } else { Told::Unknown };
-        }
-        let se = libm::sqrt(found.covariance[(place, place)]);
-        told(RigQuantity::ALL[place], scales[place], point[place], se)
-    };
-    let mut states: Vec<Told> = (0..REPORTED).map(state).collect();
-    if lever.is_none() {
-        keep_whole_lever(&mut states[LEVER_PLACES]);
-    }
-    let mut in_delay = DMatrix::identity(point.len(), point.len());
-    if !matches!(states[LAG_PLACE], Told::Value { .. }) {
-        // A low-pass that is too fast to be seen delays, and nobody takes it into account otherwise.
-        in_delay[(DELAY_PLACE, LAG_PLACE)] = scales[LAG_PLACE].range() / scales[DELAY_PLACE].range();
-        states[DELAY_PLACE] = whole_delay(input, point, found, &in_delay);
-    }
-    let covariance = combined(&in_delay, &found.covariance);
-    let untold: Vec<usize> = (0..REPORTED).filter(|place| matches!(states[*place], Told::Unknown)).collect();
-    let quantities = (0..REPORTED).map(|place| {
-        let name = RigQuantity::ALL[place];
-        let (value, se, reason) = match &states[place] {
-            Told::Value { value, se, .. } => (Some(*value), Some(*se), None),
-            Told::Bound(reason) => (None, None, Some(reason.clone())),
-            Told::Unknown => (None, None, Some(reason(input, found, place, &untold))),
+impl Reported {
+    /// The reported quantities of a fit.
+    pub fn new(
+        input: &RigFitInput<'_>,
+        point: &DVector<f64>,
+        found: &RigCovariance,
+        lever: Option<Lever>,
+    ) -> Self {
+        let scales = &input.coordinates.scales;
+        let state = |place: usize| {
+            // A coordinate whose interval is wider than what engineering allows is not told.
+            if INTERVAL * found.data_se[place] > 1.0 {
+                return if place == LAG_PLACE { fast_low_pass(input, point) } else { Told::Unknown };
+            }
+            let se = libm::sqrt(found.covariance[(place, place)]);
+            told(RigQuantity::ALL[place], scales[place], point[place], se)
         };
-        CalibratedQuantity { name, value, se, stated: stated(name, lever), reason }
-    });
-    let quantities: Vec<CalibratedQuantity> = quantities.collect();
-    let known: Vec<(usize, f64)> = states
-        .iter()
-        .enumerate()
-        .filter_map(|(place, state)| match state {
-            Told::Value { se, sign, .. } => Some((place, se * sign)),
-            _ => None,
-        })
-        .collect();
-    let correlation = |row: usize, column: usize| {
-        let variance = |place: usize| covariance[(place, place)];
-        covariance[(row, column)] / libm::sqrt(variance(row) * variance(column))
-    };
-    let covariance = known
-        .iter()
-        .map(|(row, se)| {
-            let with = |(column, other): &(usize, f64)| {
-                if row == column { se * se } else { correlation(*row, *column).clamp(-1.0, 1.0) * se * other }
+        let mut states: Vec<Told> = (0..REPORTED).map(state).collect();
+        if lever.is_none() {
+            keep_whole_lever(&mut states[LEVER_PLACES]);
+        }
+        let mut in_delay = DMatrix::identity(point.len(), point.len());
+        if !matches!(states[LAG_PLACE], Told::Value { .. }) {
+            // A low-pass that is too fast to be seen delays, and nobody takes it into account otherwise.
+            in_delay[(DELAY_PLACE, LAG_PLACE)] = scales[LAG_PLACE].range() / scales[DELAY_PLACE].range();
+            states[DELAY_PLACE] = whole_delay(input, point, found, &in_delay);
+        }
+        let covariance = combined(&in_delay, &found.covariance);
+        let untold: Vec<usize> =
+            (0..REPORTED).filter(|place| matches!(states[*place], Told::Unknown)).collect();
+        let quantities = (0..REPORTED).map(|place| {
+            let name = RigQuantity::ALL[place];
+            let (value, se, reason) = match &states[place] {
+                Told::Value { value, se, .. } => (Some(*value), Some(*se), None),
+                Told::Bound(reason) => (None, None, Some(reason.clone())),
+                Told::Unknown => (None, None, Some(reason(input, found, place, &untold))),
             };
-            known.iter().map(with).collect()
-        })
-        .collect();
-    Reported { quantities, covariance }
+            CalibratedQuantity { name, value, se, stated: stated(name, lever), reason }
+        });
+        let quantities: Vec<CalibratedQuantity> = quantities.collect();
+        let known: Vec<(usize, f64)> = states
+            .iter()
+            .enumerate()
+            .filter_map(|(place, state)| match state {
+                Told::Value { se, sign, .. } => Some((place, se * sign)),
+                _ => None,
+            })
+            .collect();
+        let correlation = |row: usize, column: usize| {
+            let variance = |place: usize| covariance[(place, place)];
+            covariance[(row, column)] / libm::sqrt(variance(row) * variance(column))
+        };
+        let covariance = known
+            .iter()
+            .map(|(row, se)| {
+                let with = |(column, other): &(usize, f64)| {
+                    if row == column {
+                        se * se
+                    } else {
+                        correlation(*row, *column).clamp(-1.0, 1.0) * se * other
+                    }
+                };
+                known.iter().map(with).collect()
+            })
+            .collect();
+        Self { quantities, covariance }
+    }
 }
 
 /// Of a handle that is stated as rigid, the trials tell a whole lever or none.

@@ -114,7 +114,8 @@ pub fn write_session(
     let opened = new_folder(folder)?;
     let disk = Disk::default();
     let mut made = BTreeSet::new();
-    for trial in &session.trials {
+    // An aborted trial may have no record.
+    for trial in session.trials.iter().filter(|trial| !trial.file.is_empty()) {
         let parent = Path::new(&trial.file).parent().filter(|parent| !parent.as_os_str().is_empty());
         if let Some(parent) = parent
             && made.insert(parent)
@@ -234,14 +235,24 @@ mod tests {
 
     #[test]
     fn a_session_that_was_given_reads_back_the_same() {
-        let (session, times_s) = given();
+        let (mut session, times_s) = given();
         check_given(&session, &times_s).unwrap();
+        let aborted = Trial {
+            number: 3,
+            file: String::new(),
+            onset_s: None,
+            status: Status::Aborted,
+            record: Record::default(),
+            ..session.trials[0].clone()
+        };
+        session.trials.push(aborted);
         let parent = tempfile::tempdir().unwrap();
         let folder = parent.path().join("s");
         write_session(&session, None, None, &folder).unwrap();
         let again = load(&folder).unwrap();
         assert_eq!(again.digest(), session.digest());
         assert_eq!(again.trials[1].record, session.trials[1].record);
+        assert!(again.trials[2].record.theta_m_rad.is_empty());
         let error = write_session(&session, None, None, &folder).unwrap_err();
         assert!(error.to_string().contains("exists already"), "{error}");
     }

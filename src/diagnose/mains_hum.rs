@@ -1,12 +1,10 @@
 //! Mains hum. It is present in the hold as in the ramp: it is detected in the holds and subtracted from the whole record.
 
-use statrs::distribution::{ContinuousCDF, FisherSnedecor};
-
 use super::interval::Interval;
 use crate::dataset::{Session, Status, Trial};
 use crate::fit::onset_sample;
 use crate::signal::Sinusoid;
-use crate::statistics::largest_posterior;
+use crate::statistics::{f_tail, largest_posterior};
 
 /// Mains hum found in the holds.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -84,7 +82,7 @@ fn at(session: &Session, hz: f64) -> Option<DetectedHum> {
     }
     let freedom = 2.0 * count;
     let ratio = mean(&powers) / mean(&beside);
-    let tail = FisherSnedecor::new(freedom, freedom * NEIGHBOUR_LINES.len() as f64 / 2.0).ok()?.sf(ratio);
+    let tail = f_tail(ratio, [freedom, freedom * NEIGHBOUR_LINES.len() as f64 / 2.0]);
     let excess: Vec<f64> = powers.iter().zip(&beside).map(|(own, beside)| own - beside).collect();
     let spread = excess.iter().map(|own| (own - mean(&excess)) * (own - mean(&excess))).sum::<f64>();
     let margin = 1.96 * libm::sqrt(spread / (count - 1.0) / count);
@@ -116,4 +114,53 @@ fn hold(trial: &Trial, period_s: f64) -> Option<&[f64]> {
     let end = onset_sample(trial, period_s)?;
     let longest = libm::round(MAX_HOLD_S / period_s) as usize;
     trial.record.torque_l_nm.get(end.saturating_sub(longest)..end)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::{Record, Subject};
+    use crate::random::Stream;
+
+    /// Two trials with noise of 0.01 N m and hum of 0.05 N m at 50 Hz in their holds, all `times` as large.
+    fn humming(times: f64) -> Session {
+        let mut noise = Stream::new(4, "hum");
+        let trial = |number: u32| {
+            let hum = |time_s: f64| 0.05 * libm::sin(2.0 * std::f64::consts::PI * 50.0 * time_s);
+            let torque = |sample: u32| times * (hum(f64::from(sample) / 1000.0) + 0.01 * noise.normal());
+            let torque_l_nm: Vec<f64> = (0..1200).map(torque).collect();
+            let theta_m_rad = vec![0.0; torque_l_nm.len()];
+            Trial {
+                number,
+                file: String::new(),
+                velocity_rad_s: 1.0,
+                torque_nm: 1.0,
+                repetition: 1,
+                condition: None,
+                onset_s: Some(1.0),
+                status: Status::Ok,
+                extra: Default::default(),
+                record: Record { theta_m_rad, torque_l_nm, ..Record::default() },
+            }
+        };
+        Session {
+            subject: Subject { id: "P1".into() },
+            sample_rate_hz: 1000.0,
+            lever: None,
+            recorded_filter: None,
+            trials: [1, 2].map(trial).into(),
+        }
+    }
+
+    #[test]
+    fn hum_in_the_holds_is_found_with_its_amplitude() {
+        let found = detect_hum(&humming(1.0)).unwrap();
+        assert_eq!(found.frequency_hz, 50.0);
+        assert!((found.amplitude_nm[0] - 0.05).abs() < 0.005, "{found:?}");
+    }
+
+    #[test]
+    fn a_torque_whose_square_is_beyond_all_numbers_has_no_hum() {
+        assert!(detect_hum(&humming(1e200)).is_none());
+    }
 }

@@ -1,17 +1,22 @@
-//! A session as an NWB file (Neurodata Without Borders 2, in HDF5): a time series for each channel, and a table of the trials.
+//! A session as an NWB file (Neurodata Without Borders 2, in HDF5): a time series for each channel and for the EMG of each
+//! attachment, and a table of the trials.
 //!
 //! A session always makes the same bytes: identifiers follow from the session, and no date is that of the export.
 
+mod attached;
 mod objects;
+mod series;
 mod subject;
 mod trials;
 
 use std::path::Path;
 
-use hdf5_pure::{AttrValue, FileBuilder, GroupBuilder};
+use hdf5_pure::{FileBuilder, GroupBuilder};
 use serde_json::json;
 
+use self::attached::add_attached;
 use self::objects::{NwbType, ObjectIds, fill_text, text};
+use self::series::{Series, add_series};
 use self::subject::add_subject;
 use self::trials::add_trials;
 use super::error::ExportError;
@@ -20,6 +25,7 @@ use super::new_file::{refuse_existing, write_new};
 use super::record_channels::{RecordChannel, measured_channels};
 use super::sidecars;
 use super::trial_times::{PlacedTrial, TrialTimes};
+use crate::attach::attached_recordings;
 use crate::dataset::{self, Session, SessionCard, utc_seconds, utc_text, utc_text_us};
 
 /// The version of the format that is written.
@@ -59,7 +65,10 @@ pub fn write(folder: &Path, file: &Path) -> Result<(), ExportError> {
 
     let mut acquisition = builder.create_group("acquisition");
     for channel in measured_channels(&session) {
-        add_series(&mut acquisition, &channel, &placed, &card, &ids);
+        add_series(&mut acquisition, measured(&channel, &placed, &card), &ids);
+    }
+    for recording in attached_recordings(folder)? {
+        add_attached(&mut acquisition, &recording, &placed, &ids);
     }
     builder.add_group(acquisition.finish());
     for name in ["analysis", "processing"] {
@@ -131,43 +140,23 @@ fn description(start: &SessionStart, has_unknown_breaks: bool) -> String {
     )
 }
 
-/// Adds the time series of a channel, the trials one after the other; none where no trial with a time has the channel.
-fn add_series(
-    acquisition: &mut GroupBuilder,
-    channel: &RecordChannel,
-    placed: &[PlacedTrial],
-    card: &SessionCard,
-    ids: &ObjectIds,
-) {
+/// The time series of a channel, the trials one after the other; without values where no trial with a time has the channel.
+fn measured(channel: &RecordChannel, placed: &[PlacedTrial], card: &SessionCard) -> Series<'static> {
     let (mut values, mut times_s) = (Vec::new(), Vec::new());
     for own in placed {
         let Some(samples) = (channel.samples)(&own.trial.record) else { continue };
         values.extend_from_slice(samples);
         times_s.extend((0..samples.len()).map(|sample| own.sample_s(sample)));
     }
-    if values.is_empty() {
-        return;
+    let known = card.channels.get(channel.column);
+    Series {
+        name: channel.column.to_owned(),
+        description: channel.title.to_owned(),
+        comments: known.map(|known| format!("From session.json: {}", json!(known))),
+        unit: channel.unit,
+        values,
+        times_s,
     }
-    let path = format!("/acquisition/{}", channel.column);
-    let mut series = ids.group(acquisition, NwbType::TimeSeries, &path);
-    series.set_attr("description", text(channel.title));
-    if let Some(known) = card.channels.get(channel.column) {
-        series.set_attr("comments", text(format!("From session.json: {}", json!(known))));
-    }
-    series
-        .create_dataset("data")
-        .with_f64_data(&values)
-        .set_attr("conversion", AttrValue::F32(1.0))
-        .set_attr("offset", AttrValue::F32(0.0))
-        // The value for one that is not known.
-        .set_attr("resolution", AttrValue::F32(-1.0))
-        .set_attr("unit", text(channel.unit));
-    series
-        .create_dataset("timestamps")
-        .with_f64_data(&times_s)
-        .set_attr("interval", AttrValue::I32(1))
-        .set_attr("unit", text("seconds"));
-    acquisition.add_group(series.finish());
 }
 
 /// Adds what is known of the experiment to the group `general`.

@@ -116,6 +116,11 @@ impl PlacedTrial<'_> {
         self.at(self.start_s + sample as f64 / self.rate_hz)
     }
 
+    /// Time that has `record_s` on the axis of the trial's record, s.
+    pub fn record_s(&self, record_s: f64) -> f64 {
+        self.at(self.start_s + record_s - self.trial.record.start_s)
+    }
+
     /// Time of the onset, s.
     pub fn onset_s(&self) -> f64 {
         self.at(self.ramp_s)

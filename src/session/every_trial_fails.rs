@@ -22,9 +22,9 @@ pub struct EveryTrialFails {
 }
 
 impl Progress {
-    /// Whether so many trials in a row failed that nothing else is to be expected.
-    pub fn every_trial_fails(&self) -> Option<EveryTrialFails> {
-        let ended = self.attempts().iter().rev().filter_map(|attempt| attempt.ended);
+    /// Whether so many trials in a row failed, without the first `before` attempts, that nothing else is to be expected.
+    pub fn every_trial_fails(&self, before: usize) -> Option<EveryTrialFails> {
+        let ended = self.attempts().iter().skip(before).rev().filter_map(|attempt| attempt.ended);
         let mut failed = ended.take_while(|(status, _)| *status != Status::Ok);
         let (_, because) = failed.next()?;
         let failed = 1 + failed.count();

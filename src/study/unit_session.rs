@@ -155,7 +155,7 @@ fn run_to_the_end<E>(
     if machine.phase() == Phase::Finished {
         return Ok(Ok(()));
     }
-    if let Some(failing) = machine.progress().every_trial_fails() {
+    if let Some(failing) = machine.progress().every_trial_fails(0) {
         return Err(failing.into());
     }
     Err(UnitError::Ended { left: machine.progress().queue().len(), fault: operator.fault })
@@ -169,7 +169,7 @@ struct Unattended {
 
 impl Operator for Unattended {
     fn poll_command(&mut self, machine: &Machine) -> Option<Event> {
-        if machine.progress().every_trial_fails().is_some() {
+        if machine.progress().every_trial_fails(0).is_some() {
             return Some(Event::Abort);
         }
         // A virtual rig mounts its loads by itself, in some time.

@@ -8,6 +8,7 @@ from datetime import datetime, timezone
 import numpy
 import pytest
 from conftest import done, ramphold
+from other_device import RATE_HZ, Device
 from nwbinspector import Importance, inspect_nwbfile
 from pynwb import NWBHDF5IO
 from test_bids import records
@@ -171,6 +172,34 @@ def test_a_session_always_makes_the_same_file(file, session, tmp_path):
     shutil.copytree(session, tmp_path / "elsewhere")
     done("export", tmp_path / "elsewhere", "--nwb", tmp_path / "again.nwb")
     assert (tmp_path / "again.nwb").read_bytes() == file.read_bytes()
+
+
+def test_emg_of_another_device_is_a_series_of_its_own_at_the_times_of_the_attachment(session, tmp_path):
+    device = Device(session, tmp_path)
+    emg, trigger, _ = device.samples.astype(float)
+    times = numpy.arange(len(emg)) / RATE_HZ
+    rows = numpy.column_stack([times, emg, trigger])
+    numpy.savetxt(tmp_path / "emg.csv", rows, delimiter=",", header="t,EMG 1,TRIG", comments="", fmt="%.9g")
+    copy = shutil.copytree(session, tmp_path / "s", symlinks=True)
+    more = ["--trigger", "TRIG", "--name", "lab", "--emg-fcr", "EMG 1", "--fcr-at-mvc", 2.5]
+    done("attach", copy, tmp_path / "emg.csv", "--time", "t", *more)
+    done("export", copy, "--nwb", tmp_path / "s.nwb")
+    told = json.loads((copy / "attached/lab/attachment.json").read_text())["trials"]
+    with NWBHDF5IO(tmp_path / "s.nwb", "r") as io:
+        nwb = io.read()
+        assert set(nwb.acquisition) == {*UNITS, "emg_fcr_lab"}
+        series, onsets = nwb.acquisition["emg_fcr_lab"], nwb.trials.to_dataframe()["onset_time"]
+        rows = {int(row["trial"]): row for row in csv.DictReader((copy / "trials.csv").open())}
+        values, times_s = [], []
+        for trial in told:
+            own = list(csv.DictReader((copy / "attached/lab" / trial["file"]).open()))
+            values += [float(row["EMG 1"]) / 2.5 for row in own]
+            onset_s = float(rows[trial["trial"]]["onset_s"])
+            times_s += [float(row["t_s"]) - onset_s + onsets[trial["trial"]] for row in own]
+        assert series.unit == "MVC" and "attachment lab" in series.description
+        assert numpy.allclose(series.data[:], values, rtol=1e-8) and len(values) > 1000
+        assert numpy.abs(series.timestamps[:] - times_s).max() < 2e-5
+    assert found(tmp_path / "s.nwb") == []
 
 
 def test_a_file_that_exists_is_not_overwritten(file, session):

@@ -1,10 +1,10 @@
 //! Mistakes of people who hang weights and clamp handles, and rigs that are odd and right.
 
 use super::simulator::{ALL_LOADS, TrueRig, rig_trials};
-use super::yielding_rig;
+use super::{of_the_day, yielding_rig};
 use crate::calibrate::input_check::contradictions;
 use crate::calibrate::prepared_rig::PreparedRig;
-use crate::calibrate::{CalibrateError, calibrate};
+use crate::calibrate::{CalibrateError, calibrate, compare};
 use crate::dataset::{RigTrial, RigTrials};
 use crate::protocol::RigLoad;
 use crate::wrist::Lever;
@@ -125,5 +125,28 @@ fn odd_rigs_that_are_right_contradict_nothing() {
         let prepared = PreparedRig::new(&trials, |_| true, None).unwrap();
         let found = contradictions(&prepared, trials.lever);
         assert!(found.is_empty(), "{rig:?}: {}", found[0]);
+    }
+}
+
+#[test]
+fn ramps_of_another_day_that_cannot_be_right_are_not_compared_with_the_calibration() {
+    let rig = TrueRig::usual(12);
+    let calibration =
+        calibrate(&rig_trials(&rig, ALL_LOADS, |_| 1.0), "ramphold", "rig").unwrap().calibration;
+    for (angle, torque, mistake) in [
+        (57.3, 1.0, "Is theta_m_rad in degrees?"),
+        (1.0, 1000.0, "Is torque_l_nm in mN m?"),
+        (1.0, -1.0, "Has torque_l_nm the sign"),
+        (1.0, 20.0, "Was the handle empty and free?"),
+    ] {
+        let mut trials = of_the_day(&TrueRig { seed: 13, ..rig.clone() });
+        for trial in &mut trials.trials {
+            trial.record.theta_m_rad.iter_mut().for_each(|value| *value *= angle);
+            trial.record.torque_l_nm.iter_mut().for_each(|value| *value *= torque);
+        }
+        // The calibration knows the lever, whether the session of today says what it is or not.
+        trials.lever = None;
+        let error = compare(&trials, &calibration).unwrap_err().to_string();
+        assert!(error.contains(mistake), "{error}");
     }
 }

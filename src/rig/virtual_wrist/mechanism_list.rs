@@ -39,6 +39,22 @@ impl MechanismList {
         own.collect()
     }
 
+    /// Values that are outside of what the catalogue has for the parameter, for the operator: a latency in ms is one.
+    pub fn outside_catalogue(&self) -> Vec<String> {
+        let parameters = self.kinds.iter().flat_map(|kind| {
+            kind.parameters()
+                .iter()
+                .map(move |parameter| (kind.id(), parameter.name, parameter.low, parameter.high))
+        });
+        parameters
+            .zip(&self.parameters)
+            .filter(|((_, _, low, high), value)| !(*low..=*high).contains(*value))
+            .map(|((id, name, low, high), value)| {
+                format!("mechanism {id}: {name} is {value}, outside of {low} to {high}, where diagnose looks for it: is its unit right?")
+            })
+            .collect()
+    }
+
     /// The list with every effect that begins before the onset moved to the onset: the subject does not know of the ramp before.
     pub fn starting_at_onset(mut self) -> Self {
         let mut rest = self.parameters.as_mut_slice();
@@ -167,6 +183,18 @@ mod tests {
         assert_eq!(read.parameters, [0.05, 1.0, 0.005]);
         let again: MechanismList = serde_json::from_str(&serde_json::to_string(&read).unwrap()).unwrap();
         assert_eq!(again, read);
+    }
+
+    #[test]
+    fn a_value_that_no_diagnosis_would_find_is_told_with_the_bounds() {
+        let told = |text: &str| serde_json::from_str::<MechanismList>(text).unwrap().outside_catalogue();
+        assert!(told(r#"[{"mechanism":"fatigue","parameters":{"fraction":0.05}}]"#).is_empty());
+        let late = told(
+            r#"[{"mechanism":"fatigue","parameters":{"fraction":0.05}},
+            {"mechanism":"torque_drift","parameters":{"slope_nm_per_s":1.0,"start_s":5}}]"#,
+        );
+        assert_eq!(late.len(), 1);
+        assert!(late[0].starts_with("mechanism torque_drift: start_s is 5, outside of"), "{late:?}");
     }
 
     #[test]
