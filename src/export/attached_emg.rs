@@ -15,7 +15,7 @@ use crate::attach::{AttachedChannel, AttachedRecording, AttachedTrial, attached_
 use crate::dataset::Trial;
 
 /// Muscle, and name of the channel, in the order of the channels.
-const MUSCLES: [(&str, &str); 2] =
+pub const MUSCLES: [(&str, &str); 2] =
     [("flexor carpi radialis", "emg_fcr"), ("extensor carpi radialis", "emg_ecr")];
 
 /// Unit of EMG whose value at maximal effort is known: that of the session's own EMG.

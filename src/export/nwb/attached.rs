@@ -5,11 +5,8 @@ use hdf5_pure::GroupBuilder;
 use super::objects::ObjectIds;
 use super::series::{Series, add_series};
 use crate::attach::{AttachedChannel, AttachedRecording};
+use crate::export::attached_emg::MUSCLES;
 use crate::export::trial_times::PlacedTrial;
-
-/// Name of the channel, and its muscle, in the order of the channels.
-const MUSCLES: [(&str, &str); 2] =
-    [("emg_fcr", "flexor carpi radialis"), ("emg_ecr", "extensor carpi radialis")];
 
 /// Adds the EMG of an attachment: as a fraction of maximal voluntary contraction where that is known, else as it came.
 pub fn add_attached(
@@ -18,7 +15,7 @@ pub fn add_attached(
     placed: &[PlacedTrial],
     ids: &ObjectIds,
 ) {
-    for (muscle, (name, title)) in MUSCLES.into_iter().enumerate() {
+    for (muscle, (title, name)) in MUSCLES.into_iter().enumerate() {
         let Some(channel) = &recording.emg[muscle] else { continue };
         let (values, times_s) = samples(recording, muscle, channel.at_mvc.unwrap_or(1.0), placed);
         add_series(
