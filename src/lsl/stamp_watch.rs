@@ -44,8 +44,10 @@ pub struct StampWatch {
     is_set_back: bool,
     /// Samples that have come.
     samples: u64,
-    /// When they were last right, s, and how many samples had come by then.
-    last_right: Option<(f64, u64)>,
+    /// Those that had come when stamps were last right.
+    right_samples: u64,
+    /// Since when they have been late, s.
+    late_since_s: Option<f64>,
     is_off: bool,
 }
 
@@ -57,7 +59,8 @@ impl StampWatch {
             newest_s: None,
             is_set_back: false,
             samples: 0,
-            last_right: None,
+            right_samples: 0,
+            late_since_s: None,
             is_off: false,
         }
     }
@@ -78,24 +81,24 @@ impl StampWatch {
 
     /// The next stamp follows on none: the device may have begun anew.
     pub fn interrupt(&mut self) {
-        (self.newest_s, self.is_set_back) = (None, false);
+        (self.newest_s, self.is_set_back, self.late_since_s) = (None, false, None);
     }
 
     /// Takes how far the newest stamp is behind the clock, and when that is, s. Says when the stamps begin or end to be off: in the future or
     /// set back at once, late once they have been so for as long as a device may be held up, since it then sends what it has all at once.
     pub fn take(&mut self, late_s: f64, at_s: f64) -> Option<StampChange> {
         if self.allows(late_s) {
-            (self.is_set_back, self.last_right) = (false, Some((at_s, self.samples)));
+            (self.is_set_back, self.late_since_s, self.right_samples) = (false, None, self.samples);
             let right = StampChange::Right { after_samples: self.samples };
             return std::mem::take(&mut self.is_off).then_some(right);
         }
-        let (last_right_s, after_samples) = *self.last_right.get_or_insert((at_s, 0));
-        let may_be_held_up = late_s > 0.0 && !self.is_set_back && at_s - last_right_s < HELD_UP_S;
+        let since_s = *self.late_since_s.get_or_insert(at_s);
+        let may_be_held_up = late_s > 0.0 && !self.is_set_back && at_s - since_s < HELD_UP_S;
         if may_be_held_up || self.is_off {
             return None;
         }
         self.is_off = true;
-        Some(StampChange::Off { late_s, after_samples })
+        Some(StampChange::Off { late_s, after_samples: self.right_samples })
     }
 
     /// Whether they are off.
@@ -142,6 +145,17 @@ mod tests {
         assert_eq!(watch.take(0.01, 19.95), None);
         assert_eq!([20.0, 29.9].map(|at_s| watch.take(2.0, at_s)), [None, None]);
         assert_eq!(watch.take(2.0, 30.01), Some(StampChange::Off { late_s: 2.0, after_samples: 0 }));
+    }
+
+    #[test]
+    fn what_a_device_sends_at_once_after_a_long_silence_is_not_off() {
+        let mut watch = StampWatch::new(0.5);
+        assert_eq!(watch.take(0.01, 10.0), None);
+        watch.interrupt();
+        assert_eq!(
+            [(20.0, 40.0), (8.0, 40.02), (0.01, 40.04)].map(|(late_s, at_s)| watch.take(late_s, at_s)),
+            [None; 3]
+        );
     }
 
     #[test]
