@@ -1,5 +1,7 @@
 """Another device that saw a session, with a rate and a clock of its own."""
 
+import shutil
+
 import numpy
 import pyxdf
 from conftest import done
@@ -40,3 +42,15 @@ class Device:
         samples = numpy.stack([0.2 * noise[0], pulse, 3.2 * torque + 0.01 * noise[1]])
         # A frame has up to 20 samples.
         self.samples = samples[:, : len(device) // 20 * 20].astype(numpy.float32)
+
+
+def with_attached_emg(session, folder):
+    """A copy of a session with the EMG of another device, whose value at maximal effort is 2.5, as the attachment `lab`."""
+    emg, trigger, _ = Device(session, folder).samples.astype(float)
+    times = numpy.arange(len(emg)) / RATE_HZ
+    rows = numpy.column_stack([times, emg, trigger])
+    numpy.savetxt(folder / "emg.csv", rows, delimiter=",", header="t,EMG 1,TRIG", comments="", fmt="%.9g")
+    copy = shutil.copytree(session, folder / "s", symlinks=True)
+    more = ["--trigger", "TRIG", "--name", "lab", "--emg-fcr", "EMG 1", "--fcr-at-mvc", 2.5]
+    done("attach", copy, folder / "emg.csv", "--time", "t", *more)
+    return copy

@@ -9,7 +9,7 @@ import numpy
 import pytest
 import scipy.io
 from conftest import done, ramphold
-from other_device import RATE_HZ, Device
+from other_device import with_attached_emg
 from test_bids import records
 
 
@@ -94,14 +94,7 @@ def test_a_file_that_exists_is_not_overwritten(file, session):
 
 
 def test_emg_of_another_device_is_there_at_its_own_rate(session, tmp_path):
-    device = Device(session, tmp_path)
-    emg, trigger, _ = device.samples.astype(float)
-    times = numpy.arange(len(emg)) / RATE_HZ
-    rows = numpy.column_stack([times, emg, trigger])
-    numpy.savetxt(tmp_path / "emg.csv", rows, delimiter=",", header="t,EMG 1,TRIG", comments="", fmt="%.9g")
-    copy = shutil.copytree(session, tmp_path / "s", symlinks=True)
-    more = ["--trigger", "TRIG", "--name", "lab", "--emg-fcr", "EMG 1", "--fcr-at-mvc", 2.5]
-    done("attach", copy, tmp_path / "emg.csv", "--time", "t", *more)
+    copy = with_attached_emg(session, tmp_path)
     done("export", copy, session, "--mat", tmp_path / "both.mat")
     with_emg, without = sessions(tmp_path / "both.mat")
     own = with_emg.attached

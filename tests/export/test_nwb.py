@@ -8,8 +8,8 @@ from datetime import datetime, timezone
 import numpy
 import pytest
 from conftest import done, ramphold
-from other_device import RATE_HZ, Device
 from nwbinspector import Importance, inspect_nwbfile
+from other_device import with_attached_emg
 from pynwb import NWBHDF5IO
 from test_bids import records
 from test_xdf import streams
@@ -175,14 +175,7 @@ def test_a_session_always_makes_the_same_file(file, session, tmp_path):
 
 
 def test_emg_of_another_device_is_a_series_of_its_own_at_the_times_of_the_attachment(session, tmp_path):
-    device = Device(session, tmp_path)
-    emg, trigger, _ = device.samples.astype(float)
-    times = numpy.arange(len(emg)) / RATE_HZ
-    rows = numpy.column_stack([times, emg, trigger])
-    numpy.savetxt(tmp_path / "emg.csv", rows, delimiter=",", header="t,EMG 1,TRIG", comments="", fmt="%.9g")
-    copy = shutil.copytree(session, tmp_path / "s", symlinks=True)
-    more = ["--trigger", "TRIG", "--name", "lab", "--emg-fcr", "EMG 1", "--fcr-at-mvc", 2.5]
-    done("attach", copy, tmp_path / "emg.csv", "--time", "t", *more)
+    copy = with_attached_emg(session, tmp_path)
     done("export", copy, "--nwb", tmp_path / "s.nwb")
     told = json.loads((copy / "attached/lab/attachment.json").read_text())["trials"]
     with NWBHDF5IO(tmp_path / "s.nwb", "r") as io:
