@@ -89,14 +89,20 @@ fn channels<'a>(recording: &'a AttachedRecording, trial: &AttachedTrial) -> Vec<
     let written = |((muscle, name), (about, values))| {
         let about: &AttachedChannel = Option::as_ref(about)?;
         let values: &Vec<f64> = Option::as_ref(values)?;
-        let (unit, scale) = match about.at_mvc {
-            Some(at_mvc) => (Some(FRACTION_OF_MVC), at_mvc),
-            None => (about.unit.as_deref(), 1.0),
-        };
+        let (unit, scale) = written_unit(about);
         let values = values.iter().map(|value| value / scale).collect();
         Some(WrittenChannel { about, muscle, name, unit, values })
     };
     MUSCLES.into_iter().zip(recording.emg.iter().zip(&trial.values)).filter_map(written).collect()
+}
+
+/// The unit in which a channel is written, where it is known, and how much of the channel's own that is: where EMG at maximal effort is known,
+/// its fraction.
+pub fn written_unit(channel: &AttachedChannel) -> (Option<&str>, f64) {
+    match channel.at_mvc {
+        Some(at_mvc) => (Some(FRACTION_OF_MVC), at_mvc),
+        None => (channel.unit.as_deref(), 1.0),
+    }
 }
 
 /// `_channels.tsv`. A channel that stood still in the trial is marked as bad.

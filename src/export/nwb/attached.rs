@@ -5,7 +5,7 @@ use hdf5_pure::GroupBuilder;
 use super::objects::ObjectIds;
 use super::series::{Series, add_series};
 use crate::attach::{AttachedChannel, AttachedRecording};
-use crate::export::attached_emg::MUSCLES;
+use crate::export::attached_emg::{MUSCLES, written_unit};
 use crate::export::trial_times::PlacedTrial;
 
 /// Adds the EMG of an attachment: as a fraction of maximal voluntary contraction where that is known, else as it came.
@@ -17,18 +17,15 @@ pub fn add_attached(
 ) {
     for (muscle, (title, name)) in MUSCLES.into_iter().enumerate() {
         let Some(channel) = &recording.emg[muscle] else { continue };
-        let (values, times_s) = samples(recording, muscle, channel.at_mvc.unwrap_or(1.0), placed);
+        let (unit, scale) = written_unit(channel);
+        let (values, times_s) = samples(recording, muscle, scale, placed);
         add_series(
             acquisition,
             Series {
                 name: format!("{name}_{}", recording.name),
                 description: described(recording, channel, title),
                 comments: None,
-                unit: if channel.at_mvc.is_some() {
-                    "MVC"
-                } else {
-                    channel.unit.as_deref().unwrap_or("unknown")
-                },
+                unit: unit.unwrap_or("unknown"),
                 values,
                 times_s,
             },
