@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::linear_estimate::LinearModel;
 use super::{ComparedModel, ModelSearch, NEGLIGIBLE_LOG_ODDS, starting_at};
+use crate::diagnose::evidence::answer::NAMED_PROBABILITY;
 use crate::diagnose::evidence::model_posterior::ModelPosterior;
 use crate::fit::{MechanismSearch, Model, ScreenedMechanism};
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
@@ -48,9 +49,14 @@ impl Found {
         self.0.iter().map(|own| own.log_evidence).fold(f64::NEG_INFINITY, f64::max)
     }
 
+    /// The posterior of a mechanism.
+    fn get(&self, kind: MechanismKind) -> Option<&ModelPosterior> {
+        self.0.iter().find(|own| own.added == [kind])
+    }
+
     /// The log evidence of a mechanism.
     fn of(&self, kind: MechanismKind) -> f64 {
-        self.0.iter().find(|own| own.added == [kind]).map_or(f64::NEG_INFINITY, |own| own.log_evidence)
+        self.get(kind).map_or(f64::NEG_INFINITY, |own| own.log_evidence)
     }
 
     fn take(&mut self, kind: MechanismKind) -> Option<ModelPosterior> {
@@ -63,8 +69,8 @@ impl ModelSearch<'_> {
     /// Adds the models of one cause each.
     ///
     /// Each mechanism is fitted from the probe that promises most to first order. Further starts follow where they promise more than that
-    /// fit has found. If the model as given `leaves_misfit`, or something is found, all start once more from fits of a part of the session:
-    /// a large effect may be far from linear.
+    /// fit has found. If the model as given `leaves_misfit`, or a cause is found that might be reported, all start once more from fits of a
+    /// part of the session: a large effect may be far from linear.
     pub fn add_single_causes(&mut self, kinds: &[MechanismKind], leaves_misfit: bool) {
         let kinds: Vec<MechanismKind> =
             kinds.iter().copied().filter(|kind| kind.evidence() != EvidenceSource::SingleTrials).collect();
@@ -96,14 +102,23 @@ impl ModelSearch<'_> {
         let least_now = least(&found);
         let more = self.started_at(more.into_iter(), least_now);
         found.extend(more);
-        if leaves_misfit || found.best() > self.none_evidence {
+        if leaves_misfit || self.might_be_reported(&found) {
             let within: Vec<MechanismKind> =
                 kinds.iter().copied().filter(|kind| kind.evidence() == EvidenceSource::Trace).collect();
-            let more = self.started_from_parts(&within);
+            let more = self.started_from_parts(&within, &found);
             found.extend(more);
         }
         let plain = kinds.iter().filter_map(|kind| found.take(*kind)).collect();
         self.add_with_deviations(plain);
+    }
+
+    /// Whether a cause is so probable beside none that the answer may not be that nothing is at work.
+    fn might_be_reported(&self, found: &Found) -> bool {
+        let log_odds = |own: &ModelPosterior| {
+            own.log_evidence - self.none_evidence + self.model_prior.log_odds(&own.added)
+        };
+        let least = libm::log((1.0 - NAMED_PROBABILITY) / NAMED_PROBABILITY);
+        found.0.iter().any(|own| log_odds(own) > least)
     }
 
     /// Posteriors from `starts`, given up where they do not promise the log evidence `least`.
@@ -119,8 +134,8 @@ impl ModelSearch<'_> {
     }
 
     /// Posteriors from the optima that a third of the session has, searched from several starting values each, of the mechanisms that are
-    /// within reach of the best by what they gain there.
-    fn started_from_parts(&self, kinds: &[MechanismKind]) -> Vec<ModelPosterior> {
+    /// within reach of the best by what they gain there, and have not been `found` at the same optimum.
+    fn started_from_parts(&self, kinds: &[MechanismKind], found: &Found) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let search = MechanismSearch::new(observations, self.before);
         let screened = |kind: &MechanismKind| {
@@ -132,12 +147,18 @@ impl ModelSearch<'_> {
         let promised = screened.iter().map(|(_, own)| own.predicted_gain).fold(0.0, f64::max);
         let error = libm::sqrt(4.0 * promised * (1.0 / SCREENED_PART - 1.0));
         let least = promised - 2.0 * NEGLIGIBLE_LOG_ODDS - SCREENING_ERRORS * error;
+        let is_new = |kind: MechanismKind, own: &ScreenedMechanism| {
+            found.get(kind).is_none_or(|found| search.is_lower_than(own, &found.fit))
+        };
         let posterior = |(kind, own): &(MechanismKind, ScreenedMechanism)| {
+            if own.predicted_gain <= least || !is_new(*kind, own) {
+                return None;
+            }
             let start = search.complete(own);
             let (spreads, least) = (Some(&none.spreads), f64::NEG_INFINITY);
             ModelPosterior::with_exact_laws(observations, prior, &start, &[*kind], spreads, least)
         };
-        screened.par_iter().filter(|(_, own)| own.predicted_gain > least).filter_map(posterior).collect()
+        screened.par_iter().filter_map(posterior).collect()
     }
 
     /// Adds the models of a free law each.
