@@ -70,19 +70,21 @@ pub fn calibrate(
     let mut found = grown_covariance(&input, &fit);
     let mut reported = Reported::new(&input, &fit.point, &found, trials.lever);
     let mut no_low_pass = None;
-    if let Some((without, reason)) = without_low_pass(&mut input, &fit, &reported, trials.lever) {
-        (fit, no_low_pass) = (without, Some(reason));
+    if let Some(without) = without_low_pass(&mut input, &fit, &reported, trials.lever) {
+        (fit, no_low_pass) = (without.fit, Some((without.reason, without.above_hz)));
         found = grown_covariance(&input, &fit);
         reported = Reported::new(&input, &fit.point, &found, trials.lever);
     }
     let misfit = misfit(&input, &fit, &mut Stream::new(SEED, "calibrate/misfit"));
     let mut loads = check_loads(&input, &fit);
     let is_target = prepared.angle_against_target.is_some_and(|own| own.is_target());
-    let no_servo = is_target.then(|| ANGLE_IS_TARGET.to_owned());
-    for (name, reason) in [(RigQuantity::ServoBandwidth, no_servo), (RigQuantity::TorqueCutoff, no_low_pass)]
-    {
-        let untold = reported.quantities.iter_mut().filter(|own| own.name == name && own.value.is_none());
-        untold.for_each(|own| own.reason = reason.clone().or(own.reason.take()));
+    let no_servo = is_target.then(|| (ANGLE_IS_TARGET.to_owned(), None));
+    let no_low_pass = no_low_pass.map(|(reason, above_hz)| (reason, Some(above_hz)));
+    for (name, known) in [(RigQuantity::ServoBandwidth, no_servo), (RigQuantity::TorqueCutoff, no_low_pass)] {
+        let Some((reason, above)) = known else { continue };
+        for own in reported.quantities.iter_mut().filter(|own| own.name == name && own.value.is_none()) {
+            (own.reason, own.above) = (Some(reason.clone()), above);
+        }
     }
     let mut calibration =
         RigCalibration::new(program.to_owned(), session.to_owned(), reported.quantities, reported.covariance);

@@ -18,13 +18,23 @@ use crate::wrist::mechanisms::MechanismKind;
 /// Probability of a low-pass below which there is none.
 const PROBABLE: f64 = 0.5;
 
-/// A fit without the low-pass that `fit` has, as `reported`, if the rig probably has none; and why it has none.
+/// A rig without the low-pass that a fit has.
+pub struct WithoutLowPass {
+    /// The fit without it.
+    pub fit: RigFit,
+    /// Why it has none.
+    pub reason: String,
+    /// What a low-pass lies above (95 %), Hz.
+    pub above_hz: f64,
+}
+
+/// A fit without the low-pass that `fit` has, as `reported`, if the rig probably has none.
 pub fn without_low_pass(
     input: &mut RigFitInput<'_>,
     fit: &RigFit,
     reported: &Reported,
     lever: Option<Lever>,
-) -> Option<(RigFit, String)> {
+) -> Option<WithoutLowPass> {
     let Reported { quantities, covariance } = reported.clone();
     let told = RigCalibration::new(String::new(), String::new(), quantities, covariance);
     let (cutoff_hz, se) = told.value(RigQuantity::TorqueCutoff).zip(told.se(RigQuantity::TorqueCutoff))?;
@@ -45,5 +55,5 @@ pub fn without_low_pass(
         "a low-pass of {cutoff_hz:.0} Hz would fit slightly better, but only with a torque that is early by as much as it delays, which \
          is improbable in any channel; these trials exclude one below {slowest_hz:.0} Hz (95 %)"
     );
-    Some((input.fit(&start), reason))
+    Some(WithoutLowPass { fit: input.fit(&start), reason, above_hz: slowest_hz })
 }

@@ -51,7 +51,9 @@ pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};
 pub use noise::PowerSpectrum;
 pub use rig_contradiction::{RigContradiction, named_load};
-pub use sound_rig::{CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
+pub use sound_rig::{
+    CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, low_pass_time_constant, servo_bandwidth_hz,
+};
 pub use stated_rig::LoadByRig;
 
 #[cfg(test)]

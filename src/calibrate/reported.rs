@@ -29,11 +29,13 @@ impl Reported {
         let scales = &input.coordinates.scales;
         let state = |place: usize| {
             // A coordinate whose interval is wider than what engineering allows is not told.
-            if INTERVAL * found.data_se[place] > 1.0 {
-                return if place == LAG_PLACE { fast_low_pass(input, point) } else { Told::Unknown };
-            }
-            let se = libm::sqrt(found.covariance[(place, place)]);
-            told(RigQuantity::ALL[place], scales[place], point[place], se)
+            let by_slope = if INTERVAL * found.data_se[place] > 1.0 {
+                Told::Unknown
+            } else {
+                let se = libm::sqrt(found.covariance[(place, place)]);
+                told(RigQuantity::ALL[place], scales[place], point[place], se)
+            };
+            if place == LAG_PLACE { by_slope.or_above(|| fast_low_pass(input, point)) } else { by_slope }
         };
         let mut states: Vec<Told> = (0..REPORTED).map(state).collect();
         if lever.is_none() {
@@ -46,16 +48,28 @@ impl Reported {
             states[DELAY_PLACE] = whole_delay(input, point, found, &in_delay);
         }
         let covariance = combined(&in_delay, &found.covariance);
-        let untold: Vec<usize> =
+        let unknown: Vec<usize> =
             (0..REPORTED).filter(|place| matches!(states[*place], Told::Unknown)).collect();
         let quantities = (0..REPORTED).map(|place| {
             let name = RigQuantity::ALL[place];
-            let (value, se, reason) = match &states[place] {
-                Told::Value { value, se, .. } => (Some(*value), Some(*se), None),
-                Told::Bound(reason) => (None, None, Some(reason.clone())),
-                Told::Unknown => (None, None, Some(reason(input, found, place, &untold))),
+            let stated = stated(name, lever);
+            let untold = |reason: String, above: Option<f64>| CalibratedQuantity {
+                name,
+                value: None,
+                se: None,
+                stated,
+                reason: Some(reason),
+                above,
             };
-            CalibratedQuantity { name, value, se, stated: stated(name, lever), reason }
+            match &states[place] {
+                Told::Value { value, se, .. } => {
+                    let (value, se) = (Some(*value), Some(*se));
+                    CalibratedQuantity { name, value, se, stated, reason: None, above: None }
+                }
+                Told::Above { reason, hz } => untold(reason.clone(), Some(*hz)),
+                Told::Contradicted(reason) => untold(reason.clone(), None),
+                Told::Unknown => untold(reason(input, found, place, &unknown), None),
+            }
         });
         let quantities: Vec<CalibratedQuantity> = quantities.collect();
         let known: Vec<(usize, f64)> = states
@@ -137,19 +151,35 @@ fn fast_low_pass(input: &RigFitInput<'_>, point: &DVector<f64>) -> Told {
 
 fn no_sign_of(what: &str, bound_s: f64) -> Told {
     let bound_hz = time_constant_s(bound_s);
-    Told::Bound(format!(
-        "no sign of {what} in the trials: it is above {bound_hz:.0} Hz (95 %), if there is one"
-    ))
+    let reason =
+        format!("no sign of {what} in the trials: it is above {bound_hz:.0} Hz (95 %), if there is one");
+    Told::Above { reason, hz: bound_hz }
 }
 
 /// What is known of a quantity.
 enum Told {
     /// Value, standard error, and the sign of its change with the coordinate.
     Value { value: f64, se: f64, sign: f64 },
-    /// Only a bound.
-    Bound(String),
+    /// Why there is no value, and what it lies above (95 %), Hz.
+    Above { reason: String, hz: f64 },
+    /// Why there can be none.
+    Contradicted(String),
     /// Nothing.
     Unknown,
+}
+
+impl Told {
+    /// This, or the higher of two frequencies that a quantity without a value lies above.
+    fn or_above(self, other: impl FnOnce() -> Self) -> Self {
+        match self {
+            Self::Value { .. } | Self::Contradicted(_) => self,
+            Self::Unknown => other(),
+            Self::Above { hz: own, .. } => match other() {
+                Self::Above { hz, reason } if hz > own => Self::Above { hz, reason },
+                _ => self,
+            },
+        }
+    }
 }
 
 /// A quantity from its coordinate. The standard error is such that 1.96 of them reach the farther end of the coordinate's interval.
@@ -164,7 +194,7 @@ fn told(quantity: RigQuantity, scale: CoordinateScale, coordinate: f64, se: f64)
                 return if high > 0.0 {
                     no_sign_of(what, high)
                 } else {
-                    Told::Bound(format!(
+                    Told::Contradicted(format!(
                         "the trials contradict {what}: the time constant is below zero; look for a delay of the other channel"
                     ))
                 };

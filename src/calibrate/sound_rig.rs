@@ -8,7 +8,7 @@ use std::f64::consts::SQRT_2;
 use nalgebra::{DMatrix, DVector};
 
 use crate::dataset::{RigCalibration, RigQuantity, time_constant_s};
-use crate::statistics::log_determinant_of_factor;
+use crate::statistics::{HALF_INTERVAL_95, log_determinant_of_factor};
 use crate::wrist::Lever;
 use crate::wrist::mechanisms::{MechanismKind, Prior, ProbeContext};
 
@@ -71,6 +71,8 @@ pub struct RigDeviations {
     pub told: Vec<ToldConstant>,
     /// Covariance of their deviations by the errors of the measurement.
     pub covariance: DMatrix<f64>,
+    /// Upper end of the 95 % interval of the time constant of a low-pass that has no value, s. The measured delay contains it.
+    pub low_pass_below_s: Option<f64>,
 }
 
 /// An error that several deviations have in common, of normal size.
@@ -85,7 +87,7 @@ pub struct CommonError {
 impl RigDeviations {
     /// Nothing measured.
     pub fn none() -> Self {
-        Self { told: Vec::new(), covariance: DMatrix::zeros(0, 0) }
+        Self { told: Vec::new(), covariance: DMatrix::zeros(0, 0), low_pass_below_s: None }
     }
 
     /// The deviations that `calibration` measured from what is `stated` of a rig with this lever.
@@ -104,7 +106,9 @@ impl RigDeviations {
             let own = calibration.covariance_between(told[i].quantity, told[j].quantity);
             own.unwrap_or(0.0) * told[i].slope * told[j].slope
         });
-        Self { told, covariance }
+        let in_delay = told.iter().any(|own| own.quantity == RigQuantity::TorqueDelay);
+        let above_hz = calibration.above(RigQuantity::TorqueCutoff).filter(|_| in_delay);
+        Self { told, covariance, low_pass_below_s: above_hz.map(time_constant_s) }
     }
 
     /// Logarithm of the density of the deviations where each has this prior (mean and standard deviation), but for a constant; with what
@@ -129,6 +133,56 @@ impl RigDeviations {
         let log_determinant = log_determinant_of_factor(factor.l_dirty());
         let size = error.map_or(0.0, |error| error.sd * error.sd * error.effect.dot(&weighted));
         (-0.5 * (off.dot(&weighted) + log_determinant), size)
+    }
+}
+
+/// Number of time constants over which an unknown one is integrated, and how far they reach, in standard deviations beyond the mean.
+const TIME_CONSTANTS: usize = 512;
+const FARTHEST_SDS: f64 = 6.0;
+
+impl RigDeviations {
+    /// As [`RigDeviations::log_density`], where the delay contains the time constant of a low-pass of which `time_constant` is the mean and
+    /// the standard deviation, s, before the trials; it is above zero.
+    ///
+    /// What a low-pass does beside its delay goes with the square of its time constant: that is what has a normal error in the trials.
+    pub fn log_density_with_low_pass(
+        &self,
+        prior: impl Fn(&ToldConstant) -> (f64, f64),
+        (mean, sd): (f64, f64),
+    ) -> f64 {
+        let Some(below_s) = self.low_pass_below_s else { return self.log_density(prior, None).0 };
+        let square = |x: f64| x * x;
+        let (mut weights, mut densities) = (Vec::new(), Vec::new());
+        for place in 0..TIME_CONSTANTS {
+            let time_constant_s = (mean + FARTHEST_SDS * sd) * (place as f64 + 0.5) / TIME_CONSTANTS as f64;
+            let late = |own: &ToldConstant| {
+                let (mean, sd) = prior(own);
+                let is_delay = own.quantity == RigQuantity::TorqueDelay;
+                (if is_delay { mean + time_constant_s } else { mean }, sd)
+            };
+            let seen = square(HALF_INTERVAL_95 * square(time_constant_s / below_s));
+            weights.push(libm::exp(-0.5 * square((time_constant_s - mean) / sd)));
+            densities.push(self.log_density(late, None).0 - 0.5 * seen);
+        }
+        let most = densities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let weighted = |(weight, density): (&f64, &f64)| {
+            if density.is_finite() { weight * libm::exp(density - most) } else { 0.0 }
+        };
+        let sum: f64 = weights.iter().zip(&densities).map(weighted).sum();
+        most + libm::log(sum / weights.iter().sum::<f64>())
+    }
+}
+
+/// Mean and standard deviation of the time constant of a low-pass in the torque channel, s: of one that is a cause, of a motor behind an
+/// angle that is the command, or of a sound channel.
+pub fn low_pass_time_constant(is_cause: bool, follows: bool) -> (f64, f64) {
+    let context = ProbeContext { lever: None, highest_torque_nm: 0.0, window_s: 0.0 };
+    match (MechanismKind::TorqueLag.prior(0, &context), caused_by_following(RigQuantity::TorqueCutoff)) {
+        (Prior::LogNormal { median, log_sd }, _) if is_cause => {
+            (time_constant_s(median), time_constant_s(median) * log_sd)
+        }
+        (_, Some(by_following)) if follows => by_following,
+        _ => (0.0, SOUND_DELAY_S),
     }
 }
 

@@ -152,6 +152,7 @@ mod tests {
                 se,
                 stated: stated(name),
                 reason: value.is_none().then(String::new),
+                above: None,
             }
         };
         let quantities: Vec<CalibratedQuantity> = RigQuantity::ALL.map(quantity).to_vec();
@@ -217,6 +218,7 @@ mod tests {
                 se: own.map(|own| se[own]),
                 stated: None,
                 reason: value.is_none().then(String::new),
+                above: None,
             }
         };
         let quantities = RigQuantity::ALL.map(quantity).to_vec();
@@ -239,7 +241,7 @@ mod tests {
 
     #[test]
     fn what_nothing_tells_stays_as_probable_as_it_was() {
-        let nothing = RigDeviations { told: Vec::new(), covariance: DMatrix::zeros(0, 0) };
+        let nothing = RigDeviations::none();
         let found = load_by_rig(&nothing, DVector::zeros(0));
         assert!((found.probability - WRONG_LOAD.0).abs() < 1e-12, "{found:?}");
     }

@@ -54,6 +54,7 @@ mod tests {
                 se: own.map(|own| own.2),
                 stated: None,
                 reason: own.is_none().then(|| "not told".into()),
+                above: None,
             }
         });
         let [own, shared] = [0.0016, -0.0016 + 5e-7];

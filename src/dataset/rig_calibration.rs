@@ -96,6 +96,11 @@ impl RigQuantity {
         }
     }
 
+    /// Whether it is a frequency above which the rig does not follow.
+    pub fn is_frequency(self) -> bool {
+        matches!(self, Self::TorqueCutoff | Self::ServoBandwidth)
+    }
+
     /// Whether no rig has a value of zero or less.
     pub fn is_positive(self) -> bool {
         matches!(
@@ -126,6 +131,9 @@ pub struct CalibratedQuantity {
     /// Why there is no value.
     #[serde(default)]
     pub reason: Option<String>,
+    /// Of a frequency without a value: it lies above this one (95 %), if the rig has such a limit at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub above: Option<f64>,
 }
 
 /// A file that the calibration was made from.
@@ -356,6 +364,11 @@ impl RigCalibration {
     /// Standard error of a constant.
     pub fn se(&self, quantity: RigQuantity) -> Option<f64> {
         self.quantities.iter().find(|known| known.name == quantity)?.se
+    }
+
+    /// What a frequency without a value lies above (95 %), Hz, if the loads tell so much.
+    pub fn above(&self, quantity: RigQuantity) -> Option<f64> {
+        self.quantities.iter().find(|known| known.name == quantity)?.above
     }
 
     /// Covariance of two constants; `None` if one of them has no value.

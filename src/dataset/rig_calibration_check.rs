@@ -65,6 +65,13 @@ impl RigCalibration {
 impl CalibratedQuantity {
     fn check(&self) -> Result<(), String> {
         let name = self.name.name();
+        if let Some(above) = self.above
+            && !(self.value.is_none() && self.name.is_frequency() && above.is_finite() && above > 0.0)
+        {
+            return Err(format!(
+                "{name} is above {above}; expected a frequency without a value to be above a number above 0"
+            ));
+        }
         match (self.value, self.se) {
             (None, None) if self.reason.is_some() => Ok(()),
             (None, None) => Err(format!("{name} has no value: expected a reason")),
@@ -126,6 +133,7 @@ mod tests {
                 se: known.map(|(_, se)| se),
                 stated: None,
                 reason: known.is_none().then(|| "no load tells it".to_owned()),
+                above: (name == RigQuantity::TorqueCutoff).then_some(300.0),
             }
         };
         let covariance = vec![vec![1e-10, -1e-8], vec![-1e-8, 4e-6]];

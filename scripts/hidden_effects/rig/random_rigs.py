@@ -115,6 +115,7 @@ class Told:
     name: str
     value: float | None
     se: float | None
+    above: float | None = None  # what a frequency without a value lies above
 
     @property
     def true(self):
@@ -133,6 +134,11 @@ class Told:
     def is_covered(self):
         return abs(self.z) <= 1.96
 
+    @property
+    def is_above(self):
+        """What a rig does not have is above any frequency."""
+        return self.true is None or self.true >= self.above
+
 
 def read_calibration(path: Path, rig: RandomRig) -> list[Told]:
     """Raises ValueError where the file is not as the format says."""
@@ -148,4 +154,6 @@ def read_calibration(path: Path, rig: RandomRig) -> list[Told]:
             raise ValueError(f"{path.name}: {name} has neither a value nor a reason")
         if q["value"] is not None and not (q["se"] or 0) > 0:
             raise ValueError(f"{path.name}: {name} has a value without a standard error")
-    return [Told(rig, name, q["value"], q["se"]) for name, q in found.items()]
+        if q.get("above") is not None and not (q["value"] is None and q["above"] > 0):
+            raise ValueError(f"{path.name}: {name} is above {q['above']} and has the value {q['value']}")
+    return [Told(rig, name, q["value"], q["se"], q.get("above")) for name, q in found.items()]

@@ -21,6 +21,7 @@ for name in QUANTITIES:
     told = true is not None and mode != "silent"
     size = max(abs(true), 0.01) if told else None
     quantities.append({"name": name, "value": true + (0.05 * size if mode == "wrong" else 0.001 * size) if told else None,
-                       "se": 0.01 * size if told else None, "stated": None, "reason": None if told else "these loads cannot tell it"})
+                       "se": 0.01 * size if told else None, "stated": None, "reason": None if told else "these loads cannot tell it",
+                       "above": 50.0 if name == "torque_cutoff_hz" and not told else None})
 assert not out.exists(), "a file, which is not overwritten"
 out.write_text(json.dumps({"format": "ramphold-rig-calibration/1", "quantities": quantities}))

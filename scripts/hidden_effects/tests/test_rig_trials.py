@@ -270,4 +270,5 @@ def test_random_rigs_pass_a_calibration_whose_intervals_hold_the_truth_and_no_ot
                            "--program", f"{sys.executable} {stand_in} {mode}"],
                           env={**os.environ, "PYTHONPATH": str(SCRIPTS)}, capture_output=True, text=True, check=False)
     assert done.returncode == code and said in done.stdout, done.stdout + done.stderr
+    assert mode != "silent" or "Without a value, but with a frequency that it lies above (95 %): 1." in done.stdout
     assert (tmp_path / "t.md").read_text() in done.stdout + "\n"

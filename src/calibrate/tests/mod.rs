@@ -194,6 +194,9 @@ fn a_cut_off_too_high_to_be_seen_has_a_bound_and_no_value() {
         "{:?}",
         outcome.calibration.quantities
     );
+    // The loads exclude a slow one, and not the one that is there.
+    let above_hz = cutoff.above.unwrap();
+    assert!((500.0..4_000.0).contains(&above_hz), "{above_hz}");
     // What it delays is part of the delay, which is known well.
     let delay = &outcome.calibration.quantities[7];
     let (value, se) = (delay.value.unwrap(), delay.se.unwrap());

@@ -7,7 +7,9 @@
 use nalgebra::DMatrix;
 
 use super::gaussian::log_normal_distribution;
-use crate::calibrate::{CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
+use crate::calibrate::{
+    CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, low_pass_time_constant, servo_bandwidth_hz,
+};
 use crate::dataset::{AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity, time_constant_s};
 use crate::diagnose::interval::Interval;
 use crate::fit::{CalibrationMisuse, RigConstants};
@@ -68,7 +70,8 @@ impl RigKnowledge {
     /// The causes whose constants the rig trials tell.
     pub fn told(&self) -> impl Iterator<Item = MechanismKind> {
         let following = self.angle.and(self.motor_delay()).map(|_| MechanismKind::ServoFollowing);
-        self.deviations.told.iter().map(|own| own.kind).chain(following)
+        let low_pass = self.deviations.low_pass_below_s.map(|_| MechanismKind::TorqueLag);
+        self.deviations.told.iter().map(|own| own.kind).chain(low_pass).chain(following)
     }
 
     /// Logarithm of the density of the measured constants where `causes` are at work, against where none is.
@@ -87,13 +90,20 @@ impl RigKnowledge {
             _ => (0.0, own.tolerance),
         };
         let of_angle = self.angle.map_or(0.0, |angle| libm::log(probability_of(&angle, follows)));
-        of_angle + self.deviations.log_density(prior, None).0
+        let low_pass = low_pass_time_constant(causes.contains(&MechanismKind::TorqueLag), follows);
+        of_angle + self.deviations.log_density_with_low_pass(prior, low_pass)
+    }
+
+    /// Whether `kind` is told by how late the torque is alone: a motor, or a low-pass that has no value.
+    fn is_told_by_delay(&self, kind: MechanismKind) -> bool {
+        kind == MechanismKind::ServoFollowing
+            || kind == MechanismKind::TorqueLag && self.deviations.low_pass_below_s.is_some()
     }
 
     /// How late the torque is behind the recorded angle at low frequencies, and the variance, s: the motor's delay where that angle is the
     /// command.
     fn motor_delay(&self) -> Option<(f64, f64)> {
-        let RigDeviations { told, covariance } = &self.deviations;
+        let RigDeviations { told, covariance, .. } = &self.deviations;
         let late: Vec<usize> = (0..told.len()).filter(|place| told[*place].by_following.is_some()).collect();
         let delay_s = late.iter().map(|place| told[*place].deviation).sum();
         let variance = late.iter().flat_map(|i| late.iter().map(|j| covariance[(*i, *j)])).sum();
@@ -106,10 +116,12 @@ impl RigKnowledge {
 
     /// The measured value of the constant that a cause is about, with its 95 % interval.
     pub fn interval(&self, kind: MechanismKind) -> Option<Interval> {
-        let (value, se) = if kind == MechanismKind::ServoFollowing {
+        let (value, se) = if self.is_told_by_delay(kind) {
             let (delay_s, variance) = self.motor_delay().filter(|(delay_s, _)| *delay_s > 0.0)?;
-            let bandwidth_hz = following_bandwidth_hz(delay_s);
-            (bandwidth_hz, bandwidth_hz * libm::sqrt(variance) / delay_s)
+            let is_motor = kind == MechanismKind::ServoFollowing;
+            let frequency_hz =
+                if is_motor { following_bandwidth_hz(delay_s) } else { time_constant_s(delay_s) };
+            (frequency_hz, frequency_hz * libm::sqrt(variance) / delay_s)
         } else {
             let own = self.told_by(kind)?;
             (own.value, own.se)
@@ -121,11 +133,11 @@ impl RigKnowledge {
     /// How far the constant that a cause is about is from its stated value, in standard deviations of a sound rig's and of the
     /// measurement together.
     pub fn deviation_sds(&self, kind: MechanismKind) -> Option<f64> {
-        if kind == MechanismKind::ServoFollowing {
+        if self.is_told_by_delay(kind) {
             let (delay_s, variance) = self.motor_delay()?;
             return Some(delay_s.abs() / libm::hypot(libm::sqrt(variance), SOUND_DELAY_S));
         }
-        let RigDeviations { told, covariance } = &self.deviations;
+        let RigDeviations { told, covariance, .. } = &self.deviations;
         let place = told.iter().position(|own| own.kind == kind)?;
         let own = &told[place];
         let variance = covariance[(place, place)] + own.tolerance * own.tolerance;
@@ -134,7 +146,7 @@ impl RigKnowledge {
 
     /// The constants of the analysis, but that which a cause is about as the session states it.
     pub fn as_stated(&self, kind: MechanismKind) -> Option<RigConstants> {
-        if kind == MechanismKind::ServoFollowing {
+        if self.is_told_by_delay(kind) {
             let RigConstants { torque_delay_s, torque_cutoff_hz, .. } = self.stated;
             return Some(RigConstants { torque_delay_s, torque_cutoff_hz, ..self.constants });
         }
@@ -235,6 +247,10 @@ mod tests {
         Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
 
     fn known(told: &[(RigQuantity, f64, f64)]) -> RigKnowledge {
+        known_with_low_pass_above(told, None)
+    }
+
+    fn known_with_low_pass_above(told: &[(RigQuantity, f64, f64)], above_hz: Option<f64>) -> RigKnowledge {
         let quantity = |name: RigQuantity| {
             let own = told.iter().find(|(quantity, ..)| *quantity == name);
             CalibratedQuantity {
@@ -243,6 +259,7 @@ mod tests {
                 se: own.map(|(.., se)| *se),
                 stated: RigConstants::stated(Some(LEVER)).value(name),
                 reason: own.is_none().then(|| "no load tells it".to_owned()),
+                above: above_hz.filter(|_| name == RigQuantity::TorqueCutoff),
             }
         };
         let quantities: Vec<CalibratedQuantity> = RigQuantity::ALL.map(quantity).to_vec();
@@ -317,6 +334,29 @@ mod tests {
         assert_eq!((stated.torque_delay_s, stated.torque_cutoff_hz), (0.0, None));
         // Where nobody compared the angle with the target, rig trials do not tell it.
         assert!(!known(&late).tells(MechanismKind::ServoFollowing));
+    }
+
+    #[test]
+    fn a_late_torque_is_a_delay_or_a_low_pass_where_the_trials_tell_no_low_pass() {
+        let (skew, lag) = (&[MechanismKind::ChannelSkew], &[MechanismKind::TorqueLag]);
+        let late = |delay_s: f64, above_hz: f64| {
+            known_with_low_pass_above(&[(RigQuantity::TorqueDelay, delay_s, 0.000_03)], Some(above_hz))
+        };
+        // A low-pass of 150 Hz is late by 1.06 ms.
+        let either = late(0.001_06, 100.0);
+        assert!(either.tells(lag[0]) && either.log_odds(skew) > 5.0);
+        assert!((either.log_odds(skew) - either.log_odds(lag)).abs() < 2.0, "neither is sure");
+        let interval = either.interval(lag[0]).unwrap();
+        assert!((interval.value - 150.1).abs() < 0.1 && interval.low.unwrap() < 150.0, "{interval:?}");
+        assert!(either.deviation_sds(lag[0]).unwrap() > 5.0);
+        assert_eq!(either.as_stated(lag[0]).unwrap().torque_delay_s, 0.0);
+        // One that the trials exclude is none, and a torque that is early has none.
+        for delay in [late(0.001_06, 600.0), late(-0.001_06, 100.0)] {
+            assert!(delay.log_odds(skew) > delay.log_odds(lag) + 5.0 && delay.log_odds(skew) > 10.0);
+        }
+        let sound = late(0.000_05, 100.0);
+        assert!(sound.log_odds(skew) < -1.0 && sound.log_odds(lag) < 0.0);
+        assert!(!known(&[(RigQuantity::TorqueDelay, 0.001, 0.000_03)]).tells(lag[0]));
     }
 
     #[test]

@@ -84,14 +84,6 @@ impl<'a> MechanismSearch<'a> {
         ScreenedMechanism { starts, predicted_gain: 2.0 * (self.base_cost - best) / share }
     }
 
-    /// Whether `screened` has a lower optimum on the subset than the one to which `found` leads, a fit of the same model to all trials.
-    pub fn is_lower_than(&self, screened: &ScreenedMechanism, found: &Fit) -> bool {
-        let known = Fit { shrinkage_target: None, ..found.restricted_to(&self.subset.trials) };
-        let known =
-            self.with_components_restarted(known.extended_by(&self.few, &found.model, CONTINUATION)).cost();
-        screened.starts[0].cost() < known * (1.0 - CONTINUATION.tolerance)
-    }
-
     /// Completes the best starts of `screened` on all trials and returns the best fit, with shrinkage. Other optima along x_e are
     /// searched only by [`Fit::refined`].
     pub fn complete(&self, screened: &ScreenedMechanism) -> Fit {

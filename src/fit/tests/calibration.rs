@@ -17,6 +17,7 @@ fn calibration(known: &[(RigQuantity, f64, f64)]) -> RigCalibration {
             se: own.map(|(.., se)| *se),
             stated: stated.value(name),
             reason: own.is_none().then(|| "no load tells it".to_owned()),
+            above: None,
         }
     };
     let quantities: Vec<CalibratedQuantity> = RigQuantity::ALL.map(quantity).to_vec();

@@ -49,14 +49,9 @@ impl Found {
         self.0.iter().map(|own| own.log_evidence).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// The posterior of a mechanism.
-    fn get(&self, kind: MechanismKind) -> Option<&ModelPosterior> {
-        self.0.iter().find(|own| own.added == [kind])
-    }
-
     /// The log evidence of a mechanism.
     fn of(&self, kind: MechanismKind) -> f64 {
-        self.get(kind).map_or(f64::NEG_INFINITY, |own| own.log_evidence)
+        self.0.iter().find(|own| own.added == [kind]).map_or(f64::NEG_INFINITY, |own| own.log_evidence)
     }
 
     fn take(&mut self, kind: MechanismKind) -> Option<ModelPosterior> {
@@ -105,7 +100,7 @@ impl ModelSearch<'_> {
         if leaves_misfit || self.might_be_reported(&found) {
             let within: Vec<MechanismKind> =
                 kinds.iter().copied().filter(|kind| kind.evidence() == EvidenceSource::Trace).collect();
-            let more = self.started_from_parts(&within, &found);
+            let more = self.started_from_parts(&within);
             found.extend(more);
         }
         let plain = kinds.iter().filter_map(|kind| found.take(*kind)).collect();
@@ -134,8 +129,8 @@ impl ModelSearch<'_> {
     }
 
     /// Posteriors from the optima that a third of the session has, searched from several starting values each, of the mechanisms that are
-    /// within reach of the best by what they gain there, and have not been `found` at the same optimum.
-    fn started_from_parts(&self, kinds: &[MechanismKind], found: &Found) -> Vec<ModelPosterior> {
+    /// within reach of the best by what they gain there.
+    fn started_from_parts(&self, kinds: &[MechanismKind]) -> Vec<ModelPosterior> {
         let (observations, prior, none) = (self.observations, &self.prior, &self.models[0].posterior);
         let search = MechanismSearch::new(observations, self.before);
         let screened = |kind: &MechanismKind| {
@@ -147,18 +142,12 @@ impl ModelSearch<'_> {
         let promised = screened.iter().map(|(_, own)| own.predicted_gain).fold(0.0, f64::max);
         let error = libm::sqrt(4.0 * promised * (1.0 / SCREENED_PART - 1.0));
         let least = promised - 2.0 * NEGLIGIBLE_LOG_ODDS - SCREENING_ERRORS * error;
-        let is_new = |kind: MechanismKind, own: &ScreenedMechanism| {
-            found.get(kind).is_none_or(|found| search.is_lower_than(own, &found.fit))
-        };
         let posterior = |(kind, own): &(MechanismKind, ScreenedMechanism)| {
-            if own.predicted_gain <= least || !is_new(*kind, own) {
-                return None;
-            }
             let start = search.complete(own);
             let (spreads, least) = (Some(&none.spreads), f64::NEG_INFINITY);
             ModelPosterior::with_exact_laws(observations, prior, &start, &[*kind], spreads, least)
         };
-        screened.par_iter().filter_map(posterior).collect()
+        screened.par_iter().filter(|(_, own)| own.predicted_gain > least).filter_map(posterior).collect()
     }
 
     /// Adds the models of a free law each.
