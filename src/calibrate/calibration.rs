@@ -6,7 +6,7 @@ use super::constants::RigCoordinates;
 use super::covariance::{RigCovariance, grown_covariance, mean_square};
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
-use super::input_check::contradictions;
+use super::input_check::refuse_contradictions;
 use super::loads::{LOAD_LEVEL, LoadCheck, check_loads};
 use super::low_pass::without_low_pass;
 use super::misfit::{RigMisfit, cells, misfit, scatter_within};
@@ -51,10 +51,7 @@ pub fn calibrate(
     session: &str,
 ) -> Result<CalibrationOutcome, CalibrateError> {
     let prepared = PreparedRig::new(trials, |_| true, None)?;
-    let against = contradictions(&prepared, trials.lever);
-    if !against.is_empty() {
-        return Err(CalibrateError::Contradicts(against));
-    }
+    refuse_contradictions(&prepared, trials.lever)?;
     let coordinates = RigCoordinates::new(trials.lever, prepared.largest_nm, prepared.loads.clone());
     let mut input = RigFitInput {
         trials: &prepared.trials,

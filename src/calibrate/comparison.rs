@@ -7,7 +7,7 @@ use super::constants::{CoordinateScale, REPORTED, RigCoordinates};
 use super::covariance::{INTERVAL, inverse};
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
-use super::input_check::contradictions;
+use super::input_check::refuse_contradictions;
 use super::misfit::square_root;
 use super::prepared_rig::PreparedRig;
 use crate::dataset::{RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials, time_constant_s};
@@ -65,10 +65,7 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
     let prepared = PreparedRig::new(trials, of_the_empty_handle, Some(&calibration.noise.spectrum)).map_err(
         |error| if error == CalibrateError::NoMotion { CalibrateError::NoEmptyHandle } else { error },
     )?;
-    let against = contradictions(&prepared, calibrated_lever(calibration).or(trials.lever));
-    if !against.is_empty() {
-        return Err(CalibrateError::Contradicts(against));
-    }
+    refuse_contradictions(&prepared, calibrated_lever(calibration).or(trials.lever))?;
     let coordinates = RigCoordinates::new(trials.lever, prepared.largest_nm, Vec::new());
     let (prior, prior_covariance) = calibrated_prior(&coordinates, calibration);
     let mean = prior.mean.clone();

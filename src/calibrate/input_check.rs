@@ -6,6 +6,7 @@
 use rustfft::num_complex::Complex64;
 
 use super::constants::{AtHandle, FittedConstants, LOWEST_SERVO_HZ, RigCoordinates, WIDEST_FACTOR};
+use super::error::CalibrateError;
 use super::prepared_rig::PreparedRig;
 use super::prepared_trial::PreparedTrial;
 use super::rig_contradiction::{RigContradiction, named_load};
@@ -39,6 +40,15 @@ impl RecordedOverExpected {
         let reserve = RESERVED_SD * self.sd;
         self.value + reserve < 1.0 / factor || self.value - reserve > factor
     }
+}
+
+/// Refuses trials that cannot be those of a rig with this lever.
+///
+/// # Errors
+/// What contradicts it.
+pub fn refuse_contradictions(rig: &PreparedRig, lever: Option<Lever>) -> Result<(), CalibrateError> {
+    let against = contradictions(rig, lever);
+    if against.is_empty() { Ok(()) } else { Err(CalibrateError::Contradicts(against)) }
 }
 
 /// All contradictions, of the angle first: what is wrong with it is wrong with the torque that is expected of it.
