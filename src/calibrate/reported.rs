@@ -188,7 +188,9 @@ fn told(quantity: RigQuantity, scale: CoordinateScale, coordinate: f64, se: f64)
     let (low, high) = (scale.value(coordinate - INTERVAL * se), scale.value(coordinate + INTERVAL * se));
     match quantity {
         RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth => {
-            if low <= 0.0 {
+            // Beside a delay a low-pass acts by the square of its time constant, whose interval is twice as wide in proportion.
+            let by_square = quantity == RigQuantity::TorqueCutoff && low <= 0.5 * value;
+            if low <= 0.0 || by_square {
                 let what =
                     if quantity == RigQuantity::TorqueCutoff { "a low-pass" } else { "a limit of the motor" };
                 return if high > 0.0 {

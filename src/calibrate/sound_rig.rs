@@ -106,6 +106,7 @@ impl RigDeviations {
             let own = calibration.covariance_between(told[i].quantity, told[j].quantity);
             own.unwrap_or(0.0) * told[i].slope * told[j].slope
         });
+        let covariance = with_error_of_square(&told, covariance);
         let in_delay = told.iter().any(|own| own.quantity == RigQuantity::TorqueDelay);
         let above_hz = calibration.above(RigQuantity::TorqueCutoff).filter(|_| in_delay);
         Self { told, covariance, low_pass_below_s: above_hz.map(time_constant_s) }
@@ -134,6 +135,22 @@ impl RigDeviations {
         let size = error.map_or(0.0, |error| error.sd * error.sd * error.effect.dot(&weighted));
         (-0.5 * (off.dot(&weighted) + log_determinant), size)
     }
+}
+
+/// The covariance of the deviations, with which a low-pass of a time constant near zero is as likely as the trials say.
+///
+/// Beside a delay a low-pass acts by the square of its time constant, which has the normal error: from a time constant t of standard error
+/// s to none it is t / (2 s) standard errors, and not t / s. So the time constant gets twice its error, with the sum of both as well known
+/// as before.
+fn with_error_of_square(told: &[ToldConstant], covariance: DMatrix<f64>) -> DMatrix<f64> {
+    let place = |quantity: RigQuantity| told.iter().position(|own| own.quantity == quantity);
+    let Some(lag) = place(RigQuantity::TorqueCutoff) else { return covariance };
+    let mut wider = DMatrix::identity(told.len(), told.len());
+    wider[(lag, lag)] = 2.0;
+    if let Some(delay) = place(RigQuantity::TorqueDelay) {
+        wider[(delay, lag)] = -1.0;
+    }
+    &wider * covariance * wider.transpose()
 }
 
 /// Number of time constants over which an unknown one is integrated, and how far they reach, in standard deviations beyond the mean.

@@ -233,7 +233,7 @@ mod tests {
         let lag = |deviations: RigDeviations| probability_of_fault(&deviations, MechanismKind::TorqueLag);
         let undone = lag(of_channel([-1.49e-3, 1.5e-3], 0.63e-3));
         assert!(undone < 0.2, "{undone}");
-        let alone = lag(of_channel([0.02e-3, 0.6e-3], 0.2e-3));
+        let alone = lag(of_channel([0.02e-3, 0.6e-3], 0.1e-3));
         assert!(alone > 0.9, "{alone}");
         let both = lag(of_channel([-1.49e-3, 1.5e-3], 0.05e-3));
         assert!(both > 0.99, "{both}");

@@ -116,10 +116,14 @@ class Told:
     value: float | None
     se: float | None
     above: float | None = None  # what a frequency without a value lies above
+    has_low_pass: bool = True  # whether the calibration has one; where it has none, that is in the delay
 
     @property
     def true(self):
-        return self.rig.quantities[self.name]
+        cutoff_hz = self.rig.quantities["torque_cutoff_hz"]
+        in_delay_s = 1 / (2 * np.pi * cutoff_hz) if self.name == "torque_delay_s" and cutoff_hz and not self.has_low_pass else 0.0
+        own = self.rig.quantities[self.name]
+        return own if own is None else own + in_delay_s
 
     @property
     def is_told(self):
@@ -156,4 +160,5 @@ def read_calibration(path: Path, rig: RandomRig) -> list[Told]:
             raise ValueError(f"{path.name}: {name} has a value without a standard error")
         if q.get("above") is not None and not (q["value"] is None and q["above"] > 0):
             raise ValueError(f"{path.name}: {name} is above {q['above']} and has the value {q['value']}")
-    return [Told(rig, name, q["value"], q["se"], q.get("above")) for name, q in found.items()]
+    has_low_pass = found["torque_cutoff_hz"]["value"] is not None
+    return [Told(rig, name, q["value"], q["se"], q.get("above"), has_low_pass) for name, q in found.items()]
