@@ -43,6 +43,7 @@ pub fn calibration_of(stated: Option<Lever>) -> RigCalibration {
             se: value.zip(error).map(|(value, error)| scale(value) * error),
             stated: constants.value(name),
             reason: value.is_none().then(|| "not among the constants that are drawn".to_owned()),
+            above: None,
         }
     };
     let quantities: Vec<CalibratedQuantity> = RigQuantity::ALL.map(quantity).to_vec();

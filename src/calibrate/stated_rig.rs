@@ -110,8 +110,6 @@ fn log_density(
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DMatrix;
-
     use super::*;
     use crate::calibrate::sound_rig::CAUSED;
     use crate::dataset::{CalibratedQuantity, RigCalibration, RigQuantity, time_constant_s};

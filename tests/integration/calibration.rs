@@ -27,6 +27,7 @@ fn calibration(different: &[(RigQuantity, f64)]) -> RigCalibration {
             se: value.map(|value| 0.005 * value),
             stated: stated(name),
             reason: value.is_none().then(|| "no load tells it".to_owned()),
+            above: None,
         }
     };
     let quantities: Vec<CalibratedQuantity> = RigQuantity::ALL.map(quantity).to_vec();

@@ -101,6 +101,11 @@ BLOCKS: dict[str, tuple[Block, ...]] = {
     "child": (ramps(), weight(0.5), bar(0.002, 0.02), clamp()),
     "interpolated": (multisine(), weight(1.0), weight(2.0, 0.15), bar(0.005), clamp(), spring(30.0)),
     "resolver": (ramps(), multisine(duration_s=2.0), weight(1.0), bar(0.003, duration_s=2.0)),
+    "essential": (ramps(), weight(0.8), bar(0.003, 0.02)),
+    "geared": (ramps(), multisine(duration_s=2.0), weight(1.5), bar(0.005, duration_s=2.0), clamp()),
+    "kilohertz": (multisine(duration_s=2.0), weight(1.5), bar(0.003, duration_s=2.0)),
+    "drifting": (ramps(), multisine(), weight(1.0), clamp()),
+    "many": (ramps(), multisine(), weight(1.0), bar(0.004), spring(20.0)),
 }
 
 
