@@ -94,7 +94,8 @@ impl RigKnowledge {
         of_angle + self.deviations.log_density_with_low_pass(prior, low_pass)
     }
 
-    /// Whether `kind` is told by how late the torque is alone: a motor, or a low-pass that has no value.
+    /// Whether the rig trials say nothing of `kind` but how late the torque is: so it is with a motor behind its command, and with a low-pass
+    /// that the calibration has no value for.
     fn is_told_by_delay(&self, kind: MechanismKind) -> bool {
         kind == MechanismKind::ServoFollowing
             || kind == MechanismKind::TorqueLag && self.deviations.low_pass_below_s.is_some()
