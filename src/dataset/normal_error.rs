@@ -12,7 +12,7 @@ impl RigQuantity {
     /// The coordinate at a value: of a frequency its time constant, of what no rig has at zero its logarithm, else the value.
     pub fn normal_coordinate(self, value: f64) -> f64 {
         match self {
-            Self::TorqueCutoff | Self::ServoBandwidth => time_constant_s(value),
+            _ if self.is_frequency() => time_constant_s(value),
             _ if self.is_positive() => libm::log(value),
             _ => value,
         }
@@ -29,7 +29,7 @@ impl RigQuantity {
     pub fn off_by(self, value: f64, se: f64, errors: f64) -> f64 {
         let coordinate = self.normal_coordinate(value) + errors * self.normal_error(value, se);
         match self {
-            Self::TorqueCutoff | Self::ServoBandwidth => time_constant_s(coordinate),
+            _ if self.is_frequency() => time_constant_s(coordinate),
             _ if self.is_positive() => libm::exp(coordinate),
             _ => coordinate,
         }

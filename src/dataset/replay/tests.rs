@@ -1,14 +1,16 @@
 //! Sessions whose motion was not as asked, and sessions on a rig that must know its start position.
 
 use std::fs;
+use std::sync::Arc;
 
 use super::*;
 use crate::dataset::recorder::tests::{Starter, protocol};
 use crate::dataset::{BackgroundRecorder, Disk, JOURNAL, NewSession, Resumable, load};
+use crate::protocol::Limits;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
-use crate::rig::{Armed, ArmingConsent, Command, Origin, Punctuality, Rig};
+use crate::rig::{Armed, ArmingConsent, Command, Fault, Motor, Origin, Punctuality, Rig, Sample};
 use crate::schedule;
-use crate::session::{Status, Unpaced, run_control_loop};
+use crate::session::{Event, Settings, Status, TransitionRecord, Unpaced, run_control_loop};
 
 /// Six pauses of 160 h in a journal of 4 kB took 25 s: every sample of them was stepped through.
 #[test]

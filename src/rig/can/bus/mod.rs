@@ -10,6 +10,7 @@ mod open;
 #[cfg(unix)]
 mod readiness;
 mod slcan;
+mod slcan_line;
 #[cfg(target_os = "linux")]
 mod socketcan;
 mod socketcand;

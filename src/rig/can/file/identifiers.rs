@@ -1,7 +1,8 @@
 //! Who uses which identifier of the bus. Two that use one destroy each other's frames, or one is taken for the other: a
 //! measurement for a command, a reply for SYNC.
 
-use super::rig_file::{CanRigFile, MotorSettings};
+use super::motors::MotorSettings;
+use super::rig_file::CanRigFile;
 use crate::rig::can::canopen::cob;
 
 /// An identifier, or a block of them, and who uses it.

@@ -1,6 +1,8 @@
 //! Sizes and identifiers of the frames of a rig file.
 
-use super::rig_file::{CanRigFile, Carried, FrameLayout, MitMotor, MotorSettings};
+use super::motors::{MitMotor, MotorSettings};
+use super::rig_file::CanRigFile;
+use super::signals::{Carried, FrameLayout};
 use crate::rig::{RecordedChannel, RecordedSignals};
 
 impl CanRigFile {

@@ -1,7 +1,9 @@
 //! What the types of a rig file cannot say: ranges, and what must fit together.
 
 use super::identifiers;
-use super::rig_file::{CanRigFile, Carried, Cia402Motor, MotorSettings};
+use super::motors::{Cia402Motor, MotorSettings};
+use super::rig_file::CanRigFile;
+use super::signals::Carried;
 use crate::protocol::Problem;
 use crate::protocol::source::JsonNode;
 use crate::rig::can::budget::{Budget, HIGHEST_LOAD};

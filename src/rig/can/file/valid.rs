@@ -10,7 +10,8 @@ use crate::rig::can::budget::{Budget, When};
 use crate::rig::can::units::{BusPeriod, SamplePeriod};
 
 use super::error::CanRigFileError;
-use super::rig_file::{CanRigFile, MotorSettings};
+use super::motors::MotorSettings;
+use super::rig_file::CanRigFile;
 use super::{rules, schema};
 
 /// How a problem of no single field names its place.
