@@ -15,7 +15,7 @@ use super::prepared_rig::{PreparedRig, SEED};
 use super::prepared_trial::PreparedTrial;
 use super::reported::{Reported, stated};
 use super::rig_contradiction::named_load;
-use super::sound_rig::{RigDeviations, ToldConstant};
+use super::rig_deviations::{RigDeviations, ToldConstant};
 use super::starts::fit_from_starts;
 use super::stated_rig::{LoadByRig, load_by_rig};
 use crate::dataset::{
@@ -100,7 +100,7 @@ pub fn calibrate(
         p_value_of_misfit: Some(misfit.p_value),
     };
     calibration.angle_against_target = prepared.angle_against_target;
-    let deviations = RigDeviations::of(&calibration, trials.lever, |quantity| stated(quantity, trials.lever));
+    let deviations = RigDeviations::of(&calibration, |quantity| stated(quantity, trials.lever));
     let of_data = found.of_data();
     for (check, place) in loads.iter_mut().zip(RigCoordinates::first_load()..) {
         if check.difference.is_none() {

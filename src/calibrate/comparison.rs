@@ -224,10 +224,7 @@ fn calibrated_prior(coordinates: &RigCoordinates, calibration: &RigCalibration) 
     };
     for (row, name) in calibration.covariance_of.iter().enumerate() {
         let value = calibration.value(*name).unwrap_or(f64::NAN);
-        let of_coordinate = match name {
-            RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth => time_constant_s(value),
-            _ => value,
-        };
+        let of_coordinate = if name.is_frequency() { time_constant_s(value) } else { value };
         mean[place(*name)] = coordinates.scales[place(*name)].coordinate(of_coordinate);
         for (column, other) in calibration.covariance_of.iter().enumerate() {
             covariance[(place(*name), place(*other))] =
@@ -239,11 +236,11 @@ fn calibrated_prior(coordinates: &RigCoordinates, calibration: &RigCalibration) 
 
 /// Change of a quantity with its coordinate, at a value of the quantity.
 fn natural_slope(name: RigQuantity, scale: CoordinateScale, value: f64) -> f64 {
-    match (name, scale) {
-        (_, CoordinateScale::Factor { range, .. }) => value * range,
-        (RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth, CoordinateScale::Linear { range, .. }) => {
+    match scale {
+        CoordinateScale::Factor { range, .. } => value * range,
+        CoordinateScale::Linear { range, .. } if name.is_frequency() => {
             -range * std::f64::consts::TAU * value * value
         }
-        (_, CoordinateScale::Linear { range, .. }) => range,
+        CoordinateScale::Linear { range, .. } => range,
     }
 }

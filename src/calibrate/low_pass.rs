@@ -8,7 +8,8 @@
 use super::constants::{DELAY_PLACE, LAG_PLACE};
 use super::fit::{RigFit, RigFitInput};
 use super::reported::{Reported, stated};
-use super::sound_rig::{RigDeviations, SOUND_DELAY_S};
+use super::rig_deviations::RigDeviations;
+use super::sound_rig::SOUND_DELAY_S;
 use super::stated_rig::probability_of_fault;
 use crate::dataset::{RigCalibration, RigQuantity};
 use crate::statistics::HALF_INTERVAL_95;
@@ -38,7 +39,7 @@ pub fn without_low_pass(
     let Reported { quantities, covariance } = reported.clone();
     let told = RigCalibration::new(String::new(), String::new(), quantities, covariance);
     let (cutoff_hz, se) = told.value(RigQuantity::TorqueCutoff).zip(told.se(RigQuantity::TorqueCutoff))?;
-    let deviations = RigDeviations::of(&told, lever, |quantity| stated(quantity, lever));
+    let deviations = RigDeviations::of(&told, |quantity| stated(quantity, lever));
     if probability_of_fault(&deviations, MechanismKind::TorqueLag) >= PROBABLE {
         return None;
     }

@@ -39,6 +39,7 @@ mod prepared_trial;
 mod presliding;
 mod reported;
 mod rig_contradiction;
+mod rig_deviations;
 mod rig_model;
 mod sound_rig;
 mod starts;
@@ -51,9 +52,8 @@ pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};
 pub use noise::PowerSpectrum;
 pub use rig_contradiction::{RigContradiction, named_load};
-pub use sound_rig::{
-    CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, low_pass_time_constant, servo_bandwidth_hz,
-};
+pub use rig_deviations::{RigDeviations, ToldConstant};
+pub use sound_rig::{CAUSED, RigFaults, SOUND_DELAY_S, servo_bandwidth_hz};
 pub use stated_rig::LoadByRig;
 
 #[cfg(test)]

@@ -186,27 +186,24 @@ impl Told {
 fn told(quantity: RigQuantity, scale: CoordinateScale, coordinate: f64, se: f64) -> Told {
     let value = scale.value(coordinate);
     let (low, high) = (scale.value(coordinate - INTERVAL * se), scale.value(coordinate + INTERVAL * se));
-    match quantity {
-        RigQuantity::TorqueCutoff | RigQuantity::ServoBandwidth => {
-            // Beside a delay a low-pass acts by the square of its time constant, whose interval is twice as wide in proportion.
-            let by_square = quantity == RigQuantity::TorqueCutoff && low <= 0.5 * value;
-            if low <= 0.0 || by_square {
-                let what =
-                    if quantity == RigQuantity::TorqueCutoff { "a low-pass" } else { "a limit of the motor" };
-                return if high > 0.0 {
-                    no_sign_of(what, high)
-                } else {
-                    Told::Contradicted(format!(
-                        "the trials contradict {what}: the time constant is below zero; look for a delay of the other channel"
-                    ))
-                };
-            }
-            let frequency = time_constant_s(value);
-            let farther = (time_constant_s(low) - frequency).max(frequency - time_constant_s(high));
-            Told::Value { value: frequency, se: farther / INTERVAL, sign: -1.0 }
-        }
-        _ => Told::Value { value, se: (high - value).max(value - low) / INTERVAL, sign: 1.0 },
+    if !quantity.is_frequency() {
+        return Told::Value { value, se: (high - value).max(value - low) / INTERVAL, sign: 1.0 };
     }
+    let is_low_pass = quantity == RigQuantity::TorqueCutoff;
+    // Beside a delay a low-pass acts by the square of its time constant, whose interval is twice as wide in proportion.
+    let none_below = if is_low_pass { 0.5 * value } else { 0.0 };
+    if low > none_below.max(0.0) {
+        let frequency = time_constant_s(value);
+        let farther = (time_constant_s(low) - frequency).max(frequency - time_constant_s(high));
+        return Told::Value { value: frequency, se: farther / INTERVAL, sign: -1.0 };
+    }
+    let what = if is_low_pass { "a low-pass" } else { "a limit of the motor" };
+    if high > 0.0 {
+        return no_sign_of(what, high);
+    }
+    Told::Contradicted(format!(
+        "the trials contradict {what}: the time constant is below zero; look for a delay of the other channel"
+    ))
 }
 
 /// What the session states: its lever, and a rig without errors for the rest.

@@ -7,7 +7,9 @@
 
 use nalgebra::DVector;
 
-use super::sound_rig::{CommonError, RigDeviations, ToldConstant};
+use super::rig_deviations::{CommonError, RigDeviations};
+use super::sound_rig::RigFaults;
+use crate::statistics::probabilities;
 use crate::wrist::mechanisms::{MechanismClass, MechanismKind};
 
 /// Probability that a load's stated value is wrong, and the standard deviation of its relative error then. Assumed: a bar that was not
@@ -39,78 +41,66 @@ pub struct LoadByRig {
 pub fn load_by_rig(deviations: &RigDeviations, effect: DVector<f64>) -> LoadByRig {
     let (wrong, sd) = WRONG_LOAD;
     let error = CommonError { effect, sd };
-    // Logarithm of the weight of each hypothesis, whether the load is wrong in it, and by how much.
-    let mut weighed: Vec<(f64, bool, f64)> = Vec::new();
-    for Faults { faulty, weight } in faults(&deviations.told) {
-        let of_faults = libm::log(weight);
-        let (right, _) = log_density(deviations, &faulty, None);
-        weighed.push((of_faults + libm::log(1.0 - wrong) + right, false, 0.0));
-        let (with_error, size) = log_density(deviations, &faulty, Some(&error));
-        weighed.push((of_faults + libm::log(wrong) + with_error, true, size));
+    // Logarithm of the weight of each hypothesis, and the load's error where it is wrong in it.
+    let mut weighed: Vec<(f64, Option<f64>)> = Vec::new();
+    for rig in faulty_rigs(deviations) {
+        let right = deviations.agreement(rig.faults(), None);
+        weighed.push((libm::log(rig.weight * (1.0 - wrong)) + right.log_density, None));
+        let with_error = deviations.agreement(rig.faults(), Some(&error));
+        weighed.push((libm::log(rig.weight * wrong) + with_error.log_density, Some(with_error.error)));
     }
-    let most = weighed.iter().fold(f64::NEG_INFINITY, |most, own| most.max(own.0));
-    let sum = |of: &dyn Fn(&(f64, bool, f64)) -> f64| -> f64 {
-        weighed.iter().map(|own| libm::exp(own.0 - most) * of(own)).sum()
-    };
-    let wrong = sum(&|own| f64::from(u8::from(own.1)));
-    LoadByRig {
-        probability: wrong / sum(&|_| 1.0),
-        // A constant is wrong by as much as the load, in the other direction.
-        difference: -sum(&|own| own.2) / wrong.max(f64::MIN_POSITIVE),
-    }
+    let (log_weights, errors): (Vec<f64>, Vec<Option<f64>>) = weighed.into_iter().unzip();
+    let (found, _) = probabilities(&log_weights);
+    let where_wrong = || found.iter().zip(&errors).filter_map(|(own, error)| Some((own, (*error)?)));
+    let probability: f64 = where_wrong().map(|(own, _)| own).sum();
+    let size: f64 = where_wrong().map(|(own, error)| own * error).sum();
+    // A constant is wrong by as much as the load, in the other direction.
+    LoadByRig { probability, difference: -size / probability.max(f64::MIN_POSITIVE) }
 }
 
 /// Probability that the constant which `kind` is about is at fault, by all measured constants together.
 pub fn probability_of_fault(deviations: &RigDeviations, kind: MechanismKind) -> f64 {
-    let weigh = |own: Faults| {
-        let weight = libm::log(own.weight) + log_density(deviations, &own.faulty, None).0;
-        (weight, own.faulty.contains(&kind))
-    };
-    let weighed: Vec<(f64, bool)> = faults(&deviations.told).into_iter().map(weigh).collect();
-    let most = weighed.iter().fold(f64::NEG_INFINITY, |most, own| most.max(own.0));
-    let sum = |of: &dyn Fn(bool) -> bool| -> f64 {
-        weighed.iter().filter(|own| of(own.1)).map(|own| libm::exp(own.0 - most)).sum()
-    };
-    sum(&|has| has) / sum(&|_| true)
+    let rigs = faulty_rigs(deviations);
+    let log_weight =
+        |own: &FaultyRig| libm::log(own.weight) + deviations.agreement(own.faults(), None).log_density;
+    let (found, _) = probabilities(&rigs.iter().map(log_weight).collect::<Vec<_>>());
+    rigs.iter().zip(&found).filter(|(own, _)| own.causes.contains(&kind)).map(|(_, found)| found).sum()
 }
 
-/// Constants of a rig that are at fault, with the weight of such a rig beside one as stated.
-struct Faults {
+/// A rig with constants that are at fault.
+struct FaultyRig {
     /// The causes that are about them.
-    faulty: Vec<MechanismKind>,
+    causes: Vec<MechanismKind>,
+    /// Probability relative to a rig as stated.
     weight: f64,
 }
 
-/// Rigs with no, one or two faults, with another lever, and with nothing as stated.
-fn faults(told: &[ToldConstant]) -> Vec<Faults> {
-    let odds = FAULT / (1.0 - FAULT) / told.len().max(1) as f64;
-    let rig = |faulty: Vec<MechanismKind>, weight: f64| Faults { faulty, weight };
-    let mut all = vec![rig(Vec::new(), 1.0)];
-    for (place, one) in told.iter().enumerate() {
-        all.push(rig(vec![one.kind], odds));
-        all.extend(told[place + 1..].iter().map(|other| rig(vec![one.kind, other.kind], odds * odds)));
+impl FaultyRig {
+    fn faults(&self) -> RigFaults<'_> {
+        RigFaults { causes: &self.causes, ..RigFaults::default() }
     }
-    let kinds = told.iter().map(|own| own.kind);
-    all.push(rig(kinds.clone().filter(|own| own.class() == MechanismClass::Rig).collect(), OTHER_LEVER));
-    all.push(rig(kinds.collect(), NOTHING_STATED));
-    all
 }
 
-/// Logarithm of the density of the deviations in a rig with these faults, and the most probable size of the common error.
-fn log_density(
-    deviations: &RigDeviations,
-    faulty: &[MechanismKind],
-    error: Option<&CommonError>,
-) -> (f64, f64) {
-    let prior = |own: &ToldConstant| {
-        if faulty.contains(&own.kind) { own.caused } else { (0.0, own.tolerance) }
-    };
-    deviations.log_density(prior, error)
+/// Rigs with no, one or two faults, with another lever, and with nothing as stated.
+fn faulty_rigs(deviations: &RigDeviations) -> Vec<FaultyRig> {
+    let kinds: Vec<MechanismKind> = deviations.kinds().collect();
+    let odds = FAULT / (1.0 - FAULT) / kinds.len().max(1) as f64;
+    let rig = |causes: Vec<MechanismKind>, weight: f64| FaultyRig { causes, weight };
+    let mut all = vec![rig(Vec::new(), 1.0)];
+    for (place, one) in kinds.iter().enumerate() {
+        all.push(rig(vec![*one], odds));
+        all.extend(kinds[place + 1..].iter().map(|other| rig(vec![*one, *other], odds * odds)));
+    }
+    let of_rig = kinds.iter().copied().filter(|own| own.class() == MechanismClass::Rig);
+    all.push(rig(of_rig.collect(), OTHER_LEVER));
+    all.push(rig(kinds, NOTHING_STATED));
+    all
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calibrate::rig_deviations::ToldConstant;
     use crate::calibrate::sound_rig::CAUSED;
     use crate::dataset::{CalibratedQuantity, RigCalibration, RigQuantity, time_constant_s};
     use crate::statistics::HALF_INTERVAL_95;
@@ -166,7 +156,7 @@ mod tests {
         let covariance =
             told.iter().map(|one| told.iter().map(|other| between(one, other)).collect()).collect();
         let calibration = RigCalibration::new("test".into(), "rig".into(), quantities.clone(), covariance);
-        let deviations = RigDeviations::of(&calibration, Some(LEVER), stated);
+        let deviations = RigDeviations::of(&calibration, stated);
         assert_eq!(deviations.told.len(), CAUSED.len() - 2);
         assert!(deviations.covariance.clone().symmetric_eigenvalues().iter().all(|own| *own > 0.0));
         let effect = |own: &ToldConstant| if OF_BAR.contains(&own.quantity) { 1.0 } else { 0.0 };
@@ -223,7 +213,7 @@ mod tests {
         // The later the torque, the shorter the time constant, and the higher the cut-off.
         let covariance = vec![vec![sd * sd, 0.999 * sd * se_hz], vec![0.999 * sd * se_hz, se_hz * se_hz]];
         let calibration = RigCalibration::new("test".into(), "rig".into(), quantities, covariance);
-        RigDeviations::of(&calibration, None, |name| (name == RigQuantity::TorqueDelay).then_some(0.0))
+        RigDeviations::of(&calibration, |name| (name == RigQuantity::TorqueDelay).then_some(0.0))
     }
 
     #[test]
@@ -235,6 +225,37 @@ mod tests {
         assert!(alone > 0.9, "{alone}");
         let both = lag(of_channel([-1.49e-3, 1.5e-3], 0.05e-3));
         assert!(both > 0.99, "{both}");
+    }
+
+    #[test]
+    fn a_late_torque_is_no_sure_delay_where_the_trials_tell_no_low_pass() {
+        let late = |above_hz: Option<f64>| {
+            let quantity = |name: RigQuantity| {
+                let told = (name == RigQuantity::TorqueDelay).then_some((1.06e-3, 3e-5));
+                CalibratedQuantity {
+                    name,
+                    value: told.map(|own| own.0),
+                    se: told.map(|own| own.1),
+                    stated: None,
+                    reason: told.is_none().then(String::new),
+                    above: above_hz.filter(|_| name == RigQuantity::TorqueCutoff),
+                }
+            };
+            let quantities = RigQuantity::ALL.map(quantity).to_vec();
+            let calibration = RigCalibration::new("test".into(), "rig".into(), quantities, vec![vec![9e-10]]);
+            RigDeviations::of(&calibration, |_| None)
+        };
+        let fault = |deviations: &RigDeviations, kind| probability_of_fault(deviations, kind);
+        // A low-pass of 150 Hz is late by 1.06 ms.
+        let either = late(Some(100.0));
+        for kind in [MechanismKind::ChannelSkew, MechanismKind::TorqueLag] {
+            let found = fault(&either, kind);
+            assert!((0.2..0.8).contains(&found), "{kind:?}: {found}");
+        }
+        for without in [late(Some(600.0)), late(None)] {
+            assert!(fault(&without, MechanismKind::ChannelSkew) > 0.95);
+            assert!(fault(&without, MechanismKind::TorqueLag) < 0.1);
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! The tests of a study's tables (analysis of variance, contrasts, reliability, comparison of two groups) rest on [`MeanCovariance`]
 //! and [`MeanVariance`], which take in one subject at a time: a study of a million subjects needs no more memory than one of two.
-//! Fit, diagnosis and report share [`group_indices`], [`upper_median`], [`log_determinant_of_factor`] and the linear regressions of `least_squares`.
+//! Fit, diagnosis and report share [`group_indices`], [`upper_median`], [`probabilities`], [`log_determinant_of_factor`] and the linear regressions of `least_squares`.
 
 mod bayes_factor;
 mod correlation;
@@ -13,6 +13,7 @@ mod least_squares;
 mod moments;
 mod multiple_testing;
 mod order;
+mod probabilities;
 mod reliability;
 mod repeated_measures_anova;
 mod welch;
@@ -26,6 +27,7 @@ pub use least_squares::{WeightedRegression, slope_through_origin};
 pub use moments::{Contrast, MeanCovariance, MeanVariance};
 pub use multiple_testing::holm;
 pub use order::upper_median;
+pub use probabilities::probabilities;
 pub use reliability::{Reliability, reliability};
 pub use repeated_measures_anova::{AnovaEffect, FactorLevels, Mauchly, anova};
 pub use welch::welch;

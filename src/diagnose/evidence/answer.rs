@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::model_search::ComparedModel;
 use crate::random::Stream;
-use crate::statistics::largest_posterior;
+use crate::statistics::{largest_posterior, probabilities};
 use crate::wrist::mechanisms::MechanismKind;
 
 /// Probability that what is named must have: a cause alone, or the smallest set that holds it.
@@ -214,10 +214,8 @@ fn weights(models: &[ComparedModel]) -> Vec<f64> {
                 own.log_odds + errors.iter().map(|(kind, sd)| sd * drawn[*kind]).sum::<f64>()
             })
             .collect();
-        let best = log_odds.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let relative: Vec<f64> = log_odds.iter().map(|own| libm::exp(own - best)).collect();
-        let sum: f64 = relative.iter().sum();
-        mean.iter_mut().zip(&relative).for_each(|(mean, own)| *mean += own / sum / EVIDENCE_DRAWS as f64);
+        let (found, _) = probabilities(&log_odds);
+        mean.iter_mut().zip(&found).for_each(|(mean, own)| *mean += own / EVIDENCE_DRAWS as f64);
     }
     mean
 }

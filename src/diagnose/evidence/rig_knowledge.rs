@@ -7,9 +7,7 @@
 use nalgebra::DMatrix;
 
 use super::gaussian::log_normal_distribution;
-use crate::calibrate::{
-    CAUSED, RigDeviations, SOUND_DELAY_S, ToldConstant, low_pass_time_constant, servo_bandwidth_hz,
-};
+use crate::calibrate::{CAUSED, RigDeviations, RigFaults, SOUND_DELAY_S, ToldConstant, servo_bandwidth_hz};
 use crate::dataset::{AngleAgainstTarget, ROUNDING_STEPS, RigCalibration, RigQuantity, time_constant_s};
 use crate::diagnose::interval::Interval;
 use crate::fit::{CalibrationMisuse, RigConstants};
@@ -56,7 +54,7 @@ impl RigKnowledge {
     pub fn measured(calibration: &RigCalibration, lever: Option<Lever>) -> Result<Self, CalibrationMisuse> {
         let constants = RigConstants::calibrated(calibration, lever)?;
         let stated = RigConstants::stated(lever);
-        let deviations = RigDeviations::of(calibration, lever, |quantity| stated.value(quantity));
+        let deviations = RigDeviations::of(calibration, |quantity| stated.value(quantity));
         let errors = errors(calibration, constants);
         let angle = calibration.angle_against_target;
         Ok(Self { errors, constants, stated, deviations, angle })
@@ -70,8 +68,7 @@ impl RigKnowledge {
     /// The causes whose constants the rig trials tell.
     pub fn told(&self) -> impl Iterator<Item = MechanismKind> {
         let following = self.angle.and(self.motor_delay()).map(|_| MechanismKind::ServoFollowing);
-        let low_pass = self.deviations.low_pass_below_s.map(|_| MechanismKind::TorqueLag);
-        self.deviations.told.iter().map(|own| own.kind).chain(low_pass).chain(following)
+        self.deviations.kinds().chain(following)
     }
 
     /// Logarithm of the density of the measured constants where `causes` are at work, against where none is.
@@ -83,29 +80,24 @@ impl RigKnowledge {
     }
 
     fn log_density(&self, causes: &[MechanismKind]) -> f64 {
-        let follows = self.angle.is_some() && causes.contains(&MechanismKind::ServoFollowing);
-        let prior = |own: &ToldConstant| match own.by_following {
-            _ if causes.contains(&own.kind) => own.caused,
-            Some(by_following) if follows => by_following,
-            _ => (0.0, own.tolerance),
-        };
-        let of_angle = self.angle.map_or(0.0, |angle| libm::log(probability_of(&angle, follows)));
-        let low_pass = low_pass_time_constant(causes.contains(&MechanismKind::TorqueLag), follows);
-        of_angle + self.deviations.log_density_with_low_pass(prior, low_pass)
+        let angle_is_command = self.angle.is_some() && causes.contains(&MechanismKind::ServoFollowing);
+        let of_angle = self.angle.map_or(0.0, |angle| libm::log(probability_of(&angle, angle_is_command)));
+        of_angle + self.deviations.agreement(RigFaults { causes, angle_is_command }, None).log_density
     }
 
     /// Whether the rig trials say nothing of `kind` but how late the torque is: so it is with a motor behind its command, and with a low-pass
     /// that the calibration has no value for.
     fn is_told_by_delay(&self, kind: MechanismKind) -> bool {
         kind == MechanismKind::ServoFollowing
-            || kind == MechanismKind::TorqueLag && self.deviations.low_pass_below_s.is_some()
+            || kind == MechanismKind::TorqueLag && self.deviations.hidden_low_pass.is_some()
     }
 
     /// How late the torque is behind the recorded angle at low frequencies, and the variance, s: the motor's delay where that angle is the
     /// command.
     fn motor_delay(&self) -> Option<(f64, f64)> {
         let RigDeviations { told, covariance, .. } = &self.deviations;
-        let late: Vec<usize> = (0..told.len()).filter(|place| told[*place].by_following.is_some()).collect();
+        let late: Vec<usize> =
+            (0..told.len()).filter(|place| told[*place].priors.has_motor_delay()).collect();
         let delay_s = late.iter().map(|place| told[*place].deviation).sum();
         let variance = late.iter().flat_map(|i| late.iter().map(|j| covariance[(*i, *j)])).sum();
         (!late.is_empty()).then_some((delay_s, variance))
@@ -141,7 +133,8 @@ impl RigKnowledge {
         let RigDeviations { told, covariance, .. } = &self.deviations;
         let place = told.iter().position(|own| own.kind == kind)?;
         let own = &told[place];
-        let variance = covariance[(place, place)] + own.tolerance * own.tolerance;
+        let (_, tolerance) = own.priors.sound;
+        let variance = covariance[(place, place)] + tolerance * tolerance;
         Some(own.deviation.abs() / libm::sqrt(variance))
     }
 

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::summary::OptimumSummary;
 use crate::fit::linalg::cholesky;
-use crate::statistics::log_determinant_of_factor;
+use crate::statistics::{log_determinant_of_factor, probabilities};
 
 /// Degrees of freedom of the trials' distribution around their condition: heavy tails, so that a trial that is really different stays
 /// so (Lange, Little and Taylor 1989).
@@ -312,12 +312,8 @@ impl Hierarchy {
                 probability: 0.0,
             });
         }
-        let best = log_evidence.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let sum: f64 = log_evidence.iter().map(|own| libm::exp(own - best)).sum();
-        for (own, evidence) in conditionals.iter_mut().zip(&log_evidence) {
-            own.probability = libm::exp(evidence - best) / sum;
-        }
-        let evidence = best + libm::log(sum);
+        let (found, evidence) = probabilities(&log_evidence);
+        conditionals.iter_mut().zip(found).for_each(|(own, probability)| own.probability = probability);
         evidence.is_finite().then_some((conditionals, evidence))
     }
 
