@@ -437,7 +437,7 @@ impl FitChain<'_> {
 
     fn within(&self, before: &Fit, after: &Fit, chi_square_gain: f64) -> CauseEvidence {
         let observations = self.search.observations();
-        let (gain, _) = gain(observations, before, after, self.seed);
+        let gain = gain(observations, before, after, self.seed);
         CauseEvidence::WithinTrial {
             before: Box::new(before.clone()),
             after: Box::new(after.clone()),

@@ -1,5 +1,7 @@
 //! Cross-validation: improvement by an added mechanism on trials that it was not fitted to.
 
+use std::collections::BTreeMap;
+
 use crate::diagnose::predicted_torque::{mean_vaf, residuals};
 use crate::fit::{Fit, Model, Observations, Scope};
 use crate::random::Stream;
@@ -46,43 +48,38 @@ impl Gain {
     }
 }
 
-/// Improvement by the last mechanism of `after`, which extends `before`, and the decrease of the whitened sum of squares on the
-/// repetitions left out (chi-square units).
+/// Improvement by the last mechanism of `after`, which extends `before`.
 ///
-/// The mechanism's values are fitted to the other trials and held; the wrist's parameters are free in the trials left out, with and
-/// without the mechanism, so that the comparison concerns the mechanism alone. Confidence intervals resample trials.
-pub fn gain(observations: &Observations, before: &Fit, after: &Fit, seed: u64) -> (Gain, f64) {
-    let without = ResidualSquares::of(observations, before);
+/// The values of mechanisms are fitted to the other trials and held; the wrist's parameters are free in the trials left out. That is done
+/// with and without the mechanism, so that the comparison concerns the mechanism alone. Confidence intervals resample trials.
+pub fn gain(observations: &Observations, before: &Fit, after: &Fit, seed: u64) -> Gain {
     let part = parts(&observations.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>());
     let keys: [Box<dyn Fn(usize) -> i64>; 3] = [
         Box::new(|trial| part[trial]),
         Box::new(|trial| (observations.trials[trial].velocity_rad_s * 1e6) as i64),
         Box::new(|trial| (observations.trials[trial].torque_nm * 1e6) as i64),
     ];
-    let held_out: Vec<Option<ResidualSquares>> =
-        keys.iter().map(|key| held_out_squares(observations, after, key)).collect();
-    let ratio_of = |(index, with): (usize, &Option<ResidualSquares>)| {
+    let ratio_of = |(index, key): (usize, &Box<dyn Fn(usize) -> i64>)| {
+        let folds = group_indices(observations.trials.len(), key);
+        let [with, without] = [after, before].map(|fit| held_out_squares(observations, fit, &folds));
         let mut stream = Stream::new(seed, &format!("gain/{index}/{}", after.kinds.len()));
-        with.as_ref().map(|with| ratio(&with.of_trials, &without.of_trials, &mut stream))
+        Some(ratio(&with?, &without?, &mut stream))
     };
-    let ratios: Vec<Option<Ratio>> = held_out.iter().enumerate().map(ratio_of).collect();
-    let loss = held_out[0].as_ref().map_or(f64::NAN, |with| without.weighed - with.weighed);
+    let ratios: Vec<Option<Ratio>> = keys.iter().enumerate().map(ratio_of).collect();
     let unknown = Ratio { value: f64::NAN, low: f64::NAN, high: f64::NAN };
-    let gain = Gain {
+    Gain {
         held_out_rmse_ratio: ratios[0].unwrap_or(unknown),
         held_out_velocity_rmse_ratio: ratios[1],
         held_out_torque_rmse_ratio: ratios[2],
         vaf_before: mean_vaf(observations, before),
         vaf_after: mean_vaf(observations, after),
-    };
-    (gain, loss)
+    }
 }
 
 /// Improvement by removing hum from the record: fits of the same model with and without hum. Hum is estimated in the holds, so that
 /// every ramp is data left out.
 pub fn hum_removal_gain(with: (&Observations, &Fit), without: (&Observations, &Fit), seed: u64) -> Gain {
-    let (before, after) =
-        (ResidualSquares::of(with.0, with.1).of_trials, ResidualSquares::of(without.0, without.1).of_trials);
+    let [before, after] = [with, without].map(|(observations, fit)| residual_squares(observations, fit));
     let held_out_rmse_ratio = ratio(&after, &before, &mut Stream::new(seed, "gain/hum"));
     Gain {
         held_out_rmse_ratio,
@@ -108,54 +105,40 @@ fn parts(repetitions: &[u32]) -> Vec<i64> {
     repetitions.iter().enumerate().map(|own| part(own) as i64).collect()
 }
 
-/// Squared residuals of a fit.
-struct ResidualSquares {
-    /// Mean squared residual of the torque of each trial, (N m)^2.
-    of_trials: Vec<f64>,
-    /// Whitened sum of squares of all trials (chi-square units).
-    weighed: f64,
+/// Mean squared residual of the torque of each trial, (N m)^2.
+fn residual_squares(observations: &Observations, fit: &Fit) -> Vec<f64> {
+    let mean = |own: &Vec<f64>| {
+        let torque = observations.torque_of(own);
+        torque.iter().map(|e| e * e).sum::<f64>() / torque.len() as f64
+    };
+    residuals(observations, fit).iter().map(mean).collect()
 }
 
-impl ResidualSquares {
-    fn of(observations: &Observations, fit: &Fit) -> Self {
-        let residuals = residuals(observations, fit);
-        let mean = |own: &Vec<f64>| {
-            let torque = observations.torque_of(own);
-            torque.iter().map(|e| e * e).sum::<f64>() / torque.len() as f64
-        };
-        let weighed = |(trial, own): (usize, &Vec<f64>)| {
-            fit.objective.whiten(observations.noise_index[trial], own).norm_squared()
-        };
-        Self {
-            of_trials: residuals.iter().map(mean).collect(),
-            weighed: residuals.iter().enumerate().map(weighed).sum(),
-        }
-    }
-}
-
-/// Squared residuals of each trial, with the mechanism fitted to the trials with another key; `None` with one key or too many.
+/// Mean squared residual of each trial, (N m)^2, with the mechanisms of `fit` fitted to the trials of the other folds; `None` with one
+/// fold or too many.
 fn held_out_squares(
     observations: &Observations,
-    after: &Fit,
-    key: &dyn Fn(usize) -> i64,
-) -> Option<ResidualSquares> {
-    let folds = group_indices(observations.trials.len(), key);
+    fit: &Fit,
+    folds: &BTreeMap<i64, Vec<usize>>,
+) -> Option<Vec<f64>> {
     if !(2..=MAX_FOLDS).contains(&folds.len()) {
         return None;
     }
-    let mut result = ResidualSquares { of_trials: vec![0.0; observations.trials.len()], weighed: 0.0 };
-    for (held, out) in folds {
-        let rest: Vec<usize> = (0..observations.trials.len()).filter(|trial| key(*trial) != held).collect();
-        let others = after.extended_on_subset(&observations.subset(&rest), &rest, &after.model);
-        let held_out = observations.subset(&out);
-        let own = after.extended_on_subset(&held_out, &out, &held_model(&others));
-        let left = ResidualSquares::of(&held_out, &own);
-        for (trial, square) in out.into_iter().zip(left.of_trials) {
-            result.of_trials[trial] = square;
+    let mut squares = vec![0.0; observations.trials.len()];
+    for out in folds.values() {
+        let rest: Vec<usize> = (0..squares.len()).filter(|trial| !out.contains(trial)).collect();
+        let model = if fit.kinds.is_empty() {
+            fit.model.clone()
+        } else {
+            held_model(&fit.extended_on_subset(&observations.subset(&rest), &rest, &fit.model))
+        };
+        let held_out = observations.subset(out);
+        let own = fit.extended_on_subset(&held_out, out, &model);
+        for (trial, square) in out.iter().zip(residual_squares(&held_out, &own)) {
+            squares[*trial] = square;
         }
-        result.weighed += left.weighed;
     }
-    Some(result)
+    Some(squares)
 }
 
 /// The model of `fit` with its mechanisms fixed at the fitted values.

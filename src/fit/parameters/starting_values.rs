@@ -14,6 +14,9 @@ const MAX_X_E_FRACTION: f64 = 1.05;
 pub(in crate::fit) const BOUND_FACTORS: [(f64, f64); 5] =
     [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5.0), (20.0, 8.0)];
 
+/// By how much, as a part of it, a value at a bound may be off it after a logarithm and back.
+const ROUNDING: f64 = 1e-9;
+
 /// Base parameters of a trial if the search finds no starting values.
 const DEFAULT_PARAMETERS: [f64; 6] = [1e-3, 1.0, 100.0, 10.0, 5.0, 0.01];
 
@@ -26,6 +29,8 @@ pub struct StartingValues {
     mechanisms: Vec<f64>,
     /// Largest motor angle in the window of each trial, rad.
     peak_angle_rad: Vec<f64>,
+    /// The values are those of a fit, and the bounds contain them.
+    are_of_fit: bool,
     lever: Option<Lever>,
 }
 
@@ -50,17 +55,18 @@ impl StartingValues {
         assert_eq!(trials.len(), observations.trials.len(), "one set of starting values per trial");
         let peak_angle_rad =
             (0..observations.trials.len()).map(|trial| observations.peak_angle_rad(trial)).collect();
-        Self { trials, mechanisms, peak_angle_rad, lever: observations.lever }
+        Self { trials, mechanisms, peak_angle_rad, are_of_fit: false, lever: observations.lever }
     }
 
-    /// Starting values from the parameter vectors of a fit. Those of mechanisms come from the model.
+    /// Starting values from the parameter vectors of a fit, within the bounds wherever they are: a fit by priors has no bounds of x_e.
+    /// Those of mechanisms come from the model.
     pub fn from_parameters(observations: &Observations, parameters: &[Vec<f64>]) -> Self {
         let base = |values: &Vec<f64>| {
             let mut base = [0.0; 6];
             base.copy_from_slice(&values[..BASE_PARAMETERS.len()]);
             base
         };
-        Self::new(observations, parameters.iter().map(base).collect())
+        Self { are_of_fit: true, ..Self::new(observations, parameters.iter().map(base).collect()) }
     }
 
     /// Starting values if the search finds none: the same for all trials.
@@ -85,6 +91,7 @@ impl StartingValues {
         Self {
             trials: trials.iter().map(|trial| self.trials[*trial]).collect(),
             mechanisms: self.mechanisms.clone(),
+            are_of_fit: self.are_of_fit,
             peak_angle_rad: trials.iter().map(|trial| self.peak_angle_rad[*trial]).collect(),
             lever: self.lever,
         }
@@ -130,7 +137,12 @@ impl StartingValues {
         match BOUND_FACTORS.get(parameter) {
             Some((below, above)) => BoundedStart { low: start / below, high: start * above, start },
             None => {
-                let (low, high) = x_e_bounds(geometric_mean(&|trial| self.peak_angle_rad[trial]));
+                let (mut low, mut high) = x_e_bounds(geometric_mean(&|trial| self.peak_angle_rad[trial]));
+                let is_beyond = start < low * (1.0 - ROUNDING) || start > high * (1.0 + ROUNDING);
+                if self.are_of_fit && is_beyond {
+                    let (lower, higher) = x_e_bounds(start);
+                    (low, high) = (low.min(lower), high.max(higher));
+                }
                 BoundedStart { low, high, start }
             }
         }

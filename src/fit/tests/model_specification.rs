@@ -42,6 +42,20 @@ fn the_coefficients_of_a_law_are_kept_when_a_model_is_fitted_from_the_optimum_of
     }
 }
 
+/// The fit of a diagnosis has no bounds of x_e; one of a muscle that does not yield put x_e at 0.1 mrad, and every fit from it began at the
+/// bound, 1.4 mrad: repetitions left out had 2.6 times the residual.
+#[test]
+fn a_fit_from_a_fit_begins_where_that_is_also_beyond_the_usual_bounds() {
+    let (observations, mut fit) = fit(r#"{ "format": "ramphold-model/1" }"#, 1);
+    for (trial, factor) in [1e-3, 3.0, 0.5].into_iter().enumerate() {
+        fit.parameters[trial][X_E] = factor * observations.peak_angle_rad(trial);
+    }
+    let again = fit.with_model(&observations, &fit.model);
+    for (own, other) in fit.parameters.iter().flatten().zip(again.parameters.iter().flatten()) {
+        assert!(relative_error(*other, *own) < 1e-9, "{own} became {other}");
+    }
+}
+
 #[test]
 fn one_bound_beyond_what_is_usual_takes_the_other_one_away() {
     for (bound, usual) in [(r#""low": 90"#, 15.0), (r#""high": 0.5"#, 15.0)] {
