@@ -117,6 +117,7 @@ impl PlacedTrial<'_> {
     }
 
     /// Time that has `record_s` on the axis of the trial's record, s.
+    #[cfg(feature = "matlab")]
     pub fn record_s(&self, record_s: f64) -> f64 {
         self.at(self.start_s + record_s - self.trial.record.start_s)
     }
