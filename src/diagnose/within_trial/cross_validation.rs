@@ -124,6 +124,8 @@ fn held_out_squares(
     if !(2..=MAX_FOLDS).contains(&folds.len()) {
         return None;
     }
+    // Shrinkage is towards the wrist's values in another fit.
+    let fit = Fit { shrinkage_target: None, ..fit.clone() };
     let mut squares = vec![0.0; observations.trials.len()];
     for out in folds.values() {
         let rest: Vec<usize> = (0..squares.len()).filter(|trial| !out.contains(trial)).collect();
