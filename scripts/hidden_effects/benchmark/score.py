@@ -227,7 +227,7 @@ def bias_table(single, parameter) -> dict:
 def answers(outcomes) -> Counter:
     """What was said, as one short phrase a session."""
     def phrase(o):
-        sets = " & ".join("/".join(sorted(named_set(c), key=lambda m: m != c["mechanism"])) for c in causes(o))
+        sets = " & ".join("/".join(sorted(named_set(c), key=lambda m: (m != c["mechanism"], m))) for c in causes(o))
         said = verdict(o)
         said = sets if said in ("named", "ambiguous") else f"{said}" + (f" ({sets})" if sets else "")
         return f"{said}, law: {law(o).get('law')}" if LAWS & set(o.case.causes) else said

@@ -266,4 +266,4 @@ def _timed(s, part, note):
     x_t = s.person.x_e_middle_rad / 2.275
     base = s.person.x_e(s.trials.velocity_rad_s, s.trials.torque_nm)
     s.trials.x_e = s.trials.velocity_rad_s * x_t * (s.trials.x_e / base) * part
-    return {"x_t_s": x_t, "x_0_rad": 0.0}, [], note
+    return {"slope_s": x_t, "x_0_rad": 0.0}, [], note

@@ -1,18 +1,22 @@
 """Each mechanism has several laws, and each law and alien shows."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hidden_effects import catalogue, oracle
 from hidden_effects.aliens import ALIENS
+from hidden_effects.benchmark import score
 from hidden_effects.generator import generate
 from hidden_effects.laboratories import LABORATORIES
 from hidden_effects.laws import LAWS
 from hidden_effects.laws.law import law
+from hidden_effects.session_writer import truth_of
 
 PAPER = LABORATORIES["paper"]
+REFERENCE = Path(__file__).resolve().parents[3] / "docs/reference"
 
 
 def test_every_mechanism_has_at_least_three_laws_with_equation_and_source():
@@ -38,6 +42,18 @@ def test_the_laws_of_a_mechanism_are_about_as_easy_to_find_as_its_first(mechanis
 @pytest.mark.parametrize("kind", ALIENS)
 def test_an_alien_of_usual_size_can_be_found(kind):
     assert oracle.finding(1, f"alien:{kind}", PAPER, with_rivals=False).findable
+
+
+@pytest.mark.parametrize("mechanism", catalogue.MECHANISMS)
+def test_what_is_hidden_is_called_as_the_program_calls_it(mechanism):
+    """A slope that the program had renamed was counted as a value that is never covered."""
+    truth = truth_of(generate(1, mechanism, repetitions=1), mechanism, "paper")
+    if mechanism in score.LAWS:
+        rows = (REFERENCE / "session-folder.md").read_text().splitlines()
+        told = next(row for row in rows if row.startswith("| `laws.elastic_limit`"))
+    else:
+        told = (REFERENCE / "mechanisms" / f"{mechanism}.md").read_text()
+    assert [name for name in truth["hidden"][0]["parameters"] if f"`{name}`" not in told] == []
 
 
 def test_a_law_by_name_is_the_same_as_by_default():
