@@ -54,18 +54,17 @@ impl Gain {
 /// with and without the mechanism, so that the comparison concerns the mechanism alone. Confidence intervals resample trials.
 pub fn gain(observations: &Observations, before: &Fit, after: &Fit, seed: u64) -> Gain {
     let part = parts(&observations.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>());
-    let keys: [Box<dyn Fn(usize) -> i64>; 3] = [
-        Box::new(|trial| part[trial]),
-        Box::new(|trial| (observations.trials[trial].velocity_rad_s * 1e6) as i64),
-        Box::new(|trial| (observations.trials[trial].torque_nm * 1e6) as i64),
-    ];
-    let ratio_of = |(index, key): (usize, &Box<dyn Fn(usize) -> i64>)| {
+    let keys: [&dyn Fn(usize) -> i64; 3] =
+        [&|trial| part[trial], &|trial| (observations.trials[trial].velocity_rad_s * 1e6) as i64, &|trial| {
+            (observations.trials[trial].torque_nm * 1e6) as i64
+        }];
+    let ratio_of = |(index, key): (usize, &dyn Fn(usize) -> i64)| {
         let folds = group_indices(observations.trials.len(), key);
         let [with, without] = [after, before].map(|fit| held_out_squares(observations, fit, &folds));
         let mut stream = Stream::new(seed, &format!("gain/{index}/{}", after.kinds.len()));
         Some(ratio(&with?, &without?, &mut stream))
     };
-    let ratios: Vec<Option<Ratio>> = keys.iter().enumerate().map(ratio_of).collect();
+    let ratios: Vec<Option<Ratio>> = keys.into_iter().enumerate().map(ratio_of).collect();
     let unknown = Ratio { value: f64::NAN, low: f64::NAN, high: f64::NAN };
     Gain {
         held_out_rmse_ratio: ratios[0].unwrap_or(unknown),
