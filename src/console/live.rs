@@ -176,7 +176,7 @@ impl Live {
 
     /// Gives the terminal back, so that messages can be printed there.
     pub fn release_terminal(&mut self) {
-        drop(self.terminal.take());
+        self.terminal = None;
     }
 
     /// Shows `message` on all pages and closes the console.
