@@ -5,20 +5,21 @@
 //! faults, and those are in the journal, so a motor that follows stands in for them. The limits are held against every
 //! sample that was kept.
 
-use std::fmt;
-use std::ops::ControlFlow;
 use std::path::Path;
 
+pub use self::difference::Difference;
 use self::expected_step::{ExpectedStep, is_under_way};
+pub use self::garbage::Garbage;
 use self::replayer::Replayer;
+pub use self::replayer::StepObserver;
 use super::error::DatasetError;
 use super::journal::{JOURNAL, JournalEntry};
 use super::recovery::{RecoveredSession, RecoveredState};
-use crate::files::excerpt;
 use crate::session::rules::{RULES, RuleChange, changes_since};
-use crate::session::{Machine, Phase, Step};
 
+mod difference;
 mod expected_step;
+mod garbage;
 mod recorded_samples;
 mod replayer;
 
@@ -43,41 +44,6 @@ pub struct Replay {
     pub rules: u32,
 }
 
-/// Bytes behind the end of a file that are no part of it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Garbage {
-    /// The file.
-    pub file: String,
-    /// How many bytes.
-    pub bytes: u64,
-    /// The program died while it wrote the file, which explains them.
-    pub is_torn_end: bool,
-}
-
-impl fmt::Display for Garbage {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let why = if self.is_torn_end { ": the program ended while it wrote them" } else { "" };
-        write!(out, "{}: {} bytes behind its end belong to no record{why}", excerpt(&self.file), self.bytes)
-    }
-}
-
-/// First difference between a replay and the record.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Difference {
-    /// Which start of the session, from 1: it was resumed in between.
-    pub start: usize,
-    /// Sample since then.
-    pub sample: u64,
-    /// State in which it was met.
-    pub phase: Phase,
-    /// Number of the trial under way.
-    pub trial: Option<u32>,
-    /// Entry in the journal.
-    pub recorded: String,
-    /// Outcome of the replay.
-    pub replayed: String,
-}
-
 impl Replay {
     /// What has changed in the rules since the session was recorded.
     pub fn changed_rules(&self) -> impl Iterator<Item = &'static RuleChange> {
@@ -96,24 +62,6 @@ impl Replay {
         self.rules > RULES
     }
 }
-
-impl fmt::Display for Difference {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "sample {}", self.sample)?;
-        if self.start > 1 {
-            write!(out, " after resume number {}", self.start - 1)?;
-        }
-        write!(out, ", in state {}", self.phase.name())?;
-        if let Some(trial) = self.trial {
-            write!(out, " (trial {trial})")?;
-        }
-        write!(out, ": recorded {}, replayed {}", self.recorded, self.replayed)
-    }
-}
-
-/// Called after each step that came out as recorded, with the step and the state machine after it. Can end the replay. Where
-/// nothing changes in a pause any more, the next step is that which ends the pause.
-pub type StepObserver<'a> = dyn FnMut(&Step, &Machine) -> ControlFlow<()> + 'a;
 
 /// Goes through the session in `folder` again, up to the first difference.
 ///

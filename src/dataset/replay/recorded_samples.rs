@@ -1,6 +1,6 @@
 //! The samples of a record, as a replay goes through them.
 
-use super::Garbage;
+use super::garbage::Garbage;
 use crate::dataset::error::DatasetError;
 use crate::dataset::recorder::part_of;
 use crate::dataset::recovery::RecoveredSession;

@@ -1,10 +1,12 @@
 //! One start of a session goes through the state machine again.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use super::difference::Difference;
 use super::expected_step::{ExpectedStep, StepEntry, describe, describe_line, describe_step, expected};
+use super::garbage::Garbage;
 use super::recorded_samples::RecordedSamples;
-use super::{Difference, Garbage, StepObserver};
 use crate::dataset::error::DatasetError;
 use crate::dataset::journal::JournalEntry;
 use crate::dataset::recovery::{RecoveredSession, RecoveredState};
@@ -20,6 +22,10 @@ const LONGEST_WAIT_S: f64 = 7.0 * 86_400.0;
 
 /// Steps between two looks at whether the session only waits for the operator.
 const SETTLING_STEPS: u64 = 1 << 12;
+
+/// Called after each step that came out as recorded, with the step and the state machine after it. Can end the replay. Where
+/// nothing changes in a pause any more, the next step is that which ends the pause.
+pub type StepObserver<'a> = dyn FnMut(&Step, &Machine) -> ControlFlow<()> + 'a;
 
 /// Replays one start of the session.
 pub(super) struct Replayer<'a> {

@@ -15,7 +15,7 @@ pub(in crate::fit) const BOUND_FACTORS: [(f64, f64); 5] =
     [(8.0, 8.0), (30.0, 10.0), (8.0, 12.0), (5.0, 5.0), (20.0, 8.0)];
 
 /// By how much, as a part of it, a value at a bound may be off it after a logarithm and back.
-const ROUNDING: f64 = 1e-9;
+const BOUND_ROUNDING: f64 = 1e-9;
 
 /// Base parameters of a trial if the search finds no starting values.
 const DEFAULT_PARAMETERS: [f64; 6] = [1e-3, 1.0, 100.0, 10.0, 5.0, 0.01];
@@ -138,7 +138,7 @@ impl StartingValues {
             Some((below, above)) => BoundedStart { low: start / below, high: start * above, start },
             None => {
                 let (mut low, mut high) = x_e_bounds(geometric_mean(&|trial| self.peak_angle_rad[trial]));
-                let is_beyond = start < low * (1.0 - ROUNDING) || start > high * (1.0 + ROUNDING);
+                let is_beyond = start < low * (1.0 - BOUND_ROUNDING) || start > high * (1.0 + BOUND_ROUNDING);
                 if self.are_of_fit && is_beyond {
                     let (lower, higher) = x_e_bounds(start);
                     (low, high) = (low.min(lower), high.max(higher));

@@ -1,24 +1,45 @@
 //! The CAN motor as a rig. It is armed only with limits read back, a dry run without objections, and the operator's consent.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-pub use self::armed::ArmedCanMotor;
+use super::canopen::{CanopenError, ErrorPolicy};
 use super::connection::Connection;
-use super::cycle::Cycle;
+use super::cycle::{Cycle, PeriodCommand};
 use super::cycle_stats::CycleStats;
+use super::drive::{Drive, DriveRequest, PowerState};
 use super::dry_run::DryRun;
 use super::fault::CanFault;
+use super::file::SafeState;
 use super::homing_monitor::HomingMonitor;
 use super::limits::{HandleLimits, LimitsConfirmed};
+use super::motion_proof::MotionProof;
+use super::motor_state::{MotorState, OnFault};
+use super::pdo_decoder::MAX_SAMPLES;
 use super::realtime::{Privileges, RealTimeThread};
+use super::safe_state;
 use super::summary::Summary;
+use super::target_motion::{Profile, TargetMotion};
 use crate::protocol::Limits;
-use crate::rig::{Armed, ArmingConsent, Fault, RecordedSignals, Rig, Vitals};
+use crate::rig::{
+    Armed, ArmingConsent, Command, Cue, Direction, Fault, Motor, Origin, Punctuality, RecordedSignals, Rig,
+    Sample, Vitals,
+};
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
-mod armed;
+/// How long a drive may take from SHUTDOWN to following its target.
+const ENABLE_S: f64 = 3.0;
+/// Periods in which the program only looks before there is power: enough to take the speed of the handle.
+const LOOK_PERIODS: u32 = 8;
+/// Periods for which the motor must report that it follows before its target moves.
+const SETTLED_PERIODS: u32 = 3;
+
+/// Speed of the small motion that shows the scale when the handle is at the start position already, rad/s.
+const PROOF_SPEED_RAD_S: f64 = 0.05;
+/// Periods at rest after which a motor has come to where its target is.
+const PROOF_REST_PERIODS: u32 = 10;
 
 /// The motor, unable to move.
 #[derive(Debug)]
@@ -182,5 +203,299 @@ impl Rig for CanMotor {
             Ok(confirmed) => self.enable(confirmed, consent),
             Err(fault) => Err(self.failed(fault)),
         }
+    }
+}
+
+/// The motor, able to move. Dropped without being disarmed, as after a panic, it makes the motor safe as well.
+#[derive(Debug)]
+pub struct ArmedCanMotor {
+    /// `None` once it was disarmed.
+    motor: Option<CanMotor>,
+    cycle: Cycle,
+    /// Samples of the latest period that were not given out yet.
+    ready: VecDeque<Sample>,
+    /// The command for the next period.
+    target_rad: f64,
+    shown_nm: f64,
+    /// After a gap in a movement, in which the motor stood: how its target catches up with the session's.
+    catching_up: Option<TargetMotion>,
+    /// The motor was made safe and must be armed again before it moves.
+    latched: bool,
+}
+
+impl ArmedCanMotor {
+    /// Requires the proofs that arming depends on: limits read back, and the operator's consent. `motor` holds the dry run.
+    fn new(motor: CanMotor, cycle: Cycle, _confirmed: LimitsConfirmed, _consent: ArmingConsent) -> Self {
+        Self {
+            motor: Some(motor),
+            cycle,
+            ready: VecDeque::with_capacity(MAX_SAMPLES),
+            target_rad: 0.0,
+            shown_nm: 0.0,
+            catching_up: None,
+            latched: false,
+        }
+    }
+
+    fn period(&mut self, request: DriveRequest, state: MotorState) -> Result<(), CanFault> {
+        let command = PeriodCommand { target_rad: self.target_rad, shown_nm: self.shown_nm, request };
+        let Some(CanMotor { connection: Connection { link, drive, .. }, stats, .. }) = &mut self.motor else {
+            return Err(CanFault::Latched);
+        };
+        self.cycle.run(link, drive.as_mut(), stats, command, state)
+    }
+
+    fn drive(&self) -> Result<&dyn Drive, CanFault> {
+        self.motor.as_ref().map(|motor| motor.connection.drive.as_ref()).ok_or(CanFault::Latched)
+    }
+
+    fn measured_rad(&self) -> Result<f64, CanFault> {
+        Ok(self.drive()?.angle(self.cycle.readings(), self.cycle.samples() - 1).0)
+    }
+
+    /// From no power to following, with the target where the handle is; then slowly to the start position.
+    fn enable_operation(&mut self) -> Result<(), CanFault> {
+        // Where the handle is, that it stands still, and what the torque is, before there is any power.
+        let mut looked = 0;
+        while looked < LOOK_PERIODS {
+            self.period(DriveRequest::None, MotorState::Looking)?;
+            looked += u32::from(self.cycle.has_new_readings());
+        }
+        self.target_rad = self.measured_rad()?;
+        let most = (ENABLE_S / self.cycle.period_s()).ceil() as u64;
+        let mut following = 0;
+        for _ in 0..most {
+            self.period(DriveRequest::Enable, MotorState::Enabling)?;
+            match self.drive()?.power(self.cycle.readings()) {
+                PowerState::Following => following += 1,
+                PowerState::Off => self.target_rad = self.measured_rad()?,
+                PowerState::Changing => {}
+            }
+            if following == SETTLED_PERIODS {
+                return self.approach_start();
+            }
+        }
+        let now = self.motor.as_ref().map(|motor| motor.connection.clock.now());
+        now.map_or(Ok(()), |now| self.drive()?.check(self.cycle.readings(), now))?;
+        Err(CanFault::NotAtStart { off_rad: self.measured_rad()? })
+    }
+
+    /// Slowly to the start position. On the way, or by a small motion there and back, the motor must move as far and as fast
+    /// as it is told, before anything faster is asked of it.
+    fn approach_start(&mut self) -> Result<(), CanFault> {
+        let wanted = self.drive()?.approach();
+        let limits = *self.cycle.limits();
+        let profile = Profile {
+            speed_rad_s: wanted.speed_rad_s.min(limits.speed_rad_s),
+            acceleration_rad_s2: wanted.acceleration_rad_s2.min(limits.acceleration_rad_s2),
+        };
+        let [low_rad, high_rad] = limits.angle_rad;
+        let mut proof = self.motion_proof(profile)?;
+        self.creep_to(0.0, profile, &mut proof)?;
+        if !proof.is_long_enough() {
+            let slow = Profile { speed_rad_s: profile.speed_rad_s.min(PROOF_SPEED_RAD_S), ..profile };
+            let there_rad =
+                if high_rad >= -low_rad { MotionProof::LENGTH_RAD } else { -MotionProof::LENGTH_RAD };
+            proof = self.motion_proof(slow)?;
+            self.creep_to(there_rad, slow, &mut proof)?;
+            self.creep_to(0.0, slow, &mut proof)?;
+        }
+        proof.finish()
+    }
+
+    fn motion_proof(&self, profile: Profile) -> Result<MotionProof, CanFault> {
+        let motor = self.motor.as_ref().ok_or(CanFault::Latched)?;
+        let stretch = motor.connection.file.bench.map_or(1.0, |bench| bench.time_stretch);
+        let resolution_rad = motor.connection.drive.angle_resolution_rad();
+        Ok(MotionProof::new(profile.speed_rad_s, resolution_rad, stretch))
+    }
+
+    /// Moves the target to an angle, and waits until the motor stands there.
+    fn creep_to(&mut self, end_rad: f64, profile: Profile, proof: &mut MotionProof) -> Result<(), CanFault> {
+        let mut motion = TargetMotion::at_rest(self.target_rad);
+        let mut settled = 0;
+        while settled < PROOF_REST_PERIODS {
+            // The first period of a motion is at its start.
+            self.period(DriveRequest::Follow, MotorState::Following)?;
+            let now =
+                self.motor.as_ref().map(|motor| motor.connection.clock.now()).ok_or(CanFault::Latched)?;
+            if self.cycle.has_new_readings() {
+                proof.observe(self.target_rad, self.measured_rad()?, now)?;
+            }
+            if self.cycle.take_standstill() {
+                motion = self.cycle.target_motion();
+                self.target_rad = motion.angle_rad;
+            }
+            settled = if self.target_rad == end_rad && !self.cycle.is_moving() { settled + 1 } else { 0 };
+            if self.target_rad != end_rad {
+                self.target_rad = motion.approach(end_rad, profile, self.cycle.period_s());
+            }
+        }
+        Ok(())
+    }
+
+    /// Brings the motor to the safe state that the rig file gives for the fault. It ends without power, and only arming
+    /// again leaves it. Returns whether it was confirmed that there is no power.
+    fn make_safe(&mut self, fault: CanFault) -> bool {
+        if self.latched {
+            return true;
+        }
+        let Some(motor) = &mut self.motor else { return true };
+        let chosen = safe_state::state_for(&fault, &motor.connection.file.safe_state);
+        motor.record_fault(fault);
+        let state = match self.cycle.state().rule().on_fault {
+            _ if fault.bus_is_dead() => None,
+            _ if fault == CanFault::Canopen(CanopenError::Interrupted) => Some(SafeState::QuickStop),
+            OnFault::StaysOff => None,
+            OnFault::Stop if chosen == SafeState::Hold => Some(SafeState::QuickStop),
+            OnFault::Stop | OnFault::SafeState => Some(chosen),
+            OnFault::QuickStop => Some(SafeState::QuickStop),
+            OnFault::PowerOff => Some(SafeState::TorqueOff),
+        };
+        self.cycle.excuse(&fault);
+        self.stop(state);
+        let Some(CanMotor { connection: Connection { link, drive, .. }, .. }) = &mut self.motor else {
+            return true;
+        };
+        // The power itself is taken off, and made sure of, by `disarm`, which always follows.
+        let outcome = safe_state::power_off(link, drive.as_mut());
+        if let Err(fault) = outcome {
+            link.set_own_heartbeat(None);
+            self.motor.iter_mut().for_each(|motor| motor.record_fault(fault));
+        }
+        outcome.is_ok()
+    }
+
+    fn set_interruptible(&mut self, is_interruptible: bool) {
+        self.motor.iter_mut().for_each(|motor| motor.connection.link.set_interruptible(is_interruptible));
+    }
+
+    /// Stops the motor, unless the bus is dead, and keeps it stopped.
+    fn stop(&mut self, state: Option<SafeState>) {
+        self.set_interruptible(false);
+        self.latched = true;
+        self.ready.clear();
+        let Some(motor) = &mut self.motor else { return };
+        let Connection { link, drive, .. } = &mut motor.connection;
+        link.set_error_policy(ErrorPolicy::Count);
+        let Some(state) = state else { return };
+        let met = safe_state::reach(state, link, drive.as_mut(), &mut self.cycle, &mut motor.stats);
+        met.into_iter().for_each(|fault| motor.record_fault(fault));
+    }
+
+    /// Makes the motor safe; the fault for the layers above, which says whether the power is known to be off.
+    fn fault(&mut self, fault: CanFault) -> Fault {
+        if self.make_safe(fault) { fault.into() } else { Fault::from(fault).with_power_not_confirmed() }
+    }
+
+    /// A motor that stood while the program was kept from running accelerates anew, within the limits.
+    fn catch_up(&mut self) {
+        let Some(motion) = &mut self.catching_up else { return };
+        let HandleLimits { speed_rad_s, acceleration_rad_s2, .. } = *self.cycle.limits();
+        let goal_rad = self.target_rad;
+        let profile = Profile { speed_rad_s, acceleration_rad_s2 };
+        self.target_rad = motion.approach(goal_rad, profile, self.cycle.period_s());
+        if motion.has_arrived(goal_rad) {
+            self.catching_up = None;
+        }
+    }
+
+    fn collect_samples(&mut self) {
+        let Some(motor) = &self.motor else { return };
+        let readings = self.cycle.readings();
+        for at in 0..self.cycle.samples() {
+            self.ready.push_back(Sample {
+                theta_m_rad: motor.connection.drive.angle(readings, at).0,
+                torque_l_nm: readings.torque_nm[at],
+                emg_fcr_mvc: readings.emg_mvc[0].map(|emg| emg[at] / motor.emg_scale[0]),
+                emg_ecr_mvc: readings.emg_mvc[1].map(|emg| emg[at] / motor.emg_scale[1]),
+                ..Sample::default()
+            });
+        }
+    }
+
+    fn show(&mut self, cue: &Cue) {
+        let display = self.motor.as_ref().and_then(|motor| motor.connection.file.display);
+        let effort_nm = display.map_or(0.0, |display| display.effort_nm);
+        match cue {
+            Cue::Target { target_nm, .. } => self.shown_nm = *target_nm,
+            Cue::Effort(Direction::Flexion) => self.shown_nm = effort_nm,
+            Cue::Effort(Direction::Extension) => self.shown_nm = -effort_nm,
+            Cue::Rest | Cue::Relax | Cue::RigTrial(_) => self.shown_nm = 0.0,
+            // Nothing on the display changes while the motor moves.
+            Cue::Moving => {}
+        }
+    }
+}
+
+impl Armed for ArmedCanMotor {
+    type Disarmed = CanMotor;
+
+    fn exchange(&mut self, command: &Command) -> Result<Sample, Fault> {
+        if self.latched {
+            return Err(CanFault::Latched.into());
+        }
+        self.show(&command.cue);
+        match command.motor {
+            // Checked when it is sent.
+            Motor::Follow { angle_rad } => self.target_rad = angle_rad,
+            Motor::Safe if self.cycle.is_moving() => {
+                // The session ends in the middle of a movement: stop on the ramp, and stay stopped.
+                self.stop(Some(SafeState::QuickStop));
+                self.collect_samples();
+            }
+            Motor::Safe => {}
+        }
+        if self.ready.is_empty() {
+            self.catch_up();
+            if let Err(fault) = self.period(DriveRequest::Follow, MotorState::Following) {
+                return Err(self.fault(fault));
+            }
+            if self.cycle.take_standstill() {
+                self.catching_up = Some(self.cycle.target_motion());
+            }
+            self.collect_samples();
+        }
+        self.ready.pop_front().ok_or(Fault::NoSample)
+    }
+
+    fn take_punctuality(&mut self) -> Option<Punctuality> {
+        self.motor.as_mut().map(|motor| motor.stats.take_punctuality())
+    }
+
+    fn origin(&self) -> Option<Origin> {
+        self.motor.as_ref().map(|motor| motor.connection.drive.origin())
+    }
+
+    fn vitals(&self) -> Option<Vitals> {
+        self.motor.as_ref().map(CanMotor::vitals)
+    }
+
+    fn rescale_emg(&mut self, factors: [f64; 2]) {
+        for (scale, factor) in self.motor.iter_mut().flat_map(|motor| &mut motor.emg_scale).zip(factors) {
+            *scale *= factor;
+        }
+        for sample in &mut self.ready {
+            sample.emg_fcr_mvc = sample.emg_fcr_mvc.map(|emg| emg / factors[0]);
+            sample.emg_ecr_mvc = sample.emg_ecr_mvc.map(|emg| emg / factors[1]);
+        }
+    }
+
+    #[allow(clippy::expect_used, reason = "only this takes the motor out, and it takes all of self")]
+    fn disarm(mut self) -> CanMotor {
+        let mut motor = self.motor.take().expect("a motor that is armed is there");
+        motor.release();
+        motor
+    }
+}
+
+impl Drop for ArmedCanMotor {
+    fn drop(&mut self) {
+        if self.motor.is_some() && !self.latched {
+            self.stop(Some(SafeState::QuickStop));
+        }
+        self.motor.iter_mut().for_each(|motor| {
+            motor.release();
+        });
     }
 }
