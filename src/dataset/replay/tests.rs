@@ -10,7 +10,7 @@ use crate::protocol::Limits;
 use crate::rig::virtual_wrist::{Person, Setup, VirtualWrist};
 use crate::rig::{Armed, ArmingConsent, Command, Fault, Motor, Origin, Punctuality, Rig, Sample};
 use crate::schedule;
-use crate::session::{Event, Settings, Status, TransitionRecord, Unpaced, run_control_loop};
+use crate::session::{Event, Machine, Phase, Settings, Status, TransitionRecord, Unpaced, run_control_loop};
 
 /// Six pauses of 160 h in a journal of 4 kB took 25 s: every sample of them was stepped through.
 #[test]
