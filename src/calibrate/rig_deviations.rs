@@ -91,7 +91,7 @@ impl RigDeviations {
         Self { told: Vec::new(), covariance: DMatrix::zeros(0, 0), hidden_low_pass: None }
     }
 
-    /// The deviations that `calibration` measured from what is `stated` of a rig with this lever.
+    /// The deviations that `calibration` measured from what is `stated` of the rig.
     pub fn of(calibration: &RigCalibration, stated: impl Fn(RigQuantity) -> Option<f64>) -> Self {
         let constant = |own: &CausedConstant| {
             let known = calibration.value(own.quantity).zip(calibration.se(own.quantity))?;

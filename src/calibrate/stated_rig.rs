@@ -127,23 +127,23 @@ mod tests {
         }
     }
 
+    /// A quantity that was measured as `told`, with its standard error, or not at all.
+    fn quantity(name: RigQuantity, told: Option<(f64, f64)>) -> CalibratedQuantity {
+        let (value, se) = told.unzip();
+        let reason = told.is_none().then(String::new);
+        CalibratedQuantity { name, value, se, stated: None, reason, above: None }
+    }
+
     /// A calibration with these factors of what is stated, to 0.7 % of their own and 1 % of the bar, and what it says of the bar.
     fn of_bar(factors: [f64; 4]) -> LoadByRig {
-        let quantity = |name: RigQuantity| {
+        let measured = |name: RigQuantity| {
             let factor = OF_BAR.iter().position(|own| *own == name).map_or(1.0, |place| factors[place]);
             let value = stated(name).map(|value| factor * value);
             let se = value
                 .map(|value| value * if OF_BAR.contains(&name) { libm::hypot(0.007, 0.01) } else { 0.003 });
-            CalibratedQuantity {
-                name,
-                value,
-                se,
-                stated: stated(name),
-                reason: value.is_none().then(String::new),
-                above: None,
-            }
+            CalibratedQuantity { stated: stated(name), ..quantity(name, value.zip(se)) }
         };
-        let quantities: Vec<CalibratedQuantity> = RigQuantity::ALL.map(quantity).to_vec();
+        let quantities: Vec<CalibratedQuantity> = RigQuantity::ALL.map(measured).to_vec();
         let told: Vec<&CalibratedQuantity> = quantities.iter().filter(|own| own.value.is_some()).collect();
         let between = |one: &CalibratedQuantity, other: &CalibratedQuantity| match (
             one.name == other.name,
@@ -189,27 +189,14 @@ mod tests {
 
     /// Delay and time constant of a torque channel, s, known to `sd` each and better together.
     fn of_channel([delay_s, lag_s]: [f64; 2], sd: f64) -> RigDeviations {
-        let told = [(RigQuantity::TorqueDelay, delay_s, 1.0), (RigQuantity::TorqueCutoff, lag_s, -1.0)];
         let se_hz =
             (time_constant_s(lag_s - HALF_INTERVAL_95 * sd) - time_constant_s(lag_s)) / HALF_INTERVAL_95;
-        let se = [sd, se_hz];
-        let quantity = |name: RigQuantity| {
-            let own = told.iter().position(|own| own.0 == name);
-            let value = match name {
-                RigQuantity::TorqueDelay => Some(delay_s),
-                RigQuantity::TorqueCutoff => Some(time_constant_s(lag_s)),
-                _ => None,
-            };
-            CalibratedQuantity {
-                name,
-                value,
-                se: own.map(|own| se[own]),
-                stated: None,
-                reason: value.is_none().then(String::new),
-                above: None,
-            }
+        let measured = |name: RigQuantity| match name {
+            RigQuantity::TorqueDelay => quantity(name, Some((delay_s, sd))),
+            RigQuantity::TorqueCutoff => quantity(name, Some((time_constant_s(lag_s), se_hz))),
+            _ => quantity(name, None),
         };
-        let quantities = RigQuantity::ALL.map(quantity).to_vec();
+        let quantities = RigQuantity::ALL.map(measured).to_vec();
         // The later the torque, the shorter the time constant, and the higher the cut-off.
         let covariance = vec![vec![sd * sd, 0.999 * sd * se_hz], vec![0.999 * sd * se_hz, se_hz * se_hz]];
         let calibration = RigCalibration::new("test".into(), "rig".into(), quantities, covariance);
@@ -230,18 +217,12 @@ mod tests {
     #[test]
     fn a_late_torque_is_no_sure_delay_where_the_trials_tell_no_low_pass() {
         let late = |above_hz: Option<f64>| {
-            let quantity = |name: RigQuantity| {
+            let measured = |name: RigQuantity| {
                 let told = (name == RigQuantity::TorqueDelay).then_some((1.06e-3, 3e-5));
-                CalibratedQuantity {
-                    name,
-                    value: told.map(|own| own.0),
-                    se: told.map(|own| own.1),
-                    stated: None,
-                    reason: told.is_none().then(String::new),
-                    above: above_hz.filter(|_| name == RigQuantity::TorqueCutoff),
-                }
+                let above = above_hz.filter(|_| name == RigQuantity::TorqueCutoff);
+                CalibratedQuantity { above, ..quantity(name, told) }
             };
-            let quantities = RigQuantity::ALL.map(quantity).to_vec();
+            let quantities = RigQuantity::ALL.map(measured).to_vec();
             let calibration = RigCalibration::new("test".into(), "rig".into(), quantities, vec![vec![9e-10]]);
             RigDeviations::of(&calibration, |_| None)
         };

@@ -54,10 +54,10 @@ impl Gain {
 /// with and without the mechanism, so that the comparison concerns the mechanism alone. Confidence intervals resample trials.
 pub fn gain(observations: &Observations, before: &Fit, after: &Fit, seed: u64) -> Gain {
     let part = parts(&observations.trials.iter().map(|trial| trial.repetition).collect::<Vec<_>>());
-    let keys: [&dyn Fn(usize) -> i64; 3] =
-        [&|trial| part[trial], &|trial| (observations.trials[trial].velocity_rad_s * 1e6) as i64, &|trial| {
-            (observations.trials[trial].torque_nm * 1e6) as i64
-        }];
+    let part_of = |trial: usize| part[trial];
+    let velocity_of = |trial: usize| (observations.trials[trial].velocity_rad_s * 1e6) as i64;
+    let torque_of = |trial: usize| (observations.trials[trial].torque_nm * 1e6) as i64;
+    let keys: [&dyn Fn(usize) -> i64; 3] = [&part_of, &velocity_of, &torque_of];
     let ratio_of = |(index, key): (usize, &dyn Fn(usize) -> i64)| {
         let folds = group_indices(observations.trials.len(), key);
         let [with, without] = [after, before].map(|fit| held_out_squares(observations, fit, &folds));
