@@ -10,8 +10,8 @@ use crate::fit::{ExcludedTrial, Model, Observations, PreprocessingSettings, RigC
 use crate::protocol::ValidProtocol;
 use crate::signal::{FilterSpec, filter};
 use crate::wrist::{
-    self, ScaledChannel, SimulatedTorque, SimulationSettings, TraceSample, simulate, steps_per_sample,
-    substeps,
+    self, ScaledChannel, SimulatedTorque, SimulationSettings, TraceSample, runge_kutta_steps, simulate,
+    steps_per_sample,
 };
 
 /// The measured and fitted traces of a trial. Torques and angles are changes from the hold, turned so that the
@@ -126,7 +126,7 @@ fn one(
         return trace;
     };
     let kinds = model.kinds();
-    let substeps = substeps(prepared.lever, &parameters, prepared.period_s);
+    let substeps = runge_kutta_steps(prepared.lever, &kinds, &trial.input, &parameters, prepared.period_s);
     let samples = trial.input.motion.len() - trial.input.onset;
     let request = SimulationSettings { samples, ..prepared.request(&kinds, substeps) };
     trace.instants = wrist::trace(&request, &trial.input, &parameters);

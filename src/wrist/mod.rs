@@ -32,5 +32,7 @@ pub use plant::{
     BASE_PARAMETERS, JOINT_DAMPING_NM_S_PER_RAD, Lever, LeverCoefficients, Plant, YIELD_SMOOTHNESS_PER_NM,
 };
 pub use simulate::{simulate, simulate_over};
-pub use simulation::{SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, steps_per_sample};
+pub use simulation::{
+    SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, runge_kutta_steps, steps_per_sample,
+};
 pub use trace::{TraceSample, srs_period_s, trace};

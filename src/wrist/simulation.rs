@@ -1,11 +1,12 @@
 //! Input, settings and output of a simulation of whole trials.
 
 use super::further_channel::ScaledChannel;
+use super::history::History;
 use super::integrate::substeps;
 use super::linear_response::exact_steps;
 use super::mechanics::Kinematics;
-use super::mechanisms::{Covariates, MechanismKind};
-use super::plant::{BASE_PARAMETERS, Lever};
+use super::mechanisms::{ActiveMechanisms, Covariates, MechanismKind};
+use super::plant::{BASE_PARAMETERS, Lever, Plant};
 use crate::signal::Section;
 
 /// A trial as the model needs it: the motion of the motor and the covariates.
@@ -65,7 +66,8 @@ impl SimulationSettings<'_> {
     }
 }
 
-/// Steps per sample for an error below 1e-5 N m at these `parameters`: exact ones of the base model, Runge-Kutta steps with mechanisms.
+/// Steps per sample that the model needs at these `parameters`: exact ones of the base model, whose error is below 1e-5 N m, Runge-Kutta
+/// steps with mechanisms.
 /// A power of two: a small step of the parameters seldom changes it, and few trials of a session have steps of their own.
 pub fn steps_per_sample(
     lever: Option<Lever>,
@@ -77,8 +79,24 @@ pub fn steps_per_sample(
     if kinds.is_empty() {
         exact_steps(lever, parameters, trial.highest_speed_rad_s(), period_s)
     } else {
-        substeps(lever, parameters, period_s).next_power_of_two()
+        runge_kutta_steps(lever, kinds, trial, parameters, period_s).next_power_of_two()
     }
+}
+
+/// Runge-Kutta steps per sample that the model needs at these `parameters`; see [`substeps`].
+pub fn runge_kutta_steps(
+    lever: Option<Lever>,
+    kinds: &[MechanismKind],
+    trial: &TrialInput,
+    parameters: &[f64],
+    period_s: f64,
+) -> usize {
+    let history = History::new(0.0, period_s, 0);
+    let added = &parameters[BASE_PARAMETERS.len()..];
+    let active = ActiveMechanisms { kinds, parameters: added, trial: &trial.covariates, history: &history };
+    let mut plant = Plant::base(lever, parameters);
+    active.alter_plant(&mut plant);
+    substeps(&plant, active.longest_step_s(trial.highest_speed_rad_s()), period_s)
 }
 
 /// Number of trials that are simulated at once. The results have the same bits with every width.

@@ -3,7 +3,9 @@
 use super::fit::Fit;
 use crate::fit::data::observations::Observations;
 use crate::fit::model::parameter_index::X_E;
-use crate::wrist::{BASE_PARAMETERS, SimulationSettings, TraceSample, srs_period_s, substeps, trace};
+use crate::wrist::{
+    BASE_PARAMETERS, SimulationSettings, TraceSample, runge_kutta_steps, srs_period_s, trace,
+};
 
 /// Names of the quantities that tables report for a trial.
 pub const QUANTITIES: [&str; 9] = [
@@ -44,7 +46,8 @@ fn recorded_samples(observations: &Observations, trial: usize) -> usize {
 fn trajectory(observations: &Observations, fit: &Fit, trial: usize, samples: usize) -> Vec<TraceSample> {
     let input = &observations.trials[trial].input;
     let parameters = &fit.parameters[trial];
-    let substeps = substeps(observations.lever, parameters, observations.period_s);
+    let substeps =
+        runge_kutta_steps(observations.lever, &fit.kinds, input, parameters, observations.period_s);
     let request = SimulationSettings { samples, ..observations.request(&fit.kinds, substeps) };
     trace(&request, input, parameters)
 }

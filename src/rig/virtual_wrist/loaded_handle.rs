@@ -72,13 +72,14 @@ impl LoadedHandle {
         let period_s = 1.0 / sample_rate_hz;
         let history = History::new(0.0, period_s, states);
         let mut plant = Plant::base(setup.lever, &NO_WRIST);
-        ActiveMechanisms {
+        let active = ActiveMechanisms {
             kinds: &mechanisms.kinds,
             parameters: &mechanisms.parameters,
             trial: &covariates,
             history: &history,
-        }
-        .alter_plant(&mut plant);
+        };
+        active.alter_plant(&mut plant);
+        let of_mechanisms = libm::ceil(period_s / active.longest_step_s(0.0)) as usize;
         if let (Some(lever), RigLoad::KnownInertia { inertia_kg_m2, .. }) = (&mut plant.lever, load) {
             lever.inertia += inertia_kg_m2;
         }
@@ -87,7 +88,7 @@ impl LoadedHandle {
             _ => 0.0,
         };
         let bearing = Bearing::new(setup);
-        let substeps = bearing.substeps(plant.lever, spring, period_s);
+        let substeps = bearing.substeps(plant.lever, spring, period_s).max(of_mechanisms);
         Self {
             load,
             lever: setup.lever,

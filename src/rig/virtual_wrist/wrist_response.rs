@@ -169,19 +169,19 @@ impl WristResponse {
         let states = self.mechanisms.kinds.iter().map(|kind| kind.state_count()).sum();
         let history = History::new(0.0, self.period_s, states);
         let mut plant = Plant::base(self.lever, &trial.parameters);
-        ActiveMechanisms {
+        let active = ActiveMechanisms {
             kinds: &self.mechanisms.kinds,
             parameters: &self.mechanisms.parameters,
             trial: &covariates,
             history: &history,
-        }
-        .alter_plant(&mut plant);
-        let of_wrist = substeps(self.lever, &trial.parameters, self.period_s);
+        };
+        active.alter_plant(&mut plant);
+        let speed_rad_s = trial.velocity_rad_s.abs();
+        let of_wrist = substeps(&plant, active.longest_step_s(speed_rad_s), self.period_s);
         let of_bearing = match self.bearing.rubs() {
             true => self.bearing.substeps(plant.lever, trial.parameters[2], self.period_s),
             false => 0,
         };
-        let speed_rad_s = trial.velocity_rad_s.abs();
         self.moving = Some(Moving {
             mechanics: Mechanics::new(plant),
             bearing: self.bearing,

@@ -47,6 +47,19 @@ impl<T: Number> ActiveMechanisms<'_, T> {
     }
 }
 
+impl ActiveMechanisms<'_, f64> {
+    /// The longest step of an integration that the mechanisms allow, s, where the motor turns at up to `speed_rad_s`.
+    pub fn longest_step_s(&self, speed_rad_s: f64) -> f64 {
+        let mut first = 0;
+        let steps = self.kinds.iter().map(|kind| {
+            let own = first..first + kind.parameter_count();
+            first = own.end;
+            kind.longest_step_s(&self.parameters[own], speed_rad_s)
+        });
+        steps.fold(f64::INFINITY, f64::min)
+    }
+}
+
 impl<T: Number> AddedDynamics<T> for ActiveMechanisms<'_, T> {
     const ACTIVE: bool = true;
 

@@ -124,6 +124,11 @@ macro_rules! catalogue {
                 match self { $($(#[$condition])? Self::$name => $module::$name::start_at_onset(p),)* Self::Free(_) => {} }
             }
 
+            /// The longest step of an integration that its states allow, s, where the motor turns at up to `speed_rad_s`.
+            pub fn longest_step_s(self, p: &[f64], speed_rad_s: f64) -> f64 {
+                match self { $($(#[$condition])? Self::$name => $module::$name::longest_step_s(p, speed_rad_s),)* Self::Free(law) => law.longest_step_s(p) }
+            }
+
             /// Torque that the torque channel shows in addition, N m.
             pub fn disturbance_nm(self, p: &[f64], session_time_s: f64) -> f64 {
                 match self { $($(#[$condition])? Self::$name => $module::$name::disturbance_nm(p, session_time_s),)* Self::Free(_) => 0.0 }

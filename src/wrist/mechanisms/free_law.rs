@@ -8,7 +8,7 @@ use std::ops::Range;
 use super::channel_errors::ChannelErrors;
 use super::covariates::{Covariates, DataRequirement};
 use super::free_law_kind::FreeLawKind;
-use super::mechanism::MechanismClass;
+use super::mechanism::{LONGEST_STEP_OF_A_LAG, MechanismClass};
 use super::parameter::MechanismParameter;
 use super::place::{Argument, LawSpace, Place};
 use super::spline::{SPLINE_COEFFICIENTS, SPLINE_PARAMETERS, Spline};
@@ -117,6 +117,14 @@ impl FreeLawKind {
             Self::JointPastSpeed => 1,
             Self::TorqueChannelPastTorque => TORQUE_LAGS,
             _ => 0,
+        }
+    }
+
+    /// The longest step of an integration that the law's states allow, s.
+    pub(super) fn longest_step_s(self, p: &[f64]) -> f64 {
+        match self {
+            Self::TorqueChannelPastTorque => LONGEST_STEP_OF_A_LAG * p[0] * lag_fraction(0),
+            _ => f64::INFINITY,
         }
     }
 

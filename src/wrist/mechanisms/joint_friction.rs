@@ -8,6 +8,10 @@ use super::states::OwnStates;
 use crate::number::Number;
 use crate::wrist::mechanics::{Context, Torques};
 
+/// Longest step of an integration, in the times in which the motor goes through the travel over which the friction builds up: Runge-Kutta steps diverge from 2.8 on, where
+/// the joint may turn 1.8 times as fast as the motor. The torque is small, so that stability asks for more steps than accuracy.
+const LONGEST_STEP_OF_BRISTLES: f64 = 1.5;
+
 /// Friction of the wrist joint, as a Dahl model.
 pub struct JointFriction;
 
@@ -41,6 +45,10 @@ impl Mechanism for JointFriction {
         travel of dry contacts, some 0.1 mm at a radius of a few cm, within a factor of two (assumed)";
     const LAW_SPACE: LawSpace = LawSpace { place: Place::Joint, argument: Some(Argument::Speed), sd: 0.4 };
     const STATES: usize = 1;
+
+    fn longest_step_s(p: &[f64], speed_rad_s: f64) -> f64 {
+        LONGEST_STEP_OF_BRISTLES * p[1] / speed_rad_s
+    }
 
     #[inline(always)]
     fn add_torques<T: Number>(

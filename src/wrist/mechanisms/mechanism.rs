@@ -16,6 +16,9 @@ use crate::wrist::plant::{Lever, Plant};
 /// half its range: amplifiers warm, joints bed in. Assumed.
 pub const SIZE_DRIFT_SD: f64 = 0.1;
 
+/// Longest step of an integration through a first-order lag, in its time constants: one of half a time constant leaves 3e-5 N m.
+pub(super) const LONGEST_STEP_OF_A_LAG: f64 = 0.35;
+
 /// Where a mechanism acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -160,6 +163,12 @@ pub trait Mechanism {
     ) -> T {
         let _ = (p, states, trial, rates);
         torque
+    }
+
+    /// The longest step of an integration that its states allow, s, where the motor turns at up to `speed_rad_s`.
+    fn longest_step_s(p: &[f64], speed_rad_s: f64) -> f64 {
+        let _ = (p, speed_rad_s);
+        f64::INFINITY
     }
 
     /// Torque that the torque channel shows in addition, at any time of the session, N m.

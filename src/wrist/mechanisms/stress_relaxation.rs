@@ -1,6 +1,6 @@
 //! A Maxwell branch in parallel with k_j: a spring whose torque decays.
 
-use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::mechanism::{EvidenceSource, LONGEST_STEP_OF_A_LAG, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
 use super::place::{Argument, LawSpace, Place};
 use super::prior::Prior;
@@ -45,6 +45,10 @@ impl Mechanism for StressRelaxation {
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [0.002, 0.006, 0.02].map(|time_constant| vec![15.0, time_constant]).to_vec()
+    }
+
+    fn longest_step_s(p: &[f64], _speed_rad_s: f64) -> f64 {
+        LONGEST_STEP_OF_A_LAG * p[1]
     }
 
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! Torque from the delayed, rectified stretch velocity through a first-order lag.
 
-use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::mechanism::{EvidenceSource, LONGEST_STEP_OF_A_LAG, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
 use super::place::{Argument, LawSpace, Place};
 use super::prior::Prior;
@@ -67,6 +67,10 @@ impl Mechanism for StretchReflex {
             .take_while(|latency| *latency < session.window_s - SHORTEST_PART_S)
             .map(|latency| (latency, 0.01));
         later.chain(early).map(|(latency, lag)| vec![0.3, latency, lag]).collect()
+    }
+
+    fn longest_step_s(p: &[f64], _speed_rad_s: f64) -> f64 {
+        LONGEST_STEP_OF_A_LAG * p[2]
     }
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! A low-pass in the torque channel that the angle channel does not have.
 
 use super::covariates::Covariates;
-use super::mechanism::{EvidenceSource, Mechanism, MechanismClass, ProbeContext};
+use super::mechanism::{EvidenceSource, LONGEST_STEP_OF_A_LAG, Mechanism, MechanismClass, ProbeContext};
 use super::parameter::MechanismParameter;
 use super::place::{Argument, LawSpace, Place};
 use super::prior::Prior;
@@ -39,6 +39,10 @@ impl Mechanism for TorqueLag {
 
     fn probes(_session: &ProbeContext) -> Vec<Vec<f64>> {
         [60.0, 200.0].map(|cutoff| vec![cutoff]).to_vec()
+    }
+
+    fn longest_step_s(p: &[f64], _speed_rad_s: f64) -> f64 {
+        LONGEST_STEP_OF_A_LAG / (std::f64::consts::TAU * p[0])
     }
 
     #[inline(always)]
