@@ -149,8 +149,10 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         }
     };
     let left = tested.as_ref().unwrap_or(&given);
-    if !given.misfit.is_finite() || !left.misfit.is_finite() {
-        remarks.push("no cause was looked for: the misfit is not a finite number".into());
+    if !given.is_finite() || !left.is_finite() {
+        remarks.push(
+            "no cause is named: the misfit cannot be compared with noise, since the model diverges".into(),
+        );
         return Diagnosis::without_causes(before, remarks);
     }
     let across = remaining_correlation(observations, &models[best].posterior, seed);

@@ -251,7 +251,8 @@ impl<T: Number> ExtendedState<T> {
 }
 
 /// Number of Runge-Kutta steps per sample of a wrist of `plant`, as mechanisms may have altered it, none longer than `longest_step_s`, s,
-/// which mechanisms may ask for. The error is below 1e-5 N m, and below 2e-4 N m with any mechanism at a plausible size.
+/// which mechanisms may ask for. The error is below 1e-5 N m, below 2e-4 N m with a mechanism of a plausible size, and
+/// below 1e-3 N m with a slack, which has corners.
 ///
 /// The fastest modes are those of the interface damper between the two inertias and of the lever; the step is chosen so
 /// that the sum of their rates times the step stays below [`LONGEST_STEP`], which the tests hold against a reference with

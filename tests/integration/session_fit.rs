@@ -39,6 +39,23 @@ fn a_session_is_fitted_as_a_whole_and_each_trial_on_its_own_stands_beside() {
 }
 
 #[test]
+fn a_window_that_ends_before_the_yield_gives_the_stiffness_that_the_whole_window_gives() {
+    let workspace = session();
+    let stiffness = |folder: &str| -> Vec<f64> {
+        let json = fit_json(&workspace, folder);
+        assert_eq!(json["session_model"]["used"], true, "{folder}");
+        let trials = json["trials"].as_array().unwrap().iter();
+        trials.map(|trial| trial["values"]["k_srs_nm_per_rad"].as_f64().unwrap()).collect()
+    };
+    for window_s in ["0.035", "0.03"] {
+        workspace.call(0, &["fit", "session", "--window", window_s, "--out", window_s]);
+        for (short, whole) in stiffness(window_s).into_iter().zip(stiffness("session/results")) {
+            assert!((short / whole - 1.0).abs() < 0.2, "{short} instead of {whole} N m/rad, {window_s} s");
+        }
+    }
+}
+
+#[test]
 fn independent_gives_each_trial_on_its_own_alone() {
     let workspace = session();
     let (table, _) = workspace.call(0, &["fit", "session", "--independent", "--out", "alone"]);

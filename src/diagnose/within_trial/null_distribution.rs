@@ -75,6 +75,11 @@ impl MisfitPValues {
         (TESTED_STATISTICS * smallest).min(1.0)
     }
 
+    /// Whether they are numbers.
+    pub fn is_finite(self) -> bool {
+        [self.of_largest, self.of_excess, self.of_scatter, self.scatter].iter().all(|own| own.is_finite())
+    }
+
     /// p-value of misfit that differs between repetitions.
     pub fn between_repetitions(self) -> f64 {
         (TESTED_STATISTICS * self.of_scatter).min(1.0)
@@ -123,13 +128,16 @@ impl NullDistribution {
         Self { findings }
     }
 
-    /// P-values of `finding` under the null distribution.
+    /// P-values of `finding` under the null distribution; no numbers where `finding` or a draw is none. A model that diverges under the
+    /// errors of the angle has no null distribution.
     pub fn p_values(&self, finding: &MisfitStatistics) -> MisfitPValues {
+        if !finding.is_finite() || !self.findings.iter().all(MisfitStatistics::is_finite) {
+            let none = f64::NAN;
+            return MisfitPValues { of_largest: none, of_excess: none, of_scatter: none, scatter: none };
+        }
         let count = self.findings.len() as f64;
         let of = |what: fn(&MisfitStatistics) -> f64| {
-            // Nothing is significant because it is not a number.
-            let is_reached = |own: &&MisfitStatistics| what(own) >= what(finding) || what(finding).is_nan();
-            let reached = self.findings.iter().filter(is_reached).count();
+            let reached = self.findings.iter().filter(|own| what(own) >= what(finding)).count();
             (reached + 1) as f64 / (count + 1.0)
         };
         let usual = self.findings.iter().map(|finding| finding.scatter).sum::<f64>() / count;
@@ -139,5 +147,25 @@ impl NullDistribution {
             of_scatter: of(|finding| finding.scatter),
             scatter: finding.scatter / usual,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn finding(scatter: f64) -> MisfitStatistics {
+        MisfitStatistics { largest: scatter, excess: scatter, scatter }
+    }
+
+    #[test]
+    fn a_null_distribution_that_is_no_number_makes_nothing_significant() {
+        let findings = (0..99).map(|draw| finding(f64::from(draw))).collect::<Vec<_>>();
+        let sound = NullDistribution { findings: findings.clone() }.p_values(&finding(1e6));
+        assert_eq!(sound.of_largest, 0.01);
+        assert!(sound.is_finite());
+        let diverged = NullDistribution { findings: [&findings[1..], &[finding(f64::NAN)]].concat() };
+        assert!(!diverged.p_values(&finding(1e6)).is_finite());
+        assert!(!NullDistribution { findings }.p_values(&finding(f64::NAN)).is_finite());
     }
 }

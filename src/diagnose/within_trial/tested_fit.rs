@@ -34,4 +34,9 @@ impl TestedFit {
         tracing::debug!(?misfit, ?p_values, causes = ?fit.kinds);
         Self { misfit, p_values, undetectable }
     }
+
+    /// Whether the residuals could be compared with noise at all.
+    pub fn is_finite(&self) -> bool {
+        self.misfit.is_finite() && self.p_values.is_finite()
+    }
 }

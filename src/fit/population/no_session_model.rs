@@ -60,6 +60,12 @@ pub enum NoSessionModel {
         /// Part by which the larger is above the smaller.
         difference: f64,
     },
+    /// The search ended where the trials are not described, or their parameters do not follow the regression.
+    #[error(
+        "the trials together leave more of the torque than trials whose true parameters are known would: a window too short to tell the \
+         parameters, or a model that does not describe the trials"
+    )]
+    LeavesMore,
     /// The approximation of the likelihood is not finite.
     #[error("the trials' likelihood cannot be approximated")]
     NotFinite,

@@ -32,7 +32,8 @@ const SMALLEST_PART: f64 = 0.05;
 /// Gauss-Newton equations for known spreads. The unknowns are the coordinates of the fit, then the means of the conditions, then the
 /// coefficients of the regression.
 pub(super) struct SessionEquations {
-    cost: f64,
+    /// Negative logarithm of the posterior density, less what no unknown changes.
+    pub cost: f64,
     gradient: DVector<f64>,
     matrix: BorderedMatrix,
 }

@@ -11,8 +11,10 @@ use super::trial_groups::TrialGroups;
 use crate::fit::bordered::BorderedInverse;
 use crate::fit::data::observations::Observations;
 use crate::fit::fitted::fit::Fit;
+use crate::fit::fitted::predictions::predictions;
 use crate::fit::residuals::residual_covariance::angle_error_ratio;
 use crate::fit::search::multistart::Restart;
+use crate::statistics::f_tail;
 use crate::wrist::BASE_PARAMETERS;
 
 /// Variance of the torque error from the angle, beside that of the torque's noise, above which it is most of the error.
@@ -24,6 +26,9 @@ pub fn coarse_angle(observations: &Observations, fit: &Fit) -> Option<NoSessionM
     (ratio > LARGEST_ANGLE_ERROR)
         .then_some(NoSessionModel::CoarseAngle { ratio, step_rad: observations.angle_step_rad })
 }
+
+/// Probability with which a sound session is taken to be one whose fit went wrong.
+const LEAVES_MORE_LEVEL: f64 = 1e-4;
 
 /// Restarts of the whole session: x_e as a fraction of the largest motor angle, k_dec as one of k_srs.
 const SESSION_RESTARTS: [Restart; 2] = [(0.4, 0.6), (0.6, 0.6)];
@@ -74,6 +79,9 @@ impl SessionFit {
             return Err(reason);
         }
         let found = Self::so_far(observations, independent, trials)?;
+        if found.leaves_more_than_trials_alone(observations, independent) {
+            return Err(NoSessionModel::LeavesMore);
+        }
         if let Some(groups) = found.groups.as_ref().filter(|groups| groups.are_distinct()) {
             let (place, difference) = groups.largest_difference();
             return Err(NoSessionModel::TwoGroups {
@@ -143,6 +151,23 @@ impl SessionFit {
         trials.add_places(&fit, &other_places, &mut other_optima);
         let TrialBlocks { parameters, conditions, .. } = trials;
         Ok(Self { fit, hierarchy, parameters, conditions, other_optima, other_places, groups, covariance })
+    }
+
+    /// Whether this fit leaves more of the torque than one that has the true parameters of each trial would, beside `independent`: by the
+    /// F statistic, since misfit of the model and of the noise is in both.
+    fn leaves_more_than_trials_alone(&self, observations: &Observations, independent: &Fit) -> bool {
+        let [together, alone] = [&self.fit, independent].map(|fit| {
+            let trials = predictions(observations, fit).into_iter().enumerate();
+            let whitened = trials
+                .map(|(trial, own)| fit.objective.whiten(observations.noise_index[trial], &own.residual_nm));
+            whitened.fold((0.0, 0), |(squares, count), own| (squares + own.norm_squared(), count + own.len()))
+        });
+        let unknowns = independent.parameterisation.coordinates.len() as f64;
+        let freedom = alone.1 as f64 - unknowns;
+        let statistic = (together.0 - alone.0) / unknowns / (alone.0 / freedom);
+        tracing::debug!(statistic, unknowns, freedom, "squares that the session leaves beside its trials");
+        // Squares that are no numbers leave more as well.
+        !(freedom > 0.0 && f_tail(statistic.max(0.0), [unknowns, freedom]) >= LEAVES_MORE_LEVEL)
     }
 
     /// This fit to the same session with other constants of the rig, from its optimum; the spreads stay.

@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 
 use super::hierarchy::Hierarchy;
+use super::session_equations::SessionEquations;
 use super::trial_blocks::{TrialBlocks, normal_equations};
 use crate::fit::bordered::BorderedInverse;
 use crate::fit::data::observations::Observations;
@@ -24,7 +25,8 @@ impl TrialBlocks {
     /// The mode is biased where the information of the data depends on the parameters. The mean lies where the gradient of
     /// cost + 1/2 log |A| is zero, with A the second derivatives (Laplace's method, one order further: Tierney and Kadane 1986). With r
     /// the whitened residuals, J their derivatives and C the covariance, that gradient is half the contraction of the third derivatives
-    /// with C; the part with r itself is left out, as in the Gauss-Newton matrix.
+    /// with C; the part with r itself is left out, as in the Gauss-Newton matrix. Where this leads out of the posterior, `fit` stays at the
+    /// mode.
     pub(super) fn move_to_medians(
         &self,
         observations: &Observations,
@@ -79,6 +81,14 @@ impl TrialBlocks {
             }
         }
         let change = -covariance.times(&gradient) * MEDIAN_PART;
-        self.move_by(fit, hierarchy, &change);
+        let (mut moved, mut moved_hierarchy) = (fit.clone(), hierarchy.clone());
+        self.move_by(&mut moved, &mut moved_hierarchy, &change);
+        let cost =
+            |fit: &Fit, hierarchy: &Hierarchy| SessionEquations::new(observations, fit, hierarchy, self).cost;
+        // On average over its posterior the cost lies above the mode's by half for each unknown. A point further up is no median: the
+        // data leave something so open that one order more says nothing, and the mode is the better estimate.
+        if cost(&moved, &moved_hierarchy) - cost(fit, hierarchy) < 0.5 * covariance.len() as f64 {
+            (*fit, *hierarchy) = (moved, moved_hierarchy);
+        }
     }
 }

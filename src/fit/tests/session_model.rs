@@ -51,6 +51,33 @@ fn trials_that_alone_take_a_wrong_optimum_take_the_right_one_together() {
 }
 
 #[test]
+fn a_window_that_ends_before_the_yield_leaves_a_fit_that_describes_the_trials_or_none() {
+    for (seed, window_s) in [(1, 0.03), (1, 0.025), (2, 0.02), (3, 0.015)] {
+        let session = SyntheticSession { seed, ..SyntheticSession::new(2) }.session();
+        let settings = PreprocessingSettings { window_s, ..PreprocessingSettings::default() };
+        let observations = Observations::new(&session, settings).unwrap();
+        let alone = independent(&observations);
+        let together = match SessionFit::new(&observations, &alone) {
+            Ok(session) => session.fit,
+            Err(reason) => {
+                assert_eq!(reason, NoSessionModel::LeavesMore);
+                continue;
+            }
+        };
+        let squares = |fit: &Fit| -> f64 {
+            let trials = predictions(&observations, fit).into_iter().enumerate();
+            let whiten = |(trial, own): (usize, Prediction)| {
+                fit.objective.whiten(observations.noise_index[trial], &own.residual_nm).norm_squared()
+            };
+            trials.map(whiten).sum()
+        };
+        // The trials' own optima fit the noise with six parameters each, of more than 35 values.
+        let [alone, together] = [&alone, &together].map(squares);
+        assert!(together < 2.0 * alone, "{together} beside {alone}, window of {window_s} s");
+    }
+}
+
+#[test]
 fn intervals_of_trials_and_condition_means_hold_the_truth() {
     let (mut trials, mut means, mut count) = (0, 0, 0);
     for seed in 11..=34 {
