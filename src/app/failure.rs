@@ -216,6 +216,25 @@ pub enum Failure {
         /// Names of the quantities, one of which changed.
         quantities: String,
     },
+    /// The rig differs from its calibration, and no quantity is named.
+    #[error(
+        "{}: the rig differs from its calibration (p = {p_value:.4}), and a change of no single quantity explains it. Find out why, or \
+         calibrate it anew", .session.display()
+    )]
+    RigDiffers {
+        /// The session's folder.
+        session: PathBuf,
+        /// Probability of trials so different if nothing changed.
+        p_value: f64,
+    },
+    /// The rig was not compared with its calibration.
+    #[error("{}: the rig was not compared with its calibration: {reason}", .session.display())]
+    RigNotCompared {
+        /// The session's folder.
+        session: PathBuf,
+        /// Why.
+        reason: &'static str,
+    },
     /// A diagnosis did not find the hidden mechanism.
     #[error("the diagnosis does not name the hidden mechanism {mechanism}")]
     NotFound {
@@ -311,6 +330,8 @@ impl Failure {
             | Self::Ended { .. }
             | Self::NotFound { .. }
             | Self::RigChanged { .. }
+            | Self::RigDiffers { .. }
+            | Self::RigNotCompared { .. }
             | Self::Signals(_) => 1,
             Self::Origin(can::OriginError::WordNeeded { .. } | can::OriginError::HandleElsewhere { .. }) => 2,
             Self::Connect(_) | Self::Motor(_) | Self::Origin(_) | Self::Bus { .. } => 1,

@@ -46,7 +46,7 @@ mod starts;
 mod stated_rig;
 
 pub use calibration::{CalibrationOutcome, calibrate};
-pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, compare};
+pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, RigVerdict, compare};
 pub use error::CalibrateError;
 pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};
