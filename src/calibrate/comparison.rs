@@ -87,13 +87,17 @@ impl RigComparison {
             return RigVerdict::DiffersUnexplained;
         }
         if self.p_value.is_nan() {
-            return RigVerdict::NotComparable("how far the trials differ from the calibration is not a number");
+            return RigVerdict::NotComparable(
+                "how far the trials differ from the calibration is not a number",
+            );
         }
         if !self.untested.is_empty() {
             return RigVerdict::NotComparable("the difference of a quantity is not a number");
         }
         if self.quantities.is_empty() {
-            return RigVerdict::NotComparable("these trials tell a change of none of the calibrated quantities");
+            return RigVerdict::NotComparable(
+                "these trials tell a change of none of the calibrated quantities",
+            );
         }
         RigVerdict::Agrees
     }
@@ -323,8 +327,7 @@ mod tests {
         let named = comparison(vec![RigQuantity::TorqueOffset], f64::NAN);
         assert_eq!(named.verdict(), RigVerdict::Differs(&[RigQuantity::TorqueOffset]));
         assert_eq!(comparison(Vec::new(), 0.0).verdict(), RigVerdict::DiffersUnexplained);
-        let is_not_comparable =
-            |own: RigComparison| matches!(own.verdict(), RigVerdict::NotComparable(_));
+        let is_not_comparable = |own: RigComparison| matches!(own.verdict(), RigVerdict::NotComparable(_));
         assert!(is_not_comparable(comparison(Vec::new(), f64::NAN)));
         assert!(is_not_comparable(RigComparison { quantities: Vec::new(), ..comparison(Vec::new(), 0.4) }));
         let untested = vec![RigQuantity::TorqueDelay];
