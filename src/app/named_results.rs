@@ -55,8 +55,8 @@ fn choose(session: &Path, own: &Value, is_free: impl Fn(&Folder) -> bool) -> Res
         let place = ResultsFolder::Named { session: session.to_owned(), name: name.clone() };
         match results.folder(&name) {
             Ok(folder) if !is_free(&folder) => {}
-            // Something else has the name.
-            Err(error) if error.kind() == ErrorKind::NotADirectory => {}
+            // A file or a link has the name.
+            Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::NotADirectory) => {}
             Ok(_) => return Ok(place),
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(place),
             Err(source) => return Err(Failure::ResultsFolder { path: place.path(), source }),
