@@ -4,10 +4,11 @@ use nalgebra::{DMatrix, DVector};
 
 use super::calibration::fit_with_scatter;
 use super::constants::{CoordinateScale, REPORTED, RigCoordinates};
-use super::covariance::{INTERVAL, inverse};
+use super::covariance::INTERVAL;
 use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigPrior};
 use super::input_check::refuse_contradictions;
+use super::linear_algebra::inverse;
 use super::misfit::square_root;
 use super::prepared_rig::PreparedRig;
 use crate::dataset::{RigCalibration, RigQuantity, RigTrial, RigTrialMotion, RigTrials, time_constant_s};
@@ -109,7 +110,8 @@ impl RigComparison {
 /// uncertainty.
 ///
 /// # Errors
-/// If there are no trials with the empty handle in motion, if they contradict what is stated of them, or if the calibration has no values.
+/// If there are no trials with the empty handle in motion, if they contradict what is stated of them, if the calibration has no values, or if its
+/// covariance has no inverse.
 pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigComparison, CalibrateError> {
     if calibration.covariance_of.is_empty() {
         return Err(CalibrateError::NothingCalibrated(calibration.session.clone()));
@@ -121,7 +123,7 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
     )?;
     refuse_contradictions(&prepared, calibrated_lever(calibration).or(trials.lever))?;
     let coordinates = RigCoordinates::new(trials.lever, prepared.largest_nm, Vec::new());
-    let (prior, prior_covariance) = calibrated_prior(&coordinates, calibration);
+    let (prior, prior_covariance) = calibrated_prior(&coordinates, calibration)?;
     let mean = prior.mean.clone();
     let mut input = RigFitInput {
         trials: &prepared.trials,
@@ -133,9 +135,9 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
         torque_scale: 1.0,
         servo_scale: 1.0,
     };
-    let fit = fit_with_scatter(&mut input);
+    let fit = fit_with_scatter(&mut input)?;
 
-    let unchanged = Linearised::new(&input, &fit, &mean, &prior_covariance);
+    let unchanged = Linearised::new(&input, &fit, &mean, &prior_covariance)?;
     let (mut found, mut untested) = (Vec::new(), Vec::new());
     for name in &calibration.covariance_of {
         let place = RigQuantity::ALL.iter().position(|own| own == name).unwrap_or_default();
@@ -146,11 +148,11 @@ pub fn compare(trials: &RigTrials, calibration: &RigCalibration) -> Result<RigCo
         // The constants that fit best if this one changed, and what is then left unexplained.
         let mut free = prior_covariance.clone();
         free[(place, place)] += 1.0;
-        input.prior.precision = inverse(free);
-        let fit = input.fit(&fit.point);
+        input.prior.precision = inverse(free).ok_or_else(|| singular(calibration))?;
+        let fit = input.fit(&fit.point)?;
         let left = fit.equations.iter().map(|own| own.residual.norm_squared()).sum::<f64>()
             + input.prior.misfit(&fit.point);
-        let change = Linearised::new(&input, &fit, &mean, &prior_covariance).change(place);
+        let change = Linearised::new(&input, &fit, &mean, &prior_covariance)?.change(place);
         let is_number = |(difference, se): &(f64, f64)| (difference / se).is_finite();
         let Some((difference, se)) = change.filter(is_number) else {
             untested.push(*name);
@@ -217,7 +219,7 @@ impl Linearised {
         fit: &RigFit,
         mean: &DVector<f64>,
         prior_covariance: &DMatrix<f64>,
-    ) -> Self {
+    ) -> Result<Self, CalibrateError> {
         let rows: usize = fit.equations.iter().map(|own| own.residual.len()).sum();
         let size = input.coordinates.count();
         let mut jacobian = DMatrix::zeros(rows, size);
@@ -237,10 +239,11 @@ impl Linearised {
         residual += &jacobian * (mean - &fit.point);
         let of_prior = &jacobian * square_root(prior_covariance);
         let white = &of_prior * of_prior.transpose() + DMatrix::identity(rows, rows);
-        let weights = inverse(white.clone());
+        let weights = inverse(white.clone())
+            .ok_or(CalibrateError::NoCovariance("the covariance of today's residuals"))?;
         // The steps of the encoder count twice: as white, and as the errors of one motion that repeat.
         let covariance = white + &steps * steps.transpose() / positions.max(1) as f64;
-        Self { jacobian, residual, weights, covariance }
+        Ok(Self { jacobian, residual, weights, covariance })
     }
 
     /// Change of one coordinate that explains the residual best if the others did not change, and its standard error; `None` if it has
@@ -274,8 +277,15 @@ impl Linearised {
     }
 }
 
+fn singular(calibration: &RigCalibration) -> CalibrateError {
+    CalibrateError::SingularCalibration(calibration.session.clone())
+}
+
 /// The calibration as a prior of the coordinates; those without a value have what engineering allows.
-fn calibrated_prior(coordinates: &RigCoordinates, calibration: &RigCalibration) -> (RigPrior, DMatrix<f64>) {
+fn calibrated_prior(
+    coordinates: &RigCoordinates,
+    calibration: &RigCalibration,
+) -> Result<(RigPrior, DMatrix<f64>), CalibrateError> {
     let size = coordinates.count();
     let mut mean = DVector::zeros(size);
     let mut covariance = DMatrix::identity(size, size);
@@ -294,7 +304,8 @@ fn calibrated_prior(coordinates: &RigCoordinates, calibration: &RigCalibration) 
                 calibration.covariance[row][column] / (slope(*name) * slope(*other));
         }
     }
-    (RigPrior { mean, precision: inverse(covariance.clone()) }, covariance)
+    let precision = inverse(covariance.clone()).ok_or_else(|| singular(calibration))?;
+    Ok((RigPrior { mean, precision }, covariance))
 }
 
 /// Change of a quantity with its coordinate, at a value of the quantity.

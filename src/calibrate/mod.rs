@@ -28,6 +28,7 @@ mod following;
 mod fourier;
 mod input_check;
 mod likelihood;
+mod linear_algebra;
 mod loads;
 mod low_pass;
 mod misfit;
