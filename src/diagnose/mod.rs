@@ -43,6 +43,6 @@ pub use interval::Interval;
 pub use mains_hum::{DetectedHum, remove_hum};
 pub use output::{DIAGNOSIS_FORMAT, picture};
 pub use preprocessing::DiagnosisInput;
-pub use protocol_design::{Change, Needs, Proposal, inseparable, propose, worthwhile};
+pub use protocol_design::{Needs, Proposal, ProposedChange, inseparable, propose, worthwhile};
 pub use within_trial::cross_validation::{Gain, Ratio};
 pub use within_trial::score_test::UndetectableMechanism;

@@ -40,14 +40,14 @@ pub enum Needs {
 
 /// What is done otherwise than in the session.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Change {
+pub enum ProposedChange {
     /// Nothing: another session with the same protocol.
     Nothing,
     /// This, in words.
     Described(String),
 }
 
-impl fmt::Display for Change {
+impl fmt::Display for ProposedChange {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {
             Self::Nothing => "unchanged",
@@ -60,7 +60,7 @@ impl fmt::Display for Change {
 #[derive(Debug, Clone)]
 pub struct Proposal {
     /// What to do otherwise than in the session.
-    pub change: Change,
+    pub change: ProposedChange,
     /// What it needs.
     pub needs: Needs,
     /// The protocol of the session to run.
@@ -77,7 +77,7 @@ impl Proposal {
 
     /// Whether this is the session's protocol as it is.
     pub fn is_unchanged(&self) -> bool {
-        self.change == Change::Nothing
+        self.change == ProposedChange::Nothing
     }
 }
 
@@ -153,7 +153,7 @@ pub fn propose(
         };
         let distances = seen[place].distances(&protocol, None);
         let power = seen[place].power(&distances, |_| 0.0);
-        if change == Change::Nothing {
+        if change == ProposedChange::Nothing {
             unchanged = distances;
         }
         proposals.push(Proposal { change, needs: Needs::Session, protocol, power });
@@ -162,7 +162,9 @@ pub fn propose(
         let told = own.told_by_rig_trials();
         if told.iter().any(Option::is_some) {
             proposals.push(Proposal {
-                change: Change::Described("rig trials with all loads, and `ramphold calibrate`".into()),
+                change: ProposedChange::Described(
+                    "rig trials with all loads, and `ramphold calibrate`".into(),
+                ),
                 needs: Needs::RigTrials,
                 protocol: now.clone(),
                 power: own.power(&unchanged, |cause| told[cause].unwrap_or(0.0)),
@@ -172,7 +174,7 @@ pub fn propose(
         for sensor in SENSORS.iter().filter(|(channel, _)| !has(*channel)) {
             let power = own.power(&own.distances(now, Some(*sensor)), |_| 0.0);
             let words = format!("a sensor of the {} ({})", sensor.0.title(), sensor.0.column());
-            let change = Change::Described(words);
+            let change = ProposedChange::Described(words);
             proposals.push(Proposal { change, needs: Needs::Sensor, protocol: now.clone(), power });
         }
     }
@@ -212,7 +214,7 @@ impl CausesInWindow {
 }
 
 /// The present protocol and its variants: more trials, wider ranges of velocity or torque, a longer ramp and window, other rise times.
-fn variants(now: &ValidProtocol) -> Vec<(Change, ValidProtocol)> {
+fn variants(now: &ValidProtocol) -> Vec<(ProposedChange, ValidProtocol)> {
     let spread = |values: &[f64], low: f64, high: f64| {
         let last = values.len().max(2) as f64 - 1.0;
         let stretched = |(place, value): (usize, &f64)| {
@@ -261,12 +263,12 @@ fn variants(now: &ValidProtocol) -> Vec<(Change, ValidProtocol)> {
         ("half the rise time".into(), change(&|own| own.ramp.rise_time_s *= 0.5)),
         ("twice the rise time".into(), change(&|own| own.ramp.rise_time_s *= 2.0)),
     ];
-    let changed = candidates.map(|(words, protocol)| (Change::Described(words), protocol));
-    let named = |(change, protocol): (Change, Protocol)| {
+    let changed = candidates.map(|(words, protocol)| (ProposedChange::Described(words), protocol));
+    let named = |(change, protocol): (ProposedChange, Protocol)| {
         let name = format!("{}: {change}", now.name);
         Some((change, Protocol { name, ..protocol }.validate().ok()?))
     };
-    [(Change::Nothing, (**now).clone())].into_iter().chain(changed).filter_map(named).collect()
+    [(ProposedChange::Nothing, (**now).clone())].into_iter().chain(changed).filter_map(named).collect()
 }
 
 /// Two causes by their places, and how far the second is from the first if that is true.
@@ -450,11 +452,11 @@ mod tests {
     use super::*;
     use crate::wrist::mechanisms::CATALOGUE;
 
-    fn described(words: &str) -> Change {
-        Change::Described(words.to_owned())
+    fn described(words: &str) -> ProposedChange {
+        ProposedChange::Described(words.to_owned())
     }
 
-    fn proposal(change: Change, [one, other]: [f64; 2]) -> Proposal {
+    fn proposal(change: ProposedChange, [one, other]: [f64; 2]) -> Proposal {
         let protocol =
             ValidProtocol::parse(include_str!("../../protocols/quick.json"), "quick.json").unwrap();
         let (a, b) = (CATALOGUE[0], CATALOGUE[1]);
@@ -466,13 +468,13 @@ mod tests {
     fn what_gains_nothing_is_not_offered() {
         let all = vec![
             proposal(described("twice"), [0.9, 0.8]),
-            proposal(Change::Nothing, [0.5, 0.6]),
+            proposal(ProposedChange::Nothing, [0.5, 0.6]),
             proposal(described("half"), [0.52, 0.9]),
             // Words do not make it the protocol as it is.
             proposal(described("unchanged"), [0.1, 0.1]),
         ];
-        let offered: Vec<Change> = worthwhile(all).into_iter().map(|own| own.change).collect();
-        assert_eq!(offered, [described("twice"), Change::Nothing]);
+        let offered: Vec<ProposedChange> = worthwhile(all).into_iter().map(|own| own.change).collect();
+        assert_eq!(offered, [described("twice"), ProposedChange::Nothing]);
     }
 
     #[test]
@@ -486,11 +488,14 @@ mod tests {
     #[test]
     fn a_pair_that_no_protocol_separates_is_named() {
         assert!(
-            inseparable(&[proposal(Change::Nothing, [0.1, 0.9]), proposal(described("twice"), [0.7, 0.6])])
-                .is_empty()
+            inseparable(&[
+                proposal(ProposedChange::Nothing, [0.1, 0.9]),
+                proposal(described("twice"), [0.7, 0.6])
+            ])
+            .is_empty()
         );
         let [(_, _, power)] = inseparable(&[
-            proposal(Change::Nothing, [0.1, 0.9]),
+            proposal(ProposedChange::Nothing, [0.1, 0.9]),
             proposal(described("twice"), [0.3, 1.0]),
         ])[..] else {
             panic!("one pair")
