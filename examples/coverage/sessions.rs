@@ -137,7 +137,7 @@ fn fit(
     let (own, means) = match known {
         Some(known) => {
             let effects = ConstantEffects::new(&observations, AskedFit::Trials(&independent), known);
-            with_rig_errors((own, means), &effects.ok_or("the session has no model of its own")?)
+            with_rig_errors((own, means), Some(&effects.ok_or("the session has no model of its own")?))
         }
         None => (own, means),
     };
@@ -148,7 +148,7 @@ fn fit(
             match known {
                 Some(known) => {
                     let effects = ConstantEffects::new(&observations, AskedFit::Session(session), known);
-                    with_rig_errors(found, &effects.ok_or("the session has no model of its own")?)
+                    with_rig_errors(found, Some(&effects.ok_or("the session has no model of its own")?))
                 }
                 None => found,
             }

@@ -109,6 +109,12 @@ class RigComparison:
         """Names of the constants that differ, or of which one does; empty if none."""
         return list(self.dict["changed"])
 
+    @property
+    def verdict(self) -> str:
+        """`agrees`; `differs`, in the constants of `changed`; `differs_unexplained`, where a change of no single constant explains it; or
+        `not_comparable`, for the reason in `dict`."""
+        return str(self.dict["verdict"])
+
     def to_frame(self) -> pd.DataFrame:
         """One row a constant: its calibrated value, and if it alone differs, by how much, with standard error and p."""
         import pandas as pd
@@ -116,11 +122,19 @@ class RigComparison:
         return pd.DataFrame(self.dict["quantities"])
 
     def _repr_html_(self) -> str:
-        head = f"<p>changed: <b>{', '.join(self.changed) or 'nothing'}</b>, p = {self.dict['p_value']:.3g}</p>"
+        p = self.dict["p_value"]
+        head = f"<p>{self._said()}, p = {'not known' if p is None else format(p, '.3g')}</p>"
         return head + str(self.to_frame().to_html(index=False, float_format="%.4g"))
 
     def __repr__(self) -> str:
-        return f"<ramphold.RigComparison: {', '.join(self.changed) or 'nothing'} changed>"
+        return f"<ramphold.RigComparison: {self._said()}>"
+
+    def _said(self) -> str:
+        if self.verdict == "not_comparable":
+            return f"not comparable: {self.dict['reason']}"
+        if self.verdict == "differs_unexplained":
+            return "differs, but a change of no single constant explains it"
+        return f"{', '.join(self.changed) or 'nothing'} changed"
 
 
 CalibrationSource = Calibration | str | os.PathLike[str] | Mapping[str, Any]

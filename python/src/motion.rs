@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use ramphold::fit::{Observations, RigConstants, TrialObservation, predict};
+use ramphold::fit::{EmgGaps, Observations, RigConstants, TrialObservation, predict};
 use ramphold::rig::virtual_wrist::MechanismList;
 use ramphold::signal::FilterSpec;
 use ramphold::wrist::mechanisms::{CATALOGUE, Covariates, FREE_LAWS, MechanismKind};
@@ -149,6 +149,7 @@ impl NativeMotion {
             sections,
             trials: vec![trial],
             excluded_trials: Vec::new(),
+            emg_gaps: EmgGaps::default(),
             stride: 1,
             angle_noise_rad: 0.0,
             angle_step_rad: 0.0,

@@ -79,6 +79,12 @@ def test_a_rig_is_compared_with_an_earlier_calibration(folder, calibration, tmp_
     )
     assert program_says.returncode == 1 and json.loads(program_says.stdout) == found.dict
     assert found.changed and all(name in found._repr_html_() for name in found.changed)
+    assert found.verdict == "differs" and found.dict["reason"] is None
+    # Nothing named is no agreement.
+    unexplained = ramphold.RigComparison({**found.dict, "changed": [], "verdict": "differs_unexplained"})
+    assert "no single constant explains it" in repr(unexplained)
+    unknown = {**found.dict, "changed": [], "verdict": "not_comparable", "reason": "no number", "p_value": None}
+    assert "not comparable: no number, p = not known" in ramphold.RigComparison(unknown)._repr_html_()
 
 
 def test_what_a_notebook_shows_of_a_calibration(calibration):

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use crate::calibrate::{RigComparison, compare};
+use crate::calibrate::{RigComparison, RigVerdict, compare};
 use crate::console::{OperatorNotice, lower_thread_priority};
 use crate::dataset::{RigCalibration, RigTrials, load_rig_trials};
 use crate::protocol::significant;
@@ -117,12 +117,21 @@ fn written(folder: &Path, count: usize) -> Result<RigTrials, String> {
 fn notice(comparison: &RigComparison, calibration: &RigCalibration) -> OperatorNotice {
     let trials = comparison.trials;
     let of = format!("{trials} trials with the empty handle and the calibration of {}", calibration.session);
-    if comparison.changed.is_empty() {
-        return OperatorNotice::Message(format!(
-            "check of the day: {of} agree (p = {:.3})",
-            comparison.p_value
-        ));
-    }
+    let changed = match comparison.verdict() {
+        RigVerdict::Agrees => {
+            let p_value = comparison.p_value;
+            return OperatorNotice::Message(format!("check of the day: {of} agree (p = {p_value:.3})"));
+        }
+        RigVerdict::DiffersUnexplained => {
+            return OperatorNotice::Alarm(format!(
+                "check of the day: {of} differ (p = {:.4}), and a change of no single quantity explains it; find out why, or \
+                 calibrate again, before a person sits down",
+                comparison.p_value
+            ));
+        }
+        RigVerdict::NotComparable(reason) => return not_compared(&reason),
+        RigVerdict::Differs(changed) => changed,
+    };
     let differs = |name: &crate::dataset::RigQuantity| {
         let own = comparison.quantities.iter().find(|own| own.name == *name);
         let by = own.map_or(String::new(), |own| {
@@ -136,7 +145,7 @@ fn notice(comparison: &RigComparison, calibration: &RigCalibration) -> OperatorN
         });
         format!("{}{by}", name.name())
     };
-    let names: Vec<String> = comparison.changed.iter().map(differs).collect();
+    let names: Vec<String> = changed.iter().map(differs).collect();
     OperatorNotice::Alarm(format!(
         "check of the day: {of} differ: {}; find out why, or calibrate again, before a person sits down",
         names.join(", or ")
@@ -146,17 +155,42 @@ fn notice(comparison: &RigComparison, calibration: &RigCalibration) -> OperatorN
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::calibrate::QuantityDifference;
     use crate::dataset::RigQuantity;
+
+    fn told(changed: Vec<RigQuantity>, quantities: usize, p_value: f64) -> OperatorNotice {
+        let calibration = RigCalibration::new("ramphold".into(), "rig-day".into(), Vec::new(), Vec::new());
+        let own = QuantityDifference {
+            name: RigQuantity::TorqueOffset,
+            calibrated: 0.1,
+            difference: 0.001,
+            se: 0.002,
+            p_value: 0.6,
+        };
+        let quantities = vec![own; quantities];
+        let comparison = RigComparison { quantities, changed, untested: Vec::new(), trials: 6, p_value };
+        notice(&comparison, &calibration)
+    }
 
     #[test]
     fn only_a_rig_that_differs_is_an_alarm() {
-        let calibration = RigCalibration::new("ramphold".into(), "rig-day".into(), Vec::new(), Vec::new());
-        let with = |changed| RigComparison { quantities: Vec::new(), changed, trials: 6, p_value: 0.4 };
-        let agrees = notice(&with(Vec::new()), &calibration);
+        let agrees = told(Vec::new(), 1, 0.4);
         assert!(matches!(agrees, OperatorNotice::Message(text) if text.contains("agree (p = 0.400)")));
-        let differs = notice(&with(vec![RigQuantity::LeverInertia]), &calibration);
+        let differs = told(vec![RigQuantity::LeverInertia], 1, 0.4);
         assert!(
             matches!(differs, OperatorNotice::Alarm(text) if text.contains("differ: lever_inertia_kg_m2"))
         );
+    }
+
+    #[test]
+    fn a_difference_that_no_quantity_explains_and_a_rig_that_was_not_compared_are_alarms() {
+        for (notice, words) in [
+            (told(Vec::new(), 1, 0.0), "differ (p = 0.0000), and a change of no single quantity explains it"),
+            (told(Vec::new(), 0, 0.001), "differ (p = 0.0010)"),
+            (told(Vec::new(), 1, f64::NAN), "not compared with its calibration: how far"),
+            (told(Vec::new(), 0, 0.4), "not compared with its calibration: these trials tell"),
+        ] {
+            assert!(matches!(&notice, OperatorNotice::Alarm(text) if text.contains(words)), "{notice:?}");
+        }
     }
 }

@@ -216,6 +216,25 @@ pub enum Failure {
         /// Names of the quantities, one of which changed.
         quantities: String,
     },
+    /// The rig differs from its calibration, and no quantity is named.
+    #[error(
+        "{}: the rig differs from its calibration (p = {p_value:.4}), and a change of no single quantity explains it. Find out why, or \
+         calibrate it anew", .session.display()
+    )]
+    RigDiffers {
+        /// The session's folder.
+        session: PathBuf,
+        /// Probability of trials so different if nothing changed.
+        p_value: f64,
+    },
+    /// The rig was not compared with its calibration.
+    #[error("{}: the rig was not compared with its calibration: {reason}", .session.display())]
+    RigNotCompared {
+        /// The session's folder.
+        session: PathBuf,
+        /// Why.
+        reason: &'static str,
+    },
     /// A diagnosis did not find the hidden mechanism.
     #[error("the diagnosis does not name the hidden mechanism {mechanism}")]
     NotFound {
@@ -254,50 +273,17 @@ impl Failure {
             | Self::Rig(_)
             | Self::CanRig(_)
             | Self::Record(RecordError::Exists(_)) => 2,
-            Self::Export(error) => {
-                if error.is_bad_input() {
-                    2
-                } else {
-                    1
-                }
-            }
-            Self::Attach(error) => {
-                if error.is_bad_input() {
-                    2
-                } else {
-                    1
-                }
-            }
-            Self::Live(error) => {
-                if error.is_bad_input() {
-                    2
-                } else {
-                    1
-                }
-            }
-            Self::Study(error) => {
-                if error.is_bad_input() {
-                    2
-                } else {
-                    1
-                }
-            }
-            Self::Report(ReportError::Study(error)) if !error.is_bad_input() => 1,
-            Self::Report(ReportError::Unwritable { source, .. }) => {
-                if is_refusal(source) {
-                    2
-                } else {
-                    1
-                }
-            }
-            Self::ResultsFolder { source, .. }
+            Self::Export(error) => code_of(error.is_bad_input()),
+            Self::Attach(error) => code_of(error.is_bad_input()),
+            Self::Live(error) => code_of(error.is_bad_input()),
+            Self::Study(error) => code_of(error.is_bad_input()),
+            Self::Report(ReportError::Study(error)) => code_of(error.is_bad_input()),
+            Self::Report(ReportError::Unwritable { source, .. })
+            | Self::ResultsFolder { source, .. }
             | Self::Record(RecordError::Unwritable { source, .. })
-            | Self::Resume(ResumeError::Record(RecordError::Unwritable { source, .. }))
-                if is_refusal(source) =>
-            {
-                2
+            | Self::Resume(ResumeError::Record(RecordError::Unwritable { source, .. })) => {
+                code_of(is_refusal(source))
             }
-            Self::ResultsFolder { .. } => 1,
             Self::Report(_) => 2,
             Self::Write(_)
             | Self::Some { .. }
@@ -311,6 +297,8 @@ impl Failure {
             | Self::Ended { .. }
             | Self::NotFound { .. }
             | Self::RigChanged { .. }
+            | Self::RigDiffers { .. }
+            | Self::RigNotCompared { .. }
             | Self::Signals(_) => 1,
             Self::Origin(can::OriginError::WordNeeded { .. } | can::OriginError::HandleElsewhere { .. }) => 2,
             Self::Connect(_) | Self::Motor(_) | Self::Origin(_) | Self::Bus { .. } => 1,
@@ -323,4 +311,9 @@ impl Failure {
     pub fn is_broken_pipe(&self) -> bool {
         matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }
+}
+
+/// The exit code of a failure whose cause may be its input or the work.
+fn code_of(is_bad_input: bool) -> u8 {
+    if is_bad_input { 2 } else { 1 }
 }

@@ -66,6 +66,18 @@ pub fn fit_table(console: &Console, results: &Results) -> Result<(), Failure> {
     if !failed.is_empty() {
         writeln!(out, "not converged: trials {} (fit.json says why)", failed.join(", "))?;
     }
+    let unknown = |estimate: &&TrialEstimate| estimate.se_of_rig.iter().any(Option::is_none);
+    let untold: Vec<&TrialEstimate> = results.estimates.iter().filter(unknown).collect();
+    if !untold.is_empty() {
+        writeln!(
+            out,
+            "what the errors of the calibration add to a standard error cannot be computed in {} of {} trials, where there is none: {} \
+             (fit.json says why)",
+            untold.len(),
+            results.estimates.len(),
+            first_of(&untold)
+        )?;
+    }
     let undescribed: Vec<&TrialEstimate> =
         results.estimates.iter().filter(|e| e.vaf < DESCRIBING_VAF).collect();
     if !undescribed.is_empty() && results.best_vaf() >= DESCRIBING_VAF {
@@ -170,7 +182,7 @@ mod tests {
     #[test]
     fn the_table_has_the_uncertainty_and_the_marks_of_the_report() {
         let mut condition = ConditionEstimate {
-            se_of_rig: [0.0; 6],
+            se_of_rig: [Some(0.0); 6],
             condition: None,
             velocity_rad_s: 1.3,
             torque_nm: 0.9,

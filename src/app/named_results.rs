@@ -50,13 +50,19 @@ fn choose(session: &Path, own: &Value, is_free: impl Fn(&Folder) -> bool) -> Res
         return Ok(of_session);
     }
     let name = name(own);
-    let numbered = |number: u32| if number == 1 { name.clone() } else { format!("{name}-{number}") };
-    let is_usable = |name: &String| match results.folder(name) {
-        Ok(folder) => is_free(&folder),
-        Err(error) => error.kind() == ErrorKind::NotFound,
-    };
-    let found = (1..).map(numbered).find(is_usable);
-    Ok(found.map_or(of_session, |name| ResultsFolder::Named { session: session.to_owned(), name }))
+    for number in 1_u32.. {
+        let name = if number == 1 { name.clone() } else { format!("{name}-{number}") };
+        let place = ResultsFolder::Named { session: session.to_owned(), name: name.clone() };
+        match results.folder(&name) {
+            Ok(folder) if !is_free(&folder) => {}
+            // A file or a link has the name.
+            Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::NotADirectory) => {}
+            Ok(_) => return Ok(place),
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(place),
+            Err(source) => return Err(Failure::ResultsFolder { path: place.path(), source }),
+        }
+    }
+    Ok(of_session)
 }
 
 /// Name of the folder for results of these settings: `window-300ms-plain`.
@@ -82,22 +88,40 @@ fn name(own: &Value) -> String {
     parts.join("-")
 }
 
-fn stored_fit(folder: &Folder) -> Option<Value> {
+/// Results in a folder.
+enum Stored {
+    /// None: the place is free.
+    Absent,
+    /// These.
+    Known(Value),
+    /// A file that cannot be read: nobody knows what it holds, so that it counts as results of other settings.
+    Unreadable,
+}
+
+fn stored_fit(folder: &Folder) -> Stored {
     read(folder, "fit.json", limits::FIT_BYTES)
 }
 
-fn stored_diagnosis(folder: &Folder) -> Option<Value> {
+fn stored_diagnosis(folder: &Folder) -> Stored {
     read(folder, "diagnosis.json", limits::DIAGNOSIS_BYTES)
 }
 
-/// A JSON file of a folder, if it is there and is JSON.
-fn read(folder: &Folder, name: &str, limit: u64) -> Option<Value> {
-    serde_json::from_slice(&folder.read(name, limit).ok()?).ok()
+/// A JSON file of a folder.
+fn read(folder: &Folder, name: &str, limit: u64) -> Stored {
+    match folder.read_if_there(name, limit) {
+        Ok(None) => Stored::Absent,
+        Ok(Some(bytes)) => serde_json::from_slice(&bytes).map_or(Stored::Unreadable, Stored::Known),
+        Err(_) => Stored::Unreadable,
+    }
 }
 
 /// Whether `stored` is not there, or has the settings of `own` at `paths`. What an older program did not write counts as equal.
-fn agrees(stored: &Option<Value>, own: &Value, paths: &[&str]) -> bool {
-    let Some(stored) = stored else { return true };
+fn agrees(stored: &Stored, own: &Value, paths: &[&str]) -> bool {
+    let stored = match stored {
+        Stored::Absent => return true,
+        Stored::Unreadable => return false,
+        Stored::Known(stored) => stored,
+    };
     paths.iter().all(|path| match (stored.pointer(path), own.pointer(path)) {
         (Some(stored), Some(own)) => same(stored, own),
         (None, Some(own)) if *path == CALIBRATION => own.is_null(),
@@ -162,5 +186,25 @@ mod tests {
             folder_of_diagnosis(session.path(), &diagnosis).unwrap().path(),
             results.join("window-300ms")
         );
+    }
+
+    #[test]
+    fn results_that_cannot_be_read_are_not_replaced() {
+        let session = tempfile::tempdir().unwrap();
+        let results = session.path().join("results");
+        std::fs::write(session.path().join("session.json"), "{}").unwrap();
+        std::fs::create_dir_all(&results).unwrap();
+        let own = fit(0.04, "measured_noise");
+        let place = || folder_of_fit(session.path(), &own).unwrap().path();
+        std::fs::write(results.join("fit.json"), "{\"settings\": {").unwrap();
+        assert_eq!(place(), results.join("window-40ms"), "broken JSON");
+        let too_large = std::fs::File::create(results.join("fit.json")).unwrap();
+        too_large.set_len(limits::FIT_BYTES + 1).unwrap();
+        assert_eq!(place(), results.join("window-40ms"), "more than is read");
+        std::fs::remove_file(results.join("fit.json")).unwrap();
+        assert_eq!(place(), results);
+        std::fs::write(results.join("diagnosis.json"), "no JSON").unwrap();
+        std::fs::write(results.join("window-40ms"), "a file of that name").unwrap();
+        assert_eq!(place(), results.join("window-40ms-2"));
     }
 }

@@ -44,7 +44,7 @@ pub struct CalibrationOutcome {
 /// `program` and `session` are the names that the file gets; the date is the caller's.
 ///
 /// # Errors
-/// If no trial can be analysed.
+/// If no trial can be analysed, or the numbers are such that the equations cannot be solved.
 pub fn calibrate(
     trials: &RigTrials,
     program: &str,
@@ -63,17 +63,17 @@ pub fn calibrate(
         torque_scale: 1.0,
         servo_scale: 1.0,
     };
-    let mut fit = fit_with_scatter(&mut input);
-    let mut found = grown_covariance(&input, &fit);
+    let mut fit = fit_with_scatter(&mut input)?;
+    let mut found = grown_covariance(&input, &fit)?;
     let mut reported = Reported::new(&input, &fit.point, &found, trials.lever);
     let mut no_low_pass = None;
-    if let Some(without) = without_low_pass(&mut input, &fit, &reported, trials.lever) {
+    if let Some(without) = without_low_pass(&mut input, &fit, &reported, trials.lever)? {
         (fit, no_low_pass) = (without.fit, Some((without.reason, without.above_hz)));
-        found = grown_covariance(&input, &fit);
+        found = grown_covariance(&input, &fit)?;
         reported = Reported::new(&input, &fit.point, &found, trials.lever);
     }
-    let misfit = misfit(&input, &fit, &mut Stream::new(SEED, "calibrate/misfit"));
-    let mut loads = check_loads(&input, &fit);
+    let misfit = misfit(&input, &fit, &mut Stream::new(SEED, "calibrate/misfit"))?;
+    let mut loads = check_loads(&input, &fit)?;
     let is_target = prepared.angle_against_target.is_some_and(|own| own.is_target());
     let no_servo = is_target.then(|| (ANGLE_IS_TARGET.to_owned(), None));
     let no_low_pass = no_low_pass.map(|(reason, above_hz)| (reason, Some(above_hz)));
@@ -101,7 +101,7 @@ pub fn calibrate(
     };
     calibration.angle_against_target = prepared.angle_against_target;
     let deviations = RigDeviations::of(&calibration, |quantity| stated(quantity, trials.lever));
-    let of_data = found.of_data();
+    let of_data = found.of_data()?;
     for (check, place) in loads.iter_mut().zip(RigCoordinates::first_load()..) {
         if check.difference.is_none() {
             check.by_rig =
@@ -132,8 +132,11 @@ fn effect_of_load(
 }
 
 /// Fits, and once more with the noise that the scatter of repetitions shows, where it is larger than that at rest.
-pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> RigFit {
-    let first = fit_from_starts(input);
+///
+/// # Errors
+/// As [`RigFitInput::fit`].
+pub fn fit_with_scatter(input: &mut RigFitInput<'_>) -> Result<RigFit, CalibrateError> {
+    let first = fit_from_starts(input)?;
     let cells = cells(input.trials);
     let standardised: Vec<DVector<f64>> =
         first.equations.iter().map(|own| own.standardised.clone()).collect();

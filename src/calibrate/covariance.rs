@@ -3,7 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::constants::{FIRST_KNOWN, REPORTED, SERVO_PLACE};
+use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput};
+use super::linear_algebra::inverse;
 use super::moments::MomentChannel;
 use crate::statistics::t_quantile;
 
@@ -28,14 +30,23 @@ pub struct RigCovariance {
 
 impl RigCovariance {
     /// Covariance of the coordinates from the data and the stated loads alone, without what the scatter of whole trials adds.
-    pub fn of_data(&self) -> DMatrix<f64> {
+    ///
+    /// # Errors
+    /// If the information has no inverse.
+    pub fn of_data(&self) -> Result<DMatrix<f64>, CalibrateError> {
         let size = self.information.nrows();
-        inverse(&self.information + DMatrix::identity(size, size) * NOTHING_KNOWN)
+        inverse(&self.information + DMatrix::identity(size, size) * NOTHING_KNOWN).ok_or(OF_CONSTANTS)
     }
 }
 
+/// The error of a fit whose constants have no covariance.
+const OF_CONSTANTS: CalibrateError = CalibrateError::NoCovariance("the covariance of the fitted constants");
+
 /// Covariances of the coordinates of a fit.
-pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
+///
+/// # Errors
+/// If the information of the trials has no inverse.
+pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> Result<RigCovariance, CalibrateError> {
     let size = input.coordinates.count();
     let prior = input.prior.precision.diagonal();
     let of_data = fit.information();
@@ -45,22 +56,22 @@ pub fn covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
     // A prior that is a measurement counts as one; the others only keep the inverse finite.
     let with = |others: f64| {
         let all = known.map(|own| if own > 0.0 { own } else { others });
-        let inverse = inverse(&of_data + DMatrix::from_diagonal(&all));
+        let inverse = inverse(&of_data + DMatrix::from_diagonal(&all)).ok_or(OF_CONSTANTS)?;
         let meat = &scores + DMatrix::from_diagonal(&all);
-        (&inverse * meat * &inverse, inverse)
+        Ok((&inverse * meat * &inverse, inverse))
     };
-    let (model, inverse) = with(1.0);
-    let (data, _) = with(NOTHING_KNOWN);
+    let (model, inverse) = with(1.0)?;
+    let (data, _) = with(NOTHING_KNOWN)?;
     let clustered = clustered_se(fit, &inverse, &known);
     let growth =
         DVector::from_fn(size, |place, _| (clustered[place] / libm::sqrt(model[(place, place)])).max(1.0));
     let grown =
         DMatrix::from_fn(size, size, |row, column| model[(row, column)] * growth[row] * growth[column]);
-    RigCovariance {
+    Ok(RigCovariance {
         covariance: grown,
         data_se: DVector::from_fn(size, |place, _| libm::sqrt(data[(place, place)]) * growth[place]),
         information: of_data + DMatrix::from_diagonal(&known),
-    }
+    })
 }
 
 /// Covariance of the sum of derivative times residual by the errors of the encoder's steps, which are the same in all trials of one
@@ -118,20 +129,6 @@ fn clustered_se(fit: &RigFit, inverse: &DMatrix<f64>, known: &DVector<f64>) -> D
     })
 }
 
-/// Inverse of a positive definite matrix, whose rows may differ by orders of magnitude; infinite if it is none.
-pub fn inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
-    let size = matrix.nrows();
-    let scale = matrix.diagonal().map(|value| 1.0 / libm::sqrt(value));
-    let unit = DMatrix::from_fn(size, size, |row, column| matrix[(row, column)] * scale[row] * scale[column]);
-    match unit.cholesky() {
-        Some(factor) => {
-            let inverse = factor.inverse();
-            DMatrix::from_fn(size, size, |row, column| inverse[(row, column)] * scale[row] * scale[column])
-        }
-        None => DMatrix::from_diagonal_element(size, size, f64::INFINITY),
-    }
-}
-
 /// Mean square of the moments of some channels, in standard deviations; the coordinates are few beside the moments.
 pub fn mean_square(fit: &RigFit, of: fn(MomentChannel) -> bool) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
@@ -148,8 +145,11 @@ pub fn mean_square(fit: &RigFit, of: fn(MomentChannel) -> bool) -> f64 {
 
 /// Covariance of the constants at a fit. Where the model leaves more than the noise, that of the constants that follow from the torque grows
 /// as much.
-pub fn grown_covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance {
-    let mut found = covariance(input, fit);
+///
+/// # Errors
+/// As [`covariance`].
+pub fn grown_covariance(input: &RigFitInput<'_>, fit: &RigFit) -> Result<RigCovariance, CalibrateError> {
+    let mut found = covariance(input, fit)?;
     let growth = libm::sqrt(mean_square(fit, |channel| channel != MomentChannel::Servo).max(1.0));
     let is_of_torque = |place: usize| place != SERVO_PLACE && place < REPORTED;
     for row in 0..found.covariance.nrows() {
@@ -159,5 +159,5 @@ pub fn grown_covariance(input: &RigFitInput<'_>, fit: &RigFit) -> RigCovariance 
         }
         found.data_se[row] *= if is_of_torque(row) { growth } else { 1.0 };
     }
-    found
+    Ok(found)
 }

@@ -40,6 +40,18 @@ pub enum CalibrateError {
         .0.iter().map(|one| format!("\n  {one}")).collect::<String>()
     )]
     Contradicts(Vec<RigContradiction>),
+    /// A matrix that is no covariance: its numbers are not finite, or a combination of them has a variance below zero.
+    #[error(
+        "rig-trials: {0} cannot be computed: it is not finite, or a combination of its parts has a variance of zero or less. Nothing was \
+         fitted. Are the units of the records, and the loads in rig-trials.csv, right?"
+    )]
+    NoCovariance(&'static str),
+    /// A calibration whose covariance has no inverse.
+    #[error(
+        "{0}: the covariance of the calibration has no inverse, so that nothing can be compared with it: a quantity, or a combination of \
+         several, has no error at all. Calibrate anew"
+    )]
+    SingularCalibration(String),
     /// A calibration in which nothing is known.
     #[error(
         "{0}: no quantity has a value, so there is nothing to compare with; calibrate with known loads first"

@@ -7,6 +7,8 @@ use super::constants::{
     CUBIC_PLACE, DAMPING_GROWTH_PLACE, DELAY_PLACE, FIRST_KNOWN, FRICTION_PLACE, FittedConstants, LAG_PLACE,
     PRESLIDING_PLACE, PRESLIDING_TRAVEL_PLACE, REPORTED, RigCoordinates, SERVO_PLACE,
 };
+use super::error::CalibrateError;
+use super::linear_algebra::{cholesky_factor, solve_lower, solve_lower_columns};
 use super::moments::{
     MomentChannel, MomentLabel, Needed, OfTorqueChannel, TrialMoments, TrialResidual, residual,
     torque_channel_derivative,
@@ -154,13 +156,16 @@ struct Whitened {
 impl RigFitInput<'_> {
     /// Fits anew, near a fit, once for each of `places`, where all that is known before of the coordinate there has this precision. The weights
     /// are those of the fit, so that the costs of both can be compared (the distance test of Newey and West 1987).
+    ///
+    /// # Errors
+    /// As [`RigFitInput::fit`].
     pub fn released(
         &self,
         fit: &RigFit,
         places: impl Iterator<Item = usize>,
         precision: f64,
-    ) -> Vec<ReleasedFit> {
-        let whitened = self.whitened(&fit.point);
+    ) -> Result<Vec<ReleasedFit>, CalibrateError> {
+        let whitened = self.whitened(&fit.point)?;
         let values = fit.equations.iter().map(|own| own.residual.len()).sum::<usize>() as f64;
         // The products are those of the fit, its own search stopped before they were: both fits are searched to their ends.
         let stated = self.search(&whitened, fit.point.clone(), |_| true);
@@ -180,39 +185,48 @@ impl RigFitInput<'_> {
                 gain: (stated.cost.min(again.cost) - end.cost) / excess,
             }
         };
-        places.map(released).collect()
+        Ok(places.map(released).collect())
     }
 
     /// Fits all coordinates from a point.
-    pub fn fit(&self, from: &DVector<f64>) -> RigFit {
+    ///
+    /// # Errors
+    /// If the moments of a trial have no covariance at a point that is reached.
+    pub fn fit(&self, from: &DVector<f64>) -> Result<RigFit, CalibrateError> {
         self.fit_some(from, |_| true)
     }
 
     /// Fits the coordinates of the servo from a point; the others stay where they are.
-    pub fn fit_servo(&self, from: &DVector<f64>) -> RigFit {
+    ///
+    /// # Errors
+    /// As [`RigFitInput::fit`].
+    pub fn fit_servo(&self, from: &DVector<f64>) -> Result<RigFit, CalibrateError> {
         self.fit_some(from, is_of_servo)
     }
 
-    fn fit_some(&self, from: &DVector<f64>, is_free: fn(usize) -> bool) -> RigFit {
+    fn fit_some(&self, from: &DVector<f64>, is_free: fn(usize) -> bool) -> Result<RigFit, CalibrateError> {
         let mut point = from.clone();
-        let mut whitened = self.whitened(&point);
+        let mut whitened = self.whitened(&point)?;
         for _ in 0..RENEWALS {
             let end = self.search(&whitened, point.clone(), is_free);
             let moved = (&end.point - &point).component_div(&end.se).amax();
             point = end.point;
-            whitened = self.whitened(&point);
+            whitened = self.whitened(&point)?;
             if moved < 0.1 {
                 break;
             }
         }
         let equations = self.equations(&whitened, &point);
-        RigFit { point, equations }
+        Ok(RigFit { point, equations })
     }
 
     /// A point that is no fit, with its equations.
-    pub fn at(&self, point: DVector<f64>) -> RigFit {
-        let equations = self.equations(&self.whitened(&point), &point);
-        RigFit { point, equations }
+    ///
+    /// # Errors
+    /// As [`RigFitInput::fit`].
+    pub fn at(&self, point: DVector<f64>) -> Result<RigFit, CalibrateError> {
+        let equations = self.equations(&self.whitened(&point)?, &point);
+        Ok(RigFit { point, equations })
     }
 
     /// The products of a trial at some constants.
@@ -227,15 +241,17 @@ impl RigFitInput<'_> {
         TrialMoments::new(trial, constants, handle, self.noise, self.friction_speed_rad_s, small_terms)
     }
 
-    fn whitened(&self, point: &DVector<f64>) -> Vec<Whitened> {
+    fn whitened(&self, point: &DVector<f64>) -> Result<Vec<Whitened>, CalibrateError> {
         let constants = self.coordinates.constants(point.as_slice());
         self.trials
             .par_iter()
             .map(|trial| {
                 let moments = self.moments(trial, &constants);
                 let labels = moments.labels();
-                let factor = cholesky_factor(self.grown(moments.covariance(trial, self.noise), &labels));
-                Whitened { moments, labels, factor }
+                let covariance = self.grown(moments.covariance(trial, self.noise), &labels);
+                let factor = cholesky_factor(&covariance)
+                    .ok_or(CalibrateError::NoCovariance("the noise of a trial's moments"))?;
+                Ok(Whitened { moments, labels, factor })
             })
             .collect()
     }
@@ -478,27 +494,4 @@ fn of_torque_channel(column: usize) -> Option<OfTorqueChannel> {
 /// Whether a coordinate is one of the servo.
 fn is_of_servo(column: usize) -> bool {
     column == SERVO_PLACE || (REPORTED..=FIRST_KNOWN + 1).contains(&column)
-}
-
-/// Lower factor of a covariance of products, of which some may nearly be sums of others: these count once.
-pub fn cholesky_factor(covariance: DMatrix<f64>) -> DMatrix<f64> {
-    let mut ridge = 1e-9;
-    loop {
-        let mut raised = covariance.clone();
-        for place in 0..raised.nrows() {
-            raised[(place, place)] *= 1.0 + ridge;
-        }
-        match raised.cholesky() {
-            Some(factor) => return factor.l(),
-            None => ridge *= 10.0,
-        }
-    }
-}
-
-pub fn solve_lower(factor: &DMatrix<f64>, vector: &DVector<f64>) -> DVector<f64> {
-    factor.solve_lower_triangular(vector).unwrap_or_else(|| vector.clone())
-}
-
-fn solve_lower_columns(factor: &DMatrix<f64>, matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    factor.solve_lower_triangular(matrix).unwrap_or_else(|| matrix.clone())
 }

@@ -6,7 +6,8 @@
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::fit::{RigFitInput, cholesky_factor, solve_lower};
+use super::fit::RigFitInput;
+use super::linear_algebra::{cholesky_factor, solve_lower};
 use super::moments::{MomentChannel, MomentLabel, Needed, TrialMoments};
 use crate::statistics::log_determinant_of_factor;
 
@@ -64,7 +65,10 @@ impl CommonProducts {
         let constants = input.coordinates.constants(point.as_slice());
         moments.move_to(trial, &constants, input.coordinates.at_handle(&constants, trial.load));
         let residual = input.residual(place, moments, &constants, Needed::Both);
-        let factor = cholesky_factor(moments.covariance(trial, input.noise));
+        let Some(factor) = cholesky_factor(&moments.covariance(trial, input.noise)) else {
+            // A point at which the products have no distribution is no likely one.
+            return TrialDeviance { squares: CHANNELS.map(|_| (0.0, 0.0)), log_determinant: f64::INFINITY };
+        };
         let independent = solve_lower(&factor, &moments.of(&residual, input.mean_sd_nm));
         let labels = moments.labels();
         let squares = CHANNELS.map(|channel| {

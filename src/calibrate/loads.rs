@@ -2,6 +2,7 @@
 
 use super::constants::RigCoordinates;
 use super::covariance::{INTERVAL, NOTHING_KNOWN};
+use super::error::CalibrateError;
 use super::fit::{ReleasedFit, RigFit, RigFitInput};
 use super::stated_rig::LoadByRig;
 use crate::protocol::RigLoad;
@@ -44,10 +45,13 @@ impl LoadCheck {
 ///
 /// A fit, and no step from the fit with the stated value; costs, and no standard errors: the others tell a load up to a hundred times less
 /// well than its stated value does, and so far away neither slope nor curvature is that of the stated value.
-pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit) -> Vec<LoadCheck> {
+///
+/// # Errors
+/// As [`RigFitInput::fit`].
+pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit) -> Result<Vec<LoadCheck>, CalibrateError> {
     let (mut checks, mut gains) = (Vec::new(), Vec::new());
     let places = (RigCoordinates::first_load()..).take(input.coordinates.loads.len());
-    let released = input.released(fit, places.clone(), NOTHING_KNOWN);
+    let released = input.released(fit, places.clone(), NOTHING_KNOWN)?;
     for ((place, load), own) in places.zip(&input.coordinates.loads).zip(released) {
         let ReleasedFit { value, se, gain } = own;
         let stated = input.prior.precision[(place, place)];
@@ -79,5 +83,5 @@ pub fn check_loads(input: &RigFitInput<'_>, fit: &RigFit) -> Vec<LoadCheck> {
             checks[index].or = or.map(|other| checks[other].load).collect();
         }
     }
-    checks
+    Ok(checks)
 }

@@ -6,6 +6,7 @@
 //! known of sound channels and of faulty ones.
 
 use super::constants::{DELAY_PLACE, LAG_PLACE};
+use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput};
 use super::reported::{Reported, stated};
 use super::rig_deviations::RigDeviations;
@@ -30,18 +31,22 @@ pub struct WithoutLowPass {
 }
 
 /// A fit without the low-pass that `fit` has, as `reported`, if the rig probably has none.
+///
+/// # Errors
+/// As [`RigFitInput::fit`].
 pub fn without_low_pass(
     input: &mut RigFitInput<'_>,
     fit: &RigFit,
     reported: &Reported,
     lever: Option<Lever>,
-) -> Option<WithoutLowPass> {
+) -> Result<Option<WithoutLowPass>, CalibrateError> {
     let Reported { quantities, covariance } = reported.clone();
     let told = RigCalibration::new(String::new(), String::new(), quantities, covariance);
-    let (cutoff_hz, se) = told.value(RigQuantity::TorqueCutoff).zip(told.se(RigQuantity::TorqueCutoff))?;
+    let cutoff = told.value(RigQuantity::TorqueCutoff).zip(told.se(RigQuantity::TorqueCutoff));
+    let Some((cutoff_hz, se)) = cutoff else { return Ok(None) };
     let deviations = RigDeviations::of(&told, |quantity| stated(quantity, lever));
     if probability_of_fault(&deviations, MechanismKind::TorqueLag) >= PROBABLE {
-        return None;
+        return Ok(None);
     }
     let [delay, lag] = [DELAY_PLACE, LAG_PLACE].map(|place| input.coordinates.scales[place]);
     let precision = lag.range() / SOUND_DELAY_S;
@@ -56,5 +61,5 @@ pub fn without_low_pass(
         "a low-pass of {cutoff_hz:.0} Hz would fit slightly better, but only with a torque that is early by as much as it delays, which \
          is improbable in any channel; these trials exclude one below {slowest_hz:.0} Hz (95 %)"
     );
-    Some(WithoutLowPass { fit: input.fit(&start), reason, above_hz: slowest_hz })
+    Ok(Some(WithoutLowPass { fit: input.fit(&start)?, reason, above_hz: slowest_hz }))
 }

@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::constants::FIRST_KNOWN;
-use super::covariance::inverse;
+use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput, RigTrialEquations};
+use super::linear_algebra::inverse;
 use super::moments::MomentChannel;
 use super::prepared_trial::PreparedTrial;
 use crate::protocol::RigLoad;
@@ -95,7 +96,14 @@ struct RigMisfitStatistics {
 }
 
 /// Tests the misfit of a fit.
-pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> RigMisfit {
+///
+/// # Errors
+/// If the information of the trials has no inverse.
+pub fn misfit(
+    input: &RigFitInput<'_>,
+    fit: &RigFit,
+    stream: &mut Stream,
+) -> Result<RigMisfit, CalibrateError> {
     let size = input.coordinates.count();
     let cells = cells(input.trials);
     let mut loads: Vec<(RigLoad, Vec<usize>)> = Vec::new();
@@ -108,7 +116,8 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
     let observed: Vec<DVector<f64>> = fit.equations.iter().map(|own| own.residual.clone()).collect();
     let statistics = statistics(fit, &cells, &loads, &observed);
     let precision = input.prior.precision.diagonal();
-    let inverse = inverse(DMatrix::from_diagonal(&precision) + fit.information());
+    let inverse = inverse(DMatrix::from_diagonal(&precision) + fit.information())
+        .ok_or(CalibrateError::NoCovariance("the covariance of the fitted constants"))?;
     let noise: Vec<DMatrix<f64>> =
         fit.equations.iter().map(|own| square_root(&own.noise_covariance)).collect();
     let positions = fit.equations.first().map_or(0, |own| own.step_errors.len());
@@ -147,7 +156,7 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
         }
     }
     let part = |count: f64| count / (MISFIT_DRAWS + 1) as f64;
-    RigMisfit {
+    Ok(RigMisfit {
         p_value: part(exceeded.whole),
         servo_p_value: part(exceeded.servo),
         loads: loads
@@ -160,7 +169,7 @@ pub fn misfit(input: &RigFitInput<'_>, fit: &RigFit, stream: &mut Stream) -> Rig
                 p_value: part(exceeded.loads[place]),
             })
             .collect(),
-    }
+    })
 }
 
 fn statistics(

@@ -28,6 +28,7 @@ mod following;
 mod fourier;
 mod input_check;
 mod likelihood;
+mod linear_algebra;
 mod loads;
 mod low_pass;
 mod misfit;
@@ -46,7 +47,7 @@ mod starts;
 mod stated_rig;
 
 pub use calibration::{CalibrationOutcome, calibrate};
-pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, compare};
+pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, RigVerdict, compare};
 pub use error::CalibrateError;
 pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};

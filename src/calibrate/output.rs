@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::calibration::CalibrationOutcome;
-use super::comparison::{QuantityDifference, RigComparison};
+use super::comparison::{QuantityDifference, RigComparison, RigVerdict};
 use super::rig_contradiction::named_load;
 
 impl CalibrationOutcome {
@@ -41,9 +41,16 @@ impl RigComparison {
                 "p_value": own.p_value,
             })
         };
+        let verdict = self.verdict();
+        let reason = match verdict {
+            RigVerdict::NotComparable(reason) => Some(reason),
+            _ => None,
+        };
         json!({
             "trials": self.trials,
             "p_value": self.p_value,
+            "verdict": verdict.name(),
+            "reason": reason,
             "changed": self.changed,
             "quantities": self.quantities.iter().map(one).collect::<Vec<_>>(),
         })

@@ -3,8 +3,8 @@
 use nalgebra::DVector;
 
 use super::constants::{PRESLIDING_PLACE, PRESLIDING_TRAVEL_PLACE};
-use super::covariance::inverse;
 use super::fit::RigFitInput;
+use super::linear_algebra::inverse;
 use crate::statistics::chi_square_tail;
 
 /// Coordinates of the travel at which it is looked for: over the range that engineering allows, each half a decade from the next.
@@ -33,9 +33,9 @@ pub fn presliding_start(input: &RigFitInput<'_>, point: &DVector<f64>) -> Option
 }
 
 /// The step of the part from `point`, and its square in standard deviations: chi-square with one degree of freedom where there is no such
-/// friction. `None` where it goes below zero.
+/// friction. `None` where it goes below zero, or where the trials tell no step.
 fn score(input: &RigFitInput<'_>, point: &DVector<f64>) -> Option<(f64, f64)> {
-    let fit = input.at(point.clone());
+    let fit = input.at(point.clone()).ok()?;
     let mut precision = input.prior.precision.clone();
     // Nothing is assumed about the part that is tested.
     precision.fill_row(PRESLIDING_PLACE, 0.0);
@@ -47,7 +47,7 @@ fn score(input: &RigFitInput<'_>, point: &DVector<f64>) -> Option<(f64, f64)> {
         squares += own.residual.norm_squared();
         count += own.residual.len() as f64;
     }
-    let covariance = inverse(precision + fit.information());
+    let covariance = inverse(precision + fit.information())?;
     let step = -(covariance.row(PRESLIDING_PLACE) * gradient)[0];
     let variance = covariance[(PRESLIDING_PLACE, PRESLIDING_PLACE)] * (squares / count).max(1.0);
     (step > 0.0 && variance.is_finite()).then(|| (step, step * step / variance))

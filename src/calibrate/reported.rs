@@ -3,8 +3,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::constants::{CoordinateScale, DELAY_PLACE, LAG_PLACE, LEVER_PLACES, REPORTED, RigCoordinates};
-use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, covariance, inverse};
+use super::covariance::{INTERVAL, NOTHING_KNOWN, RigCovariance, covariance};
 use super::fit::RigFitInput;
+use super::linear_algebra::inverse;
 use crate::dataset::{CalibratedQuantity, RigQuantity, time_constant_s};
 use crate::protocol::RigLoad;
 use crate::wrist::Lever;
@@ -124,7 +125,8 @@ fn whole_delay(
 ) -> Told {
     let sum = in_delay.row(DELAY_PLACE);
     let variance = |covariance: &DMatrix<f64>| (sum * covariance * sum.transpose())[(0, 0)];
-    if INTERVAL * libm::sqrt(variance(&found.of_data())) > 1.0 {
+    let is_told = |own: &DMatrix<f64>| INTERVAL * libm::sqrt(variance(own)) <= 1.0;
+    if !found.of_data().is_ok_and(|own| is_told(&own)) {
         return Told::Unknown;
     }
     let se = libm::sqrt(variance(&found.covariance));
@@ -143,7 +145,9 @@ fn fast_low_pass(input: &RigFitInput<'_>, point: &DVector<f64>) -> Told {
     let mut slow = point.clone();
     slow[LAG_PLACE] = lag.coordinate(slow_s);
     slow[DELAY_PLACE] = delay.coordinate(delay.value(point[DELAY_PLACE]) - (slow_s - own_s));
-    let variance = covariance(input, &input.at(slow)).of_data()[(LAG_PLACE, LAG_PLACE)];
+    let of_data = input.at(slow).and_then(|fit| covariance(input, &fit)).and_then(|own| own.of_data());
+    let Ok(of_data) = of_data else { return Told::Unknown };
+    let variance = of_data[(LAG_PLACE, LAG_PLACE)];
     let error_s = INTERVAL * libm::sqrt(variance) * lag.range();
     let bound_s = libm::sqrt(own_s * own_s + 2.0 * slow_s * error_s);
     if bound_s < lag.range() { no_sign_of("a low-pass", bound_s) } else { Told::Unknown }
@@ -256,7 +260,7 @@ fn told_with(found: &RigCovariance, place: usize, given: &[usize]) -> bool {
         found.information[(kept[row], kept[column])] + if row == column { NOTHING_KNOWN } else { 0.0 }
     });
     let Some(own) = kept.iter().position(|kept| *kept == place) else { return false };
-    INTERVAL * libm::sqrt(inverse(information)[(own, own)]) <= 1.0
+    inverse(information).is_some_and(|inverse| INTERVAL * libm::sqrt(inverse[(own, own)]) <= 1.0)
 }
 
 /// What would tell a quantity.

@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 
 use super::constants::{DELAY_PLACE, FRICTION_PLACE, FRICTION_SPEED_PLACE, LAG_PLACE, SERVO_PLACE};
+use super::error::CalibrateError;
 use super::fit::{RigFit, RigFitInput};
 use super::likelihood::CommonProducts;
 use super::presliding::presliding_start;
@@ -17,27 +18,30 @@ const SERVO_STARTS_HZ: [f64; 2] = [120.0, 30.0];
 /// that follows from the target is not known yet, a search takes what the servo leaves for the handle's. From the likeliest one the search
 /// goes on to the places that it is known to miss. Where the trials show a bearing that gives before it slides, `input` gets its
 /// coordinates.
-pub fn fit_from_starts(input: &mut RigFitInput<'_>) -> RigFit {
+///
+/// # Errors
+/// As [`RigFitInput::fit`].
+pub fn fit_from_starts(input: &mut RigFitInput<'_>) -> Result<RigFit, CalibrateError> {
     let mut search = SearchFromStarts { products: CommonProducts::new(input) };
-    let mut best = search.fit(input, &input.prior.mean);
+    let mut best = search.fit(input, &input.prior.mean)?;
     let servo = input.coordinates.scales[SERVO_PLACE];
     for frequency_hz in SERVO_STARTS_HZ {
         let mut start = input.prior.mean.clone();
         start[SERVO_PLACE] = servo.coordinate(time_constant_s(frequency_hz));
-        best = likelier(best, search.fit(input, &input.fit_servo(&start).point));
+        best = likelier(best, search.fit(input, &input.fit_servo(&start)?.point)?);
     }
-    best = search.go_on(input, best);
+    best = search.go_on(input, best)?;
     let mut with_presliding = input.clone();
     with_presliding.coordinates.has_presliding = true;
     if let Some(start) = presliding_start(&with_presliding, &best.fit.point) {
-        let found = search.fit(&with_presliding, &start);
-        let found = search.go_on(&with_presliding, found);
+        let found = search.fit(&with_presliding, &start)?;
+        let found = search.go_on(&with_presliding, found)?;
         if found.deviance < best.deviance {
             *input = with_presliding;
             best = found;
         }
     }
-    best.fit
+    Ok(best.fit)
 }
 
 /// A fit and how likely it is.
@@ -56,20 +60,24 @@ struct SearchFromStarts {
 }
 
 impl SearchFromStarts {
-    fn fit(&mut self, input: &RigFitInput<'_>, start: &DVector<f64>) -> FitFromStart {
-        let fit = input.fit(start);
+    fn fit(&mut self, input: &RigFitInput<'_>, start: &DVector<f64>) -> Result<FitFromStart, CalibrateError> {
+        let fit = input.fit(start)?;
         let deviance = self.products.deviance(input, &fit.point);
-        FitFromStart { fit, deviance }
+        Ok(FitFromStart { fit, deviance })
     }
 
     /// Goes on to the places that a search is known to miss, to the likeliest of them.
-    fn go_on(&mut self, input: &RigFitInput<'_>, mut best: FitFromStart) -> FitFromStart {
+    fn go_on(
+        &mut self,
+        input: &RigFitInput<'_>,
+        mut best: FitFromStart,
+    ) -> Result<FitFromStart, CalibrateError> {
         for other in [other_side_of_lag, usual_friction] {
             if let Some(start) = other(input, &best.fit.point) {
-                best = likelier(best, self.fit(input, &start));
+                best = likelier(best, self.fit(input, &start)?);
             }
         }
-        best
+        Ok(best)
     }
 }
 

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use crate::app::{Console, Failure, calibrate_rig, check_out, compare_rig};
-use crate::calibrate::{CalibrationOutcome, RigComparison, named_load};
+use crate::calibrate::{CalibrationOutcome, RigComparison, RigVerdict, named_load};
 use crate::dataset::{Disk, Manifest, RIG_CALIBRATION, RigCalibration};
 use crate::files;
 use crate::protocol::significant;
@@ -19,7 +19,7 @@ use super::verb::Verb;
 /// others. It writes rig-calibration.json into the session's folder.
 ///
 /// With --compare it writes nothing: the empty-handle trials of the session are compared with that calibration, and the quantity that
-/// differs is named. Exit code 1 if one differs.
+/// differs is named. Exit code 1 if one differs, if the trials differ and no single quantity explains it, or if they could not be compared.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  ramphold calibrate sessions/rig-2026-11\n  \
                         ramphold calibrate sessions/S01 --compare sessions/rig-2026-11/rig-calibration.json")]
@@ -89,11 +89,18 @@ impl CalibrateArgs {
         } else {
             print_comparison(console, earlier, &comparison)?;
         }
-        if comparison.changed.is_empty() {
-            return Ok(());
+        let session = self.session.clone();
+        match comparison.verdict() {
+            RigVerdict::Agrees => Ok(()),
+            RigVerdict::Differs(changed) => {
+                let names: Vec<&str> = changed.iter().map(|name| name.name()).collect();
+                Err(Failure::RigChanged { session, quantities: names.join(" or ") })
+            }
+            RigVerdict::DiffersUnexplained => {
+                Err(Failure::RigDiffers { session, p_value: comparison.p_value })
+            }
+            RigVerdict::NotComparable(reason) => Err(Failure::RigNotCompared { session, reason }),
         }
-        let names: Vec<&str> = comparison.changed.iter().map(|name| name.name()).collect();
-        Err(Failure::RigChanged { session: self.session.clone(), quantities: names.join(" or ") })
     }
 }
 
@@ -181,7 +188,7 @@ fn print_comparison(
             own.p_value
         )?;
     }
-    if comparison.changed.is_empty() {
+    if comparison.verdict() == RigVerdict::Agrees {
         writeln!(out, "no quantity differs from the calibration")?;
     }
     Ok(())

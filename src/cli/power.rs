@@ -14,7 +14,7 @@ use crate::rig::virtual_wrist::MechanismList;
 use crate::statistics::wilson;
 use crate::study::detection_power::{Detections, detection_power, detections};
 use crate::study::power::{
-    LimitConclusion, ParameterShift, PoolMeans, PowerEstimate, ResamplingPlan, SoughtEffect,
+    LimitConclusion, LimitCounts, ParameterShift, PoolMeans, PowerEstimate, ResamplingPlan, SoughtEffect,
     TrueElasticLimit, limit_conclusions, power,
 };
 use crate::study::{Study, StudyError};
@@ -126,6 +126,9 @@ impl Verb for PowerArgs {
             }
             (Some(sought), _) => {
                 let (found, arms) = power(&study, sought, &resampling, tick).map_err(Failure::Unit)?;
+                for remark in arms.iter().filter_map(|own| own.fit.remark(study.fit)) {
+                    console.message(format_args!("{remark}"));
+                }
                 let mut output = curves(&EffectLabels::of(sought), &resampling, &found);
                 output.files.push(("pool.csv", pool_table(&arms)));
                 output
@@ -136,8 +139,12 @@ impl Verb for PowerArgs {
                 } else {
                     TrueElasticLimit::AsGiven
                 };
-                let said = limit_conclusions(&study, limit, &resampling, tick).map_err(Failure::Unit)?;
-                verdict_table(&resampling, &said)
+                let (said, fit) =
+                    limit_conclusions(&study, limit, &resampling, tick).map_err(Failure::Unit)?;
+                if let Some(remark) = fit.remark(study.fit) {
+                    console.message(format_args!("{remark}"));
+                }
+                verdict_table(&said)
             }
         };
         progress.finish_and_clear();
@@ -243,15 +250,28 @@ fn curves(labels: &EffectLabels, resampling: &ResamplingPlan, found: &[PowerEsti
             found.iter().filter(|found| found.repetitions == *repetitions).collect();
         for found in &own {
             let (share, low, high) = found.power();
+            let [share, effect] =
+                [share, found.effect].map(|own| if own.is_nan() { String::new() } else { own.to_string() });
+            let tested = found.studies - found.untested;
             let _ = writeln!(
                 csv,
-                "{kind},{parameter},{by},{quantity},{repetitions},{},{},{},{share},{low},{high},{}",
-                found.subjects, found.studies, found.found, found.effect
+                "{kind},{parameter},{by},{quantity},{repetitions},{},{tested},{},{share},{low},{high},{effect}",
+                found.subjects, found.found
+            );
+        }
+        for found in own.iter().filter(|found| found.untested > 0) {
+            let _ = writeln!(
+                text,
+                "{repetitions} repetitions, {} {subjects}: {} of {} studies could not be tested and do not count",
+                found.subjects, found.untested, found.studies
             );
         }
         let enough = own.iter().find(|found| found.power().0 >= 0.8).map(|found| found.subjects);
         let needed = match (enough, own.last()) {
             (Some(persons), _) => format!("{persons} {subjects}"),
+            (None, Some(last)) if last.power().0.is_nan() => {
+                "a number that is not known: no study was tested".into()
+            }
             (None, Some(last)) => {
                 format!("more than {} {subjects} (power {:.2} with these)", last.subjects, last.power().0)
             }
@@ -263,7 +283,8 @@ fn curves(labels: &EffectLabels, resampling: &ResamplingPlan, found: &[PowerEsti
             (f64::from(found.subjects), share, low, high)
         };
         let label = format!("{repetitions} repetitions");
-        curves.push(PowerCurve { label, points: own.iter().map(point).collect() });
+        let tested = own.iter().filter(|found| found.untested < found.studies);
+        curves.push(PowerCurve { label, points: tested.map(point).collect() });
     }
     let caption = format!(
         "Shares of {} studies drawn from {} virtual {subjects}, with 95 % intervals. Grey line: power 0.8.",
@@ -309,14 +330,14 @@ fn pool_table(arms: &[PoolMeans]) -> String {
     let cell = |value: &Option<f64>| value.map_or(String::new(), |value| value.to_string());
     for own in arms {
         for (person, (one, other)) in own.first.iter().zip(&own.second).enumerate() {
-            let _ = writeln!(csv, "{},{},{},{}", own.repetitions, person + 1, cell(one), cell(other));
+            let _ = writeln!(csv, "{},{},{},{}", own.fit.repetitions, person + 1, cell(one), cell(other));
         }
     }
     csv
 }
 
 /// The table of what studies conclude about the elastic limit.
-fn verdict_table(resampling: &ResamplingPlan, said: &[(u32, [u32; 4])]) -> PowerOutput {
+fn verdict_table(said: &[LimitCounts]) -> PowerOutput {
     let mut csv = "persons,studies,verdict,count,share,low,high\n".to_owned();
     let mut text =
         "conclusions of the studies about the elastic limit (share of studies)\nsubjects".to_owned();
@@ -324,19 +345,22 @@ fn verdict_table(resampling: &ResamplingPlan, said: &[(u32, [u32; 4])]) -> Power
         let _ = write!(text, " {:>10}", verdict.name());
     }
     text.push('\n');
-    for (persons, counts) in said {
+    for LimitCounts { subjects: persons, counts, untested } in said {
         let _ = write!(text, "{persons:>8}");
         let of: u32 = counts.iter().sum();
         for (verdict, count) in LimitConclusion::ALL.iter().zip(counts) {
-            let share = f64::from(*count) / f64::from(of.max(1));
+            let share = f64::from(*count) / f64::from(of);
+            let shown = if of == 0 { String::new() } else { share.to_string() };
             let (low, high) = wilson(*count, of);
-            let _ = writeln!(
-                csv,
-                "{persons},{},{},{count},{share},{low},{high}",
-                resampling.studies,
-                verdict.name()
-            );
+            let _ = writeln!(csv, "{persons},{of},{},{count},{shown},{low},{high}", verdict.name());
             let _ = write!(text, " {share:>10.3}");
+        }
+        if *untested > 0 {
+            let _ = write!(
+                text,
+                "  ({untested} of {} studies could not be tested and do not count)",
+                of + untested
+            );
         }
         text.push('\n');
     }

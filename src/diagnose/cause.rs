@@ -18,8 +18,8 @@ pub enum CauseEvidence {
         before: Box<Fit>,
         /// The fit with the mechanism.
         after: Box<Fit>,
-        /// Decrease of twice the cost by the mechanism (chi-square units).
-        chi_square_gain: f64,
+        /// Decrease of twice the cost by the mechanism (chi-square units); `None` if the model without it alone was not compared.
+        chi_square_gain: Option<f64>,
         /// Improvement on trials left out of the fit.
         gain: Gain,
     },
@@ -70,8 +70,9 @@ pub struct Cause {
     pub kind: MechanismKind,
     /// Posterior probability that it is at work.
     pub probability: f64,
-    /// Probability of a likelihood ratio at least as large if this cause were not at work and all others of the answer were.
-    pub p_value: f64,
+    /// Probability of a likelihood ratio at least as large if this cause were not at work and all others of the answer were; `None` if that
+    /// model was not compared.
+    pub p_value: Option<f64>,
     /// Other mechanisms that could be in place of this one, the most probable first.
     pub alternatives: Vec<AlternativeCause>,
     /// The mechanism's parameters.

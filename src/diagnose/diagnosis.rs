@@ -2,33 +2,29 @@
 
 use nalgebra::DVector;
 
-use super::across_trials::covariate_regression::{covariate_effect_of, with_effect_in_parameters};
+use super::across_trials::covariate_regression::with_effect_in_parameters;
 use super::across_trials::elastic_limit_law::{ElasticLimitLaw, elastic_limit_law};
 use super::across_trials::exchangeability::remaining_correlation;
-use super::across_trials::outliers::outliers;
-use super::across_trials::stiffness_table::StiffnessTable;
 use super::applicability::missing;
 use super::base_model::not_described;
-use super::cause::{AlternativeCause, Cause, CauseEvidence};
+use super::cause::{Cause, CauseEvidence};
 use super::evidence::answer::{
-    CauseProbabilities, NAMED_PROBABILITY, answered_causes, most_probable_model,
-    most_probable_of_likely_causes,
+    CauseProbabilities, NAMED_PROBABILITY, most_probable_model, most_probable_of_likely_causes,
 };
-use super::evidence::found_law::{FoundLaw, LawCheck};
-use super::evidence::model_posterior::ModelPosterior;
+use super::evidence::found_law::FoundLaw;
 use super::evidence::model_prior::compared;
 use super::evidence::model_search::{ComparedModel, ModelSearch};
 use super::evidence::session_prior::SessionPrior;
+use super::fit_chain::FitChain;
 use super::mains_hum::{DetectedHum, hum_probability};
 use super::preprocessing::DiagnosisInput;
-use super::within_trial::cross_validation::{gain, hum_removal_gain};
+use super::within_trial::cross_validation::hum_removal_gain;
 use super::within_trial::null_distribution::{MISFIT_LEVEL, MisfitStatistics};
 use super::within_trial::residual_terms::{ResidualDescription, residual_term};
 use super::within_trial::score_test::{UndetectableMechanism, probe_context};
 use super::within_trial::tested_fit::TestedFit;
 use crate::fit::{Fit, Model, Observations, Weighting, X_E, coarse_angle};
 use crate::random::Stream;
-use crate::statistics::chi_square_tail;
 use crate::wrist::mechanisms::{EvidenceSource, MechanismKind};
 
 /// Verdict of a diagnosis.
@@ -200,7 +196,8 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         (verdict == Verdict::Unexplained).then(|| residual_term(observations, &extended)).flatten();
     // What rig trials tell is corrected before the model is tested, so that it leaves no misfit of the model.
     let leaves_misfit = |cause: &&Cause| !matches!(cause.evidence, CauseEvidence::RigTrials { .. });
-    let p_of_causes = causes.iter().filter(leaves_misfit).map(|cause| cause.p_value).fold(1.0, f64::min);
+    let p_of_causes =
+        causes.iter().filter(leaves_misfit).filter_map(|cause| cause.p_value).fold(1.0, f64::min);
     Diagnosis {
         verdict,
         misfit: given.misfit,
@@ -303,152 +300,6 @@ fn limit_law(search: &ModelSearch, model: &ComparedModel, seed: u64) -> Option<E
     elastic_limit_law(search.observations(), &posterior.fit, &simulated)
 }
 
-/// The causes of an answer, each with the fits before and after it is added.
-struct FitChain<'a> {
-    search: &'a ModelSearch<'a>,
-    probabilities: &'a CauseProbabilities,
-    seed: u64,
-}
-
-impl FitChain<'_> {
-    fn causes(&self, best: usize) -> Vec<Cause> {
-        let models = &self.search.models;
-        let mut answered = answered_causes(models, best);
-        // The cause first that explains more alone.
-        let alone = |kind: MechanismKind| {
-            let own = models.iter().find(|own| own.causes == [kind]);
-            own.map_or(f64::NEG_INFINITY, |own| own.log_odds)
-        };
-        answered.sort_by(|a, b| alone(b.kind).total_cmp(&alone(a.kind)));
-        let whole = &models[best];
-        let mut causes = Vec::new();
-        let mut so_far = self.fit_of(&models[0]);
-        let mut kinds = Vec::new();
-        for own in answered {
-            let alternatives = own
-                .alternatives
-                .iter()
-                .map(|other| self.alternative(*other, own.kind, whole, (&kinds, &so_far)));
-            let alternatives = alternatives.collect();
-            kinds.push(own.kind);
-            let after = self.fit_of(self.model_of(&kinds).unwrap_or(whole));
-            causes.push(self.cause(own.kind, alternatives, whole, &so_far, &after));
-            so_far = after;
-        }
-        causes
-    }
-
-    /// The model with exactly these causes, if it was compared.
-    fn model_of(&self, kinds: &[MechanismKind]) -> Option<&ComparedModel> {
-        self.search.models.iter().find(|model| {
-            model.causes.len() == kinds.len() && kinds.iter().all(|kind| model.causes.contains(kind))
-        })
-    }
-
-    /// A mechanism that could be in place of the cause `of` of the model `whole`; `before` are the causes added so far, and their fit.
-    fn alternative(
-        &self,
-        (kind, probability): (MechanismKind, f64),
-        of: MechanismKind,
-        whole: &ComparedModel,
-        before: (&[MechanismKind], &Fit),
-    ) -> AlternativeCause {
-        let in_place: Vec<MechanismKind> =
-            whole.causes.iter().map(|own| if *own == of { kind } else { *own }).collect();
-        let values = match self.search.prior.rig.interval(kind) {
-            Some(told) => vec![told],
-            None => self.model_of(&in_place).map_or(Vec::new(), |model| model.posterior.intervals(kind)),
-        };
-        let added: Vec<MechanismKind> = before.0.iter().copied().chain([kind]).collect();
-        let model = self.model_of(&added).filter(|_| kind.evidence() == EvidenceSource::Trace);
-        let fits = model.map(|model| Box::new((before.1.clone(), self.fit_of(model))));
-        AlternativeCause { kind, probability, values, fits }
-    }
-
-    /// The fit of a model; what acts across the trials is in their parameters.
-    fn fit_of(&self, model: &ComparedModel) -> Fit {
-        let fit = self.search.without_deviations(&model.posterior);
-        let across = model.causes.iter().filter(|kind| kind.evidence() == EvidenceSource::AcrossTrials);
-        across.fold(fit, |fit, kind| with_effect_in_parameters(self.search.observations(), &fit, *kind))
-    }
-
-    fn cause(
-        &self,
-        kind: MechanismKind,
-        alternatives: Vec<AlternativeCause>,
-        whole: &ComparedModel,
-        before: &Fit,
-        after: &Fit,
-    ) -> Cause {
-        if let Some(told) = self.told(kind, after) {
-            return Cause { alternatives, ..told };
-        }
-        let observations = self.search.observations();
-        let models = &self.search.models;
-        let without = models.iter().find(|model| {
-            model.causes.len() + 1 == whole.causes.len()
-                && model.causes.iter().all(|own| whole.causes.contains(own) && *own != kind)
-        });
-        let likelihood = |posterior: &ModelPosterior| -posterior.quadratic.cost;
-        let chi_square_gain =
-            2.0 * (likelihood(&whole.posterior) - without.map_or(0.0, |model| likelihood(&model.posterior)));
-        let fitted = kind.parameters().iter().filter(|parameter| parameter.fitted).count().max(1);
-        let evidence = match kind.evidence() {
-            EvidenceSource::SingleTrials => {
-                CauseEvidence::Outliers(outliers(observations, &whole.posterior.fit, &whole.outliers))
-            }
-            EvidenceSource::AcrossTrials => {
-                let table = StiffnessTable::new(observations, before, &[]);
-                match table.and_then(|table| covariate_effect_of(observations, before, &table, kind)) {
-                    Some(effect) => CauseEvidence::AcrossTrials(effect),
-                    None => self.within(before, after, chi_square_gain),
-                }
-            }
-            _ => self.within(before, after, chi_square_gain),
-        };
-        Cause {
-            kind,
-            probability: self.probabilities.of_cause(kind),
-            p_value: chi_square_tail(chi_square_gain, fitted as f64),
-            alternatives,
-            values: whole.posterior.intervals(kind),
-            law: LawCheck::of(self.search, whole, kind),
-            evidence,
-        }
-    }
-
-    /// A cause that rig trials tell. The fit has its constant as measured, in contrast to a fit with the constant as stated.
-    fn told(&self, kind: MechanismKind, fit: &Fit) -> Option<Cause> {
-        let rig = &self.search.prior.rig;
-        let deviation_sds = rig.deviation_sds(kind)?;
-        let before = fit.refitted_to(&self.search.observations().with_constants(rig.as_stated(kind)?));
-        Some(Cause {
-            kind,
-            probability: self.probabilities.of_cause(kind),
-            p_value: chi_square_tail(deviation_sds * deviation_sds, 1.0),
-            alternatives: Vec::new(),
-            values: rig.interval(kind).into_iter().collect(),
-            law: None,
-            evidence: CauseEvidence::RigTrials {
-                before: Box::new(before),
-                after: Box::new(fit.clone()),
-                deviation_sds,
-            },
-        })
-    }
-
-    fn within(&self, before: &Fit, after: &Fit, chi_square_gain: f64) -> CauseEvidence {
-        let observations = self.search.observations();
-        let gain = gain(observations, before, after, self.seed);
-        CauseEvidence::WithinTrial {
-            before: Box::new(before.clone()),
-            after: Box::new(after.clone()),
-            chi_square_gain,
-            gain,
-        }
-    }
-}
-
 /// The mechanism of the catalogue whose evidence is in the hold.
 fn cause_shown_in_the_hold() -> MechanismKind {
     MechanismKind::shown_in(EvidenceSource::Hold).expect("the catalogue has a mechanism for the hold")
@@ -466,7 +317,7 @@ fn hum_cause(
     Cause {
         kind: cause_shown_in_the_hold(),
         probability: hum_probability(hum),
-        p_value: hum.p_value,
+        p_value: Some(hum.p_value),
         alternatives: Vec::new(),
         values: hum.intervals(),
         law: None,

@@ -10,7 +10,7 @@
 //! every mechanism (`score_test`) and of any other pattern (`lack_of_fit`); `across_trials` asks whether trials still go with order, rest
 //! or EMG. `cross_validation` measures what a cause gains on trials left out of the fit.
 //!
-//! `diagnosis` runs all of it and decides the verdict; `protocol_design` proposes the protocol, rig trials or sensor that separate causes which remain
+//! `diagnosis` runs all of it and decides the verdict, `fit_chain` says what each cause gains; `protocol_design` proposes the protocol, rig trials or sensor that separate causes which remain
 //! indistinguishable.
 
 mod across_trials;
@@ -21,6 +21,7 @@ mod base_model;
 mod cause;
 mod diagnosis;
 mod evidence;
+mod fit_chain;
 mod interval;
 mod mains_hum;
 mod output;
@@ -42,6 +43,6 @@ pub use interval::Interval;
 pub use mains_hum::{DetectedHum, remove_hum};
 pub use output::{DIAGNOSIS_FORMAT, picture};
 pub use preprocessing::DiagnosisInput;
-pub use protocol_design::{Needs, Proposal, inseparable, propose, worthwhile};
+pub use protocol_design::{Needs, Proposal, ProposedChange, inseparable, propose, worthwhile};
 pub use within_trial::cross_validation::{Gain, Ratio};
 pub use within_trial::score_test::UndetectableMechanism;

@@ -6,12 +6,13 @@
 //! where it has a probability of 0.95, so where that logarithm is at least log 19. Rig trials add to D what they tell of the constants that
 //! the causes are about.
 
-use std::slice;
+use std::{fmt, slice};
 
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
+use super::evidence::answer::NAMED_PROBABILITY;
 use super::evidence::rig_knowledge::expected_distance;
 use super::predicted_torque::torques;
 use super::preprocessing::DiagnosisInput;
@@ -37,11 +38,29 @@ pub enum Needs {
     Sensor,
 }
 
+/// What is done otherwise than in the session.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ProposedChange {
+    /// Nothing: another session with the same protocol.
+    Nothing,
+    /// This, in words.
+    Described(String),
+}
+
+impl fmt::Display for ProposedChange {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Nothing => "unchanged",
+            Self::Described(words) => words,
+        })
+    }
+}
+
 /// A candidate for what to do next.
 #[derive(Debug, Clone)]
 pub struct Proposal {
-    /// What to do, in words.
-    pub change: String,
+    /// What to do otherwise than in the session.
+    pub change: ProposedChange,
     /// What it needs.
     pub needs: Needs,
     /// The protocol of the session to run.
@@ -58,7 +77,7 @@ impl Proposal {
 
     /// Whether this is the session's protocol as it is.
     pub fn is_unchanged(&self) -> bool {
-        self.change == UNCHANGED
+        self.change == ProposedChange::Nothing
     }
 }
 
@@ -68,8 +87,10 @@ const WORTHWHILE_POWER: f64 = 0.05;
 /// Two causes count as separable if a proposal is more likely than not to name the true one, whichever it is.
 const SEPARATING_POWER: f64 = 0.5;
 
-/// Logarithm of the odds from which on a cause is named: 0.95 to 0.05.
-const NAMED_LOG_ODDS: f64 = 2.944_438_979_166_44;
+/// Logarithm of the odds from which on a cause is named.
+fn named_log_odds() -> f64 {
+    libm::log(NAMED_PROBABILITY / (1.0 - NAMED_PROBABILITY))
+}
 
 /// Sensors that can be added, with the standard deviation of their noise, in the unit of the channel. Assumed: encoders of 17 bits, whose
 /// rounding is taken as noise, and what docs/how-to/more-sensors.md has of the others.
@@ -104,9 +125,6 @@ pub fn inseparable(proposals: &[Proposal]) -> Vec<(MechanismKind, MechanismKind,
     pairs.map(best).filter(|(_, _, power)| *power < SEPARATING_POWER).collect()
 }
 
-/// Name of the proposal that is the session's protocol as it is.
-const UNCHANGED: &str = "unchanged";
-
 /// What separates `causes`: protocols, rig trials and sensors, the cheapest first. `now` is the protocol of the session. Protocols that are
 /// not valid are left out, and so is what the session has already.
 ///
@@ -135,7 +153,7 @@ pub fn propose(
         };
         let distances = seen[place].distances(&protocol, None);
         let power = seen[place].power(&distances, |_| 0.0);
-        if change == UNCHANGED {
+        if change == ProposedChange::Nothing {
             unchanged = distances;
         }
         proposals.push(Proposal { change, needs: Needs::Session, protocol, power });
@@ -144,7 +162,9 @@ pub fn propose(
         let told = own.told_by_rig_trials();
         if told.iter().any(Option::is_some) {
             proposals.push(Proposal {
-                change: "rig trials with all loads, and `ramphold calibrate`".into(),
+                change: ProposedChange::Described(
+                    "rig trials with all loads, and `ramphold calibrate`".into(),
+                ),
                 needs: Needs::RigTrials,
                 protocol: now.clone(),
                 power: own.power(&unchanged, |cause| told[cause].unwrap_or(0.0)),
@@ -153,7 +173,8 @@ pub fn propose(
         let has = |channel| own.observations.further.iter().any(|further| further.channel == channel);
         for sensor in SENSORS.iter().filter(|(channel, _)| !has(*channel)) {
             let power = own.power(&own.distances(now, Some(*sensor)), |_| 0.0);
-            let change = format!("a sensor of the {} ({})", sensor.0.title(), sensor.0.column());
+            let words = format!("a sensor of the {} ({})", sensor.0.title(), sensor.0.column());
+            let change = ProposedChange::Described(words);
             proposals.push(Proposal { change, needs: Needs::Sensor, protocol: now.clone(), power });
         }
     }
@@ -193,7 +214,7 @@ impl CausesInWindow {
 }
 
 /// The present protocol and its variants: more trials, wider ranges of velocity or torque, a longer ramp and window, other rise times.
-fn variants(now: &ValidProtocol) -> Vec<(String, ValidProtocol)> {
+fn variants(now: &ValidProtocol) -> Vec<(ProposedChange, ValidProtocol)> {
     let spread = |values: &[f64], low: f64, high: f64| {
         let last = values.len().max(2) as f64 - 1.0;
         let stretched = |(place, value): (usize, &f64)| {
@@ -216,8 +237,7 @@ fn variants(now: &ValidProtocol) -> Vec<(String, ValidProtocol)> {
     let wide_velocities = spread(&now.velocities_rad_s, 0.5, 1.15);
     let wide_torques = spread(&now.torques_nm, 0.6, 1.5);
     let candidates = [
-        (UNCHANGED.to_string(), (**now).clone()),
-        ("twice the repetitions".into(), change(&|own| own.repetitions *= 2)),
+        ("twice the repetitions".to_owned(), change(&|own| own.repetitions *= 2)),
         (
             format!("velocities {wide_velocities:?} rad/s"),
             change(&|own| own.velocities_rad_s = wide_velocities.clone()),
@@ -243,11 +263,12 @@ fn variants(now: &ValidProtocol) -> Vec<(String, ValidProtocol)> {
         ("half the rise time".into(), change(&|own| own.ramp.rise_time_s *= 0.5)),
         ("twice the rise time".into(), change(&|own| own.ramp.rise_time_s *= 2.0)),
     ];
-    let named = |(change, protocol): (String, Protocol)| {
+    let changed = candidates.map(|(words, protocol)| (ProposedChange::Described(words), protocol));
+    let named = |(change, protocol): (ProposedChange, Protocol)| {
         let name = format!("{}: {change}", now.name);
         Some((change, Protocol { name, ..protocol }.validate().ok()?))
     };
-    candidates.into_iter().filter_map(named).collect()
+    [(ProposedChange::Nothing, (**now).clone())].into_iter().chain(changed).filter_map(named).collect()
 }
 
 /// Two causes by their places, and how far the second is from the first if that is true.
@@ -301,7 +322,7 @@ fn probability_of_name(distance: f64) -> f64 {
     if distance <= 0.0 {
         return 0.0;
     }
-    Normal::standard().cdf((0.5 * distance - NAMED_LOG_ODDS) / libm::sqrt(distance))
+    Normal::standard().cdf((0.5 * distance - named_log_odds()) / libm::sqrt(distance))
 }
 
 /// Whitened sum of squares that remains when the model of `other` is fitted to the torque predicted by `truth`.
@@ -431,39 +452,52 @@ mod tests {
     use super::*;
     use crate::wrist::mechanisms::CATALOGUE;
 
-    fn proposal(change: &str, [one, other]: [f64; 2]) -> Proposal {
+    fn described(words: &str) -> ProposedChange {
+        ProposedChange::Described(words.to_owned())
+    }
+
+    fn proposal(change: ProposedChange, [one, other]: [f64; 2]) -> Proposal {
         let protocol =
             ValidProtocol::parse(include_str!("../../protocols/quick.json"), "quick.json").unwrap();
         let (a, b) = (CATALOGUE[0], CATALOGUE[1]);
         let power = vec![(a, b, one), (b, a, other)];
-        Proposal { change: change.into(), needs: Needs::Session, protocol, power }
+        Proposal { change, needs: Needs::Session, protocol, power }
     }
 
     #[test]
     fn what_gains_nothing_is_not_offered() {
         let all = vec![
-            proposal("twice", [0.9, 0.8]),
-            proposal(UNCHANGED, [0.5, 0.6]),
-            proposal("half", [0.52, 0.9]),
+            proposal(described("twice"), [0.9, 0.8]),
+            proposal(ProposedChange::Nothing, [0.5, 0.6]),
+            proposal(described("half"), [0.52, 0.9]),
+            // Words do not make it the protocol as it is.
+            proposal(described("unchanged"), [0.1, 0.1]),
         ];
-        let offered: Vec<String> = worthwhile(all).into_iter().map(|own| own.change).collect();
-        assert_eq!(offered, ["twice", UNCHANGED]);
+        let offered: Vec<ProposedChange> = worthwhile(all).into_iter().map(|own| own.change).collect();
+        assert_eq!(offered, [described("twice"), ProposedChange::Nothing]);
     }
 
     #[test]
     fn a_cause_is_named_half_of_the_time_where_the_expected_lead_is_what_a_name_needs() {
         assert_eq!(probability_of_name(0.0), 0.0);
-        assert!((probability_of_name(2.0 * NAMED_LOG_ODDS) - 0.5).abs() < 1e-9);
-        assert!((NAMED_LOG_ODDS - libm::log(19.0)).abs() < 1e-12);
+        assert!((probability_of_name(2.0 * named_log_odds()) - 0.5).abs() < 1e-9);
+        assert!((named_log_odds() - libm::log(19.0)).abs() < 1e-12);
         assert!(probability_of_name(100.0) > 0.999_9);
     }
 
     #[test]
     fn a_pair_that_no_protocol_separates_is_named() {
-        assert!(inseparable(&[proposal(UNCHANGED, [0.1, 0.9]), proposal("twice", [0.7, 0.6])]).is_empty());
-        let [(_, _, power)] =
-            inseparable(&[proposal(UNCHANGED, [0.1, 0.9]), proposal("twice", [0.3, 1.0])])[..]
-        else {
+        assert!(
+            inseparable(&[
+                proposal(ProposedChange::Nothing, [0.1, 0.9]),
+                proposal(described("twice"), [0.7, 0.6])
+            ])
+            .is_empty()
+        );
+        let [(_, _, power)] = inseparable(&[
+            proposal(ProposedChange::Nothing, [0.1, 0.9]),
+            proposal(described("twice"), [0.3, 1.0]),
+        ])[..] else {
             panic!("one pair")
         };
         assert_eq!(power, 0.3);

@@ -2,6 +2,9 @@
 
 use crate::rig::{StreamChannel, StreamSettings};
 
+/// Channels of a stream, at most.
+const MOST_CHANNELS: usize = 10_000;
+
 /// What is wrong with a stream: what was found, and what was expected.
 pub type StreamProblem = (String, String);
 
@@ -83,7 +86,12 @@ impl DescribedStream {
             let expected = "float32, double64, int8, int16 or int32: a stream of numbers that a double holds without loss";
             return problem(format!("values of the format {format}"), expected);
         };
-        let count: usize = count.parse().unwrap_or(0);
+        let Some(count) = count.parse::<usize>().ok().filter(|own| (1..=MOST_CHANNELS).contains(own)) else {
+            return problem(
+                format!("a description with channel_count {count:?}"),
+                &format!("a number of channels from 1 to {MOST_CHANNELS}"),
+            );
+        };
         if settings.channel_count.is_some_and(|expected| expected as usize != count) {
             let expected = settings.channel_count.unwrap_or(0);
             return problem(
@@ -91,8 +99,15 @@ impl DescribedStream {
                 &format!("{expected}, as channel_count says: is it the right device?"),
             );
         }
-        let rate_hz: f64 = rate.parse().unwrap_or(0.0);
-        if !(rate_hz > 0.0 && rate_hz.is_finite()) {
+        // A description without the field has no rate either.
+        let rate_hz: f64 = if rate.is_empty() { 0.0 } else { rate.parse().unwrap_or(f64::NAN) };
+        if !(rate_hz >= 0.0 && rate_hz.is_finite()) {
+            return problem(
+                format!("a description with nominal_srate {rate:?}"),
+                "a number of samples a second, more than 0",
+            );
+        }
+        if rate_hz == 0.0 {
             return problem(
                 "a stream without a rate (nominal_srate 0)".to_owned(),
                 "samples at a steady rate: samples that come now and then have no place between others",
@@ -203,7 +218,7 @@ mod tests {
         DescribedStream::read(xml(channels), &serde_json::from_value(settings).unwrap())
     }
 
-    fn info(format: &str, count: usize, rate: &str, channels: &str) -> String {
+    fn info(format: &str, count: impl std::fmt::Display, rate: &str, channels: &str) -> String {
         format!(
             "<info><name>EMG</name><channel_count>{count}</channel_count><nominal_srate>{rate}</nominal_srate>\
              <channel_format>{format}</channel_format><source_id>s</source_id>{channels}</info>"
@@ -225,6 +240,26 @@ mod tests {
         ] {
             let (format, count, rate) = xml;
             let (found, expected) = described(|own| info(format, count, rate, own), emg).unwrap_err();
+            assert!(found.contains(words) && !expected.is_empty(), "{found}; expected {expected}");
+        }
+    }
+
+    #[test]
+    fn a_number_that_cannot_be_read_is_named_as_it_stands() {
+        for (count, rate, words) in [
+            ("two", "2000", "channel_count \"two\""),
+            ("", "2000", "channel_count \"\""),
+            ("-1", "2000", "channel_count \"-1\""),
+            ("0", "2000", "channel_count \"0\""),
+            ("18446744073709551615", "2000", "channel_count \"18446744073709551615\""),
+            ("2", "2000 Hz", "nominal_srate \"2000 Hz\""),
+            ("2", "2000,5", "nominal_srate \"2000,5\""),
+            ("2", "-1", "nominal_srate \"-1\""),
+            ("2", "inf", "nominal_srate \"inf\""),
+            ("2", "", "without a rate"),
+        ] {
+            let emg = json!({ "number": 1 });
+            let (found, expected) = described(|own| info("float32", count, rate, own), emg).unwrap_err();
             assert!(found.contains(words) && !expected.is_empty(), "{found}; expected {expected}");
         }
     }

@@ -72,7 +72,7 @@ mod tests {
             x_t_s: Some(0.0295),
             vaf: 0.99412,
             sem: [None; 6],
-            se_of_rig: [0.0; 6],
+            se_of_rig: [Some(0.0); 6],
             se: [Some(0.02); 6],
             profile: [None; 2],
             determined,

@@ -99,7 +99,7 @@ pub fn detection_power(
                 .filter(|_| (0..*subjects).filter(|_| draw()).count() as u32 >= needed)
                 .count() as u32;
             let (subjects, repetitions, studies) = (*subjects, own.repetitions, resampling.studies);
-            all.push(PowerEstimate { subjects, repetitions, found, studies, effect: share });
+            all.push(PowerEstimate { subjects, repetitions, found, studies, untested: 0, effect: share });
         }
     }
     all

@@ -12,7 +12,7 @@ use super::condition_grid::ConditionGrid;
 use super::error::UnitError;
 use super::plan::{Study, Unit};
 use super::population::Population;
-use super::simulated_pool::{PooledSubject, simulate_pool};
+use super::simulated_pool::{PoolFit, PooledSubject, simulate_pool};
 use crate::fit::QUANTITIES;
 use crate::random::Stream;
 use crate::rig::virtual_wrist::Surface;
@@ -95,15 +95,19 @@ pub struct PowerEstimate {
     pub found: u32,
     /// Number of studies drawn.
     pub studies: u32,
-    /// Mean of the estimated effect over the studies, in the unit of the quantity.
+    /// Number of these that could not be tested, as where all subjects drawn are the same one. They count neither as found nor as not found.
+    pub untested: u32,
+    /// Mean of the estimated effect over the studies that were tested, in the unit of the quantity; NaN if none was.
     pub effect: f64,
 }
 
 impl PowerEstimate {
-    /// Power: the proportion of studies that found the effect, with its 95 % interval.
+    /// Power: the proportion of the tested studies that found the effect, with its 95 % interval; NaN, and the whole range, if none was
+    /// tested.
     pub fn power(&self) -> (f64, f64, f64) {
-        let (low, high) = wilson(self.found, self.studies);
-        (f64::from(self.found) / f64::from(self.studies.max(1)), low, high)
+        let tested = self.studies - self.untested;
+        let (low, high) = wilson(self.found, tested);
+        (f64::from(self.found) / f64::from(tested), low, high)
     }
 }
 
@@ -203,8 +207,8 @@ impl ParameterShift {
 /// The values that are tested, of all subjects of a pool: means over all cells, `None` where a cell has none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoolMeans {
-    /// Number of repetitions that the means include.
-    pub repetitions: u32,
+    /// Number of repetitions that the means include, and the fit that they are from.
+    pub fit: PoolFit,
     /// The first group, or the first session.
     pub first: Vec<Option<f64>>,
     /// The second group, or the second session of the same subjects.
@@ -223,25 +227,39 @@ pub fn power(
     done: impl Fn() + Sync,
 ) -> Result<(Vec<PowerEstimate>, Vec<PoolMeans>), UnitError> {
     let pool = simulate_groups(study, sought, resampling, done)?;
-    let mut all = Vec::new();
-    for own in &pool {
-        for subjects in &resampling.subjects {
-            let mut stream = Stream::new(study.seed, &format!("power/{subjects}/{}", own.repetitions));
-            let (mut found, mut effect) = (0, MeanVariance::default());
-            for _ in 0..resampling.studies {
-                if let Some(contrast) = sought.test(own, *subjects, &mut stream) {
-                    found += u32::from(contrast.p() < resampling.alpha);
-                    effect.add(contrast.estimate);
-                }
-            }
-            let (subjects, repetitions, studies) = (*subjects, own.repetitions, resampling.studies);
-            all.push(PowerEstimate { subjects, repetitions, found, studies, effect: effect.mean() });
-        }
-    }
+    let with = |own: &PoolMeans| -> Vec<PowerEstimate> {
+        let of = |subjects: &u32| sought.drawn_from(own, *subjects, resampling, study.seed);
+        resampling.subjects.iter().map(of).collect()
+    };
+    let all = pool.iter().flat_map(with).collect();
     Ok((all, pool))
 }
 
 impl SoughtEffect {
+    /// Power of studies of `subjects` subjects per group, drawn from a pool.
+    fn drawn_from(
+        self,
+        pool: &PoolMeans,
+        subjects: u32,
+        resampling: &ResamplingPlan,
+        seed: u64,
+    ) -> PowerEstimate {
+        let (repetitions, studies) = (pool.fit.repetitions, resampling.studies);
+        let mut stream = Stream::new(seed, &format!("power/{subjects}/{repetitions}"));
+        let (mut found, mut untested, mut effect) = (0, 0, MeanVariance::default());
+        for _ in 0..studies {
+            match self.test(pool, subjects, &mut stream).filter(|contrast| !contrast.p().is_nan()) {
+                Some(contrast) => {
+                    found += u32::from(contrast.p() < resampling.alpha);
+                    effect.add(contrast.estimate);
+                }
+                None => untested += 1,
+            }
+        }
+        let effect = if untested < studies { effect.mean() } else { f64::NAN };
+        PowerEstimate { subjects, repetitions, found, studies, untested, effect }
+    }
+
     /// Draws a study of `subjects` subjects per group and estimates the effect.
     fn test(self, pool: &PoolMeans, subjects: u32, stream: &mut Stream) -> Option<Contrast> {
         match self {
@@ -285,13 +303,12 @@ fn simulate_groups(
     };
     let (first, second) = (fit(&before, 0)?, fit(&changed, 1)?);
     let quantity = shift.parameter.quantity();
-    let means = |pool: &[PooledSubject], repetitions| {
-        pool.iter().map(|subject| subject.mean(quantity, repetitions)).collect()
+    let means = |pool: &[PooledSubject], fit: &PoolFit| {
+        pool.iter().map(|subject| subject.mean(quantity, fit)).collect()
     };
-    let groups = |repetitions: &u32| PoolMeans {
-        repetitions: *repetitions,
-        first: means(&first, *repetitions),
-        second: means(&second, *repetitions),
+    let groups = |repetitions: &u32| {
+        let fit = PoolFit::of(first.iter().chain(&second), *repetitions);
+        PoolMeans { fit, first: means(&first, &fit), second: means(&second, &fit) }
     };
     Ok(resampling.repetitions.iter().map(groups).collect())
 }
@@ -305,7 +322,18 @@ fn draw(stream: &mut Stream, pool: &[Option<f64>], subjects: u32) -> MeanVarianc
     (0..subjects).map(|_| values[stream.below(values.len() as u64) as usize]).collect()
 }
 
-/// What drawn studies conclude about the elastic limit: for each number of subjects the counts of [`LimitConclusion::ALL`]. `done` is
+/// What drawn studies of some number of subjects conclude about the elastic limit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LimitCounts {
+    /// Number of subjects.
+    pub subjects: u32,
+    /// Number of studies with each of [`LimitConclusion::ALL`].
+    pub counts: [u32; 4],
+    /// Number of studies in which one of the effects could not be tested; they conclude nothing, and are no undecided ones.
+    pub untested: u32,
+}
+
+/// What drawn studies conclude about the elastic limit, for each number of subjects, and the fit that their values are from. `done` is
 /// called after each simulated session.
 ///
 /// # Errors
@@ -315,7 +343,7 @@ pub fn limit_conclusions(
     limit: TrueElasticLimit,
     resampling: &ResamplingPlan,
     done: impl Fn() + Sync,
-) -> Result<Vec<(u32, [u32; 4])>, UnitError> {
+) -> Result<(Vec<LimitCounts>, PoolFit), UnitError> {
     let mut study = study.clone().resized(resampling.pool, 1);
     if limit == TrueElasticLimit::ConstantAngle {
         study.change_population(|population| population.average.elastic_limit_rad.per_rad_s = 0.0);
@@ -324,8 +352,9 @@ pub fn limit_conclusions(
     let repetitions = resampling.repetitions.iter().copied().max().unwrap_or(1);
     let units: Vec<Unit> = (0..study.units()).map(|index| study.unit(index)).collect();
     let pool = simulate_pool(&study, &units, &grid.conditions, &[repetitions], done)?;
+    let fit = PoolFit::of(pool.iter(), repetitions);
     let of = |quantity: usize| -> Vec<Option<Vec<f64>>> {
-        pool.iter().map(|subject| subject.all(quantity, repetitions)).collect()
+        pool.iter().map(|subject| subject.all(quantity, &fit)).collect()
     };
     let (angle, time) =
         (of(ShiftedParameter::ElasticLimit.quantity()), of(ShiftedParameter::SrsPeriod.quantity()));
@@ -333,25 +362,28 @@ pub fn limit_conclusions(
         angle.iter().zip(&time).filter_map(|(a, t)| Some((a.as_ref()?, t.as_ref()?))).collect();
     let changes = |cells: Vec<&Vec<f64>>| {
         let moments = MeanCovariance::of(grid.conditions.len(), cells.into_iter().map(Vec::as_slice));
-        let effects = anova(&moments, grid.factor_levels()).unwrap_or_default();
-        effects
-            .iter()
-            .find(|effect| effect.factors == [true, false])
-            .is_some_and(|e| e.p_gg < resampling.alpha)
+        let effects = anova(&moments, grid.factor_levels())?;
+        let of_velocity = effects.iter().find(|effect| effect.factors == [true, false])?;
+        (!of_velocity.p_gg.is_nan()).then_some(of_velocity.p_gg < resampling.alpha)
     };
     let mut all = Vec::new();
     for subjects in &resampling.subjects {
         let mut stream = Stream::new(study.seed, &format!("verdicts/{subjects}"));
-        let mut counts = [0; 4];
+        let (mut counts, mut untested) = ([0; 4], 0);
         for _ in 0..resampling.studies {
             if both.is_empty() {
-                break;
+                untested += 1;
+                continue;
             }
             let drawn: Vec<usize> =
                 (0..*subjects).map(|_| stream.below(both.len() as u64) as usize).collect();
             let x_e = changes(drawn.iter().map(|subject| both[*subject].0).collect());
             let x_t = changes(drawn.iter().map(|subject| both[*subject].1).collect());
-            let conclusion = match (x_e, x_t) {
+            let Some(changing) = x_e.zip(x_t) else {
+                untested += 1;
+                continue;
+            };
+            let conclusion = match changing {
                 (true, false) => LimitConclusion::ConstantTime,
                 (false, true) => LimitConclusion::ConstantAngle,
                 (true, true) => LimitConclusion::Neither,
@@ -359,9 +391,9 @@ pub fn limit_conclusions(
             };
             counts[conclusion as usize] += 1;
         }
-        all.push((*subjects, counts));
+        all.push(LimitCounts { subjects: *subjects, counts, untested });
     }
-    Ok(all)
+    Ok((all, fit))
 }
 
 /// The conditions of the study's protocol.
@@ -376,4 +408,30 @@ fn condition_grid(study: &Study) -> ConditionGrid {
             .flat_map(move |v| torques.clone().into_iter().map(move |t| (v, t)))
     });
     ConditionGrid::of(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::study_file::StudyFit;
+    use super::*;
+
+    #[test]
+    fn a_study_that_cannot_be_tested_is_not_one_that_finds_nothing() {
+        let resampling =
+            ResamplingPlan { subjects: vec![2], repetitions: vec![1], studies: 400, pool: 2, alpha: 0.05 };
+        let fit = PoolFit { repetitions: 1, fit: StudyFit::Session, left_out: 0, of: 4 };
+        let sought = SoughtEffect::Change("k_srs=0.1".parse().unwrap());
+        let with = |second: Vec<Option<f64>>| {
+            let first = vec![Some(0.0); second.len()];
+            sought.drawn_from(&PoolMeans { fit, first, second }, 2, &resampling, 1)
+        };
+        let none = with(vec![None, None]);
+        assert_eq!((none.found, none.untested), (0, 400));
+        assert!(none.power().0.is_nan() && none.effect.is_nan());
+        // Two subjects, of whom every second study has the same one twice, without any change.
+        let some = with(vec![Some(0.0), Some(1e3)]);
+        assert!((50..250).contains(&some.untested), "{some:?}");
+        let tested = f64::from(some.studies - some.untested);
+        assert!((some.power().0 - f64::from(some.found) / tested).abs() < 1e-12);
+    }
 }

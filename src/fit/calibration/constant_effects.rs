@@ -43,7 +43,8 @@ impl ConstantEffects {
         let correlation = |one: &RigQuantity| {
             let of = |other: &RigQuantity| {
                 let covariance = calibration.covariance_between(*one, *other).unwrap_or(0.0);
-                covariance / (se(*one) * se(*other))
+                // An error of zero goes with no other one.
+                if covariance == 0.0 { 0.0 } else { covariance / (se(*one) * se(*other)) }
             };
             quantities.iter().map(of).collect()
         };
@@ -65,9 +66,11 @@ impl ConstantEffects {
         .sum()
     }
 
-    /// Standard error of a parameter of a trial from the constants alone, relative to the parameter.
-    pub fn se(&self, parameter: usize, trial: usize) -> f64 {
-        libm::sqrt(self.log_covariance(parameter, trial, trial).max(0.0))
+    /// Standard error of a parameter of a trial from the constants alone, relative to the parameter; `None` if it is no finite number.
+    pub fn se(&self, parameter: usize, trial: usize) -> Option<f64> {
+        let variance = self.log_covariance(parameter, trial, trial);
+        // Rounding may leave less than zero.
+        variance.is_finite().then(|| libm::sqrt(variance.max(0.0)))
     }
 }
 
@@ -75,6 +78,10 @@ impl ConstantEffects {
 fn half_differences(low: &Fit, high: &Fit) -> TrialChanges {
     let of_trial = |(low, high): (&Vec<f64>, &Vec<f64>)| {
         std::array::from_fn::<_, { BASE_PARAMETERS.len() }, _>(|parameter| {
+            // A parameter that a model file holds at zero does not change.
+            if high[parameter] == low[parameter] {
+                return 0.0;
+            }
             0.5 * libm::log(high[parameter] / low[parameter])
         })
     };

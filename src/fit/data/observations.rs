@@ -46,6 +46,8 @@ pub struct Observations {
     pub trials: Vec<TrialObservation>,
     /// The trials that cannot be fitted.
     pub excluded_trials: Vec<ExcludedTrial>,
+    /// Trials of the session without an EMG channel that others have.
+    pub emg_gaps: EmgGaps,
     /// Noise covariances refer to every `stride`th sample of the window; the filtered noise is smooth in between.
     pub stride: usize,
     /// Standard deviation of the error of the recorded angle, rad; at least that of the encoder's quantisation.
@@ -64,6 +66,18 @@ pub struct Observations {
     pub noise_covariances: Vec<NoiseCovariance>,
     /// Data from which the covariances were estimated; `None` if there are no covariances.
     pub noise_source: Option<NoiseSource>,
+}
+
+/// Trials that lack an EMG channel which other trials of the session have: then it tells nothing of any of them, for a trial without it is
+/// not one without activity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct EmgGaps {
+    /// Number of trials without flexor EMG; zero if none has it.
+    pub without_flexor: usize,
+    /// Number of trials without extensor EMG; zero if none has it.
+    pub without_extensor: usize,
+    /// Number of trials.
+    pub of: usize,
 }
 
 /// A trial that is excluded from the fit.
@@ -131,6 +145,7 @@ impl Observations {
             prediction_sections: self.prediction_sections.clone(),
             trials: trials.iter().map(|trial| self.trials[*trial].clone()).collect(),
             excluded_trials: Vec::new(),
+            emg_gaps: self.emg_gaps,
             stride: self.stride,
             angle_noise_rad: self.angle_noise_rad,
             angle_step_rad: self.angle_step_rad,

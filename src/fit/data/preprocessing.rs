@@ -4,7 +4,7 @@
 use super::covariates::{number_conditions, set_covariates};
 use super::further_channels::{samples_of, unscaled};
 use super::hold_noise::{angle_error, noise_stride};
-use super::observations::{ExcludedTrial, Observations, TrialObservation, mean};
+use super::observations::{EmgGaps, ExcludedTrial, Observations, TrialObservation, mean};
 use super::rig_constants::RigConstants;
 use crate::dataset::{Session, Status, Trial};
 use crate::files::limits;
@@ -90,6 +90,7 @@ impl Observations {
             sections,
             trials: Vec::new(),
             excluded_trials: Vec::new(),
+            emg_gaps: EmgGaps::default(),
             stride: noise_stride(session.sample_rate_hz, filter_in_force, samples),
             angle_noise_rad: 0.0,
             angle_step_rad: 0.0,
@@ -125,7 +126,7 @@ impl Observations {
         observations.angle_step_rad = step_rad / constants.angle_gain;
         observations.scale_further_channels(&usable);
         number_conditions(&mut observations.trials);
-        set_covariates(&mut observations.trials, &usable, period_s);
+        observations.emg_gaps = set_covariates(&mut observations.trials, &usable, period_s);
         // By condition rather than by run order, so that an interrupted session fits to the last bit like one that was not.
         observations.trials.sort_by_key(|trial| (trial.condition, trial.repetition, trial.number));
         observations.estimate_noise();

@@ -41,9 +41,10 @@ pub struct TrialEstimate {
     pub sem: [Option<f64>; 6],
     /// Standard error from the covariance of the residuals, relative to each parameter; `None` if not determined.
     pub se: [Option<f64>; 6],
-    /// Part of `se` that comes from the errors of the measured constants of the rig; zero without a calibration.
+    /// Part of `se` that comes from the errors of the measured constants of the rig; zero without a calibration, `None` if there is one and
+    /// the part cannot be computed, where `se` is `None` too.
     #[serde(skip)]
-    pub se_of_rig: [f64; 6],
+    pub se_of_rig: [Option<f64>; 6],
     /// 95 % profile likelihood intervals of k_dec and x_e; `None` if the parameter is not the trial's own, or not computed.
     #[serde(skip)]
     pub profile: [Option<ProfileInterval>; 2],
@@ -80,9 +81,10 @@ pub struct ConditionEstimate {
     pub averaged: [usize; 9],
     /// Standard errors of the means of the six base parameters, relative to them; `None` if a repetition has none.
     pub se: [Option<f64>; 6],
-    /// Part of `se` that comes from the errors of the measured constants of the rig; zero without a calibration.
+    /// Part of `se` that comes from the errors of the measured constants of the rig; zero without a calibration, `None` if there is one and
+    /// the part cannot be computed, where `se` is `None` too.
     #[serde(skip)]
-    pub se_of_rig: [f64; 6],
+    pub se_of_rig: [Option<f64>; 6],
 }
 
 impl TrialEstimate {
@@ -176,7 +178,7 @@ fn with_profiles(
             ),
             sem: uncertainties[index].sem,
             se: uncertainties[index].se,
-            se_of_rig: [0.0; 6],
+            se_of_rig: [Some(0.0); 6],
             profile: profiles[index],
             determined: std::array::from_fn(|parameter| !fit.at_bound(index, parameter)),
             converged: fit.outcome(index).termination == Termination::Converged,
@@ -257,25 +259,48 @@ fn remarks(fit: &Fit, index: usize, se: &[Option<f64>; 6], other_optima: &[Other
 }
 
 /// Estimates and conditions whose standard errors contain the errors of the rig's constants. Those of `estimates` and `conditions`, from
-/// the noise alone, are independent of them.
+/// the noise alone, are independent of them. `effects` is `None` if the session has no fit with other constants: nothing is then known of the
+/// standard errors, which would be too small without that part.
 pub fn with_rig_errors(
     (mut estimates, mut conditions): (Vec<TrialEstimate>, Vec<ConditionEstimate>),
-    effects: &ConstantEffects,
+    effects: Option<&ConstantEffects>,
 ) -> (Vec<TrialEstimate>, Vec<ConditionEstimate>) {
+    let together = |se: Option<f64>, of_rig: Option<f64>| Some(libm::hypot(se?, of_rig?));
     let of_rig = conditions_with(&estimates, |parameter, one, other| {
-        Some(effects.log_covariance(parameter, one, other))
+        Some(effects?.log_covariance(parameter, one, other))
     });
+    let is_told =
+        |parameter: usize, trial: usize| effects.is_some_and(|own| own.se(parameter, trial).is_some());
+    let mut trials = 0..0;
     for (condition, of_rig) in conditions.iter_mut().zip(&of_rig) {
+        trials = trials.end..trials.end + condition.repetitions;
         for (parameter, se) in condition.se.iter_mut().enumerate() {
-            condition.se_of_rig[parameter] =
-                of_rig.se[parameter].filter(|own| own.is_finite()).unwrap_or(0.0);
-            *se = se.map(|own| libm::hypot(own, condition.se_of_rig[parameter]));
+            let mut averaged = trials.clone().filter(|trial| estimates[*trial].determined[parameter]);
+            // A variance that is not finite though those of the trials are is one below zero by rounding.
+            condition.se_of_rig[parameter] = averaged
+                .all(|trial| is_told(parameter, trial))
+                .then(|| of_rig.se[parameter].filter(|own| own.is_finite()).unwrap_or(0.0));
+            *se = together(*se, condition.se_of_rig[parameter]);
         }
     }
     for (trial, estimate) in estimates.iter_mut().enumerate() {
+        let had = estimate.se;
         for (parameter, se) in estimate.se.iter_mut().enumerate() {
-            estimate.se_of_rig[parameter] = effects.se(parameter, trial);
-            *se = se.map(|own| libm::hypot(own, estimate.se_of_rig[parameter]));
+            estimate.se_of_rig[parameter] = effects.and_then(|own| own.se(parameter, trial));
+            *se = together(*se, estimate.se_of_rig[parameter]);
+        }
+        let lost =
+            (0..BASE_PARAMETERS.len()).filter(|own| had[*own].is_some() && estimate.se[*own].is_none());
+        let lost: Vec<&str> = lost.map(|own| BASE_PARAMETERS[own]).collect();
+        if !lost.is_empty() {
+            estimate.remarks.push(format!(
+                "no standard error of {}: {}",
+                lost.join(", "),
+                match effects {
+                    Some(_) => "what the errors of the calibration add to it is no finite number",
+                    None => "the session has no fit with the calibration's constants one standard error smaller and larger",
+                }
+            ));
         }
     }
     (estimates, conditions)
@@ -338,7 +363,7 @@ pub fn conditions_with(
                 sd: sds,
                 averaged,
                 se: ses,
-                se_of_rig: [0.0; 6],
+                se_of_rig: [Some(0.0); 6],
             }
         })
         .collect()

@@ -67,6 +67,11 @@ impl Results {
         let conditions = by_condition(&own);
         let effects_on = |fit: AskedFit| ConstantEffects::new(observations, fit, calibration?);
         let of_fit = effects_on(AskedFit::Trials(fit));
+        // Without a calibration the constants have no errors that are known of.
+        let with_errors_of = |effects: Option<&ConstantEffects>, found| match calibration {
+            Some(_) => with_rig_errors(found, effects),
+            None => found,
+        };
         let independent = with_errors_of(of_fit.as_ref(), (own, conditions));
         let ((estimates, conditions), chosen, effects) = match session {
             Ok(session) => {
@@ -270,7 +275,7 @@ fn json(
         entry.insert("values".into(), named(&estimate.quantities(), &QUANTITIES));
         entry.insert("sem_eq9_relative".into(), named(&estimate.sem, &BASE_PARAMETERS));
         entry.insert("se_relative".into(), named(&estimate.se, &BASE_PARAMETERS));
-        entry.insert("se_of_rig_relative".into(), named(&estimate.se_of_rig.map(Some), &BASE_PARAMETERS));
+        entry.insert("se_of_rig_relative".into(), named(&estimate.se_of_rig, &BASE_PARAMETERS));
         entry.insert("other_optima".into(), other_optima_json(estimate));
         entry.insert("converged".into(), json!(estimate.converged));
         entry.insert("remarks".into(), json!(estimate.remarks));
@@ -285,7 +290,7 @@ fn json(
             "mean": named(&condition.mean, &QUANTITIES),
             "sd": named(&condition.sd, &QUANTITIES),
             "se_relative": named(&condition.se, &BASE_PARAMETERS),
-            "se_of_rig_relative": named(&condition.se_of_rig.map(Some), &BASE_PARAMETERS),
+            "se_of_rig_relative": named(&condition.se_of_rig, &BASE_PARAMETERS),
         })
     };
     let samples = observations.window_noise_samples().count();
@@ -338,17 +343,6 @@ fn json(
         contents["further_channels"] = observations.further.iter().enumerate().map(further).collect();
     }
     contents
-}
-
-/// Estimates with what the errors of the constants add, if they were measured.
-fn with_errors_of(
-    effects: Option<&ConstantEffects>,
-    found: (Vec<TrialEstimate>, Vec<ConditionEstimate>),
-) -> (Vec<TrialEstimate>, Vec<ConditionEstimate>) {
-    match effects {
-        Some(effects) => with_rig_errors(found, effects),
-        None => found,
-    }
 }
 
 /// What is known of the rig's constants: the calibration, and what an error of the constants would do that nobody measured.
@@ -409,7 +403,7 @@ fn independent_json(estimate: &TrialEstimate) -> Value {
         "values": named(&estimate.quantities(), &QUANTITIES),
         "sem_eq9_relative": named(&estimate.sem, &BASE_PARAMETERS),
         "se_relative": named(&estimate.se, &BASE_PARAMETERS),
-        "se_of_rig_relative": named(&estimate.se_of_rig.map(Some), &BASE_PARAMETERS),
+        "se_of_rig_relative": named(&estimate.se_of_rig, &BASE_PARAMETERS),
         "other_optima": other_optima_json(estimate),
         "converged": estimate.converged,
         "remarks": estimate.remarks,

@@ -190,16 +190,18 @@ fn what_is_common_to_the_trials_does_not_shrink_with_repetitions() {
     let (with, without) = (results(Some(&calibration)), results(None));
     for (own, noise_alone) in with.conditions.iter().zip(&without.conditions) {
         // The lever, which stays as it is, takes a part of a torque that is recorded too large.
-        assert!((0.001..0.04).contains(&own.se_of_rig[K_SRS]), "{:?}", own.se_of_rig);
-        let expected = libm::hypot(noise_alone.se[K_SRS].unwrap(), own.se_of_rig[K_SRS]);
+        let of_rig = own.se_of_rig[K_SRS].unwrap();
+        assert!((0.001..0.04).contains(&of_rig), "{:?}", own.se_of_rig);
+        let expected = libm::hypot(noise_alone.se[K_SRS].unwrap(), of_rig);
         assert!((own.se[K_SRS].unwrap() - expected).abs() < 1e-12);
     }
     let of_json = &with.json["trials"][0];
     assert_eq!(of_json["se_relative"]["k_srs_nm_per_rad"], with.estimates[0].se[K_SRS].unwrap());
     assert!(of_json["se_of_rig_relative"]["k_srs_nm_per_rad"].as_f64().unwrap() > 0.001);
     // Of a condition the part from the rig is as large as of its trials.
-    let of_trials = 0.5 * (with.estimates[0].se_of_rig[K_SRS] + with.estimates[1].se_of_rig[K_SRS]);
-    assert!((with.conditions[0].se_of_rig[K_SRS] / of_trials - 1.0).abs() < 0.05, "two repetitions");
+    let of_trial = |trial: usize| with.estimates[trial].se_of_rig[K_SRS].unwrap();
+    let of_trials = 0.5 * (of_trial(0) + of_trial(1));
+    assert!((with.conditions[0].se_of_rig[K_SRS].unwrap() / of_trials - 1.0).abs() < 0.05, "two repetitions");
     assert!(of_json["change_by_se_of_constant"]["torque_gain"]["k_srs_nm_per_rad"].is_number());
     assert_eq!(with.json["rig"]["lever"], "assumed");
     assert_eq!(without.json["trials"][0]["se_of_rig_relative"]["k_srs_nm_per_rad"], 0.0);
@@ -209,6 +211,33 @@ fn what_is_common_to_the_trials_does_not_shrink_with_repetitions() {
     let gain = assumed.iter().find(|own| own["constant"] == "torque_gain").unwrap();
     let percent = gain["k_srs_percent"][1].as_f64().unwrap();
     assert!(percent.is_finite() && percent.abs() > 1.0, "{percent} %");
+}
+
+#[test]
+fn a_standard_error_whose_part_from_the_calibration_is_unknown_is_none_and_not_too_small() {
+    let calibration = calibration(&[(RigQuantity::TorqueGain, 1.0, 0.03)]);
+    let observations = quiet().observations();
+    let fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
+    let found = || {
+        let own = estimates_without_profiles(&observations, &fit);
+        let conditions = by_condition(&own);
+        (own, conditions)
+    };
+    let mut effects = of_trials(&observations, &fit, &calibration);
+    let (known, _) = with_rig_errors(found(), Some(&effects));
+    effects.per_se[0][1][K_SRS] = f64::NAN;
+    let (estimates, conditions) = with_rig_errors(found(), Some(&effects));
+    assert_eq!((estimates[1].se[K_SRS], estimates[1].se_of_rig[K_SRS]), (None, None));
+    assert_eq!((conditions[0].se[K_SRS], conditions[0].se_of_rig[K_SRS]), (None, None));
+    let remark = estimates[1].remarks.last().unwrap();
+    assert!(remark.starts_with("no standard error of k_srs_nm_per_rad: "), "{remark}");
+    assert_eq!(estimates[1].se[X_E], known[1].se[X_E], "the other parameters have theirs");
+    assert_eq!((&estimates[0], &estimates[2]), (&known[0], &known[2]), "so have the other trials");
+    assert!(conditions[1].se[K_SRS].is_some());
+
+    let (without_fits, conditions) = with_rig_errors(found(), None);
+    assert!(without_fits.iter().all(|own| own.se == [None; 6] && !own.remarks.is_empty()));
+    assert!(conditions.iter().all(|own| own.se[K_SRS].is_none()));
 }
 
 /// Part of the 95 % intervals of I_j, k_srs and x_e that hold the truth, over sessions whose rigs differ from their calibration as it says:
@@ -241,7 +270,7 @@ fn coverage(sessions: u64) -> [(f64, f64); 3] {
             for (place, parameter) in [I_J, K_SRS, X_E].into_iter().enumerate() {
                 let Some(se) = own.se[parameter] else { continue };
                 let off = libm::log(own.values[parameter] / expected[parameter]).abs();
-                let whole = libm::hypot(se, effects.se(parameter, trial));
+                let whole = libm::hypot(se, effects.se(parameter, trial).unwrap());
                 held[place].0 += f64::from(off < 1.96 * whole);
                 held[place].1 += f64::from(off < 1.96 * se);
                 count[place] += 1.0;

@@ -2,6 +2,7 @@
 
 mod bearing_friction;
 mod calibration;
+mod covariates;
 mod further_channels;
 mod intervals;
 mod model_specification;
