@@ -16,6 +16,9 @@ use crate::rig::Origin;
 /// Step of a 16-bit angle over 25 rad, the coarsest that a motor without a gear reports, rad.
 const COARSEST_RESOLUTION_RAD: f64 = 4e-4;
 
+/// How near to the start position counts as there, rad at the handle: the slack of a gear, or a count of a coarse encoder.
+pub const HANDLE_AT_START_RAD: f64 = 0.005;
+
 /// A motor on the bus.
 pub trait Drive: std::fmt::Debug + Send {
     /// Checks the identity; writes limits, watchdogs and frames, and reads back what can be read. The motor has no power.
@@ -127,6 +130,12 @@ pub trait Drive: std::fmt::Debug + Send {
     /// # Errors
     /// The motor does not answer, or is another one.
     fn ask_origin(
+    /// Whether the motor itself shows that it lost its origin since it was armed last. One that does not is armed again only where
+    /// the operator says that the handle stands at the start position, and the motor reads the same.
+    fn shows_lost_origin(&self) -> bool {
+        false
+    }
+
         &mut self,
         link: &mut Link,
         file: &CanRigFile,

@@ -157,7 +157,12 @@ impl Drive for Cia402 {
     }
 
     fn takes_present_position(&self) -> bool {
-        takes_present_position(self.motor.homing.method)
+        self.motor.homing.takes_present_position()
+    }
+
+    /// One that was restarted has not the limits that were written.
+    fn shows_lost_origin(&self) -> bool {
+        true
     }
 
     /// A drive that was not restarted still has the limits that were written when it was armed.

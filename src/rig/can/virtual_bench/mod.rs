@@ -27,6 +27,7 @@ mod property_tests;
 mod servo_drive;
 mod shaft;
 mod stop_tests;
+mod rearm_tests;
 mod target_log;
 mod tests;
 mod transducer;
