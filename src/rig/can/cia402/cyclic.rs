@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 use super::device::Cia402;
-use super::homing::takes_present_position;
 use super::object_setup::ObjectSetup;
 use crate::rig::Origin;
 use crate::rig::can::bus::{Arrival, Frame};
@@ -177,8 +176,7 @@ impl Drive for Cia402 {
         self.check_units(&mut setup)?;
         setup.first_fault()?;
         let is_kept = self.keeps_limits(link, limits)?;
-        let counts = link.read(self.motor.node, Object::plain(0x6064))?.number() as i32;
-        Ok(OriginReport { is_kept: Some(is_kept), angle: Some(self.gearing.from_drive(Counts(counts))) })
+        Ok(OriginReport { is_kept: Some(is_kept), angle: Some(JointAngle(self.ask_angle(link)?)) })
     }
 
     fn adopt_origin(&mut self, limits: &HandleLimits) {
