@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::bus::{Arrival, Frame};
-use super::canopen::{Link, MonitoredNode};
+use super::canopen::{Link, MonitoredNode, NmtCommand};
 use super::fault::CanFault;
 use super::file::CanRigFile;
 use super::finding::ObjectFinding;
@@ -107,6 +107,12 @@ pub trait Drive: std::fmt::Debug + Send {
         None
     }
 
+    /// Whether the motor, according to its latest frames, does what it was asked: a drive must leave its powered state by itself as
+    /// soon as it gets a quick stop, and has no power as soon as that is taken.
+    fn obeys(&self, _readings: &Readings, _request: DriveRequest) -> bool {
+        true
+    }
+
     /// Identifier of the motor's own answer in each period, if it is no frame of the rig file.
     fn reply_id(&self) -> Option<u16> {
         None
@@ -124,18 +130,18 @@ pub trait Drive: std::fmt::Debug + Send {
     /// from this session.
     fn takes_present_position(&self) -> bool;
 
-    /// Asks a motor that an earlier process armed whether it still has the origin of that arming, and where the handle is.
-    /// The motor has no power; nothing is changed in it.
-    ///
-    /// # Errors
-    /// The motor does not answer, or is another one.
-    fn ask_origin(
     /// Whether the motor itself shows that it lost its origin since it was armed last. One that does not is armed again only where
     /// the operator says that the handle stands at the start position, and the motor reads the same.
     fn shows_lost_origin(&self) -> bool {
         false
     }
 
+    /// Asks a motor that an earlier process armed whether it still has the origin of that arming, and where the handle is.
+    /// The motor has no power; nothing is changed in it.
+    ///
+    /// # Errors
+    /// The motor does not answer, or is another one.
+    fn ask_origin(
         &mut self,
         link: &mut Link,
         file: &CanRigFile,
@@ -154,6 +160,16 @@ pub trait Drive: std::fmt::Debug + Send {
     /// # Errors
     /// [`CanFault::PowerNotConfirmed`], or why it cannot be spoken to.
     fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault>;
+}
+
+/// Leaves a motor that does not obey to its own watchdog: the program's heartbeat ends and the nodes are stopped, so that nothing
+/// keeps the power on. The operator is told to press the emergency stop before anybody asks the motor whether that helped.
+pub fn leave_to_watchdog(link: &mut Link, nodes: &[u8]) {
+    link.set_own_heartbeat(None);
+    for node in nodes {
+        let _ = link.nmt(NmtCommand::Stop, *node);
+    }
+    tracing::error!("the motor does not obey: PRESS THE EMERGENCY STOP");
 }
 
 /// What a motor says of the origin that an earlier process gave it.

@@ -519,6 +519,35 @@ pub enum CanFault {
         /// Its error code.
         code: u32,
     },
+    /// The drive does not begin the quick stop that it was told.
+    #[error(
+        "the drive was told to make a quick stop and did not begin it in {periods} periods; its power was taken instead. It must not be \
+         used before it was found out why: look at 605Ah, and at the controlword in its receive PDO"
+    )]
+    QuickStopIgnored {
+        /// Periods whose readings showed that.
+        periods: u32,
+    },
+    /// The handle does not become slower on the drive's quick-stop ramp.
+    #[error(
+        "the drive says that it makes a quick stop, but the handle turns at {measured_rad_s:.3} rad/s, where it should have slowed down to \
+         {limit_rad_s:.3} rad/s; its power was taken instead. Look at 6085h and 605Ah of the drive"
+    )]
+    NotBraking {
+        /// How fast it is, rad/s.
+        measured_rad_s: f64,
+        /// How fast it may be by then, rad/s.
+        limit_rad_s: f64,
+    },
+    /// The drive keeps its power although it was told to switch it off.
+    #[error(
+        "the drive kept its power for {periods} periods after it was told to switch it off: PRESS THE EMERGENCY STOP. The program has ended \
+         its heartbeat and stopped the node, so that the drive's own watchdog may act"
+    )]
+    PowerKept {
+        /// Periods whose readings showed that.
+        periods: u32,
+    },
     /// The power may still be on.
     #[error(
         "it could not be confirmed that the motor has no power: press the emergency stop, then look at the bus"
