@@ -23,13 +23,19 @@ pub struct MotorOperator {
 
 impl MotorOperator {
     /// Ends the session when `stop` is set. With `is_confirmed` the first arming needs no answer, and a message says if the
-    /// present place of the handle becomes the start position.
-    pub fn new(stop: Arc<AtomicBool>, is_confirmed: bool, sets_origin_here: bool, console: &Console) -> Self {
+    /// present place of the handle becomes the start position (`sets_origin_here`). `questions` are those of the motor.
+    pub fn new(
+        stop: Arc<AtomicBool>,
+        is_confirmed: bool,
+        sets_origin_here: bool,
+        questions: CommandQuestions,
+        console: &Console,
+    ) -> Self {
         let messages = BackgroundMessages::start(*console);
         if is_confirmed && sets_origin_here {
             messages.note(SETS_ORIGIN_HERE.to_owned());
         }
-        Self { stop, is_confirmed, questions: CommandQuestions::for_motor(sets_origin_here), messages }
+        Self { stop, is_confirmed, questions, messages }
     }
 
     fn is_stopped(&self) -> bool {

@@ -153,7 +153,9 @@ impl SessionRig {
     pub fn questions(&self) -> CommandQuestions {
         match self {
             Self::Virtual { .. } => CommandQuestions::for_virtual_wrist(),
-            Self::Can(motor) => CommandQuestions::for_motor(motor.sets_origin_here()),
+            Self::Can(motor) => {
+                CommandQuestions::for_motor(motor.sets_origin_here(), motor.rearms_at_start())
+            }
         }
     }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use crate::console::{ConsoleSetup, Live, OperatorNotice, SETS_ORIGIN_HERE};
+use crate::console::{CommandQuestions, ConsoleSetup, Live, OperatorNotice, SETS_ORIGIN_HERE};
 use crate::dataset::{BackgroundRecorder, Recorder};
 use crate::lsl::{LslClock, LslFeed, LslPublisher, WatchedRig};
 use crate::rig::Rig;
@@ -96,8 +96,10 @@ impl SessionRun<'_> {
                 if sets_origin_here && work.setup.is_some() {
                     console.announce(SETS_ORIGIN_HERE);
                 }
-                let operator =
-                    |_: &Machine| MotorOperator::new(stop, is_confirmed, sets_origin_here, console);
+                let questions = CommandQuestions::for_motor(sets_origin_here, motor.rearms_at_start());
+                let operator = |_: &Machine| {
+                    MotorOperator::new(stop, is_confirmed, sets_origin_here, questions, console)
+                };
                 let (motor, live) = work.with_deadlines(*motor, &mut Unpaced, true, operator)?;
                 write_bus_summary(&motor.summary(), &folder, console)?;
                 live

@@ -16,6 +16,11 @@ const START: &str = "The motor will be given power and will hold the handle, wit
 const REARM: &str = "The motor will move the handle, with the subject's hand in it, to the start position. Has the fault been fixed, \
                      and does the subject know that the handle will move?";
 
+/// Told before a motor is armed again that cannot show that it was not restarted.
+const REARMS_AT_START: &str = "The motor cannot show that it was not switched off meanwhile: put the handle where it stood when the \
+                               session began. Elsewhere, all movements and limits may be shifted. Does the handle stand at the start \
+                               position?";
+
 const START_RIG_TRIALS: &str = "The motor will be given power and will hold the handle for the rig trials. Is no hand in the handle, \
                                 is one emergency switch in your hand, and is everyone clear of the lever?";
 
@@ -37,7 +42,7 @@ pub struct CommandQuestions {
     begin_rig_trial: Option<&'static str>,
     subject_seated: Option<&'static str>,
     rearm: Option<String>,
-    rearm_rig_trials: Option<&'static str>,
+    rearm_rig_trials: Option<String>,
 }
 
 impl CommandQuestions {
@@ -47,16 +52,17 @@ impl CommandQuestions {
     }
 
     /// Questions for a motor, with a hand in its handle. With `sets_origin_here` the first arming takes the present place of the
-    /// handle for the start position.
-    pub fn for_motor(sets_origin_here: bool) -> Self {
+    /// handle for the start position; with `rearms_at_start` every later one needs the operator's word that the handle stands there.
+    pub fn for_motor(sets_origin_here: bool, rearms_at_start: bool) -> Self {
+        let again = if rearms_at_start { format!("{REARMS_AT_START} ") } else { String::new() };
         let origin = if sets_origin_here { format!("{SETS_ORIGIN_HERE} ") } else { String::new() };
         Self {
             start: Some(format!("{origin}{START}")),
             start_rig_trials: Some(format!("{origin}{START_RIG_TRIALS}")),
             begin_rig_trial: Some(BEGIN_RIG_TRIAL),
             subject_seated: Some(SUBJECT_SEATED),
-            rearm: Some(REARM.to_owned()),
-            rearm_rig_trials: Some(REARM_RIG_TRIALS),
+            rearm: Some(format!("{again}{REARM}")),
+            rearm_rig_trials: Some(format!("{again}{REARM_RIG_TRIALS}")),
         }
     }
 
@@ -75,7 +81,7 @@ impl CommandQuestions {
     fn before(&self, command: Event, effect: Effect, rig_trials_due: bool) -> Option<&str> {
         match (command, effect) {
             (Event::Start, _) if rig_trials_due => self.start_rig_trials.as_deref(),
-            (Event::Rearm, _) if rig_trials_due => self.rearm_rig_trials,
+            (Event::Rearm, _) if rig_trials_due => self.rearm_rig_trials.as_deref(),
             (Event::Start, _) => self.start(),
             (Event::Resume, Effect::Begin) => self.begin_rig_trial,
             (Event::Resume, Effect::SeatSubject) => self.subject_seated,
@@ -108,12 +114,12 @@ mod tests {
     /// "Is everyone clear of it?" was asked of a subject whose hand is in the handle, and of a simulation.
     #[test]
     fn arming_asks_about_the_hand_in_the_handle_and_a_virtual_wrist_asks_nothing() {
-        let motor = CommandQuestions::for_motor(false);
+        let motor = CommandQuestions::for_motor(false, false);
         for question in [motor.start().unwrap(), motor.rearm().unwrap()] {
             assert!(question.contains("the subject's hand in it"), "{question}");
         }
         assert!(!motor.start().unwrap().contains(SETS_ORIGIN_HERE));
-        assert!(CommandQuestions::for_motor(true).start().unwrap().starts_with(SETS_ORIGIN_HERE));
+        assert!(CommandQuestions::for_motor(true, false).start().unwrap().starts_with(SETS_ORIGIN_HERE));
         let wrist = CommandQuestions::for_virtual_wrist();
         assert_eq!((wrist.start(), wrist.rearm()), (None, None));
         assert_eq!(wrist.before(Event::RepeatEffort, Effect::RepeatEffort, false), None);
@@ -122,8 +128,20 @@ mod tests {
     }
 
     #[test]
+    fn motor_that_cannot_show_its_origin_is_armed_again_on_the_word_that_the_handle_stands_at_the_start() {
+        let asked = |rearms_at_start, rig_trials_due| {
+            let motor = CommandQuestions::for_motor(true, rearms_at_start);
+            motor.before(Event::Rearm, Effect::None, rig_trials_due).unwrap().to_owned()
+        };
+        for rig_trials_due in [false, true] {
+            assert!(asked(true, rig_trials_due).starts_with(REARMS_AT_START));
+            assert!(!asked(false, rig_trials_due).contains(REARMS_AT_START));
+        }
+    }
+
+    #[test]
     fn a_motor_asks_about_the_load_before_a_rig_trial_and_about_the_hand_only_after_them() {
-        let motor = CommandQuestions::for_motor(false);
+        let motor = CommandQuestions::for_motor(false, false);
         for command in [Event::Start, Event::Rearm] {
             let question = motor.before(command, Effect::None, true).unwrap();
             assert!(

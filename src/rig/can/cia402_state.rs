@@ -109,6 +109,11 @@ pub fn next_controlword(state: DriveState) -> Option<Controlword> {
 }
 
 impl DriveState {
+    /// Whether the motor has torque in a state in which the drive must do what the controlword says.
+    pub fn must_obey(self) -> bool {
+        matches!(self, Self::OperationEnabled | Self::QuickStopActive)
+    }
+
     /// Whether the motor may have torque.
     pub fn has_power(self) -> bool {
         matches!(self, Self::OperationEnabled | Self::QuickStopActive | Self::FaultReactionActive)

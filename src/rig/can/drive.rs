@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::bus::{Arrival, Frame};
-use super::canopen::{Link, MonitoredNode};
+use super::canopen::{Link, MonitoredNode, NmtCommand};
 use super::fault::CanFault;
 use super::file::CanRigFile;
 use super::finding::ObjectFinding;
@@ -15,6 +15,9 @@ use crate::rig::Origin;
 
 /// Step of a 16-bit angle over 25 rad, the coarsest that a motor without a gear reports, rad.
 const COARSEST_RESOLUTION_RAD: f64 = 4e-4;
+
+/// How near to the start position counts as there, rad at the handle: the slack of a gear, or a count of a coarse encoder.
+pub const HANDLE_AT_START_RAD: f64 = 0.005;
 
 /// A motor on the bus.
 pub trait Drive: std::fmt::Debug + Send {
@@ -104,6 +107,12 @@ pub trait Drive: std::fmt::Debug + Send {
         None
     }
 
+    /// Whether the motor, according to its latest frames, does what it was asked: a drive must leave its powered state by itself as
+    /// soon as it gets a quick stop, and has no power as soon as that is taken.
+    fn obeys(&self, _readings: &Readings, _request: DriveRequest) -> bool {
+        true
+    }
+
     /// Identifier of the motor's own answer in each period, if it is no frame of the rig file.
     fn reply_id(&self) -> Option<u16> {
         None
@@ -120,6 +129,12 @@ pub trait Drive: std::fmt::Debug + Send {
     /// Whether arming takes the present place of the handle for the start position, unless the motor already has an origin
     /// from this session.
     fn takes_present_position(&self) -> bool;
+
+    /// Whether the motor itself shows that it lost its origin since it was armed last. One that does not is armed again only where
+    /// the operator says that the handle stands at the start position, and the motor reads the same.
+    fn shows_lost_origin(&self) -> bool {
+        false
+    }
 
     /// Asks a motor that an earlier process armed whether it still has the origin of that arming, and where the handle is.
     /// The motor has no power; nothing is changed in it.
@@ -145,6 +160,16 @@ pub trait Drive: std::fmt::Debug + Send {
     /// # Errors
     /// [`CanFault::PowerNotConfirmed`], or why it cannot be spoken to.
     fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault>;
+}
+
+/// Leaves a motor that does not obey to its own watchdog: the program's heartbeat ends and the nodes are stopped, so that nothing
+/// keeps the power on. The operator is told to press the emergency stop before anybody asks the motor whether that helped.
+pub fn leave_to_watchdog(link: &mut Link, nodes: &[u8]) {
+    link.set_own_heartbeat(None);
+    for node in nodes {
+        let _ = link.nmt(NmtCommand::Stop, *node);
+    }
+    tracing::error!("the motor does not obey: PRESS THE EMERGENCY STOP");
 }
 
 /// What a motor says of the origin that an earlier process gave it.

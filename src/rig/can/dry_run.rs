@@ -1,6 +1,6 @@
 //! The whole trajectory of every condition, walked through on paper before the motor may move.
 
-use super::file::{CanRigFileError, MotorSettings, ValidRigFile};
+use super::file::{CanRigFileError, MotorSettings, RigLimits, ValidRigFile, unholdable};
 use super::limits::HandleLimits;
 use super::mit::check_gains;
 use crate::protocol::{RigMotion, ValidProtocol};
@@ -32,6 +32,7 @@ impl DryRun {
         channels(protocol, rig, &mut reasons);
         torques(protocol, &limits, &mut reasons);
         resolution(protocol, rig, &mut reasons);
+        drive_numbers(rig, &limits, &mut reasons);
         if let MotorSettings::Mit(motor) = &rig.motor {
             let refused = check_gains(motor, &limits, rig.period().duration()).err();
             reasons.extend(refused.map(|fault| fault.to_string()));
@@ -90,6 +91,15 @@ fn torques(protocol: &ValidProtocol, limits: &HandleLimits, reasons: &mut Vec<St
     for torque in protocol.torques_nm.iter().filter(|torque| torque.abs() >= limits.torque_nm) {
         reasons
             .push(format!("target torque {torque} N m is not below the limit of {} N m", limits.torque_nm));
+    }
+}
+
+/// Whether the drive can hold the limits that protocol and rig give together.
+fn drive_numbers(rig: &ValidRigFile, limits: &HandleLimits, reasons: &mut Vec<String>) {
+    let MotorSettings::Cia402(motor) = &rig.motor else { return };
+    let (angle_rad, speed_rad_s) = (limits.angle_rad, limits.speed_rad_s);
+    for (field, expected, advice) in unholdable(motor, &RigLimits { angle_rad, speed_rad_s, ..rig.limits }) {
+        reasons.push(format!("with the protocol's limits, {field} must be {expected}; {advice}"));
     }
 }
 

@@ -287,6 +287,47 @@ pub enum CanFault {
         "the drive has lost its origin (it was restarted) and its homing method cannot find it: begin the session anew with the handle at the start position"
     )]
     OriginLost,
+    /// The handle moved in a homing that takes its present place for the start position.
+    #[error(
+        "homing takes the present position for the start position, and must not move the motor; it moved by {moved_rad:.4} rad \
+         meanwhile. Look whether 6098h of the drive means what the rig file means by its method, and hold the handle still"
+    )]
+    MovedWhileHoming {
+        /// How far, rad at the handle.
+        moved_rad: f64,
+    },
+    /// After homing the drive counts from another place than it was told.
+    #[error(
+        "after homing the drive has the handle at {angle_rad:.4} rad, and {expected_rad:.4} rad (607Ch) are right: all movements and \
+         limits would be shifted. Look at the homing offset in the drive's manual, and at its encoder"
+    )]
+    OriginMisplaced {
+        /// Where the drive has the handle, rad.
+        angle_rad: f64,
+        /// Where it must have it, rad.
+        expected_rad: f64,
+    },
+    /// The motor that is armed again may have another origin than before.
+    #[error(
+        "the motor has the handle at {angle_rad:.4} rad, and is armed again only where the handle stands at the start position: it \
+         cannot show that it was not restarted, and its angles may mean something else than before. Put the handle where it stood \
+         when the session began. If the motor does not read 0 there, it has lost its origin: end the session and resume it with \
+         --home-here"
+    )]
+    OriginNotConfirmed {
+        /// Where the motor has the handle, rad.
+        angle_rad: f64,
+    },
+    /// The motor did not take the start position that it was told.
+    #[error(
+        "the motor was told that the handle stands at the start position, and has it at {angle_rad:.4} rad: it does not take an \
+         origin (Set_Absolute_Position), or somebody moves the handle. Leave the handle alone and arm again; if that does not \
+         help, update the motor's firmware, or use zero_here: false with an absolute encoder"
+    )]
+    OriginNotTaken {
+        /// Where the motor has the handle, rad.
+        angle_rad: f64,
+    },
     /// The motor did not come to the start position.
     #[error(
         "the motor is {off_rad:.4} rad from the start position and does not come nearer; is something in its way?"
@@ -477,6 +518,35 @@ pub enum CanFault {
     MotorError {
         /// Its error code.
         code: u32,
+    },
+    /// The drive does not begin the quick stop that it was told.
+    #[error(
+        "the drive was told to make a quick stop and did not begin it in {periods} periods; its power was taken instead. It must not be \
+         used before it was found out why: look at 605Ah, and at the controlword in its receive PDO"
+    )]
+    QuickStopIgnored {
+        /// Periods whose readings showed that.
+        periods: u32,
+    },
+    /// The handle does not become slower on the drive's quick-stop ramp.
+    #[error(
+        "the drive says that it makes a quick stop, but the handle turns at {measured_rad_s:.3} rad/s, where it should have slowed down to \
+         {limit_rad_s:.3} rad/s; its power was taken instead. Look at 6085h and 605Ah of the drive"
+    )]
+    NotBraking {
+        /// How fast it is, rad/s.
+        measured_rad_s: f64,
+        /// How fast it may be by then, rad/s.
+        limit_rad_s: f64,
+    },
+    /// The drive keeps its power although it was told to switch it off.
+    #[error(
+        "the drive kept its power for {periods} periods after it was told to switch it off: PRESS THE EMERGENCY STOP. The program has ended \
+         its heartbeat and stopped the node, so that the drive's own watchdog may act"
+    )]
+    PowerKept {
+        /// Periods whose readings showed that.
+        periods: u32,
     },
     /// The power may still be on.
     #[error(

@@ -23,6 +23,7 @@
 //! bus                SocketCAN, SLCAN, socketcand
 //! ```
 
+mod braking_watch;
 pub mod budget;
 pub mod bus;
 pub mod canopen;

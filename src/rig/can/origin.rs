@@ -5,13 +5,10 @@
 //! the origin that the motor still has. If the motor cannot show that it has it, the operator must say that the handle
 //! stands at the start position, and what the motor reports is compared with that as far as it goes.
 
-use super::drive::OriginReport;
+use super::drive::{HANDLE_AT_START_RAD, OriginReport};
 use super::fault::CanFault;
 use super::motor::CanMotor;
 use super::units::JointAngle;
-
-/// How near to the start position counts as there, rad at the handle: the slack of a gear, or a count of a coarse encoder.
-const HANDLE_AT_START_RAD: f64 = 0.005;
 
 /// How a resumed session gets its start position.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -119,5 +116,12 @@ impl CanMotor {
     /// Whether the first arming takes the present place of the handle for the start position.
     pub fn sets_origin_here(&self) -> bool {
         self.connection.drive.takes_present_position() && !self.origin_is_adopted
+    }
+
+    /// Whether arming the motor again needs the operator's word that the handle stands at the start position: the motor took its
+    /// place there once, and would not show that it was restarted since.
+    pub fn rearms_at_start(&self) -> bool {
+        let drive = &self.connection.drive;
+        drive.takes_present_position() && !drive.shows_lost_origin()
     }
 }

@@ -4,10 +4,11 @@
 
 use std::time::Duration;
 
+use super::braking_watch::{BrakingWatch, PERIODS_TO_OBEY};
 use super::canopen::{Link, NmtCommand};
 use super::cycle::{Cycle, PeriodCommand};
 use super::cycle_stats::CycleStats;
-use super::drive::{Drive, DriveRequest, PowerState};
+use super::drive::{Drive, DriveRequest, PowerState, leave_to_watchdog};
 use super::fault::CanFault;
 use super::file::{SafeState, SafeStates};
 use super::motor_state::MotorState;
@@ -56,7 +57,7 @@ pub fn reach(
     {
         met.push(fault);
     }
-    stop.remove_power();
+    met.extend(stop.remove_power().err());
     met
 }
 
@@ -87,7 +88,8 @@ impl Stop<'_> {
         Ok(())
     }
 
-    /// The motor brakes: on its own ramp, or by targets that come to rest.
+    /// The motor brakes: on its own ramp, or by targets that come to rest. A drive that does not begin its ramp, or does not become
+    /// slower on it, is left no time.
     fn brake(&mut self) -> Result<(), CanFault> {
         let own_ramp = self.drive.stops_by_itself();
         let deceleration = own_ramp.unwrap_or_else(|| self.deceleration_rad_s2());
@@ -96,6 +98,9 @@ impl Stop<'_> {
         let pending = QUICK_STOP_PERIODS + self.drive.target_delay_periods() as u32;
         let periods = (ramp_s / self.cycle.period_s()).ceil() as u32 + pending;
         let mut target = self.cycle.target_motion();
+        let resolution_rad = self.drive.angle_resolution_rad();
+        let mut watch =
+            BrakingWatch::new(deceleration, resolution_rad, self.cycle.period_s(), target.speed_rad_s);
         let mut at_rest_for = 0;
         for _ in 0..periods {
             let request = if own_ramp.is_some() {
@@ -111,6 +116,11 @@ impl Stop<'_> {
             }
             if self.is_off() || at_rest_for > pending {
                 break;
+            }
+            if !self.cycle.has_new_readings() {
+                watch.skip();
+            } else if own_ramp.is_some() {
+                watch.observe(self.measured_rad(), self.obeys(DriveRequest::QuickStop))?;
             }
         }
         Ok(())
@@ -130,14 +140,37 @@ impl Stop<'_> {
         gentle.max(needed).min(limits.acceleration_rad_s2)
     }
 
-    fn remove_power(&mut self) {
+    /// Takes the power. A drive that shows in its frames that it keeps it is left to its own watchdog; what comes of it is asked for
+    /// when the power is confirmed to be off.
+    fn remove_power(&mut self) -> Result<(), CanFault> {
         let at_rad = self.cycle.target_motion().angle_rad;
-        if self.is_off() {
-            return;
+        let mut seen = 0;
+        for _ in 0..PERIODS_TO_OBEY {
+            if self.is_off() {
+                return Ok(());
+            }
+            // Sent even if the periods before failed.
+            match self.period(at_rad, DriveRequest::RemovePower, MotorState::QuickStopping) {
+                Err(fault) if fault.bus_is_dead() => return Ok(()),
+                // Readings beyond a limit are readings all the same.
+                Err(fault) if fault.class() != FaultClass::Limit => {}
+                _ => seen += u32::from(self.cycle.has_new_readings()),
+            }
         }
-        // Sent even if the periods before failed; what comes of it is asked for when the power is confirmed to be off.
-        let command = PeriodCommand { target_rad: at_rad, shown_nm: 0.0, request: DriveRequest::RemovePower };
-        let _ = self.cycle.run(self.link, self.drive, self.stats, command, MotorState::QuickStopping);
+        if seen < PERIODS_TO_OBEY || self.obeys(DriveRequest::RemovePower) {
+            return Ok(());
+        }
+        let nodes: Vec<u8> = self.drive.monitored_nodes().iter().map(|node| node.node).collect();
+        leave_to_watchdog(self.link, &nodes);
+        Err(CanFault::PowerKept { periods: seen })
+    }
+
+    fn obeys(&self, request: DriveRequest) -> bool {
+        self.drive.obeys(self.cycle.readings(), request)
+    }
+
+    fn measured_rad(&self) -> f64 {
+        self.drive.angle(self.cycle.readings(), self.cycle.samples() - 1).0
     }
 
     fn period(&mut self, target_rad: f64, request: DriveRequest, state: MotorState) -> Result<(), CanFault> {

@@ -78,17 +78,38 @@ impl Gearing {
 
     /// A length on the joint's scale, such as a speed or a window, in whole counts, rounded down: a limit never grows.
     pub fn length(&self, joint_rad: f64) -> u32 {
-        (joint_rad * self.ratio * self.counts_per_rad).abs() as u32
+        self.unbounded_length(joint_rad) as u32
     }
 
     /// Speed of the joint as revolutions a minute of the motor (6080h), rounded down.
     pub fn motor_rpm(&self, joint_rad_s: f64) -> u32 {
-        ((joint_rad_s * self.ratio).abs() * 60.0 / TAU) as u32
+        self.unbounded_rpm(joint_rad_s) as u32
     }
 
     /// The motor's torque that gives `torque` at the handle (6072h), rounded down.
     pub fn drive_torque(&self, torque: JointTorque) -> DriveTorque {
-        DriveTorque((torque.0 / self.ratio).abs().mul_add(1000.0 / self.rated_torque_nm, 1e-6) as u16)
+        DriveTorque(self.unbounded_torque(torque) as u16)
+    }
+
+    /// [`Self::to_drive`], in counts, for a number that may be larger than an object of the drive can hold.
+    pub fn unbounded_counts(&self, angle: JointAngle) -> f64 {
+        (self.motor(angle).0 * self.counts_per_rad).round()
+    }
+
+    /// [`Self::length`], in counts, for a number that may be larger than an object of the drive can hold.
+    pub fn unbounded_length(&self, joint_rad: f64) -> f64 {
+        (joint_rad * self.ratio * self.counts_per_rad).abs().floor()
+    }
+
+    /// [`Self::motor_rpm`], 1/min, for a number that may be larger than an object of the drive can hold.
+    pub fn unbounded_rpm(&self, joint_rad_s: f64) -> f64 {
+        ((joint_rad_s * self.ratio).abs() * 60.0 / TAU).floor()
+    }
+
+    /// [`Self::drive_torque`], in thousandths of the rated torque, for a number that may be larger than an object of the
+    /// drive can hold.
+    pub fn unbounded_torque(&self, torque: JointTorque) -> f64 {
+        (torque.0 / self.ratio).abs().mul_add(1000.0 / self.rated_torque_nm, 1e-6).floor()
     }
 }
 

@@ -48,11 +48,12 @@ pub fn received(line: &[u8], arrival: Arrival) -> Option<Received> {
 fn flags(digits: &[u8]) -> Option<Received> {
     let [high, low] = digits else { return Some(Received::Garbled) };
     let flags = nibble(*high)? << 4 | nibble(*low)?;
+    // The worst of what it tells: an error-passive controller also tells the bus errors that made it so.
     let trouble = match flags {
         0 => return None,
-        _ if flags & 0x80 != 0 => ControllerError::BusError,
         _ if flags & 0x20 != 0 => ControllerError::Passive,
         _ if flags & 0x08 != 0 => ControllerError::Overrun,
+        _ if flags & 0x80 != 0 => ControllerError::BusError,
         _ => ControllerError::Warning,
     };
     Some(Received::ControllerError(trouble))
@@ -108,6 +109,19 @@ mod tests {
         assert_eq!(heard(b"T000001230"), Some(Received::Foreign));
         assert_eq!(heard(b"F80"), Some(Received::ControllerError(ControllerError::BusError)));
         assert_eq!(heard(b"F04"), Some(Received::ControllerError(ControllerError::Warning)));
+    }
+
+    #[test]
+    fn what_is_never_tolerated_is_told_before_bus_errors_that_may_be() {
+        for (line, trouble) in [
+            (b"FA0", ControllerError::Passive),
+            (b"FA4", ControllerError::Passive),
+            (b"F28", ControllerError::Passive),
+            (b"F88", ControllerError::Overrun),
+            (b"F84", ControllerError::BusError),
+        ] {
+            assert_eq!(heard(line), Some(Received::ControllerError(trouble)));
+        }
     }
 
     proptest! {

@@ -7,7 +7,9 @@ use super::endpoints::AxisLimits;
 use super::frame::{CLOSED_LOOP_CONTROL, IDLE, PASSTHROUGH, POSITION_CONTROL, command, pair};
 use crate::rig::can::bus::{Arrival, Frame};
 use crate::rig::can::canopen::{CanopenError, ErrorPolicy, Link, MonitoredNode, cob};
-use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, OriginReport, PowerState};
+use crate::rig::can::drive::{
+    Drive, DriveRequest, HANDLE_AT_START_RAD, MotionMonitor, OriginReport, PowerState,
+};
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::file::CanRigFile;
 use crate::rig::can::limits::{HandleLimits, LimitsConfirmed};
@@ -27,6 +29,9 @@ impl Drive for Cansimple {
         self.probe = None;
         self.send_state(link, IDLE)?;
         self.check_version(link)?;
+        if self.zeroed && !self.keeps_settings(link, file, limits)? {
+            return Err(CanFault::OriginLost);
+        }
         let axis_limits = AxisLimits::of(self, limits);
         self.prove_endpoints(link, axis_limits)?;
         let identity = self.identity(link)?;
@@ -56,11 +61,20 @@ impl Drive for Cansimple {
         self.sensors.start(link)?;
         self.send_command(link, command::CLEAR_ERRORS, &[0])?;
         self.origin = Origin::at_arming(self.motor.zero_here, self.zeroed);
-        if self.motor.zero_here && !self.zeroed {
+        let is_new = self.motor.zero_here && !self.zeroed;
+        if is_new {
             self.send_command(link, command::SET_ABSOLUTE_POSITION, &0f32.to_le_bytes())?;
-            self.zeroed = true;
         }
         let angle_rad = self.look(link)?;
+        // An axis of another firmware may take no position, and one with the old settings may have been restarted.
+        if self.motor.zero_here && !(-HANDLE_AT_START_RAD..=HANDLE_AT_START_RAD).contains(&angle_rad) {
+            return Err(if is_new {
+                CanFault::OriginNotTaken { angle_rad }
+            } else {
+                CanFault::OriginNotConfirmed { angle_rad }
+            });
+        }
+        self.zeroed = self.motor.zero_here;
         self.wait_for_heartbeat(link)?;
         link.set_error_policy(ErrorPolicy::Fault);
         limits.check_place(JointAngle(angle_rad))?;

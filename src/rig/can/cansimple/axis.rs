@@ -43,6 +43,7 @@ pub struct Cansimple {
     pub(super) motor: CansimpleMotor,
     pub(super) sensors: Sensors,
     pub(super) motor_waits: Duration,
+    /// It took the start position in this process.
     pub(super) zeroed: bool,
     /// How the start position was known at the latest arming.
     pub(super) origin: Origin,

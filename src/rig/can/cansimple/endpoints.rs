@@ -148,30 +148,54 @@ impl Cansimple {
         file: &CanRigFile,
         limits: &HandleLimits,
     ) -> Result<(), CanFault> {
+        let axis = AxisLimits::of(self, limits);
+        let motion = [
+            Some((self.motor.endpoints.vel_limit, float(axis.turns_s))),
+            Some((self.motor.endpoints.current_soft_max, float(axis.current_a))),
+        ];
+        let lasting = self.lasting_settings(file, limits);
+        let writes = || motion.into_iter().chain(lasting).flatten();
+        for (endpoint, value) in writes() {
+            self.write(link, endpoint, value)?;
+        }
+        // What was still on its way is over: these are answers to reading, and to nothing else.
+        self.until(link, CONFIRMATION_TIMEOUT, |_| None::<()>)?;
+        for (endpoint, value) in writes() {
+            self.confirm(link, endpoint, value)?;
+        }
+        Ok(())
+    }
+
+    /// What an axis that was armed has until it is restarted, whatever became of it.
+    fn lasting_settings(&self, file: &CanRigFile, limits: &HandleLimits) -> [Option<(u16, [u8; 4])>; 6] {
         let endpoints = self.motor.endpoints;
         let torque_nm = limits.motor_torque_nm / self.motor.gear_ratio.abs();
-        let axis = AxisLimits::of(self, limits);
         let whole = |value: u16| u32::from(value).to_le_bytes();
-        let writes = [
-            Some((endpoints.vel_limit, float(axis.turns_s))),
+        [
             Some((endpoints.torque_soft_max, float(torque_nm))),
             endpoints.torque_soft_min.map(|endpoint| (endpoint, float(-torque_nm))),
-            Some((endpoints.current_soft_max, float(axis.current_a))),
             Some((endpoints.watchdog_timeout, float(f64::from(file.master.motor_waits_ms) * 1e-3))),
             Some((endpoints.heartbeat_msg_rate_ms, whole(self.motor.heartbeat_ms))),
             Some((endpoints.encoder_msg_rate_ms, whole(self.motor.encoder_ms))),
             // The watchdog last: every frame to the axis feeds it.
             Some((endpoints.enable_watchdog, [1, 0, 0, 0])),
-        ];
-        for (endpoint, value) in writes.into_iter().flatten() {
-            self.write(link, endpoint, value)?;
+        ]
+    }
+
+    /// Whether an axis that was armed still has its settings: one that was restarted has those that are saved in it, which may be
+    /// others.
+    pub(super) fn keeps_settings(
+        &mut self,
+        link: &mut Link,
+        file: &CanRigFile,
+        limits: &HandleLimits,
+    ) -> Result<bool, CanFault> {
+        for (endpoint, value) in self.lasting_settings(file, limits).into_iter().flatten() {
+            if self.read(link, endpoint)? != value {
+                return Ok(false);
+            }
         }
-        // What was still on its way is over: these are answers to reading, and to nothing else.
-        self.until(link, CONFIRMATION_TIMEOUT, |_| None::<()>)?;
-        for (endpoint, value) in writes.into_iter().flatten() {
-            self.confirm(link, endpoint, value)?;
-        }
-        Ok(())
+        Ok(true)
     }
 
     /// Writes an endpoint and reads it back. Firmware from 0.6.11 confirms a write, which says nothing about what is kept.

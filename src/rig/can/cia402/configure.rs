@@ -1,7 +1,6 @@
 //! Reads the drive's units, writes limits, watchdogs and frames, and reads every one back.
 
 use super::device::Cia402;
-use super::homing::takes_present_position;
 use super::object_setup::{ObjectSetup, is_missing};
 use crate::rig::can::canopen::pdo::{MAX_PDOS, Pdo, PdoDirection};
 use crate::rig::can::canopen::{CanopenError, Link, Object, Value};
@@ -182,7 +181,7 @@ impl Cia402 {
     /// Method, speeds and acceleration of homing.
     pub(super) fn write_homing(&self, setup: &mut ObjectSetup<'_>) -> Result<(), CanopenError> {
         let (gearing, homing) = (&self.gearing, &self.motor.homing);
-        let moves = !takes_present_position(homing.method);
+        let moves = !homing.takes_present_position();
         let offset = gearing.to_drive(JointAngle(homing.offset_rad)).0;
         let writes: [(Object, Value, bool); 5] = [
             (Object::plain(0x6098), homing.method.into(), true),

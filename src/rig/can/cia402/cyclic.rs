@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use super::device::Cia402;
-use super::homing::takes_present_position;
 use super::object_setup::ObjectSetup;
+use super::power::{DRIVE_STATE_TIMEOUT, OBEDIENCE_TIMEOUT};
 use crate::rig::Origin;
 use crate::rig::can::bus::{Arrival, Frame};
 use crate::rig::can::canopen::{
@@ -12,7 +12,9 @@ use crate::rig::can::canopen::{
 };
 use crate::rig::can::cia402_state::{DriveState, Mode, Statusword};
 use crate::rig::can::device_setup::identify;
-use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, OriginReport, PowerState};
+use crate::rig::can::drive::{
+    Drive, DriveRequest, MotionMonitor, OriginReport, PowerState, leave_to_watchdog,
+};
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::file::CanRigFile;
 use crate::rig::can::finding::ObjectFinding;
@@ -148,6 +150,16 @@ impl Drive for Cia402 {
         Some(self.motor.quick_stop_rad_s2)
     }
 
+    /// A drive that reacts to a fault brakes by itself, and minds no controlword meanwhile.
+    fn obeys(&self, readings: &Readings, request: DriveRequest) -> bool {
+        let state = Statusword(readings.statusword).state();
+        match request {
+            DriveRequest::QuickStop => state != DriveState::OperationEnabled,
+            DriveRequest::RemovePower => !state.must_obey(),
+            DriveRequest::Enable | DriveRequest::Follow | DriveRequest::None => true,
+        }
+    }
+
     fn angle_resolution_rad(&self) -> f64 {
         self.gearing.from_drive(Counts(1)).0.abs()
     }
@@ -157,7 +169,12 @@ impl Drive for Cia402 {
     }
 
     fn takes_present_position(&self) -> bool {
-        takes_present_position(self.motor.homing.method)
+        self.motor.homing.takes_present_position()
+    }
+
+    /// One that was restarted has not the limits that were written.
+    fn shows_lost_origin(&self) -> bool {
+        true
     }
 
     /// A drive that was not restarted still has the limits that were written when it was armed.
@@ -172,8 +189,7 @@ impl Drive for Cia402 {
         self.check_units(&mut setup)?;
         setup.first_fault()?;
         let is_kept = self.keeps_limits(link, limits)?;
-        let counts = link.read(self.motor.node, Object::plain(0x6064))?.number() as i32;
-        Ok(OriginReport { is_kept: Some(is_kept), angle: Some(self.gearing.from_drive(Counts(counts))) })
+        Ok(OriginReport { is_kept: Some(is_kept), angle: Some(JointAngle(self.ask_angle(link)?)) })
     }
 
     fn adopt_origin(&mut self, limits: &HandleLimits) {
@@ -187,12 +203,18 @@ impl Drive for Cia402 {
 
     fn power_off(&mut self, link: &mut Link) -> Result<(), CanFault> {
         let node = self.motor.node;
-        match self.confirm_no_power(link) {
+        match self.confirm_no_power(link, OBEDIENCE_TIMEOUT) {
             Err(CanFault::Canopen(CanopenError::SdoSilent { .. })) => {
                 // A stopped node answers no SDO. While it is asked again, its own watchdog may act.
                 link.set_own_heartbeat(None);
                 link.nmt(NmtCommand::EnterPreOperational, node)?;
-                self.confirm_no_power(link)?;
+                self.confirm_no_power(link, DRIVE_STATE_TIMEOUT)?;
+            }
+            Err(CanFault::PowerNotConfirmed) => {
+                leave_to_watchdog(link, &[node]);
+                // Only a node that is not stopped answers whether it has power.
+                link.nmt(NmtCommand::EnterPreOperational, node)?;
+                self.confirm_no_power(link, DRIVE_STATE_TIMEOUT)?;
             }
             outcome => outcome?,
         }
@@ -221,7 +243,7 @@ impl Cia402 {
             None => false,
         };
         self.reset_fault(setup.link)?;
-        self.confirm_no_power(setup.link)?;
+        self.confirm_no_power(setup.link, DRIVE_STATE_TIMEOUT)?;
         self.written = None;
         self.write_watchdogs(setup, file)?;
         self.write_limits(setup, limits)?;

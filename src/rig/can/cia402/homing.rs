@@ -1,34 +1,61 @@
 //! Homing (mode 6 of CiA 402): the drive finds its origin by the method that the rig file gives (object 6098h).
 //!
 //! Every method runs the same way here: the mode is set, the start bit is given, and statusword bits 10, 12 and 13 tell the end.
-//! A method that takes the present position for the origin is used once only.
+//! A method that takes the present position for the origin is used once only, and must not move the motor.
 
 use std::time::Duration;
 
 use super::device::Cia402;
 use super::power::LET_BITS_SETTLE;
 use crate::rig::Origin;
-use crate::rig::can::canopen::Link;
+use crate::rig::can::canopen::{Link, Object};
 use crate::rig::can::cia402_state::{Controlword, DriveState, Mode, Statusword};
-use crate::rig::can::drive::MotionMonitor;
+use crate::rig::can::drive::{HANDLE_AT_START_RAD, MotionMonitor};
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::motion_proof::SpeedWatch;
 use crate::rig::can::units::{Counts, JointAngle};
 
-/// Homing methods that take the present position for the origin.
-const METHODS_AT_PRESENT_POSITION: [i8; 2] = [35, 37];
+/// A handle that must stay where it is while the drive takes that place for its start position. Its angle may jump once: to what the
+/// new origin makes of the same place.
+struct RestWatch {
+    /// Where the handle must stay, rad: in the old origin, then in the new one.
+    place_rad: f64,
+    latest_rad: f64,
+    has_new_origin: bool,
+}
 
-/// Whether a method takes the present position for the origin, so that the motor does not move.
-pub(super) fn takes_present_position(method: i8) -> bool {
-    METHODS_AT_PRESENT_POSITION.contains(&method)
+impl RestWatch {
+    fn new(angle_rad: f64) -> Self {
+        Self { place_rad: angle_rad, latest_rad: angle_rad, has_new_origin: false }
+    }
+
+    fn check(&mut self, angle_rad: f64) -> Result<(), CanFault> {
+        let step_rad = (angle_rad - std::mem::replace(&mut self.latest_rad, angle_rad)).abs();
+        let moved_rad = (angle_rad - self.place_rad).abs();
+        if moved_rad <= HANDLE_AT_START_RAD {
+            return Ok(());
+        }
+        if self.has_new_origin || step_rad <= HANDLE_AT_START_RAD {
+            return Err(CanFault::MovedWhileHoming { moved_rad });
+        }
+        (self.place_rad, self.has_new_origin) = (angle_rad, true);
+        Ok(())
+    }
 }
 
 impl Cia402 {
+    /// Where the drive has the handle (6064h), rad; asked for.
+    pub(super) fn ask_angle(&self, link: &mut Link) -> Result<f64, CanFault> {
+        let counts = link.read(self.motor.node, Object::plain(0x6064))?.number() as i32;
+        Ok(self.gearing.from_drive(Counts(counts)).0)
+    }
+
     /// Lets the drive find its origin. A method that takes the present position is used once: after a fault the motor
     /// may stand anywhere.
     ///
     /// # Errors
-    /// The drive left its state, reported a homing error (bit 13), took too long, or lost the origin that it had.
+    /// The drive left its state, reported a homing error (bit 13), took too long, or lost the origin that it had. With a method
+    /// that takes the present position: the motor moved, or has it elsewhere in the end.
     pub(super) fn home(
         &mut self,
         link: &mut Link,
@@ -36,12 +63,16 @@ impl Cia402 {
         monitor: &mut dyn MotionMonitor,
     ) -> Result<(), CanFault> {
         let homing = self.motor.homing;
-        if self.homed && takes_present_position(homing.method) {
+        if self.homed && homing.takes_present_position() {
             self.origin = Origin::Kept;
             return if drive_keeps_limits { Ok(()) } else { Err(CanFault::OriginLost) };
         }
         self.homed = false;
         self.set_mode(link, Mode::Homing)?;
+        let mut rest = match homing.takes_present_position() {
+            true => Some(RestWatch::new(self.ask_angle(link)?)),
+            false => None,
+        };
         self.go_to_state(link, DriveState::OperationEnabled)?;
         self.control(link, Controlword::ENABLE_AND_GO)?;
         monitor.begin();
@@ -53,6 +84,7 @@ impl Cia402 {
         for period in 0u64.. {
             let (readings, JointAngle(angle_rad)) = monitor.period(link, self)?;
             speed.observe(angle_rad, link.now())?;
+            rest.as_mut().map_or(Ok(()), |rest| rest.check(angle_rad))?;
             let status = Statusword(readings.statusword);
             if status.state() != DriveState::OperationEnabled {
                 return Err(self.not_reached(link, DriveState::OperationEnabled, status));
@@ -65,8 +97,15 @@ impl Cia402 {
                 break;
             }
         }
+        if let Some(mut rest) = rest {
+            let (angle_rad, expected_rad) = (self.ask_angle(link)?, homing.offset_rad);
+            rest.check(angle_rad)?;
+            if (angle_rad - expected_rad).abs() > HANDLE_AT_START_RAD {
+                return Err(CanFault::OriginMisplaced { angle_rad, expected_rad });
+            }
+        }
         self.homed = true;
-        self.origin = Origin::at_arming(takes_present_position(homing.method), false);
+        self.origin = Origin::at_arming(homing.takes_present_position(), false);
         self.go_to_state(link, DriveState::ReadyToSwitchOn)
     }
 }

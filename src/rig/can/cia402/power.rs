@@ -9,7 +9,9 @@ use crate::rig::can::cia402_state::{Controlword, DriveState, Mode, Statusword, n
 use crate::rig::can::fault::CanFault;
 
 /// How long a drive may take to change its state.
-const DRIVE_STATE_TIMEOUT: Duration = Duration::from_secs(2);
+pub(super) const DRIVE_STATE_TIMEOUT: Duration = Duration::from_secs(2);
+/// How long a drive that answers may keep its power after it was told over SDO to switch it off; then the program's heartbeat ends.
+pub(super) const OBEDIENCE_TIMEOUT: Duration = Duration::from_millis(100);
 /// How often a drive is asked.
 const ASK_EVERY: Duration = Duration::from_millis(5);
 /// Periods after a controlword until the statusword is sure to answer it.
@@ -104,9 +106,13 @@ impl Cia402 {
         }
     }
 
-    /// No power, asked until the drive says so.
-    pub(super) fn confirm_no_power(&self, link: &mut Link) -> Result<(), CanFault> {
-        let deadline = link.now() + DRIVE_STATE_TIMEOUT;
+    /// No power, asked until the drive says so. One that must obey has `patience` for it, in its own time; one that reacts to a fault
+    /// brakes first.
+    ///
+    /// # Errors
+    /// [`CanFault::PowerNotConfirmed`], or the drive does not answer.
+    pub(super) fn confirm_no_power(&self, link: &mut Link, patience: Duration) -> Result<(), CanFault> {
+        let (begun, stretch) = (link.now(), link.time_stretch());
         loop {
             let commanded = self.control(link, Controlword::DISABLE_VOLTAGE);
             // A drive that refuses the command may have no power all the same; one that does not answer is not asked twice.
@@ -115,10 +121,12 @@ impl Cia402 {
             {
                 return Err(fault);
             }
-            if !self.ask_status(link)?.state().has_power() {
+            let state = self.ask_status(link)?.state();
+            if !state.has_power() {
                 return Ok(());
             }
-            if link.now() > deadline {
+            let patience = if state.must_obey() { patience.mul_f64(stretch) } else { DRIVE_STATE_TIMEOUT };
+            if link.now() > begun + patience.min(DRIVE_STATE_TIMEOUT) {
                 return Err(CanFault::PowerNotConfirmed);
             }
             self.pause(link)?;

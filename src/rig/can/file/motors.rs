@@ -71,6 +71,16 @@ pub struct Homing {
     pub timeout_s: f64,
 }
 
+/// Homing methods that take the present position for the origin.
+const METHODS_AT_PRESENT_POSITION: [i8; 2] = [35, 37];
+
+impl Homing {
+    /// Whether the method takes the present position for the origin, so that the motor does not move.
+    pub fn takes_present_position(&self) -> bool {
+        METHODS_AT_PRESENT_POSITION.contains(&self.method)
+    }
+}
+
 /// The way to the start position, which the program goes target by target.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -2,6 +2,7 @@
 
 use super::identifiers;
 use super::motors::{Cia402Motor, MotorSettings};
+use super::problems::Problems;
 use super::rig_file::CanRigFile;
 use super::signals::Carried;
 use crate::protocol::Problem;
@@ -14,34 +15,9 @@ use crate::signal::FilterSpec;
 /// Measuring devices that are watched beside the motor.
 const MOST_SENSORS: usize = 2;
 
-/// Collects what is wrong, each with its line.
-struct Problems<'a> {
-    source: &'a JsonNode,
-    problems: Vec<Problem>,
-}
-
-impl Problems<'_> {
-    fn add(&mut self, path: &str, expected: impl Into<String>, advice: impl Into<String>) {
-        let place = self.source.at(path);
-        self.problems.push(Problem {
-            path: path.to_owned(),
-            line: place.map_or(1, |node| node.line),
-            value: place.map(ToString::to_string),
-            expected: expected.into(),
-            advice: advice.into(),
-        });
-    }
-
-    fn in_range(&mut self, path: &str, value: f64, low: f64, high: f64) {
-        if !(low..=high).contains(&value) {
-            self.add(path, format!("a number from {low} to {high}"), "");
-        }
-    }
-}
-
 /// Everything that is wrong with a file whose fields have the right types.
 pub(super) fn problems(file: &CanRigFile, source: &JsonNode) -> Vec<Problem> {
-    let mut problems = Problems { source, problems: Vec::new() };
+    let mut problems = Problems::new(source);
     master(file, &mut problems);
     motor(file, &mut problems);
     limits(file, &mut problems);
@@ -60,7 +36,7 @@ pub(super) fn problems(file: &CanRigFile, source: &JsonNode) -> Vec<Problem> {
             problems.add("bench", "a CiA 402 motor, which can be asked whether it is the emulated one", "");
         }
     }
-    problems.problems
+    problems.into_list()
 }
 
 /// More on the bus than it can carry.
@@ -74,7 +50,7 @@ pub(super) fn overload(
     if load <= HIGHEST_LOAD {
         return None;
     }
-    let mut problems = Problems { source, problems: Vec::new() };
+    let mut problems = Problems::new(source);
     let expected = format!(
         "a load of at most {:.0} %; {} bits a period and the heartbeats take {:.0} % at {} bit/s",
         HIGHEST_LOAD * 100.0,
@@ -83,7 +59,7 @@ pub(super) fn overload(
         file.bit_rate.bits_per_s()
     );
     problems.add("period_us", expected, "a longer period with several samples in a frame, or fewer frames");
-    problems.problems.pop()
+    problems.into_list().pop()
 }
 
 fn master(file: &CanRigFile, problems: &mut Problems) {

@@ -10,6 +10,7 @@ use crate::rig::can::budget::{Budget, When};
 use crate::rig::can::units::{BusPeriod, SamplePeriod};
 
 use super::error::CanRigFileError;
+use super::misfits::misfits;
 use super::motors::MotorSettings;
 use super::rig_file::CanRigFile;
 use super::{rules, schema};
@@ -64,6 +65,10 @@ impl ValidRigFile {
         let (Some(period), true) = (BusPeriod::from_us(file.period_us), problems.is_empty()) else {
             return Err(invalid(problems));
         };
+        let misfits = misfits(&file, &source);
+        if !misfits.is_empty() {
+            return Err(invalid(misfits));
+        }
         let budget = budget(&file);
         if let Some(problem) = rules::overload(&file, &budget, period, &source) {
             return Err(invalid(vec![problem]));

@@ -9,7 +9,9 @@ use super::trusted_motion::Misfit;
 use crate::rig::Origin;
 use crate::rig::can::bus::{Arrival, Frame};
 use crate::rig::can::canopen::{ErrorPolicy, Link, MonitoredNode, cob};
-use crate::rig::can::drive::{Drive, DriveRequest, MotionMonitor, OriginReport, PowerState};
+use crate::rig::can::drive::{
+    Drive, DriveRequest, HANDLE_AT_START_RAD, MotionMonitor, OriginReport, PowerState,
+};
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::file::CanRigFile;
 use crate::rig::can::limits::{HandleLimits, LimitsConfirmed};
@@ -53,11 +55,17 @@ impl Drive for Mit {
         link.set_error_policy(ErrorPolicy::Fault);
         self.target_rad = None;
         self.origin = Origin::at_arming(self.motor.zero_here, self.zeroed);
-        if self.motor.zero_here && !self.zeroed {
+        let is_kept = self.zeroed;
+        if self.motor.zero_here && !is_kept {
             self.make_zero(link)?;
         }
         let reply = self.ask(link, &LEAVE)?;
-        limits.check_place(JointAngle(self.handle_rad(&reply)))?;
+        let angle_rad = self.handle_rad(&reply);
+        let near_rad = HANDLE_AT_START_RAD + self.motor.angle_step_rad();
+        if is_kept && !(-near_rad..=near_rad).contains(&angle_rad) {
+            return Err(CanFault::OriginNotConfirmed { angle_rad });
+        }
+        limits.check_place(JointAngle(angle_rad))?;
         if self.proof.is_proved() {
             return Ok(());
         }

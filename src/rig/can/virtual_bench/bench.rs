@@ -82,6 +82,11 @@ impl Bench {
             rig["motor"]["target_wait_ms"] = json!(0);
         }
         change(&mut rig);
+        // A torque may stand still for as long as the motor waits, whatever the period.
+        let waits_us = 1000 * rig["master"]["motor_waits_ms"].as_u64().unwrap();
+        let most = waits_us / rig["period_us"].as_u64().unwrap();
+        let unchanged = &mut rig["tolerate"]["unchanged_torque_periods"];
+        *unchanged = json!(unchanged.as_u64().unwrap().min(most));
         let file = ValidRigFile::parse(&rig.to_string(), "rig.json").unwrap();
         let clock = VirtualClock::default();
         let now = clock.now();

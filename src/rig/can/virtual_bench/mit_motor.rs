@@ -198,6 +198,8 @@ impl Device for EmulatedMitMotor {
         match fault {
             BenchFault::Error { code, .. } => (self.error, self.in_motor_mode) = (code as u8, false),
             BenchFault::PowerLoss => (self.in_motor_mode, self.is_dead) = (false, true),
+            // Its encoder counts from where the shaft is.
+            BenchFault::Reboot => (self.in_motor_mode, self.origin_rad) = (false, self.shaft.angle_rad),
             _ => {}
         }
     }

@@ -14,16 +14,20 @@
 //! transducer       handle torque and EMG of a CANopen sensor
 //! other_motors     what shafts of motors without CANopen go through
 //! origin_tests     a second process, and the operator's stop while arming
+//! obedience_tests  a drive that does not do what it says, or is told
+//! rearm_tests      motors that cannot show their origin, armed again
 //! bench            arms a motor, lets a fault strike, says what became of it
 //! ```
 
 mod bench;
 mod canopen_node;
 mod mit_motor;
+mod obedience_tests;
 mod odrive_axis;
 mod origin_tests;
 mod other_motors;
 mod property_tests;
+mod rearm_tests;
 mod servo_drive;
 mod shaft;
 mod stop_tests;

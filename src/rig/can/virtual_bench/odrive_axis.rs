@@ -51,6 +51,10 @@ pub struct OdriveFirmware {
     pub encoder_period: Option<Duration>,
     /// Where the shaft is at first, rad.
     pub angle_rad: f64,
+    /// What was written outlives a restart.
+    pub saves_settings: bool,
+    /// Set_Absolute_Position changes nothing.
+    pub takes_no_position: bool,
 }
 
 impl Default for OdriveFirmware {
@@ -65,6 +69,8 @@ impl Default for OdriveFirmware {
             has_no_watchdog: false,
             encoder_period: None,
             angle_rad: 0.125,
+            saves_settings: false,
+            takes_no_position: false,
         }
     }
 }
@@ -122,6 +128,17 @@ impl EmulatedOdriveAxis {
             updated: now,
             is_dead: false,
             writes: 0,
+        }
+    }
+
+    /// It wakes up without power, and its encoder counts from where the shaft is.
+    fn restart(&mut self, now: Instant) {
+        let (shaft, endpoints) = (self.shaft.clone(), self.endpoints.clone());
+        *self = Self::new(self.firmware, now);
+        self.origin_rad = shaft.angle_rad;
+        self.shaft = shaft;
+        if self.firmware.saves_settings {
+            self.endpoints = endpoints;
         }
     }
 
@@ -196,7 +213,7 @@ impl Device for EmulatedOdriveAxis {
                 self.set(endpoint::CURRENT_SOFT_MAX, (float(&data[4..]) as f32).to_le_bytes());
             }
             (0x18, _) => self.errors = 0,
-            (0x19, data) if data.len() >= 4 => {
+            (0x19, data) if data.len() >= 4 && !self.firmware.takes_no_position => {
                 let moved_rad = self.shaft.angle_rad - float(data) * TAU - self.origin_rad;
                 self.origin_rad += moved_rad;
                 self.input_rad -= moved_rad;
@@ -268,11 +285,12 @@ impl Device for EmulatedOdriveAxis {
         (!self.is_dead).then(|| self.next_heartbeat.map_or(next, |due| due.min(next)))
     }
 
-    fn strike(&mut self, fault: BenchFault, _now: Instant, _wire: &mut Wire) {
+    fn strike(&mut self, fault: BenchFault, now: Instant, _wire: &mut Wire) {
         match fault {
             BenchFault::HeartbeatStop => self.next_heartbeat = None,
             BenchFault::Error { code, .. } => (self.errors, self.state) = (u32::from(code), AXIS_IDLE),
             BenchFault::PowerLoss => (self.state, self.is_dead) = (AXIS_IDLE, true),
+            BenchFault::Reboot => self.restart(now),
             _ => {}
         }
     }

@@ -31,6 +31,8 @@ pub struct EmulatedServoDrive {
     synced: Instant,
     updated: Instant,
     homed: bool,
+    /// While homing moves the motor: until when, and how fast, rad/s.
+    homing: Option<(Instant, f64)>,
     staged: Option<Vec<u8>>,
     heard: Option<Instant>,
     error_code: u16,
@@ -71,6 +73,7 @@ impl EmulatedServoDrive {
             synced: now,
             updated: now,
             homed: false,
+            homing: None,
             staged: None,
             heard: None,
             error_code: 0,
@@ -119,6 +122,11 @@ impl EmulatedServoDrive {
     }
 
     fn obey(&mut self, word: u16, wire: &Wire) {
+        let is_quick_stop = word & 0x06 == 0x02;
+        if wire.has(BenchFault::ControlwordIgnored) || is_quick_stop && wire.has(BenchFault::QuickStopIgnored)
+        {
+            return;
+        }
         let before = std::mem::replace(&mut self.controlword, word);
         let state = match (self.state, word & 0x8F) {
             (DriveState::Fault, _) if word & 0x80 != 0 && before & 0x80 == 0 => DriveState::SwitchOnDisabled,
@@ -137,9 +145,24 @@ impl EmulatedServoDrive {
         self.enter(state);
         let starts = word & 0x10 != 0 && before & 0x10 == 0 && state == DriveState::OperationEnabled;
         if starts && self.mode() == Mode::Homing as i32 && !wire.has(BenchFault::HomingStuck) {
-            let offset_rad = f64::from(self.node.number(0x607C, 0)) / COUNTS_PER_RAD;
-            (self.origin_rad, self.homed) = (self.shaft_rad - offset_rad, true);
+            let moves = wire.faults.iter().find_map(|fault| match fault {
+                BenchFault::HomingMoves(rad_s) => Some(*rad_s),
+                _ => None,
+            });
+            match moves {
+                Some(rad_s) => self.homing = Some((self.updated + Duration::from_millis(200), rad_s)),
+                None => self.take_origin(wire),
+            }
         }
+    }
+
+    fn take_origin(&mut self, wire: &Wire) {
+        let misplaced = wire.faults.iter().find_map(|fault| match fault {
+            BenchFault::HomingMisplaced(rad) => Some(*rad),
+            _ => None,
+        });
+        let offset_rad = f64::from(self.node.number(0x607C, 0)) / COUNTS_PER_RAD + misplaced.unwrap_or(0.0);
+        (self.origin_rad, self.homed, self.homing) = (self.shaft_rad - offset_rad, true, None);
     }
 
     fn trip(&mut self, code: u16, now: Instant, wire: &mut Wire) {
@@ -161,6 +184,12 @@ impl EmulatedServoDrive {
     fn move_on(&mut self, now: Instant, wire: &Wire) {
         let dt = now.saturating_duration_since(self.updated).as_secs_f64();
         self.updated = now;
+        if let Some((until, rad_s)) = self.homing.filter(|_| self.state == DriveState::OperationEnabled) {
+            self.demand_rad += rad_s * dt;
+            if now >= until {
+                self.take_origin(wire);
+            }
+        }
         let jammed = wire.faults.iter().any(|fault| matches!(fault, BenchFault::Jam { .. }));
         match self.state {
             DriveState::OperationEnabled if self.mode() == 8 => {
@@ -173,7 +202,10 @@ impl EmulatedServoDrive {
                 self.demand_rad = self.from_rad + (self.to_rad - self.from_rad) * part;
             }
             DriveState::QuickStopActive | DriveState::FaultReactionActive => {
-                let slower = f64::from(self.node.number(0x6085, 0)) / COUNTS_PER_RAD * dt;
+                let coasts =
+                    self.state == DriveState::QuickStopActive && wire.has(BenchFault::QuickStopCoasts);
+                let ramp = if coasts { 0.0 } else { f64::from(self.node.number(0x6085, 0)) / COUNTS_PER_RAD };
+                let slower = ramp * dt;
                 let left = (self.speed_rad_s.abs() - slower).max(0.0);
                 self.demand_rad += self.speed_rad_s.signum() * 0.5 * (self.speed_rad_s.abs() + left) * dt;
                 self.speed_rad_s = self.speed_rad_s.signum() * left;

@@ -114,7 +114,7 @@ fn a_frame_that_is_late_by_periods_is_neither_double_nor_stale() {
 #[test]
 fn a_freeze_in_the_ramp_is_counted_and_the_motor_accelerates_anew() {
     let bench = Bench::with(MotorKind::Cia402, |rig| {
-        rig["tolerate"]["missed_cycles_in_a_row"] = json!(400);
+        rig["tolerate"]["missed_cycles_in_a_row"] = json!(50);
         rig["master"]["motor_waits_ms"] = json!(100);
     });
     let mut armed = bench.arm().unwrap();
@@ -134,7 +134,7 @@ fn a_freeze_in_the_ramp_is_counted_and_the_motor_accelerates_anew() {
 #[test]
 fn a_freeze_as_long_as_the_motor_waits_is_never_tolerated() {
     let bench = Bench::with(MotorKind::Cia402, |rig| {
-        rig["tolerate"]["missed_cycles_in_a_row"] = json!(400);
+        rig["tolerate"]["missed_cycles_in_a_row"] = json!(50);
     });
     let mut armed = bench.arm().unwrap();
     bench.clock.advance(Duration::from_millis(120));

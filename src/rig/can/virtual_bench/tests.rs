@@ -321,7 +321,8 @@ fn a_drive_that_moves_in_another_unit_than_it_is_told_is_found_by_a_small_slow_m
 
 #[test]
 fn a_drive_that_homes_faster_than_it_was_told_is_stopped_within_a_few_periods() {
-    let bench = Bench::new(MotorKind::Cia402);
+    // A method that moves the motor.
+    let bench = Bench::with(MotorKind::Cia402, |rig| rig["motor"]["homing"]["method"] = json!(1));
     bench.strike(B::HomingStuck);
     bench.strike(B::Runaway(4.0));
     let refused = bench.arm_and_watch().unwrap_err();

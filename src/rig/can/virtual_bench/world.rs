@@ -74,6 +74,16 @@ pub enum BenchFault {
     Unanswered(u16),
     /// The homing of the drive never ends.
     HomingStuck,
+    /// Homing at the present position moves the motor first, rad/s for 200 ms.
+    HomingMoves(f64),
+    /// After homing the drive counts from so far off, rad.
+    HomingMisplaced(f64),
+    /// The drive goes on as if it had got no controlword.
+    ControlwordIgnored,
+    /// The drive goes on as if it had not been told to make a quick stop.
+    QuickStopIgnored,
+    /// The drive says that it makes a quick stop, and goes on at its speed.
+    QuickStopCoasts,
     /// The motor reports this position, rad, and a correct one after it.
     MisreadOnce(f64),
     /// The motor reports this position, rad, from now on.
