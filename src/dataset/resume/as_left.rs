@@ -112,11 +112,26 @@ impl Written {
         found.iter().all(|row| {
             let own = row.get(TRIAL).and_then(|number| self.0.get(number));
             own.is_none_or(|own| {
-                own.iter().any(|own| row.iter().all(|(column, cell)| own.get(column) == Some(cell)))
+                let has = |own: &Cells, (column, cell): (&String, &String)| {
+                    own.get(column).is_some_and(|own| are_equal(own, cell))
+                };
+                own.iter().any(|own| row.iter().all(|cell| has(own, cell)))
             })
         })
     }
 }
+
+/// Whether two cells say the same: another version may print or round a number otherwise.
+fn are_equal(own: &str, found: &str) -> bool {
+    let number = |cell: &str| cell.trim().parse::<f64>().ok();
+    match (number(own), number(found)) {
+        (Some(own), Some(found)) => (own - found).abs() <= LAST_DIGITS * own.abs(),
+        _ => own == found,
+    }
+}
+
+/// Numbers that differ by no more than this part of them are one number, rounded otherwise: doubles have 16 digits, tables fewer than 9.
+const LAST_DIGITS: f64 = 1e-9;
 
 /// The column with the number of the trial.
 const TRIAL: &str = "trial";
