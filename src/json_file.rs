@@ -2,10 +2,14 @@
 //!
 //! A protocol and a rig file of a CAN motor are read by [`protocol`](crate::protocol), which lists all their mistakes at once.
 
+use std::collections::BTreeMap;
+use std::fmt;
 use std::io;
+use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use crate::files::{self, limits};
 
@@ -132,10 +136,40 @@ pub fn parse<T: DeserializeOwned>(
     })
 }
 
+/// Reads a JSON object whose names are the file's own, none of them twice: for `deserialize_with` of such a field. The fields of a
+/// structure are checked anyway, but of a map the last value of a name would count without a word.
+///
+/// # Errors
+/// If a name is there twice, or a value is none.
+pub fn unique_names<'de, D: Deserializer<'de>, V: Deserialize<'de>>(
+    deserializer: D,
+) -> Result<BTreeMap<String, V>, D::Error> {
+    deserializer.deserialize_map(UniqueNames(PhantomData))
+}
+
+struct UniqueNames<V>(PhantomData<V>);
+
+impl<'de, V: Deserialize<'de>> Visitor<'de> for UniqueNames<V> {
+    type Value = BTreeMap<String, V>;
+
+    fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+        formatter.write_str("a JSON object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut object: A) -> Result<Self::Value, A::Error> {
+        let mut read = BTreeMap::new();
+        while let Some((name, value)) = object.next_entry::<String, V>()? {
+            let message = format!("{name:?} is written twice; expected each name once");
+            if read.insert(name, value).is_some() {
+                return Err(A::Error::custom(message));
+            }
+        }
+        Ok(read)
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use super::*;
 
     fn error(text: &str) -> String {

@@ -18,6 +18,7 @@ mod likely_mistake;
 mod measured_trial;
 mod onset;
 mod ramp;
+mod repeated_record;
 mod resistance;
 mod session_check;
 mod signal_check;
@@ -28,6 +29,7 @@ pub use contradiction::{Contradiction, Contradictions, measured_and_expected};
 pub use frozen_emg::check_frozen;
 pub use frozen_watch::{EmgChange, FrozenWatch};
 pub use measured_trial::MeasuredTrial;
+pub(crate) use repeated_record::first_repeated;
 pub use session_check::{check, contradictions};
 pub use signal_check::{SignalCheck, UnknownCheck};
 

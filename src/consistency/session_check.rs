@@ -3,7 +3,7 @@
 use super::contradiction::{Contradiction, Contradictions};
 use super::measured_trial::MeasuredTrial;
 use super::signal_check::SignalCheck;
-use super::{emg, held_samples, hold, lever, onset, ramp, resistance, wrong_row};
+use super::{emg, held_samples, hold, lever, onset, ramp, repeated_record, resistance, wrong_row};
 use crate::dataset::{Session, Status, Trial};
 
 /// What the signals of `session` say against its table, in the order in which it is best mended.
@@ -17,6 +17,7 @@ pub fn contradictions(session: &Session) -> Vec<Contradiction> {
         .chain(held)
         .chain(lever)
         .chain(emg::check_emg(&usable, session.sample_rate_hz))
+        .chain(repeated_record::check_repeated(&usable))
         .collect()
 }
 

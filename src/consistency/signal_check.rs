@@ -30,11 +30,13 @@ pub enum SignalCheck {
     HeldSamples,
     /// Whether the lever can pass on a ramp of some ten milliseconds.
     Lever,
+    /// Whether each trial has a record of its own.
+    RepeatedRecord,
 }
 
 impl SignalCheck {
     /// All checks.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::RampSpeed,
         Self::RampDirection,
         Self::Onset,
@@ -45,6 +47,7 @@ impl SignalCheck {
         Self::EmgFrozen,
         Self::HeldSamples,
         Self::Lever,
+        Self::RepeatedRecord,
     ];
 
     /// Name on the command line and in results.
@@ -60,6 +63,7 @@ impl SignalCheck {
             Self::EmgFrozen => "emg-frozen",
             Self::HeldSamples => "held-samples",
             Self::Lever => "lever",
+            Self::RepeatedRecord => "repeated-record",
         }
     }
 }

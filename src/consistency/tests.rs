@@ -276,6 +276,10 @@ fn emg_that_has_an_offset_or_is_no_fraction() {
 fn units_of_the_lever() {
     let lever = |session: &mut Session| session.lever.as_mut().unwrap().inertia_kg_m2 *= 1e4;
     assert_named(lever, SignalCheck::Lever, "kg cm2");
+    let damping = |session: &mut Session| session.lever.as_mut().unwrap().damping_nm_s_per_rad = 400.0;
+    assert_named(damping, SignalCheck::Lever, "a damping ratio of 166.7; expected at most 10");
+    let badly_known = |session: &mut Session| session.lever.as_mut().unwrap().damping_nm_s_per_rad = 8.0;
+    assert_eq!(failed(badly_known), []);
 }
 
 /// Each value of a channel stands until the next of every `samples`-th.
@@ -290,6 +294,25 @@ fn hold(values: &mut [f64], samples: f64) {
 /// Values in steps of an instrument's resolution.
 fn in_steps(values: &mut [f64], step: f64) {
     values.iter_mut().for_each(|value| *value = step * libm::round(*value / step));
+}
+
+#[test]
+fn a_record_that_is_there_twice_is_refused_with_its_trials() {
+    let copy = |session: &mut Session| session.trials[7].record = session.trials[6].record.clone();
+    assert_eq!(failed(copy), [SignalCheck::RepeatedRecord]);
+    assert_named(copy, SignalCheck::RepeatedRecord, "trials 7, 8: their angle and torque are equal");
+    let rejected = |session: &mut Session| {
+        copy(session);
+        session.trials[7].status = Status::Rejected;
+    };
+    assert_eq!(failed(rejected), []);
+    let computed = |session: &mut Session| {
+        copy(session);
+        for trial in &mut session.trials[6..8] {
+            trial.record.torque_l_nm[..100].fill(2.1);
+        }
+    };
+    assert!(!failed(computed).contains(&SignalCheck::RepeatedRecord), "a torque without noise is computed");
 }
 
 #[test]

@@ -58,6 +58,10 @@ fn milliseconds(ratio: f64, column: &str) -> String {
     }
 }
 
+/// What to do about times that are uneven.
+pub(crate) const EVENLY: &str = "If the converter took them evenly and only their stamps are uneven, give even times; otherwise bring every channel to even times by \
+     interpolation";
+
 /// Why a session folder cannot be read. The message names file, line, column and what was expected.
 #[derive(Debug, thiserror::Error)]
 pub enum DatasetError {
@@ -187,6 +191,20 @@ pub enum DatasetError {
         after_s: f64,
         /// One sample period.
         step_s: f64,
+    },
+    /// The samples were not taken evenly, or their times do not say when they were taken.
+    #[error(
+        "{at}: the time is {:.1} us off even steps, more than its digits explain, and the motor turns by {moved_rad:.2e} rad in that; \
+         expected samples taken evenly. {EVENLY}",
+        *off_s * 1e6
+    )]
+    Uneven {
+        /// The sample that is farthest off in the first stretch that is uneven.
+        at: FilePlace,
+        /// By how much, s.
+        off_s: f64,
+        /// How far the motor turns in that time, rad.
+        moved_rad: f64,
     },
     /// The times in a record do not go at the session's rate.
     #[error(

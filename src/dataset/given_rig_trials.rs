@@ -125,7 +125,7 @@ fn checked(given: GivenRigTrial, sample_rate_hz: f64) -> Result<RigTrial, Datase
             expected: "time 0 at the first sample of a rig trial".to_owned(),
         });
     }
-    check_times(&times_s, sample_rate_hz, |sample| sample_at(&name, sample, "t_s"))?;
+    check_times(&times_s, &record.theta_m_rad, sample_rate_hz, |sample| sample_at(&name, sample, "t_s"))?;
     if status == Status::Ok {
         let at = |sample: usize| sample_at(&name, sample, "target_rad");
         check_rest(&name, &record.target_rad, sample_rate_hz, at)?;

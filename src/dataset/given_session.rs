@@ -61,7 +61,7 @@ pub fn check_given(session: &Session, times_s: &[Vec<f64>]) -> Result<(), Datase
             return Err(wrong("torque_nm", trial.torque_nm.to_string(), "a finite torque"));
         }
         check_samples(&name, trial.record.channels(), times_s)?;
-        check_times(times_s, rate, |sample| sample_at(&name, sample, "t_s"))?;
+        check_times(times_s, &trial.record.theta_m_rad, rate, |sample| sample_at(&name, sample, "t_s"))?;
         let onset_at = FilePlace { file: name.as_str().into(), line: None, column: Some("onset_s".into()) };
         check_record(trial, &name, &onset_at, rate)?;
     }

@@ -18,6 +18,9 @@ use crate::wrist::Lever;
 /// What must lie before and after the onset of a trial that is analysed, s.
 const AROUND_ONSET_S: f64 = 0.040;
 
+/// A filter below this cut-off, Hz, has a time constant longer than what is analysed after an onset: of a ramp nothing is left in it.
+const SLOWEST_CUTOFF_HZ: f64 = 1.0 / (std::f64::consts::TAU * AROUND_ONSET_S);
+
 /// Reads and checks the session in `folder`.
 ///
 /// Trials of status `aborted` or `rejected` are read too, if they have a record: their `file` may be empty, and their
@@ -182,6 +185,13 @@ pub(super) fn check_values(
         field("recorded_filter.order", f64::from(order), (1..=10).contains(&order), "an order from 1 to 10")?;
         let possible = cutoff_hz > 0.0 && cutoff_hz < rate / 2.0;
         field("recorded_filter.cutoff_hz", cutoff_hz, possible, "a frequency below half the sample rate")?;
+        let passes = cutoff_hz >= SLOWEST_CUTOFF_HZ;
+        field(
+            "recorded_filter.cutoff_hz",
+            cutoff_hz,
+            passes,
+            "a frequency in Hz from 3.98 up; is it in kHz? A slower filter leaves nothing of the 40 ms that are analysed",
+        )?;
     }
     Ok(())
 }

@@ -163,6 +163,10 @@ impl Recorder {
 
     fn begin(&mut self, target: RecordTarget, progress: &Progress) -> Result<(), RecordError> {
         let Some(file) = self.names.next(target, progress) else { return Ok(()) };
+        // Giving the record its name would take what has it.
+        if self.folder.contains(&file) {
+            return Err(RecordError::Exists(self.folder.path_of(&file)));
+        }
         let part = part_of(&file);
         let handle =
             self.disk.create(&self.folder, &part).map_err(RecordError::at(&self.folder.path_of(&part)))?;

@@ -1,6 +1,6 @@
 //! State of a session recovered from its folder, to resume or replay the session.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -141,6 +141,14 @@ impl RecoveredSession {
     /// # Errors
     /// If a record cannot have followed those before it.
     pub fn state(&self) -> Result<RecoveredState, DatasetError> {
+        self.state_through(|_| {})
+    }
+
+    /// As [`RecoveredSession::state`]; `seen` gets the state after each record of the journal.
+    pub fn state_through(
+        &self,
+        mut seen: impl FnMut(&RecoveredState),
+    ) -> Result<RecoveredState, DatasetError> {
         let mut state = RecoveredState::new(&self.settings);
         for (number, placed) in self.journal.records.iter().enumerate() {
             state.check(&placed.record, number == 0, self.rules).map_err(|problem| {
@@ -148,6 +156,7 @@ impl RecoveredSession {
                 DatasetError::JournalOrder { at, offset: placed.offset, problem }
             })?;
             state.apply(&placed.record);
+            seen(&state);
         }
         Ok(state)
     }
@@ -216,6 +225,8 @@ pub(super) struct RecoveredState {
     pub phase: Phase,
     /// File of the record that was being written.
     pub open: Option<String>,
+    /// Files of every record that was begun.
+    pub begun: BTreeSet<String>,
     /// How the rig knew its start position when it was armed last.
     pub origin: Option<Origin>,
     /// Whether the rig was ever armed.
@@ -232,6 +243,7 @@ impl RecoveredState {
             names: RecordNames::default(),
             phase: Phase::Ready,
             open: None,
+            begun: BTreeSet::new(),
             origin: None,
             was_armed: false,
             sample: 0,
@@ -315,6 +327,7 @@ impl RecoveredState {
                     self.open = None;
                 } else if now != before {
                     self.open = self.names.next(now, &self.progress);
+                    self.begun.extend(self.open.clone());
                 }
             }
             JournalEntry::Resumed { interrupted, .. } => {

@@ -1,9 +1,12 @@
 //! Resuming a session after any end: the open record is completed, and the trial under way is aborted.
 
+mod as_left;
+
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};
 use std::path::Path;
 
+use self::as_left::{edited_tables, unmentioned_records};
 use super::disk::Disk;
 use super::error::{DatasetError, FilePlace};
 use super::hexadecimal::sha256;
@@ -28,10 +31,11 @@ pub enum ResumeError {
     /// Files of the session were changed since it ended.
     #[error(
         "{folder}: {} not as the session left it: {}. Put {} back from a copy; what was measured before cannot be gone on \
-         with otherwise. The trials in trials.csv can still be fitted",
+         with otherwise. The trials in trials.csv can still be fitted{}",
         if .files.len() == 1 { "a file is" } else { "files are" },
         .files.join(", "),
-        if .files.len() == 1 { "it" } else { "them" }
+        if .files.len() == 1 { "it" } else { "them" },
+        if .files.iter().any(|file| file.starts_with("trials.csv ")) { JUDGE } else { "" }
     )]
     NotAsItWas {
         /// The session's folder.
@@ -39,6 +43,37 @@ pub enum ResumeError {
         /// Each file that was changed or is missing.
         files: Vec<String>,
     },
+    /// Records that the journal knows nothing of, under names that the session would give to the records to come.
+    #[error(
+        "{folder}: {} there, but the journal does not mention {}: the journal is older than the records, and the trials to \
+         come would be written over them. Put the journal.log back that was written with them, or, if they are not needed, \
+         move them to another folder. Nothing was changed. The trials in trials.csv can still be fitted",
+        listed(.files),
+        if .files.len() == 1 { "it" } else { "them" }
+    )]
+    NotInTheJournal {
+        /// The session's folder.
+        folder: String,
+        /// Each record.
+        files: Vec<String>,
+    },
+}
+
+/// How a trial is judged without a change of its table.
+const JUDGE: &str =
+    ". To judge a trial, leave trials.csv as it is and use ramphold trials --reject or --accept";
+
+/// Files with `is` or `are`: the first three by name, of the others their number.
+fn listed(files: &[String]) -> String {
+    const NAMED: usize = 3;
+    match files {
+        [one] => format!("{one} is"),
+        [named @ .., last] if files.len() <= NAMED => format!("{} and {last} are", named.join(", ")),
+        _ => {
+            let further = files.len().saturating_sub(NAMED);
+            format!("{} and {further} more are", files[..files.len().min(NAMED)].join(", "))
+        }
+    }
 }
 
 /// A session that can be resumed, locked against other programs.
@@ -105,6 +140,7 @@ impl Resumable {
         let has_manifest = session.folder.folder().contains(MANIFEST);
         let state = session.state()?;
         let mut changed = session.changed_files()?;
+        changed.extend(edited_tables(&session)?);
         if has_manifest {
             changed.extend(changed_since_the_end(path)?);
         }
@@ -112,6 +148,13 @@ impl Resumable {
             changed.sort();
             changed.dedup();
             return Err(ResumeError::NotAsItWas { folder: path.display().to_string(), files: changed });
+        }
+        // A session that is done writes no further record.
+        if state.phase != Phase::Finished {
+            let files = unmentioned_records(&session, &state.begun)?;
+            if !files.is_empty() {
+                return Err(ResumeError::NotInTheJournal { folder: path.display().to_string(), files });
+            }
         }
         let missing_sums = if session.has_sums() { BTreeMap::new() } else { session.present_sums()? };
         Ok(Self { session, state, journal, disk, has_manifest, missing_sums })

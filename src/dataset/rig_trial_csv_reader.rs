@@ -74,7 +74,9 @@ pub(super) fn parse_rig_record(
             return Err(table.invalid(time, "time 0 in the first row of a rig trial"));
         }
     }
-    check_times(&times_s, sample_rate_hz, |row| FilePlace::cell(file, lines[row], "column t_s"))?;
+    check_times(&times_s, &channels[1], sample_rate_hz, |row| {
+        FilePlace::cell(file, lines[row], "column t_s")
+    })?;
     let [target_rad, theta_m_rad, torque_l_nm] = channels;
     let [theta_l_rad, alpha_l_rad_s2, torque_h_nm] = further;
     if analysed {

@@ -255,6 +255,11 @@ fn impossible_values_of_the_description_are_refused() {
             r#"{"kind": "butterworth", "order": 3, "cutoff_hz": 500}"#,
             "field recorded_filter.cutoff_hz",
         ),
+        (
+            "null",
+            r#"{"kind": "butterworth", "order": 3, "cutoff_hz": 0.25}"#,
+            "field recorded_filter.cutoff_hz: \"0.25\" is not valid; expected a frequency in Hz from 3.98 up",
+        ),
         ("null", r#"{"kind": "butterworth", "order": 0, "cutoff_hz": 50}"#, "field recorded_filter.order"),
     ] {
         let folder = sound();
@@ -361,6 +366,29 @@ fn times_printed_with_few_digits_are_accepted() {
         write(&folder, trial, &record(1200, |sample| sample as f64 / 3000.0));
     }
     assert_eq!(load(folder.path()).unwrap().trials.len(), 2);
+}
+
+#[test]
+fn times_of_samples_that_were_not_taken_evenly_are_refused() {
+    let mut random = crate::random::Stream::new(5, "jitter");
+    let mut text = "t_s,theta_m_rad,torque_l_nm\n".to_owned();
+    for sample in 0..400_u16 {
+        let time_s = f64::from(sample) / 1000.0;
+        let angle_rad = (3.25 * (time_s - 0.2)).clamp(0.0, 0.14);
+        let jitter_s = 1e-4 * (2.0 * random.uniform() - 1.0);
+        text += &format!("{:.7},{angle_rad:.7},1.25\n", time_s + jitter_s);
+    }
+    let folder = sound();
+    write(&folder, "trials/trial-001.csv", &text);
+    assert_refused(
+        &folder,
+        &[
+            "trials/trial-001.csv, line",
+            "column t_s",
+            "us off even steps",
+            "bring every channel to even times",
+        ],
+    );
 }
 
 #[test]

@@ -2,11 +2,8 @@
 
 use super::csv_input::CsvTable;
 use super::error::{DatasetError, FilePlace};
+use super::even_times::{STEP_TOLERANCE, UnevenTime, grain, uneven_time};
 use super::{FurtherChannel, Record};
-
-/// How far a sample may be from its place on an even time axis, in sample periods. Times are often printed with few
-/// digits, so a step is not exactly a period; half a period is where a sample would be nearer to its neighbour's place.
-const PLACE_TOLERANCE: f64 = 0.5;
 
 /// How much the clock of a recording may differ from the rate of the session.
 const CLOCK_TOLERANCE: f64 = 1e-3;
@@ -54,7 +51,9 @@ pub(super) fn parse(file: &str, text: &str, sample_rate_hz: f64) -> Result<Recor
         }
         lines.push(table.line());
     }
-    check_times(&times_s, sample_rate_hz, |row| FilePlace::cell(file, lines[row], "column t_s"))?;
+    check_times(&times_s, &record.theta_m_rad, sample_rate_hz, |row| {
+        FilePlace::cell(file, lines[row], "column t_s")
+    })?;
     record.start_s = times_s.first().copied().unwrap_or(0.0);
     Ok(record)
 }
@@ -70,9 +69,11 @@ pub(super) fn parse_targets(file: &str, text: &str) -> Result<Vec<f64>, DatasetE
     Ok(targets_rad)
 }
 
-/// Whether the samples lie where an even time axis of the session's rate puts them; `at` names the place of a sample.
+/// Whether the samples lie where an even time axis of the session's rate puts them, as far as the angle of the motor shows it; `at` names
+/// the place of a sample.
 pub(super) fn check_times(
     times_s: &[f64],
+    theta_rad: &[f64],
     sample_rate_hz: f64,
     at: impl Fn(usize) -> FilePlace,
 ) -> Result<(), DatasetError> {
@@ -89,19 +90,24 @@ pub(super) fn check_times(
             return Err(DatasetError::StepBack { at: at(row), before_s, after_s, step_s });
         }
         let periods = (after_s - before_s) * sample_rate_hz;
-        if (periods - 1.0).abs() > PLACE_TOLERANCE {
+        if (periods - 1.0).abs() > STEP_TOLERANCE {
             let usual_periods = median_step(times_s) * sample_rate_hz;
-            if (usual_periods - 1.0).abs() > PLACE_TOLERANCE {
+            if (usual_periods - 1.0).abs() > STEP_TOLERANCE {
                 return Err(rate(row));
             }
             return Err(DatasetError::Gap { at: at(row), before_s, after_s, step_s });
         }
         let slip = (after_s - first_s) * sample_rate_hz - row as f64;
-        if slip.abs() > PLACE_TOLERANCE + CLOCK_TOLERANCE * row as f64 {
+        if slip.abs() > STEP_TOLERANCE + CLOCK_TOLERANCE * row as f64 {
             return Err(rate(row));
         }
     }
-    Ok(())
+    match uneven_time(times_s, theta_rad, step_s, || grain(times_s)) {
+        Some(UnevenTime { sample, off_s, moved_rad }) => {
+            Err(DatasetError::Uneven { at: at(sample), off_s, moved_rad })
+        }
+        None => Ok(()),
+    }
 }
 
 /// The step from sample to sample that half of the steps do not exceed.

@@ -8,6 +8,7 @@ use serde_json::Value;
 use super::attached_emg::AttachedRecordings;
 use super::bdf::BdfChannel;
 use super::bids_folder::BidsFolder;
+use super::current_results::current_files;
 use super::error::ExportError;
 use super::sidecars::{self, TASK};
 use crate::dataset::{
@@ -197,7 +198,8 @@ impl Entry {
             target.put(&format!("{own}/{}_scans.tsv", own.replace('/', "_")), &table)?;
         }
         let from = Folder::open(&self.folder).map_err(ExportError::at(&self.folder))?;
-        for file in dataset::session_files(&self.folder, &self.session)? {
+        let files = dataset::session_files(&self.folder, &self.session)?;
+        for file in current_files(&from, files, &self.session.digest())? {
             let to = match file.strip_prefix("results/") {
                 Some(result) => format!("derivatives/ramphold/{}/{result}", self.folder()),
                 None => format!("sourcedata/{}/{file}", self.folder()),

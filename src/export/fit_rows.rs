@@ -3,18 +3,28 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::current_results::is_outdated;
 use super::error::ExportError;
+use crate::dataset::Session;
 use crate::files::{Folder, limits};
 
-/// The rows of `fit.csv` by trial, each by column; none without that file.
+/// The rows of `fit.csv` of the session in `folder` by trial, each by column; none without that file, or if the fit was made before the
+/// session was changed.
 ///
 /// # Errors
 /// If the file cannot be read, or is no table with a number in its column `trial`.
-pub fn fit_rows(session: &Path) -> Result<BTreeMap<u32, BTreeMap<String, String>>, ExportError> {
+pub fn fit_rows(
+    folder: &Path,
+    session: &Session,
+) -> Result<BTreeMap<u32, BTreeMap<String, String>>, ExportError> {
     const FIT: &str = "results/fit.csv";
-    let path = session.join(FIT);
-    let bytes = Folder::open(session).and_then(|folder| folder.read_if_there(FIT, limits::FIT_BYTES));
-    let Some(bytes) = bytes.map_err(ExportError::at(&path))? else { return Ok(BTreeMap::new()) };
+    let path = folder.join(FIT);
+    let opened = Folder::open(folder).map_err(ExportError::at(&path))?;
+    let bytes = opened.read_if_there(FIT, limits::FIT_BYTES).map_err(ExportError::at(&path))?;
+    let Some(bytes) = bytes else { return Ok(BTreeMap::new()) };
+    if is_outdated(&opened, "results/fit.json", limits::FIT_BYTES, &session.digest())? {
+        return Ok(BTreeMap::new());
+    }
     let bad = |message: String| ExportError::Table { path: path.clone(), message };
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
     let columns = reader.headers().map_err(|error| bad(error.to_string()))?.len();

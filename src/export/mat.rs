@@ -58,7 +58,7 @@ fn sessions_array(sessions: Vec<MatValue>) -> StructArray {
 fn session(folder: &Path) -> Result<MatValue, ExportError> {
     let session = dataset::load(folder)?;
     let card = SessionCard::read(folder)?;
-    let fits = fit_rows(folder)?;
+    let fits = fit_rows(folder, &session)?;
     let text = |text: Option<&String>| MatValue::Text(text.cloned().unwrap_or_default());
     let name = folder.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let lever = session.lever.map_or_else(

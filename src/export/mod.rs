@@ -4,6 +4,7 @@ mod attached_emg;
 mod bdf;
 mod bids;
 mod bids_folder;
+mod current_results;
 mod error;
 mod fit_rows;
 mod mat;

@@ -40,7 +40,7 @@ pub fn write(folder: &Path, file: &Path) -> Result<(), ExportError> {
     refuse_existing(file)?;
     let session = dataset::load(folder)?;
     let card = SessionCard::read(folder)?;
-    let fits = fit_rows(folder)?;
+    let fits = fit_rows(folder, &session)?;
     let times = TrialTimes::read(folder, "an NWB file")?;
     let stretches = times.place(&session);
     let has_unknown_breaks = times.origin_utc_ns.is_none() && stretches.len() > 1;

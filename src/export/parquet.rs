@@ -121,7 +121,7 @@ fn trials(sessions: &[(PathBuf, Session)]) -> Result<ParquetColumns, ExportError
             append(&mut columns, own)
         }
         onsets.extend(session.trials.iter().map(|trial| trial.onset_s));
-        let fits = fit_rows(folder)?;
+        let fits = fit_rows(folder, session)?;
         more.extend(session.trials.iter().map(|trial| {
             let mut row = trial.extra.clone();
             row.extend(fits.get(&trial.number).cloned().unwrap_or_default());

@@ -23,6 +23,7 @@ mod mat_v73;
 mod parquet_source;
 mod picture;
 mod plausible;
+mod ramp_candidates;
 mod ramp_way;
 mod recording;
 mod session_build;

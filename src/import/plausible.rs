@@ -4,6 +4,7 @@ use super::error::ImportError;
 use super::mapped_signal::{MappedSignal, SignalUnit};
 use super::mapping::Mapping;
 use super::source_table::SourceTable;
+use crate::consistency::first_repeated;
 use crate::dataset::Trial;
 use crate::statistics::upper_median;
 
@@ -120,4 +121,20 @@ pub fn check_distinct(tables: &[SourceTable], mapping: &Mapping) -> Result<(), I
         }
     }
     Ok(())
+}
+
+/// Refuses two records whose angle and torque are equal in every sample: they would count as repetitions that agree perfectly.
+pub fn check_own_records(records: &[SourceTable], mapping: &Mapping) -> Result<(), ImportError> {
+    let both = [&mapping.columns.angle, &mapping.columns.torque];
+    let signals: Vec<[&[f64]; 2]> =
+        records.iter().map(|table| both.map(|own| table.column(&own.column).unwrap_or_default())).collect();
+    match first_repeated(&signals) {
+        Some((first, second)) => Err(ImportError::Implausible {
+            reason: format!(
+                "{} and {} have the same angle and torque in every sample; noise never comes twice, so that one of them is a copy: remove it",
+                records[first].name, records[second].name
+            ),
+        }),
+        None => Ok(()),
+    }
 }

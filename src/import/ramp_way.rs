@@ -22,6 +22,11 @@ impl RampWay {
         Self { hold_rad, way_rad: theta_rad.iter().fold(0.0, farthest) }
     }
 
+    /// How far the ramps go, without sign, rad.
+    pub fn length_rad(&self) -> f64 {
+        self.way_rad.abs()
+    }
+
     /// The median of several ways, each of its two numbers by itself; `None` for none.
     pub fn median(ways: &[Self]) -> Option<Self> {
         let median = |number: fn(&Self) -> f64| upper_median(ways.iter().map(number));

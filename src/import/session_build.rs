@@ -5,11 +5,16 @@ use super::cut::{at_ramps, into_trials};
 use super::error::ImportError;
 use super::mapped_signal::{MappedSignal, SignalUnit};
 use super::mapping::Mapping;
-use super::plausible::{check_distinct, check_units};
+use super::plausible::{check_distinct, check_own_records, check_units};
+use super::ramp_candidates::{Candidate, with_ramps};
 use super::ramp_way::RampWay;
 use super::source_table::SourceTable;
 use crate::consistency::MeasuredTrial;
-use crate::dataset::{FurtherChannel, Record, Session, Status, Subject, Trial};
+use crate::dataset::{
+    EVENLY, FurtherChannel, Record, Session, Status, Subject, Trial, UnevenTime, grain, uneven_step,
+    uneven_time,
+};
+use crate::statistics::upper_median;
 
 /// Most rates are whole numbers. One is taken for the nearest if that moves the last sample by no more than this part of the time between two
 /// samples, beside what the times are rounded by.
@@ -40,6 +45,7 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
     for table in tables {
         records.extend(into_trials(table, mapping)?);
     }
+    check_own_records(&records, mapping)?;
     let rate_hz = sample_rate(&records, mapping)?;
     let (mut parts, mut left_out) = (Vec::new(), Vec::new());
     for record in records {
@@ -47,29 +53,35 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
         parts.extend(cut.parts);
         left_out.extend(cut.left_out);
     }
-    let (mut trials, mut sources) = (Vec::new(), Vec::new());
-    let mut measured = Vec::new();
+    let mut candidates = Vec::new();
     for part in parts {
         let record = record(&part, mapping)?;
         if let Some((channel, sample)) = not_finite(&record) {
             left_out.push(format!("{}: sample {} of the {channel} is no number", part.name, sample + 1));
             continue;
         }
-        let mut trial = trial(trials.len() as u32 + 1, record);
+        let trial = trial(record);
         match MeasuredTrial::new(&trial, rate_hz) {
-            Some(own) => {
-                left_out.extend(later_ramps(&trial.record.theta_m_rad, own.hold_rad).map(|sample| {
-                    let time_s = sample as f64 / rate_hz;
-                    let cut = if mapping.long_record.is_some() { SHORTEN } else { CUT };
-                    format!("{}: another ramp begins after {time_s:.3} s; a trial has one: {cut}", part.name)
-                }));
-                trial.onset_s = Some(own.motion_s);
-                measured.push(own);
-                trials.push(trial);
-                sources.push(part.name);
-            }
+            Some(own) => candidates.push(Candidate { trial, measured: own, source: part.name }),
             None => left_out.push(format!("{}: no ramp stands out of the noise of the angle", part.name)),
         }
+    }
+    let (with_ramps, without_ramps) = with_ramps(candidates);
+    left_out.extend(without_ramps);
+    let (mut trials, mut sources) = (Vec::new(), Vec::new());
+    let mut measured = Vec::new();
+    for Candidate { mut trial, measured: own, source } in with_ramps {
+        left_out.extend(later_ramps(&trial.record.theta_m_rad, own.hold_rad).map(|sample| {
+            let time_s = sample as f64 / rate_hz;
+            let cut = if mapping.long_record.is_some() { SHORTEN } else { CUT };
+            format!("{source}: another ramp begins after {time_s:.3} s; a trial has one: {cut}")
+        }));
+        trial.number = trials.len() as u32 + 1;
+        trial.file = format!("trials/trial-{:03}.csv", trial.number);
+        trial.onset_s = Some(own.motion_s);
+        measured.push(own);
+        trials.push(trial);
+        sources.push(source);
     }
     if trials.is_empty() {
         let reason = left_out.first().cloned().unwrap_or_else(|| "the source has no table".to_owned());
@@ -104,7 +116,9 @@ fn later_ramps(theta_rad: &[f64], hold_rad: f64) -> impl Iterator<Item = usize> 
 fn sample_rate(tables: &[SourceTable], mapping: &Mapping) -> Result<f64, ImportError> {
     let not_known = |reason: String| ImportError::NoTrial { reason };
     let measured = match &mapping.columns.time {
-        Some(time) => tables.iter().map(|table| measured_rate(table, time)).collect::<Result<Vec<_>, _>>()?,
+        Some(time) => {
+            tables.iter().map(|table| measured_rate(table, time, mapping)).collect::<Result<Vec<_>, _>>()?
+        }
         None => Vec::new(),
     };
     let rate_hz = mapping.sample_rate_hz.or(measured.first().copied()).ok_or_else(|| {
@@ -146,8 +160,8 @@ fn time_unit(time: &MappedSignal, own_hz: f64, rate_hz: f64) -> Option<SignalUni
     })
 }
 
-/// The rate of a column of time without gaps.
-fn measured_rate(table: &SourceTable, time: &MappedSignal) -> Result<f64, ImportError> {
+/// The rate of a column of time without gaps, by which samples are taken for even from then on.
+fn measured_rate(table: &SourceTable, time: &MappedSignal, mapping: &Mapping) -> Result<f64, ImportError> {
     let not_known = |what: String| ImportError::NoTrial {
         reason: format!("{}: the column {} {what}", table.name, time.column),
     };
@@ -167,26 +181,53 @@ fn measured_rate(table: &SourceTable, time: &MappedSignal) -> Result<f64, Import
             "has a sample every {step_s} s, too few for a ramp; is it in ms? Then write \"unit\": \"ms\" in columns.time"
         )));
     }
-    // Times may be rounded to more than a sample, such as whole milliseconds at 2500 a second.
-    let least_s = times_s
-        .windows(2)
-        .map(|pair| pair[1] - pair[0])
-        .filter(|own_s| *own_s > 0.0)
-        .fold(f64::INFINITY, f64::min);
+    check_even(table, time, &times_s, step_s, mapping)?;
     let off_s = |(sample, own_s): (usize, &f64)| (*own_s - first_s - sample as f64 * step_s).abs();
-    let late = times_s.iter().enumerate().find(|own| off_s(*own) > step_s + least_s);
-    if let Some((sample, own_s)) = late {
-        return Err(not_known(format!(
-            "does not rise evenly: {own_s} s at sample {}, where {} s is due; export the recording without gaps",
-            sample + 1,
-            first_s + sample as f64 * step_s
-        )));
-    }
     let rate_hz = 1.0 / step_s;
     let whole_hz = libm::round(rate_hz);
     let rounded_s = times_s.iter().enumerate().map(off_s).fold(0.0, f64::max);
     let moved_s = (times_s.len() - 1) as f64 * (step_s - 1.0 / whole_hz).abs();
     Ok(if moved_s < 2.0 * rounded_s + RATE_ROUNDING * step_s { whole_hz } else { rate_hz })
+}
+
+/// Refuses times that are not those of samples taken evenly, `step_s` apart in the mean. They may be rounded to more than a sample, such as
+/// whole milliseconds at 2500 a second.
+fn check_even(
+    table: &SourceTable,
+    time: &MappedSignal,
+    times_s: &[f64],
+    step_s: f64,
+    mapping: &Mapping,
+) -> Result<(), ImportError> {
+    let refused = |what: String| {
+        Err(ImportError::NoTrial { reason: format!("{}: the column {} {what}", table.name, time.column) })
+    };
+    let grain_s = grain(column(table, time, "the time")?) * time.unit.factor();
+    let usual_s = upper_median(times_s.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(step_s);
+    // Of times that are rounded to more than a sample, no step is the usual one.
+    let period_s = if grain_s > step_s || usual_s <= 0.0 { step_s } else { usual_s };
+    if let Some(sample) = uneven_step(times_s, period_s, grain_s) {
+        return refused(format!(
+            "does not rise evenly: it goes from {} s to {} s at sample {}, where a step of {period_s:.7} s is due; export the recording \
+             without gaps and without repeated samples",
+            times_s[sample - 1],
+            times_s[sample],
+            sample + 1
+        ));
+    }
+    let angle = &mapping.columns.angle;
+    let theta_rad: Vec<f64> =
+        column(table, angle, "the angle")?.iter().map(|value| angle.convert(*value)).collect();
+    match uneven_time(times_s, &theta_rad, step_s, || grain_s) {
+        Some(UnevenTime { sample, off_s, moved_rad }) => refused(format!(
+            "does not rise evenly: {} s at sample {} is {:.1} us off even steps, more than its digits explain, and the motor turns by \
+             {moved_rad:.2e} rad in that. {EVENLY}. Without columns.time, sample_rate_hz says how far even samples are apart",
+            times_s[sample],
+            sample + 1,
+            off_s * 1e6
+        )),
+        None => Ok(()),
+    }
 }
 
 fn record(table: &SourceTable, mapping: &Mapping) -> Result<Record, ImportError> {
@@ -234,10 +275,11 @@ fn column<'a>(
     })
 }
 
-fn trial(number: u32, record: Record) -> Trial {
+fn trial(record: Record) -> Trial {
     Trial {
-        number,
-        file: format!("trials/trial-{number:03}.csv"),
+        // Trials are numbered once it is known which have a ramp.
+        number: 1,
+        file: String::new(),
         // Both are measured once all trials are there; a speed of zero stands in no table.
         velocity_rad_s: 1.0,
         torque_nm: 0.0,

@@ -5,7 +5,7 @@ use std::fs;
 use serde_json::{Value, json};
 
 use crate::fit_input::sound;
-use crate::workspace::Workspace;
+use crate::workspace::{Workspace, files};
 
 fn page(workspace: &Workspace, folder: &str) -> String {
     fs::read_to_string(workspace.path(folder).join("report.html")).unwrap()
@@ -75,4 +75,8 @@ fn results_of_a_session_that_was_changed_since_are_not_shown() {
     assert!(!page(&workspace, "session/results").contains("k_srs (N m/rad)"), "no number of the old fit");
     let (_, told) = workspace.call(0, &["export", "session", "--bids", "bids"]);
     assert!(told.contains("The fit was made before the session was changed"), "{told}");
+    let exported = files(&workspace.path("bids"));
+    let is_result =
+        |file: &&String| ["fit.csv", "fit.json", "diagnosis.json"].iter().any(|end| file.ends_with(end));
+    assert_eq!(exported.keys().find(is_result), None, "no number of before the change");
 }

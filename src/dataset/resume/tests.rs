@@ -300,6 +300,66 @@ fn a_journal_whose_records_cannot_have_followed_each_other_is_refused() {
     go_on(&folder, Disk::default()).unwrap();
 }
 
+/// Every file in `folder` with its content.
+fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let tree = Folder::open(folder).unwrap().tree().unwrap();
+    tree.iter()
+        .map(|file| (file.path.display().to_string(), fs::read(folder.join(&file.path)).unwrap()))
+        .collect()
+}
+
+#[test]
+fn a_record_that_the_journal_does_not_mention_is_never_written_over() {
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let folder = folder_of_sessions.path().join("s");
+    run(&folder, Disk::default()).unwrap();
+    // As an older copy of the journal has it: the second trial had not begun.
+    let mut entries = journal_of(&folder);
+    let begins = |entry: &JournalEntry| match entry {
+        JournalEntry::Transition(transition) => {
+            matches!(transition.detail, Some(TransitionDetail::Began { number: 2, .. }))
+        }
+        _ => false,
+    };
+    entries.truncate(entries.iter().position(begins).unwrap());
+    rewrite_journal(&folder, &entries);
+    let before = contents(&folder);
+    let record = folder.join("trials/trial-002.csv");
+    for name in ["trials/trial-002.csv", "trials/trial-002.csv.part"] {
+        fs::rename(&record, folder.join(name)).unwrap();
+        let error = Resumable::open(&folder, Disk::default()).unwrap_err().to_string();
+        assert!(error.contains(&format!("{name} is there, but the journal does not mention it")), "{error}");
+        fs::rename(folder.join(name), &record).unwrap();
+    }
+    assert!(contents(&folder) == before, "nothing is changed");
+    fs::rename(&record, folder_of_sessions.path().join("kept.csv")).unwrap();
+    fs::write(folder.join("trials/trial-002-notes.csv"), "no record of the session").unwrap();
+    go_on(&folder, Disk::default()).unwrap();
+    assert!(record.exists());
+}
+
+#[test]
+fn a_table_that_was_edited_by_hand_is_refused_with_how_a_trial_is_judged() {
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let operations = run(&folder_of_sessions.path().join("whole"), Disk::default()).unwrap();
+    let folder = folder_of_sessions.path().join("s");
+    run(&folder, Disk::failing_from(operations - 8, ErrorKind::Other)).unwrap_err();
+    let table = fs::read_to_string(folder.join("trials.csv")).unwrap();
+    assert!(table.contains(",ok,"), "{table}");
+    let with_a_column: Vec<String> = table.lines().map(|row| format!("{row},note")).collect();
+    for edited in [table.replacen(",ok,", ",rejected,", 1), with_a_column.join("\n")] {
+        fs::write(folder.join("trials.csv"), &edited).unwrap();
+        let before = contents(&folder);
+        let error = Resumable::open(&folder, Disk::default()).unwrap_err().to_string();
+        assert!(error.contains("a file is not as the session left it: trials.csv changed"), "{error}");
+        assert!(error.contains("ramphold trials --reject"), "{error}");
+        assert!(contents(&folder) == before, "nothing is changed");
+    }
+    // A spreadsheet that only stores it again changes no cell.
+    fs::write(folder.join("trials.csv"), table.replace('\n', "\r\n")).unwrap();
+    go_on(&folder, Disk::default()).unwrap();
+}
+
 /// A virtual wrist that fails once, at a given sample.
 struct Failing<R> {
     rig: R,

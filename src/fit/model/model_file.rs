@@ -18,7 +18,7 @@ pub const MODEL_FORMAT: &str = "ramphold-model/1";
 #[serde(deny_unknown_fields)]
 struct MechanismFile {
     mechanism: String,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "json_file::unique_names")]
     parameters: BTreeMap<String, ParameterFile>,
 }
 
@@ -37,7 +37,7 @@ struct ModelFile {
     format: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     note: Option<String>,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "json_file::unique_names")]
     parameters: BTreeMap<String, ParameterSpec>,
     #[serde(default)]
     mechanisms: Vec<MechanismFile>,
@@ -113,7 +113,9 @@ impl Model {
             let Some(index) = BASE_PARAMETERS.iter().position(|known| *known == name) else {
                 return Err(ModelError::Parameter { name, expected: BASE_PARAMETERS.join(", ") });
             };
-            check(&format!("parameters.{name}"), &spec, (f64::NEG_INFINITY, f64::INFINITY))?;
+            let path = format!("parameters.{name}");
+            check(&path, &spec, (f64::NEG_INFINITY, f64::INFINITY))?;
+            check_base(&path, &name, &spec)?;
             model.base[index] = spec;
         }
         for (index, entry) in file.mechanisms.into_iter().enumerate() {
@@ -180,6 +182,33 @@ impl Model {
     }
 }
 
+/// A stretch by half a turn or more is none of a muscle that a joint is turned by, rad.
+const LONGEST_STRETCH_RAD: f64 = std::f64::consts::PI;
+
+/// Refuses a value, fixed or to start from, that the base parameter `name` cannot have. Inertia, damping, stiffness and elastic limit are
+/// above 0, and so is what bounds them from above. A law has coefficients of either sign.
+fn check_base(path: &str, name: &str, spec: &ParameterSpec) -> Result<(), ModelError> {
+    if !spec.law.is_empty() {
+        return Ok(());
+    }
+    let (below, expected) = if name == "x_e_rad" {
+        (LONGEST_STRETCH_RAD, "above 0 and below half a turn, 3.14159 rad; 5 degrees are 0.087 rad")
+    } else {
+        (f64::INFINITY, "above 0")
+    };
+    let given = [("value", spec.value, below), ("high", spec.high, f64::INFINITY)];
+    let wrong = given.into_iter().find_map(|(field, given, below)| {
+        given.filter(|given| !(*given > 0.0 && *given < below)).map(|given| (field, given))
+    });
+    match wrong {
+        Some((field, given)) => Err(ModelError::Value {
+            path: path.into(),
+            message: format!("{field} {given} is impossible; expected a number {expected}"),
+        }),
+        None => Ok(()),
+    }
+}
+
 /// Refuses a specification that contradicts itself or leaves `bounds`; `path` names its field in the file.
 fn check(path: &str, spec: &ParameterSpec, bounds: (f64, f64)) -> Result<(), ModelError> {
     let wrong = |message: String| Err(ModelError::Value { path: path.into(), message });
@@ -203,5 +232,51 @@ fn check(path: &str, spec: &ParameterSpec, bounds: (f64, f64)) -> Result<(), Mod
             wrong(format!("value {value} is outside {low} to {high}"))
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(parameters: &str) -> String {
+        let text = format!(r#"{{ "format": "ramphold-model/1", "parameters": {{ {parameters} }} }}"#);
+        Model::parse(&text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_value_that_no_wrist_has_is_refused_with_what_is_expected() {
+        for value in ["0", "-900", "-1e-9"] {
+            for scope in ["fixed", "trial", "session"] {
+                let told =
+                    refused(&format!(r#""k_srs_nm_per_rad": {{ "scope": "{scope}", "value": {value} }}"#));
+                assert!(told.starts_with("parameters.k_srs_nm_per_rad: value -") || value == "0", "{told}");
+                assert!(told.contains("expected a number above 0"), "{told}");
+            }
+        }
+        let told = refused(r#""x_e_rad": { "scope": "fixed", "value": 5 }"#);
+        assert!(told.contains("value 5 is impossible") && told.contains("below half a turn"), "{told}");
+        let told = refused(r#""i_j_kg_m2": { "scope": "session", "high": -1 }"#);
+        assert!(told.contains("high -1 is impossible"), "{told}");
+        let text = r#"{ "format": "ramphold-model/1", "parameters": {
+            "x_e_rad": { "scope": "session", "law": ["one", "velocity"], "value": -0.01 },
+            "k_h_nm_per_rad": { "scope": "fixed", "value": 300 } } }"#;
+        assert_eq!(Model::parse(text).unwrap().base[2].value, Some(300.0));
+    }
+
+    #[test]
+    fn a_name_that_is_written_twice_is_refused() {
+        let one = r#""k_h_nm_per_rad": { "scope": "fixed", "value": 300 }"#;
+        let told = refused(&format!(r#"{one}, "k_h_nm_per_rad": {{ "scope": "trial" }}"#));
+        assert!(told.contains("\"k_h_nm_per_rad\" is written twice"), "{told}");
+        let kind = CATALOGUE[0];
+        let name = kind.parameters()[0].name;
+        let text = format!(
+            r#"{{ "format": "ramphold-model/1", "mechanisms": [
+                {{ "mechanism": "{}", "parameters": {{ "{name}": 1, "{name}": 2 }} }} ] }}"#,
+            kind.id()
+        );
+        let told = Model::parse(&text).unwrap_err().to_string();
+        assert!(told.contains("is written twice"), "{told}");
     }
 }

@@ -162,6 +162,51 @@ fn a_table_of_another_rate_or_with_a_gap_is_refused() {
 }
 
 #[test]
+fn times_that_are_no_even_axis_are_refused_where_they_are() {
+    let told = |time: &dyn Fn(usize, f64) -> f64| {
+        let [own, angle, torque] = columns(2.6);
+        let own = own.iter().enumerate().map(|(sample, ms)| time(sample, *ms)).collect();
+        import(vec![table("t1.csv", [own, angle, torque])], &mapping()).map_err(|error| error.to_string())
+    };
+    let lost = told(&|sample, ms| if sample < 510 { ms } else { ms + 1.0 }).unwrap_err();
+    assert!(lost.contains("t1.csv: the column Time does not rise evenly"), "{lost}");
+    assert!(lost.contains("it goes from 0.509 s to 0.511 s at sample 511"), "{lost}");
+    let repeated = told(&|sample, ms| if sample == 300 { ms - 1.0 } else { ms }).unwrap_err();
+    assert!(repeated.contains("goes from 0.299 s to 0.299 s at sample 301"), "{repeated}");
+    let back = told(&|sample, ms| if sample == 300 { ms - 2.5 } else { ms }).unwrap_err();
+    assert!(back.contains("goes from 0.299 s to 0.2975 s at sample 301"), "{back}");
+    let mut random = crate::random::Stream::new(6, "jitter");
+    let jitter_ms: Vec<f64> = (0..SAMPLES).map(|_| 0.125 * (2.0 * random.uniform() - 1.0)).collect();
+    let jittered = told(&|sample, ms| ms + jitter_ms[sample]).unwrap_err();
+    assert!(jittered.contains("us off even steps") && jittered.contains("sample_rate_hz"), "{jittered}");
+    let coarse = told(&|_, ms| 2.0 * libm::round(0.5 * ms)).unwrap();
+    assert!((coarse.session.sample_rate_hz - RATE_HZ).abs() < 2.0, "rounded to two samples");
+    told(&|sample, ms| ms * (1.0 + 1e-8 * sample as f64)).unwrap();
+}
+
+#[test]
+fn a_record_without_a_ramp_makes_no_trial() {
+    // The encoder stands on one count, and goes to its neighbour now and then.
+    let [time, _, torque] = columns(1.3);
+    let angle = (0..SAMPLES).map(|i| 5.0 - 2.7e-3 * f64::from(u8::from(i > 60 && i % 7 == 0))).collect();
+    let wobble = table("t1.csv", [time, angle, torque]);
+    let sound = [table("t2.csv", columns(1.3)), table("t3.csv", columns(2.6))];
+    let imported = import([vec![wobble], sound.to_vec()].concat(), &mapping()).unwrap();
+    assert_two_trials(&imported);
+    assert_eq!(imported.session.trials[1].file, "trials/trial-002.csv");
+    let told = &imported.left_out;
+    assert!(told.len() == 1 && told[0].starts_with("t1.csv: has no ramp: the motor goes"), "{told:?}");
+}
+
+#[test]
+fn a_table_that_is_there_twice_is_refused_with_both_names() {
+    let twice =
+        vec![table("t1.csv", columns(1.3)), table("t2.csv", columns(2.6)), table("t3.csv", columns(1.3))];
+    let told = import(twice, &mapping()).unwrap_err().to_string();
+    assert!(told.contains("t1.csv and t3.csv have the same angle and torque in every sample"), "{told}");
+}
+
+#[test]
 fn every_mistake_of_a_mapping_is_told_at_once() {
     let text =
         r#"{ "format": "ramphold-import/1", "columns": { "angle": { "unit": "degrees" } }, "speed": 1 }"#;
