@@ -11,7 +11,7 @@ use ramphold::fit::{
     StartingValueSearch, StartingValues, Transform, Weighting, solve,
 };
 use ramphold::wrist::{
-    JOINT_DAMPING_NM_S_PER_RAD, Kinematics, SimulatedTorque, SimulationSettings, VectorWidth,
+    JOINT_DAMPING_NM_S_PER_RAD, Kinematics, Plant, SimulatedTorque, SimulationSettings, VectorWidth,
     YIELD_SMOOTHNESS_PER_NM, simulate, steps_per_sample, substeps,
 };
 use serde_json::{Value, json};
@@ -123,7 +123,8 @@ impl Problem {
     /// Runge-Kutta steps a sample that the peers take.
     fn substeps(&self) -> usize {
         let period_s = self.prepared.period_s;
-        let steps = |own: &Vec<f64>| substeps(self.prepared.lever, own, period_s).next_power_of_two();
+        let plant = |own: &Vec<f64>| Plant::base(self.prepared.lever, own);
+        let steps = |own: &Vec<f64>| substeps(&plant(own), f64::INFINITY, period_s).next_power_of_two();
         self.start_parameters().iter().map(steps).max().unwrap_or(1)
     }
 

@@ -13,7 +13,8 @@ use ramphold::wrist::mechanisms::{
     MechanismKind, Place, Prior, ProbeContext,
 };
 use ramphold::wrist::{
-    Kinematics, Lever, SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, simulate, substeps,
+    Kinematics, Lever, Plant, SimulatedTorque, SimulationSettings, TrialInput, VectorWidth, simulate,
+    substeps,
 };
 
 const VELOCITIES_RAD_S: [f64; 4] = [1.3, 1.95, 2.6, 3.25];
@@ -121,7 +122,7 @@ fn torque(kinds: &[MechanismKind], values: &[f64]) -> SimulatedTorque {
         samples: SAMPLES,
         lead_samples: LEAD,
         baseline_samples: BASELINE,
-        substeps: substeps(Some(LEVER), &parameters(3.25, 2.1), PERIOD_S),
+        substeps: substeps(&Plant::base(Some(LEVER), &parameters(3.25, 2.1)), f64::INFINITY, PERIOD_S),
         filter: &[],
         further: &[],
         derivatives: &[0, 1, 2, 3, 4, 5],
