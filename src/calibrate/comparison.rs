@@ -19,6 +19,10 @@ use crate::wrist::Lever;
 /// Significance level over all quantities.
 pub const DIFFERENCE_LEVEL: f64 = 0.05;
 
+/// Significance level of a difference that no quantity explains. The level of the named ones is spent already: at the same level, every
+/// twentieth day on which nothing changed would be an alarm a second time.
+pub const UNEXPLAINED_LEVEL: f64 = 0.01;
+
 /// Degrees of freedom of a normal distribution.
 const MANY: f64 = 1e9;
 
@@ -59,7 +63,7 @@ pub enum RigVerdict<'a> {
     Agrees,
     /// One of these quantities changed.
     Differs(&'a [RigQuantity]),
-    /// The trials differ from the calibration at [`DIFFERENCE_LEVEL`], and a change of no single quantity explains it.
+    /// The trials differ from the calibration at [`UNEXPLAINED_LEVEL`], and a change of no single quantity explains it.
     DiffersUnexplained,
     /// Nothing can be said, for this reason.
     NotComparable(&'static str),
@@ -84,7 +88,7 @@ impl RigComparison {
         if !self.changed.is_empty() {
             return RigVerdict::Differs(&self.changed);
         }
-        if self.p_value < DIFFERENCE_LEVEL {
+        if self.p_value < UNEXPLAINED_LEVEL {
             return RigVerdict::DiffersUnexplained;
         }
         if self.p_value.is_nan() {
@@ -338,6 +342,8 @@ mod tests {
         let named = comparison(vec![RigQuantity::TorqueOffset], f64::NAN);
         assert_eq!(named.verdict(), RigVerdict::Differs(&[RigQuantity::TorqueOffset]));
         assert_eq!(comparison(Vec::new(), 0.0).verdict(), RigVerdict::DiffersUnexplained);
+        // Not at the level of the named quantities, which would be an alarm too often where nothing changed.
+        assert_eq!(comparison(Vec::new(), 0.03).verdict(), RigVerdict::Agrees);
         let is_not_comparable = |own: RigComparison| matches!(own.verdict(), RigVerdict::NotComparable(_));
         assert!(is_not_comparable(comparison(Vec::new(), f64::NAN)));
         assert!(is_not_comparable(RigComparison { quantities: Vec::new(), ..comparison(Vec::new(), 0.4) }));

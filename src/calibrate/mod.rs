@@ -47,7 +47,9 @@ mod starts;
 mod stated_rig;
 
 pub use calibration::{CalibrationOutcome, calibrate};
-pub use comparison::{DIFFERENCE_LEVEL, QuantityDifference, RigComparison, RigVerdict, compare};
+pub use comparison::{
+    DIFFERENCE_LEVEL, QuantityDifference, RigComparison, RigVerdict, UNEXPLAINED_LEVEL, compare,
+};
 pub use error::CalibrateError;
 pub use loads::LoadCheck;
 pub use misfit::{LoadResidual, RigMisfit};
