@@ -58,6 +58,19 @@ fn milliseconds(ratio: f64, column: &str) -> String {
     }
 }
 
+/// Files with `is` or `are`: the first three by name, of the others their number.
+fn listed(files: &[String]) -> String {
+    const NAMED: usize = 3;
+    match files {
+        [one] => format!("{one} is"),
+        [named @ .., last] if files.len() <= NAMED => format!("{} and {last} are", named.join(", ")),
+        _ => {
+            let further = files.len().saturating_sub(NAMED);
+            format!("{} and {further} more are", files[..files.len().min(NAMED)].join(", "))
+        }
+    }
+}
+
 /// What to do about times that are uneven.
 pub(crate) const EVENLY: &str = "If the converter took them evenly and only their stamps are uneven, give even times; otherwise bring every channel to even times by \
      interpolation";
@@ -295,6 +308,20 @@ pub enum DatasetError {
         offset: u64,
         /// What is wrong.
         problem: String,
+    },
+    /// Records that the journal knows nothing of, under names that the session would give to the records to come.
+    #[error(
+        "{folder}: {} there, but the journal does not mention {}: the journal is older than the records, and the trials to \
+         come would be written over them. Put the journal.log back that was written with them, or, if they are not needed, \
+         move them to another folder. Nothing was changed. The trials in trials.csv can still be fitted",
+        listed(.files),
+        if .files.len() == 1 { "it" } else { "them" }
+    )]
+    NotInTheJournal {
+        /// The session's folder.
+        folder: String,
+        /// Each record.
+        files: Vec<String>,
     },
     /// The same trial number twice.
     #[error("{at}: trial {number} is already in line {first_line}; expected each number once")]

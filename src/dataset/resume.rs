@@ -43,38 +43,11 @@ pub enum ResumeError {
         /// Each file that was changed or is missing.
         files: Vec<String>,
     },
-    /// Records that the journal knows nothing of, under names that the session would give to the records to come.
-    #[error(
-        "{folder}: {} there, but the journal does not mention {}: the journal is older than the records, and the trials to \
-         come would be written over them. Put the journal.log back that was written with them, or, if they are not needed, \
-         move them to another folder. Nothing was changed. The trials in trials.csv can still be fitted",
-        listed(.files),
-        if .files.len() == 1 { "it" } else { "them" }
-    )]
-    NotInTheJournal {
-        /// The session's folder.
-        folder: String,
-        /// Each record.
-        files: Vec<String>,
-    },
 }
 
 /// How a trial is judged without a change of its table.
 const JUDGE: &str =
     ". To judge a trial, leave trials.csv as it is and use ramphold trials --reject or --accept";
-
-/// Files with `is` or `are`: the first three by name, of the others their number.
-fn listed(files: &[String]) -> String {
-    const NAMED: usize = 3;
-    match files {
-        [one] => format!("{one} is"),
-        [named @ .., last] if files.len() <= NAMED => format!("{} and {last} are", named.join(", ")),
-        _ => {
-            let further = files.len().saturating_sub(NAMED);
-            format!("{} and {further} more are", files[..files.len().min(NAMED)].join(", "))
-        }
-    }
-}
 
 /// A session that can be resumed, locked against other programs.
 #[derive(Debug)]
@@ -153,7 +126,9 @@ impl Resumable {
         if state.phase != Phase::Finished {
             let files = unmentioned_records(&session, &state.begun)?;
             if !files.is_empty() {
-                return Err(ResumeError::NotInTheJournal { folder: path.display().to_string(), files });
+                return Err(
+                    DatasetError::NotInTheJournal { folder: path.display().to_string(), files }.into()
+                );
             }
         }
         let missing_sums = if session.has_sums() { BTreeMap::new() } else { session.present_sums()? };

@@ -9,7 +9,7 @@ use crate::statistics::upper_median;
 const WAY_SHARE: f64 = 0.3;
 
 /// A record in which something moves.
-pub struct Candidate {
+pub struct MovingRecord {
     /// The trial that it would be.
     pub trial: Trial,
     /// What the record says by itself.
@@ -18,7 +18,7 @@ pub struct Candidate {
     pub source: String,
 }
 
-impl Candidate {
+impl MovingRecord {
     /// How far the motor goes from where it held, without sign, rad.
     fn way_rad(&self) -> f64 {
         RampWay::of(&self.trial.record.theta_m_rad, self.measured.hold_rad).length_rad()
@@ -26,11 +26,11 @@ impl Candidate {
 }
 
 /// The candidates that have a ramp, and for each of the others its source and why it has none.
-pub fn with_ramps(candidates: Vec<Candidate>) -> (Vec<Candidate>, Vec<String>) {
-    let usual_rad = upper_median(candidates.iter().map(Candidate::way_rad)).unwrap_or(0.0);
+pub fn with_ramps(candidates: Vec<MovingRecord>) -> (Vec<MovingRecord>, Vec<String>) {
+    let usual_rad = upper_median(candidates.iter().map(MovingRecord::way_rad)).unwrap_or(0.0);
     let (with, without): (Vec<_>, Vec<_>) =
         candidates.into_iter().partition(|candidate| candidate.way_rad() >= WAY_SHARE * usual_rad);
-    let why = |candidate: Candidate| {
+    let why = |candidate: MovingRecord| {
         format!(
             "{}: has no ramp: the motor goes {:.2e} rad, less than {WAY_SHARE} of the way of most ramps, {usual_rad:.2e} rad",
             candidate.source,

@@ -6,7 +6,7 @@ use super::error::ImportError;
 use super::mapped_signal::{MappedSignal, SignalUnit};
 use super::mapping::Mapping;
 use super::plausible::{check_distinct, check_own_records, check_units};
-use super::ramp_candidates::{Candidate, with_ramps};
+use super::ramp_candidates::{MovingRecord, with_ramps};
 use super::ramp_way::RampWay;
 use super::source_table::SourceTable;
 use crate::consistency::MeasuredTrial;
@@ -62,7 +62,7 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
         }
         let trial = trial(record);
         match MeasuredTrial::new(&trial, rate_hz) {
-            Some(own) => candidates.push(Candidate { trial, measured: own, source: part.name }),
+            Some(own) => candidates.push(MovingRecord { trial, measured: own, source: part.name }),
             None => left_out.push(format!("{}: no ramp stands out of the noise of the angle", part.name)),
         }
     }
@@ -70,7 +70,7 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
     left_out.extend(without_ramps);
     let (mut trials, mut sources) = (Vec::new(), Vec::new());
     let mut measured = Vec::new();
-    for Candidate { mut trial, measured: own, source } in with_ramps {
+    for MovingRecord { mut trial, measured: own, source } in with_ramps {
         left_out.extend(later_ramps(&trial.record.theta_m_rad, own.hold_rad).map(|sample| {
             let time_s = sample as f64 / rate_hz;
             let cut = if mapping.long_record.is_some() { SHORTEN } else { CUT };

@@ -65,13 +65,13 @@ pub fn edited_tables(session: &RecoveredSession) -> Result<Vec<String>, DatasetE
         let text = session.folder.text(name, limits::TABLE_BYTES, None)?;
         let found = cells(&text)
             .map_err(|_| DatasetError::NotText { at: FilePlace::file(session.folder.name(name)) })?;
-        let last = Written::of(&session.state()?, session, name);
+        let last = RowsWritten::of(&session.state()?, session, name);
         if last.has_written(&found) {
             continue;
         }
         // Rows change with what follows them, such as the torque offset that is measured again.
         let mut ever = last;
-        session.state_through(|state| ever.extend(Written::of(state, session, name)))?;
+        session.state_through(|state| ever.extend(RowsWritten::of(state, session, name)))?;
         if !ever.has_written(&found) {
             edited.push(format!("{name} changed"));
         }
@@ -84,9 +84,9 @@ type Cells = BTreeMap<String, String>;
 
 /// Rows that the session wrote, by the number of their trial.
 #[derive(Default)]
-struct Written(BTreeMap<String, BTreeSet<Cells>>);
+struct RowsWritten(BTreeMap<String, BTreeSet<Cells>>);
 
-impl Written {
+impl RowsWritten {
     /// Those of the table `name` in `state`.
     fn of(state: &RecoveredState, session: &RecoveredSession, name: &str) -> Self {
         let rows = TrialCsvWriter::new(session.settings.sample_rate_hz);
