@@ -113,7 +113,7 @@ impl Resumable {
         let has_manifest = session.folder.folder().contains(MANIFEST);
         let state = session.state()?;
         let mut changed = session.changed_files()?;
-        changed.extend(edited_tables(&session)?);
+        changed.extend(edited_tables(&session, &state)?);
         if has_manifest {
             changed.extend(changed_since_the_end(path)?);
         }

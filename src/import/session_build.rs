@@ -162,9 +162,7 @@ fn time_unit(time: &MappedSignal, own_hz: f64, rate_hz: f64) -> Option<SignalUni
 
 /// The rate of a column of time without gaps, by which samples are taken for even from then on.
 fn measured_rate(table: &SourceTable, time: &MappedSignal, mapping: &Mapping) -> Result<f64, ImportError> {
-    let not_known = |what: String| ImportError::NoTrial {
-        reason: format!("{}: the column {} {what}", table.name, time.column),
-    };
+    let not_known = |what: String| wrong_time(table, time, &what);
     let times_s: Vec<f64> =
         column(table, time, "the time")?.iter().map(|value| time.convert(*value)).collect();
     let (Some(first_s), Some(last_s)) = (times_s.first(), times_s.last()) else {
@@ -190,6 +188,11 @@ fn measured_rate(table: &SourceTable, time: &MappedSignal, mapping: &Mapping) ->
     Ok(if moved_s < 2.0 * rounded_s + RATE_ROUNDING * step_s { whole_hz } else { rate_hz })
 }
 
+/// That a table's times cannot be used: `what` is wrong with their column.
+fn wrong_time(table: &SourceTable, time: &MappedSignal, what: &str) -> ImportError {
+    ImportError::NoTrial { reason: format!("{}: the column {} {what}", table.name, time.column) }
+}
+
 /// Refuses times that are not those of samples taken evenly, `step_s` apart in the mean. They may be rounded to more than a sample, such as
 /// whole milliseconds at 2500 a second.
 fn check_even(
@@ -199,9 +202,7 @@ fn check_even(
     step_s: f64,
     mapping: &Mapping,
 ) -> Result<(), ImportError> {
-    let refused = |what: String| {
-        Err(ImportError::NoTrial { reason: format!("{}: the column {} {what}", table.name, time.column) })
-    };
+    let refused = |what: String| Err(wrong_time(table, time, &what));
     let grain_s = grain(column(table, time, "the time")?) * time.unit.factor();
     let usual_s = upper_median(times_s.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(step_s);
     // Of times that are rounded to more than a sample, no step is the usual one.

@@ -54,9 +54,9 @@ fn is_of_a_record(name: &str, beginnings: &[&str]) -> bool {
     })
 }
 
-/// Each table with a row that the session never wrote of a trial that is over by the journal. A row may be missing, as the journal is
-/// written first.
-pub fn edited_tables(session: &RecoveredSession) -> Result<Vec<String>, DatasetError> {
+/// Each table with a row that the session never wrote of a trial that is over in `last`, the state after its journal. A row may be
+/// missing, as the journal is written first.
+pub fn edited_tables(session: &RecoveredSession, last: &RecoveredState) -> Result<Vec<String>, DatasetError> {
     let mut edited = Vec::new();
     for name in TABLES {
         if !session.folder.folder().contains(name) {
@@ -65,12 +65,11 @@ pub fn edited_tables(session: &RecoveredSession) -> Result<Vec<String>, DatasetE
         let text = session.folder.text(name, limits::TABLE_BYTES, None)?;
         let found = cells(&text)
             .map_err(|_| DatasetError::NotText { at: FilePlace::file(session.folder.name(name)) })?;
-        let last = RowsWritten::of(&session.state()?, session, name);
-        if last.has_written(&found) {
+        let mut ever = RowsWritten::of(last, session, name);
+        if ever.has_written(&found) {
             continue;
         }
         // Rows change with what follows them, such as the torque offset that is measured again.
-        let mut ever = last;
         session.state_through(|state| ever.extend(RowsWritten::of(state, session, name)))?;
         if !ever.has_written(&found) {
             edited.push(format!("{name} changed"));
