@@ -251,9 +251,14 @@ fn print_cause(out: &mut impl Write, cause: &Cause, entry: &Value) -> Result<(),
         print_candidate(out, own)?;
     }
     if let Some(law) = &cause.law {
-        let agrees = if law.is_within_band() { "lies within" } else { "leaves" };
         let title = law.free.kind.title();
-        writeln!(out, "  its law {agrees} the 95 % band of what the session shows without one ({title})")?;
+        match law.p_value {
+            Some(p_value) => writeln!(
+                out,
+                "  its law and what the session shows without one ({title}) differ by as much as was declared with probability {p_value:.3}"
+            )?,
+            None => writeln!(out, "  what the session shows without its law: {title}")?,
+        }
     }
     match &cause.evidence {
         CauseEvidence::WithinTrial { gain, .. } => writeln!(

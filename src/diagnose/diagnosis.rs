@@ -15,6 +15,7 @@ use super::evidence::found_law::FoundLaw;
 use super::evidence::model_prior::compared;
 use super::evidence::model_search::{ComparedModel, ModelSearch};
 use super::evidence::session_prior::SessionPrior;
+use super::evidence::used_freedom::{Freedom, UsedFreedom, smallest_p_value};
 use super::fit_chain::FitChain;
 use super::mains_hum::{DetectedHum, hum_probability};
 use super::preprocessing::DiagnosisInput;
@@ -158,8 +159,14 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
                 .into(),
         );
     }
-    let remaining_p_value = (2.0 * left.p_values.any().min(across.unwrap_or(1.0))).min(1.0);
-    if 2.0 * left.p_values.between_repetitions() < MISFIT_LEVEL {
+    let used = models[best].posterior.used_freedom();
+    tracing::debug!(?used, "freedom of the best model");
+    remarks.extend(
+        used.iter().filter(|own| CHECKS * used.len() as f64 * own.p_value < MISFIT_LEVEL).map(beyond),
+    );
+    let smallest = left.p_values.any().min(across.unwrap_or(1.0)).min(smallest_p_value(&used));
+    let remaining_p_value = (CHECKS * smallest).min(1.0);
+    if CHECKS * left.p_values.between_repetitions() < MISFIT_LEVEL {
         remarks.push(format!(
             "the variance of the residuals about their mean pattern is {:.1} times that of the noise: the ramps contain a \
              disturbance that differs between repetitions, is absent in the holds and is described by no mechanism, such as an \
@@ -280,6 +287,9 @@ fn fit_with_causes(search: &ModelSearch, model: &ComparedModel) -> Fit {
     fit.extended(search.observations(), &fit.model).with_shrinkage(search.observations())
 }
 
+/// Number of checks of the best model (within the trials, across them, and of its freedom): the factor of the Bonferroni correction.
+const CHECKS: f64 = 3.0;
+
 /// Level of the test of the model as given, without which no cause within the trials is named: what is allowed of false alarms.
 const SEEN_LEVEL: f64 = 0.05;
 
@@ -323,6 +333,19 @@ fn hum_cause(
         law: None,
         evidence: CauseEvidence::Hold { hum: *hum, before, after, gain },
     }
+}
+
+/// What must be said of a freedom of which a session uses more than its prior declares.
+fn beyond(used: &UsedFreedom) -> String {
+    let what = match used.freedom {
+        Freedom::Law(kind) => format!("the laws of its mechanisms are off, by {},", kind.title()),
+        Freedom::Size(kind) => format!("the size of {} changes with order, torque or velocity", kind.id()),
+        Freedom::SharedErrors => "the errors of the angle that trials share are larger".into(),
+    };
+    format!(
+        "the best model is doubtful: {what} by more than was declared before the data (p = {:.1e})",
+        used.p_value
+    )
 }
 
 /// What must be said of a cause that makes predictions worse.

@@ -106,6 +106,11 @@ BLOCKS: dict[str, tuple[Block, ...]] = {
     "kilohertz": (multisine(duration_s=2.0), weight(1.5), bar(0.003, duration_s=2.0)),
     "drifting": (ramps(), multisine(), weight(1.0), clamp()),
     "many": (ramps(), multisine(), weight(1.0), bar(0.004), spring(20.0)),
+    "ward": (ramps(), weight(0.7), bar(0.003, 0.02), clamp()),
+    "capacitive": (ramps(), multisine(duration_s=2.0), weight(1.0), bar(0.004, duration_s=2.0)),
+    "belt": (ramps(), multisine(), weight(1.0), spring(20.0)),
+    "athlete": (ramps(), multisine(), weight(2.5), bar(0.005), clamp()),
+    "handheld": (multisine(), weight(1.0), bar(0.003)),
 }
 
 

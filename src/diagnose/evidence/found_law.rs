@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use super::answer::CauseProbabilities;
 use super::model_posterior::ModelPosterior;
 use super::model_search::{ComparedModel, ModelSearch};
+use super::used_freedom::Freedom;
 use crate::fit::mechanism_ranges;
 use crate::statistics::HALF_INTERVAL_95;
 use crate::wrist::mechanisms::{Argument, FreeLaw, MechanismKind, Place};
@@ -98,6 +99,8 @@ pub struct LawCheck {
     pub free: FoundLaw,
     /// What it would show if the catalogued law were right.
     pub catalogued: Vec<f64>,
+    /// Probability of as large a difference if the catalogued law is off by no more than was declared; `None` where nothing was declared.
+    pub p_value: Option<f64>,
 }
 
 impl LawCheck {
@@ -120,19 +123,15 @@ impl LawCheck {
         }
         let free = FoundLaw::curve(search, &posterior, free)?;
         let catalogued = free.argument.iter().map(|u| law.curve(&parameters, *u)).collect();
-        Some(Self { free, catalogued })
-    }
-
-    /// Whether the catalogued law lies within the band at every argument.
-    pub fn is_within_band(&self) -> bool {
-        let [low, high] = &self.free.band;
-        self.catalogued.iter().zip(low.iter().zip(high)).all(|(own, (low, high))| low <= own && own <= high)
+        let used = model.posterior.used_freedom();
+        let p_value = used.iter().find(|own| own.freedom == Freedom::Law(free.kind)).map(|own| own.p_value);
+        Some(Self { free, catalogued, p_value })
     }
 
     /// The entry of `diagnosis.json`.
     pub fn to_json(&self) -> Value {
         let mut entry = self.free.law_to_json();
-        entry["within_band"] = json!(self.is_within_band());
+        entry["p_value"] = json!(self.p_value);
         entry["curve"]["catalogued"] = json!(self.catalogued);
         entry
     }

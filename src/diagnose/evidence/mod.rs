@@ -9,6 +9,7 @@
 //! | `model_posterior` | optimum, spreads and evidence of one model |
 //! | `model_prior`, `model_search` | which models are compared, and what each is held to be before the data |
 //! | `rig_knowledge` | what rig trials say of the constants that causes are about |
+//! | `used_freedom` | whether a model stays within what its priors declare |
 //! | `answer`, `found_law` | from probabilities to causes, sets and the curve of an unknown law |
 
 pub mod angle_error;
@@ -23,3 +24,4 @@ pub mod model_search;
 pub mod rig_knowledge;
 pub mod session_equations;
 pub mod session_prior;
+pub mod used_freedom;

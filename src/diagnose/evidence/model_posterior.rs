@@ -8,6 +8,7 @@ use super::gaussian::log_normal_distribution;
 use super::linearisation::{LinearTrial, Unknowns, linearise};
 use super::session_equations::{Design, Point, Products, Quadratic, REGRESSORS, Spreads, cost};
 use super::session_prior::{AddedColumns, SessionPrior};
+use super::used_freedom::{Freedom, UsedFreedom, p_value_of};
 use crate::diagnose::interval::Interval;
 use crate::fit::{Fit, Observations, Solution, mechanism_ranges};
 use crate::random::Stream;
@@ -64,8 +65,8 @@ pub struct ModelPosterior {
     pub log_evidence: f64,
     /// Number of linearisations.
     pub steps: usize,
-    /// Places among the common unknowns of the changes of the mechanisms' sizes.
-    size_changes: Range<usize>,
+    /// What it may do with a declared standard deviation, with the places among the common unknowns.
+    freedoms: Vec<(Freedom, Range<usize>)>,
 }
 
 impl ModelPosterior {
@@ -164,8 +165,7 @@ impl ModelPosterior {
             }
         };
         let Here { fit, point, linear, .. } = here;
-        let last = unknowns.common.len() + columns.count();
-        let size_changes = last - columns.size_changes()..last;
+        let freedoms = columns.freedoms(&fit, &unknowns);
         Some(Self {
             added: added.to_vec(),
             fit,
@@ -177,7 +177,7 @@ impl ModelPosterior {
             design,
             log_evidence,
             steps,
-            size_changes,
+            freedoms,
         })
     }
 
@@ -186,7 +186,19 @@ impl ModelPosterior {
         let change = |place: usize| -> Vec<DVector<f64>> {
             self.linear.iter().map(|trial| trial.common.column(place).into_owned()).collect()
         };
-        self.size_changes.clone().map(change).collect()
+        let sizes = self.freedoms.iter().filter(|(own, _)| matches!(own, Freedom::Size(_)));
+        sizes.flat_map(|(_, places)| places.clone()).map(change).collect()
+    }
+
+    /// What use the session makes of each freedom of the model.
+    pub fn used_freedom(&self) -> Vec<UsedFreedom> {
+        let values = &self.point.common + &self.quadratic.step.common - &self.design.common_mean;
+        let used = |(freedom, places): &(Freedom, Range<usize>)| {
+            let (precision, covariance) = (&self.design.common_precision, &self.quadratic.common_covariance);
+            let p_value = p_value_of(places, &values, precision, covariance)?;
+            Some(UsedFreedom { freedom: *freedom, p_value })
+        };
+        self.freedoms.iter().filter_map(used).collect()
     }
 
     /// Errors of each trial's own coordinates in `count` sessions that differ from this one by their noise alone.

@@ -1,6 +1,8 @@
 //! Priors of everything unknown in a session, and the unknowns beside the coordinates of a fit: errors of the angle that trials share,
 //! and mechanisms whose size is not quite the same in all trials.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::angle_error::AngleErrors;
@@ -8,8 +10,8 @@ use super::free_laws::FreeLawRanges;
 use super::gaussian::smooth_precision;
 use super::linearisation::{LinearTrial, Unknowns};
 use super::rig_knowledge::RigKnowledge;
-
 use super::session_equations::{Design, FreeLawPrior, REGRESSORS};
+use super::used_freedom::Freedom;
 use crate::diagnose::predicted_torque::torques;
 use crate::fit::{Fit, I_J, K_DEC, K_SRS, Observations, mechanism_ranges};
 use crate::statistics::group_indices;
@@ -258,6 +260,7 @@ pub fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
 
 /// A mechanism whose size may drift.
 struct Drifting {
+    kind: MechanismKind,
     /// Its first parameter.
     parameter: usize,
     /// The coordinate of that parameter without effect, if it has one.
@@ -294,6 +297,7 @@ impl<'a> AddedColumns<'a> {
             }
             if kind.law_space().place != Place::Trials {
                 drifting.push(Drifting {
+                    kind: *kind,
                     parameter: range.start,
                     absent: without_effect(*kind, &prior.context),
                     sd: [SIZE_DRIFT_SD, kind.torque_scaling_sd(), SIZE_DRIFT_SD],
@@ -316,8 +320,28 @@ impl<'a> AddedColumns<'a> {
     }
 
     /// Number of the last of them, which change the size of a mechanism.
-    pub fn size_changes(&self) -> usize {
+    fn size_changes(&self) -> usize {
         SIZE_DRIFTS * self.drifting.len()
+    }
+
+    /// What the model of `fit` may do with a declared standard deviation, with its places among the common unknowns.
+    pub fn freedoms(&self, fit: &Fit, unknowns: &Unknowns) -> Vec<(Freedom, Range<usize>)> {
+        let errors = unknowns.common.len();
+        let sizes = errors + self.angle_errors.variances.len();
+        let law = |(kind, range): (&MechanismKind, Range<usize>)| {
+            self.deviation_sd(*kind)?;
+            let places = self.prior.places_of(fit, unknowns, |parameter| range.contains(&parameter));
+            Some((Freedom::Law(*kind), *places.first()?..*places.last()? + 1))
+        };
+        let size = |(number, own): (usize, &Drifting)| {
+            let first = sizes + SIZE_DRIFTS * number;
+            (Freedom::Size(own.kind), first..first + SIZE_DRIFTS)
+        };
+        let laws = fit.kinds.iter().zip(mechanism_ranges(&fit.kinds)).filter_map(law);
+        let mut freedoms: Vec<(Freedom, Range<usize>)> = laws.collect();
+        freedoms.extend(self.drifting.iter().enumerate().map(size));
+        freedoms.extend((sizes > errors).then_some((Freedom::SharedErrors, errors..sizes)));
+        freedoms
     }
 
     fn deviation_sd(&self, law: MechanismKind) -> Option<f64> {
