@@ -84,7 +84,7 @@ class Counts:
 
 FULL = Counts(per_mechanism=10, none=100, alien=30, pair=20)
 VARIED = {  # per_mechanism: of each of its laws
-    "development": Counts(per_mechanism=4, none=100, alien=45, pair=22),
+    "development": Counts(per_mechanism=4, none=100, alien=45, pair=36),
     "reporting": Counts(per_mechanism=8, none=120, alien=60, pair=20),
 }
 
