@@ -144,7 +144,7 @@ pub fn session_estimates(
         let others = session.other_optima[trial].iter();
         estimate.other_optima =
             others.filter(|other| other.probability >= REPORTED_PROBABILITY).cloned().collect();
-        estimate.remarks = remarks(&session.fit, trial, &estimate.se, &estimate.other_optima);
+        estimate.remarks = remarks(observations, &session.fit, trial, estimate);
     }
     let covariance =
         |parameter: usize, one: usize, other: usize| session.log_covariance(parameter, one, other);
@@ -163,8 +163,7 @@ fn with_profiles(
         let trial = &observations.trials[index];
         let mut values = [0.0; 6];
         values.copy_from_slice(&fit.parameters[index][..BASE_PARAMETERS.len()]);
-        let other_optima = other_optima(fit, index);
-        TrialEstimate {
+        let mut estimate = TrialEstimate {
             trial: trial.number,
             condition: trial.label.clone(),
             velocity_rad_s: trial.velocity_rad_s,
@@ -182,10 +181,12 @@ fn with_profiles(
             profile: profiles[index],
             determined: std::array::from_fn(|parameter| !fit.at_bound(index, parameter)),
             converged: fit.outcome(index).termination == Termination::Converged,
-            remarks: remarks(fit, index, &uncertainties[index].se, &other_optima),
-            other_optima,
+            remarks: Vec::new(),
+            other_optima: other_optima(fit, index),
             values,
-        }
+        };
+        estimate.remarks = remarks(observations, fit, index, &estimate);
+        estimate
     };
     (0..observations.trials.len()).map(of_trial).collect()
 }
@@ -222,7 +223,7 @@ pub fn torque_falls([k_srs, k_dec]: [f64; 2], se: [Option<f64>; 2]) -> bool {
 }
 
 /// Remarks on a trial, as text for a reader.
-fn remarks(fit: &Fit, index: usize, se: &[Option<f64>; 6], other_optima: &[OtherOptimum]) -> Vec<String> {
+fn remarks(observations: &Observations, fit: &Fit, index: usize, estimate: &TrialEstimate) -> Vec<String> {
     let mut remarks = Vec::new();
     match fit.outcome(index).termination {
         Termination::Converged => {}
@@ -239,14 +240,21 @@ fn remarks(fit: &Fit, index: usize, se: &[Option<f64>; 6], other_optima: &[Other
             remarks.push(format!("{name} ended at its bound: the data do not determine it"));
         }
     }
+    let window_s = observations.samples as f64 * observations.period_s;
+    if estimate.x_t_s.is_none_or(|x_t_s| x_t_s >= window_s) {
+        remarks.push(
+            "the joint does not reach x_e within the window: k_dec and x_e follow from what is expected of them, and k_srs may be too large"
+                .into(),
+        );
+    }
     let own = &fit.parameters[index];
     let is_determined = !fit.at_bound(index, K_SRS) && !fit.at_bound(index, K_DEC);
-    if is_determined && torque_falls([own[K_SRS], own[K_DEC]], [se[K_SRS], se[K_DEC]]) {
+    if is_determined && torque_falls([own[K_SRS], own[K_DEC]], [estimate.se[K_SRS], estimate.se[K_DEC]]) {
         remarks.push(
             "k_after is below zero: beyond the elastic limit the torque falls, which a stiffness cannot explain".into(),
         );
     }
-    for other in other_optima {
+    for other in &estimate.other_optima {
         remarks.push(format!(
             "another optimum fits within the noise: x_e {:.4} rad, k_srs {:.1} N m/rad, k_dec {:.1} N m/rad (probability {:.0} %)",
             other.values[X_E],

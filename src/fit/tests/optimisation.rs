@@ -238,6 +238,19 @@ fn the_products_of_the_whitened_derivatives_are_the_normal_equations() {
 }
 
 #[test]
+fn a_trial_whose_joint_does_not_yield_within_the_window_has_a_remark() {
+    let observations = SyntheticSession::new(1).observations();
+    let mut fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
+    let has_remark = |fit: &Fit| {
+        let remarks = &estimates_without_profiles(&observations, fit)[0].remarks;
+        remarks.iter().any(|own| own.contains("does not reach x_e within the window"))
+    };
+    assert!(!has_remark(&fit));
+    fit.parameters[0][X_E] *= 20.0;
+    assert!(has_remark(&fit));
+}
+
+#[test]
 fn x_t_does_not_depend_on_how_much_of_the_record_is_simulated() {
     let observations = SyntheticSession::new(1).observations();
     let mut fit = Fit::new(&observations, &Model::paper(), Weighting::MeasuredNoise);
