@@ -193,7 +193,6 @@ impl SessionPrior {
             ratio,
             law,
             variance_factor: vec![1.0; observations.trials.len()],
-            damping: 0.0,
         }
     }
 
