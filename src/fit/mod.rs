@@ -49,7 +49,6 @@ pub use fitted::uncertainty::{Uncertainty, coordinate_covariances, uncertainties
 pub use inference::bootstrap::{BOOTSTRAPPED_QUANTITIES, BootstrapSpread, bootstrap, bootstrap_watched};
 pub use inference::profile::{PROFILED_PARAMETERS, ProfileInterval, profiles};
 pub use inference::resampling::{NoiseSampler, draw_observations};
-pub(crate) use linalg::inverse_of;
 pub use model::model_file::{MODEL_FORMAT, ModelError};
 pub use model::parameter_index::{B_H, I_J, K_DEC, K_H, K_SRS, X_E};
 pub use model::specification::{AddedMechanism, LawTerm, Model, ParameterSpec, Scope, mechanism_ranges};

@@ -1,5 +1,6 @@
 //! The unknown law that a session shows: where it acts, of what, and its curve.
 
+use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
 use super::answer::CauseProbabilities;
@@ -51,7 +52,8 @@ impl FoundLaw {
         let argument: Vec<f64> =
             (0..CURVE_POINTS).map(|i| from + (to - from) * i as f64 / (CURVE_POINTS - 1) as f64).collect();
         let value: Vec<f64> = argument.iter().map(|u| law.curve(parameters, *u)).collect();
-        let sd = argument.iter().map(|u| sd_at(posterior, &law, range.start, parameters, *u));
+        let covariance = posterior.quadratic.common_covariance();
+        let sd = argument.iter().map(|u| sd_at(posterior, &covariance, &law, range.start, parameters, *u));
         let sd: Vec<f64> = sd.collect();
         let end = |sign: f64| value.iter().zip(&sd).map(|(v, sd)| v + sign * HALF_INTERVAL_95 * sd).collect();
         let band = [end(-1.0), end(1.0)];
@@ -147,8 +149,15 @@ fn what_and_where(kind: MechanismKind) -> Value {
     })
 }
 
-/// Standard deviation of a law at `u`, which is linear in its coefficients.
-fn sd_at(posterior: &ModelPosterior, law: &FreeLaw, first: usize, parameters: &[f64], u: f64) -> f64 {
+/// Standard deviation of a law at `u`, which is linear in its coefficients, by the `covariance` of the common unknowns.
+fn sd_at(
+    posterior: &ModelPosterior,
+    covariance: &DMatrix<f64>,
+    law: &FreeLaw,
+    first: usize,
+    parameters: &[f64],
+    u: f64,
+) -> f64 {
     let mut unit = parameters.to_vec();
     law.coefficients.clone().for_each(|index| unit[index] = 0.0);
     let weights: Vec<(usize, f64)> = law
@@ -161,7 +170,6 @@ fn sd_at(posterior: &ModelPosterior, law: &FreeLaw, first: usize, parameters: &[
             Some((posterior.place_of_parameter(first + index)?, weight))
         })
         .collect();
-    let covariance = &posterior.quadratic.common_covariance;
     let products =
         weights.iter().flat_map(|(i, a)| weights.iter().map(move |(j, b)| a * b * covariance[(*i, *j)]));
     libm::sqrt(products.sum::<f64>().max(0.0))

@@ -6,7 +6,9 @@ use nalgebra::DVector;
 
 use super::gaussian::log_normal_distribution;
 use super::linearisation::{LinearTrial, Unknowns, linearise};
-use super::session_equations::{Design, Point, Products, Quadratic, REGRESSORS, Spreads, cost};
+use super::session_equations::{
+    Design, Point, Products, Quadratic, REGRESSORS, ResidualProducts, Spreads, cost,
+};
 use super::session_prior::{AddedColumns, SessionPrior};
 use super::used_freedom::{Freedom, UsedFreedom, p_value_of};
 use crate::diagnose::interval::Interval;
@@ -59,6 +61,8 @@ pub struct ModelPosterior {
     pub quadratic: Quadratic,
     /// The session, linear about the optimum.
     pub linear: Vec<LinearTrial>,
+    /// Its products.
+    pub products: Products,
     /// What does not depend on the data.
     pub design: Design,
     /// Logarithm of the evidence.
@@ -160,11 +164,15 @@ impl ModelPosterior {
             // Their integral ends at the bound, wherever the minimum is.
             places => {
                 let free = design.quadratic(&spreads, &here.point, &here.products)?;
-                free.log_evidence
-                    + places.iter().map(|place| above_bound(&design, &here, &free, *place)).sum::<f64>()
+                let variances = free.common_covariance().diagonal();
+                let above = |place: &usize| {
+                    let mean = here.point.common[*place] + free.step.common[*place];
+                    above_bound(mean - design.common_mean[*place], variances[*place])
+                };
+                free.log_evidence + places.iter().map(above).sum::<f64>()
             }
         };
-        let Here { fit, point, linear, .. } = here;
+        let Here { fit, point, linear, products } = here;
         let freedoms = columns.freedoms(&fit, &unknowns);
         Some(Self {
             added: added.to_vec(),
@@ -174,6 +182,7 @@ impl ModelPosterior {
             spreads,
             quadratic,
             linear,
+            products,
             design,
             log_evidence,
             steps,
@@ -186,16 +195,16 @@ impl ModelPosterior {
         let change = |place: usize| -> Vec<DVector<f64>> {
             self.linear.iter().map(|trial| trial.common.column(place).into_owned()).collect()
         };
-        let sizes = self.freedoms.iter().filter(|(own, _)| matches!(own, Freedom::Size(_)));
+        let sizes = self.freedoms.iter().filter(|(freedom, _)| matches!(freedom, Freedom::Size(_)));
         sizes.flat_map(|(_, places)| places.clone()).map(change).collect()
     }
 
     /// What use the session makes of each freedom of the model.
     pub fn used_freedom(&self) -> Vec<UsedFreedom> {
         let values = &self.point.common + &self.quadratic.step.common - &self.design.common_mean;
+        let (precision, covariance) = (&self.design.common_precision, self.quadratic.common_covariance());
         let used = |(freedom, places): &(Freedom, Range<usize>)| {
-            let (precision, covariance) = (&self.design.common_precision, &self.quadratic.common_covariance);
-            let p_value = p_value_of(places, &values, precision, covariance)?;
+            let p_value = p_value_of(places, &values, precision, &covariance)?;
             Some(UsedFreedom { freedom: *freedom, p_value })
         };
         self.freedoms.iter().filter_map(used).collect()
@@ -204,33 +213,39 @@ impl ModelPosterior {
     /// Errors of each trial's own coordinates in `count` sessions that differ from this one by their noise alone.
     pub fn simulated_errors(&self, count: usize, stream: &mut Stream) -> Vec<Vec<DVector<f64>>> {
         let sd = libm::sqrt(self.spreads.noise);
-        let products = Products::new(&self.linear);
-        let error = |_| {
-            let residuals: Vec<DVector<f64>> = self
-                .linear
-                .iter()
-                .map(|trial| DVector::from_fn(trial.residual.len(), |_, _| sd * stream.normal()))
-                .collect();
-            self.most_probable_change(&products, &residuals).map(|own| own.own)
+        let residuals = |_| -> Vec<DVector<f64>> {
+            let noise =
+                |trial: &LinearTrial| DVector::from_fn(trial.residual.len(), |_, _| sd * stream.normal());
+            self.linear.iter().map(noise).collect()
         };
-        (0..count).filter_map(error).collect()
+        self.most_probable_changes((0..count).map(residuals)).into_iter().map(|change| change.own).collect()
     }
 
     /// Most probable values of the common unknowns, relative to their prior, if the session differed from its model's prior mean by
     /// `residuals`.
     pub fn most_probable_common(&self, residuals: &[DVector<f64>]) -> Option<DVector<f64>> {
-        self.most_probable_change(&Products::new(&self.linear), residuals).map(|own| own.common)
+        self.most_probable_changes([residuals]).pop().map(|change| change.common)
     }
 
-    fn most_probable_change(&self, products: &Products, residuals: &[DVector<f64>]) -> Option<Point> {
+    /// Most probable values of the unknowns, relative to their prior, for each of some sessions that differ from the prior mean of this
+    /// one's model by such residuals.
+    fn most_probable_changes<R: AsRef<[DVector<f64>]>>(
+        &self,
+        sessions: impl IntoIterator<Item = R>,
+    ) -> Vec<Point> {
         let about = Point {
             common: self.design.common_mean.clone(),
             coefficients: DVector::zeros(self.point.coefficients.len()),
             means: self.point.means.iter().map(|own| own * 0.0).collect(),
             own: self.point.own.iter().map(|own| own * 0.0).collect(),
         };
-        let products = products.clone().with_residuals(&self.linear, residuals);
-        self.design.without_ratio().quadratic(&self.spreads, &about, &products).map(|own| own.step)
+        let design = self.design.without_ratio();
+        let Some(factor) = design.factor(&self.spreads, &self.products) else { return Vec::new() };
+        let change = |residuals: R| {
+            let products = ResidualProducts::new(&self.linear, residuals.as_ref());
+            design.step(&factor, &self.spreads, &about, &products)
+        };
+        sessions.into_iter().filter_map(change).collect()
     }
 
     /// Place among the common unknowns of a parameter that all trials share.
@@ -242,14 +257,14 @@ impl ModelPosterior {
     /// Parameters of the mechanism `kind` with their 95 % intervals.
     pub fn intervals(&self, kind: MechanismKind) -> Vec<Interval> {
         let Some(place) = self.fit.kinds.iter().position(|own| *own == kind) else { return Vec::new() };
+        let variances = self.quadratic.common_covariance().diagonal();
         let interval = |parameter: usize| {
             let value = self.fit.parameters[0][parameter];
             let Some(place) = self.place_of_parameter(parameter) else {
                 return Interval { value, low: Some(value), high: Some(value) };
             };
             let coordinate = &self.fit.parameterisation.coordinates[self.unknowns.common[place]];
-            let half =
-                HALF_INTERVAL_95 * libm::sqrt(self.quadratic.common_covariance[(place, place)].max(0.0));
+            let half = HALF_INTERVAL_95 * libm::sqrt(variances[place].max(0.0));
             let [low, high] = [-half, half].map(|by| {
                 let end = (self.point.common[place] + by).clamp(coordinate.low, coordinate.high);
                 if coordinate.logarithmic { libm::exp(end) } else { end }
@@ -304,7 +319,8 @@ impl Here {
         }
         let design = design.holding(&held, &self.point);
         for _ in 0..MAX_SPREAD_STEPS {
-            let (next, change) = quadratic.expected.spreads(design.law.as_ref(), spreads);
+            let expected = quadratic.expected_squares(&design, spreads, &self.point, &self.products);
+            let (next, change) = expected.spreads(design.law.as_ref(), spreads);
             *spreads = next;
             quadratic = design.quadratic(spreads, &self.point, &self.products)?;
             if change < SPREAD_TOLERANCE {
@@ -345,10 +361,10 @@ impl Here {
         while *damping <= LARGEST_DAMPING {
             let damped;
             let step = if *damping > 0.0 {
-                damped = design.damped(*damping).quadratic(spreads, &self.point, &self.products)?;
+                damped = design.damped_step(spreads, &self.point, &self.products, *damping)?;
                 &damped
             } else {
-                quadratic
+                &quadratic.step
             };
             let part = (LONGEST_LOG_STEP / self.longest_log_step(unknowns, step)).min(1.0);
             let next = self.moved(context, step, part);
@@ -364,24 +380,24 @@ impl Here {
         None
     }
 
-    fn longest_log_step(&self, unknowns: &Unknowns, quadratic: &Quadratic) -> f64 {
+    fn longest_log_step(&self, unknowns: &Unknowns, step: &Point) -> f64 {
         let logarithmic = |place: &usize| {
             let own = unknowns.common.get(*place);
             own.is_some_and(|own| self.fit.parameterisation.coordinates[*own].logarithmic)
         };
-        let common = (0..quadratic.step.common.len()).filter(logarithmic);
-        let own = quadratic.step.own.iter().map(|step| step.amax());
-        own.chain(common.map(|place| quadratic.step.common[place].abs())).fold(0.0, f64::max)
+        let common = (0..step.common.len()).filter(logarithmic);
+        let own = step.own.iter().map(|own| own.amax());
+        own.chain(common.map(|place| step.common[place].abs())).fold(0.0, f64::max)
     }
 
     /// The point after `part` of a step, within the bounds of mechanisms' parameters.
     fn moved(
         &self,
         (observations, unknowns, columns, design): (&Observations, &Unknowns, &AddedColumns, &Design),
-        quadratic: &Quadratic,
+        step: &Point,
         part: f64,
     ) -> Option<Self> {
-        let mut point = self.point.moved(&quadratic.step, part);
+        let mut point = self.point.moved(step, part);
         let mut coordinates = self.fit.solution.coordinates.clone();
         for (own, values) in unknowns.own.iter().zip(&point.own) {
             own.iter().zip(values.iter()).for_each(|(index, value)| coordinates[*index] = *value);
@@ -437,9 +453,9 @@ fn one_sided(
     (0..unknowns.common.len()).filter(is_it).collect()
 }
 
-/// What a one-sided prior adds to the logarithm of the evidence: twice the density, and the part of the posterior above the bound.
-fn above_bound(design: &Design, here: &Here, free: &Quadratic, place: usize) -> f64 {
-    let sd = libm::sqrt(free.common_covariance[(place, place)].max(f64::MIN_POSITIVE));
-    let mean = here.point.common[place] + free.step.common[place];
-    std::f64::consts::LN_2 + log_normal_distribution((mean - design.common_mean[place]) / sd)
+/// What a one-sided prior adds to the logarithm of the evidence: twice the density, and the part of the posterior above the bound, which
+/// lies `mean` above it with this `variance`.
+fn above_bound(mean: f64, variance: f64) -> f64 {
+    let sd = libm::sqrt(variance.max(f64::MIN_POSITIVE));
+    std::f64::consts::LN_2 + log_normal_distribution(mean / sd)
 }

@@ -195,7 +195,6 @@ impl SessionPrior {
             ratio,
             law,
             variance_factor: vec![1.0; observations.trials.len()],
-            damping: 0.0,
         }
     }
 
@@ -360,8 +359,9 @@ impl<'a> AddedColumns<'a> {
         let errors = self.angle_errors.variances.len();
         let values = common.rows(coordinates, self.count()).into_owned();
         for (trial, own) in linear.iter_mut().enumerate() {
-            let mut added = DMatrix::zeros(own.residual.len(), self.count());
-            added.view_mut((0, 0), (own.residual.len(), errors)).copy_from(&self.angle_errors.columns[trial]);
+            let known = std::mem::replace(&mut own.common, DMatrix::zeros(0, 0));
+            own.common = known.resize_horizontally(coordinates + self.count(), 0.0);
+            own.common.columns_mut(coordinates, errors).copy_from(&self.angle_errors.columns[trial]);
             for (number, drifting) in self.drifting.iter().enumerate() {
                 let place = unknowns.common.iter().position(|index| {
                     fit.parameterisation.coordinates[*index].parameter == drifting.parameter
@@ -371,14 +371,10 @@ impl<'a> AddedColumns<'a> {
                 let size = drifting.absent.map_or(1.0, |absent| common[place] - absent);
                 for (which, by) in self.prior.drifts[trial].iter().enumerate() {
                     let column = own.common.column(place) * (size * by);
-                    added.set_column(errors + SIZE_DRIFTS * number + which, &column);
+                    own.common.set_column(coordinates + errors + SIZE_DRIFTS * number + which, &column);
                 }
             }
-            own.residual -= &added * &values;
-            let joined = DMatrix::from_fn(own.residual.len(), coordinates + self.count(), |i, j| {
-                if j < coordinates { own.common[(i, j)] } else { added[(i, j - coordinates)] }
-            });
-            own.common = joined;
+            own.residual -= own.common.columns(coordinates, self.count()) * &values;
         }
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use super::{ComparedModel, ModelSearch};
 use crate::diagnose::evidence::model_posterior::ModelPosterior;
-use crate::diagnose::evidence::session_equations::{Products, Quadratic};
+use crate::diagnose::evidence::session_equations::Quadratic;
 use crate::diagnose::evidence::session_prior::value_without_effect;
 use crate::diagnose::predicted_torque::{torques, whitened_change};
 use crate::wrist::mechanisms::{MechanismKind, Prior};
@@ -29,8 +29,8 @@ pub(super) struct LinearModel<'a> {
 
 impl<'a> LinearModel<'a> {
     pub(super) fn new(posterior: &'a ModelPosterior) -> Option<Self> {
-        let products = Products::new(&posterior.linear);
-        let quadratic = posterior.design.quadratic(&posterior.spreads, &posterior.point, &products)?;
+        let quadratic =
+            posterior.design.quadratic(&posterior.spreads, &posterior.point, &posterior.products)?;
         Some(Self { posterior, quadratic })
     }
 }

@@ -4,7 +4,6 @@ use rayon::prelude::*;
 
 use super::{ModelSearch, NEGLIGIBLE_LOG_ODDS};
 use crate::diagnose::evidence::model_posterior::ModelPosterior;
-use crate::diagnose::evidence::session_equations::Products;
 use crate::wrist::mechanisms::MechanismKind;
 
 /// Standard deviation of a trial that does not belong, by that of the others.
@@ -12,6 +11,9 @@ const OUTLIER_SDS: f64 = 10.0;
 
 /// Number of trials, at most, that do not belong: one in four.
 const TRIALS_PER_OUTLIER: usize = 4;
+
+/// Number of steps of expectation maximisation for a trial that may not belong.
+const SPREAD_STEPS: usize = 8;
 
 impl ModelSearch<'_> {
     /// Adds, beside the causes of `model`, trials that do not belong.
@@ -30,7 +32,6 @@ impl ModelSearch<'_> {
                 };
                 (0..count).map(of).collect::<Vec<f64>>()
             };
-            let products = Products::new(&own.posterior.linear);
             let estimates: Vec<(usize, f64)> = (0..count)
                 .into_par_iter()
                 .filter(|trial| !outliers.contains(trial))
@@ -38,10 +39,12 @@ impl ModelSearch<'_> {
                     let mut design = own.posterior.design.clone();
                     design.variance_factor = factors(&outliers, trial);
                     let mut spreads = spreads.clone();
-                    let mut quadratic = design.quadratic(&spreads, &own.posterior.point, &products)?;
-                    for _ in 0..8 {
-                        spreads = quadratic.expected.spreads(design.law.as_ref(), &spreads).0;
-                        quadratic = design.quadratic(&spreads, &own.posterior.point, &products)?;
+                    let (point, products) = (&own.posterior.point, &own.posterior.products);
+                    let mut quadratic = design.quadratic(&spreads, point, products)?;
+                    for _ in 0..SPREAD_STEPS {
+                        let expected = quadratic.expected_squares(&design, &spreads, point, products);
+                        spreads = expected.spreads(design.law.as_ref(), &spreads).0;
+                        quadratic = design.quadratic(&spreads, point, products)?;
                     }
                     Some((trial, quadratic.log_evidence))
                 })

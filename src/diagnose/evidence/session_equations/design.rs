@@ -32,9 +32,6 @@ pub struct Design {
     pub law: Option<FreeLawPrior>,
     /// Factor of the prior variance of a trial about its condition: 1, or much more for a trial that does not belong.
     pub variance_factor: Vec<f64>,
-    /// Information by which a step is held back, about the trials' own coordinates and, by their priors, about the common ones: 0 where
-    /// the quadratic is to be exact.
-    pub damping: f64,
 }
 
 /// Values of the unknowns.
@@ -69,17 +66,19 @@ impl Point {
 pub fn cost(design: &Design, spreads: &Spreads, point: &Point, squares: f64, count: usize) -> f64 {
     let mut cost = 0.5 * squares / spreads.noise + 0.5 * count as f64 * libm::log(spreads.noise);
     for (condition, trials) in design.conditions.iter().enumerate() {
-        for trial in trials {
-            let off = &point.own[*trial] - &point.means[condition];
-            cost += 0.5 * off.component_mul(&off).component_div(&spreads.trial).sum()
-                / design.variance_factor[*trial];
+        for k in 0..design.own {
+            let mean = point.means[condition][k];
+            for trial in trials {
+                let off = point.own[*trial][k] - mean;
+                cost += 0.5 * off * off * design.trial_precision(spreads, *trial, k);
+            }
+            let off = mean - design.expected(condition, &point.coefficients, k);
+            cost += 0.5 * off * off / spreads.condition[k];
         }
-        let off = &point.means[condition] - design.expected(condition, &point.coefficients);
-        cost += 0.5 * off.component_mul(&off).component_div(&spreads.condition).sum();
     }
     for (index, coefficient) in point.coefficients.iter().enumerate() {
-        let sd = if index < design.own { LEVEL_SD } else { EXPONENT_SD };
-        cost += 0.5 * (coefficient / sd) * (coefficient / sd);
+        let off = coefficient / design.prior_sd(index);
+        cost += 0.5 * off * off;
     }
     if let Some((above, below, mean, sd)) = design.ratio {
         let off = (point.coefficients[above] - point.coefficients[below] - mean) / sd;
@@ -91,13 +90,38 @@ pub fn cost(design: &Design, spreads: &Spreads, point: &Point, squares: f64, cou
 }
 
 impl Design {
-    /// The regression's value for a condition.
-    pub(super) fn expected(&self, condition: usize, coefficients: &DVector<f64>) -> DVector<f64> {
-        let mut expected = DVector::zeros(self.own);
-        for (a, regressor) in self.regressors[condition].iter().enumerate() {
-            expected += coefficients.rows(a * self.own, self.own) * *regressor;
+    /// The regression's value for own coordinate `k` in a condition.
+    #[inline]
+    pub(super) fn expected(&self, condition: usize, coefficients: &DVector<f64>, k: usize) -> f64 {
+        let regressors = self.regressors[condition].iter().enumerate();
+        regressors.map(|(a, regressor)| regressor * coefficients[a * self.own + k]).sum()
+    }
+
+    /// Precision of own coordinate `k` of a trial about its condition.
+    #[inline]
+    pub(super) fn trial_precision(&self, spreads: &Spreads, trial: usize, k: usize) -> f64 {
+        1.0 / (spreads.trial[k] * self.variance_factor[trial])
+    }
+
+    /// Precision, in the prior, of common coordinates and then of coefficients.
+    pub(super) fn border_precision(&self, spreads: &Spreads) -> DMatrix<f64> {
+        let (common, coefficients) = (self.common_mean.len(), REGRESSORS * self.own);
+        let mut precision = self.precision(spreads).resize(common + coefficients, common + coefficients, 0.0);
+        for index in 0..coefficients {
+            precision[(common + index, common + index)] = 1.0 / (self.prior_sd(index) * self.prior_sd(index));
         }
-        expected
+        if let Some((above, below, _, sd)) = self.ratio {
+            for (one, sign) in [(above, 1.0), (below, -1.0)] {
+                precision[(common + one, common + above)] += sign / (sd * sd);
+                precision[(common + one, common + below)] -= sign / (sd * sd);
+            }
+        }
+        precision
+    }
+
+    /// Standard deviation, in the prior, of a coefficient of the regression.
+    fn prior_sd(&self, coefficient: usize) -> f64 {
+        if coefficient < self.own { LEVEL_SD } else { EXPONENT_SD }
     }
 
     /// Precision of the common coordinates.
@@ -125,11 +149,6 @@ impl Design {
             twice += law.log_determinant - law.precision.nrows() as f64 * libm::log(spreads.law);
         }
         0.5 * twice
-    }
-
-    /// The same with steps held back.
-    pub fn damped(&self, damping: f64) -> Self {
-        Self { damping, ..self.clone() }
     }
 
     /// The same without the prior of a ratio, which is about values and not about errors.

@@ -1,3 +1,5 @@
+mod dense;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::design::EXPONENT_SD;
@@ -20,7 +22,6 @@ fn session(stream: &mut Stream) -> (Design, Vec<LinearTrial>, Point) {
         ratio: None,
         law: None,
         variance_factor: vec![1.0, 100.0, 1.0],
-        damping: 0.0,
     };
     let mut random = |rows: usize, columns: usize| DMatrix::from_fn(rows, columns, |_, _| stream.normal());
     let trials = (0..3)
@@ -116,7 +117,7 @@ fn spreads_of_largest_marginal_likelihood_are_reached() {
         let quadratic = design.quadratic(&spreads, &point, &products).unwrap();
         assert!(quadratic.log_evidence > before - 1e-9, "{before} to {}", quadratic.log_evidence);
         before = quadratic.log_evidence;
-        spreads = quadratic.expected.spreads(None, &spreads).0;
+        spreads = quadratic.expected_squares(&design, &spreads, &point, &products).spreads(None, &spreads).0;
     }
 }
 
