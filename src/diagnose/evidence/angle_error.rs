@@ -18,8 +18,9 @@ const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
 /// which has the coefficient 1.
 const SMOOTHING_SD: f64 = 1.0;
 
-/// A direction of the mean motion's error is left out if it moves the mean residual of a velocity by less than this, in standard errors.
-const SMALLEST_SHIFT: f64 = 0.7;
+/// A direction of the mean motion's error is left out if it moves the mean residual of a velocity by less than this, in standard errors; so
+/// is a drift of a measured constant that moves the predictions of the whole session by less.
+pub(super) const SMALLEST_SHIFT: f64 = 0.7;
 
 /// Unknown errors of the angle that trials share.
 #[derive(Debug, Clone)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::angle_error::{change_against_record, with_other_constants};
+use super::angle_error::{SMALLEST_SHIFT, change_against_record, with_other_constants};
 use super::rig_knowledge::RigKnowledge;
 use crate::diagnose::predicted_torque::torques;
 use crate::fit::{Fit, Observations, TrialObservation};
@@ -19,9 +19,6 @@ const ORDER: usize = 0;
 
 /// What rig trials see of the order: they come before the session, at the value that the first of its trials has.
 const ORDER_OF_RIG_TRIALS: f64 = -1.0;
-
-/// A change of a measured constant is left out if it moves the predictions of the whole session by less than this, in standard errors.
-const SMALLEST_SHIFT: f64 = 0.7;
 
 /// Order, torque and velocity of each trial, each from -1 to 1 over the session and 0 where all trials are alike.
 pub fn drift_covariates(observations: &Observations) -> Vec<[f64; SIZE_DRIFTS]> {
