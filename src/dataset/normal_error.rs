@@ -27,7 +27,11 @@ impl RigQuantity {
 
     /// The value that is `errors` standard errors from `value`, where 1.96 at the most are meant.
     pub fn off_by(self, value: f64, se: f64, errors: f64) -> f64 {
-        let coordinate = self.normal_coordinate(value) + errors * self.normal_error(value, se);
+        self.value_at(self.normal_coordinate(value) + errors * self.normal_error(value, se))
+    }
+
+    /// The value at a coordinate.
+    pub fn value_at(self, coordinate: f64) -> f64 {
         match self {
             _ if self.is_frequency() => time_constant_s(coordinate),
             _ if self.is_positive() => libm::exp(coordinate),

@@ -122,7 +122,6 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
     let models = &search.models;
     let probabilities = CauseProbabilities::of(models);
     stage("comparing the misfit with noise");
-    let angle_errors = &search.prior.angle_errors;
     let most_probable = most_probable_model(models);
     // What acts within the trials, and is not in their constants already, must also leave a misfit there; what acts across them leaves none.
     let rig = &search.prior.rig;
@@ -140,8 +139,7 @@ pub fn diagnose(look: &DiagnosisInput, model: &Model, seed: u64, stage: &dyn Fn(
         (index, fit, test) if index == best => (fit, (best > 0).then_some(test)),
         _ => {
             let fit = fit_with_causes(&search, &models[best]);
-            let changes = models[best].posterior.size_changes();
-            let test = (best > 0).then(|| TestedFit::new(observations, &fit, &changes, angle_errors, seed));
+            let test = (best > 0).then(|| tested(&search, &models[best], &fit, seed));
             (fit, test)
         }
     };
@@ -244,7 +242,7 @@ fn compared_models<'a>(
     let mut search = ModelSearch::new(observations, before, prior, &kinds)?;
     // What rig trials tell is not looked for in the person's.
     let kinds: Vec<MechanismKind> = kinds.into_iter().filter(|kind| !search.prior.rig.tells(*kind)).collect();
-    let given = TestedFit::new(observations, before, &[], &search.prior.angle_errors, seed);
+    let given = TestedFit::new(observations, before, &[], &search.prior, seed);
     stage("fitting the mechanisms of the catalogue");
     search.add_single_causes(&kinds, given.p_values.any() < SEEN_LEVEL);
     stage("fitting unknown laws");
@@ -253,8 +251,7 @@ fn compared_models<'a>(
     let single = search.best_with(1);
     let best = if search.models[single].log_odds > 0.0 { single } else { 0 };
     let fit = fit_with_causes(&search, &search.models[best]);
-    let changes = search.models[best].posterior.size_changes();
-    let tested = TestedFit::new(observations, &fit, &changes, &search.prior.angle_errors, seed);
+    let tested = tested(&search, &search.models[best], &fit, seed);
     search.add_pairs(&kinds, tested.p_values.any() < MISFIT_LEVEL);
     stage("looking for trials that do not belong");
     if let Some(kind) = kinds.iter().copied().find(|kind| kind.evidence() == EvidenceSource::SingleTrials) {
@@ -266,6 +263,17 @@ fn compared_models<'a>(
     }
     search.add_told_causes();
     Some(Comparison { search, given, single: (best, fit, tested) })
+}
+
+/// The test of what `fit`, that of a model, leaves. The changes of its causes' sizes over the session are explained, whatever they are.
+fn tested(search: &ModelSearch, model: &ComparedModel, fit: &Fit, seed: u64) -> TestedFit {
+    let prior = &search.prior;
+    let changed: Vec<MechanismKind> =
+        model.causes.iter().flat_map(|cause| prior.rig.changed_by(*cause)).collect();
+    let drifts = prior.constant_drifts.about(search.observations(), fit);
+    let mut changes = model.posterior.size_changes();
+    changes.extend(drifts.of_constants(&changed));
+    TestedFit::new(search.observations(), fit, &changes, prior, seed)
 }
 
 /// The fit of a model, with the deviations of its mechanisms' laws held at their most probable values.
@@ -340,7 +348,9 @@ fn beyond(used: &UsedFreedom) -> String {
     let what = match used.freedom {
         Freedom::Law(kind) => format!("the laws of its mechanisms are off, by {},", kind.title()),
         Freedom::Size(kind) => format!("the size of {} changes with order, torque or velocity", kind.id()),
-        Freedom::SharedErrors => "the errors of the angle that trials share are larger".into(),
+        Freedom::SharedErrors => {
+            "the errors of the angle and the drifts of measured constants are larger".into()
+        }
     };
     format!(
         "the best model is doubtful: {what} by more than was declared before the data (p = {:.1e})",

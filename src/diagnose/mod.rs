@@ -29,6 +29,8 @@ mod predicted_torque;
 mod preprocessing;
 mod protocol_design;
 mod residual_correlation;
+#[cfg(test)]
+mod test_session;
 mod within_trial;
 
 pub use across_trials::covariate_regression::CovariateEffect;

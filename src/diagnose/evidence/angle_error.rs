@@ -18,8 +18,9 @@ const LEAVES_ENCODER_STEP_S: (f64, f64) = (0.001, 0.004);
 /// which has the coefficient 1.
 const SMOOTHING_SD: f64 = 1.0;
 
-/// A direction of the mean motion's error is left out if it moves the mean residual of a velocity by less than this, in standard errors.
-const SMALLEST_SHIFT: f64 = 0.7;
+/// A direction of the mean motion's error is left out if it moves the mean residual of a velocity by less than this, in standard errors; so
+/// is a drift of a measured constant that moves the predictions of the whole session by less.
+pub(super) const SMALLEST_SHIFT: f64 = 0.7;
 
 /// Unknown errors of the angle that trials share.
 #[derive(Debug, Clone)]
@@ -57,12 +58,8 @@ impl MovedSessions {
         let once = observations.smoothed_again();
         let twice = once.smoothed_again();
         let at_rest = (observations.angle_step_rad > 0.0).then(|| rounded_at_rest(observations));
-        let with_error = |constants: &RigConstants| {
-            let mut changed = observations.with_constants(*constants);
-            changed.trials.iter_mut().for_each(|trial| trial.hold_stretches = Vec::new());
-            changed
-        };
-        Self { at_rest, smoothed: [once, twice], rig: rig.errors.iter().map(with_error).collect() }
+        let rig = rig.errors.iter().map(|constants| with_other_constants(observations, constants)).collect();
+        Self { at_rest, smoothed: [once, twice], rig }
     }
 
     /// Changes of the whitened predictions of `fit`.
@@ -89,12 +86,19 @@ impl MovedSessions {
     }
 }
 
+/// The session with other constants of the rig; without its holds, of which no prediction is made.
+pub(super) fn with_other_constants(observations: &Observations, constants: &RigConstants) -> Observations {
+    let mut changed = observations.with_constants(*constants);
+    changed.trials.iter_mut().for_each(|trial| trial.hold_stretches = Vec::new());
+    changed
+}
+
 /// Change of the whitened predictions of `fit` where the constants of the rig are those of `moved`, less that of the whitened records: the
 /// constants turn both.
 ///
 /// The record is that which the model predicts. In the measured one the constants turn the noise as well: a larger gain would be taken
 /// for less noise, and be the more probable the more values there are.
-fn change_against_record(
+pub(super) fn change_against_record(
     observations: &Observations,
     moved: &Observations,
     fit: &Fit,

@@ -5,7 +5,7 @@
 //! | `gaussian` | integrals and determinants of normal distributions |
 //! | `linearisation` | the torque of every trial, linear in what is unknown |
 //! | `session_equations` | marginal likelihood of a linear session: random effects, regression, common unknowns |
-//! | `free_laws`, `angle_error`, `session_prior` | priors of everything unknown |
+//! | `free_laws`, `angle_error`, `size_drift`, `session_prior` | priors of everything unknown |
 //! | `model_posterior` | optimum, spreads and evidence of one model |
 //! | `model_prior`, `model_search` | which models are compared, and what each is held to be before the data |
 //! | `rig_knowledge` | what rig trials say of the constants that causes are about |
@@ -24,4 +24,5 @@ pub mod model_search;
 pub mod rig_knowledge;
 pub mod session_equations;
 pub mod session_prior;
+pub mod size_drift;
 pub mod used_freedom;

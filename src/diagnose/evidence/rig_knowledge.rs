@@ -92,6 +92,15 @@ impl RigKnowledge {
             || kind == MechanismKind::TorqueLag && self.deviations.hidden_low_pass.is_some()
     }
 
+    /// The causes that are about those measured constants which `cause` changes.
+    pub fn changed_by(&self, cause: MechanismKind) -> Vec<MechanismKind> {
+        let by_delay = self.is_told_by_delay(cause);
+        let told = self.deviations.told.iter();
+        told.filter(|own| own.kind == cause || by_delay && own.priors.has_motor_delay())
+            .map(|own| own.kind)
+            .collect()
+    }
+
     /// How late the torque is behind the recorded angle at low frequencies, and the variance, s: the motor's delay where that angle is the
     /// command.
     fn motor_delay(&self) -> Option<(f64, f64)> {
@@ -101,6 +110,20 @@ impl RigKnowledge {
         let delay_s = late.iter().map(|place| told[*place].deviation).sum();
         let variance = late.iter().flat_map(|i| late.iter().map(|j| covariance[(*i, *j)])).sum();
         (!late.is_empty()).then_some((delay_s, variance))
+    }
+
+    /// The measured constants that causes can be about, each with the constants of a rig where that one is farther from its stated value by
+    /// `part` of its distance.
+    pub fn with_larger_deviations(&self, part: f64) -> Vec<(MechanismKind, RigConstants)> {
+        let farther = |own: &ToldConstant| {
+            let measured = own.quantity.normal_coordinate(own.value);
+            // A channel without a low-pass is one of no time constant.
+            let stated =
+                self.stated.value(own.quantity).map_or(0.0, |value| own.quantity.normal_coordinate(value));
+            let value = own.quantity.value_at(measured + part * (measured - stated));
+            (own.kind, self.constants.with(own.quantity, value))
+        };
+        self.deviations.told.iter().map(farther).collect()
     }
 
     fn told_by(&self, kind: MechanismKind) -> Option<&ToldConstant> {
@@ -235,33 +258,10 @@ fn errors(calibration: &RigCalibration, constants: RigConstants) -> Vec<RigConst
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::CalibratedQuantity;
-
-    const LEVER: Lever =
-        Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 };
+    use crate::diagnose::test_session::{LEVER, measured_rig};
 
     fn known(told: &[(RigQuantity, f64, f64)]) -> RigKnowledge {
-        known_with_low_pass_above(told, None)
-    }
-
-    fn known_with_low_pass_above(told: &[(RigQuantity, f64, f64)], above_hz: Option<f64>) -> RigKnowledge {
-        let quantity = |name: RigQuantity| {
-            let own = told.iter().find(|(quantity, ..)| *quantity == name);
-            CalibratedQuantity {
-                name,
-                value: own.map(|(_, value, _)| *value),
-                se: own.map(|(.., se)| *se),
-                stated: RigConstants::stated(Some(LEVER)).value(name),
-                reason: own.is_none().then(|| "no load tells it".to_owned()),
-                above: above_hz.filter(|_| name == RigQuantity::TorqueCutoff),
-            }
-        };
-        let quantities: Vec<CalibratedQuantity> = RigQuantity::ALL.map(quantity).to_vec();
-        let variances: Vec<f64> = quantities.iter().filter_map(|own| own.se).map(|se| se * se).collect();
-        let row = |i: usize| (0..variances.len()).map(|j| if i == j { variances[i] } else { 0.0 }).collect();
-        let covariance = (0..variances.len()).map(row).collect();
-        let calibration = RigCalibration::new("test".into(), "rig".into(), quantities, covariance);
-        RigKnowledge::measured(&calibration, Some(LEVER)).unwrap()
+        measured_rig(told, None)
     }
 
     #[test]
@@ -334,7 +334,7 @@ mod tests {
     fn a_late_torque_is_a_delay_or_a_low_pass_where_the_trials_tell_no_low_pass() {
         let (skew, lag) = (&[MechanismKind::ChannelSkew], &[MechanismKind::TorqueLag]);
         let late = |delay_s: f64, above_hz: f64| {
-            known_with_low_pass_above(&[(RigQuantity::TorqueDelay, delay_s, 0.000_03)], Some(above_hz))
+            measured_rig(&[(RigQuantity::TorqueDelay, delay_s, 0.000_03)], Some(above_hz))
         };
         // A low-pass of 150 Hz is late by 1.06 ms.
         let either = late(0.001_06, 100.0);

@@ -1,5 +1,5 @@
 //! Priors of everything unknown in a session, and the unknowns beside the coordinates of a fit: errors of the angle that trials share,
-//! and mechanisms whose size is not quite the same in all trials.
+//! and sizes that are not quite the same in all trials.
 
 use std::ops::Range;
 
@@ -11,21 +11,19 @@ use super::gaussian::smooth_precision;
 use super::linearisation::{LinearTrial, Unknowns};
 use super::rig_knowledge::RigKnowledge;
 use super::session_equations::{Design, FreeLawPrior, REGRESSORS};
+use super::size_drift::{ConstantDrifts, SIZE_DRIFTS, drift_covariates, drift_sds};
 use super::used_freedom::Freedom;
 use crate::diagnose::predicted_torque::torques;
 use crate::fit::{Fit, I_J, K_DEC, K_SRS, Observations, mechanism_ranges};
 use crate::statistics::group_indices;
 use crate::wrist::BASE_PARAMETERS;
-use crate::wrist::mechanisms::{FREE_LAWS, MechanismKind, Place, Prior, ProbeContext, SIZE_DRIFT_SD};
+use crate::wrist::mechanisms::{FREE_LAWS, MechanismKind, Place, Prior, ProbeContext};
 
 /// Standard deviation of I_j from repetition to repetition, as logarithm: the hand sits anew in the handle. Assumed.
 const INERTIA_SD: f64 = 0.03;
 
 /// Standard deviation of the prior of the logarithm of a parameter about which nothing is known.
 const VAGUE_LOG_SD: f64 = 3.0;
-
-/// Number of quantities with which a mechanism's size may drift: the order of the trials, torque and velocity.
-const SIZE_DRIFTS: usize = 3;
 
 /// k_dec is 0.6 of k_srs within a factor of e^0.5: the paper finds it below k_srs in all conditions, without figures (3.2, 3.3).
 const DECREMENT_RATIO: (f64, f64) = (0.6, 0.5);
@@ -48,6 +46,8 @@ pub struct SessionPrior {
     drifts: Vec<[f64; SIZE_DRIFTS]>,
     /// Errors of the angle and of the rig's constants that trials share.
     pub angle_errors: AngleErrors,
+    /// Changes of the rig's measured constants over the session.
+    pub constant_drifts: ConstantDrifts,
     /// What is known of the rig.
     pub rig: RigKnowledge,
     /// Coordinates of the model as given, about which vague priors lie.
@@ -69,22 +69,14 @@ impl SessionPrior {
             .collect();
         let mean = [0, 1].map(|which| logs.iter().map(|own| own[which]).sum::<f64>() / logs.len() as f64);
         let regressors = logs.iter().map(|own| [1.0, own[0] - mean[0], own[1] - mean[1]]).collect();
-        let scaled = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            let all: Vec<f64> = (0..count).map(value).collect();
-            let (low, high) = all.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
-            let half = 0.5 * (high - low);
-            all.iter().map(|x| if half > 1e-9 { (x - 0.5 * (low + high)) / half } else { 0.0 }).collect()
-        };
-        let order = scaled(&|trial| observations.trials[trial].input.covariates.progress);
-        let torque = scaled(&|trial| observations.trials[trial].torque_nm);
-        let velocity = scaled(&|trial| observations.trials[trial].velocity_rad_s);
-        let drifts = (0..count).map(|trial| [order[trial], torque[trial], velocity[trial]]).collect();
+        let drifts = drift_covariates(observations);
         let coordinates = fit.parameterisation.coordinates.iter().zip(&fit.solution.coordinates);
         Self {
             context,
             ranges: FreeLawRanges::of(observations, fit),
             conditions,
             regressors,
+            constant_drifts: ConstantDrifts::of(observations, fit, &rig, &drifts),
             drifts,
             angle_errors: AngleErrors::of(observations, fit, &rig),
             rig,
@@ -273,6 +265,8 @@ pub struct AddedColumns<'a> {
     prior: &'a SessionPrior,
     /// Errors of the angle that trials share, about this model.
     angle_errors: AngleErrors,
+    /// Changes of the rig's measured constants over the session, about this model.
+    constant_drifts: ConstantDrifts,
     /// The mechanisms whose size may drift.
     drifting: Vec<Drifting>,
     /// Free laws that are deviations from a mechanism's law, with the standard deviation of their coefficients.
@@ -299,7 +293,7 @@ impl<'a> AddedColumns<'a> {
                     kind: *kind,
                     parameter: range.start,
                     absent: without_effect(*kind, &prior.context),
-                    sd: [SIZE_DRIFT_SD, kind.torque_scaling_sd(), SIZE_DRIFT_SD],
+                    sd: drift_sds(*kind),
                 });
             }
             if let Some(law) = deviation_of(*kind).filter(|law| fit.kinds.contains(law)) {
@@ -310,23 +304,29 @@ impl<'a> AddedColumns<'a> {
                 }
             }
         }
-        Self { prior, angle_errors: prior.angle_errors.about(observations, fit), drifting, deviations }
+        Self {
+            prior,
+            angle_errors: prior.angle_errors.about(observations, fit),
+            constant_drifts: prior.constant_drifts.about(observations, fit),
+            drifting,
+            deviations,
+        }
     }
 
     /// Their number.
     pub fn count(&self) -> usize {
-        self.angle_errors.variances.len() + self.size_changes()
+        self.shared_errors() + SIZE_DRIFTS * self.drifting.len()
     }
 
-    /// Number of the last of them, which change the size of a mechanism.
-    fn size_changes(&self) -> usize {
-        SIZE_DRIFTS * self.drifting.len()
+    /// Number of the first of them: errors of the angle and drifts of measured constants.
+    fn shared_errors(&self) -> usize {
+        self.angle_errors.variances.len() + self.constant_drifts.variances.len()
     }
 
     /// What the model of `fit` may do with a declared standard deviation, with its places among the common unknowns.
     pub fn freedoms(&self, fit: &Fit, unknowns: &Unknowns) -> Vec<(Freedom, Range<usize>)> {
         let errors = unknowns.common.len();
-        let sizes = errors + self.angle_errors.variances.len();
+        let sizes = errors + self.shared_errors();
         let law = |(kind, range): (&MechanismKind, Range<usize>)| {
             self.deviation_sd(*kind)?;
             let places = self.prior.places_of(fit, unknowns, |parameter| range.contains(&parameter));
@@ -349,19 +349,25 @@ impl<'a> AddedColumns<'a> {
 
     fn precision(&self) -> DMatrix<f64> {
         let sizes = self.drifting.iter().flat_map(|own| own.sd.map(|sd| sd * sd));
-        let variances: Vec<f64> = self.angle_errors.variances.iter().copied().chain(sizes).collect();
+        let shared = self.angle_errors.variances.iter().chain(self.constant_drifts.variances.iter());
+        let variances: Vec<f64> = shared.copied().chain(sizes).collect();
         DMatrix::from_diagonal(&DVector::from_fn(self.count(), |place, _| 1.0 / variances[place]))
     }
 
     /// Adds the columns to the session that is `linear` at `fit`, and takes what they explain at `common` out of its residuals.
     pub fn add_to(&self, fit: &Fit, unknowns: &Unknowns, common: &DVector<f64>, linear: &mut [LinearTrial]) {
         let coordinates = unknowns.common.len();
-        let errors = self.angle_errors.variances.len();
+        let (errors, constants) = (&self.angle_errors.columns, &self.constant_drifts.columns);
+        let sizes = coordinates + self.shared_errors();
         let values = common.rows(coordinates, self.count()).into_owned();
         for (trial, own) in linear.iter_mut().enumerate() {
             let known = std::mem::replace(&mut own.common, DMatrix::zeros(0, 0));
             own.common = known.resize_horizontally(coordinates + self.count(), 0.0);
-            own.common.columns_mut(coordinates, errors).copy_from(&self.angle_errors.columns[trial]);
+            let mut first = coordinates;
+            for shared in [&errors[trial], &constants[trial]] {
+                own.common.columns_mut(first, shared.ncols()).copy_from(shared);
+                first += shared.ncols();
+            }
             for (number, drifting) in self.drifting.iter().enumerate() {
                 let place = unknowns.common.iter().position(|index| {
                     fit.parameterisation.coordinates[*index].parameter == drifting.parameter
@@ -371,7 +377,7 @@ impl<'a> AddedColumns<'a> {
                 let size = drifting.absent.map_or(1.0, |absent| common[place] - absent);
                 for (which, by) in self.prior.drifts[trial].iter().enumerate() {
                     let column = own.common.column(place) * (size * by);
-                    own.common.set_column(coordinates + errors + SIZE_DRIFTS * number + which, &column);
+                    own.common.set_column(sizes + SIZE_DRIFTS * number + which, &column);
                 }
             }
             own.residual -= own.common.columns(coordinates, self.count()) * &values;

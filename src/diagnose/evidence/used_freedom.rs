@@ -20,7 +20,7 @@ pub enum Freedom {
     Law(MechanismKind),
     /// The size of this mechanism, which may go with order, torque and velocity.
     Size(MechanismKind),
-    /// The errors of the angle and of measured constants of the rig, which trials share.
+    /// The errors of the angle and the drifts of measured constants of the rig, which trials share.
     SharedErrors,
 }
 

@@ -7,6 +7,7 @@ use super::lack_of_fit::pattern;
 use super::residual_projection::{ResidualProjection, WhitenedTrials};
 use super::score_test::{Probe, score};
 use crate::diagnose::evidence::angle_error::AngleErrors;
+use crate::diagnose::evidence::size_drift::ConstantDrifts;
 use crate::fit::{Observations, precision_factors};
 use crate::random::Stream;
 
@@ -99,12 +100,12 @@ pub struct NullDistribution {
 }
 
 impl NullDistribution {
-    /// Draws noise of the measured covariance for every trial and the errors of the angle that trials share, and takes out what the free
-    /// parameters of `tangent` absorb.
+    /// Draws noise of the measured covariance for every trial, and the drifts of measured constants and the errors of the angle that trials
+    /// share, and takes out what the free parameters of `tangent` absorb.
     pub fn new(
         observations: &Observations,
         tangent: &ResidualProjection,
-        angle_errors: &AngleErrors,
+        (constant_drifts, angle_errors): (&ConstantDrifts, &AngleErrors),
         probes: &[Probe],
         seed: u64,
     ) -> Self {
@@ -113,11 +114,15 @@ impl NullDistribution {
             .into_par_iter()
             .map(|number| {
                 let mut stream = Stream::new(seed, &format!("noise alone/{number}"));
-                let errors = angle_errors.variances.map(|variance| libm::sqrt(variance) * stream.normal());
+                let mut drawn = |variances: &DVector<f64>| {
+                    variances.map(|variance| libm::sqrt(variance) * stream.normal())
+                };
+                let (errors, drifts) = (drawn(&angle_errors.variances), drawn(&constant_drifts.variances));
                 let noise = |trial: usize| {
                     let sd = observations.noise_index[trial].map_or(1.0, |index| sds[index]);
                     DVector::from_fn(tangent.torque_values(trial), |_, _| sd * stream.normal())
                         + &angle_errors.columns[trial] * &errors
+                        + &constant_drifts.columns[trial] * &drifts
                 };
                 let noise: WhitenedTrials = (0..observations.trials.len()).map(noise).collect();
                 let mut finding = misfit_statistics(observations, tangent, probes, &tangent.project(&noise));

@@ -4,6 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::diagnose::evidence::angle_error::AngleErrors;
+use crate::diagnose::evidence::size_drift::ConstantDrifts;
 use crate::fit::{Component, Fit, Observations, Position, Prediction, Transform, predictions};
 
 /// Residuals and tangent space of a fit, component by component.
@@ -12,6 +13,8 @@ pub struct ResidualProjection {
     /// Number of whitened values of each trial, and how many of them stand for coordinates with a prior.
     rows: Vec<usize>,
     known: Vec<usize>,
+    /// Of known shape, so that all projected values are in units of the noise and these together.
+    constant_drifts: SharedErrors,
     angle_errors: SharedErrors,
 }
 
@@ -29,7 +32,11 @@ impl SharedErrors {
     }
 
     /// The errors whose projected effects are `effects`, for each error one of unit standard deviation.
-    fn of(effects: &[WhitenedTrials], rows: &[usize]) -> Option<Self> {
+    fn of(effects: &[WhitenedTrials], rows: &[usize]) -> Self {
+        let none = Self::none(rows.len());
+        if effects.is_empty() {
+            return none;
+        }
         let mut stacked = DMatrix::zeros(rows.iter().sum(), effects.len());
         for (mut column, effect) in stacked.column_iter_mut().zip(effects) {
             let mut first = 0;
@@ -45,7 +52,7 @@ impl SharedErrors {
         let variances =
             DVector::from_iterator(kept.len(), kept.iter().map(|place| eigen.eigenvalues[*place]));
         if kept.is_empty() {
-            return None;
+            return none;
         }
         let mut directions = stacked * eigen.eigenvectors.select_columns(&kept);
         for (mut column, variance) in directions.column_iter_mut().zip(variances.iter()) {
@@ -56,10 +63,10 @@ impl SharedErrors {
             first += rows;
             directions.rows(first - rows, *rows).into_owned()
         };
-        Some(Self {
+        Self {
             directions: rows.iter().map(own).collect(),
             excess: variances.map(|variance| 1.0 - 1.0 / libm::sqrt(1.0 + variance)),
-        })
+        }
     }
 
     /// `values` in units of the standard deviation of noise and errors together.
@@ -144,12 +151,12 @@ impl ProjectedComponent {
 pub type WhitenedTrials = Vec<DVector<f64>>;
 
 impl ResidualProjection {
-    /// The tangent space of `fit` and of the `further` directions, and `angle_errors` that trials share.
+    /// The tangent space of `fit` and of the `further` directions, and `constant_drifts` and `angle_errors` that trials share.
     pub fn new(
         observations: &Observations,
         fit: &Fit,
         further: &[WhitenedTrials],
-        angle_errors: &AngleErrors,
+        (constant_drifts, angle_errors): (&ConstantDrifts, &AngleErrors),
     ) -> Self {
         let predictions = predictions(observations, fit);
         let count = observations.trials.len();
@@ -167,26 +174,31 @@ impl ResidualProjection {
         };
         let parts = fit.parameterisation.components.iter().map(part).collect();
         let known = known.iter().map(Vec::len).collect();
-        let mut tangent = Self { parts, rows, known, angle_errors: SharedErrors::none(count) };
-        let effect = |place: usize| {
-            let sd = libm::sqrt(angle_errors.variances[place]);
-            tangent.project(&angle_errors.columns.iter().map(|own| own.column(place) * sd).collect())
-        };
-        let effects: Vec<WhitenedTrials> = (0..angle_errors.variances.len()).map(effect).collect();
-        if let Some(shared) = SharedErrors::of(&effects, &tangent.rows) {
-            tangent.angle_errors = shared;
-        }
+        let [constants, angle] = [SharedErrors::none(count), SharedErrors::none(count)];
+        let mut tangent = Self { parts, rows, known, constant_drifts: constants, angle_errors: angle };
+        tangent.constant_drifts = tangent.shared(&constant_drifts.columns, &constant_drifts.variances);
+        tangent.angle_errors = tangent.shared(&angle_errors.columns, &angle_errors.variances);
         tangent
     }
 
-    /// The whitened residuals by trial.
-    pub fn residuals(&self) -> WhitenedTrials {
-        self.by_trial(|part| part.residual.clone())
+    /// Errors that trials share, whose effects are `columns` for each trial, as the projected values show them.
+    fn shared(&self, columns: &[DMatrix<f64>], variances: &DVector<f64>) -> SharedErrors {
+        let effect = |(place, variance): (usize, &f64)| {
+            let sd = libm::sqrt(*variance);
+            self.project(&columns.iter().map(|own| own.column(place) * sd).collect())
+        };
+        let effects: Vec<WhitenedTrials> = variances.iter().enumerate().map(effect).collect();
+        SharedErrors::of(&effects, &self.rows)
     }
 
-    /// Subtracts from `change` what the free parameters can absorb.
+    /// The whitened residuals by trial, projected.
+    pub fn residuals(&self) -> WhitenedTrials {
+        self.constant_drifts.whiten(self.by_trial(|part| part.residual.clone()))
+    }
+
+    /// Subtracts from `change` what the free parameters can absorb, and weighs it by how far measured constants may drift.
     pub fn project(&self, change: &WhitenedTrials) -> WhitenedTrials {
-        self.by_trial(|part| part.projected(change, &self.rows))
+        self.constant_drifts.whiten(self.by_trial(|part| part.projected(change, &self.rows)))
     }
 
     /// Projected `values` in units of the noise and the angle's errors together.

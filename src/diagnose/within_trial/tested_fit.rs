@@ -3,7 +3,7 @@
 use super::null_distribution::{MisfitPValues, MisfitStatistics, NullDistribution, misfit_statistics};
 use super::residual_projection::{ResidualProjection, WhitenedTrials};
 use super::score_test::{UndetectableMechanism, probes};
-use crate::diagnose::evidence::angle_error::AngleErrors;
+use crate::diagnose::evidence::session_prior::SessionPrior;
 use crate::fit::{Fit, Observations};
 
 /// How the residuals of a fit compare with noise alone, and what it could not show.
@@ -17,19 +17,21 @@ pub struct TestedFit {
 }
 
 impl TestedFit {
-    /// Tests the residuals of `fit`, where trials share `angle_errors`, and what lies in the `further` directions is explained as well.
+    /// Tests the residuals of `fit`, where trials share the drifts of measured constants and the errors of the angle of `prior`, and what
+    /// lies in the `further` directions is explained as well.
     pub fn new(
         observations: &Observations,
         fit: &Fit,
         further: &[WhitenedTrials],
-        angle_errors: &AngleErrors,
+        prior: &SessionPrior,
         seed: u64,
     ) -> Self {
-        let angle_errors = &angle_errors.about(observations, fit);
-        let tangent = ResidualProjection::new(observations, fit, further, angle_errors);
+        let drifts = prior.constant_drifts.about(observations, fit);
+        let shared = (&drifts, &prior.angle_errors.about(observations, fit));
+        let tangent = ResidualProjection::new(observations, fit, further, shared);
         let (probes, undetectable) = probes(observations, fit, &tangent);
         let misfit = misfit_statistics(observations, &tangent, &probes, &tangent.residuals());
-        let noise_alone = NullDistribution::new(observations, &tangent, angle_errors, &probes, seed);
+        let noise_alone = NullDistribution::new(observations, &tangent, shared, &probes, seed);
         let p_values = noise_alone.p_values(&misfit);
         tracing::debug!(?misfit, ?p_values, causes = ?fit.kinds);
         Self { misfit, p_values, undetectable }
