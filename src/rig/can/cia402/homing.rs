@@ -10,7 +10,7 @@ use super::power::LET_BITS_SETTLE;
 use crate::rig::Origin;
 use crate::rig::can::canopen::{Link, Object};
 use crate::rig::can::cia402_state::{Controlword, DriveState, Mode, Statusword};
-use crate::rig::can::drive::{HANDLE_AT_START_RAD, MotionMonitor};
+use crate::rig::can::drive::{Drive, HANDLE_AT_START_RAD, MotionMonitor};
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::motion_proof::SpeedWatch;
 use crate::rig::can::units::{Counts, JointAngle};
@@ -43,6 +43,30 @@ impl RestWatch {
     }
 }
 
+/// Periods in which everything that is measured must have come before the drive gets power: enough to see a sample counter go on.
+const LOOK_PERIODS: u32 = 8;
+
+/// Looks at position, torque and all other channels while the drive has no power.
+///
+/// # Errors
+/// [`CanFault::NotMeasured`] for a frame that stays away; or a channel without a number, a counter that stands, a torque beyond its limit.
+fn look_before_power(
+    link: &mut Link,
+    drive: &mut dyn Drive,
+    monitor: &mut dyn MotionMonitor,
+) -> Result<(), CanFault> {
+    monitor.begin();
+    for _ in 0..LOOK_PERIODS {
+        monitor.period(link, drive).map_err(|fault| match fault {
+            CanFault::MissedCycle { id, in_a_row, tolerated } => {
+                CanFault::NotMeasured { id, in_a_row, tolerated }
+            }
+            other => other,
+        })?;
+    }
+    Ok(())
+}
+
 impl Cia402 {
     /// Where the drive has the handle (6064h), rad; asked for.
     pub(super) fn ask_angle(&self, link: &mut Link) -> Result<f64, CanFault> {
@@ -73,6 +97,7 @@ impl Cia402 {
             true => Some(RestWatch::new(self.ask_angle(link)?)),
             false => None,
         };
+        look_before_power(link, self, monitor)?;
         self.go_to_state(link, DriveState::OperationEnabled)?;
         self.control(link, Controlword::ENABLE_AND_GO)?;
         monitor.begin();
