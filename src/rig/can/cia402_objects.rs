@@ -354,6 +354,36 @@ pub const OBJECTS: &[ObjectUse] = &[
         ],
     ),
     row(
+        0x60B0,
+        "00",
+        Optional,
+        [
+            "position that the drive adds to its target: 0",
+            "taken as 0",
+            "set 60B0h to 0, and take it out of every receive PDO",
+        ],
+    ),
+    row(
+        0x60B1,
+        "00",
+        Optional,
+        [
+            "speed that the drive adds to that of its target: 0",
+            "taken as 0",
+            "set 60B1h to 0, and take it out of every receive PDO",
+        ],
+    ),
+    row(
+        0x60B2,
+        "00",
+        Optional,
+        [
+            "torque that the drive adds to that of its control loop: 0",
+            "taken as 0",
+            "set 60B2h to 0, and take it out of every receive PDO",
+        ],
+    ),
+    row(
         0x60C2,
         "01",
         Needed,

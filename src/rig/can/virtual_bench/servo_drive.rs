@@ -292,7 +292,8 @@ impl EmulatedServoDrive {
                 _ => None,
             });
             let told_rad = f64::from(counts) / COUNTS_PER_RAD;
-            let target_rad = scale.unwrap_or(1.0) * told_rad + self.origin_rad;
+            let offset_rad = f64::from(self.node.number(0x60B0, 0)) / COUNTS_PER_RAD;
+            let target_rad = scale.unwrap_or(1.0) * told_rad + offset_rad + self.origin_rad;
             if self.state == DriveState::OperationEnabled && self.mode() == 8 {
                 if !had_power {
                     wire.targets.powered_at(self.shaft_rad - self.origin_rad);
@@ -359,6 +360,7 @@ impl Device for EmulatedServoDrive {
                 *self = Self::new(now, shaft_rad);
                 wire.send(now, 0x700 + self.node.id, &[0]);
             }
+            BenchFault::Held(index, value) => self.node.set(index, 0, value.to_le_bytes()),
             BenchFault::PowerLoss => {
                 self.enter(DriveState::SwitchOnDisabled);
                 self.is_dead = true;

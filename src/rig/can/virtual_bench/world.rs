@@ -24,6 +24,8 @@ pub enum BenchFault {
     NmtDrop,
     /// The motor restarts.
     Reboot,
+    /// An object held this value when the program came.
+    Held(u16, i32),
     /// The motor loses its supply: no power, no frames.
     PowerLoss,
     /// The servo runs away from its target, rad/s.
