@@ -193,6 +193,16 @@ pub const OBJECTS: &[ObjectUse] = &[
         ],
     ),
     row(
+        0x6071,
+        "00",
+        Optional,
+        [
+            "target torque, which positions have no use for: 1 since the drive was armed, 0 after a restart",
+            "a drive that keeps its settings shows only by its boot-up message that it was restarted",
+            "nothing",
+        ],
+    ),
+    row(
         0x6072,
         "00",
         Needed,

@@ -125,12 +125,8 @@ impl Cia402 {
         }
     }
 
-    /// Whether the drive still has the limits that were written when it was armed last: one that was restarted has not.
-    pub(super) fn keeps_limits(&self, link: &mut Link, limits: &HandleLimits) -> Result<bool, CanopenError> {
-        Ok(self.first_limit_not_held(link, limits)?.is_none())
-    }
-
-    fn first_limit_not_held(
+    /// The first limit that the drive does not hold.
+    pub(super) fn first_limit_not_held(
         &self,
         link: &mut Link,
         limits: &HandleLimits,

@@ -74,22 +74,28 @@ impl Cia402 {
         Ok(self.gearing.from_drive(Counts(counts)).0)
     }
 
+    /// Whether the drive still has the origin of a homing that is done once.
+    ///
+    /// # Errors
+    /// [`CanFault::OriginLost`]
+    pub(super) fn check_origin(&self) -> Result<(), CanFault> {
+        if self.homed && self.was_restarted && self.motor.homing.takes_present_position() {
+            return Err(CanFault::OriginLost);
+        }
+        Ok(())
+    }
+
     /// Lets the drive find its origin. A method that takes the present position is used once: after a fault the motor
     /// may stand anywhere.
     ///
     /// # Errors
     /// The drive left its state, reported a homing error (bit 13), took too long, or lost the origin that it had. With a method
     /// that takes the present position: the motor moved, or has it elsewhere in the end.
-    pub(super) fn home(
-        &mut self,
-        link: &mut Link,
-        drive_keeps_limits: bool,
-        monitor: &mut dyn MotionMonitor,
-    ) -> Result<(), CanFault> {
+    pub(super) fn home(&mut self, link: &mut Link, monitor: &mut dyn MotionMonitor) -> Result<(), CanFault> {
         let homing = self.motor.homing;
         if self.homed && homing.takes_present_position() {
             self.origin = Origin::Kept;
-            return if drive_keeps_limits { Ok(()) } else { Err(CanFault::OriginLost) };
+            return self.check_origin();
         }
         self.homed = false;
         self.set_mode(link, Mode::Homing)?;
@@ -129,7 +135,8 @@ impl Cia402 {
                 return Err(CanFault::OriginMisplaced { angle_rad, expected_rad });
             }
         }
-        self.homed = true;
+        (self.homed, self.was_restarted) = (true, false);
+        link.forget_boot_up(self.motor.node);
         self.origin = Origin::at_arming(homing.takes_present_position(), false);
         self.go_to_state(link, DriveState::ReadyToSwitchOn)
     }
