@@ -19,7 +19,7 @@ use crate::wrist::Lever;
 const AROUND_ONSET_S: f64 = 0.040;
 
 /// A filter below this cut-off, Hz, has a time constant longer than what is analysed after an onset: of a ramp nothing is left in it.
-const SLOWEST_CUTOFF_HZ: f64 = 1.0 / (std::f64::consts::TAU * AROUND_ONSET_S);
+pub(super) const SLOWEST_CUTOFF_HZ: f64 = 1.0 / (std::f64::consts::TAU * AROUND_ONSET_S);
 
 /// Reads and checks the session in `folder`.
 ///

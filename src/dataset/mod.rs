@@ -28,6 +28,7 @@ mod replay;
 mod resume;
 mod rig_calibration;
 mod rig_calibration_check;
+mod rig_calibration_range;
 mod rig_trial_csv_reader;
 mod rig_trial_row;
 mod rig_trials;
