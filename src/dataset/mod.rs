@@ -98,6 +98,7 @@ pub use xdf_chunk::{
     XDF_MAGIC, XdfTag, xdf_chunk, xdf_chunks, xdf_file_header, xdf_footer, xdf_stream_chunk,
 };
 
+use crate::files::is_plain_name;
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
@@ -137,7 +138,7 @@ pub struct Subject {
 impl Subject {
     /// Whether a text can be a subject's identifier: letters, digits, -, _ and . such as S03.
     pub fn is_identifier(text: &str) -> bool {
-        !text.trim_matches('.').is_empty() && text.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
+        is_plain_name(text)
     }
 }
 
