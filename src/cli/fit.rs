@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::app::{
     AnalysedSession, AnalysisRequest, Console, Failure, FittedSession, ResultsFolder, announce_unfinished,
-    check_has_none, check_out, fit_table, folder_of_fit, parse_seed, read_model, write_report,
+    check_has_none, check_out, fit_table, folder_of_fit, lock_results, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session, session_folders};
@@ -174,6 +174,7 @@ impl FitArgs {
         results: &Results,
         console: &Console,
     ) -> Result<(), Failure> {
+        let _alone = if folder.is_none() { Some(lock_results(session)?) } else { None };
         let folder = match folder {
             Some(folder) => folder.clone(),
             None => folder_of_fit(session, &results.json)?,

@@ -26,7 +26,7 @@ mod whole_file;
 
 pub use csv_cell::{csv_cell, text_of_cell};
 pub use entry_kind::EntryKind;
-pub use folder::{Folder, FolderEntry};
+pub use folder::{Folder, FolderEntry, FolderLock};
 pub use given::{exists, make_folders, open, read, read_text};
 pub use plain_name::is_plain_name;
 pub use quoted::{excerpt, without_controls};
