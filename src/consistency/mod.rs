@@ -24,6 +24,7 @@ mod session_check;
 mod signal_check;
 mod trial_list;
 mod wrong_row;
+mod zero_torque;
 
 pub use contradiction::{Contradiction, Contradictions, measured_and_expected};
 pub use frozen_emg::check_frozen;

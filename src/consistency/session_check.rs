@@ -3,7 +3,9 @@
 use super::contradiction::{Contradiction, Contradictions};
 use super::measured_trial::MeasuredTrial;
 use super::signal_check::SignalCheck;
-use super::{emg, held_samples, hold, lever, onset, ramp, repeated_record, resistance, wrong_row};
+use super::{
+    emg, held_samples, hold, lever, onset, ramp, repeated_record, resistance, wrong_row, zero_torque,
+};
 use crate::dataset::{Session, Status, Trial};
 
 /// What the signals of `session` say against its table, in the order in which it is best mended.
@@ -45,6 +47,7 @@ fn of_trials(trials: &[&Trial], sample_rate_hz: f64) -> Vec<Contradiction> {
     if !trials_measured.is_empty() {
         found.extend(ramp::check_ramps(&trials_measured));
         found.extend(hold::check_torque(&trials_measured));
+        found.extend(zero_torque::check_zero(&trials_measured));
     }
     if found.iter().any(|one| one.check == SignalCheck::RampSpeed) && are_swapped(trials, sample_rate_hz) {
         for one in &mut found {

@@ -370,3 +370,18 @@ fn a_ramp_that_takes_seconds_after_a_hold_that_settled_is_not_taken_for_a_late_o
     });
     assert!(!failed(slow).contains(&SignalCheck::Onset));
 }
+
+#[test]
+fn a_torque_that_is_stated_as_0() {
+    let words = "0 N m, which says that the wrist is relaxed";
+    assert_named(each(|trial| trial.torque_nm = 0.0), SignalCheck::SteadyTorque, words);
+    assert_named(|session| session.trials[0].torque_nm = 0.0, SignalCheck::SteadyTorque, words);
+    // Relaxed trials among others, with a gauge that has an offset of 0.3 N m.
+    let relaxed = |session: &mut Session| {
+        for trial in session.trials.iter_mut().filter(|trial| trial.torque_nm < 1.0) {
+            trial.record.torque_l_nm.iter_mut().for_each(|torque| *torque -= 0.9);
+            trial.torque_nm = 0.0;
+        }
+    };
+    assert_eq!(failed(relaxed), []);
+}
