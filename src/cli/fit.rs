@@ -52,8 +52,8 @@ pub struct FitArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed, default_value_t = 1, requires = "bootstrap")]
     seed: u64,
     /// Analyse although a check of the signals against the table fails; the results keep it. Names, separated by commas:
-    /// ramp-speed, ramp-direction, onset, steady-torque, resistance, angle-range, emg, emg-frozen, held-samples, lever,
-    /// repeated-record.
+    /// ramp-speed, ramp-direction, onset, steady-torque, resistance, angle-range, emg, emg-frozen, held-samples, spike,
+    /// clipped, lever, repeated-record.
     #[arg(long, value_name = "CHECKS", value_delimiter = ',')]
     accept: Vec<SignalCheck>,
     /// Folder for the results; earlier results there are not overwritten [default: results/ in the session's folder, or a named

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde::Deserialize;
 
 use super::amendments::{AMENDMENTS, Amendments};
+use super::channel_ranges::ParsedChannels;
 use super::csv_input::{CsvTable, SessionFolder};
 use super::description_json::{check_format, parse_json};
 use super::error::{DatasetError, FilePlace};
@@ -54,6 +55,7 @@ pub fn load_amended(folder: &Path, amendments: &Amendments) -> Result<Session, D
         sample_rate_hz: about.sample_rate_hz,
         lever: about.rig.lever,
         recorded_filter: about.recorded_filter,
+        channel_ranges: about.channels.ranges(&folder.name("session.json"))?,
         trials,
     })
 }
@@ -116,6 +118,8 @@ pub(super) struct ParsedDescription {
     // `null` says that nothing was filtered; not to say anything is not the same.
     #[serde(deserialize_with = "Option::deserialize")]
     recorded_filter: Option<FilterSpec>,
+    #[serde(default)]
+    channels: ParsedChannels,
 }
 
 #[derive(Deserialize)]

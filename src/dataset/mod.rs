@@ -4,6 +4,7 @@ mod amendments;
 mod audit;
 mod background_recorder;
 mod calibrated_range;
+mod channel_ranges;
 mod csv_input;
 mod description_json;
 mod disk;
@@ -116,6 +117,8 @@ pub struct Session {
     pub lever: Option<Lever>,
     /// What the rig applied to both channels before recording.
     pub recorded_filter: Option<FilterSpec>,
+    /// Lowest and highest value that a channel can show, in its unit, by the name of its column; of the channels of which it is known.
+    pub channel_ranges: BTreeMap<String, [f64; 2]>,
     /// The trials in the order they were run, whatever their status.
     pub trials: Vec<Trial>,
 }
