@@ -143,6 +143,7 @@ impl NativeSession {
             sample_rate_hz: given.sample_rate_hz,
             lever: given.lever,
             recorded_filter: given.recorded_filter,
+            channel_ranges: Default::default(),
             trials,
         };
         check_given(&session, &times_s).map_err(exception)?;

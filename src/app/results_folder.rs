@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::dataset::open_session;
-use crate::files::{self, Folder};
+use crate::files::{self, Folder, FolderLock};
 
 use super::failure::Failure;
 
@@ -51,6 +51,16 @@ impl ResultsFolder {
         };
         opened.map_err(|source| Failure::ResultsFolder { path: self.path(), source })
     }
+}
+
+/// Waits until no other program writes results into the session in the folder `session`, and keeps the others waiting until it is dropped: a
+/// place for results is chosen, filled and noted in the manifest by one at a time.
+///
+/// # Errors
+/// If it is no session folder, or cannot be locked.
+pub fn lock_results(session: &Path) -> Result<FolderLock, Failure> {
+    let failed = |source| Failure::ResultsFolder { path: session.join(RESULTS), source };
+    open_session(session)?.lock().map_err(failed)
 }
 
 /// Opens a folder that the operator named, and makes it if it is not there.

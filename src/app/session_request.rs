@@ -141,6 +141,11 @@ impl SessionRequest<'_> {
                 "--subject is required with a motor; give the identifier of the subject".to_owned(),
             ));
         };
+        if !Subject::is_identifier(subject) {
+            return Err(Failure::Usage(format!(
+                "--subject {subject:?}: is no identifier; with a motor, expected one of letters, digits, -, _ and . such as S03"
+            )));
+        }
         let seed = self.seed.unwrap_or_else(draw_seed);
         let order = schedule::draw(self.protocol, seed, subject_number(subject))?;
         // Before the bus is open: from then on, somebody must listen to it.

@@ -8,7 +8,7 @@ use crate::session::{Machine, Phase, Status};
 
 use super::{
     AnalysedSession, AnalysisRequest, Console, Failure, ResultsFolder, attach_streams, fit_table,
-    ran_on_can_motor, write_report,
+    lock_results, ran_on_can_motor, write_report,
 };
 
 /// A session that has just been run, and its results, as nothing was asked for.
@@ -57,6 +57,7 @@ pub fn finish_session(
         Manifest::take(folder, is_virtual)?.write(&disk, folder)?;
     }
     let (session, results) = fitted?;
+    let _alone = lock_results(folder)?;
     let own = ResultsFolder::OfSession(folder.to_owned()).open()?;
     results.write(&disk, &own)?;
     write_report(folder, session, &own, console)?;

@@ -51,6 +51,7 @@ pub fn no_fraction_of_mvc(
         sample_rate_hz: table.rate_hz,
         lever: None,
         recorded_filter: None,
+        channel_ranges: Default::default(),
         trials,
     };
     let found = contradictions(&of_emg).into_iter().find(|one| one.check == SignalCheck::Emg)?;
@@ -139,6 +140,7 @@ mod tests {
             sample_rate_hz: 2500.0,
             lever: None,
             recorded_filter: None,
+            channel_ranges: Default::default(),
             trials: vec![trial],
         };
         no_fraction_of_mvc(&request, &session, &table, &[(7, 0..8000)])

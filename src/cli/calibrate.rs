@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::app::{Console, Failure, calibrate_rig, check_out, compare_rig};
+use crate::app::{Console, Failure, calibrate_rig, check_out, compare_rig, lock_results};
 use crate::calibrate::{CalibrationOutcome, RigComparison, RigVerdict, named_load};
 use crate::dataset::{Disk, Manifest, RIG_CALIBRATION, RigCalibration};
 use crate::files;
@@ -67,6 +67,7 @@ impl CalibrateArgs {
         match &self.out {
             Some(out) => outcome.calibration.write_as(&Disk::default(), out)?,
             None => {
+                let _alone = lock_results(&self.session)?;
                 outcome.calibration.write(&Disk::default(), &self.session)?;
                 Manifest::renew_results(&Disk::default(), &self.session)?;
             }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::app::{
     AnalysedSession, AnalysisRequest, Console, DiagnosedSession, Failure, ResultsFolder, announce_unfinished,
-    check_has_none, check_out, folder_of_diagnosis, parse_seed, read_model, write_report,
+    check_has_none, check_out, folder_of_diagnosis, lock_results, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session};
@@ -74,6 +74,7 @@ impl Verb for DiagnoseArgs {
         stages.finish_and_clear();
         let DiagnosedSession { input, diagnosis, json } = found;
         let prepared = &input.observations;
+        let _alone = if given.is_none() { Some(lock_results(&self.session)?) } else { None };
         let folder = match given {
             Some(folder) => folder,
             None => folder_of_diagnosis(&self.session, &json)?,

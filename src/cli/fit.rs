@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::app::{
     AnalysedSession, AnalysisRequest, Console, Failure, FittedSession, ResultsFolder, announce_unfinished,
-    check_has_none, check_out, fit_table, folder_of_fit, parse_seed, read_model, write_report,
+    check_has_none, check_out, fit_table, folder_of_fit, lock_results, parse_seed, read_model, write_report,
 };
 use crate::consistency::SignalCheck;
 use crate::dataset::{Disk, Manifest, Session, session_folders};
@@ -52,8 +52,8 @@ pub struct FitArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse_seed, default_value_t = 1, requires = "bootstrap")]
     seed: u64,
     /// Analyse although a check of the signals against the table fails; the results keep it. Names, separated by commas:
-    /// ramp-speed, ramp-direction, onset, steady-torque, resistance, angle-range, emg, emg-frozen, held-samples, lever,
-    /// repeated-record.
+    /// ramp-speed, ramp-direction, onset, steady-torque, resistance, angle-range, emg, emg-frozen, held-samples, spike,
+    /// clipped, lever, repeated-record.
     #[arg(long, value_name = "CHECKS", value_delimiter = ',')]
     accept: Vec<SignalCheck>,
     /// Folder for the results; earlier results there are not overwritten [default: results/ in the session's folder, or a named
@@ -174,6 +174,7 @@ impl FitArgs {
         results: &Results,
         console: &Console,
     ) -> Result<(), Failure> {
+        let _alone = if folder.is_none() { Some(lock_results(session)?) } else { None };
         let folder = match folder {
             Some(folder) => folder.clone(),
             None => folder_of_fit(session, &results.json)?,

@@ -5,6 +5,7 @@
 
 use super::contradiction::Contradiction;
 use super::ramp::rounded;
+use super::samples_of_ramp::RampChannel;
 use super::signal_check::SignalCheck;
 use crate::dataset::Trial;
 use crate::signal;
@@ -17,9 +18,6 @@ const MOVE_STEPS: f64 = 1.5;
 
 /// Repeats count as more frequent than not beyond this many standard deviations: by chance once in three million.
 const STANDARD_DEVIATIONS: f64 = 5.0;
-
-/// The samples of a channel in a trial.
-type SamplesOf = fn(&Trial) -> &[f64];
 
 /// Moves of a signal, by whether the value before was a repeat.
 #[derive(Debug, Clone, Copy, Default)]
@@ -77,16 +75,14 @@ impl Moves {
 
 /// Angle or torque that stands still between its moves, over all trials, or in single ones.
 pub fn check_held(trials: &[&Trial], sample_rate_hz: f64) -> Vec<Contradiction> {
-    let channels: [(&str, SamplesOf); 2] = [
-        ("theta_m_rad", |trial| &trial.record.theta_m_rad),
-        ("torque_l_nm", |trial| &trial.record.torque_l_nm),
-    ];
-    channels.into_iter().filter_map(|(column, values)| held(column, values, trials, sample_rate_hz)).collect()
+    RampChannel::ALL.into_iter().filter_map(|channel| held(channel, trials, sample_rate_hz)).collect()
 }
 
-fn held(column: &str, values: SamplesOf, trials: &[&Trial], sample_rate_hz: f64) -> Option<Contradiction> {
-    let of_trials: Vec<(u32, Moves)> =
-        trials.iter().map(|trial| (trial.number, Moves::of(trial, values(trial), sample_rate_hz))).collect();
+fn held(channel: RampChannel, trials: &[&Trial], sample_rate_hz: f64) -> Option<Contradiction> {
+    let of_trials: Vec<(u32, Moves)> = trials
+        .iter()
+        .map(|trial| (trial.number, Moves::of(trial, channel.of(trial), sample_rate_hz)))
+        .collect();
     let together =
         |moves: &[(u32, Moves)]| moves.iter().fold(Moves::default(), |sum, (_, own)| sum.with(*own));
     let concerned: Vec<(u32, Moves)> = if together(&of_trials).are_held() {
@@ -100,7 +96,7 @@ fn held(column: &str, values: SamplesOf, trials: &[&Trial], sample_rate_hz: f64)
     let samples = together(&concerned).samples_held();
     Some(Contradiction {
         check: SignalCheck::HeldSamples,
-        place: format!("column {column} of the records"),
+        place: format!("column {} of the records", channel.column()),
         trials: concerned.into_iter().map(|(number, _)| number).collect(),
         measured: format!(
             "during the ramps each value stands for {} samples, as if it were measured at {} Hz",

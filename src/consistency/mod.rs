@@ -7,6 +7,7 @@
 //! The limits lie between what honest rigs, gauges and subjects do and what mistakes of units, signs and times do.
 //! `docs/explanation/input-checks.md` gives the reason of each.
 
+mod clipped;
 mod contradiction;
 mod emg;
 mod frozen_emg;
@@ -20,10 +21,13 @@ mod onset;
 mod ramp;
 mod repeated_record;
 mod resistance;
+mod samples_of_ramp;
 mod session_check;
 mod signal_check;
+mod spike;
 mod trial_list;
 mod wrong_row;
+mod zero_torque;
 
 pub use contradiction::{Contradiction, Contradictions, measured_and_expected};
 pub use frozen_emg::check_frozen;

@@ -58,6 +58,6 @@ fn sum(record: &[&[f64]; 2]) -> u64 {
 }
 
 /// Whether a torque at rest changes at all: that of the first twentieth of a record, in which no ramp is.
-fn has_noise(torque_nm: &[f64]) -> bool {
+pub(super) fn has_noise(torque_nm: &[f64]) -> bool {
     torque_nm[..torque_nm.len() / 20].windows(2).any(|pair| pair[0] != pair[1])
 }

@@ -3,7 +3,10 @@
 use super::contradiction::{Contradiction, Contradictions};
 use super::measured_trial::MeasuredTrial;
 use super::signal_check::SignalCheck;
-use super::{emg, held_samples, hold, lever, onset, ramp, repeated_record, resistance, wrong_row};
+use super::{
+    clipped, emg, held_samples, hold, lever, onset, ramp, repeated_record, resistance, spike, wrong_row,
+    zero_torque,
+};
 use crate::dataset::{Session, Status, Trial};
 
 /// What the signals of `session` say against its table, in the order in which it is best mended.
@@ -12,9 +15,13 @@ pub fn contradictions(session: &Session) -> Vec<Contradiction> {
     let found = of_trials(&usable, session.sample_rate_hz);
     let held = held_samples::check_held(&usable, session.sample_rate_hz);
     let lever = session.lever.as_ref().and_then(lever::check_lever);
+    let spikes = spike::check_spikes(&usable, session.sample_rate_hz);
+    let clipped = clipped::check_clipped(&usable, &session.channel_ranges, session.sample_rate_hz);
     found
         .into_iter()
         .chain(held)
+        .chain(spikes)
+        .chain(clipped)
         .chain(lever)
         .chain(emg::check_emg(&usable, session.sample_rate_hz))
         .chain(repeated_record::check_repeated(&usable))
@@ -45,6 +52,7 @@ fn of_trials(trials: &[&Trial], sample_rate_hz: f64) -> Vec<Contradiction> {
     if !trials_measured.is_empty() {
         found.extend(ramp::check_ramps(&trials_measured));
         found.extend(hold::check_torque(&trials_measured));
+        found.extend(zero_torque::check_zero(&trials_measured));
     }
     if found.iter().any(|one| one.check == SignalCheck::RampSpeed) && are_swapped(trials, sample_rate_hz) {
         for one in &mut found {

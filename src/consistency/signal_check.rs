@@ -28,6 +28,10 @@ pub enum SignalCheck {
     EmgFrozen,
     /// Whether angle and torque are measured anew for each sample.
     HeldSamples,
+    /// Whether each sample of a ramp goes with its neighbours.
+    Spike,
+    /// Whether channels stay within what they can show.
+    Clipped,
     /// Whether the lever can pass on a ramp of some ten milliseconds.
     Lever,
     /// Whether each trial has a record of its own.
@@ -36,7 +40,7 @@ pub enum SignalCheck {
 
 impl SignalCheck {
     /// All checks.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::RampSpeed,
         Self::RampDirection,
         Self::Onset,
@@ -46,6 +50,8 @@ impl SignalCheck {
         Self::Emg,
         Self::EmgFrozen,
         Self::HeldSamples,
+        Self::Spike,
+        Self::Clipped,
         Self::Lever,
         Self::RepeatedRecord,
     ];
@@ -62,6 +68,8 @@ impl SignalCheck {
             Self::Emg => "emg",
             Self::EmgFrozen => "emg-frozen",
             Self::HeldSamples => "held-samples",
+            Self::Spike => "spike",
+            Self::Clipped => "clipped",
             Self::Lever => "lever",
             Self::RepeatedRecord => "repeated-record",
         }

@@ -32,6 +32,7 @@ fn sound() -> Session {
         sample_rate_hz: RATE_HZ,
         lever: Some(Lever { inertia_kg_m2: 0.0016, damping_nm_s_per_rad: 0.4, stiffness_nm_per_rad: 900.0 }),
         recorded_filter: None,
+        channel_ranges: Default::default(),
         trials,
     }
 }
@@ -369,4 +370,67 @@ fn a_ramp_that_takes_seconds_after_a_hold_that_settled_is_not_taken_for_a_late_o
         (trial.record.emg_fcr_mvc, trial.record.emg_ecr_mvc) = (None, None);
     });
     assert!(!failed(slow).contains(&SignalCheck::Onset));
+}
+
+/// The names of the checks that a session with one wrong value, at the time `at_s` after the onset of trial 3, fails.
+fn with_wrong_sample(at_s: f64, width: usize, spoil: impl Fn(&mut Record, usize)) -> Vec<SignalCheck> {
+    failed(|session| {
+        let sample = ((ONSET_S + at_s) * RATE_HZ) as usize;
+        (sample..sample + width).for_each(|at| spoil(&mut session.trials[2].record, at));
+    })
+}
+
+#[test]
+fn single_wrong_samples_of_a_ramp_are_found_in_either_channel() {
+    for at_s in [-0.02, 0.0, 0.005, 0.016, 0.03, 0.08] {
+        for width in [1, 2] {
+            for nm in [8.0, -8.0, 1.0] {
+                let found = with_wrong_sample(at_s, width, |record, at| record.torque_l_nm[at] += nm);
+                assert!(found.contains(&SignalCheck::Spike), "{nm} N m at {at_s} s, {width}: {found:?}");
+            }
+            let found = with_wrong_sample(at_s, width, |record, at| record.theta_m_rad[at] -= 0.05);
+            assert!(found.contains(&SignalCheck::Spike), "angle at {at_s} s, {width}: {found:?}");
+        }
+    }
+    assert_named(
+        |session| session.trials[2].record.torque_l_nm[1210] += 8.0,
+        SignalCheck::Spike,
+        "the sample at 0.605 s of trial 3 (trials/trial-003.csv, line 1212) is",
+    );
+}
+
+#[test]
+fn a_torque_at_the_end_of_its_converter() {
+    let cut = each(|trial| {
+        let most = trial.torque_nm + 1.6;
+        trial.record.torque_l_nm.iter_mut().for_each(|torque| *torque = torque.min(most));
+    });
+    assert_named(cut, SignalCheck::Clipped, "to the last digit, the farthest of the record");
+}
+
+#[test]
+fn a_channel_at_the_end_of_the_range_that_the_session_gives() {
+    let with_range = |high: f64| {
+        move |session: &mut Session| {
+            session.channel_ranges.insert("torque_l_nm".into(), [-20.0, high]);
+        }
+    };
+    assert_eq!(failed(with_range(20.0)), []);
+    assert_named(with_range(3.0), SignalCheck::Clipped, "field channels.torque_l_nm.range");
+    assert_named(with_range(3.0), SignalCheck::Clipped, "values between -20 and 3");
+}
+
+#[test]
+fn a_torque_that_is_stated_as_0() {
+    let words = "0 N m, which says that the wrist is relaxed";
+    assert_named(each(|trial| trial.torque_nm = 0.0), SignalCheck::SteadyTorque, words);
+    assert_named(|session| session.trials[0].torque_nm = 0.0, SignalCheck::SteadyTorque, words);
+    // Relaxed trials among others, with a gauge that has an offset of 0.3 N m.
+    let relaxed = |session: &mut Session| {
+        for trial in session.trials.iter_mut().filter(|trial| trial.torque_nm < 1.0) {
+            trial.record.torque_l_nm.iter_mut().for_each(|torque| *torque -= 0.9);
+            trial.torque_nm = 0.0;
+        }
+    };
+    assert_eq!(failed(relaxed), []);
 }

@@ -154,6 +154,7 @@ fn fit(context: &TrialFitContext, trials: &[Trial]) -> Result<Box<TrialFit>, Str
             sample_rate_hz: context.sample_rate_hz,
             lever: context.lever,
             recorded_filter: context.recorded_filter,
+            channel_ranges: Default::default(),
             trials: trials.to_vec(),
         };
         Observations::new(&session, context.preprocessing).map_err(|error| error.to_string())

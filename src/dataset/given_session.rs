@@ -228,6 +228,7 @@ mod tests {
             sample_rate_hz: 2000.0,
             lever: None,
             recorded_filter: None,
+            channel_ranges: Default::default(),
             trials: vec![trial(1), trial(2)],
         };
         (session, vec![times_s.clone(), times_s])

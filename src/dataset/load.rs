@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use serde::Deserialize;
 
 use super::amendments::{AMENDMENTS, Amendments};
+use super::channel_ranges::ParsedChannels;
 use super::csv_input::{CsvTable, SessionFolder};
 use super::description_json::{check_format, parse_json};
 use super::error::{DatasetError, FilePlace};
@@ -19,7 +20,7 @@ use crate::wrist::Lever;
 const AROUND_ONSET_S: f64 = 0.040;
 
 /// A filter below this cut-off, Hz, has a time constant longer than what is analysed after an onset: of a ramp nothing is left in it.
-const SLOWEST_CUTOFF_HZ: f64 = 1.0 / (std::f64::consts::TAU * AROUND_ONSET_S);
+pub(super) const SLOWEST_CUTOFF_HZ: f64 = 1.0 / (std::f64::consts::TAU * AROUND_ONSET_S);
 
 /// Reads and checks the session in `folder`.
 ///
@@ -54,6 +55,7 @@ pub fn load_amended(folder: &Path, amendments: &Amendments) -> Result<Session, D
         sample_rate_hz: about.sample_rate_hz,
         lever: about.rig.lever,
         recorded_filter: about.recorded_filter,
+        channel_ranges: about.channels.ranges(&folder.name("session.json"))?,
         trials,
     })
 }
@@ -116,6 +118,8 @@ pub(super) struct ParsedDescription {
     // `null` says that nothing was filtered; not to say anything is not the same.
     #[serde(deserialize_with = "Option::deserialize")]
     recorded_filter: Option<FilterSpec>,
+    #[serde(default)]
+    channels: ParsedChannels,
 }
 
 #[derive(Deserialize)]

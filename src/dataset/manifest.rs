@@ -16,7 +16,7 @@ use super::journal::JOURNAL;
 use super::pretty_json::pretty;
 use super::recorder::RecordError;
 use super::rig_calibration::RIG_CALIBRATION;
-use crate::files::{EntryKind, Folder, TreeFile, limits};
+use crate::files::{EntryKind, Folder, TreeFile, is_unfinished, limits};
 
 /// Name of the manifest in a session folder.
 pub const MANIFEST: &str = "manifest.json";
@@ -234,13 +234,15 @@ fn name_of(file: &TreeFile) -> String {
 }
 
 /// Length and sum of the plain files in a folder whose name is wanted. A link is no part of a session; `verify` says that it was
-/// added.
+/// added. A file that another program has not finished is none yet, and has another name when it is.
 fn stock(
     folder: &SessionFolder,
     is_wanted: impl Fn(&str) -> bool,
 ) -> Result<BTreeMap<String, ManifestEntry>, DatasetError> {
-    let wanted =
-        files(folder)?.into_iter().filter(|(name, file)| file.kind == EntryKind::File && is_wanted(name));
+    let wanted = files(folder)?.into_iter().filter(|(name, file)| {
+        let is_being_written = file.path.iter().next_back().is_some_and(is_unfinished);
+        file.kind == EntryKind::File && !is_being_written && is_wanted(name)
+    });
     wanted
         .map(|(name, file)| {
             let (bytes, sha256) =

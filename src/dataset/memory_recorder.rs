@@ -46,6 +46,7 @@ impl MemoryRecorder {
             sample_rate_hz: settings.sample_rate_hz,
             lever,
             recorded_filter: None,
+            channel_ranges: Default::default(),
             trials: trials
                 .filter(|(attempt, _)| !attempt.planned.key.practice)
                 .filter_map(|(attempt, record)| {

@@ -4,6 +4,7 @@ mod amendments;
 mod audit;
 mod background_recorder;
 mod calibrated_range;
+mod channel_ranges;
 mod csv_input;
 mod description_json;
 mod disk;
@@ -28,6 +29,7 @@ mod replay;
 mod resume;
 mod rig_calibration;
 mod rig_calibration_check;
+mod rig_calibration_range;
 mod rig_trial_csv_reader;
 mod rig_trial_row;
 mod rig_trials;
@@ -97,6 +99,7 @@ pub use xdf_chunk::{
     XDF_MAGIC, XdfTag, xdf_chunk, xdf_chunks, xdf_file_header, xdf_footer, xdf_stream_chunk,
 };
 
+use crate::files::is_plain_name;
 use crate::signal::FilterSpec;
 use crate::wrist::Lever;
 
@@ -114,6 +117,8 @@ pub struct Session {
     pub lever: Option<Lever>,
     /// What the rig applied to both channels before recording.
     pub recorded_filter: Option<FilterSpec>,
+    /// Lowest and highest value that a channel can show, in its unit, by the name of its column; of the channels of which it is known.
+    pub channel_ranges: BTreeMap<String, [f64; 2]>,
     /// The trials in the order they were run, whatever their status.
     pub trials: Vec<Trial>,
 }
@@ -136,7 +141,7 @@ pub struct Subject {
 impl Subject {
     /// Whether a text can be a subject's identifier: letters, digits, -, _ and . such as S03.
     pub fn is_identifier(text: &str) -> bool {
-        !text.trim_matches('.').is_empty() && text.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
+        is_plain_name(text)
     }
 }
 

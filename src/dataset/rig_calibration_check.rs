@@ -1,6 +1,7 @@
 //! What a rig calibration cannot be: names, values and a covariance that contradict each other.
 
 use super::rig_calibration::{CalibratedQuantity, RIG_CALIBRATION_FORMAT, RigCalibration, RigQuantity, told};
+use super::rig_calibration_range::check_possible;
 
 /// How far a covariance may be from symmetric, and its diagonal from the squares of the standard errors, as a part of the product of
 /// both standard errors: the digits that other programs print.
@@ -84,7 +85,7 @@ impl CalibratedQuantity {
                 } else if !(se.is_finite() && se > 0.0) {
                     Err(format!("{name} has the standard error {se}; expected a number above 0"))
                 } else {
-                    Ok(())
+                    check_possible(self.name, value, se)
                 }
             }
             _ => Err(format!("{name}: expected a value with its standard error, or neither")),
@@ -178,6 +179,10 @@ mod tests {
             ),
             (refusal(|c| c.quantities[0].se = None), "expected a value with its standard error"),
             (refusal(|c| c.quantities[1].reason = None), "expected a reason"),
+            (
+                refusal(|c| c.quantities[3].value = Some(5.0)),
+                "field quantities[3]: torque_gain is 5; expected 0.333 to 3: a channel that is off by more is in another unit",
+            ),
             (refusal(|c| c.covariance_of.truncate(1)), "field covariance_of"),
             (refusal(|c| c.covariance.truncate(1)), "expected 2 rows of 2"),
             (

@@ -148,6 +148,7 @@ mod tests {
             sample_rate_hz: 1000.0,
             lever: None,
             recorded_filter: None,
+            channel_ranges: Default::default(),
             trials: [1, 2].map(trial).into(),
         }
     }

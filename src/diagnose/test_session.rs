@@ -91,6 +91,7 @@ pub fn session(kind: MechanismKind, values: impl Fn(f64) -> Vec<f64>) -> Session
         sample_rate_hz: 1.0 / PERIOD_S,
         lever: Some(LEVER),
         recorded_filter: None,
+        channel_ranges: Default::default(),
         trials,
     }
 }

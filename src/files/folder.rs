@@ -29,6 +29,13 @@ pub struct Folder {
     shown: PathBuf,
 }
 
+/// Keeps others that ask for the lock of a folder waiting until it is dropped.
+#[derive(Debug)]
+pub struct FolderLock {
+    /// `None` where the file system has no locks: then nobody waits.
+    _file: Option<File>,
+}
+
 /// What lies in a folder under a name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FolderEntry {
@@ -95,6 +102,14 @@ impl Folder {
         let (parent, last) = self.parent_of(name.as_ref())?;
         parent.handle.make_folder(last)?;
         parent.folder(last)
+    }
+
+    /// Waits until no other program, nor another part of this one, holds the lock of the folder.
+    ///
+    /// # Errors
+    /// If it cannot be locked.
+    pub fn lock(&self) -> io::Result<FolderLock> {
+        Ok(FolderLock { _file: self.handle.lock()? })
     }
 
     /// The folder that `name` is in, and the last part of `name`.

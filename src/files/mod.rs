@@ -17,6 +17,7 @@ mod open_at;
 #[cfg(not(unix))]
 #[path = "without_openat.rs"]
 mod open_at;
+mod plain_name;
 mod purpose;
 mod quoted;
 mod refusal;
@@ -25,8 +26,9 @@ mod whole_file;
 
 pub use csv_cell::{csv_cell, text_of_cell};
 pub use entry_kind::EntryKind;
-pub use folder::{Folder, FolderEntry};
+pub use folder::{Folder, FolderEntry, FolderLock};
 pub use given::{exists, make_folders, open, read, read_text};
+pub use plain_name::is_plain_name;
 pub use quoted::{excerpt, without_controls};
 pub use refusal::{FileRefusal, is_refusal};
 pub use tree::TreeFile;

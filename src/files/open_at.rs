@@ -96,6 +96,19 @@ impl FolderHandle {
         Ok(rustix::fs::syncfs(&self.0)?)
     }
 
+    /// Waits until nobody else holds the lock of the folder; it is given back when the file is closed. `None` where the file system knows
+    /// no locks.
+    pub fn lock(&self) -> io::Result<Option<File>> {
+        // A lock belongs to an opened folder: the own handle may be shared.
+        let own = File::from(rustix::fs::openat(&self.0, ".", FOLDER, Mode::empty())?);
+        match own.lock() {
+            Ok(()) => Ok(Some(own)),
+            Err(error) if error.kind() == io::ErrorKind::Unsupported => Ok(None),
+            Err(error) if error.raw_os_error() == Some(Errno::BADF.raw_os_error()) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
     /// The names in it; at most `limit`.
     pub fn names(&self, limit: usize) -> io::Result<Vec<OsString>> {
         let mut names = Vec::new();

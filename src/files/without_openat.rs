@@ -66,6 +66,11 @@ impl FolderHandle {
         Ok(())
     }
 
+    /// A folder has no lock here.
+    pub fn lock(&self) -> io::Result<Option<File>> {
+        Ok(None)
+    }
+
     /// The names in it; at most `limit`.
     pub fn names(&self, limit: usize) -> io::Result<Vec<OsString>> {
         let mut names = Vec::new();

@@ -102,6 +102,7 @@ pub fn import(tables: Vec<SourceTable>, mapping: &Mapping) -> Result<ImportedSes
         sample_rate_hz: rate_hz,
         lever: mapping.lever,
         recorded_filter: mapping.recorded_filter,
+        channel_ranges: Default::default(),
         trials,
     };
     Ok(ImportedSession { session, sources, left_out })

@@ -159,16 +159,20 @@ fn a_calibration_that_cannot_be_used_is_refused_before_anything_is_written() {
         of_fit
     };
     type Change<'a> = &'a dyn Fn(&mut Value);
-    let expected: [(Change<'_>, &str); 6] = [
+    let expected: [(Change<'_>, &str); 7] = [
         (&|own| own["format"] = json!("ramphold-rig-calibration/2"), "field format"),
         (&|own| own["covariance"][0][1] = json!(1.0), "field covariance[0][1]"),
         (&|own| own["quantities"].as_array_mut().unwrap().swap(0, 1), "in this order"),
         (&|own| own["warnings"] = json!(["the bar of 0.004 kg m2 looks like 0.006"]), "looks like 0.006"),
         (
             &|own| {
-                own["quantities"][0]["value"] = json!(16.0);
+                own["quantities"][0]["value"] = json!(0.9);
             },
             "mistake of units",
+        ),
+        (
+            &|own| own["quantities"][0]["value"] = json!(16.0),
+            "field quantities[0]: lever_inertia_kg_m2 is 16; expected 0.000001 to 1: a gram at 3 cm",
         ),
         (&|own| own["extra"] = json!(1), "unknown field"),
     ];

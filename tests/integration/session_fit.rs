@@ -83,3 +83,21 @@ fn a_session_without_repetitions_is_fitted_trial_by_trial_and_says_so() {
     assert!(table.contains("each trial fitted on its own: no condition was repeated"), "{table}");
     assert_eq!(fit_json(&workspace, "once")["session_model"]["reason"], "no condition was repeated");
 }
+
+#[test]
+fn fits_of_one_session_at_one_time_all_succeed_and_leave_results_that_go_together() {
+    let workspace = session();
+    for _ in 0..3 {
+        let fits: Vec<_> = (0..4)
+            .map(|_| {
+                let mut fit = workspace.ramphold(&["fit", "session"]);
+                fit.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped()).spawn().unwrap()
+            })
+            .collect();
+        for fit in fits {
+            let ended = fit.wait_with_output().unwrap();
+            assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+        }
+        workspace.call(0, &["verify", "session"]);
+    }
+}

@@ -163,6 +163,21 @@ fn a_session_without_rig_trials_has_nothing_of_them() {
 }
 
 #[test]
+fn a_result_that_another_program_has_not_finished_is_no_part_of_the_manifest() {
+    let folder_of_sessions = tempfile::tempdir().unwrap();
+    let folder = folder_of_sessions.path().join("s");
+    run(&folder, Disk::default()).unwrap();
+    Manifest::take(&folder, true).unwrap().write(&Disk::default(), &folder).unwrap();
+    fs::create_dir_all(folder.join("results")).unwrap();
+    fs::write(folder.join("results/.report.html.de71836e9a51960a.new"), "half").unwrap();
+    fs::write(folder.join("results/fit.csv"), "whole").unwrap();
+    Manifest::renew_results(&Disk::default(), &folder).unwrap();
+    let files = Manifest::read(&folder).unwrap().files;
+    let results: Vec<&String> = files.keys().filter(|file| file.starts_with("results/")).collect();
+    assert_eq!(results, ["results/fit.csv"]);
+}
+
+#[test]
 fn a_session_that_is_at_work_is_not_opened_a_second_time() {
     let folder_of_sessions = tempfile::tempdir().unwrap();
     let folder = folder_of_sessions.path().join("s");

@@ -137,3 +137,19 @@ fn what_lies_under_a_name_is_told_without_following_it() {
     );
     assert!(there.folder.contains("link") && !there.folder.contains("gone"));
 }
+
+#[test]
+fn the_lock_of_a_folder_is_had_by_one_at_a_time() {
+    let there = place();
+    let held = there.folder.lock().unwrap();
+    let other = Folder::open(there.place.path().join("inside").as_path()).unwrap();
+    let (told, waits) = std::sync::mpsc::channel();
+    let waiting = std::thread::spawn(move || {
+        let _lock = other.lock().unwrap();
+        told.send(()).unwrap();
+    });
+    assert!(waits.recv_timeout(std::time::Duration::from_millis(200)).is_err(), "it did not wait");
+    drop(held);
+    waits.recv_timeout(std::time::Duration::from_secs(60)).unwrap();
+    waiting.join().unwrap();
+}

@@ -91,6 +91,7 @@ impl SyntheticSession {
             sample_rate_hz: 1.0 / PERIOD_S,
             lever: Some(LEVER),
             recorded_filter: None,
+            channel_ranges: Default::default(),
             trials,
         }
     }

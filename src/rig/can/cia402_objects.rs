@@ -193,6 +193,16 @@ pub const OBJECTS: &[ObjectUse] = &[
         ],
     ),
     row(
+        0x6071,
+        "00",
+        Optional,
+        [
+            "target torque, which positions have no use for: 1 since the drive was armed, 0 after a restart",
+            "a drive that keeps its settings shows only by its boot-up message that it was restarted",
+            "nothing",
+        ],
+    ),
+    row(
         0x6072,
         "00",
         Needed,
@@ -351,6 +361,36 @@ pub const OBJECTS: &[ObjectUse] = &[
             "unit of accelerations: increments/s2",
             "taken as increments/s2: make sure in the manual, for 6085h depends on it",
             "set the numerator of 60AAh to B5h (increments) without a power of ten, or 60AAh to 0",
+        ],
+    ),
+    row(
+        0x60B0,
+        "00",
+        Optional,
+        [
+            "position that the drive adds to its target: 0",
+            "taken as 0",
+            "set 60B0h to 0, and take it out of every receive PDO",
+        ],
+    ),
+    row(
+        0x60B1,
+        "00",
+        Optional,
+        [
+            "speed that the drive adds to that of its target: 0",
+            "taken as 0",
+            "set 60B1h to 0, and take it out of every receive PDO",
+        ],
+    ),
+    row(
+        0x60B2,
+        "00",
+        Optional,
+        [
+            "torque that the drive adds to that of its control loop: 0",
+            "taken as 0",
+            "set 60B2h to 0, and take it out of every receive PDO",
         ],
     ),
     row(

@@ -209,7 +209,7 @@ pub enum PowerState {
 
 /// Supervises a motor that moves without targets: to its home, or in the small motions that prove it.
 pub trait MotionMonitor {
-    /// The motor begins to move. What was seen before does not count, and angles are not compared with the limits.
+    /// The motor begins to move, or to be looked at. What was seen before does not count, and angles are not compared with the limits.
     fn begin(&mut self);
 
     /// Supervises one period. Returns what the frames said, and the angle at SYNC.

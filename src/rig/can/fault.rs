@@ -26,6 +26,20 @@ pub enum CanFault {
         /// The identifier that is missing.
         id: u16,
     },
+    /// What must be known before there is power did not arrive.
+    #[error(
+        "the motor was given no power: frame {id:03X}h, which carries measured values, did not come in {in_a_row} periods in a row, \
+         {tolerated} are tolerated, and position and torque must be known first; check the cable and supply of the device that \
+         sends it, and its TPDO"
+    )]
+    NotMeasured {
+        /// The identifier that is missing.
+        id: u16,
+        /// In how many periods.
+        in_a_row: u32,
+        /// How many the rig file tolerates.
+        tolerated: u32,
+    },
     /// Periods without answer while the motor moves: if it missed their targets, it would jump to the next.
     #[error(
         "no answer to SYNC (missing identifier {id:03X}h) while the target moved by {step_rad:.4} rad: a motor that missed \
@@ -580,6 +594,7 @@ impl CanFault {
                 | CanopenError::Flood { .. },
             ) => FaultClass::Bus,
             Self::MissedCycle { .. }
+            | Self::NotMeasured { .. }
             | Self::MissedInMotion { .. }
             | Self::Overrun { .. }
             | Self::Duplicated { .. } => FaultClass::Cycle,

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::mechanism_list::MechanismList;
+use crate::files::is_plain_name;
 use crate::json_file::{self, JsonFileError};
 use crate::random::Stream;
 
@@ -326,8 +327,9 @@ impl Person {
         if self.format != PERSON_FORMAT {
             return refuse("format", self.format.clone(), PERSON_FORMAT);
         }
-        if self.id.is_empty() || self.id.chars().any(char::is_control) {
-            return refuse("id", self.id.clone(), "a name");
+        if !is_plain_name(&self.id) {
+            let expected = "an identifier of letters, digits, -, _ and . such as S03: files of its sessions are named after it";
+            return refuse("id", format!("{:?}", self.id), expected);
         }
         for (field, value) in positive {
             if !(value > 0.0 && value.is_finite()) {

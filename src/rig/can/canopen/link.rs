@@ -101,6 +101,8 @@ pub struct Link {
     /// Counters when the watch began: what was before is no fault.
     before: Counters,
     foreign_window: (Instant, u64),
+    /// Nodes whose boot-up message came since it was last asked for, a bit each.
+    booted: u128,
     /// The latest emergency, for messages.
     last_emergency: Option<(u8, u16)>,
     counters: Counters,
@@ -128,6 +130,7 @@ impl Link {
             tolerance: Tolerance { error_frames: 0, garbled: 0, foreign_per_s: u32::MAX },
             before: Counters::default(),
             foreign_window: (now, 0),
+            booted: 0,
             last_emergency: None,
             counters: Counters::default(),
             time_stretch: 1.0,
@@ -222,6 +225,17 @@ impl Link {
     /// What the latest heartbeat of a watched node said.
     pub fn state(&self, node: u8) -> Option<NmtState> {
         self.watched.iter().flatten().find(|watched| watched.node.node == node)?.state
+    }
+
+    /// Whether a node was restarted since [`Link::forget_boot_up`]: its boot-up message came, watched or not. One that was lost in a queue
+    /// that nobody read is not known of.
+    pub fn has_booted(&self, node: u8) -> bool {
+        self.booted & 1 << (node & 0x7F) != 0
+    }
+
+    /// What a node lost when it was restarted was set again.
+    pub fn forget_boot_up(&mut self, node: u8) {
+        self.booted &= !(1 << (node & 0x7F));
     }
 
     /// The latest emergency: node and code.
@@ -380,6 +394,9 @@ impl Link {
             Received::Frame(frame, arrival) => {
                 self.counters.received += 1;
                 self.arrival = arrival;
+                if (0x701..=0x77F).contains(&frame.id) && frame.data() == [0] {
+                    self.booted |= 1 << (frame.id & 0x7F);
+                }
                 match frame.id {
                     0x700..=0x77F if self.minds(&frame) => {
                         self.heartbeat(&frame, arrival.latest).map(|()| None)

@@ -125,12 +125,8 @@ impl Cia402 {
         }
     }
 
-    /// Whether the drive still has the limits that were written when it was armed last: one that was restarted has not.
-    pub(super) fn keeps_limits(&self, link: &mut Link, limits: &HandleLimits) -> Result<bool, CanopenError> {
-        Ok(self.first_limit_not_held(link, limits)?.is_none())
-    }
-
-    fn first_limit_not_held(
+    /// The first limit that the drive does not hold.
+    pub(super) fn first_limit_not_held(
         &self,
         link: &mut Link,
         limits: &HandleLimits,
@@ -207,8 +203,9 @@ impl Cia402 {
     }
 }
 
-/// 607Dh, 6072h, 6065h, 6066h and 6080h. A turned gear swaps the end stops.
-fn limit_objects(gearing: &Gearing, limits: &HandleLimits) -> [(Object, Value); 6] {
+/// 607Dh, 6072h, 6065h, 6066h and 6080h; and what the drive adds to its targets, which would move the motor beside the target that was
+/// checked: 60B0h, 60B1h and 60B2h. A turned gear swaps the end stops.
+fn limit_objects(gearing: &Gearing, limits: &HandleLimits) -> [(Object, Value); 9] {
     let ends = limits.angle_rad.map(|rad| gearing.to_drive(JointAngle(rad)));
     [
         (Object::entry(0x607D, 1), ends[0].min(ends[1]).0.into()),
@@ -217,5 +214,8 @@ fn limit_objects(gearing: &Gearing, limits: &HandleLimits) -> [(Object, Value); 
         (Object::plain(0x6065), gearing.length(limits.following_error_rad).into()),
         (Object::plain(0x6066), limits.following_error_ms.into()),
         (Object::plain(0x6080), gearing.motor_rpm(limits.speed_rad_s).into()),
+        (Object::plain(0x60B0), 0i32.into()),
+        (Object::plain(0x60B1), 0i32.into()),
+        (Object::plain(0x60B2), 0i16.into()),
     ]
 }

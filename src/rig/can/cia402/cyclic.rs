@@ -67,7 +67,13 @@ impl Drive for Cia402 {
     ) -> Result<(), CanFault> {
         start_nodes(link, &self.monitored_nodes())?;
         link.set_error_policy(ErrorPolicy::Fault);
-        self.home(link, self.keeps_limits, monitor)?;
+        let was_homed = self.homed;
+        self.write_mark(link)?;
+        self.home(link, monitor)?;
+        if !was_homed {
+            // It had power meanwhile, and lost it again.
+            self.keeps_mark = self.has_mark(link)? == Some(true);
+        }
         self.confirm_limits(link, limits)?;
         self.set_mode(link, Mode::CyclicSynchronousPosition)?;
         self.seen = self.ask_status(link)?.state();
@@ -172,12 +178,12 @@ impl Drive for Cia402 {
         self.motor.homing.takes_present_position()
     }
 
-    /// One that was restarted has not the limits that were written.
+    /// One that was restarted has not the limits or the mark that were written, or its boot-up message came.
     fn shows_lost_origin(&self) -> bool {
         true
     }
 
-    /// A drive that was not restarted still has the limits that were written when it was armed.
+    /// A drive that was not restarted still has the limits and the mark that were written when it was armed.
     fn ask_origin(
         &mut self,
         link: &mut Link,
@@ -188,7 +194,8 @@ impl Drive for Cia402 {
         let mut setup = ObjectSetup::new(link, self.motor.node);
         self.check_units(&mut setup)?;
         setup.first_fault()?;
-        let is_kept = self.keeps_limits(link, limits)?;
+        self.keeps_mark = self.has_mark(link)?.is_some();
+        let is_kept = !self.shows_restart(link, limits, self.keeps_mark)?;
         Ok(OriginReport { is_kept: Some(is_kept), angle: Some(JointAngle(self.ask_angle(link)?)) })
     }
 
@@ -238,12 +245,14 @@ impl Cia402 {
     ) -> Result<(), CanFault> {
         self.check_units(setup)?;
         let units = setup.first_fault();
-        self.keeps_limits = match self.written.filter(|_| units.is_ok()) {
-            Some(written) => self.keeps_limits(setup.link, &written)?,
-            None => false,
+        self.was_restarted |= match self.written.filter(|_| units.is_ok()) {
+            Some(written) => self.shows_restart(setup.link, &written, self.keeps_mark)?,
+            None => self.homed,
         };
         self.reset_fault(setup.link)?;
         self.confirm_no_power(setup.link, DRIVE_STATE_TIMEOUT)?;
+        // Before anything is written that would hide it from the next who asks.
+        self.check_origin()?;
         self.written = None;
         self.write_watchdogs(setup, file)?;
         self.write_limits(setup, limits)?;

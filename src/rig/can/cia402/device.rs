@@ -24,7 +24,10 @@ pub struct Cia402 {
     pub(super) origin: Origin,
     /// The limits of the last arming, which a drive that was not restarted still has.
     pub(super) written: Option<HandleLimits>,
-    pub(super) keeps_limits: bool,
+    /// Whether the drive was restarted since it was homed.
+    pub(super) was_restarted: bool,
+    /// The drive kept the mark of its arming until it was homed, so that only a restart takes it away.
+    pub(super) keeps_mark: bool,
     /// The state that the latest frames told.
     pub(super) seen: DriveState,
     /// What was missing or refused when the drive was set up last.
@@ -45,7 +48,8 @@ impl Cia402 {
             homed: false,
             origin: Origin::Found,
             written: None,
-            keeps_limits: false,
+            was_restarted: false,
+            keeps_mark: false,
             seen: DriveState::NotReady,
             findings: Vec::new(),
         }

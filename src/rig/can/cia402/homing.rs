@@ -10,7 +10,7 @@ use super::power::LET_BITS_SETTLE;
 use crate::rig::Origin;
 use crate::rig::can::canopen::{Link, Object};
 use crate::rig::can::cia402_state::{Controlword, DriveState, Mode, Statusword};
-use crate::rig::can::drive::{HANDLE_AT_START_RAD, MotionMonitor};
+use crate::rig::can::drive::{Drive, HANDLE_AT_START_RAD, MotionMonitor};
 use crate::rig::can::fault::CanFault;
 use crate::rig::can::motion_proof::SpeedWatch;
 use crate::rig::can::units::{Counts, JointAngle};
@@ -43,11 +43,46 @@ impl RestWatch {
     }
 }
 
+/// Periods in which everything that is measured must have come before the drive gets power: enough to see a sample counter go on.
+const LOOK_PERIODS: u32 = 8;
+
+/// Looks at position, torque and all other channels while the drive has no power.
+///
+/// # Errors
+/// [`CanFault::NotMeasured`] for a frame that stays away; or a channel without a number, a counter that stands, a torque beyond its limit.
+fn look_before_power(
+    link: &mut Link,
+    drive: &mut dyn Drive,
+    monitor: &mut dyn MotionMonitor,
+) -> Result<(), CanFault> {
+    monitor.begin();
+    for _ in 0..LOOK_PERIODS {
+        monitor.period(link, drive).map_err(|fault| match fault {
+            CanFault::MissedCycle { id, in_a_row, tolerated } => {
+                CanFault::NotMeasured { id, in_a_row, tolerated }
+            }
+            other => other,
+        })?;
+    }
+    Ok(())
+}
+
 impl Cia402 {
     /// Where the drive has the handle (6064h), rad; asked for.
     pub(super) fn ask_angle(&self, link: &mut Link) -> Result<f64, CanFault> {
         let counts = link.read(self.motor.node, Object::plain(0x6064))?.number() as i32;
         Ok(self.gearing.from_drive(Counts(counts)).0)
+    }
+
+    /// Whether the drive still has the origin of a homing that is done once.
+    ///
+    /// # Errors
+    /// [`CanFault::OriginLost`]
+    pub(super) fn check_origin(&self) -> Result<(), CanFault> {
+        if self.homed && self.was_restarted && self.motor.homing.takes_present_position() {
+            return Err(CanFault::OriginLost);
+        }
+        Ok(())
     }
 
     /// Lets the drive find its origin. A method that takes the present position is used once: after a fault the motor
@@ -56,16 +91,11 @@ impl Cia402 {
     /// # Errors
     /// The drive left its state, reported a homing error (bit 13), took too long, or lost the origin that it had. With a method
     /// that takes the present position: the motor moved, or has it elsewhere in the end.
-    pub(super) fn home(
-        &mut self,
-        link: &mut Link,
-        drive_keeps_limits: bool,
-        monitor: &mut dyn MotionMonitor,
-    ) -> Result<(), CanFault> {
+    pub(super) fn home(&mut self, link: &mut Link, monitor: &mut dyn MotionMonitor) -> Result<(), CanFault> {
         let homing = self.motor.homing;
         if self.homed && homing.takes_present_position() {
             self.origin = Origin::Kept;
-            return if drive_keeps_limits { Ok(()) } else { Err(CanFault::OriginLost) };
+            return self.check_origin();
         }
         self.homed = false;
         self.set_mode(link, Mode::Homing)?;
@@ -73,6 +103,7 @@ impl Cia402 {
             true => Some(RestWatch::new(self.ask_angle(link)?)),
             false => None,
         };
+        look_before_power(link, self, monitor)?;
         self.go_to_state(link, DriveState::OperationEnabled)?;
         self.control(link, Controlword::ENABLE_AND_GO)?;
         monitor.begin();
@@ -104,7 +135,8 @@ impl Cia402 {
                 return Err(CanFault::OriginMisplaced { angle_rad, expected_rad });
             }
         }
-        self.homed = true;
+        (self.homed, self.was_restarted) = (true, false);
+        link.forget_boot_up(self.motor.node);
         self.origin = Origin::at_arming(homing.takes_present_position(), false);
         self.go_to_state(link, DriveState::ReadyToSwitchOn)
     }

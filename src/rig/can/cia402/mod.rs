@@ -6,5 +6,6 @@ mod device;
 mod homing;
 mod object_setup;
 mod power;
+mod restart;
 
 pub use device::Cia402;

@@ -15,10 +15,12 @@
 //! other_motors     what shafts of motors without CANopen go through
 //! origin_tests     a second process, and the operator's stop while arming
 //! obedience_tests  a drive that does not do what it says, or is told
+//! arming_tests     what must be known of a drive before it gets power
 //! rearm_tests      motors that cannot show their origin, armed again
 //! bench            arms a motor, lets a fault strike, says what became of it
 //! ```
 
+mod arming_tests;
 mod bench;
 mod canopen_node;
 mod mit_motor;

@@ -10,6 +10,8 @@ use crate::rig::can::cia402_state::{DriveState, Mode, Statusword};
 
 const COUNTS_PER_RAD: f64 = 131_072.0 / TAU;
 const RPDO: u16 = 0x200;
+/// Mode, target torque and target position: lost with a restart, whatever else is kept.
+const TOLD: [u16; 3] = [0x6060, 0x6071, 0x607A];
 /// How often a drive that moves by itself updates its motion.
 const SERVO_STEP: Duration = Duration::from_micros(500);
 
@@ -52,6 +54,7 @@ impl EmulatedServoDrive {
         node.set(0x6076, 0, 10_000u32.to_le_bytes());
         node.set(0x6060, 0, [0]);
         node.set(0x607A, 0, 0i32.to_le_bytes());
+        node.set(0x6071, 0, 0i16.to_le_bytes());
         // The limits are open until they are written.
         node.set(0x607D, 1, i32::MIN.to_le_bytes());
         node.set(0x607D, 2, i32::MAX.to_le_bytes());
@@ -292,7 +295,8 @@ impl EmulatedServoDrive {
                 _ => None,
             });
             let told_rad = f64::from(counts) / COUNTS_PER_RAD;
-            let target_rad = scale.unwrap_or(1.0) * told_rad + self.origin_rad;
+            let offset_rad = f64::from(self.node.number(0x60B0, 0)) / COUNTS_PER_RAD;
+            let target_rad = scale.unwrap_or(1.0) * told_rad + offset_rad + self.origin_rad;
             if self.state == DriveState::OperationEnabled && self.mode() == 8 {
                 if !had_power {
                     wire.targets.powered_at(self.shaft_rad - self.origin_rad);
@@ -359,6 +363,17 @@ impl Device for EmulatedServoDrive {
                 *self = Self::new(now, shaft_rad);
                 wire.send(now, 0x700 + self.node.id, &[0]);
             }
+            BenchFault::RebootWithSettings => {
+                let mut objects = std::mem::take(&mut self.node.objects);
+                // What a drive is told to do is no setting.
+                TOLD.iter().for_each(|index| drop(objects.remove(&(*index, 0))));
+                let shaft_rad = self.shaft_rad;
+                *self = Self::new(now, shaft_rad);
+                self.origin_rad = shaft_rad;
+                self.node.objects.extend(objects);
+                wire.send(now, 0x700 + self.node.id, &[0]);
+            }
+            BenchFault::Held(index, value) => self.node.set(index, 0, value.to_le_bytes()),
             BenchFault::PowerLoss => {
                 self.enter(DriveState::SwitchOnDisabled);
                 self.is_dead = true;

@@ -24,6 +24,10 @@ pub enum BenchFault {
     NmtDrop,
     /// The motor restarts.
     Reboot,
+    /// The motor restarts, and has its settings in a memory that keeps them.
+    RebootWithSettings,
+    /// An object held this value when the program came.
+    Held(u16, i32),
     /// The motor loses its supply: no power, no frames.
     PowerLoss,
     /// The servo runs away from its target, rad/s.
